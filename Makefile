@@ -1,0 +1,60 @@
+# Everything here works on a fresh clone: the first target that needs it creates .venv and installs into it.
+#
+#   make test                     the tests (make test-slow: the long ones)
+#   make reproduce-paper          the paper's experiment and figures; SCALE=smoke|quick|standard|paper, ARGS="seed=1 ..."
+#   make dashboard                MLflow's pages over the results, on 127.0.0.1
+#   make bench                    speed of the engine on this machine
+#   make lint                     ruff and pyright
+#   make clean                    caches and build products; keeps .venv and all results
+
+PYTHON ?= python3
+SCALE ?= quick
+ARGS ?=
+
+VENV := .venv
+PY := $(VENV)/bin/python
+# Written last, so that it exists only after an installation that went through.
+STAMP := $(VENV)/.installed
+
+.DEFAULT_GOAL := help
+.PHONY: help setup test test-slow lint bench reproduce-paper dashboard clean
+
+help:
+	@sed -n 's/^#   //p' Makefile
+
+setup: $(STAMP)
+
+$(STAMP): pyproject.toml constraints.txt
+	@rm -f $@
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+		echo "SEGAR needs Python 3.11 or newer; '$(PYTHON)' is: $$($(PYTHON) --version 2>&1 || true)."; \
+		echo "Name another one, for example: make $(or $(MAKECMDGOALS),setup) PYTHON=python3.11"; exit 1; } >&2
+	@$(PY) -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv --clear $(VENV)
+	@echo "Installing SEGAR into $(VENV); the first time takes a few minutes."
+	@$(PY) -m pip install --quiet --disable-pip-version-check --no-compile \
+		--constraint constraints.txt --editable ".[train,analysis,ui,dev]"
+	@touch $@
+
+test: $(STAMP)
+	$(PY) -m pytest -q $(ARGS)
+
+test-slow: $(STAMP)
+	$(PY) -m pytest -q -m slow $(ARGS)
+
+lint: $(STAMP)
+	$(VENV)/bin/ruff check .
+	$(VENV)/bin/ruff format --check .
+	$(VENV)/bin/pyright
+
+bench: $(STAMP)
+	$(PY) -m benchmarks $(ARGS)
+
+reproduce-paper: $(STAMP)
+	$(PY) -m experiments.reproduce scale=$(SCALE) $(ARGS)
+
+dashboard: $(STAMP)
+	$(PY) -m experiments.dashboard $(ARGS)
+
+clean:
+	rm -rf build dist .pytest_cache .ruff_cache .hypothesis *.egg-info
+	find . -path ./$(VENV) -prune -o -type d -name __pycache__ -print0 | xargs -0 rm -rf
