@@ -1,0 +1,1 @@
+"""SEGAR: a sandbox for research on generalization in reinforcement learning."""

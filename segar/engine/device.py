@@ -1,0 +1,312 @@
+"""Geometry and contacts as the kernels run them. The text below the line is copied into every generated module.
+
+State of one environment: ``V[entity, column]``; static shapes of its level: ``kind[entity]``, ``count[entity]`` vertices
+``vertex[entity, k, 2]``, ``hull_radius[entity]``. Everything is plain Python, so the interpreter and the tests can run it.
+"""
+
+# ruff: noqa: F821
+# pyright: reportUndefinedVariable=false
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+# Columns and slots; the generated module puts its own in their place.
+X = VX = SIZE = ORDER = 0
+FLOORS = COLLIDERS = MOVERS = np.zeros(0, np.int64)
+FLOOR_BITS = COLLIDER_BITS = 0
+
+
+def njit(function):  # type: ignore[no-untyped-def]
+    """Stands for numba's decorator where this file is read as plain Python."""
+    return function
+
+
+# The generated module defines these from the world's rules.
+
+
+def solid(V, bits, i): ...  # type: ignore[no-untyped-def]
+def movable(V, bits, i): ...  # type: ignore[no-untyped-def]
+def rates(V, U, bits, P): ...  # type: ignore[no-untyped-def]
+def hit_wall(V, bits, P, i, nx, ny): ...  # type: ignore[no-untyped-def]
+def hit_body(V, bits, P, i, j): ...  # type: ignore[no-untyped-def]
+
+
+# --- copied from here on ---
+THRESHOLD = 1e-7  # [m] closer than this counts as touching; 2022 uses the same
+LOW, HIGH = -1.0, 1.0  # [m] walls of the arena
+MAX_CONTACTS = 64  # contacts that one sub-step resolves before it gives up the rest of its time
+MAX_REWINDS = 256  # rewinds before one contact
+MAX_SEPARATIONS = 50  # passes that push overlapping bodies apart after a sub-step gave up
+
+
+@njit
+def mix(z):
+    """One round of SplitMix64: a well mixed uint64 from a uint64."""
+    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return z ^ (z >> np.uint64(31))
+
+
+@njit
+def uniform(key, tick, site, a, b, c):
+    """A uniform number in [0, 1) that depends on all arguments and nothing else."""
+    z = mix(np.uint64(key) + np.uint64(tick) * np.uint64(0x9E3779B97F4A7C15))
+    z = mix(z + np.uint64(site) * np.uint64(0xD1B54A32D192ED03))
+    z = mix(z + np.uint64(a * 65536 + b) * np.uint64(0x8CB92BA72F3D8DD7) + np.uint64(c))
+    return np.float64(z >> np.uint64(11)) * (1.0 / 9007199254740992.0)
+
+
+@njit
+def radius(V, kind, hull_radius, i):
+    """Radius of the disc that stands for a body in contacts: half its Size, or the hull's circumscribed one."""
+    return 0.5 * V[i, SIZE] if kind[i] == 1 else hull_radius[i]
+
+
+@njit
+def inside_hull(px, py, n, vertex):
+    """The least distance from a point to the hull's edges, positive inside; the hull is counter-clockwise."""
+    depth = np.inf
+    for k in range(n):
+        m = k + 1 if k + 1 < n else 0
+        ex = vertex[m, 0] - vertex[k, 0]
+        ey = vertex[m, 1] - vertex[k, 1]
+        d = (ex * (py - vertex[k, 1]) - ey * (px - vertex[k, 0])) / math.sqrt(ex * ex + ey * ey)
+        depth = min(depth, d)
+    return depth
+
+
+@njit
+def is_inside(px, py, n, vertex):
+    """Whether a point lies in a hull, edges included."""
+    for k in range(n):
+        m = k + 1 if k + 1 < n else 0
+        ex = vertex[m, 0] - vertex[k, 0]
+        ey = vertex[m, 1] - vertex[k, 1]
+        if ex * (py - vertex[k, 1]) - ey * (px - vertex[k, 0]) < 0.0:
+            return False
+    return n > 0
+
+
+@njit
+def over(V, kind, count, vertex, hull_radius, i, j):
+    """Whether thing ``i`` overlaps thing ``j``: discs touch; a disc overlaps a hull where its centre lies inside."""
+    dx = V[i, X] - V[j, X]
+    dy = V[i, X + 1] - V[j, X + 1]
+    if kind[j] == 2 and kind[i] != 2:
+        return dx * dx + dy * dy <= hull_radius[j] * hull_radius[j] and is_inside(dx, dy, count[j], vertex[j])
+    if kind[i] == 2 and kind[j] != 2:
+        return dx * dx + dy * dy <= hull_radius[i] * hull_radius[i] and is_inside(-dx, -dy, count[i], vertex[i])
+    reach = radius(V, kind, hull_radius, i) + radius(V, kind, hull_radius, j) + THRESHOLD
+    return dx * dx + dy * dy <= reach * reach
+
+
+@njit
+def within(V, kind, count, vertex, hull_radius, i, j):
+    """Whether the disc of ``i`` lies wholly inside the outline of ``j``."""
+    dx = V[i, X] - V[j, X]
+    dy = V[i, X + 1] - V[j, X + 1]
+    r = radius(V, kind, hull_radius, i)
+    if kind[j] == 2:
+        return inside_hull(dx, dy, count[j], vertex[j]) >= r
+    room = 0.5 * V[j, SIZE] - r
+    return room >= 0.0 and dx * dx + dy * dy <= room * room
+
+
+@njit
+def topmost(V, bits, kind, count, vertex, hull_radius, i):
+    """The floor that thing ``i`` is on: among those under it the one of lowest Order; -1 for none."""
+    best = -1
+    for f in range(len(FLOORS)):
+        j = FLOORS[f]
+        if (bits[j] & FLOOR_BITS) == FLOOR_BITS and (best < 0 or V[j, ORDER] < V[best, ORDER]):
+            if over(V, kind, count, vertex, hull_radius, i, j):
+                best = j
+    return best
+
+
+@njit
+def wall_time(V, r, i):
+    """Time to move back until body ``i`` no longer reaches through a wall; 0 where it does not."""
+    x, y = V[i, X], V[i, X + 1]
+    vx, vy = V[i, VX], V[i, VX + 1]
+    px = max(x + r - HIGH, LOW - (x - r))
+    py = max(y + r - HIGH, LOW - (y - r))
+    time = 0.0
+    if px > 0.0:
+        time = px / abs(vx)
+    if py > 0.0:
+        time = max(time, py / abs(vy))
+    if time > 0.0:
+        time += THRESHOLD / math.sqrt(vx * vx + vy * vy)
+    return time
+
+
+@njit
+def pair_time(V, ri, rj, i, j):
+    """Time to move back until bodies ``i`` and ``j`` just do not touch; 0 where they do not, or move alike."""
+    dx = V[j, X] - V[i, X]
+    dy = V[j, X + 1] - V[i, X + 1]
+    reach = ri + rj + THRESHOLD
+    gap2 = dx * dx + dy * dy - reach * reach
+    if gap2 > 0.0:
+        return 0.0
+    wx = V[i, VX] - V[j, VX]
+    wy = V[i, VX + 1] - V[j, VX + 1]
+    speed = math.sqrt(wx * wx + wy * wy)
+    if speed == 0.0:
+        return 0.0
+    along = (wx * dx + wy * dy) / speed
+    return (math.sqrt(along * along - gap2) - along + THRESHOLD) / speed
+
+
+@njit
+def blocked_axes(V, r, i):
+    """Which axes the nearest wall of body ``i`` blocks: (1, 0), (0, 1), or (1, 1) exactly in a corner's diagonal."""
+    gap_x = min(HIGH - (V[i, X] + r), V[i, X] - r - LOW)
+    gap_y = min(HIGH - (V[i, X + 1] + r), V[i, X + 1] - r - LOW)
+    return (1.0 if gap_x <= gap_y else 0.0), (1.0 if gap_y <= gap_x else 0.0)
+
+
+@njit
+def push_inside(V, r, i):
+    """Put body ``i`` back inside the walls; the largest bodies go to the middle."""
+    limit = max(HIGH - r - THRESHOLD, 0.0)
+    V[i, X] = min(max(V[i, X], -limit), limit)
+    V[i, X + 1] = min(max(V[i, X + 1], -limit), limit)
+
+
+@njit
+def push_apart(V, ri, rj, share, i, j):
+    """Move overlapping bodies apart along their line of centres; ``share`` of the way falls to ``i``."""
+    dx = V[j, X] - V[i, X]
+    dy = V[j, X + 1] - V[i, X + 1]
+    d = math.sqrt(dx * dx + dy * dy)
+    depth = ri + rj + 2.0 * THRESHOLD - d
+    if depth <= 0.0:
+        return
+    nx, ny = (dx / d, dy / d) if d > 0.0 else (1.0, 0.0)
+    V[i, X] -= nx * depth * share
+    V[i, X + 1] -= ny * depth * share
+    V[j, X] += nx * depth * (1.0 - share)
+    V[j, X + 1] += ny * depth * (1.0 - share)
+
+
+@njit
+def find_contact(V, bits, kind, hull_radius):
+    """The contact with the longest time to move back: (time, body, other body or -1 for a wall); time 0 for none."""
+    best, bi, bj = 0.0, -1, -1
+    for a in range(len(COLLIDERS)):
+        i = COLLIDERS[a]
+        if (bits[i] & COLLIDER_BITS) != COLLIDER_BITS:
+            continue
+        ri = radius(V, kind, hull_radius, i)
+        time = wall_time(V, ri, i)
+        if time > best:
+            best, bi, bj = time, i, -1
+        if not solid(V, bits, i):
+            continue
+        for b in range(a + 1, len(COLLIDERS)):
+            j = COLLIDERS[b]
+            if (bits[j] & COLLIDER_BITS) == COLLIDER_BITS:
+                time = pair_time(V, ri, radius(V, kind, hull_radius, j), i, j)
+                if time > best and solid(V, bits, j):
+                    best, bi, bj = time, i, j
+    return best, bi, bj
+
+
+@njit
+def separate(V, bits, kind, hull_radius):
+    """Push bodies apart and into the arena until nothing overlaps, at most 50 passes."""
+    for _ in range(MAX_SEPARATIONS):
+        moved = False
+        for a in range(len(COLLIDERS)):
+            i = COLLIDERS[a]
+            if (bits[i] & COLLIDER_BITS) != COLLIDER_BITS:
+                continue
+            ri = radius(V, kind, hull_radius, i)
+            if not solid(V, bits, i):
+                push_inside(V, ri, i)
+                continue
+            for b in range(a + 1, len(COLLIDERS)):
+                j = COLLIDERS[b]
+                if (bits[j] & COLLIDER_BITS) != COLLIDER_BITS or not solid(V, bits, j):
+                    continue
+                rj = radius(V, kind, hull_radius, j)
+                dx, dy = V[j, X] - V[i, X], V[j, X + 1] - V[i, X + 1]
+                if dx * dx + dy * dy < (ri + rj) * (ri + rj):
+                    push_apart(V, ri, rj, share_of(movable(V, bits, i), movable(V, bits, j)), i, j)
+                    moved = True
+            push_inside(V, ri, i)
+        if not moved:
+            return
+
+
+@njit
+def share_of(first, second):
+    """How much of a separation the first of two bodies moves, given which of them can move."""
+    if first == second:
+        return 0.5
+    return 1.0 if first else 0.0
+
+
+@njit
+def translate(V, U, time):
+    """Move everything along its displacement rate ``U`` for ``time``."""
+    for m in range(len(MOVERS)):
+        i = MOVERS[m]
+        V[i, X] += U[i, 0] * time
+        V[i, X + 1] += U[i, 1] * time
+
+
+@njit
+def approaching(V, i, j):
+    """Whether two bodies come nearer to each other."""
+    dx, dy = V[j, X] - V[i, X], V[j, X + 1] - V[i, X + 1]
+    wx, wy = V[i, VX] - V[j, VX], V[i, VX + 1] - V[j, VX + 1]
+    return wx * dx + wy * dy > 0.0
+
+
+@njit
+def resolve(V, U, bits, kind, hull_radius, P, remaining):
+    """Find the first contact, move back to it, exchange, go on; returns (contacts, whether time was given up).
+
+    A contact that would need more time than has passed was there before this sub-step (a body pinned, grown, or at rest
+    in contact): it is resolved in place, by an exchange if the bodies approach and by pushing them apart.
+    """
+    contacts = 0
+    while contacts < MAX_CONTACTS:
+        total, bi, bj, early, rewinds = 0.0, -1, -1, False, 0
+        while rewinds < MAX_REWINDS:
+            time, i, j = find_contact(V, bits, kind, hull_radius)
+            if not time > 0.0:
+                break
+            bi, bj = i, j
+            rewinds += 1
+            if not total + time < remaining + 1e-6:
+                early = True
+                break
+            total += time
+            translate(V, U, -time)
+        if bi < 0:
+            return contacts, False
+        contacts += 1
+        ri = radius(V, kind, hull_radius, bi)
+        if bj < 0:
+            nx, ny = blocked_axes(V, ri, bi)
+            if not early or nx * V[bi, X] * V[bi, VX] + ny * V[bi, X + 1] * V[bi, VX + 1] > 0.0:
+                hit_wall(V, bits, P, bi, nx, ny)
+            if early:
+                push_inside(V, ri, bi)
+        else:
+            if not early or approaching(V, bi, bj):
+                hit_body(V, bits, P, bi, bj)
+            if early:
+                share = share_of(movable(V, bits, bi), movable(V, bits, bj))
+                push_apart(V, ri, radius(V, kind, hull_radius, bj), share, bi, bj)
+        remaining = min(max(total, 0.0), remaining)
+        rates(V, U, bits, P)
+        translate(V, U, remaining)
+    separate(V, bits, kind, hull_radius)
+    return contacts, True

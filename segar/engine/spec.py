@@ -1,0 +1,192 @@
+"""What a world needs of a layout, made explicit: which slots match which patterns, statically or by a bit.
+
+Slots of equal types form a *group*, over which the kernel loops. Where all types of a group hold a factor the match is
+static; where only some do, a bit of the entity's mask says so, and the mask follows from the entity's type.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from segar.engine.layout import Layout, holds
+from segar.engine.signature import Pattern
+from segar.engine.symbols import Symbol
+from segar.engine.trace import Branch, Leaf, Tree
+from segar.entities import Entity
+from segar.errors import RuleError
+from segar.factors import Factor
+from segar.relations import Relation
+from segar.rule import Rule
+
+PRESENT = ("present", None, None)
+
+
+@dataclass(frozen=True)
+class Group:
+    """Slots ``start`` to ``stop`` (excluded), which may hold the same types."""
+
+    start: int
+    stop: int
+    types: tuple[type[Entity], ...]
+    optional: bool
+
+    @property
+    def is_single(self) -> bool:
+        return self.stop == self.start + 1
+
+
+@dataclass
+class Matcher:
+    """Answers which groups match what, and numbers the bits that dynamic answers need."""
+
+    layout: Layout
+    bits: dict[tuple[str, Any, Any], int] = field(default_factory=dict)
+
+    @cached_property
+    def groups(self) -> tuple[Group, ...]:
+        groups: list[Group] = []
+        for index, slot in enumerate(self.layout.slots):
+            last = groups[-1] if groups else None
+            if last and last.types == slot.types and last.optional == slot.optional:
+                groups[-1] = Group(last.start, index + 1, slot.types, slot.optional)
+            else:
+                groups.append(Group(index, index + 1, slot.types, slot.optional))
+        return tuple(groups)
+
+    def match(self, group: Group, needs: Needs) -> int | None:
+        """The mask that an entity of the group must have to match; 0: always; None: never."""
+        mask = 0
+        for factor in needs.factors:
+            answer = self._ask(group, ("has", factor, None), lambda t, f=factor: holds(t, f) is not None)
+            if answer is None:
+                return None
+            mask |= answer
+        if needs.entity_type is not None:
+            kind = needs.entity_type
+            answer = self._ask(group, ("isa", kind, None), lambda t: issubclass(t, kind))
+            if answer is None:
+                return None
+            mask |= answer
+        if mask == 0 and group.optional:
+            mask = self._bit(PRESENT)
+        return mask
+
+    def text(self, group: Group, factor: type[Factor], value: str) -> int | None:
+        """As :meth:`match`, for the condition that a text factor equals ``value``."""
+        return self._ask(group, ("text", factor, value), lambda t: t.declared.get(factor) == value)
+
+    def column(self, group: Group, factor: type[Factor]) -> int:
+        """The first column of the factor that the group's entities hold for ``factor``."""
+        held = {holds(t, factor) for t in group.types} - {None}
+        if len(held) != 1:
+            names = sorted(f.__name__ for f in held if f)
+            raise RuleError(
+                f"a slot may be filled by {', '.join(t.__name__ for t in group.types)}, which hold different factors"
+                f" ({', '.join(names) or 'none'}) for {factor.__name__}; give them separate entries in 'numbers'"
+            )
+        return self.layout.columns[held.pop()]  # type: ignore[index]
+
+    def masks(self) -> np.ndarray:
+        """int64 mask of each type of the layout, and last, for an absent entity, 0."""
+        table = np.zeros(len(self.layout.types) + 1, dtype=np.int64)
+        for index, kind in enumerate(self.layout.types):
+            for (what, a, b), bit in self.bits.items():
+                yes = {
+                    "present": lambda k, a, b: True,
+                    "has": lambda k, a, b: holds(k, a) is not None,
+                    "isa": lambda k, a, b: issubclass(k, a),
+                    "text": lambda k, a, b: k.declared.get(a) == b,
+                }[what](kind, a, b)
+                table[index] |= bit if yes else 0
+        return table
+
+    def _ask(self, group: Group, key: tuple[str, Any, Any], test: Any) -> int | None:
+        answers = [test(t) for t in group.types]
+        if all(answers):
+            return 0
+        return self._bit(key) if any(answers) else None
+
+    def _bit(self, key: tuple[str, Any, Any]) -> int:
+        if key not in self.bits:
+            if len(self.bits) == 62:
+                raise RuleError("more than 62 kinds of matching that depend on the sampled type")
+            self.bits[key] = 1 << len(self.bits)
+        return self.bits[key]
+
+
+@dataclass(frozen=True)
+class Needs:
+    """All that an entity must have to be an argument of a rule: the pattern's factors and those that the body reads."""
+
+    factors: tuple[type[Factor], ...]
+    entity_type: type[Entity] | None
+
+
+def needs_of(rule: Rule) -> tuple[Needs, ...]:
+    """Per entity of the rule, what it must have."""
+    read: list[dict[type[Factor], None]] = [dict.fromkeys(p.factors) for p in rule.signature.entities]
+    for symbol in symbols_of(rule.tree):
+        if symbol.op == "load":
+            read[symbol.args[0]].setdefault(symbol.args[1])
+    patterns: list[Pattern] = list(rule.signature.entities)
+    types = [p.entity_type for p in patterns]
+    if rule.relation is not None:
+        for symbol in walk(rule.relation.truth):
+            if symbol.op == "load":
+                read[symbol.args[0]].setdefault(symbol.args[1])
+        for index, kind in relation_types(rule.relation):
+            types[index] = kind if types[index] is None else types[index]
+    for outcome in outcomes_of(rule.tree):
+        read[outcome.argument].setdefault(outcome.factor)
+    return tuple(Needs(tuple(f), t) for f, t in zip(read, types, strict=True))
+
+
+def relation_types(relation: Relation) -> list[tuple[int, type[Entity]]]:
+    """(entity index, entity class) for each entity that a relation asks to be of a class with factors."""
+    found = [
+        (i, p.entity_type) for i, p in enumerate(relation.signature.entities) if p.entity_type not in (None, Entity)
+    ]
+    for part in relation.parts:
+        found += relation_types(part)
+    return found  # type: ignore[return-value]
+
+
+def symbols_of(tree: Tree) -> list[Symbol]:
+    """All symbols of a tree, conditions and outcomes, each once."""
+    seen: dict[Symbol, None] = {}
+    stack: list[Tree] = [tree]
+    while stack:
+        node = stack.pop()
+        if isinstance(node, Branch):
+            for symbol in walk(node.condition):
+                seen.setdefault(symbol)
+            stack += [node.yes, node.no]
+            continue
+        roots = [c for outcome in node.outcomes for c in outcome.components]
+        for root in roots + ([node.value] if node.value is not None else []):
+            for symbol in walk(root):
+                seen.setdefault(symbol)
+    return list(seen)
+
+
+def outcomes_of(tree: Tree) -> list[Any]:
+    """All outcomes at the leaves of a tree."""
+    if isinstance(tree, Leaf):
+        return list(tree.outcomes)
+    return outcomes_of(tree.yes) + outcomes_of(tree.no)
+
+
+def walk(symbol: Symbol) -> list[Symbol]:
+    """The symbol and all that it is computed from, each once."""
+    seen: dict[Symbol, None] = {}
+    stack = [symbol]
+    while stack:
+        node = stack.pop()
+        if node not in seen:
+            seen[node] = None
+            stack += [a for a in node.args if isinstance(a, Symbol)]
+    return list(seen)

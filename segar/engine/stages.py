@@ -1,0 +1,411 @@
+"""Rules of one stage -> source: for each target entity, gather the outcomes of all rules on it, then write.
+
+All rules of a stage read the state from before the stage. A factor that some rule of the stage reads on another entity
+is therefore written to a second buffer ``W`` and copied when the stage is over; all others are written in place.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+
+from segar.effects import Aggregate, Differential, SetFactor
+from segar.engine.emit import Writer, bind
+from segar.engine.spec import Group, Matcher, Needs, needs_of, outcomes_of, symbols_of, walk
+from segar.engine.symbols import Symbol
+from segar.engine.trace import Branch, Leaf, Outcome, Tree
+from segar.errors import ConflictError, RuleError
+from segar.factors import Factor, Floor, Order, Position, Size
+from segar.rule import Rule
+
+VARIABLES = ("i", "j", "k")
+Takes = Callable[[Rule, Outcome], bool]
+
+
+@dataclass(frozen=True)
+class Application:
+    """A rule seen from one of its arguments: outcomes on that argument are gathered."""
+
+    rule: Rule
+    number: int
+    target: int
+    needs: tuple[Needs, ...]
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """Loop variable of each argument: the target is ``i``, the others follow."""
+        others = iter(VARIABLES[1:])
+        return tuple("i" if a == self.target else next(others) for a in range(len(self.needs)))
+
+
+class Stage:
+    """Writes the source of one stage.
+
+    Args:
+        matcher: groups and bits of the layout.
+        rules: the rules of the stage with their numbers in the world.
+        takes: whether a rule's outcome belongs to this stage.
+        scale: source of the factor on differentials (``dt``; ``1.0`` for actions).
+        rates: write the differentials of Position to ``U``, unscaled, instead of changing the state.
+    """
+
+    def __init__(
+        self, matcher: Matcher, rules: list[tuple[int, Rule]], takes: Takes, scale: str = "dt", rates: bool = False
+    ) -> None:
+        self.matcher, self.takes, self.scale, self.rates = matcher, takes, scale, rates
+        self.applications = []
+        for number, rule in rules:
+            if len(rule.signature.entities) > len(VARIABLES):
+                raise RuleError(f"{rule.where}: a rule can involve at most {len(VARIABLES)} entities")
+            needs = needs_of(rule)
+            for target in range(len(needs)):
+                if any(o.argument == target and takes(rule, o) for o in outcomes_of(rule.tree)):
+                    self.applications.append(Application(rule, number, target, needs))
+        self.shared = self._read_across()
+
+    def write(self, w: Writer) -> None:
+        """Write the stage; the surroundings define V, W, bits, P, dt, key, tick, err and the shape arrays."""
+        buffered: list[tuple[Group, int, int]] = []
+        for group in self.matcher.groups:
+            mine = [
+                (a, m) for a in self.applications if (m := self.matcher.match(group, a.needs[a.target])) is not None
+            ]
+            if not mine:
+                continue
+            with over_group(w, group, "i"):
+                buffered += self._write_target(w, group, mine)
+        for group, column, width in dict.fromkeys(buffered):
+            with over_group(w, group, "i"):
+                for c in range(column, column + width):
+                    w.line(f"V[i, {c}] = W[i, {c}]")
+
+    def _write_target(self, w: Writer, group: Group, mine: list[tuple[Application, int]]) -> list:
+        factors = self._factors(group, mine)
+        self._check_static(group, mine)
+        self.disputed = self._find_disputed(group, mine)
+        for column, (name, width, kinds) in factors.items():
+            if Aggregate in kinds:
+                w.line(f"agg_{column} = False")
+            if Differential in kinds:
+                w.line(f"dif_{column} = False")
+            for c in range(width):
+                for kind, prefix in ((Aggregate, "ax"), (Differential, "dx"), (SetFactor, "sx")):
+                    if kind in kinds:
+                        w.line(f"{prefix}_{column + c} = 0.0")
+            if SetFactor in kinds:
+                w.line(f"set_{column} = -1")
+                if column in self.disputed:
+                    w.line(f"by_{column} = -1")
+        if any(self._asks_topmost(a, group) for a, _ in mine):
+            self._write_topmost(w)
+        unary: dict[str, list[Application]] = defaultdict(list)
+        for application, mask in mine:
+            if len(application.needs) == 1:
+                unary[match_test("i", mask)].append(application)
+        for test, applications in unary.items():
+            with condition(w, test):
+                self._apply(w, applications, {"i": group})
+        for other in self.matcher.groups:
+            self._write_pairs(w, group, other, mine)
+        for application, mask in mine:
+            if len(application.needs) == 3:
+                self._write_triples(w, group, application, mask)
+        return self._fold(w, group, factors)
+
+    def _write_topmost(self, w: Writer) -> None:
+        """Find the floor that entity ``i`` is on, discs inline; as ``topmost`` in the device code."""
+        w.line("top_i = -1")
+        for floor in self.matcher.groups:
+            mask = self.matcher.match(floor, Needs((Floor, Position), None))
+            if mask is None:
+                continue
+            with over_group(w, floor, "f"), condition(w, match_test("f", mask)):
+                w.line("fx = V[i, X] - V[f, X]")
+                w.line("fy = V[i, X + 1] - V[f, X + 1]")
+                with w.block("if kind[i] == 1 and kind[f] == 1:"):
+                    w.line("fr = 0.5 * (V[i, SIZE] + V[f, SIZE]) + THRESHOLD")
+                    w.line("under = fx * fx + fy * fy <= fr * fr")
+                with w.block("else:"):
+                    w.line("under = over(V, kind, count, vertex, hull_radius, i, f)")
+                with w.block("if under and (top_i < 0 or V[f, ORDER] < V[top_i, ORDER]):"):
+                    w.line("top_i = f")
+
+    def _write_pairs(self, w: Writer, group: Group, other: Group, mine: list[tuple[Application, int]]) -> None:
+        pairs: dict[str, list[Application]] = defaultdict(list)
+        for a, mask in mine:
+            if len(a.needs) == 2 and not (other is group and group.is_single):
+                other_mask = self.matcher.match(other, a.needs[1 - a.target])
+                if other_mask is not None and not self._never(a, {"i": group, "j": other}):
+                    pairs[both(match_test("i", mask), match_test("j", other_mask))].append(a)
+        if not pairs:
+            return
+        with over_group(w, other, "j"), condition(w, "i != j" if other is group else ""):
+            for test, applications in pairs.items():
+                with condition(w, test):
+                    self._apply(w, applications, {"i": group, "j": other})
+
+    def _write_triples(self, w: Writer, group: Group, a: Application, mask: int) -> None:
+        names = [v for v in a.variables if v != "i"]
+        needs = {v: a.needs[n] for n, v in enumerate(a.variables)}
+        for second in self.matcher.groups:
+            for third in self.matcher.groups:
+                masks = [self.matcher.match(g, needs[v]) for g, v in ((second, names[0]), (third, names[1]))]
+                if masks[0] is None or masks[1] is None:
+                    continue
+                distinct = " and ".join(
+                    f"{p} != {q}"
+                    for p, q, same in (
+                        ("i", "j", second is group),
+                        ("i", "k", third is group),
+                        ("j", "k", second is third),
+                    )
+                    if same
+                )
+                with over_group(w, second, "j"), over_group(w, third, "k"):
+                    test = both(distinct, match_test("i", mask), match_test("j", masks[0]), match_test("k", masks[1]))
+                    with condition(w, test):
+                        self._apply(w, [a], {"i": group, "j": second, "k": third})
+
+    def _apply(self, w: Writer, applications: list[Application], groups: dict[str, Group]) -> None:
+        """The trees of rules on the same entities, bound to loop variables; shared conditions are tested once."""
+        w.groups = groups
+        trees: list[tuple[Application, Tree]] = []
+        for a in applications:
+            tree = bind_tree(a.rule.tree, a)
+            if a.rule.relation is not None:
+                truth = bind(a.rule.relation.truth, a.variables, a.number)
+                if static_relation(self.matcher, truth, groups) is not True:
+                    tree = Branch(truth, tree, Leaf())
+            trees.append((a, tree))
+        self._merge(w, trees, groups["i"])
+
+    def _merge(self, w: Writer, trees: list[tuple[Application, Tree]], group: Group) -> None:
+        """Write trees one after the other; those that test the same condition first share its ``if``."""
+        while trees:
+            a, tree = trees[0]
+            if isinstance(tree, Leaf):
+                for outcome in tree.outcomes:
+                    if outcome.argument == a.target and self.takes(a.rule, outcome):
+                        self._gather(w, a, outcome, group)
+                trees = trees[1:]
+                continue
+            same = [(b, t) for b, t in trees if isinstance(t, Branch) and t.condition is tree.condition]
+            trees = [(b, t) for b, t in trees if not (isinstance(t, Branch) and t.condition is tree.condition)]
+            test = w.value(tree.condition)
+            for header, branches in (
+                (f"if {test}:", [(b, t.yes) for b, t in same]),
+                (f"if not {test}:", [(b, t.no) for b, t in same]),
+            ):
+                if any(self._matters(b, t) for b, t in branches):
+                    with w.block(header):
+                        self._merge(w, branches, group)
+
+    def _matters(self, a: Application, tree: Tree) -> bool:
+        return any(o.argument == a.target and self.takes(a.rule, o) for o in outcomes_of(tree))
+
+    def _gather(self, w: Writer, a: Application, outcome: Outcome, group: Group) -> None:
+        column = self.matcher.column(group, outcome.factor)
+        values = [w.value(c) for c in outcome.components]
+        if outcome.kind in (Aggregate, Differential):
+            flag, sum_ = ("agg", "ax") if outcome.kind is Aggregate else ("dif", "dx")
+            w.line(f"{flag}_{column} = True")
+            for c, value in enumerate(values):
+                w.line(f"{sum_}_{column + c} += {value}")
+            return
+        priority = a.rule.priority
+        with w.block(f"if set_{column} < {priority}:"):
+            w.line(f"set_{column} = {priority}")
+            for c, value in enumerate(values):
+                w.line(f"sx_{column + c} = {value}")
+            if column in self.disputed:
+                w.line(f"by_{column} = {a.number}")
+        if column in self.disputed:
+            differs = " or ".join(f"sx_{column + c} != {value}" for c, value in enumerate(values))
+            with w.block(f"elif set_{column} == {priority} and ({differs}):"):
+                w.line(f"err[0], err[1], err[2], err[3], err[4] = 1, i, {column}, by_{column}, {a.number}")
+
+    def _fold(self, w: Writer, group: Group, factors: dict) -> list:
+        if self.rates:
+            self._fold_rates(w, factors)
+            return []
+        buffered = []
+        for column, (factor, width, kinds) in factors.items():
+            buffer = "W" if factor in self.shared else "V"
+            if buffer == "W":
+                buffered.append((group, column, width))
+                for c in range(column, column + width):
+                    w.line(f"W[i, {c}] = V[i, {c}]")
+            word = "if"
+            for kind, test, prefix in (
+                (SetFactor, f"set_{column} >= 0", "sx"),
+                (Aggregate, f"agg_{column}", "ax"),
+                (Differential, f"dif_{column}", "dx"),
+            ):
+                if kind not in kinds:
+                    continue
+                with w.block(f"{word} {test}:"):
+                    for c in range(column, column + width):
+                        right = f"{prefix}_{c}" if kind is not Differential else f"V[i, {c}] + dx_{c} * {self.scale}"
+                        w.line(f"{buffer}[i, {c}] = {right}")
+                word = "elif"
+        return buffered
+
+    def _fold_rates(self, w: Writer, factors: dict) -> None:
+        for column, (_, _, kinds) in factors.items():
+            overruled = [f"set_{column} >= 0"] * (SetFactor in kinds) + [f"agg_{column}"] * (Aggregate in kinds)
+            for c in (0, 1):
+                rate = f"dx_{column + c}" if Differential in kinds else "0.0"
+                w.line(f"U[i, {c}] = " + (f"0.0 if {' or '.join(overruled)} else {rate}" if overruled else rate))
+
+    def _factors(self, group: Group, mine: list[tuple[Application, int]]) -> dict:
+        """Column -> (factor, width, kinds of outcomes) for all that the stage may change in this group."""
+        found: dict[int, tuple[type[Factor], int, set]] = {}
+        for a, _ in mine:
+            for outcome in outcomes_of(a.rule.tree):
+                if outcome.argument == a.target and self.takes(a.rule, outcome):
+                    column = self.matcher.column(group, outcome.factor)
+                    entry = found.setdefault(column, (outcome.factor, outcome.factor.width, set()))  # type: ignore[attr-defined]
+                    entry[2].add(outcome.kind)
+        return found
+
+    def _check_static(self, group: Group, mine: list[tuple[Application, int]]) -> None:
+        """Raise where two rules on single entities always set one factor and neither is more specific."""
+        setters = defaultdict(list)
+        for a, _ in mine:
+            if len(a.needs) == 1 and a.rule.relation is None and not isinstance(a.rule.tree, Branch):
+                for o in a.rule.tree.outcomes:
+                    if o.kind is SetFactor and self.takes(a.rule, o):
+                        setters[(o.factor, a.rule.priority)].append((a, o))
+        for (factor, _), found in setters.items():
+            for (a, first), (b, second) in zip(found, found[1:], strict=False):
+                # Symbols are interned: the same expression is the same object.
+                if any(p is not q for p, q in zip(first.components, second.components, strict=True)):
+                    raise ConflictError(
+                        f"{a.rule.where} and {b.rule.where} both always set {factor.__name__} of"
+                        f" {group.types[0].__name__}, and neither is more specific; remove one, add a relation, or give"
+                        " one a priority"
+                    )
+
+    def _find_disputed(self, group: Group, mine: list[tuple[Application, int]]) -> set[int]:
+        """Columns on which two outcomes of equal priority can meet: two rules, or one rule over several partners."""
+        setters: dict[tuple[int, int], list[Application]] = defaultdict(list)
+        for a, _ in mine:
+            columns = {
+                self.matcher.column(group, o.factor)
+                for o in outcomes_of(a.rule.tree)
+                if o.argument == a.target and o.kind is SetFactor and self.takes(a.rule, o)
+            }
+            for column in columns:
+                setters[(column, a.rule.priority)].append(a)
+        return {c for (c, _), found in setters.items() if len(found) > 1 or len(found[0].needs) > 1}
+
+    def _read_across(self) -> set[type[Factor]]:
+        """Factors that some rule reads on an entity that is not its target."""
+        shared: set[type[Factor]] = set()
+        for a in self.applications:
+            if not self._has_partners(a):
+                continue
+            symbols = symbols_of(a.rule.tree)
+            if a.rule.relation is not None:
+                symbols += walk(a.rule.relation.truth)
+            for symbol in symbols:
+                if symbol.op == "load" and symbol.args[0] != a.target:
+                    shared |= _family(symbol.args[1])
+                if symbol.op == "relation" and isinstance(symbol.args[0], str):
+                    shared |= {Position, Order, Size}
+        return shared
+
+    def _has_partners(self, a: Application) -> bool:
+        """Whether some entity can be another argument of the rule beside a target."""
+        targets = [g for g in self.matcher.groups if self.matcher.match(g, a.needs[a.target]) is not None]
+        for other, need in enumerate(a.needs):
+            partners = [g for g in self.matcher.groups if self.matcher.match(g, need) is not None]
+            if other != a.target and any(t is not p or not t.is_single for t in targets for p in partners):
+                return True
+        return False
+
+    def _asks_topmost(self, a: Application, group: Group) -> bool:
+        return any(
+            s.op == "relation" and s.args[0] in ("is_on", "contains") and a.variables[s.args[1]] == "i"
+            for s in application_symbols(a)
+        )
+
+    def _never(self, a: Application, groups: dict[str, Group]) -> bool:
+        """Whether the relation is false for all entities of these groups."""
+        if a.rule.relation is None:
+            return False
+        truth = bind(a.rule.relation.truth, a.variables, a.number)
+        return static_relation(self.matcher, truth, groups) is False
+
+
+def bind_tree(tree: Tree, a: Application) -> Tree:
+    """The tree with its arguments replaced by the application's loop variables."""
+    if isinstance(tree, Branch):
+        condition = bind(tree.condition, a.variables, a.number)
+        return Branch(condition, bind_tree(tree.yes, a), bind_tree(tree.no, a))
+    outcomes = tuple(
+        replace(o, components=tuple(bind(c, a.variables, a.number) for c in o.components)) for o in tree.outcomes
+    )
+    return Leaf(outcomes)
+
+
+def application_symbols(a: Application) -> list[Symbol]:
+    """All symbols of a rule and its relation."""
+    return symbols_of(a.rule.tree) + (walk(a.rule.relation.truth) if a.rule.relation is not None else [])
+
+
+def static_relation(matcher: Matcher, symbol: Symbol, groups: dict[str, Group]) -> bool | None:
+    """The truth of a bound relation symbol if the groups alone decide it."""
+    if symbol.op == "and":
+        parts = [static_relation(matcher, s, groups) for s in symbol.args]
+        return False if False in parts else (True if parts == [True, True] else None)
+    if symbol.op != "relation" or not isinstance(symbol.args[0], str):
+        return None
+    what, a, b = symbol.args
+    floor, place = Needs((Floor,), None), Needs((Position,), None)
+    if what == "is_on" and matcher.match(groups[b], place) is None:
+        return True
+    if what in ("is_on", "contains"):
+        on_floor = matcher.match(groups[b], floor) is not None
+        is_floor = all(Floor in t.declared for t in groups[a].types)
+        return None if on_floor and not is_floor and matcher.match(groups[a], place) is not None else False
+    return None if all(matcher.match(groups[v], place) is not None for v in (a, b)) else False
+
+
+@contextmanager
+def over_group(w: Writer, group: Group, variable: str) -> Iterator[None]:
+    """A loop over the group's slots, or a plain assignment where there is one."""
+    if group.is_single:
+        with w.scope():
+            w.line(f"{variable} = {group.start}")
+            yield
+    else:
+        with w.block(f"for {variable} in range({group.start}, {group.stop}):"):
+            yield
+
+
+@contextmanager
+def condition(w: Writer, test: str) -> Iterator[None]:
+    """An ``if`` block, or nothing but a scope where the test is empty."""
+    if test:
+        with w.block(f"if {test}:"):
+            yield
+    else:
+        with w.scope():
+            yield
+
+
+def match_test(variable: str, mask: int) -> str:
+    """Source of the test that an entity's bits include the mask; empty for no test."""
+    return f"(bits[{variable}] & {mask}) == {mask}" if mask else ""
+
+
+def both(*tests: str) -> str:
+    """The conjunction of the tests that are not empty."""
+    return " and ".join(t for t in tests if t)
+
+
+def _family(factor: type[Factor]) -> set[type[Factor]]:
+    return {factor, *factor.__subclasses__()} | {b for b in factor.__mro__ if issubclass(b, Factor)}

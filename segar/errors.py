@@ -1,0 +1,47 @@
+"""What SEGAR raises, and how a message finds the nearest right name."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class SegarError(ValueError):
+    """Base of all errors that a user's input can cause."""
+
+
+class FactorError(SegarError):
+    """A factor, entity or shape is declared or used wrongly."""
+
+
+class RuleError(SegarError):
+    """A rule cannot be understood; raised where the rule is defined or the world is built."""
+
+
+class ConflictError(SegarError):
+    """Two rules set one factor to different values and neither is more specific."""
+
+
+class PriorError(SegarError):
+    """Priors contradict each other, or name something that no entity has."""
+
+
+class PlacementError(SegarError):
+    """Entities cannot be placed as the level distribution asks."""
+
+
+class LevelError(SegarError):
+    """Levels or a level file cannot be used as asked."""
+
+
+class ActionError(SegarError):
+    """An action has the wrong shape or is not finite."""
+
+
+def did_you_mean(name: str, names: Iterable[str]) -> str:
+    """Return ``" Did you mean 'x'?"`` for the nearest of ``names``, or the list of names when none is near."""
+    names = sorted(set(names))
+    near = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
+    if near:
+        return f" Did you mean '{near[0]}'?"
+    return f" Known: {', '.join(names)}." if names else ""

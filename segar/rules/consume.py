@@ -1,0 +1,21 @@
+"""Holes: they swallow what they contain."""
+
+from __future__ import annotations
+
+from typing import Tuple  # noqa: UP035 - the paper writes rules with typing.Tuple
+
+from segar.effects import SetFactor
+from segar.factors import Consumes, Done, Mobile, Visible
+from segar.relations import contains
+from segar.rule import rule
+
+
+@rule(relation=contains)
+def consume(
+    body: Tuple[Mobile, Done, Visible], hole: Tuple[Consumes]
+) -> Tuple[SetFactor[Done], SetFactor[Visible], SetFactor[Mobile]]:
+    """A mobile body inside a hole is done: it vanishes and moves no more."""
+    mobile, done, visible = body
+    if not mobile:
+        return None
+    return SetFactor[Done](done, True), SetFactor[Visible](visible, False), SetFactor[Mobile](mobile, False)

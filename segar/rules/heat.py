@@ -1,0 +1,22 @@
+"""Heat: hot ground burns mass away."""
+
+from __future__ import annotations
+
+from typing import Tuple  # noqa: UP035 - the paper writes rules with typing.Tuple
+
+from segar.effects import SetFactor
+from segar.factors import Heat, Mass, Mobile
+from segar.relations import is_on
+from segar.rule import rule
+
+BURN_RATE = 0.1  # share of the mass lost per sub-step at heat 1; the 2022 rule uses the same
+
+
+@rule(relation=is_on)
+def apply_burn(body: Tuple[Mass, Mobile], ground: Tuple[Heat]) -> SetFactor[Mass]:
+    """A mobile body on hot ground loses mass in every sub-step."""
+    m, mobile = body
+    (heat,) = ground
+    if not mobile:
+        return None
+    return SetFactor[Mass](m, m * (1 - BURN_RATE * heat))

@@ -1,0 +1,63 @@
+"""Motion: position follows velocity, velocity follows acceleration, and what stops or ends both."""
+
+from __future__ import annotations
+
+from typing import Tuple  # noqa: UP035 - the paper writes rules with typing.Tuple
+
+from segar.effects import Differential, SetFactor
+from segar.factors import Acceleration, Alive, Mass, Mobile, Position, Velocity, Visible
+from segar.parameters import MaxVelocity, MinMass, MinVelocity
+from segar.rule import rule
+from segar.values import ZERO
+
+STOP_PRIORITY = 20  # a body that cannot move stands still, whatever else says so
+KILL_PRIORITY = 30  # death overrides every other outcome
+
+
+@rule
+def move(x: Position, v: Velocity, min_v: MinVelocity) -> Differential[Position]:
+    """Position grows by velocity; below the smallest speed nothing moves."""
+    if v.norm() < min_v:
+        return Differential[Position](x, ZERO)
+    return Differential[Position](x, v)
+
+
+@rule
+def accelerate(v: Velocity, a: Acceleration) -> Differential[Velocity]:
+    """Velocity grows by acceleration."""
+    return Differential[Velocity](v, a)
+
+
+@rule(priority=STOP_PRIORITY)
+def stop_condition(
+    mobile: Mobile, alive: Alive, v: Velocity, a: Acceleration
+) -> Tuple[SetFactor[Velocity], SetFactor[Acceleration]]:
+    """What is immobile or dead has neither velocity nor acceleration."""
+    if mobile and alive:
+        return None
+    return SetFactor[Velocity](v, ZERO), SetFactor[Acceleration](a, ZERO)
+
+
+@rule(priority=KILL_PRIORITY, recheck=True)
+def kill_condition(
+    m: Mass, v: Velocity, visible: Visible, a: Acceleration, alive: Alive, min_mass: MinMass
+) -> Tuple[SetFactor[Mass], SetFactor[Velocity], SetFactor[Alive], SetFactor[Acceleration], SetFactor[Visible]]:
+    """What has lost its mass dies, stops and vanishes."""
+    if m >= min_mass:
+        return None
+    return (
+        SetFactor[Mass](m, 0.0),
+        SetFactor[Velocity](v, ZERO),
+        SetFactor[Alive](alive, False),
+        SetFactor[Acceleration](a, ZERO),
+        SetFactor[Visible](visible, False),
+    )
+
+
+@rule
+def speed_limit(v: Velocity, max_v: MaxVelocity) -> SetFactor[Velocity]:
+    """Nothing is faster than the largest speed."""
+    speed = v.norm()
+    if speed <= max_v:
+        return None
+    return SetFactor[Velocity](v, v * (max_v / speed))

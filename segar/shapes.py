@@ -1,0 +1,130 @@
+"""Outlines of things: circles and convex hulls, their areas and extents."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from segar.errors import FactorError
+
+CIRCLE = 1  # shape kinds as the kernels see them; 0 means no shape
+HULL = 2
+HULL_POINTS = 100  # a random hull encloses this many Gaussian points, as in 2022
+
+
+class BaseShape:
+    """A shape with a diameter ``size``. Vertices are relative to the thing's position, counter-clockwise."""
+
+    kind: int
+    size: float
+
+    def __init__(self, size: float) -> None:
+        if not size > 0 or not np.isfinite(size):
+            raise FactorError(f"{type(self).__name__} needs a positive size, not {size!r}")
+        self.size = float(size)
+
+    @property
+    def vertices(self) -> np.ndarray:
+        """Vertices, float64 ``(n, 2)``; ``(0, 2)`` for a circle."""
+        return np.zeros((0, 2))
+
+    def sample(self, rng: Any, size: int) -> list[np.ndarray]:
+        """Vertices of ``size`` draws of this shape; only random shapes use ``rng``."""
+        return [self.vertices] * size
+
+    @property
+    def is_random(self) -> bool:
+        return False
+
+    def __eq__(self, other: object) -> bool:
+        return (
+            type(self) is type(other)
+            and vars(self).keys() == vars(other).keys()
+            and all(np.array_equal(value, vars(other)[name]) for name, value in vars(self).items())
+        )
+
+    def __hash__(self) -> int:
+        return hash((type(self), self.size))
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.size:g})"
+
+
+class Circle(BaseShape):
+    """A disc; its radius follows the thing's Size."""
+
+    kind = CIRCLE
+
+    def __init__(self, size: float = 0.2) -> None:
+        super().__init__(size)
+
+
+class ConvexHull(BaseShape):
+    """The convex hull of given points, float ``(n, 2)``; its outline is fixed and does not follow Size."""
+
+    kind = HULL
+
+    def __init__(self, points: Any, size: float | None = None) -> None:
+        vertices = convex_hull(np.asarray(points, dtype=float))
+        super().__init__(float(size) if size is not None else float(np.ptp(vertices, axis=0).max()))
+        self._vertices = vertices
+
+    @property
+    def vertices(self) -> np.ndarray:
+        return self._vertices
+
+
+class Square(ConvexHull):
+    def __init__(self, size: float = 1.0) -> None:
+        h = size / 2
+        super().__init__([(-h, -h), (h, -h), (h, h), (-h, h)], size)
+
+
+class Triangle(ConvexHull):
+    def __init__(self, size: float = 1.0) -> None:
+        h = np.sqrt(3) * size / 2
+        super().__init__([(0, h / 2), (-size / 2, -h / 2), (size / 2, -h / 2)], size)
+
+
+class Hexagon(ConvexHull):
+    def __init__(self, size: float = 1.0) -> None:
+        h = np.sqrt(3) * size / 4
+        q = size / 4
+        super().__init__([(size / 2, 0), (q, h), (-q, h), (-size / 2, 0), (-q, -h), (q, -h)], size)
+
+
+class RandomConvexHull(BaseShape):
+    """The hull of 100 Gaussian points with standard deviation ``size / 2`` per axis, drawn anew for every thing."""
+
+    kind = HULL
+
+    def __init__(self, size: float = 0.3) -> None:
+        super().__init__(size)
+
+    @property
+    def is_random(self) -> bool:
+        return True
+
+    def sample(self, rng: Any, size: int) -> list[np.ndarray]:
+        points = rng.normal(0.0, self.size / 2, size=(size, HULL_POINTS, 2))
+        return [convex_hull(p) for p in points]
+
+
+def convex_hull(points: np.ndarray) -> np.ndarray:
+    """Vertices of the convex hull of ``points`` (float ``(n, 2)``), counter-clockwise; raises for fewer than 3."""
+    if points.ndim != 2 or points.shape[1] != 2 or not np.isfinite(points).all():
+        raise FactorError(f"a convex hull needs finite points of shape (n, 2), not {points.shape}")
+    from scipy.spatial import ConvexHull as Hull  # scipy is loaded on first use
+    from scipy.spatial import QhullError
+
+    try:
+        return points[Hull(points).vertices]
+    except (QhullError, ValueError):
+        raise FactorError(f"these {len(points)} points do not span an area, so they have no convex hull") from None
+
+
+def area(vertices: np.ndarray) -> float:
+    """Area of a convex polygon by the shoelace formula; ``vertices`` float ``(n, 2)``, counter-clockwise."""
+    x, y = vertices[:, 0], vertices[:, 1]
+    return float(0.5 * (x @ np.roll(y, -1) - y @ np.roll(x, -1)))
