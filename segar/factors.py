@@ -110,6 +110,8 @@ class Vector(Factor):
             return VectorValue(value.x, value.y)
         if _is_symbol(value):
             return VectorValue(value, value)
+        if isinstance(value, (list, tuple)) and len(value) == 2 and any(map(_is_symbol, value)):
+            return VectorValue(*value)
         return VectorValue(*cls.check(value))
 
     @classmethod

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from segar.errors import FactorError
+from segar.hulls import convex_hulls
 
 CIRCLE = 1  # shape kinds as the kernels see them; 0 means no shape
 HULL = 2
@@ -75,23 +76,33 @@ class ConvexHull(BaseShape):
         return self._vertices
 
 
-class Square(ConvexHull):
+class _Regular(ConvexHull):
+    """A hull whose vertices are known, counter-clockwise, for a diameter of 1."""
+
+    corners: tuple[tuple[float, float], ...]
+
     def __init__(self, size: float = 1.0) -> None:
-        h = size / 2
-        super().__init__([(-h, -h), (h, -h), (h, h), (-h, h)], size)
+        BaseShape.__init__(self, size)
+        self._vertices = size * np.array(self.corners)
 
 
-class Triangle(ConvexHull):
-    def __init__(self, size: float = 1.0) -> None:
-        h = np.sqrt(3) * size / 2
-        super().__init__([(0, h / 2), (-size / 2, -h / 2), (size / 2, -h / 2)], size)
+class Square(_Regular):
+    corners = ((-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5))
 
 
-class Hexagon(ConvexHull):
-    def __init__(self, size: float = 1.0) -> None:
-        h = np.sqrt(3) * size / 4
-        q = size / 4
-        super().__init__([(size / 2, 0), (q, h), (-q, h), (-size / 2, 0), (-q, -h), (q, -h)], size)
+class Triangle(_Regular):
+    corners = ((0.0, 3**0.5 / 4), (-0.5, -(3**0.5) / 4), (0.5, -(3**0.5) / 4))
+
+
+class Hexagon(_Regular):
+    corners = (
+        (0.5, 0.0),
+        (0.25, 3**0.5 / 4),
+        (-0.25, 3**0.5 / 4),
+        (-0.5, 0.0),
+        (-0.25, -(3**0.5) / 4),
+        (0.25, -(3**0.5) / 4),
+    )
 
 
 class RandomConvexHull(BaseShape):
@@ -108,7 +119,7 @@ class RandomConvexHull(BaseShape):
 
     def sample(self, rng: Any, size: int) -> list[np.ndarray]:
         points = rng.normal(0.0, self.size / 2, size=(size, HULL_POINTS, 2))
-        return [convex_hull(p) for p in points]
+        return convex_hulls(points)
 
 
 def convex_hull(points: np.ndarray) -> np.ndarray:

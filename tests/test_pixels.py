@@ -85,7 +85,7 @@ def draw(scene: Scene, pixels: Pixels | None = None) -> np.ndarray:
     bound = pixels.bind(scene, n)
     frames = np.zeros((n, *bound.space.shape), np.uint8)
     bound.begin(scene.values, np.arange(n), np.ones(n, bool))
-    bound.write(scene.values, np.arange(n), frames, 0, n)
+    bound.write(scene.values, np.arange(n), frames, np.arange(n))
     return frames
 
 
@@ -149,7 +149,7 @@ def test_a_frame_does_not_depend_on_its_batch():
     alone = np.zeros((1, 64, 64, 3), np.uint8)
     for i in (0, 1, 500, 1023):
         bound.begin(levels.values[i : i + 1], np.array([i]), np.array([True]))
-        bound.write(levels.values[i : i + 1], np.array([i]), alone, 0, 1)
+        bound.write(levels.values[i : i + 1], np.array([i]), alone, np.arange(0, 1))
         np.testing.assert_array_equal(alone[0], together[i])
 
 
@@ -158,7 +158,7 @@ def test_only_the_asked_range_is_written():
     bound = Pixels().bind(levels, 8)
     bound.begin(levels.values, np.arange(8), np.ones(8, bool))
     frames = np.full((8, 64, 64, 3), 7, np.uint8)
-    bound.write(levels.values, np.arange(8), frames, 2, 5)
+    bound.write(levels.values, np.arange(8), frames, np.arange(2, 5))
     assert (frames[:2] == 7).all() and (frames[5:] == 7).all()
     np.testing.assert_array_equal(frames[2:5], draw(levels)[2:5])
 
@@ -172,7 +172,7 @@ def test_backgrounds_are_repainted_only_where_an_episode_begins():
     put(levels, slice(None), 1, Size, 0.6)
     bound.begin(levels.values, np.array([0, 1]), np.array([True, False]))
     frames = np.zeros((2, 64, 64, 3), np.uint8)
-    bound.write(levels.values, np.array([0, 1]), frames, 0, 2)
+    bound.write(levels.values, np.array([0, 1]), frames, np.arange(0, 2))
     np.testing.assert_array_equal(frames[0], draw(levels)[0])
     np.testing.assert_array_equal(frames[1], first[1])
 
@@ -221,7 +221,7 @@ def test_an_object_is_drawn_as_large_and_as_visible_as_it_is_now():
         put(levels, 0, 0, Size, size)
         put(levels, 0, 0, Visible, visible)
         frames = np.zeros((1, 64, 64, 3), np.uint8)
-        bound.write(levels.values, np.zeros(1, int), frames, 0, 1)
+        bound.write(levels.values, np.zeros(1, int), frames, np.arange(0, 1))
         covered.append((frames[0] != FLOOR).any(axis=-1).sum())
     # Radii are rounded to whole pixels (3 and 10); a disc of radius r covers about pi (r + 1/2)^2 of them.
     assert covered == [pytest.approx(np.pi * 3.5**2, rel=0.1), pytest.approx(np.pi * 10.5**2, rel=0.05), 0]

@@ -17,7 +17,7 @@ import numpy as np
 from segar.effects import Differential, SetFactor
 from segar.engine import device
 from segar.engine.emit import Writer, bind
-from segar.engine.layout import Layout
+from segar.engine.layout import Layout, Slot
 from segar.engine.signature import Action
 from segar.engine.spec import Group, Matcher, Needs, needs_of, symbols_of
 from segar.engine.stages import (
@@ -199,20 +199,24 @@ COLLIDER_BITS = {collider_bits}
         """Whether some body may reach through a wall or another body; a cheap test without roots."""
         with self._function("may_touch(V, bits, kind, hull_radius)", inline=True) as w:
             w.line("touched = False")
-            colliders = [(g, m) for g in self.matcher.groups if (m := self.matcher.match(g, COLLIDES)) is not None]
+            groups = self.matcher.merge(range(len(self.layout.slots)), self._collider_key)
+            colliders = [(g, m) for g in groups if (m := self.matcher.match(g, COLLIDES)) is not None]
             for n, (group, mask) in enumerate(colliders):
                 with over_group(w, group, "i"), condition(w, match_test("i", mask)):
                     w.line("ri = 0.5 * V[i, SIZE] if kind[i] == 1 else hull_radius[i]")
                     w.line("touched |= abs(V[i, X]) + ri > HIGH or abs(V[i, X + 1]) + ri > HIGH")
                     for other, other_mask in colliders[n:] if self.world.pair_contact is not None else []:
                         if other is not group or not group.is_single:
-                            start = "i + 1" if other is group else str(other.start)
-                            self._pair_test(w, start, other, other_mask)
+                            self._pair_test(w, other is group, other, other_mask)
             w.line("return touched")
         return self._text(w)
 
-    def _pair_test(self, w: Writer, start: str, other: Group, mask: int) -> None:
-        with w.block(f"for j in range({start}, {other.stop}):"), condition(w, match_test("j", mask)):
+    def _collider_key(self, slot: Slot) -> tuple:
+        group = Group((0,), slot.types, slot.optional)
+        return self.matcher.match(group, COLLIDES), slot.optional
+
+    def _pair_test(self, w: Writer, same: bool, other: Group, mask: int) -> None:
+        with over_group(w, other, "j"), condition(w, both("j > i" if same else "", match_test("j", mask))):
             w.line("reach = ri + (0.5 * V[j, SIZE] if kind[j] == 1 else hull_radius[j]) + THRESHOLD")
             w.line("jx = V[j, X] - V[i, X]")
             w.line("jy = V[j, X + 1] - V[i, X + 1]")
@@ -320,7 +324,7 @@ COLLIDER_BITS = {collider_bits}
         if not groups:
             return None
         types = tuple(dict.fromkeys(t for g in groups for t in g.types))
-        return Group(0, len(self.layout.slots), types, False)
+        return Group(tuple(range(len(self.layout.slots))), types, False)
 
     # -- the task ------------------------------------------------------------------------------------------------
 
@@ -426,12 +430,10 @@ COLLIDER_BITS = {collider_bits}
     def _slots(self, needs: Needs) -> tuple[list[int], int]:
         """Slots that may match, and the mask to test (over all of them, so that one mask serves)."""
         groups = [g for g in self.matcher.groups if self.matcher.match(g, needs) is not None]
-        slots = [i for g in groups for i in range(g.start, g.stop)]
+        slots = [i for g in groups for i in g.slots]
         if not groups:
             return slots, 0
-        everyone = Group(
-            0, 0, tuple(dict.fromkeys(t for g in groups for t in g.types)), any(g.optional for g in groups)
-        )
+        everyone = Group((), tuple(dict.fromkeys(t for g in groups for t in g.types)), any(g.optional for g in groups))
         return slots, self.matcher.match(everyone, needs) or 0
 
     def _refuse_draws(self, rule: Rule) -> None:

@@ -61,6 +61,11 @@ class Layout:
         return columns
 
     @cached_property
+    def by_name(self) -> dict[str, tuple[type[Factor], int]]:
+        """Factor name -> (factor, its first column)."""
+        return {factor.__name__: (factor, column) for factor, column in self.columns.items()}
+
+    @cached_property
     def width(self) -> int:
         """Number of columns."""
         return sum(f.width for f in self.factors)

@@ -6,13 +6,14 @@ static; where only some do, a bit of the entity's mask says so, and the mask fol
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from segar.engine.layout import Layout, holds
+from segar.engine.layout import Layout, Slot, holds
 from segar.engine.signature import Pattern
 from segar.engine.symbols import Symbol
 from segar.engine.trace import Branch, Leaf, Tree
@@ -27,16 +28,21 @@ PRESENT = ("present", None, None)
 
 @dataclass(frozen=True)
 class Group:
-    """Slots ``start`` to ``stop`` (excluded), which may hold the same types."""
+    """Slots that may hold the same types, or types that a stage need not tell apart."""
 
-    start: int
-    stop: int
+    slots: tuple[int, ...]
     types: tuple[type[Entity], ...]
     optional: bool
 
     @property
     def is_single(self) -> bool:
-        return self.stop == self.start + 1
+        return len(self.slots) == 1
+
+    @property
+    def loop(self) -> str:
+        """Source of what a loop over the slots runs over."""
+        first, last = self.slots[0], self.slots[-1]
+        return f"range({first}, {last + 1})" if last - first + 1 == len(self.slots) else repr(self.slots)
 
 
 @dataclass
@@ -48,13 +54,18 @@ class Matcher:
 
     @cached_property
     def groups(self) -> tuple[Group, ...]:
-        groups: list[Group] = []
-        for index, slot in enumerate(self.layout.slots):
-            last = groups[-1] if groups else None
-            if last and last.types == slot.types and last.optional == slot.optional:
-                groups[-1] = Group(last.start, index + 1, slot.types, slot.optional)
-            else:
-                groups.append(Group(index, index + 1, slot.types, slot.optional))
+        return self.merge(range(len(self.layout.slots)), lambda slot: (slot.types, slot.optional))
+
+    def merge(self, slots: Iterable[int], key: Callable[[Slot], Any]) -> tuple[Group, ...]:
+        """Groups of the slots with equal keys, in order of their first slot."""
+        found: dict[Any, list[int]] = {}
+        for index in slots:
+            found.setdefault(key(self.layout.slots[index]), []).append(index)
+        groups = []
+        for members in found.values():
+            parts = [self.layout.slots[i] for i in members]
+            types = tuple(dict.fromkeys(t for part in parts for t in part.types))
+            groups.append(Group(tuple(members), types, any(part.optional for part in parts)))
         return tuple(groups)
 
     def match(self, group: Group, needs: Needs) -> int | None:

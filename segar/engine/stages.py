@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 from segar.effects import Aggregate, Differential, SetFactor
 from segar.engine.emit import Writer, bind
+from segar.engine.layout import Slot, holds
 from segar.engine.spec import Group, Matcher, Needs, needs_of, outcomes_of, symbols_of, walk
 from segar.engine.symbols import Symbol
 from segar.engine.trace import Branch, Leaf, Outcome, Tree
@@ -63,12 +64,38 @@ class Stage:
             for target in range(len(needs)):
                 if any(o.argument == target and takes(rule, o) for o in outcomes_of(rule.tree)):
                     self.applications.append(Application(rule, number, target, needs))
+        self.groups = self._indistinct_groups()
         self.shared = self._read_across()
+
+    def _indistinct_groups(self) -> tuple[Group, ...]:
+        """Slots that match alike and keep what they hold in the same columns share a loop: less source, same result."""
+        needs = [n for a in self.applications for n in a.needs] + [Needs((Floor, Position), None)]
+        texts = {
+            s.args[0][1:]
+            for a in self.applications
+            for s in application_symbols(a)
+            if s.op == "relation" and not isinstance(s.args[0], str)
+        }
+        factors = {f for n in needs for f in n.factors}
+
+        def key(slot: Slot) -> tuple:
+            group = Group((0,), slot.types, slot.optional)
+            held = tuple(frozenset(holds(t, f) for t in slot.types) for f in sorted(factors, key=lambda f: f.__name__))
+            floors = tuple(Floor in t.declared for t in slot.types)
+            return (
+                tuple(self.matcher.match(group, n) for n in needs),
+                tuple(self.matcher.text(group, f, v) for f, v in sorted(texts, key=repr)),
+                held,
+                all(floors),
+                slot.optional,
+            )
+
+        return self.matcher.merge(range(len(self.matcher.layout.slots)), key)
 
     def write(self, w: Writer) -> None:
         """Write the stage; the surroundings define V, W, bits, P, dt, key, tick, err and the shape arrays."""
         buffered: list[tuple[Group, int, int]] = []
-        for group in self.matcher.groups:
+        for group in self.groups:
             mine = [
                 (a, m) for a in self.applications if (m := self.matcher.match(group, a.needs[a.target])) is not None
             ]
@@ -107,7 +134,7 @@ class Stage:
         for test, applications in unary.items():
             with condition(w, test):
                 self._apply(w, applications, {"i": group})
-        for other in self.matcher.groups:
+        for other in self.groups:
             self._write_pairs(w, group, other, mine)
         for application, mask in mine:
             if len(application.needs) == 3:
@@ -117,7 +144,7 @@ class Stage:
     def _write_topmost(self, w: Writer) -> None:
         """Find the floor that entity ``i`` is on, discs inline; as ``topmost`` in the device code."""
         w.line("top_i = -1")
-        for floor in self.matcher.groups:
+        for floor in self.groups:
             mask = self.matcher.match(floor, Needs((Floor, Position), None))
             if mask is None:
                 continue
@@ -149,8 +176,8 @@ class Stage:
     def _write_triples(self, w: Writer, group: Group, a: Application, mask: int) -> None:
         names = [v for v in a.variables if v != "i"]
         needs = {v: a.needs[n] for n, v in enumerate(a.variables)}
-        for second in self.matcher.groups:
-            for third in self.matcher.groups:
+        for second in self.groups:
+            for third in self.groups:
                 masks = [self.matcher.match(g, needs[v]) for g, v in ((second, names[0]), (third, names[1]))]
                 if masks[0] is None or masks[1] is None:
                     continue
@@ -319,9 +346,9 @@ class Stage:
 
     def _has_partners(self, a: Application) -> bool:
         """Whether some entity can be another argument of the rule beside a target."""
-        targets = [g for g in self.matcher.groups if self.matcher.match(g, a.needs[a.target]) is not None]
+        targets = [g for g in self.groups if self.matcher.match(g, a.needs[a.target]) is not None]
         for other, need in enumerate(a.needs):
-            partners = [g for g in self.matcher.groups if self.matcher.match(g, need) is not None]
+            partners = [g for g in self.groups if self.matcher.match(g, need) is not None]
             if other != a.target and any(t is not p or not t.is_single for t in targets for p in partners):
                 return True
         return False
@@ -379,10 +406,10 @@ def over_group(w: Writer, group: Group, variable: str) -> Iterator[None]:
     """A loop over the group's slots, or a plain assignment where there is one."""
     if group.is_single:
         with w.scope():
-            w.line(f"{variable} = {group.start}")
+            w.line(f"{variable} = {group.slots[0]}")
             yield
     else:
-        with w.block(f"for {variable} in range({group.start}, {group.stop}):"):
+        with w.block(f"for {variable} in {group.loop}:"):
             yield
 
 

@@ -63,13 +63,14 @@ def paint_backgrounds(
 
 @njit(**_options)
 def draw_frames(
-    values, level, start, stop, types, kinds, vertex_counts, vertices, columns, is_floor, tints, spans,
+    values, level, rows, types, kinds, vertex_counts, vertices, columns, is_floor, tints, spans,
     background_words, frame_words, frames,
 ):  # fmt: skip
-    """Copy each environment's background into ``frames[start:stop]`` and stamp its objects: highest Order on top."""
+    """Copy each environment's background into ``frames[rows]`` and stamp its objects: highest Order on top."""
     words = background_words.shape[1]
     chosen = np.empty(types.shape[1], np.int64)
-    for env in range(start, stop):
+    for row in range(len(rows)):
+        env = rows[row]
         # A loop over 64-bit words: numba turns a slice assignment into something 30 times slower.
         for k in range(words):
             frame_words[env, k] = background_words[env, k]

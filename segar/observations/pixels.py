@@ -75,11 +75,11 @@ class BoundPixels:
             values, level, mask, *self._scene, self._floor, self._backgrounds.view(np.uint64), self._backgrounds
         )
 
-    def write(self, values: np.ndarray, level: np.ndarray, out: np.ndarray, start: int, stop: int) -> None:
-        """Draw frames ``start`` to ``stop`` into ``out``, uint8 ``[env, resolution, resolution, 3]``, C-contiguous."""
+    def write(self, values: np.ndarray, level: np.ndarray, out: np.ndarray, rows: np.ndarray) -> None:
+        """Draw the frames of environments ``rows`` (int64) into ``out``, uint8 ``[env, resolution, resolution, 3]``, C-contiguous."""
         frames = out.reshape(len(out), -1)
         pixel_kernel.draw_frames(
-            values, level, start, stop, *self._scene, self._backgrounds.view(np.uint64), frames.view(np.uint64), frames
+            values, level, rows, *self._scene, self._backgrounds.view(np.uint64), frames.view(np.uint64), frames
         )
 
 

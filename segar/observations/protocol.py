@@ -30,8 +30,8 @@ class BoundObservation(Protocol):
         """
         ...
 
-    def write(self, values: np.ndarray, level: np.ndarray, out: np.ndarray, start: int, stop: int) -> None:
-        """Fill ``out[start:stop]`` (``[env, *space.shape]``, C-contiguous); disjoint ranges may run in threads."""
+    def write(self, values: np.ndarray, level: np.ndarray, out: np.ndarray, rows: np.ndarray) -> None:
+        """Fill ``out[rows]`` (``[env, *space.shape]``, C-contiguous; rows int64); disjoint rows may run in threads."""
         ...
 
 

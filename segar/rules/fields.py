@@ -7,7 +7,7 @@ from typing import Tuple  # noqa: UP035 - the paper writes rules with typing.Tup
 from segar.effects import Aggregate
 from segar.factors import Acceleration, Charge, Magnetism, Mass, Position, Velocity
 from segar.rule import rule
-from segar.values import ZERO, sqrt
+from segar.values import ZERO, sqrt, where
 
 
 @rule
@@ -21,20 +21,16 @@ def lorentz_law(
     """
     x1, v1, q1, b1 = source
     x2, v2, q2, m2, a = target
-    if m2 == 0:
-        return Aggregate[Acceleration](a, ZERO)
     force = ZERO
     if q1:
         away = x2 - x1
         r2 = away.dot(away)
-        if r2 != 0:
-            force = away * (q1 * q2 / (r2 * sqrt(r2)))
+        force = away * where(r2 != 0, q1 * q2 / (r2 * sqrt(r2)), 0.0)
     if b1:
         w = v2 - v1
         w2 = w.dot(w)
-        if w2 != 0:
-            force = force + w.tangent_vector() * (q2 * b1 / w2)
-    return Aggregate[Acceleration](a, force / m2)
+        force = force + w.tangent_vector() * where(w2 != 0, q2 * b1 / w2, 0.0)
+    return Aggregate[Acceleration](a, force * where(m2 != 0, 1 / m2, 0.0))
 
 
 @rule

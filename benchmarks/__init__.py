@@ -1,0 +1,1 @@
+"""Speed of the engine: ``python -m benchmarks`` prints a table with the machine; nothing here is asserted."""

@@ -1,0 +1,20 @@
+"""Environments: one engine, three faces, one semantics."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from segar.envs.gym_env import Env
+from segar.envs.registration import register_all
+from segar.envs.vector import VectorEnv
+
+__all__ = ["Env", "TorchRLEnv", "VectorEnv", "register_all"]
+
+
+def __getattr__(name: str) -> Any:
+    """``TorchRLEnv`` is loaded when it is asked for, so that ``import segar`` stays free of torch."""
+    if name == "TorchRLEnv":
+        from segar.envs.torchrl_env import TorchRLEnv
+
+        return TorchRLEnv
+    raise AttributeError(f"module 'segar.envs' has no attribute '{name}'")

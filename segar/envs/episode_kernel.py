@@ -1,0 +1,54 @@
+"""Compiled bookkeeping of episodes: where they start, how long they last, what they returned."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+_options = {"nogil": True, "cache": True, "error_model": "numpy", "_nrt": False}
+GOLDEN = 0x9E3779B97F4A7C15
+
+
+@njit(**_options)
+def mix(z):
+    """SplitMix64's output function: a well mixed uint64 from a uint64."""
+    z = z + np.uint64(GOLDEN)
+    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return z ^ (z >> np.uint64(31))
+
+
+@njit(**_options)
+def begin(rows, seed, chosen, level_values, values, level, key, tick, contacts, gave_up, returns, lengths, episodes):
+    """Start episodes in ``rows``: on ``chosen[env]`` where it is not negative, else on a level drawn uniformly.
+
+    The draw depends on (seed, environment, episode) alone, so environment e meets the same levels in any batch.
+    """
+    for r in range(len(rows)):
+        e = rows[r]
+        k = mix(np.uint64(seed) + mix(np.uint64(e) * np.uint64(GOLDEN) + np.uint64(episodes[e])))
+        at = chosen[e]
+        if at < 0:
+            at = np.int64(np.float64(k >> np.uint64(11)) * (1.0 / 9007199254740992.0) * len(level_values))
+        level[e] = at
+        for i in range(values.shape[1]):
+            for c in range(values.shape[2]):
+                values[e, i, c] = level_values[at, i, c]
+        key[e] = mix(k + np.uint64(at))
+        tick[e] = contacts[e] = gave_up[e] = lengths[e] = 0
+        returns[e] = 0.0
+        episodes[e] += 1
+
+
+@njit(**_options)
+def account(reward, terminated, max_steps, returns, lengths, truncated, ended):
+    """Count one step; mark what is out of time; list the environments whose episode ended and return how many."""
+    n = 0
+    for e in range(len(reward)):
+        lengths[e] += 1
+        returns[e] += reward[e]
+        truncated[e] = lengths[e] >= max_steps and not terminated[e]
+        if truncated[e] or terminated[e]:
+            ended[n] = e
+            n += 1
+    return n

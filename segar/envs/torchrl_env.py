@@ -1,0 +1,139 @@
+"""TorchRL's face of the engine: a batched ``EnvBase`` over :class:`segar.envs.VectorEnv`. The only file that imports torch."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import torch
+from gymnasium import spaces
+from gymnasium.vector import AutoresetMode
+from tensordict import TensorDict, TensorDictBase
+from torchrl.data import Binary, Bounded, Composite, Unbounded
+from torchrl.envs import EnvBase
+
+from segar.envs.vector import Snapshot, VectorEnv
+from segar.errors import SegarError
+
+# What VectorEnv's info says about the running episode, and its dtype here; each entry has shape [num_envs, 1].
+EPISODE_KEYS = {
+    "level": torch.int64,
+    "return": torch.float64,
+    "length": torch.int64,
+    "success": torch.bool,
+    "death": torch.bool,
+}
+
+
+class TorchRLEnv(EnvBase):
+    """A batch of environments with batch size ``[num_envs]``.
+
+    Entries of a step: the observation under ``"observation"`` (float32 ``[num_envs, d]``) or ``"pixels"`` (uint8
+    ``[num_envs, 64, 64, 3]``); ``"reward"`` float32, ``"done"``, ``"terminated"``, ``"truncated"`` bool; and about
+    the running episode ``"level"`` (index in ``levels``), ``"return"`` (all rewards so far), ``"length"``,
+    ``"success"``, ``"death"``; all of these ``[num_envs, 1]``. Nothing is reset by a step, so that a finished
+    episode's last observation stays readable; ``reset`` honours TorchRL's ``"_reset"`` mask, and takes
+    ``levels=`` (int array ``[num_envs]``) to choose the levels that start. Tensors share the memory of the engine's
+    arrays, which later steps do not overwrite. Actions: float32 ``[num_envs, 2]`` in [-1, 1].
+
+    Arguments are those of :class:`segar.envs.VectorEnv`, which also says what it raises.
+
+    >>> env = TorchRLEnv(segar.family("empty-hard").sample(10, seed=0), num_envs=64, seed=0)
+    >>> env.rollout(30)["next", "reward"].shape
+    torch.Size([64, 30, 1])
+    """
+
+    def __init__(self, levels: Any, num_envs: int, *, observation: Any = "state", **options: Any) -> None:
+        super().__init__(device="cpu", batch_size=torch.Size([num_envs]))
+        self.vector_env = VectorEnv(
+            levels, num_envs, observation=observation, autoreset_mode=AutoresetMode.DISABLED, copy=True, **options
+        )
+        self.observation_key, observation_spec = _observation_spec(self.vector_env.observation_space)
+        self.observation_spec = Composite(
+            {self.observation_key: observation_spec, **{key: _column(num_envs, t) for key, t in EPISODE_KEYS.items()}},
+            shape=self.batch_size,
+        )
+        self.action_spec = _bounded(self.vector_env.action_space, torch.float32)
+        self.reward_spec = _column(num_envs, torch.float32)
+        self.done_spec = Composite(
+            {key: _column(num_envs, torch.bool) for key in ("done", "terminated", "truncated")}, shape=self.batch_size
+        )
+        self._next_seed: int | None = None
+
+    def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
+        action = tensordict.get("action").detach().numpy()
+        observation, reward, terminated, truncated, info = self.vector_env.step(action)
+        return self._tensordict(observation, terminated, truncated, info, reward=reward)
+
+    def _reset(self, tensordict: TensorDictBase | None = None, *, levels: Any = None, **_: Any) -> TensorDictBase:
+        options: dict[str, Any] = {}
+        if levels is not None:
+            options["levels"] = np.asarray(levels)
+        if tensordict is not None and "_reset" in tensordict.keys():
+            options["reset_mask"] = tensordict.get("_reset").reshape(self.num_envs).numpy()
+        seed, self._next_seed = self._next_seed, None
+        observation, info = self.vector_env.reset(seed=seed, options=options)
+        never = np.zeros(self.num_envs, dtype=bool)
+        return self._tensordict(observation, never, never, info)
+
+    def state(self) -> Snapshot:
+        """A copy of everything that decides how the episodes go on; see :meth:`segar.envs.VectorEnv.state`."""
+        return self.vector_env.state()
+
+    def restore(self, snapshot: Snapshot) -> TensorDict:
+        """Goes on from a snapshot; returns what a reset would, about the episodes that run in it."""
+        observation = self.vector_env.restore(snapshot)
+        never = np.zeros(self.num_envs, dtype=bool)
+        info = {"level": snapshot.state.level, "return": snapshot.returns, "length": snapshot.lengths}
+        info = {key: value.copy() for key, value in info.items()} | {"success": never, "death": never}
+        return self._tensordict(observation, never, never, info)
+
+    def _set_seed(self, seed: int | None) -> None:
+        self._next_seed = seed
+
+    def _tensordict(
+        self,
+        observation: np.ndarray,
+        terminated: np.ndarray,
+        truncated: np.ndarray,
+        info: dict[str, Any],
+        reward: np.ndarray | None = None,
+    ) -> TensorDict:
+        entries = {
+            self.observation_key: torch.from_numpy(observation),
+            "terminated": torch.from_numpy(terminated)[:, None],
+            "truncated": torch.from_numpy(truncated)[:, None],
+            "done": torch.from_numpy(terminated | truncated)[:, None],
+        }
+        for key in EPISODE_KEYS:
+            entries[key] = torch.from_numpy(info[key])[:, None]
+        if reward is not None:
+            entries["reward"] = torch.from_numpy(reward.astype(np.float32))[:, None]
+        return TensorDict._new_unsafe(entries, batch_size=self.batch_size)
+
+    @property
+    def num_envs(self) -> int:
+        """Number of environments in the batch."""
+        return self.batch_size[0]
+
+    def close(self, *, raise_if_closed: bool = True) -> None:
+        """Frees the engine's buffers."""
+        super().close(raise_if_closed=raise_if_closed)
+        self.vector_env.close()
+
+
+def _observation_spec(space: spaces.Space) -> tuple[str, Bounded | Unbounded]:
+    if not isinstance(space, spaces.Box):
+        raise SegarError(f"TorchRLEnv takes observations that are one array; this environment's are {space}.")
+    if space.dtype == np.uint8:
+        return "pixels", _bounded(space, torch.uint8)
+    return "observation", Unbounded(shape=space.shape, dtype=torch.float32)
+
+
+def _bounded(space: Any, dtype: torch.dtype) -> Bounded:
+    return Bounded(torch.from_numpy(space.low), torch.from_numpy(space.high), shape=space.shape, dtype=dtype)
+
+
+def _column(num_envs: int, dtype: torch.dtype) -> Binary | Unbounded:
+    shape = torch.Size([num_envs, 1])
+    return Binary(n=1, shape=shape, dtype=dtype) if dtype == torch.bool else Unbounded(shape=shape, dtype=dtype)

@@ -1,0 +1,340 @@
+"""The core environment: a batch of episodes on the levels of a set, stepped by one compiled kernel."""
+
+from __future__ import annotations
+
+import weakref
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from gymnasium.vector.utils import batch_space
+
+from segar.envs import episode_kernel
+from segar.envs.factors_view import Factors
+from segar.errors import ActionError, LevelError, SegarError, did_you_mean
+from segar.factors import Factor
+from segar.observations.pixels import Pixels
+from segar.observations.state import StateVector
+from segar.simulator import Outcome, Simulator, State, run_in_threads
+from segar.tasks.puttputt import puttputt
+from segar.tasks.task import Task
+from segar.world import World
+
+if TYPE_CHECKING:
+    from segar.levels import Levels
+
+OBSERVATIONS = {"state": StateVector, "rgb": Pixels}
+
+
+@dataclass
+class Snapshot:
+    """All that an environment needs to go on from here: states, running episodes, and the randomness of resets."""
+
+    state: State
+    returns: np.ndarray
+    lengths: np.ndarray
+    episodes: np.ndarray
+    seed: int
+
+    def copy(self) -> Snapshot:
+        return replace(
+            self,
+            state=self.state.copy(),
+            returns=self.returns.copy(),
+            lengths=self.lengths.copy(),
+            episodes=self.episodes.copy(),
+        )
+
+
+class VectorEnv(gymnasium.vector.VectorEnv):
+    """``num_envs`` environments on a level set, natively batched.
+
+    Each episode starts on a level drawn uniformly from the set (the epistemic POMDP). Environment ``e`` behaves in the
+    same way whatever ``num_envs`` and ``num_threads``.
+
+    ``info`` holds ``level`` (int64, index in ``levels``), ``return`` (float64, every reward counted) and ``length`` of
+    the running episode, ``success`` and ``death`` (bool), and ``factors`` (mapping of the true factors, gathered on
+    access). Where an episode ended under ``SAME_STEP``, ``final_obs`` and ``final_info`` hold its end in the rows that
+    the masks ``_final_obs`` and ``_final_info`` name, and the rest of ``info`` is about the next episode.
+
+    Args:
+        levels: the level set.
+        num_envs: number of environments.
+        observation: 'state', 'rgb', or an :class:`segar.observations.protocol.Observation`.
+        task: the task; PuttPutt where it is None.
+        seed: seeds the draw of levels and the randomness in rules; fresh entropy where it is None.
+        num_threads: threads over the batch; results do not depend on it.
+        autoreset_mode: ``SAME_STEP`` or ``DISABLED``.
+        copy: whether arrays that ``step`` returns are the caller's to keep; otherwise later steps overwrite them.
+        max_steps, sub_steps: override the task's.
+        world: rules; those of the levels' distribution where it is None.
+
+    Raises:
+        SegarError: an option is unknown or out of range. RuleError, ConflictError: the world cannot be built.
+    """
+
+    metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.SAME_STEP}  # noqa: RUF012 - gymnasium's attribute
+
+    def __init__(
+        self,
+        levels: Levels,
+        num_envs: int,
+        *,
+        observation: Any = "state",
+        task: Task | None = None,
+        seed: int | None = None,
+        num_threads: int = 1,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
+        copy: bool = True,
+        max_steps: int | None = None,
+        sub_steps: int | None = None,
+        world: World | None = None,
+    ) -> None:
+        if num_envs < 1:
+            raise SegarError(f"num_envs must be at least 1, not {num_envs}")
+        if len(levels) == 0:
+            raise LevelError("the level set is empty")
+        task = task or puttputt()
+        self.task = replace(task, max_steps=max_steps or task.max_steps, sub_steps=sub_steps or task.sub_steps)
+        self.levels, self.num_envs, self.copy = levels, num_envs, copy
+        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        if self.autoreset_mode is AutoresetMode.NEXT_STEP:
+            raise SegarError("autoreset_mode NEXT_STEP is not offered; use SAME_STEP or DISABLED")
+        self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
+        self.simulator = Simulator(world or levels.world or World(), levels.layout, self.task, num_threads)
+        self.observation = make_observation(observation).bind(levels, num_envs)
+        self.single_observation_space = self.observation.space
+        self.single_action_space = gymnasium.spaces.Box(
+            np.array(self.task.action_low, np.float32), np.array(self.task.action_high, np.float32), dtype=np.float32
+        )
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._rows = np.arange(num_envs)
+        self._ended = np.empty(num_envs, np.int64)
+        self._any_level = np.full(num_envs, -1)
+        self._outcome = Outcome.empty(num_envs)
+        self._buffer: np.ndarray | None = None
+        self._held: weakref.ref[Factors] | None = None
+        self._started = False
+        self._now = Snapshot(
+            State.empty(num_envs, levels.layout),
+            np.zeros(num_envs),
+            np.zeros(num_envs, np.int64),
+            np.zeros(num_envs, np.int64),
+            _fresh_seed() if seed is None else _checked_seed(seed),
+        )
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict]:
+        """Start new episodes; return observations and info.
+
+        Args:
+            seed: starts the sequence of episodes anew; where it is None the sequence goes on.
+            options: ``levels`` (int, ``(num_envs,)``): the level that each environment starts on; ``reset_mask``
+                (bool, ``(num_envs,)``): which environments start anew, all where it is absent.
+
+        Raises:
+            LevelError: a level index is out of range, or an option is unknown or of the wrong shape.
+        """
+        options = dict(options or {})
+        mask = self._checked_option(options, "reset_mask", np.bool_)
+        chosen = self._checked_option(options, "levels", np.int64)
+        if options:
+            name = next(iter(options))
+            raise LevelError(f"reset: unknown option '{name}'.{did_you_mean(name, ('levels', 'reset_mask'))}")
+        if chosen is not None and not ((chosen >= 0) & (chosen < len(self.levels))).all():
+            raise LevelError(f"reset: level indices must lie in 0..{len(self.levels) - 1}")
+        if seed is not None:
+            self._now.seed = _checked_seed(seed)
+            self._now.episodes[:] = 0
+        mask = np.ones(self.num_envs, np.bool_) if mask is None else mask
+        if not self._started and not mask.all():
+            raise SegarError("the first reset must start all environments")
+        self._started = True
+        self._release()
+        self._begin(np.flatnonzero(mask), chosen)
+        observations = self._observe(self._rows, self._output())
+        return observations, self._info(np.zeros(self.num_envs, np.bool_), np.zeros(self.num_envs, np.bool_))
+
+    def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict]:
+        """Advance all environments by one step; actions beyond the range are clipped.
+
+        Args:
+            actions: float ``(num_envs, action size)``.
+
+        Returns:
+            Observations, rewards float64, terminated bool, truncated bool, info; all lead with ``num_envs``.
+
+        Raises:
+            ActionError: wrong shape, or not finite. ConflictError: rules contradict each other in some state.
+        """
+        actions = self._checked_actions(actions)
+        self._release()
+        now, out = self._now, self._outcome
+        self.simulator.act(now.state, self.levels, actions, out)
+        truncated = np.empty(self.num_envs, np.bool_)
+        count = episode_kernel.account(
+            out.reward, out.terminated, self.task.max_steps, now.returns, now.lengths, truncated, self._ended
+        )
+        reward = out.reward.copy() if self.copy else out.reward
+        terminated, success, death = out.terminated.copy(), out.success.copy(), out.death.copy()
+        observations = self._observe(self._rows, self._output())
+        if self.autoreset_mode is AutoresetMode.DISABLED or count == 0:
+            return observations, reward, terminated, truncated, self._info(success, death)
+        ended = self._ended[:count].copy()
+        final = self._final(observations, ended, success, death)
+        self._begin(ended)
+        self._observe(ended, observations)
+        success[ended] = death[ended] = False
+        return observations, reward, terminated, truncated, {**self._info(success, death), **final}
+
+    def state(self) -> Snapshot:
+        """A copy of everything that decides how the episodes go on."""
+        return self._now.copy()
+
+    def restore(self, snapshot: Snapshot) -> np.ndarray:
+        """Go on from a snapshot of this environment, or of one of equal size and layout; return the observations."""
+        if snapshot.state.values.shape != self._now.state.values.shape:
+            raise SegarError(
+                f"this snapshot holds states of shape {snapshot.state.values.shape}, the environment"
+                f" {self._now.state.values.shape}"
+            )
+        self._release()
+        self._now = snapshot.copy()
+        self._started = True
+        self.observation.begin(self._now.state.values, self._now.state.level, np.ones(self.num_envs, np.bool_))
+        return self._observe(self._rows, self._output())
+
+    def intervene(self, entity: str, factor: type[Factor], value: Any, where: np.ndarray | None = None) -> np.ndarray:
+        """Set a factor of one entity in the environments where ``where`` (bool, all if None); return observations.
+
+        Raises:
+            LevelError: no entity of that name, or it has no such factor in a chosen environment.
+        """
+        layout = self.levels.layout
+        slot = layout.slot_index(entity)
+        if factor not in layout.columns:
+            layout.factor(factor.__name__)
+        mask = np.ones(self.num_envs, np.bool_) if where is None else np.asarray(where, np.bool_)
+        part = self._now.state.values[:, slot, layout.columns[factor] : layout.columns[factor] + factor.width]
+        if np.isnan(part[mask]).any():
+            raise LevelError(f"'{entity}' has no {factor.__name__} in some of these environments")
+        self._release()
+        part[mask] = factor.check(value)
+        self.observation.begin(self._now.state.values, self._now.state.level, mask)
+        return self._observe(self._rows, self._output())
+
+    def _begin(self, rows: np.ndarray, chosen: np.ndarray | None = None) -> None:
+        """Start episodes in these rows, on the chosen levels or on ones drawn uniformly."""
+        now, state = self._now, self._now.state
+        chosen = self._any_level if chosen is None else chosen
+        episode_kernel.begin(
+            rows, np.uint64(now.seed), chosen, self.levels.values, state.values, state.level, state.key, state.tick,
+            state.contacts, state.gave_up, now.returns, now.lengths, now.episodes,
+        )  # fmt: skip
+        mask = np.zeros(self.num_envs, np.bool_)
+        mask[rows] = True
+        self.observation.begin(state.values, state.level, mask)
+
+    def _observe(self, rows: np.ndarray, out: np.ndarray) -> np.ndarray:
+        values, level, write = self._now.state.values, self._now.state.level, self.observation.write
+        run_in_threads(lambda a, b: write(values, level, out, rows[a:b]), len(rows), self.simulator.num_threads)
+        return out
+
+    def _output(self) -> np.ndarray:
+        space = self.single_observation_space
+        if self.copy or self._buffer is None:
+            self._buffer = np.empty((self.num_envs, *space.shape), space.dtype)
+        return self._buffer
+
+    def _info(self, success: np.ndarray, death: np.ndarray) -> dict[str, Any]:
+        now = self._now
+        factors = Factors(self.levels.layout, now.state.values)
+        self._held = weakref.ref(factors)
+        return {
+            "level": now.state.level.copy(),
+            "return": now.returns.copy(),
+            "length": now.lengths.copy(),
+            "success": success,
+            "death": death,
+            "contacts": now.state.contacts.copy(),
+            "gave_up": now.state.gave_up.copy(),
+            "factors": factors,
+        }
+
+    def _final(self, observations: np.ndarray, ended: np.ndarray, success: np.ndarray, death: np.ndarray) -> dict:
+        """The last observations and info of episodes that ended, in full-sized arrays with a mask."""
+        now = self._now
+        mask = np.zeros(self.num_envs, np.bool_)
+        mask[ended] = True
+        final_obs = np.zeros(observations.shape, observations.dtype)
+        final_obs[ended] = observations[ended]
+        arrays = {
+            "level": now.state.level,
+            "return": now.returns,
+            "length": now.lengths,
+            "success": success,
+            "death": death,
+            "contacts": now.state.contacts,
+            "gave_up": now.state.gave_up,
+        }
+        final_info: dict[str, Any] = {}
+        for name, array in arrays.items():
+            final_info[name] = np.zeros(self.num_envs, array.dtype)
+            final_info[name][ended] = array[ended]
+        final_info["factors"] = Factors(self.levels.layout, now.state.values[ended], ended, self.num_envs)
+        return {"final_obs": final_obs, "_final_obs": mask, "final_info": final_info, "_final_info": mask.copy()}
+
+    def _release(self) -> None:
+        """The state is about to change: the factors of the last step take a copy if someone still holds them."""
+        factors = self._held() if self._held is not None else None
+        if factors is not None and self.copy:
+            factors.keep()
+        self._held = None
+
+    def _checked_actions(self, actions: Any) -> np.ndarray:
+        if not self._started:
+            raise SegarError("call reset() before step()")
+        actions = np.asarray(actions, np.float32)
+        expected = (self.num_envs, *self.single_action_space.shape)
+        if actions.shape != expected:
+            raise ActionError(f"actions must have shape {expected}, not {actions.shape}")
+        if not np.isfinite(actions).all():
+            env = int(np.flatnonzero(~np.isfinite(actions).all(axis=1))[0])
+            raise ActionError(f"the action of environment {env} is not finite: {actions[env]}")
+        return np.ascontiguousarray(actions)
+
+    def _checked_option(self, options: dict[str, Any], name: str, dtype: Any) -> np.ndarray | None:
+        if options.get(name) is None:
+            options.pop(name, None)
+            return None
+        array = np.asarray(options.pop(name))
+        kinds = "iu" if dtype is np.int64 else "b"
+        if array.shape != (self.num_envs,) or array.dtype.kind not in kinds:
+            raise LevelError(
+                f"reset: option '{name}' must be {np.dtype(dtype)} of shape ({self.num_envs},), not {array.dtype} of shape"
+                f" {array.shape}"
+            )
+        return array.astype(dtype)
+
+
+def make_observation(observation: Any) -> Any:
+    """An observation from its name, or the observation itself; raises :class:`SegarError`."""
+    if isinstance(observation, str):
+        if observation not in OBSERVATIONS:
+            raise SegarError(f"no observation is called '{observation}'.{did_you_mean(observation, OBSERVATIONS)}")
+        return OBSERVATIONS[observation]()
+    if not hasattr(observation, "bind"):
+        raise SegarError(f"observation must be 'state', 'rgb' or an object with bind(), not {observation!r}")
+    return observation
+
+
+def _fresh_seed() -> int:
+    return int(np.random.SeedSequence().generate_state(1, np.uint64)[0])
+
+
+def _checked_seed(seed: int) -> int:
+    if int(seed) != seed or not 0 <= seed < 2**64:
+        raise SegarError(f"a seed is a whole number from 0 to 2^64 - 1, not {seed!r}")
+    return int(seed)
