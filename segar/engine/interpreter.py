@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
 
 from segar import random
 from segar.effects import Aggregate, Differential, Effect, SetFactor
+from segar.engine.kernel import TaskFunctions
 from segar.engine.layout import Layout
 from segar.engine.plain_contacts import ContactRules, Rates, move, resolve_contacts
 from segar.engine.scene import Scene
@@ -85,6 +87,11 @@ class Interpreter:
     layout: Layout
     task: Task = field(default_factory=puttputt)
 
+    @cached_property
+    def functions(self) -> TaskFunctions:
+        """The task's rules."""
+        return self.task.functions()
+
     def step(
         self,
         levels: Any,
@@ -109,7 +116,7 @@ class Interpreter:
         """
         if levels.layout != self.layout:
             raise SegarError("these levels belong to another distribution than the interpreter was made for")
-        run = _Run(self.world, self.task, Scene.of_level(levels, index, values, key, tick), explain)
+        run = _Run(self.world, self.functions, Scene.of_level(levels, index, values, key, tick), explain)
         if action is not None:
             run.act(action)
         for _ in range(n or (1 if action is None else self.task.sub_steps)):
@@ -128,7 +135,7 @@ class _Run:
     """A step in progress."""
 
     world: World
-    task: Task
+    functions: TaskFunctions
     scene: Scene
     explain: bool
     action: tuple[Number, ...] = ()
@@ -137,7 +144,6 @@ class _Run:
     firings: list[Firing] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self.functions = self.task.functions()
         self.dt = 1.0 / self.scene.parameters[Framerate]
 
     def act(self, action: Sequence[float]) -> None:
@@ -182,7 +188,7 @@ class _Run:
         """What the rules say on each (slot, column), in order of rules and entities."""
         gathered: dict[tuple[int, int], list[tuple[Rule, Effect]]] = {}
         for number, rule in enumerate(rules):
-            for slots in self.scene.tuples(self._needs(rule)):
+            for slots in self.scene.tuples(own_needs(rule)):
                 if rule.relation is not None and not self._related(rule.relation, slots):
                     continue
                 effects = self._call(rule, slots, site=self._site(rule, number))
@@ -222,10 +228,6 @@ class _Run:
                     " and neither is more specific; give one a priority"
                 )
         return _parts(chosen)
-
-    def _needs(self, rule: Rule) -> tuple[Needs, ...]:
-        """What each entity of the rule must have. What its relation asks for is the relation's own affair."""
-        return needs_of(Rule(rule.function, rule.signature, rule.tree, None, rule.priority, rule.recheck))
 
     def _related(self, relation: Relation, slots: tuple[int, ...]) -> bool:
         """Whether a relation holds: its entities match what it takes, and its function says so."""
@@ -287,7 +289,7 @@ class _Run:
         rule = self.world.solid
         if self.world.pair_contact is None or rule is None:
             return self.world.pair_contact is not None
-        return not self.scene.meets(slot, needs_of(rule)[0]) or bool(self._value(rule, (slot,)))
+        return not self.scene.meets(slot, own_needs(rule)[0]) or bool(self._value(rule, (slot,)))
 
     def hit_wall(self, slot: int, axes: Vector) -> None:
         rule = self.world.wall_contact
@@ -303,7 +305,7 @@ class _Run:
         self._assign(self.world.pair_contact, (first, second))
 
     def _assign(self, rule: Rule, slots: tuple[int, ...], wall: Vector | None = None) -> None:
-        if not all(self.scene.meets(s, n) for s, n in zip(slots, needs_of(rule), strict=True)):
+        if not all(self.scene.meets(s, n) for s, n in zip(slots, own_needs(rule), strict=True)):
             return
         effects = tuple(self._call(rule, slots, wall=wall))
         self._note("contact", rule, slots, effects)
@@ -322,7 +324,13 @@ class _Run:
         return any(bool(v) for v in self._values(getattr(self.functions, what)))
 
     def _values(self, rule: Rule) -> list[Any]:
-        return [self._value(rule, slots) for slots in self.scene.tuples(needs_of(rule))]
+        return [self._value(rule, slots) for slots in self.scene.tuples(own_needs(rule))]
+
+
+@lru_cache(maxsize=1024)
+def own_needs(rule: Rule) -> tuple[Needs, ...]:
+    """What each entity of the rule must have. What its relation asks for is the relation's own affair."""
+    return needs_of(replace(rule, relation=None))
 
 
 class _Lacking(SegarError):

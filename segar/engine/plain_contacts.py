@@ -1,8 +1,8 @@
 """Contacts in plain Python, written a second time: what the kernels' contacts are compared with.
 
 Bodies are discs. After positions advanced, the contact that has lasted longest is found, of a body with a wall or with
-another body; everything moves back by that time; and so on until nothing overlaps. The contact found last was first: its
-bodies exchange velocities there, and everything goes on for the time that was taken back.
+another body; everything moves back by that time; and so on until nothing overlaps. The contact found last came first:
+its bodies exchange velocities there, and everything goes on for the time that was taken back.
 """
 
 from __future__ import annotations

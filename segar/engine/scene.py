@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import permutations
+from functools import lru_cache
+from itertools import product
 from typing import Any
 
 import numpy as np
 
-from segar.engine.layout import Layout, holds
+from segar.engine import layout as layouts
+from segar.engine.layout import Layout
 from segar.engine.signature import Action, Wall, WallView
 from segar.engine.spec import Needs
 from segar.entities import Entity
@@ -21,6 +23,8 @@ from segar.values import Number, Source, Vector
 
 TOUCH = 1e-7  # [m] closer than this counts as touching; 2022 uses the same
 WALL = 1.0  # [m] distance of the arena's walls from its middle
+
+holds = lru_cache(maxsize=4096)(layouts.holds)
 
 
 @dataclass
@@ -80,8 +84,8 @@ class Scene:
 
     def tuples(self, needs: tuple[Needs, ...]) -> Iterator[tuple[int, ...]]:
         """All ordered tuples of distinct slots whose entities meet the needs, one each."""
-        for slots in permutations(self.slots, len(needs)):
-            if all(self.meets(s, n) for s, n in zip(slots, needs, strict=True)):
+        for slots in product(*([s for s in self.slots if self.meets(s, n)] for n in needs)):
+            if len(set(slots)) == len(slots):
                 yield slots
 
     def column(self, slot: int, factor: type[Factor]) -> int:
