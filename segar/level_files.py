@@ -1,0 +1,148 @@
+"""Level files: npz archives without pickle, a description in JSON beside the arrays, replaced only when complete."""
+
+from __future__ import annotations
+
+import json
+import os
+import zipfile
+import zlib
+from collections.abc import Iterable
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from segar.engine.layout import Layout, Slot
+from segar.entities import Entity
+from segar.errors import LevelError, did_you_mean
+from segar.factors import Factor
+from segar.levels import LEVEL_ARRAYS, Levels, Provenance
+
+FORMAT = "segar-levels"
+FORMAT_VERSION = 1
+
+
+def save_levels(levels: Levels, path: str | PathLike[str]) -> None:
+    """See :meth:`segar.Levels.save`."""
+    target = Path(path)
+    text = json.dumps(_metadata(levels), indent=1).encode()
+    arrays = {name: getattr(levels, name) for name in LEVEL_ARRAYS}
+    arrays |= {"indices": levels.provenance.indices, "metadata": np.frombuffer(text, dtype=np.uint8)}
+    beside = target.with_name(f".{target.name}.{os.getpid()}.tmp")
+    try:
+        with open(beside, "wb") as file:
+            np.savez_compressed(file, **arrays)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(beside, target)
+    except OSError as error:
+        beside.unlink(missing_ok=True)
+        raise LevelError(
+            f"levels cannot be written to {target}: {error.strerror or error}; nothing was changed"
+        ) from error
+
+
+def load_levels(path: str | PathLike[str], world: Any = None) -> Levels:
+    """See :meth:`segar.Levels.load`."""
+    arrays, metadata = _read(Path(path))
+    if metadata.get("format") != FORMAT:
+        raise LevelError(f"{path} is not a level file")
+    if metadata["format_version"] > FORMAT_VERSION:
+        raise LevelError(f"{path} was written by a newer SEGAR ({metadata['version']}); this one cannot read it")
+    layout = _layout(metadata, str(path))
+    origin = metadata["provenance"]
+    provenance = Provenance(
+        origin["name"],
+        origin["distribution"],
+        metadata["version"],
+        origin["seed"],
+        origin["split"],
+        arrays.pop("indices"),
+    )
+    return Levels(layout=layout, **arrays, provenance=provenance, world=world)
+
+
+def _metadata(levels: Levels) -> dict[str, Any]:
+    layout, origin = levels.layout, levels.provenance
+    return {
+        "format": FORMAT,
+        "format_version": FORMAT_VERSION,
+        "version": origin.version,
+        "provenance": {
+            "name": origin.name,
+            "distribution": origin.distribution,
+            "seed": origin.seed,
+            "split": origin.split,
+        },
+        "slots": [
+            {"name": s.name, "types": [layout.types.index(t) for t in s.types], "optional": s.optional}
+            for s in layout.slots
+        ],
+        "types": [_class_address(t) for t in layout.types],
+        "factors": [_class_address(f) | {"width": f.width} for f in layout.factors],
+        "extra_parameters": [_class_address(p) for p in layout.extra_parameters],
+    }
+
+
+def _class_address(cls: type) -> dict[str, Any]:
+    return {"name": cls.__name__, "module": cls.__module__, "qualname": cls.__qualname__}
+
+
+def _read(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    if not path.exists():
+        raise LevelError(f"there is no level file {path}")
+    if not zipfile.is_zipfile(path):
+        raise LevelError(f"{path} is not a level file, or only part of one")
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            metadata = json.loads(archive["metadata"].tobytes())
+            arrays = {name: archive[name] for name in (*LEVEL_ARRAYS, "indices")}
+    except (zipfile.BadZipFile, zlib.error, KeyError, ValueError, EOFError, OSError) as error:
+        raise LevelError(f"{path} is not a level file, or only part of one: {error}") from error
+    return arrays, metadata
+
+
+def _layout(metadata: dict[str, Any], path: str) -> Layout:
+    types = [_find(address, _all_subclasses(Entity), "entity type", path) for address in metadata["types"]]
+    extra = [
+        _find(address, _all_subclasses(Factor), "world parameter", path) for address in metadata["extra_parameters"]
+    ]
+    slots = (Slot(s["name"], tuple(types[k] for k in s["types"]), s["optional"]) for s in metadata["slots"])
+    layout = Layout(tuple(slots), tuple(extra))
+    saved = [(f["name"], f["width"]) for f in metadata["factors"]]
+    here = [(f.__name__, f.width) for f in layout.factors]
+    if saved != here:
+        raise LevelError(
+            f"{path}: its entities have changed since it was written: it holds the factors"
+            f" {', '.join(name for name, _ in saved)}, and here they have {', '.join(name for name, _ in here)}"
+        )
+    return layout
+
+
+def _find(address: dict[str, Any], classes: Iterable[type], kind: str, path: str) -> type:
+    """The class of that module and name, else the only class of that name; the last defined one of several."""
+    classes = list(classes)
+    same_name = [c for c in classes if c.__name__ == address["name"]]
+    exact = [c for c in same_name if (c.__module__, c.__qualname__) == (address["module"], address["qualname"])]
+    if exact:
+        return exact[-1]
+    if len(same_name) == 1:
+        return same_name[0]
+    if same_name:
+        modules = ", ".join(sorted({c.__module__ for c in same_name}))
+        raise LevelError(
+            f"{path}: several {kind}s are called '{address['name']}' ({modules}), and none is that of"
+            f" {address['module']}; import that module before loading"
+        )
+    raise LevelError(
+        f"{path} holds the {kind} '{address['name']}', which is not defined; import {address['module']}, or define it,"
+        f" before loading.{did_you_mean(address['name'], [c.__name__ for c in classes])}"
+    )
+
+
+def _all_subclasses(cls: type) -> list[type]:
+    found: dict[type, None] = {}
+    for child in cls.__subclasses__():
+        found |= {child: None} | dict.fromkeys(_all_subclasses(child))
+    return list(found)

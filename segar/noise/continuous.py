@@ -1,0 +1,217 @@
+"""Laws on the line that have a density: Gaussian (clipped or not), uniform, log-uniform."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from segar.errors import PriorError
+from segar.noise.law import Noise, finite, fraction, interval
+
+SIGMAS = 10  # a Gaussian is integrated this far to either side: beyond lies a mass of 1e-23
+
+
+@dataclass(frozen=True, init=False, repr=False)
+class GaussianNoise(Noise):
+    """Gaussian with ``mean`` and standard deviation ``std``; ``clip=(low, high)`` moves draws outside to the ends.
+
+    A clipped Gaussian has an atom at each end. ``loc`` is the parameter ``mean``; the property ``mean`` is the mean of
+    the law, clipping included.
+    """
+
+    loc: float
+    std: float
+    clip: tuple[float, float] | None
+
+    def __init__(self, mean: float = 0.0, std: float = 0.1, clip: Sequence[float] | None = None) -> None:
+        finite(self, mean=mean, std=std)
+        if not std > 0:
+            raise PriorError(f"GaussianNoise: std must be positive, not {std!r}; for a constant give the value itself")
+        object.__setattr__(self, "loc", float(mean))
+        object.__setattr__(self, "std", float(std))
+        object.__setattr__(self, "clip", None if clip is None else interval(self, "clip", clip))
+
+    def sample(self, rng: Any, size: Any = None) -> Any:
+        x = rng.normal(self.loc, self.std, size)
+        return x if self.clip is None else np.clip(x, *self.clip)
+
+    def cdf(self, x: Any) -> Any:
+        from scipy.special import ndtr
+
+        low, high = self._ends
+        x = np.asarray(x, dtype=float)
+        p = ndtr((x - self.loc) / self.std)
+        return np.where(x < low, 0.0, np.where(x >= high, 1.0, p))[()]
+
+    def pdf(self, x: Any) -> Any:
+        low, high = self._ends
+        x = np.asarray(x, dtype=float)
+        return np.where((x > low) & (x < high), gauss((x - self.loc) / self.std) / self.std, 0.0)[()]
+
+    def icdf(self, q: Any) -> Any:
+        from scipy.special import ndtri
+
+        return np.clip(self.loc + self.std * ndtri(np.asarray(q, dtype=float)), *self._ends)[()]
+
+    @property
+    def mean(self) -> float:
+        return self.loc + self.std * self._moments[0]
+
+    @property
+    def var(self) -> float:
+        return self.std**2 * self._moments[1]
+
+    @property
+    def support(self) -> tuple[float, float]:
+        return self._ends
+
+    @property
+    def atoms(self) -> tuple[np.ndarray, np.ndarray]:
+        from scipy.special import ndtr
+
+        low, high = self._ends
+        masses = {x: float(ndtr(side)) for x, side in ((low, self._z[0]), (high, -self._z[1])) if math.isfinite(x)}
+        if low == high:
+            masses = {low: 1.0}
+        return np.array(list(masses)), np.array(list(masses.values()))
+
+    @property
+    def pieces(self) -> np.ndarray:
+        grid = self.loc + self.std * np.arange(-SIGMAS, SIGMAS + 1.0)
+        return np.unique(np.clip(grid, *self._ends))
+
+    def entropy(self) -> float:
+        from scipy.special import entr
+
+        inside, _, second = self._inside
+        density = inside * math.log(self.std * math.sqrt(2 * math.pi)) + second / 2
+        return float(density + entr(self.atoms[1]).sum())
+
+    @property
+    def _ends(self) -> tuple[float, float]:
+        return self.clip or (-math.inf, math.inf)
+
+    @property
+    def _z(self) -> tuple[float, float]:
+        """The clip's ends in standard deviations from ``loc``."""
+        return (self._ends[0] - self.loc) / self.std, (self._ends[1] - self.loc) / self.std
+
+    @cached_property
+    def _inside(self) -> tuple[float, float, float]:
+        """Mass between the ends, and the integrals there of z and z^2 against the standard density."""
+        from scipy.special import ndtr
+
+        a, b = self._z
+        if a == b:
+            return 0.0, 0.0, 0.0
+        inside = float(ndtr(b) - ndtr(a)) if a < 0 else float(ndtr(-a) - ndtr(-b))
+        edge = [0.0 if math.isinf(z) else z * float(gauss(z)) for z in (a, b)]
+        return inside, float(gauss(a) - gauss(b)), inside - edge[1] + edge[0]
+
+    @cached_property
+    def _moments(self) -> tuple[float, float]:
+        """Mean and variance of (x - loc) / std."""
+        _, first, second = self._inside
+        z = (self.atoms[0] - self.loc) / self.std
+        mean = first + float(z @ self.atoms[1])
+        return mean, second + float(z**2 @ self.atoms[1]) - mean**2
+
+
+@dataclass(frozen=True, repr=False)
+class UniformNoise(Noise):
+    """Uniform between ``low`` and ``high``."""
+
+    low: float
+    high: float
+
+    def __post_init__(self) -> None:
+        ends = interval(self, "its range", (self.low, self.high), strict=True)
+        object.__setattr__(self, "low", ends[0])
+        object.__setattr__(self, "high", ends[1])
+
+    def sample(self, rng: Any, size: Any = None) -> Any:
+        return rng.uniform(self.low, self.high, size)
+
+    def cdf(self, x: Any) -> Any:
+        return np.clip((np.asarray(x, dtype=float) - self.low) / (self.high - self.low), 0.0, 1.0)[()]
+
+    def pdf(self, x: Any) -> Any:
+        x = np.asarray(x, dtype=float)
+        return np.where((x >= self.low) & (x <= self.high), 1.0 / (self.high - self.low), 0.0)[()]
+
+    def icdf(self, q: Any) -> Any:
+        return (self.low + (self.high - self.low) * fraction(q))[()]
+
+    @property
+    def mean(self) -> float:
+        return (self.low + self.high) / 2
+
+    @property
+    def var(self) -> float:
+        return (self.high - self.low) ** 2 / 12
+
+    @property
+    def pieces(self) -> np.ndarray:
+        return np.array([self.low, self.high])
+
+    def entropy(self) -> float:
+        return math.log(self.high - self.low)
+
+
+@dataclass(frozen=True, repr=False)
+class LogUniform(Noise):
+    """The logarithm is uniform between ``log(low)`` and ``log(high)``."""
+
+    low: float
+    high: float
+
+    def __post_init__(self) -> None:
+        ends = interval(self, "its range", (self.low, self.high), strict=True)
+        if not ends[0] > 0:
+            raise PriorError(f"LogUniform: low must be positive, not {self.low!r}")
+        object.__setattr__(self, "low", ends[0])
+        object.__setattr__(self, "high", ends[1])
+
+    def sample(self, rng: Any, size: Any = None) -> Any:
+        return self.low * np.exp(self._span * rng.random(size))
+
+    def cdf(self, x: Any) -> Any:
+        x = np.clip(np.asarray(x, dtype=float), self.low, self.high)
+        return (np.log(x / self.low) / self._span)[()]
+
+    def pdf(self, x: Any) -> Any:
+        x = np.asarray(x, dtype=float)
+        inside = (x >= self.low) & (x <= self.high)
+        return np.where(inside, 1.0 / (np.where(inside, x, 1.0) * self._span), 0.0)[()]
+
+    def icdf(self, q: Any) -> Any:
+        return (self.low * np.exp(self._span * fraction(q)))[()]
+
+    @property
+    def mean(self) -> float:
+        return (self.high - self.low) / self._span
+
+    @property
+    def var(self) -> float:
+        return (self.high**2 - self.low**2) / (2 * self._span) - self.mean**2
+
+    @property
+    def pieces(self) -> np.ndarray:
+        return np.geomspace(self.low, self.high, max(2, math.ceil(self._span) + 1))
+
+    def entropy(self) -> float:
+        return math.log(self._span) + (math.log(self.low) + math.log(self.high)) / 2
+
+    @property
+    def _span(self) -> float:
+        return math.log(self.high / self.low)
+
+
+def gauss(z: Any) -> Any:
+    """Density of the standard Gaussian."""
+    return np.exp(-0.5 * np.square(z)) / math.sqrt(2 * math.pi)

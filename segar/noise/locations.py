@@ -1,0 +1,298 @@
+"""Laws on the plane: Gaussians, products of two laws on the line, and the twelve location priors.
+
+Locations keep a margin of 0.05 to the walls of the arena [-1, 1]^2; "quarter" boxes reach from the margin half of the
+way to the centre (the 2022 constants).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+
+from segar.errors import PriorError
+from segar.noise.continuous import GaussianNoise, UniformNoise
+from segar.noise.discrete import Deterministic
+from segar.noise.law import Noise, interval, shape_of
+from segar.noise.mixture import MixtureNoise
+
+LOW, HIGH = -0.95, 0.95  # [m] where centres may start
+QUARTER = 0.475  # [m] half of the way from the centre to HIGH
+RIM_LINES = (LOW, -QUARTER, 0.0, QUARTER)  # where the cells of the 4 x 4 grid begin
+GRID_QUANTILES = np.linspace(0.0, 1.0, 66)[1:-1]
+
+
+class PlaneNoise(Noise):
+    """A law on the plane."""
+
+    width: ClassVar[int] = 2
+
+    @property
+    def components(self) -> tuple[Noise, Noise] | None:
+        """The laws of x and of y where they are independent, else None."""
+        return None
+
+    @property
+    def grid(self) -> tuple[np.ndarray, np.ndarray]:
+        """Values of x and of y where ``cdf`` bends, and enough between them to see its shape."""
+        raise PriorError(f"{type(self).__name__} does not say where its cdf bends: define the property grid")
+
+    @property
+    def pieces(self) -> np.ndarray:
+        raise PriorError(f"{self!r} is a law on the plane; pieces are for laws on the line")
+
+
+class ProductNoise(PlaneNoise):
+    """A law on the plane whose x and y are independent; its sub-classes say ``components``."""
+
+    components: tuple[Noise, Noise]  # type: ignore[assignment]
+
+    def sample(self, rng: Any, size: Any = None) -> Any:
+        return np.stack([np.asarray(law.sample(rng, size), dtype=float) for law in self.components], axis=-1)
+
+    def cdf(self, x: Any) -> Any:
+        return self._each("cdf", x).prod(axis=-1)[()]
+
+    def pdf(self, x: Any) -> Any:
+        """Density of the law with respect to area; zero where a component is an atom."""
+        return self._each("pdf", x).prod(axis=-1)[()]
+
+    def pmf(self, x: Any) -> Any:
+        return self._each("pmf", x).prod(axis=-1)[()]
+
+    def log_prob(self, x: Any) -> Any:
+        """Sum of the components' log probabilities, each that of an atom or of a density."""
+        return self._each("log_prob", x).sum(axis=-1)[()]
+
+    @property
+    def mean(self) -> np.ndarray:
+        return np.array([law.mean for law in self.components])
+
+    @property
+    def var(self) -> np.ndarray:
+        return np.array([law.var for law in self.components])
+
+    @property
+    def support(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        return self.components[0].support, self.components[1].support
+
+    @property
+    def grid(self) -> tuple[np.ndarray, np.ndarray]:
+        x, y = (np.unique(np.append(law.pieces, law.icdf(GRID_QUANTILES))) for law in self.components)
+        return x, y
+
+    def entropy(self) -> float:
+        return sum(law.entropy() for law in self.components)
+
+    def _each(self, what: str, x: Any) -> np.ndarray:
+        x = np.asarray(x, dtype=float)
+        return np.stack([getattr(law, what)(x[..., i]) for i, law in enumerate(self.components)], axis=-1)
+
+
+@dataclass(frozen=True, repr=False)
+class Independent(ProductNoise):
+    """The law of a point whose ``x`` and ``y`` are drawn independently, each from its own law or constant."""
+
+    x: Any
+    y: Any
+
+    def __post_init__(self) -> None:
+        for name in ("x", "y"):
+            law = getattr(self, name)
+            law = law if isinstance(law, Noise) else Deterministic(law)
+            if law.width != 1:
+                raise PriorError(f"Independent: {name} must be a law on the line or a number, not {law!r}")
+            object.__setattr__(self, name, law)
+
+    @property
+    def components(self) -> tuple[Noise, Noise]:  # type: ignore[override]
+        return self.x, self.y
+
+
+@dataclass(frozen=True, init=False, repr=False)
+class GaussianNoise2D(PlaneNoise):
+    """Gaussian on the plane with ``mean``, and standard deviations ``std`` (one, or two) or covariance ``cov``.
+
+    ``clip=(low, high)`` moves each component outside to the end; it needs independent components.
+    ``loc`` is the parameter ``mean``; the property ``mean`` is the mean of the law, clipping included.
+    """
+
+    loc: tuple[float, float]
+    cov: tuple[tuple[float, float], tuple[float, float]]
+    clip: tuple[float, float] | None
+
+    def __init__(self, mean: Any = (0.0, 0.0), std: Any = None, cov: Any = None, clip: Any = None) -> None:
+        if std is not None and cov is not None:
+            raise PriorError("GaussianNoise2D takes std or cov, not both")
+        try:
+            loc = np.broadcast_to(np.asarray(mean, dtype=float), (2,))
+            spread = np.broadcast_to(np.asarray(0.1 if std is None else std, dtype=float), (2,))
+            matrix = np.diag(spread**2) if cov is None else np.asarray(cov, dtype=float).reshape(2, 2)
+        except (TypeError, ValueError):
+            raise PriorError(
+                f"GaussianNoise2D: mean and std are two numbers, cov a 2x2 matrix; not {mean!r}, {std!r}, {cov!r}"
+            ) from None
+        if not (np.isfinite(loc).all() and (spread > 0).all() and np.allclose(matrix, matrix.T)):
+            raise PriorError(f"GaussianNoise2D: mean must be finite, std positive, cov symmetric: {mean}, {std}, {cov}")
+        if not np.linalg.eigvalsh(matrix).min() > 0:
+            raise PriorError(f"GaussianNoise2D: the covariance {matrix.tolist()} is not positive definite")
+        if clip is not None and matrix[0, 1] != 0:
+            raise PriorError("GaussianNoise2D: clip needs independent components, and cov has a correlation")
+        object.__setattr__(self, "loc", tuple(loc.tolist()))
+        object.__setattr__(self, "cov", tuple(map(tuple, matrix.tolist())))
+        object.__setattr__(self, "clip", None if clip is None else interval(self, "clip", clip))
+
+    @cached_property
+    def components(self) -> tuple[Noise, Noise] | None:
+        return None if self.cov[0][1] else self._marginals
+
+    def sample(self, rng: Any, size: Any = None) -> Any:
+        shape = shape_of(size)
+        x = np.asarray(self.loc) + rng.standard_normal((*shape, 2)) @ np.linalg.cholesky(np.array(self.cov)).T
+        return x if self.clip is None else np.clip(x, *self.clip)
+
+    def cdf(self, x: Any) -> Any:
+        if self.components is not None:
+            return Independent(*self.components).cdf(x)
+        from scipy import stats
+
+        law: Any = stats.multivariate_normal(np.array(self.loc), np.array(self.cov))  # type: ignore[arg-type]
+        return law.cdf(np.asarray(x, dtype=float))
+
+    def pdf(self, x: Any) -> Any:
+        if self.components is not None:
+            return Independent(*self.components).pdf(x)
+        z = np.asarray(x, dtype=float) - self.loc
+        square = np.einsum("...i,ij,...j->...", z, np.linalg.inv(np.array(self.cov)), z)
+        return (np.exp(-0.5 * square) / (2 * math.pi * math.sqrt(np.linalg.det(np.array(self.cov)))))[()]
+
+    def pmf(self, x: Any) -> Any:
+        return super().pmf(x) if self.components is None else Independent(*self.components).pmf(x)
+
+    def log_prob(self, x: Any) -> Any:
+        return super().log_prob(x) if self.components is None else Independent(*self.components).log_prob(x)
+
+    @property
+    def mean(self) -> np.ndarray:
+        return Independent(*self._marginals).mean
+
+    @property
+    def var(self) -> np.ndarray:
+        return Independent(*self._marginals).var
+
+    @property
+    def support(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        return Independent(*self._marginals).support
+
+    @property
+    def grid(self) -> tuple[np.ndarray, np.ndarray]:
+        return Independent(*self._marginals).grid
+
+    def entropy(self) -> float:
+        if self.components is not None:
+            return Independent(*self.components).entropy()
+        return math.log(2 * math.pi * math.e) + 0.5 * math.log(np.linalg.det(np.array(self.cov)))
+
+    @cached_property
+    def _marginals(self) -> tuple[Noise, Noise]:
+        x, y = (GaussianNoise(self.loc[i], math.sqrt(self.cov[i][i]), self.clip) for i in range(2))
+        return x, y
+
+
+class BoxLocation(ProductNoise):
+    """Uniform in the box ``x_range`` x ``y_range`` (metres); the named locations below are such boxes."""
+
+    x_range: ClassVar[tuple[float, float]]
+    y_range: ClassVar[tuple[float, float]]
+
+    @cached_property
+    def components(self) -> tuple[Noise, Noise]:  # type: ignore[override]
+        return UniformNoise(*self.x_range), UniformNoise(*self.y_range)
+
+    def __eq__(self, other: object) -> bool:
+        return type(self) is type(other)
+
+    def __hash__(self) -> int:
+        return hash(type(self))
+
+
+class RandomUniformLocation(BoxLocation):
+    x_range = y_range = (LOW, HIGH)
+
+
+class RandomMiddleLocation(BoxLocation):
+    x_range = y_range = (-QUARTER, QUARTER)
+
+
+class RandomTopLocation(BoxLocation):
+    x_range, y_range = (LOW, HIGH), (QUARTER, HIGH)
+
+
+class RandomBottomLocation(BoxLocation):
+    x_range, y_range = (LOW, HIGH), (LOW, -QUARTER)
+
+
+class RandomLeftLocation(BoxLocation):
+    x_range, y_range = (LOW, -QUARTER), (LOW, HIGH)
+
+
+class RandomRightLocation(BoxLocation):
+    x_range, y_range = (QUARTER, HIGH), (LOW, HIGH)
+
+
+class RandomTopRightLocation(BoxLocation):
+    x_range, y_range = (QUARTER, HIGH), (QUARTER, HIGH)
+
+
+class RandomTopLeftLocation(BoxLocation):
+    x_range, y_range = (LOW, -QUARTER), (QUARTER, HIGH)
+
+
+class RandomBottomRightLocation(BoxLocation):
+    x_range, y_range = (QUARTER, HIGH), (LOW, -QUARTER)
+
+
+class RandomBottomLeftLocation(BoxLocation):
+    x_range, y_range = (LOW, -QUARTER), (LOW, -QUARTER)
+
+
+@dataclass(frozen=True, repr=False)
+class CenterLocation(ProductNoise):
+    """The centre of the arena."""
+
+    @property
+    def components(self) -> tuple[Noise, Noise]:  # type: ignore[override]
+        return Deterministic(0.0), Deterministic(0.0)
+
+
+@dataclass(frozen=True, repr=False)
+class RandomEdgeLocation(MixtureNoise, PlaneNoise):
+    """Uniform in the rim: the 12 outer cells of a 4 x 4 grid over [-0.95, 0.95]^2."""
+
+    weights: ClassVar[tuple[float, ...]] = (1.0 / 12,) * 12
+
+    def sample(self, rng: Any, size: Any = None) -> Any:
+        corner = np.asarray(_rim_corners())[rng.integers(12, size=size)]
+        return corner + QUARTER * rng.random((*shape_of(size), 2))
+
+    @cached_property
+    def laws(self) -> tuple[Noise, ...]:  # type: ignore[override]
+        return tuple(Independent(UniformNoise(x, x + QUARTER), UniformNoise(y, y + QUARTER)) for x, y in _rim_corners())
+
+    def entropy(self) -> float:
+        return math.log(12 * QUARTER**2)
+
+    @property
+    def grid(self) -> tuple[np.ndarray, np.ndarray]:
+        lines = np.array([*RIM_LINES, HIGH])
+        return lines, lines
+
+
+def _rim_corners() -> Sequence[tuple[float, float]]:
+    """Lower left corners of the 12 outer cells."""
+    outer = (LOW, QUARTER)
+    return [(x, y) for x in RIM_LINES for y in RIM_LINES if x in outer or y in outer]

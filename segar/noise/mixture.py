@@ -1,0 +1,111 @@
+"""Mixtures: one of several laws, by given probabilities."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from segar.errors import PriorError
+from segar.noise.continuous import GaussianNoise
+from segar.noise.law import Noise, probabilities
+
+
+class MixtureNoise(Noise):
+    """A draw from one of ``laws``, chosen by ``weights``; its sub-classes say which."""
+
+    laws: tuple[Noise, ...]
+    weights: tuple[float, ...]
+
+    @property
+    def width(self) -> int:  # type: ignore[override]
+        return self.laws[0].width
+
+    def sample(self, rng: Any, size: Any = None) -> Any:
+        component = np.asarray(rng.choice(len(self.laws), size=size, p=self.weights))
+        draws = np.stack([np.asarray(law.sample(rng, size), dtype=float) for law in self.laws])
+        pick = component[None, ..., None] if self.width == 2 else component[None]
+        return np.take_along_axis(draws, pick, axis=0)[0][()]
+
+    def cdf(self, x: Any) -> Any:
+        return sum(w * law.cdf(x) for law, w in self._parts)
+
+    def pdf(self, x: Any) -> Any:
+        return sum(w * law.pdf(x) for law, w in self._parts)
+
+    def pmf(self, x: Any) -> Any:
+        return sum(w * law.pmf(x) for law, w in self._parts)
+
+    @property
+    def mean(self) -> Any:
+        return sum(w * law.mean for law, w in self._parts)
+
+    @property
+    def var(self) -> Any:
+        return sum(w * (law.var + (law.mean - self.mean) ** 2) for law, w in self._parts)
+
+    @property
+    def support(self) -> Any:
+        ends = np.array([law.support for law, _ in self._parts])
+        low, high = ends[..., 0].min(axis=0), ends[..., 1].max(axis=0)
+        return tuple(zip(low.tolist(), high.tolist(), strict=True)) if self.width == 2 else (float(low), float(high))
+
+    @property
+    def atoms(self) -> tuple[np.ndarray, np.ndarray]:
+        values = np.concatenate([law.atoms[0] for law, _ in self._parts])
+        masses = np.concatenate([w * law.atoms[1] for law, w in self._parts])
+        if not len(values):
+            return values, masses
+        distinct, place = np.unique(values, axis=0, return_inverse=True)
+        return distinct, np.bincount(place.ravel(), weights=masses, minlength=len(distinct))
+
+    @property
+    def pieces(self) -> np.ndarray:
+        return np.unique(np.concatenate([law.pieces for law, _ in self._parts]))
+
+    @cached_property
+    def _parts(self) -> tuple[tuple[Noise, float], ...]:
+        return tuple((law, w) for law, w in zip(self.laws, self.weights, strict=True) if w > 0)
+
+
+@dataclass(frozen=True, repr=False)
+class Mixture(MixtureNoise):
+    """One of any ``laws`` (all on the line, or all on the plane), by ``weights`` (equal ones if None)."""
+
+    laws: Sequence[Noise]  # type: ignore[assignment]
+    weights: Sequence[float] | None = None  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        laws = tuple(self.laws)
+        if not laws or not all(isinstance(law, Noise) for law in laws) or len({law.width for law in laws}) != 1:
+            raise PriorError(f"Mixture needs laws that are all on the line or all on the plane, not {laws!r}")
+        object.__setattr__(self, "laws", laws)
+        object.__setattr__(self, "weights", probabilities(self, self.weights, len(laws)))
+
+
+@dataclass(frozen=True, repr=False)
+class GaussianMixtureNoise(MixtureNoise):
+    """A mixture of Gaussians with ``means`` and standard deviations ``stds``, by ``pvals`` (equal ones if None)."""
+
+    means: Sequence[float]
+    stds: Sequence[float]
+    pvals: Sequence[float] | None = None
+
+    def __post_init__(self) -> None:
+        means, stds = tuple(float(m) for m in self.means), tuple(float(s) for s in self.stds)
+        if not means or len(means) != len(stds):
+            raise PriorError(
+                f"GaussianMixtureNoise: {len(means)} means and {len(stds)} stds; give one of each per part"
+            )
+        object.__setattr__(self, "means", means)
+        object.__setattr__(self, "stds", stds)
+        object.__setattr__(self, "pvals", probabilities(self, self.pvals, len(means)))
+        object.__setattr__(self, "laws", tuple(GaussianNoise(m, s) for m, s in zip(means, stds, strict=True)))
+        object.__setattr__(self, "weights", self.pvals)
+
+    def sample(self, rng: Any, size: Any = None) -> Any:
+        component = rng.choice(len(self.means), size=size, p=self.pvals)
+        return np.asarray(self.means)[component] + np.asarray(self.stds)[component] * rng.standard_normal(size)
