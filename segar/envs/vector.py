@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import weakref
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -25,6 +26,8 @@ from segar.world import World
 if TYPE_CHECKING:
     from segar.levels import Levels
 
+MAX_BUFFERS = 4  # observation arrays that are kept for use again
+UNSHARED = 3  # reference count of an array that only the list of buffers, the loop and getrefcount hold
 OBSERVATIONS = {"state": StateVector, "rgb": Pixels}
 
 
@@ -115,7 +118,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self._ended = np.empty(num_envs, np.int64)
         self._any_level = np.full(num_envs, -1)
         self._outcome = Outcome.empty(num_envs)
-        self._buffer: np.ndarray | None = None
+        self._buffers: list[np.ndarray] = []
+        self._final_buffers: list[tuple[np.ndarray, np.ndarray]] = []
         self._held: weakref.ref[Factors] | None = None
         self._started = False
         self._now = Snapshot(
@@ -243,10 +247,25 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         return out
 
     def _output(self) -> np.ndarray:
+        """An array for observations that nobody else holds: fresh memory costs as much as drawing into it."""
+        for buffer in self._buffers:
+            if not self.copy or sys.getrefcount(buffer) == UNSHARED:
+                return buffer
         space = self.single_observation_space
-        if self.copy or self._buffer is None:
-            self._buffer = np.empty((self.num_envs, *space.shape), space.dtype)
-        return self._buffer
+        self._buffers = [*self._buffers[-(MAX_BUFFERS - 1) :], np.empty((self.num_envs, *space.shape), space.dtype)]
+        return self._buffers[-1]
+
+    def _final_output(self, rows: np.ndarray) -> np.ndarray:
+        """An array for final observations, zero but for ``rows``, that nobody else holds."""
+        for index, (buffer, filled) in enumerate(self._final_buffers):
+            if sys.getrefcount(buffer) == UNSHARED:
+                buffer[filled] = 0
+                self._final_buffers[index] = (buffer, rows)
+                return buffer
+        space = self.single_observation_space
+        fresh = (np.zeros((self.num_envs, *space.shape), space.dtype), rows)
+        self._final_buffers = [*self._final_buffers[-(MAX_BUFFERS - 1) :], fresh]
+        return fresh[0]
 
     def _info(self, success: np.ndarray, death: np.ndarray) -> dict[str, Any]:
         now = self._now
@@ -268,7 +287,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         now = self._now
         mask = np.zeros(self.num_envs, np.bool_)
         mask[ended] = True
-        final_obs = np.zeros(observations.shape, observations.dtype)
+        final_obs = self._final_output(ended)
         final_obs[ended] = observations[ended]
         arrays = {
             "level": now.state.level,

@@ -20,7 +20,8 @@ ARENA_WIDTH = 2.0
 # Columns of ``columns[type]``: where a type keeps what the kernel reads; -1 where it lacks the factor.
 POSITION, SIZE, VISIBLE, ORDER, MOBILE, TINT = range(6)
 
-_options = {"nogil": True, "cache": True, "error_model": "numpy"}
+# Nothing here allocates, so numba's reference counting of arrays, which costs as much as the drawing, is off.
+_options = {"nogil": True, "cache": True, "error_model": "numpy", "_nrt": False}
 
 
 def disc_spans(resolution: int) -> np.ndarray:
@@ -40,14 +41,28 @@ def disc_spans(resolution: int) -> np.ndarray:
     return spans
 
 
+def edge_lines(vertices: np.ndarray, counts: np.ndarray) -> np.ndarray:
+    """Edges of convex counter-clockwise polygons as lines, float64 ``[..., k, 3]``: (a, b, c) with a x + b y + c the
+    distance from (x, y) to the line of edge k, positive inside.
+
+    Args:
+        vertices: float64 ``[..., k, 2]``; counts: int ``[...]``, how many of them count.
+    """
+    room = vertices.shape[-2]
+    following = (np.arange(room) + 1) % np.maximum(counts, 1)[..., None]
+    step = np.take_along_axis(vertices, following[..., None], axis=-2) - vertices
+    length = np.sqrt((step**2).sum(-1))
+    normal = np.stack([-step[..., 1], step[..., 0]], axis=-1) / np.where(length > 0, length, 1.0)[..., None]
+    return np.concatenate([normal, -(normal * vertices).sum(-1, keepdims=True)], axis=-1)
+
+
 @njit(**_options)
 def paint_backgrounds(
-    values, level, mask, types, kinds, vertex_counts, vertices, columns, is_floor, tints, spans, floor_words,
-    background_words, backgrounds,
+    values, level, mask, types, kinds, vertex_counts, vertices, edges, columns, is_floor, tints, spans, floor_words,
+    background_words, backgrounds, chosen,
 ):  # fmt: skip
     """Paint the floor and its tiles for each environment in ``mask``: highest Order first, so the lowest is on top."""
     words = background_words.shape[1]
-    chosen = np.empty(types.shape[1], np.int64)
     for env in range(values.shape[0]):
         if not mask[env]:
             continue
@@ -56,19 +71,18 @@ def paint_backgrounds(
         n = sort_by_order(values, env, types, level[env], columns, is_floor, True, chosen)
         for k in range(n - 1, -1, -1):
             stamp(
-                values, env, level[env], chosen[k], types, kinds, vertex_counts, vertices, columns, tints, spans, True,
+                values, env, level[env], chosen[k], types, kinds, vertex_counts, vertices, edges, columns, tints, spans, True,
                 backgrounds,
             )  # fmt: skip
 
 
 @njit(**_options)
 def draw_frames(
-    values, level, rows, types, kinds, vertex_counts, vertices, columns, is_floor, tints, spans,
-    background_words, frame_words, frames,
+    values, level, rows, types, kinds, vertex_counts, vertices, edges, columns, is_floor, tints, spans,
+    background_words, frame_words, frames, chosen,
 ):  # fmt: skip
     """Copy each environment's background into ``frames[rows]`` and stamp its objects: highest Order on top."""
     words = background_words.shape[1]
-    chosen = np.empty(types.shape[1], np.int64)
     for row in range(len(rows)):
         env = rows[row]
         # A loop over 64-bit words: numba turns a slice assignment into something 30 times slower.
@@ -77,7 +91,7 @@ def draw_frames(
         n = sort_by_order(values, env, types, level[env], columns, is_floor, False, chosen)
         for k in range(n):
             stamp(
-                values, env, level[env], chosen[k], types, kinds, vertex_counts, vertices, columns, tints, spans, False,
+                values, env, level[env], chosen[k], types, kinds, vertex_counts, vertices, edges, columns, tints, spans, False,
                 frames,
             )  # fmt: skip
 
@@ -111,7 +125,9 @@ def order_of(values, env, entity, column):
 
 
 @njit(**_options)
-def stamp(values, env, level, entity, types, kinds, vertex_counts, vertices, columns, tints, spans, is_tile, frames):
+def stamp(
+    values, env, level, entity, types, kinds, vertex_counts, vertices, edges, columns, tints, spans, is_tile, frames
+):
     """Draw one entity, if it has a finite place; tiles always have an outline, others if they are mobile."""
     kind = types[level, entity]
     x = values[env, entity, columns[kind, POSITION]]
@@ -134,7 +150,20 @@ def stamp(values, env, level, entity, types, kinds, vertex_counts, vertices, col
             stamp_disc(x, y, diameter / 2, red, green, blue, outlined, spans, frames, env)
     elif kinds[level, entity] == HULL:
         stamp_hull(
-            x, y, vertices, vertex_counts, level, entity, red, green, blue, outlined, spans.shape[0] - 1, frames, env
+            x,
+            y,
+            vertices,
+            edges,
+            vertex_counts,
+            level,
+            entity,
+            red,
+            green,
+            blue,
+            outlined,
+            spans.shape[0] - 1,
+            frames,
+            env,
         )
 
 
@@ -168,7 +197,9 @@ def fill(frames, env, row, first, last, red, green, blue, resolution):
 
 
 @njit(**_options)
-def stamp_hull(x, y, vertices, vertex_counts, level, entity, red, green, blue, outlined, resolution, frames, env):
+def stamp_hull(
+    x, y, vertices, edges, vertex_counts, level, entity, red, green, blue, outlined, resolution, frames, env
+):
     """Fill the pixels whose world point lies in a convex polygon; those within one pixel of an edge are its outline."""
     scale = resolution / ARENA_WIDTH
     left, right, bottom, top = np.inf, -np.inf, np.inf, -np.inf
@@ -184,21 +215,12 @@ def stamp_hull(x, y, vertices, vertex_counts, level, entity, red, green, blue, o
         py = (resolution - row) / scale + ARENA_LOW - y
         for column in range(first_column, last_column + 1):
             px = column / scale + ARENA_LOW - x
-            depth = distance_inside(px, py, vertices, vertex_counts, level, entity) * scale
+            depth = np.inf
+            for k in range(vertex_counts[level, entity]):
+                d = edges[level, entity, k, 0] * px + edges[level, entity, k, 1] * py + edges[level, entity, k, 2]
+                depth = min(depth, d)
+            depth *= scale
             if depth >= 1.0 or (depth >= 0.0 and not outlined):
                 fill(frames, env, row, column, column, red, green, blue, resolution)
             elif depth >= 0.0:
                 fill(frames, env, row, column, column, np.uint8(0), np.uint8(0), np.uint8(0), resolution)
-
-
-@njit(**_options)
-def distance_inside(px, py, vertices, vertex_counts, level, entity):
-    """Distance from a point to the nearest edge line of a convex counter-clockwise polygon; negative outside."""
-    nearest = np.inf
-    count = vertex_counts[level, entity]
-    for k in range(count):
-        m = k + 1 if k + 1 < count else 0
-        ax, ay = vertices[level, entity, k, 0], vertices[level, entity, k, 1]
-        ex, ey = vertices[level, entity, m, 0] - ax, vertices[level, entity, m, 1] - ay
-        nearest = min(nearest, (ex * (py - ay) - ey * (px - ax)) / math.sqrt(ex * ex + ey * ey))
-    return nearest

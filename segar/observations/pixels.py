@@ -61,6 +61,7 @@ class BoundPixels:
             levels.shape_kind,
             levels.vertex_count,
             levels.vertices,
+            pixel_kernel.edge_lines(levels.vertices, levels.vertex_count),
             _columns(levels.layout, pixels),
             np.array([Floor in t.declared for t in types]),
             _tints(levels.layout, pixels),
@@ -72,14 +73,28 @@ class BoundPixels:
     def begin(self, values: np.ndarray, level: np.ndarray, mask: np.ndarray) -> None:
         """Paint the backgrounds of the environments where ``mask`` is true from their states and levels."""
         pixel_kernel.paint_backgrounds(
-            values, level, mask, *self._scene, self._floor, self._backgrounds.view(np.uint64), self._backgrounds
+            values,
+            level,
+            mask,
+            *self._scene,
+            self._floor,
+            self._backgrounds.view(np.uint64),
+            self._backgrounds,
+            np.empty(self._scene[0].shape[1], np.int64),
         )
 
     def write(self, values: np.ndarray, level: np.ndarray, out: np.ndarray, rows: np.ndarray) -> None:
         """Draw the frames of environments ``rows`` (int64) into ``out``, uint8 ``[env, resolution, resolution, 3]``, C-contiguous."""
         frames = out.reshape(len(out), -1)
         pixel_kernel.draw_frames(
-            values, level, rows, *self._scene, self._backgrounds.view(np.uint64), frames.view(np.uint64), frames
+            values,
+            level,
+            rows,
+            *self._scene,
+            self._backgrounds.view(np.uint64),
+            frames.view(np.uint64),
+            frames,
+            np.empty(self._scene[0].shape[1], np.int64),
         )
 
 

@@ -1,0 +1,70 @@
+"""Every registered id keeps Gymnasium's contract."""
+
+from __future__ import annotations
+
+import warnings
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+import segar
+
+IDS = sorted(id_ for id_ in gymnasium.registry if id_.startswith("Segar-"))
+
+
+def make(id_: str, **options):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # Gymnasium takes v1 for a newer version of v0
+        return gymnasium.make(id_, **options)
+
+
+def test_all_families_are_registered_in_both_observations_and_versions() -> None:
+    expected = {f"Segar-{f}-{o}-{v}" for f in segar.families() for o in ("rgb", "state") for v in ("v0", "v1")}
+    assert len(segar.families()) == 21 and expected <= set(IDS)
+
+
+@pytest.mark.parametrize("id_", IDS)
+def test_the_environment_checker_passes(id_: str) -> None:
+    env = make(id_, num_levels=3, render_mode="rgb_array")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(env.unwrapped)
+
+
+def test_v1_rewards_minus_the_distance_and_v0_its_square() -> None:
+    rewards = []
+    for version in ("v0", "v1"):
+        env = make(f"Segar-empty-medium-state-{version}", num_levels=5, seed=0)
+        env.reset(options={"level": 2})
+        rewards.append(env.step(np.array([0.3, 0.1], np.float32))[1])
+    assert rewards[0] == pytest.approx(-(rewards[1] ** 2))
+
+
+def test_make_vec_gives_the_native_batch() -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        env = gymnasium.make_vec(
+            "Segar-empty-hard-state-v0", num_envs=6, num_levels=5, vectorization_mode="vector_entry_point"
+        )
+    assert isinstance(env.unwrapped, segar.envs.VectorEnv)
+    assert env.reset(seed=0)[0].shape == (6, 16)
+
+
+def test_train_and_test_splits_share_no_level() -> None:
+    train, test = (make("Segar-empty-hard-state-v0", num_levels=50, split=s).unwrapped.levels for s in ("train", "test"))
+    assert not (train.values[:, None, :2] == test.values[None, :, :2]).all(axis=(2, 3), where=~np.isnan(train.values[:1, None, :2])).any()
+
+
+def test_a_single_environment_is_the_batched_one_without_the_batch_axis() -> None:
+    levels = segar.family("objectsx1-hard").sample(5, seed=0)
+    single, batch = segar.envs.Env(levels), segar.envs.VectorEnv(levels, 1)
+    assert np.array_equal(single.reset(seed=3)[0], batch.reset(seed=3)[0][0])
+    for _ in range(40):
+        action = single.action_space.sample()
+        one, many = single.step(action), batch.step(action[None])
+        assert one[1] == many[1][0] and one[2] == many[2][0] and one[3] == many[3][0]
+        if one[2] or one[3]:
+            break
+        np.testing.assert_array_equal(one[0], many[0][0])

@@ -1,0 +1,214 @@
+"""The batched environment: reproducible to the bit, complete at the end of episodes, clear about bad input."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode
+
+import segar
+from segar.envs import VectorEnv
+
+LEVELS = segar.family("objectsx1-hard").sample(20, seed=0)
+STEPS = 120
+
+
+def roll(env: VectorEnv, steps: int = STEPS, rows: int | None = None) -> list[np.ndarray]:
+    """Observations, rewards and ends of a rollout whose action for environment e does not depend on the batch."""
+    trail = [env.reset(seed=5)[0]]
+    for step in range(steps):
+        actions = np.stack([np.random.default_rng((step, e)).uniform(-1, 1, 2) for e in range(env.num_envs)])
+        observations, reward, terminated, truncated, info = env.step(actions.astype(np.float32))
+        trail += [observations, reward, terminated, truncated, info["level"], info["return"]]
+    return [a[:rows] for a in trail]
+
+
+def same(a: list[np.ndarray], b: list[np.ndarray]) -> bool:
+    return len(a) == len(b) and all(np.array_equal(x, y) for x, y in zip(a, b, strict=True))
+
+
+@pytest.mark.parametrize("observation", ["state", "rgb"])
+def test_an_environment_does_the_same_in_a_batch_of_1_64_and_1024(observation: str) -> None:
+    steps = 60
+    one, many, most = (roll(VectorEnv(LEVELS, n, observation=observation), steps, rows=1) for n in (1, 64, 1024))
+    assert same(one, many) and same(one, most)
+
+
+def test_two_threads_give_the_same_bits_as_one() -> None:
+    assert same(roll(VectorEnv(LEVELS, 64)), roll(VectorEnv(LEVELS, 64, num_threads=2)))
+
+
+def test_levels_that_were_saved_and_loaded_give_the_same_bits(tmp_path) -> None:
+    LEVELS.save(tmp_path / "levels.npz")
+    loaded = segar.Levels.load(tmp_path / "levels.npz")
+    assert same(roll(VectorEnv(LEVELS, 8)), roll(VectorEnv(loaded, 8)))
+
+
+def test_the_same_seed_starts_the_same_episodes_and_another_seed_others() -> None:
+    env = VectorEnv(LEVELS, 64)
+    first = env.reset(seed=1)[1]["level"]
+    assert np.array_equal(first, env.reset(seed=1)[1]["level"])
+    assert not np.array_equal(first, env.reset(seed=2)[1]["level"])
+
+
+def test_levels_are_drawn_uniformly() -> None:
+    env = VectorEnv(LEVELS, 4000)
+    counts = np.bincount(env.reset(seed=0)[1]["level"], minlength=len(LEVELS))
+    chi2 = ((counts - 200) ** 2 / 200).sum()
+    assert chi2 < 43.8  # 99.9% quantile with 19 degrees of freedom
+
+
+def test_reset_starts_the_levels_that_it_is_told() -> None:
+    env = VectorEnv(LEVELS, 20)
+    wanted = np.arange(20)[::-1].copy()
+    _, info = env.reset(options={"levels": wanted})
+    assert np.array_equal(info["level"], wanted)
+    start = LEVELS.values[wanted][:, :, LEVELS.layout.columns[segar.Mass]]
+    np.testing.assert_array_equal(info["factors"]["Mass"], start)
+
+
+def test_same_step_autoreset_tells_the_end_of_an_episode_and_the_start_of_the_next() -> None:
+    env = VectorEnv(LEVELS, 32, seed=0, max_steps=7)
+    env.reset()
+    total = np.zeros(32)
+    for _ in range(7):
+        observations, reward, terminated, truncated, info = env.step(np.zeros((32, 2), np.float32))
+        total += np.where(terminated, 0.0, reward)
+    ended = truncated
+    assert ended.sum() >= 28 and np.array_equal(info["_final_info"], terminated | truncated)
+    np.testing.assert_allclose(info["final_info"]["return"][ended], total[ended])
+    assert (info["final_info"]["length"][ended] == 7).all()
+    assert (info["length"][ended] == 0).all() and (info["return"][ended] == 0).all()
+    assert not np.array_equal(info["final_obs"][ended], observations[ended])
+    fresh = VectorEnv(LEVELS, 32).reset(options={"levels": info["level"]})[0]
+    np.testing.assert_array_equal(observations[ended], fresh[ended])
+
+
+def test_disabled_autoreset_goes_on_until_a_masked_reset() -> None:
+    env = VectorEnv(LEVELS, 4, seed=0, max_steps=3, autoreset_mode=AutoresetMode.DISABLED)
+    env.reset()
+    for _ in range(3):
+        _, _, _, truncated, info = env.step(np.zeros((4, 2), np.float32))
+    assert truncated.all() and "final_obs" not in info
+    mask = np.array([True, False, False, True])
+    _, info = env.reset(options={"reset_mask": mask})
+    assert np.array_equal(info["length"] == 0, mask)
+
+
+def test_time_out_is_truncation_and_arrival_is_termination_and_success() -> None:
+    levels = segar.family("empty-easy").sample(4, seed=0)
+    env = VectorEnv(levels, 4, seed=0, autoreset_mode=AutoresetMode.DISABLED)
+    env.reset()
+    for _ in range(100):
+        _, _, terminated, truncated, info = env.step(np.zeros((4, 2), np.float32))
+    assert truncated.all() and not terminated.any() and not info["success"].any()
+    env.reset()
+    ball, goal = (levels.layout.slot_index(name) for name in ("golfball", "goal"))
+    arrived = np.zeros(4, bool)
+    for _ in range(60):
+        factors = env._info(arrived, arrived)["factors"]  # a proportional controller
+        gap = factors["Position"][:, goal] - factors["Position"][:, ball]
+        _, _, terminated, truncated, info = env.step(3 * gap - 0.5 * factors["Velocity"][:, ball])
+        arrived |= terminated & info["success"]
+    assert arrived.all()
+
+
+def test_actions_are_clipped_to_their_range() -> None:
+    env = VectorEnv(LEVELS, 2, seed=0)
+    env.reset(options={"levels": np.array([3, 3])})
+    observations, *_ = env.step(np.array([[1, -1], [7, -50]], np.float32))
+    np.testing.assert_array_equal(observations[0], observations[1])
+
+
+def test_a_restored_snapshot_repeats_the_future_to_the_bit() -> None:
+    env = VectorEnv(LEVELS, 16, seed=0)
+    env.reset()
+    actions = np.random.default_rng(0).uniform(-1, 1, (60, 16, 2)).astype(np.float32)
+    snapshot = env.state()
+    first = [env.step(a)[:2] for a in actions]
+    env.restore(snapshot)
+    second = [env.step(a)[:2] for a in actions]
+    assert all(same(list(a), list(b)) for a, b in zip(first, second, strict=True))
+
+
+def test_an_intervention_changes_one_factor_of_the_chosen_environments() -> None:
+    env = VectorEnv(LEVELS, 4, seed=0)
+    _, info = env.reset()
+    before = info["factors"]["Mass"]
+    mask = np.array([True, False, False, True])
+    env.intervene("golfball", segar.Mass, 2.0, where=mask)
+    after = env._info(mask, mask)["factors"]["Mass"]
+    assert (after[mask, 0] == 2.0).all()
+    np.testing.assert_array_equal(after[~mask], before[~mask])
+
+
+def test_factors_of_an_earlier_step_stay_as_they_were() -> None:
+    env = VectorEnv(LEVELS, 4, seed=0)
+    _, info = env.reset()
+    expected = info["factors"]["Position"]
+    env.step(np.ones((4, 2), np.float32))
+    np.testing.assert_array_equal(info["factors"]["Position"], expected)
+
+
+def test_arrays_of_an_earlier_step_are_not_overwritten() -> None:
+    env = VectorEnv(LEVELS, 4, seed=0)
+    env.reset()
+    kept = [a for a in env.step(np.ones((4, 2), np.float32))[:4]]
+    copies = [a.copy() for a in kept]
+    for _ in range(5):
+        env.step(np.ones((4, 2), np.float32))
+    assert same(kept, copies)
+
+
+@pytest.mark.parametrize("name", ["empty-hard", "objectsx3-hard", "tilesx3-hard", "puttputt"])
+def test_observations_are_finite_and_shaped_by_the_distribution_not_the_sample(name: str) -> None:
+    shapes = set()
+    for seed in (0, 1):
+        env = VectorEnv(segar.family(name).sample(3, seed=seed), 8, seed=seed)
+        observations, _ = env.reset()
+        shapes.add(observations.shape)
+        for _ in range(30):
+            observations = env.step(env.action_space.sample())[0]
+            assert np.isfinite(observations).all()
+    assert len(shapes) == 1
+
+
+@pytest.mark.parametrize(
+    ("actions", "words"),
+    [
+        (np.zeros((3, 2)), r"shape \(4, 2\), not \(3, 2\)"),
+        (np.zeros(2), r"shape \(4, 2\), not \(2,\)"),
+        (np.array([[0, 0], [0, 0], [np.nan, 0], [0, 0]]), "environment 2 is not finite"),
+    ],
+)
+def test_a_bad_action_is_an_error_that_says_where(actions: np.ndarray, words: str) -> None:
+    env = VectorEnv(LEVELS, 4, seed=0)
+    env.reset()
+    with pytest.raises(segar.ActionError, match=words):
+        env.step(actions)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"levels": np.array([0, 99, 0, 0])}, "must lie in 0..19"),
+        ({"levels": np.array([0, 1])}, r"shape \(4,\)"),
+        ({"lewels": np.zeros(4, int)}, "Did you mean 'levels'"),
+    ],
+)
+def test_bad_reset_options_are_errors(options: dict, words: str) -> None:
+    with pytest.raises(segar.LevelError, match=words):
+        VectorEnv(LEVELS, 4, seed=0).reset(options=options)
+
+
+def test_misspelt_names_get_the_nearest_right_one() -> None:
+    env = VectorEnv(LEVELS, 1, seed=0)
+    _, info = env.reset()
+    with pytest.raises(segar.LevelError, match="Did you mean 'Mass'"):
+        info["factors"]["Mas"]
+    with pytest.raises(segar.LevelError, match="Did you mean 'golfball'"):
+        env.intervene("golfbal", segar.Mass, 1.0)
+    with pytest.raises(segar.SegarError, match="Did you mean 'state'"):
+        VectorEnv(LEVELS, 1, observation="stat")
+    with pytest.raises(segar.SegarError, match="Did you mean 'linear'"):
+        segar.puttputt("liner")
