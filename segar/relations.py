@@ -11,9 +11,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from segar.engine.signature import EntityView, Signature, read_signature, symbolic_arguments, where
-from segar.engine.symbols import Symbol, make
+from segar.engine.symbols import Symbol, make, walk
 from segar.engine.trace import Leaf, Tree, trace, truth_leaf
 from segar.entities import Entity, Thing
+from segar.errors import RuleError
 from segar.factors import ID, Factor, Label
 
 SPECIFICITY_PLAIN = 1  # any relation that is not an equality; the other numbers rank equalities (2022: rules)
@@ -65,8 +66,10 @@ def as_relation(function: Any, specificity: int = SPECIFICITY_PLAIN) -> Relation
     if isinstance(function, Relation):
         return function
     signature = read_signature(function, returns_effects=False)
-    tree = trace(function, symbolic_arguments(signature), truth_leaf, where(function))
-    return Relation(function, signature, truth_of(tree), specificity)
+    truth = truth_of(trace(function, symbolic_arguments(signature), truth_leaf, where(function)))
+    if any(s.op == "draw" for s in walk(truth)):
+        raise RuleError(f"{where(function)}: a relation cannot draw random numbers; draw them in the rule")
+    return Relation(function, signature, _where_it_applies(signature, truth), specificity)
 
 
 def truth_of(tree: Tree) -> Symbol:
@@ -78,12 +81,24 @@ def truth_of(tree: Tree) -> Symbol:
     return (tree.condition & yes) | (~tree.condition & no)
 
 
+def _where_it_applies(signature: Signature, truth: Symbol) -> Symbol:
+    """The truth, and that the entities are what the relation takes and hold what it reads: else it does not hold."""
+    for index, pattern in enumerate(signature.entities):
+        loads = [s.args[1] for s in walk(truth) if s.op == "load" and s.args[0] == index]
+        kind = None if pattern.entity_type is Entity else pattern.entity_type
+        factors = tuple(dict.fromkeys((*pattern.factors, *loads)))
+        if factors or kind is not None:
+            truth = make("relation", ("needs", factors, kind), index, index) & truth
+    return truth
+
+
 def _combine(how: str, a: Relation, b: Relation, specificity: int) -> Relation:
     def combined(*_: Any) -> Any:
         raise NotImplementedError("a combined relation is evaluated by its parts")
 
     combined.__name__ = f"({a.name} {how} {b.name})"
-    return Relation(combined, a.signature, make(how, a.truth, b.truth), specificity, (a, b))
+    signature = max(a.signature, b.signature, key=lambda s: len(s.entities))
+    return Relation(combined, signature, make(how, a.truth, b.truth), specificity, (a, b))
 
 
 def is_equal(factor: type[Factor], value: Any) -> Relation:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -187,11 +187,11 @@ class _Run:
     def _gather(self, stage: str, rules: list[Rule], takes: Takes) -> dict[tuple[int, int], list[tuple[Rule, Effect]]]:
         """What the rules say on each (slot, column), in order of rules and entities."""
         gathered: dict[tuple[int, int], list[tuple[Rule, Effect]]] = {}
-        for number, rule in enumerate(rules):
+        for rule in rules:
             for slots in self.scene.tuples(own_needs(rule)):
                 if rule.relation is not None and not self._related(rule.relation, slots):
                     continue
-                effects = self._call(rule, slots, site=self._site(rule, number))
+                effects = self._call(rule, slots)
                 taken = tuple(e for e in effects if takes(rule, e))
                 for effect in taken:
                     slot = slots[effect.target.argument]
@@ -242,17 +242,17 @@ class _Run:
         except _Lacking:
             return False
 
-    def _call(self, rule: Rule, slots: tuple[int, ...], site: int = -1, wall: Vector | None = None) -> list[Effect]:
+    def _call(self, rule: Rule, slots: tuple[int, ...], wall: Vector | None = None) -> list[Effect]:
         """The effects of a rule on these entities."""
-        returned = self._value(rule, slots, site, wall)
+        returned = self._value(rule, slots, wall)
         effects = returned if isinstance(returned, (tuple, list)) else (returned,)
         return [e for e in effects if e is not None]
 
-    def _value(self, rule: Rule, slots: tuple[int, ...], site: int = -1, wall: Vector | None = None) -> Any:
-        """What the rule's function returns for these entities; ``site`` numbers the rule in the key of its draws."""
+    def _value(self, rule: Rule, slots: tuple[int, ...], wall: Vector | None = None) -> Any:
+        """What the rule's function returns for these entities."""
         draws = itertools.count()
         random._uniform_source.append(
-            lambda: keyed_uniform(self.scene.key, self.scene.tick, site * 256 + next(draws), slots)
+            lambda: keyed_uniform(self.scene.key, self.scene.tick, self._site(rule) * 256 + next(draws), slots)
         )
         try:
             return rule.function(*self._arguments(rule.signature, slots, wall))
@@ -270,12 +270,12 @@ class _Run:
 
         return [build_argument(a, signature, read, ask) for a in signature.arguments]
 
-    def _site(self, rule: Rule, number: int) -> int:
-        """Place of a rule in the order that keys its draws: the world's rules, the limit, contacts, the action."""
-        if rule is self.functions.act:
-            extra = (self.world.limit, self.world.wall_contact, self.world.pair_contact)
-            return len(self.world.rules) + sum(r is not None for r in extra)
-        return len(self.world.rules) if rule is self.world.limit else number
+    def _site(self, rule: Rule) -> int:
+        """Place of a rule in the order that keys its draws: the world's rules, the limit, contacts, then the task's."""
+        world, task = self.world, self.functions
+        order = [*world.rules, world.limit, world.wall_contact, world.pair_contact]
+        order += [task.act, task.reward, task.terminated, task.success, task.death]
+        return [r for r in order if r is not None].index(rule)
 
     def _note(self, stage: str, rule: Rule, slots: tuple[int, ...], effects: tuple[Effect, ...]) -> None:
         if self.explain and effects:
@@ -327,10 +327,7 @@ class _Run:
         return [self._value(rule, slots) for slots in self.scene.tuples(own_needs(rule))]
 
 
-@lru_cache(maxsize=1024)
-def own_needs(rule: Rule) -> tuple[Needs, ...]:
-    """What each entity of the rule must have. What its relation asks for is the relation's own affair."""
-    return needs_of(replace(rule, relation=None))
+own_needs = lru_cache(maxsize=1024)(needs_of)
 
 
 class _Lacking(SegarError):

@@ -1,7 +1,7 @@
 """Layout, rules and task -> the source of one module that steps a batch of environments.
 
-The module is self-contained: constants of the layout, the geometry of :mod:`segar.engine.device`, and the functions that
-the rules became. Nothing in it depends on sampled values, so all level sets of a distribution share it.
+The module is self-contained: constants of the layout, the geometry of :mod:`segar.engine.device`, and the functions
+that the rules became. Nothing in it depends on sampled values, so all level sets of a distribution share it.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from segar.engine import device
 from segar.engine.emit import Writer, bind
 from segar.engine.layout import Layout, Slot
 from segar.engine.signature import Action
-from segar.engine.spec import Group, Matcher, Needs, needs_of, symbols_of
+from segar.engine.spec import Group, Matcher, Needs, needs_of, outcomes_of, relation_mask, static_relation, symbols_of
 from segar.engine.stages import (
     VARIABLES,
     Stage,
@@ -28,7 +28,6 @@ from segar.engine.stages import (
     condition,
     match_test,
     over_group,
-    static_relation,
 )
 from segar.engine.symbols import Symbol
 from segar.engine.trace import Branch, Outcome, Tree
@@ -49,7 +48,6 @@ INLINE_DECORATOR = '@njit(error_model="numpy", nogil=True, _nrt=False, forceinli
 STATE = "V, W, U, bits, kind, count, vertex, hull_radius, P, A, key, tick, err"
 
 COLLIDES = Needs((Collides, Position, Velocity), None)
-MOVES = Needs((Position, Velocity), None)
 
 
 @dataclass(frozen=True)
@@ -109,7 +107,7 @@ class _Builder:
         columns = self.layout.columns
         floors, floor_bits = self._slots(Needs((Floor, Position), None))
         colliders, collider_bits = self._slots(COLLIDES)
-        movers, _ = self._slots(MOVES)
+        movers = sorted(s for g in self._moving() for s in g.slots)
         slots = ", ".join(
             f"{s.name}: {'|'.join(t.__name__ for t in s.types)}{'?' if s.optional else ''}" for s in self.layout.slots
         )
@@ -137,8 +135,6 @@ COLLIDER_BITS = {collider_bits}
 
     def functions(self) -> str:
         world, body = self.world, list(enumerate(self.world.rules))
-        first = [(n, r) for n, r in body if not r.changes <= {Position, Velocity}]
-        second = [(n, r) for n, r in body if any(issubclass(f, Velocity) for f in r.changes)]
         third = self._position_rules()
         limit = [(len(body), world.limit)] if world.limit is not None else []
         parts = [
@@ -148,17 +144,17 @@ COLLIDER_BITS = {collider_bits}
             self._wall_function(),
             self._pair_function(),
             self._stage("act", [(len(self.rules) - 1, self.task.act)], lambda r, o: True, scale="1.0"),
-            self._stage("stage_factors", first, lambda r, o: _stage_of(o) == 1 or r.recheck),
-            self._stage("stage_velocity", second, lambda r, o: _stage_of(o) == 2 or r.recheck),
+            self._stage("stage_factors", body, lambda r, o: _stage_of(o) == 1 or (r.recheck and _stage_of(o) != 3)),
+            self._stage("stage_velocity", body, lambda r, o: _stage_of(o) == 2 or (r.recheck and _stage_of(o) != 3)),
             self._stage("stage_limit", limit, lambda r, o: True),
             self._stage("stage_position", third, lambda r, o: _stage_of(o) == 3 and o.kind is not Differential),
             self._stage("find_rates", third, lambda r, o: _stage_of(o) == 3, rates=True),
             self._translate(),
             self._contact_test(),
-            self._value("reward_of", self.task.reward, "0.0", "total += {}"),
-            self._value("terminated_of", self.task.terminated, "False", "total = total or {}"),
-            self._value("success_of", self.task.success, "False", "total = total or {}"),
-            self._value("death_of", self.task.death, "False", "total = total or {}"),
+            self._value("reward_of", self.task.reward, len(self.rules), "0.0", "total += {}"),
+            self._value("terminated_of", self.task.terminated, len(self.rules) + 1, "False", "total = total or {}"),
+            self._value("success_of", self.task.success, len(self.rules) + 2, "False", "total = total or {}"),
+            self._value("death_of", self.task.death, len(self.rules) + 3, "False", "total = total or {}"),
             _ENTRY.format(
                 decorator=ENTRY_DECORATOR,
                 low=list(self.task.action_low),
@@ -188,11 +184,10 @@ COLLIDER_BITS = {collider_bits}
 
     def _translate(self) -> str:
         with self._function("advance_positions(V, U, bits, dt)", inline=True) as w:
-            for group in self.matcher.groups:
-                if self.matcher.match(group, MOVES) is not None:
-                    with over_group(w, group, "i"):
-                        w.line("V[i, X] += U[i, 0] * dt")
-                        w.line("V[i, X + 1] += U[i, 1] * dt")
+            for group in self._moving():
+                with over_group(w, group, "i"):
+                    w.line("V[i, X] += U[i, 0] * dt")
+                    w.line("V[i, X + 1] += U[i, 1] * dt")
         return self._text(w)
 
     def _contact_test(self) -> str:
@@ -227,7 +222,17 @@ COLLIDER_BITS = {collider_bits}
             w.line(f"p{index} = P[{index}]")
 
     def _position_rules(self) -> list[tuple[int, Rule]]:
-        return [(n, r) for n, r in enumerate(self.world.rules) if any(issubclass(f, Position) for f in r.changes)]
+        numbered = enumerate(self.world.rules)
+        return [(n, r) for n, r in numbered if any(_stage_of(o) == 3 for o in outcomes_of(r.tree))]
+
+    def _moving(self) -> list[Group]:
+        """Slots whose position some rule changes."""
+        stage = Stage(self.matcher, self._position_rules(), lambda r, o: _stage_of(o) == 3, rates=True)
+        return [
+            g
+            for g in stage.groups
+            if any(self.matcher.match(g, a.needs[a.target]) is not None for a in stage.applications)
+        ]
 
     def _rates(self) -> str:
         rules = self._position_rules()
@@ -248,6 +253,7 @@ COLLIDER_BITS = {collider_bits}
             if self.world.pair_contact is None or rule is None:
                 w.line(f"return {self.world.pair_contact is not None}")
             else:
+                self._refuse_draws(rule)
                 self._return_value(w, rule)
         return self._text(w)
 
@@ -259,7 +265,8 @@ COLLIDER_BITS = {collider_bits}
                 w.line("return True")
             else:
                 column = self.matcher.column(group, Mobile)
-                w.line(f"return {both(match_test('i', mask), f'V[i, {column}] != 0.0')}")
+                lacks = f"not ({match_test('i', mask)}) or " if mask else ""
+                w.line(f"return {lacks}V[i, {column}] != 0.0")
         return self._text(w)
 
     def _wall_function(self) -> str:
@@ -285,6 +292,8 @@ COLLIDER_BITS = {collider_bits}
     def _assign(self, w: Writer, rule: Rule, variables: tuple[str, ...]) -> None:
         """Run a contact rule on given bodies and set what it says, all at once."""
         self._refuse_draws(rule)
+        if rule.relation is not None:
+            raise RuleError(f"{rule.where}: a contact rule cannot have a relation; test inside the rule")
         group = self._colliders()
         if group is None:
             w.line("pass")
@@ -328,13 +337,13 @@ COLLIDER_BITS = {collider_bits}
 
     # -- the task ------------------------------------------------------------------------------------------------
 
-    def _value(self, name: str, rule: Rule, start: str, add: str) -> str:
+    def _value(self, name: str, rule: Rule, number: int, start: str, add: str) -> str:
         """A function of the state: evaluated for every tuple of entities that matches, and accumulated."""
         with self._function(f"{name}({STATE})", inline=True) as w:
             self._parameters(w)
             w.line(f"total = {start}")
             needs = needs_of(rule)
-            found = self._nest(w, rule, needs, VARIABLES[: len(needs)], {}, add)
+            found = self._nest(w, rule, needs, VARIABLES[: len(needs)], {}, add, number)
             w.line("return total")
         if needs and not found:
             wanted = [n.entity_type.__name__ if n.entity_type else str([f.__name__ for f in n.factors]) for n in needs]
@@ -344,10 +353,12 @@ COLLIDER_BITS = {collider_bits}
             )
         return self._text(w)
 
-    def _nest(self, w: Writer, rule: Rule, needs: Any, variables: Any, groups: dict[str, Group], add: str) -> bool:
+    def _nest(
+        self, w: Writer, rule: Rule, needs: Any, variables: Any, groups: dict[str, Group], add: str, number: int
+    ) -> bool:
         if len(groups) == len(needs):
             w.groups = dict(groups)
-            self._value_tree(w, rule.tree, variables, add)
+            self._value_tree(w, rule.tree, variables, add, number)
             return True
         variable, need, found = variables[len(groups)], needs[len(groups)], False
         for group in self.matcher.groups:
@@ -356,18 +367,18 @@ COLLIDER_BITS = {collider_bits}
                 continue
             apart = [f"{variable} != {v}" for v, g in groups.items() if g is group]
             with over_group(w, group, variable), condition(w, both(match_test(variable, mask), *apart)):
-                found |= self._nest(w, rule, needs, variables, {**groups, variable: group}, add)
+                found |= self._nest(w, rule, needs, variables, {**groups, variable: group}, add, number)
         return found
 
-    def _value_tree(self, w: Writer, tree: Tree, variables: tuple[str, ...], add: str) -> None:
+    def _value_tree(self, w: Writer, tree: Tree, variables: tuple[str, ...], add: str, number: int = 0) -> None:
         if isinstance(tree, Branch):
-            with w.block(f"if {w.value(bind(tree.condition, variables, 0))}:"):
-                self._value_tree(w, tree.yes, variables, add)
+            with w.block(f"if {w.value(bind(tree.condition, variables, number))}:"):
+                self._value_tree(w, tree.yes, variables, add, number)
             with w.block("else:"):
-                self._value_tree(w, tree.no, variables, add)
+                self._value_tree(w, tree.no, variables, add, number)
             return
         assert tree.value is not None
-        w.line(add.format(w.value(bind(tree.value, variables, 0))))
+        w.line(add.format(w.value(bind(tree.value, variables, number))))
 
     def _return_value(self, w: Writer, rule: Rule) -> None:
         """Return a truth-valued function of entity ``i``, which is any body that collides."""
@@ -416,7 +427,7 @@ COLLIDER_BITS = {collider_bits}
     def _relation(self, w: Writer, symbol: Symbol) -> str:
         what, a, b = symbol.args
         if not isinstance(what, str):
-            mask = self.matcher.text(w.groups[a], what[1], what[2])
+            mask = relation_mask(self.matcher, what, w.groups[a])
             return "False" if mask is None else match_test(a, mask) or "True"
         static = static_relation(self.matcher, symbol, w.groups)
         if static is not None:
@@ -425,7 +436,9 @@ COLLIDER_BITS = {collider_bits}
         if what == "overlaps":
             return f"over({shapes})"
         top = "top_i" if a == "i" else f"topmost(V, bits, kind, count, vertex, hull_radius, {a})"
-        return f"{top} == {b}" if what == "is_on" else f"{top} == {b} and within({shapes})"
+        is_floor = self.matcher.match(w.groups[a], Needs((Floor,), None))
+        off_floor = f"not ({match_test(a, is_floor)})" if is_floor else ""
+        return both(f"{top} == {b}", off_floor, f"within({shapes})" if what == "contains" else "")
 
     def _slots(self, needs: Needs) -> tuple[list[int], int]:
         """Slots that may match, and the mask to test (over all of them, so that one mask serves)."""
@@ -488,8 +501,8 @@ def advance(start, stop, sub_steps, with_task, values, level, level_bits, level_
             stage_factors({state}, dt)
             stage_velocity({state}, dt)
             stage_limit({state}, dt)
-            stage_position({state}, dt)
             find_rates({state}, dt)
+            stage_position({state}, dt)
             advance_positions(V, U, bits, dt)
             if may_touch(V, bits, kind, hull_radius):
                 hits, jammed = resolve(V, U, bits, kind, hull_radius, P, dt)

@@ -14,13 +14,11 @@ from typing import Any
 import numpy as np
 
 from segar.engine.layout import Layout, Slot, holds
-from segar.engine.signature import Pattern
-from segar.engine.symbols import Symbol
+from segar.engine.symbols import Symbol, make, walk
 from segar.engine.trace import Branch, Leaf, Tree
 from segar.entities import Entity
 from segar.errors import RuleError
-from segar.factors import Factor
-from segar.relations import Relation
+from segar.factors import Factor, Floor, Position
 from segar.rule import Rule
 
 PRESENT = ("present", None, None)
@@ -131,7 +129,10 @@ class Matcher:
 
 @dataclass(frozen=True)
 class Needs:
-    """All that an entity must have to be an argument of a rule: the pattern's factors and those that the body reads."""
+    """All that an entity must have to be an argument of a rule: the pattern's factors and those that the body reads.
+
+    What a relation asks for is not among them: where an entity lacks it, the relation does not hold.
+    """
 
     factors: tuple[type[Factor], ...]
     entity_type: type[Entity] | None
@@ -143,27 +144,50 @@ def needs_of(rule: Rule) -> tuple[Needs, ...]:
     for symbol in symbols_of(rule.tree):
         if symbol.op == "load":
             read[symbol.args[0]].setdefault(symbol.args[1])
-    patterns: list[Pattern] = list(rule.signature.entities)
-    types = [p.entity_type for p in patterns]
-    if rule.relation is not None:
-        for symbol in walk(rule.relation.truth):
-            if symbol.op == "load":
-                read[symbol.args[0]].setdefault(symbol.args[1])
-        for index, kind in relation_types(rule.relation):
-            types[index] = kind if types[index] is None else types[index]
     for outcome in outcomes_of(rule.tree):
         read[outcome.argument].setdefault(outcome.factor)
+    types = [p.entity_type for p in rule.signature.entities]
     return tuple(Needs(tuple(f), t) for f, t in zip(read, types, strict=True))
 
 
-def relation_types(relation: Relation) -> list[tuple[int, type[Entity]]]:
-    """(entity index, entity class) for each entity that a relation asks to be of a class with factors."""
-    found = [
-        (i, p.entity_type) for i, p in enumerate(relation.signature.entities) if p.entity_type not in (None, Entity)
-    ]
-    for part in relation.parts:
-        found += relation_types(part)
-    return found  # type: ignore[return-value]
+def settle(matcher: Matcher, symbol: Symbol, groups: dict[str, Group]) -> Symbol:
+    """A bound relation's truth with all parts replaced by True or False that the groups alone decide."""
+    if symbol.op == "not":
+        part = settle(matcher, symbol.args[0], groups)
+        return make("const", not part.args[0]) if part.op == "const" else ~part
+    if symbol.op in ("and", "or"):
+        ends = symbol.op == "or"  # the truth that decides alone
+        parts = [settle(matcher, s, groups) for s in symbol.args]
+        if any(p.op == "const" and p.args[0] is ends for p in parts):
+            return make("const", ends)
+        open_ = [p for p in parts if p.op != "const"]
+        return make("const", not ends) if not open_ else open_[0] if len(open_) == 1 else make(symbol.op, *open_)
+    answer = static_relation(matcher, symbol, groups)
+    return symbol if answer is None else make("const", answer)
+
+
+def static_relation(matcher: Matcher, symbol: Symbol, groups: dict[str, Group]) -> bool | None:
+    """The truth of a bound relation symbol if the groups alone decide it."""
+    if symbol.op != "relation":
+        return None
+    what, a, b = symbol.args
+    if not isinstance(what, str):
+        mask = relation_mask(matcher, what, groups[a])
+        return None if mask else mask is not None
+    floor, place = Needs((Floor,), None), Needs((Position,), None)
+    if what == "is_on" and matcher.match(groups[b], place) is None:
+        return True
+    if what in ("is_on", "contains"):
+        on_floor = matcher.match(groups[b], floor) is not None
+        is_floor = all(Floor in t.declared for t in groups[a].types)
+        return None if on_floor and not is_floor and matcher.match(groups[a], place) is not None else False
+    return None if all(matcher.match(groups[v], place) is not None for v in (a, b)) else False
+
+
+def relation_mask(matcher: Matcher, what: tuple, group: Group) -> int | None:
+    """As :meth:`Matcher.match`, for the part of a relation that an entity's type decides: its text, or what it has."""
+    kind, *details = what
+    return matcher.text(group, *details) if kind == "text" else matcher.match(group, Needs(*details))
 
 
 def symbols_of(tree: Tree) -> list[Symbol]:
@@ -189,15 +213,3 @@ def outcomes_of(tree: Tree) -> list[Any]:
     if isinstance(tree, Leaf):
         return list(tree.outcomes)
     return outcomes_of(tree.yes) + outcomes_of(tree.no)
-
-
-def walk(symbol: Symbol) -> list[Symbol]:
-    """The symbol and all that it is computed from, each once."""
-    seen: dict[Symbol, None] = {}
-    stack = [symbol]
-    while stack:
-        node = stack.pop()
-        if node not in seen:
-            seen[node] = None
-            stack += [a for a in node.args if isinstance(a, Symbol)]
-    return list(seen)

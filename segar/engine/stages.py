@@ -10,12 +10,13 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 from segar.effects import Aggregate, Differential, SetFactor
 from segar.engine.emit import Writer, bind
 from segar.engine.layout import Slot, holds
-from segar.engine.spec import Group, Matcher, Needs, needs_of, outcomes_of, symbols_of, walk
-from segar.engine.symbols import Symbol
+from segar.engine.spec import Group, Matcher, Needs, needs_of, outcomes_of, relation_mask, settle, symbols_of
+from segar.engine.symbols import Symbol, walk
 from segar.engine.trace import Branch, Leaf, Outcome, Tree
 from segar.errors import ConflictError, RuleError
 from segar.factors import Factor, Floor, Order, Position, Size
@@ -69,14 +70,15 @@ class Stage:
 
     def _indistinct_groups(self) -> tuple[Group, ...]:
         """Slots that match alike and keep what they hold in the same columns share a loop: less source, same result."""
-        needs = [n for a in self.applications for n in a.needs] + [Needs((Floor, Position), None)]
-        texts = {
-            s.args[0][1:]
+        needs = [n for a in self.applications for n in a.needs]
+        needs += [Needs((Floor, Position), None), Needs((Floor,), None), Needs((Position,), None)]
+        by_type = dict.fromkeys(
+            s.args[0]
             for a in self.applications
             for s in application_symbols(a)
             if s.op == "relation" and not isinstance(s.args[0], str)
-        }
-        factors = {f for n in needs for f in n.factors}
+        )
+        factors = {f for n in needs for f in n.factors} | {f for what in by_type if what[0] == "needs" for f in what[1]}
 
         def key(slot: Slot) -> tuple:
             group = Group((0,), slot.types, slot.optional)
@@ -84,7 +86,7 @@ class Stage:
             floors = tuple(Floor in t.declared for t in slot.types)
             return (
                 tuple(self.matcher.match(group, n) for n in needs),
-                tuple(self.matcher.text(group, f, v) for f, v in sorted(texts, key=repr)),
+                tuple(relation_mask(self.matcher, what, group) for what in by_type),
                 held,
                 all(floors),
                 slot.optional,
@@ -112,7 +114,7 @@ class Stage:
         factors = self._factors(group, mine)
         self._check_static(group, mine)
         self.disputed = self._find_disputed(group, mine)
-        for column, (name, width, kinds) in factors.items():
+        for column, (_, width, kinds) in factors.items():
             if Aggregate in kinds:
                 w.line(f"agg_{column} = False")
             if Differential in kinds:
@@ -125,6 +127,7 @@ class Stage:
                 w.line(f"set_{column} = -1")
                 if column in self.disputed:
                     w.line(f"by_{column} = -1")
+                    w.line(f"rival_{column} = -1")
         if any(self._asks_topmost(a, group) for a, _ in mine):
             self._write_topmost(w)
         unary: dict[str, list[Application]] = defaultdict(list)
@@ -202,8 +205,10 @@ class Stage:
         for a in applications:
             tree = bind_tree(a.rule.tree, a)
             if a.rule.relation is not None:
-                truth = bind(a.rule.relation.truth, a.variables, a.number)
-                if static_relation(self.matcher, truth, groups) is not True:
+                truth = settle(self.matcher, bind(a.rule.relation.truth, a.variables, a.number), groups)
+                if truth.op == "const" and not truth.args[0]:
+                    continue
+                if truth.op != "const":
                     tree = Branch(truth, tree, Leaf())
             trees.append((a, tree))
         self._merge(w, trees, groups["i"])
@@ -248,10 +253,11 @@ class Stage:
                 w.line(f"sx_{column + c} = {value}")
             if column in self.disputed:
                 w.line(f"by_{column} = {a.number}")
+                w.line(f"rival_{column} = -1")
         if column in self.disputed:
             differs = " or ".join(f"sx_{column + c} != {value}" for c, value in enumerate(values))
             with w.block(f"elif set_{column} == {priority} and ({differs}):"):
-                w.line(f"err[0], err[1], err[2], err[3], err[4] = 1, i, {column}, by_{column}, {a.number}")
+                w.line(f"rival_{column} = {a.number}")
 
     def _fold(self, w: Writer, group: Group, factors: dict) -> list:
         if self.rates:
@@ -259,6 +265,9 @@ class Stage:
             return []
         buffered = []
         for column, (factor, width, kinds) in factors.items():
+            if SetFactor in kinds and column in self.disputed:
+                with w.block(f"if rival_{column} >= 0:"):
+                    w.line(f"err[0], err[1], err[2], err[3], err[4] = 1, i, {column}, by_{column}, rival_{column}")
             buffer = "W" if factor in self.shared else "V"
             if buffer == "W":
                 buffered.append((group, column, width))
@@ -306,7 +315,7 @@ class Stage:
                     if o.kind is SetFactor and self.takes(a.rule, o):
                         setters[(o.factor, a.rule.priority)].append((a, o))
         for (factor, _), found in setters.items():
-            for (a, first), (b, second) in zip(found, found[1:], strict=False):
+            for (a, first), (b, second) in pairwise(found):
                 # Symbols are interned: the same expression is the same object.
                 if any(p is not q for p, q in zip(first.components, second.components, strict=True)):
                     raise ConflictError(
@@ -363,8 +372,8 @@ class Stage:
         """Whether the relation is false for all entities of these groups."""
         if a.rule.relation is None:
             return False
-        truth = bind(a.rule.relation.truth, a.variables, a.number)
-        return static_relation(self.matcher, truth, groups) is False
+        truth = settle(self.matcher, bind(a.rule.relation.truth, a.variables, a.number), groups)
+        return truth.op == "const" and not truth.args[0]
 
 
 def bind_tree(tree: Tree, a: Application) -> Tree:
@@ -381,24 +390,6 @@ def bind_tree(tree: Tree, a: Application) -> Tree:
 def application_symbols(a: Application) -> list[Symbol]:
     """All symbols of a rule and its relation."""
     return symbols_of(a.rule.tree) + (walk(a.rule.relation.truth) if a.rule.relation is not None else [])
-
-
-def static_relation(matcher: Matcher, symbol: Symbol, groups: dict[str, Group]) -> bool | None:
-    """The truth of a bound relation symbol if the groups alone decide it."""
-    if symbol.op == "and":
-        parts = [static_relation(matcher, s, groups) for s in symbol.args]
-        return False if False in parts else (True if parts == [True, True] else None)
-    if symbol.op != "relation" or not isinstance(symbol.args[0], str):
-        return None
-    what, a, b = symbol.args
-    floor, place = Needs((Floor,), None), Needs((Position,), None)
-    if what == "is_on" and matcher.match(groups[b], place) is None:
-        return True
-    if what in ("is_on", "contains"):
-        on_floor = matcher.match(groups[b], floor) is not None
-        is_floor = all(Floor in t.declared for t in groups[a].types)
-        return None if on_floor and not is_floor and matcher.match(groups[a], place) is not None else False
-    return None if all(matcher.match(groups[v], place) is not None for v in (a, b)) else False
 
 
 @contextmanager
@@ -435,4 +426,8 @@ def both(*tests: str) -> str:
 
 
 def _family(factor: type[Factor]) -> set[type[Factor]]:
-    return {factor, *factor.__subclasses__()} | {b for b in factor.__mro__ if issubclass(b, Factor)}
+    return _descendants(factor) | {b for b in factor.__mro__ if issubclass(b, Factor)}
+
+
+def _descendants(factor: type[Factor]) -> set[type[Factor]]:
+    return {factor}.union(*map(_descendants, factor.__subclasses__()))

@@ -157,8 +157,8 @@ class Symbol:
 
     def __float__(self) -> float:
         raise RuleError(
-            "a factor's value is not known while the rule is compiled, so float(), int(), math.* and numpy cannot use it;"
-            " use arithmetic, or segar.sqrt, exp, log, sin, cos, tanh, arctan2, minimum, maximum, where"
+            "a factor's value is not known while the rule is compiled, so float(), int(), math.* and numpy cannot use"
+            " it; use arithmetic, or segar.sqrt, exp, log, sin, cos, tanh, arctan2, minimum, maximum, where"
         )
 
     __int__ = __index__ = __complex__ = __float__  # type: ignore[assignment]
@@ -193,6 +193,18 @@ def make(op: str, *args: Any) -> Any:
         symbol.op, symbol.args = op, args
         _interned[key] = symbol
     return symbol
+
+
+def walk(symbol: Symbol) -> list[Symbol]:
+    """The symbol and all that it is computed from, each once."""
+    seen: dict[Symbol, None] = {}
+    stack = [symbol]
+    while stack:
+        node = stack.pop()
+        if node not in seen:
+            seen[node] = None
+            stack += [a for a in node.args if isinstance(a, Symbol)]
+    return list(seen)
 
 
 def as_symbol(value: Any) -> Symbol:
@@ -232,7 +244,7 @@ def evaluate(op: str, values: list[Any]) -> Any:
         case "pow":
             return float(Number(a) ** b)
     x = Number(a)
-    if op in _ARITHMETIC:
+    if op in _ARITHMETIC and b is not None:
         return float(_ARITHMETIC[op](x, Number(b)))
     if op in _COMPARISON:
         return bool(_COMPARISON[op](float(x), float(values[1])))
