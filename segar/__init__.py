@@ -1,7 +1,7 @@
 """SEGAR: a sandbox for research on generalization in reinforcement learning.
 
-Entities, factors, rules and priors make level distributions; levels are sampled from them, simulated by a kernel that is
-compiled from the rules, and measured. See README.md for a first run.
+Entities, factors, rules and priors make level distributions; levels are sampled from them, simulated by a kernel that
+is compiled from the rules, and measured. See README.md for a first run.
 """
 
 from segar import envs, metrics, noise, random, tasks
@@ -95,7 +95,7 @@ from segar.values import arctan2, cos, exp, log, maximum, minimum, sin, sqrt, ta
 from segar.version import __version__
 from segar.world import World
 
-__all__ = [  # noqa: PLE0604 - the names of entities and noises are listed where they are defined
+__all__ = [
     *_entity_names,
     *_noise_names,
     "DEFAULT_RULES",

@@ -6,8 +6,10 @@ An entity type is a class whose annotations name its factors; a class inherits i
         temperature: Temperature = 300.0
 """
 
+# pyright: reportAssignmentType=false
 from __future__ import annotations
 
+import inspect
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar
@@ -72,15 +74,19 @@ class Entity:
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
         cls.declared = dict(cls.__base__.declared)  # type: ignore[union-attr]
-        for name, hint in cls.__dict__.get("__annotations__", {}).items():
+        own = set()
+        for name, hint in inspect.get_annotations(cls).items():
             factor = _resolve(hint, cls) if isinstance(hint, str) else hint
             if not (isinstance(factor, type) and issubclass(factor, Factor)):
                 continue  # an ordinary attribute such as a ClassVar
             value = cls.__dict__.get(name, None)
+            own.add(factor)
             try:
                 cls.declared[factor] = factor.default if value is None else factor.check(value)
             except FactorError as error:
                 raise FactorError(f"entity {cls.__name__}.{name}: {error}") from None
+        if Size in own and Shape not in own and isinstance(cls.declared.get(Shape), Circle):
+            cls.declared[Shape] = Circle(cls.declared[Size])  # the inherited circle gets the new size
 
     def __init__(self, factors: Mapping[type[Factor], Any] | None = None) -> None:
         self.factors: dict[type[Factor], Any] = dict(self.declared)
@@ -252,7 +258,8 @@ class ThingFactory:
         return iter(self.types)
 
     def __repr__(self) -> str:
-        return f"ThingFactory({{{', '.join(f'{t.__name__}: {p:g}' for t, p in zip(self.types, self.probabilities, strict=True))}}})"
+        members = zip(self.types, self.probabilities, strict=True)
+        return f"ThingFactory({{{', '.join(f'{t.__name__}: {p:g}' for t, p in members)}}})"
 
 
 def entity_name(entity: type[Entity]) -> str:

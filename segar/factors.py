@@ -245,7 +245,7 @@ class Shape(Factor):
         from segar.shapes import BaseShape  # shapes need Size, which is defined here
 
         if isinstance(value, type) and issubclass(value, BaseShape):
-            value = value()
+            value = value()  # type: ignore[call-arg] - each shape has a default size
         if not isinstance(value, BaseShape):
             raise FactorError(f"Shape takes a shape such as Circle(0.2), not {value!r}")
         return value

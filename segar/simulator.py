@@ -6,6 +6,7 @@ import os
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -193,7 +194,7 @@ def run_in_threads(function: Any, count: int, num_threads: int) -> None:
         function(0, count)
         return
     bounds = [count * p // parts for p in range(parts + 1)]
-    futures = [_pool(num_threads).submit(function, a, b) for a, b in zip(bounds[1:-1], bounds[2:], strict=True)]
+    futures = [_pool(num_threads).submit(function, a, b) for a, b in pairwise(bounds[1:])]
     function(bounds[0], bounds[1])
     for future in futures:
         future.result()

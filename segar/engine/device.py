@@ -1,10 +1,9 @@
 """Geometry and contacts as the kernels run them. The text below the line is copied into every generated module.
 
-State of one environment: ``V[entity, column]``; static shapes of its level: ``kind[entity]``, ``count[entity]`` vertices
-``vertex[entity, k, 2]``, ``hull_radius[entity]``. Everything is plain Python, so the interpreter and the tests can run it.
+State of one environment: ``V[entity, column]``; static shapes of its level: ``kind[entity]``, ``count[entity]``
+vertices ``vertex[entity, k, 2]``, ``hull_radius[entity]``. Everything is plain Python, so that tests can run it.
 """
 
-# ruff: noqa: F821
 # pyright: reportUndefinedVariable=false
 from __future__ import annotations
 
@@ -120,9 +119,9 @@ def topmost(V, bits, kind, count, vertex, hull_radius, i):
     best = -1
     for f in range(len(FLOORS)):
         j = FLOORS[f]
-        if (bits[j] & FLOOR_BITS) == FLOOR_BITS and (best < 0 or V[j, ORDER] < V[best, ORDER]):
-            if over(V, kind, count, vertex, hull_radius, i, j):
-                best = j
+        above = (bits[j] & FLOOR_BITS) == FLOOR_BITS and (best < 0 or V[j, ORDER] < V[best, ORDER])
+        if above and over(V, kind, count, vertex, hull_radius, i, j):
+            best = j
     return best
 
 

@@ -28,6 +28,9 @@ RELATIONS = ("is_on", "overlaps", "contains")
 class Action:
     """Hint for the agent's action; ``action[i]`` is its i-th number, clipped to the task's range."""
 
+    def __getitem__(self, index: int) -> Any:
+        raise NotImplementedError("an action has values only inside a task's functions")
+
 
 class Wall:
     """Hint for the wall that an object touches; ``wall.normal`` is 1 in the axes that it blocks, else 0."""

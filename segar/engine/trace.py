@@ -147,9 +147,8 @@ def effects_leaf(allowed: dict[tuple[type, type], str] | None) -> Callable[[Any]
                 )
             key = (effect.kind, effect.factor)
             if allowed is not None and key not in allowed:
-                raise RuleError(
-                    f"returns {type(effect).__name__}, but its annotation promises {', '.join(allowed.values()) or None}"
-                )
+                promised = ", ".join(allowed.values()) or None
+                raise RuleError(f"returns {type(effect).__name__}, but its annotation promises {promised}")
             value = effect.value
             parts = (value.x, value.y) if isinstance(value, Vector) else (value,)
             outcomes.append(

@@ -40,8 +40,8 @@ def make_vector_env(family_name: str, reward: str, num_envs: int = 1, **options:
 
     Args:
         num_envs: number of environments.
-        options: ``num_levels`` (default 100), ``seed`` (default 0) and ``split`` (default 'train') choose the level set;
-            all others go to :class:`segar.envs.VectorEnv`.
+        options: ``num_levels`` (default 100), ``seed`` (default 0) and ``split`` (default 'train') choose the level
+            set; all others go to :class:`segar.envs.VectorEnv`.
     """
     from segar.envs.vector import VectorEnv
 

@@ -114,6 +114,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         )
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
+        self._shape = (num_envs, *self.observation.space.shape)
+        self._action_shape = (num_envs, len(self.task.action_low))
         self._rows = np.arange(num_envs)
         self._ended = np.empty(num_envs, np.int64)
         self._any_level = np.full(num_envs, -1)
@@ -251,8 +253,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         for buffer in self._buffers:
             if not self.copy or sys.getrefcount(buffer) == UNSHARED:
                 return buffer
-        space = self.single_observation_space
-        self._buffers = [*self._buffers[-(MAX_BUFFERS - 1) :], np.empty((self.num_envs, *space.shape), space.dtype)]
+        fresh = np.empty(self._shape, self.single_observation_space.dtype)
+        self._buffers = [*self._buffers[-(MAX_BUFFERS - 1) :], fresh]
         return self._buffers[-1]
 
     def _final_output(self, rows: np.ndarray) -> np.ndarray:
@@ -262,8 +264,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
                 buffer[filled] = 0
                 self._final_buffers[index] = (buffer, rows)
                 return buffer
-        space = self.single_observation_space
-        fresh = (np.zeros((self.num_envs, *space.shape), space.dtype), rows)
+        fresh = (np.zeros(self._shape, self.single_observation_space.dtype), rows)
         self._final_buffers = [*self._final_buffers[-(MAX_BUFFERS - 1) :], fresh]
         return fresh[0]
 
@@ -316,9 +317,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         if not self._started:
             raise SegarError("call reset() before step()")
         actions = np.asarray(actions, np.float32)
-        expected = (self.num_envs, *self.single_action_space.shape)
-        if actions.shape != expected:
-            raise ActionError(f"actions must have shape {expected}, not {actions.shape}")
+        if actions.shape != self._action_shape:
+            raise ActionError(f"actions must have shape {self._action_shape}, not {actions.shape}")
         if not np.isfinite(actions).all():
             env = int(np.flatnonzero(~np.isfinite(actions).all(axis=1))[0])
             raise ActionError(f"the action of environment {env} is not finite: {actions[env]}")
@@ -332,8 +332,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         kinds = "iu" if dtype is np.int64 else "b"
         if array.shape != (self.num_envs,) or array.dtype.kind not in kinds:
             raise LevelError(
-                f"reset: option '{name}' must be {np.dtype(dtype)} of shape ({self.num_envs},), not {array.dtype} of shape"
-                f" {array.shape}"
+                f"reset: option '{name}' must be {np.dtype(dtype)} of shape ({self.num_envs},), not {array.dtype} of"
+                f" shape {array.shape}"
             )
         return array.astype(dtype)
 

@@ -71,8 +71,8 @@ def paint_backgrounds(
         n = sort_by_order(values, env, types, level[env], columns, is_floor, True, chosen)
         for k in range(n - 1, -1, -1):
             stamp(
-                values, env, level[env], chosen[k], types, kinds, vertex_counts, vertices, edges, columns, tints, spans, True,
-                backgrounds,
+                values, env, level[env], chosen[k], types, kinds, vertex_counts, vertices, edges, columns, tints, spans,
+                True, backgrounds,
             )  # fmt: skip
 
 
@@ -91,8 +91,8 @@ def draw_frames(
         n = sort_by_order(values, env, types, level[env], columns, is_floor, False, chosen)
         for k in range(n):
             stamp(
-                values, env, level[env], chosen[k], types, kinds, vertex_counts, vertices, edges, columns, tints, spans, False,
-                frames,
+                values, env, level[env], chosen[k], types, kinds, vertex_counts, vertices, edges, columns, tints, spans,
+                False, frames,
             )  # fmt: skip
 
 

@@ -84,7 +84,7 @@ class BoundPixels:
         )
 
     def write(self, values: np.ndarray, level: np.ndarray, out: np.ndarray, rows: np.ndarray) -> None:
-        """Draw the frames of environments ``rows`` (int64) into ``out``, uint8 ``[env, resolution, resolution, 3]``, C-contiguous."""
+        """Draw the frames of environments ``rows`` (int64) into ``out``, uint8 ``[env, *space.shape]``, contiguous."""
         frames = out.reshape(len(out), -1)
         pixel_kernel.draw_frames(
             values,

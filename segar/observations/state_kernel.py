@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from numba import njit
 
+_options = {"nogil": True, "cache": True, "error_model": "numpy", "_nrt": False}
 
-@njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
+
+@njit(**_options)
 def gather(values, level, rows, types, reads, type_reads, limit, out):
     """Fill ``out[rows]``: entry k is column ``reads[k, 1]`` of slot ``reads[k, 0]``, nan as 0; then the type numbers.
 
