@@ -1,0 +1,72 @@
+"""How figures look: colours that colour-blind readers can tell apart, one marker per difficulty, readable sizes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import matplotlib
+
+# Okabe and Ito's palette, in an order that also differs in lightness.
+PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+# For what has an order: light to dark, and unlike the families' colours.
+SEQUENCE = ("#EFB03A", "#CC4778", "#5B02A3", "#2A788E", "#7AD151", "#777777", "#000000")
+MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+KNOWN = {"easy": 0, "medium": 1, "hard": 2, "empty": 0, "objectsx1": 1, "tilesx1": 2}
+
+LINE = {"color": "#333333", "linewidth": 1.6}
+BAND = {"color": "#333333", "alpha": 0.13, "linewidth": 0}
+
+SETTINGS: dict[str, Any] = {
+    "figure.dpi": 100,
+    "savefig.dpi": 200,
+    "font.size": 10,
+    "axes.titlesize": 10,
+    "axes.labelsize": 10.5,
+    "xtick.labelsize": 9.5,
+    "ytick.labelsize": 9.5,
+    "legend.fontsize": 9.5,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.alpha": 0.25,
+    "grid.linewidth": 0.6,
+    "axes.axisbelow": True,
+    "legend.frameon": False,
+    "pdf.fonttype": 42,  # letters stay letters
+    "svg.hashsalt": "segar",
+}
+
+
+def applied() -> Any:
+    """A context in which matplotlib draws in this style, whatever the user's own settings."""
+    return matplotlib.rc_context({**matplotlib.rcParamsDefault, "backend": "agg", **SETTINGS})  # type: ignore[arg-type]
+
+
+def colours(names: Iterable[str]) -> dict[str, str]:
+    """A colour for each name; the paper's families always have the same one."""
+    return _assign(names, PALETTE)
+
+
+def shades(names: Iterable[str]) -> dict[str, str]:
+    """A colour for each name from light to dark; the paper's difficulties always have the same one."""
+    return _assign(names, SEQUENCE)
+
+
+def markers(names: Iterable[str]) -> dict[str, str]:
+    """A marker for each name; the paper's difficulties always have the same one."""
+    return _assign(names, MARKERS)
+
+
+def ordered(names: Iterable[str]) -> list[str]:
+    """Names without repetition: the paper's in the paper's order, then the others by letter."""
+    return sorted(set(names), key=lambda name: (KNOWN.get(name, len(KNOWN)), name))
+
+
+def _assign(names: Iterable[str], choices: tuple[str, ...]) -> dict[str, str]:
+    names = ordered(names)
+    taken = {KNOWN[name] for name in names if name in KNOWN}
+    free = [i for i in range(len(choices)) if i not in taken] or list(range(len(choices)))
+    others = [name for name in names if name not in KNOWN]
+    extra = {name: choices[free[i % len(free)]] for i, name in enumerate(others)}
+    return {name: extra.get(name) or choices[KNOWN[name]] for name in names}

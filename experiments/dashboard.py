@@ -1,0 +1,80 @@
+"""MLflow's pages over the results, on this machine alone: ``python -m experiments.dashboard port=5000``."""
+
+from __future__ import annotations
+
+import os
+import socket
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from omegaconf import DictConfig
+
+from experiments import runtime  # noqa: F401 - telemetry off before MLflow is imported
+from experiments.config import as_data, require
+from experiments.construct import construct
+from experiments.entry import plain, run_command
+from experiments.errors import TrackingError
+from experiments.run_folder import CHECKOUT
+
+HOST = "127.0.0.1"  # loopback: no other machine can reach it
+
+
+@dataclass(frozen=True)
+class DashboardConfig:
+    """Which results are shown, and where."""
+
+    root: str | None = None  # the folder that holds the run folders and the store; None: runs/ of the checkout
+    port: int = 5000
+
+    def __post_init__(self) -> None:
+        require(0 < self.port < 65536, "port", self.port, "between 1 and 65535")
+
+    @property
+    def folder(self) -> Path:
+        """Absolute path of the folder that holds the store."""
+        return Path(self.root).expanduser().resolve() if self.root else CHECKOUT / "runs"
+
+
+def serve(config: DashboardConfig) -> None:
+    """Becomes MLflow's server, until Ctrl-C; raises :class:`TrackingError` if there is nothing to show, or no port."""
+    command = server_command(config)
+    require_free(config.port)
+    os.environ["MLFLOW_SERVER_ENABLE_JOB_EXECUTION"] = "false"  # a job runner that nothing here uses; 20 s to start
+    print(f"Results of {config.folder}: http://{HOST}:{config.port} (in a few seconds). Ctrl-C stops it.", flush=True)
+    os.execv(command[0], command)
+
+
+def server_command(config: DashboardConfig) -> list[str]:
+    """The command that starts the server; raises :class:`TrackingError` if there is no store."""
+    store = config.folder / "mlflow.db"
+    if not store.exists():
+        raise TrackingError(
+            f"there is nothing to show yet: no {store}. Run something first, for example "
+            "`make reproduce-paper SCALE=smoke`, or name another folder with root=..."
+        )
+    artifacts = (config.folder / "mlflow-artifacts").as_uri()
+    stores = ["--backend-store-uri", f"sqlite:///{store}", "--default-artifact-root", artifacts]
+    address = ["--host", HOST, "--port", str(config.port), "--workers", "1"]
+    return [sys.executable, "-m", "mlflow", "server", *address, *stores]
+
+
+def require_free(port: int) -> None:
+    """Raises :class:`TrackingError` if something listens on the port already."""
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # a port that was closed a moment ago is free
+        try:
+            probe.bind((HOST, port))
+        except OSError as error:
+            raise TrackingError(
+                f"port {port} is taken or forbidden ({error.strerror}); choose another one: port={port + 1}"
+            ) from error
+
+
+def build(config: DictConfig) -> DashboardConfig:
+    """Hydra's result as settings."""
+    return construct(DashboardConfig, plain(config), "")
+
+
+if __name__ == "__main__":
+    run_command(serve, "dashboard", build, as_data(DashboardConfig()))

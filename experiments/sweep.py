@@ -1,0 +1,144 @@
+"""Several runs on one machine: a pool of processes, a log per run, and no run that takes others down with it.
+
+The processes are those of :class:`concurrent.futures.ProcessPoolExecutor`. What is added here: what a run prints goes
+to its log; a process that dies abruptly costs its own run alone; and the processes end with this one, even when this
+one is killed. (On a cluster use Hydra's launchers; see ``conf/hydra/launcher``.)
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import sys
+import threading
+import time
+import traceback
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Job:
+    """One run: its name, which no other has; what the work is called with; where its output goes."""
+
+    name: str
+    argument: Any
+    log: Path
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a job ended."""
+
+    job: Job
+    seconds: float
+    error: str | None  # the last line of what went wrong
+    result: Any = None  # what the work returned
+
+
+def run_jobs(
+    jobs: Sequence[Job],
+    work: Callable[[Any], Any],
+    processes: int,
+    ended: Callable[[Outcome], None] = lambda _: None,
+) -> list[Outcome]:
+    """Calls ``work(job.argument)`` for every job, ``processes`` at a time; ``ended`` is told of each outcome at once.
+
+    ``work`` must be importable by name. Only what stops this process (Ctrl-C) stops the jobs.
+    """
+    outcomes: list[Outcome] = []
+
+    def end(outcome: Outcome) -> None:
+        outcomes.append(outcome)
+        ended(outcome)
+
+    for job in jobs:
+        job.log.parent.mkdir(parents=True, exist_ok=True)
+        job.log.unlink(missing_ok=True)  # a log that exists says that its job has begun
+    remaining = list(jobs)
+    while remaining:
+        _run_pool(remaining, work, processes, end)
+        done = {outcome.job.name for outcome in outcomes}
+        remaining = [job for job in remaining if job.name not in done]
+    return outcomes
+
+
+def _run_pool(jobs: list[Job], work: Callable[[Any], Any], processes: int, end: Callable[[Outcome], None]) -> None:
+    """Runs jobs until all have ended or a process died abruptly, which ends every job that had begun."""
+    began = time.monotonic()
+    broken: list[Job] = []
+    with _pool(processes) as pool:
+        futures: dict[Future[Outcome], Job] = {pool.submit(_run_job, work, job): job for job in jobs}
+        for future in as_completed(futures):
+            job = futures[future]
+            match future.exception():
+                case None:
+                    end(future.result())
+                case BrokenProcessPool():
+                    broken.append(job)
+                case error:
+                    end(Outcome(job, time.monotonic() - began, f"{type(error).__name__}: {error}"))
+    begun = [job for job in broken if job.log.exists()]
+    for job in begun or broken[:1]:  # at least one, or a pool that cannot start would be tried for ever
+        end(Outcome(job, time.monotonic() - began, "its process, or one beside it, ended abruptly (out of memory?)"))
+
+
+@contextmanager
+def _pool(processes: int) -> Iterator[ProcessPoolExecutor]:
+    context = multiprocessing.get_context("spawn")  # threads of numba and torch do not survive a fork
+    reader, writer = context.Pipe(duplex=False)
+    pool = ProcessPoolExecutor(processes, context, initializer=_begin_process, initargs=(reader,))
+    try:
+        yield pool
+        pool.shutdown()
+    finally:
+        writer.close()  # also what the end of this process does: the others stop
+        pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _begin_process(reader: Connection) -> None:
+    """Prepares a process of the pool: one thread for linear algebra, and an end when the pool's owner has ended."""
+    os.environ.update(OMP_NUM_THREADS="1", MKL_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all processes; the owner decides
+
+    def end_with_owner() -> None:
+        reader.poll(None)  # nothing is ever sent: this returns when the other end is closed
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    threading.Thread(target=end_with_owner, daemon=True).start()
+
+
+def _run_job(work: Callable[[Any], Any], job: Job) -> Outcome:
+    began = time.monotonic()
+    error = result = None
+    with _output_to(job.log):
+        try:
+            result = work(job.argument)
+        except Exception as problem:  # told to the user by the outcome; the other jobs go on
+            traceback.print_exc()
+            error = f"{type(problem).__name__}: {problem}"
+    return Outcome(job, time.monotonic() - began, error, result)
+
+
+@contextmanager
+def _output_to(log: Path) -> Iterator[None]:
+    """Everything that this process prints goes to ``log``, also what libraries print below Python."""
+    kept = os.dup(1), os.dup(2)
+    with log.open("w") as stream:
+        os.dup2(stream.fileno(), 1)
+        os.dup2(stream.fileno(), 2)
+    try:
+        yield
+    finally:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        for number, original in zip((1, 2), kept, strict=True):
+            os.dup2(original, number)
+            os.close(original)

@@ -1,0 +1,54 @@
+"""Which runs the reproduction consists of, and which settings make two runs parts of one experiment."""
+
+import dataclasses
+
+import pytest
+
+from experiments.cells import Cell, cell_config, cell_of, design_hash, paper_cells
+from experiments.config import LevelsConfig, RunConfig, ScaleConfig
+
+
+def test_the_paper_has_45_cells():
+    cells = paper_cells(RunConfig(seed=1))
+    assert len({cell.label() for cell in cells}) == 45
+    assert {cell_of(cell).panel for cell in cells} >= {"empty-easy", "objectsx1-medium", "tilesx1-hard"}
+    assert {cell.levels.count for cell in cells} == {1, 10, 50, 100, 200}
+
+
+def test_each_seed_has_training_levels_of_its_own_and_all_share_the_test_levels():
+    cells = paper_cells(RunConfig(seed=4, scale=ScaleConfig(seeds=3)))
+    assert [(c.seed, c.levels.seed, c.levels.test_seed) for c in cells[::45]] == [(4, 4, 0), (5, 5, 0), (6, 6, 0)]
+
+
+def test_cells_and_seeds_belong_to_one_experiment():
+    config = RunConfig(seed=1, scale=ScaleConfig(seeds=2))
+    assert {design_hash(cell) for cell in paper_cells(config)} == {
+        design_hash(cell_config(config, Cell("a", "", 3, 9)))
+    }
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"scale": ScaleConfig(frames=1)},
+        {"levels": LevelsConfig(seed=1, test="empty-easy")},
+        {"levels": LevelsConfig(seed=5)},
+        {"levels": LevelsConfig(seed=1, test_count=7)},
+    ],
+)
+def test_other_settings_make_another_experiment(changes):
+    config = RunConfig(seed=1, levels=LevelsConfig(seed=1))
+    assert design_hash(dataclasses.replace(config, **changes)) != design_hash(config)
+
+
+@pytest.mark.parametrize(
+    ("distribution", "family", "difficulty"),
+    [
+        ("objectsx3-hard", "objectsx3", "hard"),
+        ("my_package.levels:icy", "my_package.levels:icy", ""),
+        ("my-package:icy", "my-package:icy", ""),
+    ],
+)
+def test_family_and_difficulty_are_read_from_the_distribution(distribution, family, difficulty):
+    cell = cell_of(RunConfig(levels=LevelsConfig(train=distribution)))
+    assert (cell.family, cell.difficulty, cell.panel) == (family, difficulty, distribution)

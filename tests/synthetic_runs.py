@@ -1,0 +1,94 @@
+"""Run folders without training: what a run leaves behind, with figures that a test chooses."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from experiments.cells import Cell, cell_config, cell_of
+from experiments.config import RunConfig, TrackingConfig, as_data
+from experiments.run_folder import (
+    CONFIG,
+    EPISODE_SCHEMA,
+    EPISODES,
+    METRIC_SCHEMA,
+    METRICS,
+    SUMMARY,
+    VERSIONS,
+    folder_path,
+    write_json,
+    write_rows,
+)
+
+TEST_LEVELS = 20
+
+
+def settings(root: Path, **changes: Any) -> RunConfig:
+    """A run under ``root`` that tells no MLflow."""
+    return RunConfig(**{"root": str(root), "tracking": TrackingConfig(name="none"), **changes})
+
+
+def write_run(
+    config: RunConfig, *, gap: float = -1.0, w2: float = 0.5, finished: bool = True, noise: float = 1.0
+) -> Path:
+    """The folder of a run with this mean gap (exactly) and W2; sampled actions cost 0.5 everywhere."""
+    folder = folder_path(config)
+    folder.mkdir(parents=True)
+    (folder / CONFIG).write_text(yaml.safe_dump(as_data(config)))
+    if not finished:
+        return folder
+    metrics = {"episode/return": -3.0, "w2/reference": w2, "w2/exact": 2 * w2}
+    frames = config.scale.frames
+    rows = [{"name": k, "frames": frames, "seconds": 1.0, "value": v} for k, v in metrics.items()]
+    write_rows(folder / METRICS, rows, METRIC_SCHEMA)
+    write_rows(folder / EPISODES, episodes(config, gap), EPISODE_SCHEMA)
+    write_json(folder / VERSIONS, {"code": "0123456789abcdef"})
+    write_json(folder / SUMMARY, {"frames": frames})
+    return folder
+
+
+def episodes(config: RunConfig, gap: float) -> list[dict[str, Any]]:
+    """Each training level twice, each test level once, in both action modes."""
+    rng = np.random.default_rng(config.levels.count)
+    rows = []
+    for mode, cost in (("deterministic", 0.0), ("sampled", 0.5)):
+        for levels, number, mean in (("train", 2 * config.levels.count, -2.0), ("test", TEST_LEVELS, -2.0 + gap)):
+            returns = rng.normal(size=number)
+            returns += mean - cost - returns.mean()
+            rows += [
+                {
+                    "levels": levels,
+                    "action_mode": mode,
+                    "level": i % config.levels.count if levels == "train" else i,
+                    "return": value,
+                    "return_ref": value + 0.25,
+                    "length": 10,
+                    "success": i % 4 > 0,
+                    "death": False,
+                }
+                for i, value in enumerate(returns)
+            ]
+    return rows
+
+
+def write_grid(config: RunConfig, families=("empty", "tilesx1"), difficulties=("easy", "hard"), counts=(1, 10, 100)):
+    """A run for every cell, in which the gap falls with W2; returns their folders."""
+    rng = np.random.default_rng(0)
+    folders = []
+    for i, family in enumerate(families):
+        for j, difficulty in enumerate(difficulties):
+            for n in counts:
+                w2 = (0.2 + 0.1 * i + 0.15 * j) * n**-0.2
+                gap = -4 * w2 + 0.2 * rng.normal()
+                cell = Cell(family, difficulty, n, config.seed)
+                folders.append(write_run(cell_config(config, cell), gap=gap, w2=w2))
+    return folders
+
+
+def pretend_to_train(config: RunConfig) -> dict[str, float]:
+    """Stands for training: leaves the folder of a finished run, and a line in ``trained`` beside it."""
+    with open(Path(str(config.root)) / "trained", "a") as stream:
+        stream.write(f"{cell_of(config)}\n")
+    write_run(config, gap=-2.0 / config.levels.count, w2=1.0 / config.levels.count)
+    return {"evaluation/gap/deterministic": -2.0 / config.levels.count}
