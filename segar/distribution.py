@@ -84,7 +84,7 @@ class LevelDistribution:
         set_(self, "positions", tuple(map(_check_places, _sequence("positions", positions or ()))))
         if not len(self.layout.slots) > 1:
             raise LevelError("numbers must name at least one entity")
-        check_priors((*self.priors, *self._parameter_priors.values()), self.layout.types[:-1])
+        check_priors(self.priors, self.layout.types[:-1])
         _ = self._plan  # contradictions show here, not at the first sample
 
     def sample(self, n: int, seed: int = 0, split: str = "train") -> Levels:
@@ -183,7 +183,7 @@ class LevelDistribution:
     @cached_property
     def _plan(self) -> Plan:
         groups, slot = [], 0
-        for who, many in self.numbers:
+        for who, many in ((who, many) for who, many in self.numbers if counts(many)[1]):
             probabilities = who.probabilities if isinstance(who, ThingFactory) else (1.0,)
             places = tuple(map(self.layout.types.index, types_of(who)))
             slots = tuple(range(slot, slot + counts(many)[1]))

@@ -20,13 +20,12 @@ Of equal ones, the one that also has a relation wins, then the one on the more d
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from segar.engine.layout import holds
-from segar.engine.signature import build_argument
-from segar.engine.symbols import Symbol
+from segar.engine.symbols import Symbol, evaluate, walk
 from segar.entities import Entity, GlobalFriction, Object, Thing, ThingFactory, Tile
 from segar.errors import FactorError, PriorError, did_you_mean
 from segar.factors import Count, Factor, Flag, Marker, Shape, Text
@@ -99,7 +98,8 @@ def check_priors(priors: Sequence[Prior], types: Sequence[type[Entity]]) -> None
     """Raise :class:`PriorError` if two priors have one condition, or one names a factor that no entity of its has."""
     conditions: dict[Any, Prior] = {}
     for prior in priors:
-        condition = (prior.factor, prior.entity_type, prior.relation.truth if prior.relation is not None else None)
+        relation = None if prior.relation is None else id(prior.relation.truth)  # equal expressions are one object
+        condition = (prior.factor, prior.entity_type, relation)
         if condition in conditions:
             raise PriorError(
                 f"two priors have the same condition, so neither can win: {conditions[condition]} and {prior};"
@@ -148,34 +148,63 @@ def factors_read(prior: Prior) -> frozenset[type[Factor]]:
     """
     if prior.relation is None:
         return frozenset()
-    if any(len(part.signature.entities) != 1 for part in _parts(prior.relation)):
+    if len(prior.relation.signature.entities) != 1:
         raise PriorError(f"{prior}: the relation must be about one entity")
-    loads = set()
-    for symbol in _walk(prior.relation.truth):
-        if symbol.op == "load":
-            loads.add(symbol.args[1])
-        elif symbol.op in ("parameter", "action", "random") or (
-            symbol.op == "relation" and symbol.args[0][0] != "text"
-        ):
-            raise PriorError(
-                f"{prior}: the relation of a prior may read only factors of its entity, not {symbol.args[0]}"
-            )
-    return frozenset(loads)
+    symbols = walk(prior.relation.truth)
+    for symbol in symbols:
+        geometric = symbol.op == "relation" and isinstance(symbol.args[0], str)
+        if geometric or symbol.op in ("parameter", "action", "wall"):
+            raise PriorError(f"{prior}: the relation of a prior may read only factors of its entity, not {symbol!r}")
+    return frozenset(symbol.args[1] for symbol in symbols if symbol.op == "load")
 
 
-def relation_holds(prior: Prior, entity: type[Entity], read: Callable[[type[Factor]], Any]) -> bool:
-    """Whether the prior's relation holds for an entity whose numeric factors are told by ``read``."""
+def relation_holds(prior: Prior, entity: type[Entity], read: Callable[[type[Factor], int], float]) -> bool:
+    """Whether the prior's relation holds for an entity; ``read`` tells a component (0 or 1) of a factor that it has."""
+    return bool(_value(prior.relation.truth, entity, read))
 
-    def value(_: int, factor: type[Factor]) -> Any:
-        held = holds(entity, factor)
-        if held is not None and issubclass(held, Text):
-            return entity.declared[held]
-        return None if held is None or not held.width else read(held)
 
-    def build(signature: Any) -> list[Any]:
-        return [build_argument(a, signature, value, None) for a in signature.arguments]  # type: ignore[arg-type]
+def _value(symbol: Symbol, entity: type[Entity], read: Callable[[type[Factor], int], float]) -> Any:
+    """A symbol computed from the entity's factors. ``and`` stops early: what follows may need factors that it lacks."""
+    match symbol.op:
+        case "const":
+            return symbol.args[0]
+        case "load":
+            held = holds(entity, symbol.args[1])
+            assert held is not None
+            return read(held, *symbol.args[2:] or (0,))
+        case "relation":
+            return _known_by_type(symbol, entity)
+        case "and":
+            return all(_value(part, entity, read) for part in symbol.args)
+        case "or":
+            return any(_value(part, entity, read) for part in symbol.args)
+    return evaluate(symbol.op, [_value(part, entity, read) for part in symbol.args])
 
-    return prior.relation.holds(build)
+
+def _decided_by_type(symbol: Symbol, entity: type[Entity]) -> bool | None:
+    """The truth value that a symbol has for every entity of this type, None where it depends on the entity."""
+    match symbol.op:
+        case "const":
+            return bool(symbol.args[0])
+        case "relation":
+            return _known_by_type(symbol, entity)
+        case "not":
+            inner = _decided_by_type(symbol.args[0], entity)
+            return None if inner is None else not inner
+        case "and" | "or":
+            parts = [_decided_by_type(part, entity) for part in symbol.args]
+            decisive = symbol.op == "or"
+            return decisive if decisive in parts else None if None in parts else not decisive
+    return None
+
+
+def _known_by_type(symbol: Symbol, entity: type[Entity]) -> bool:
+    kind, *what = symbol.args[0]
+    if kind == "text":
+        held = holds(entity, what[0])
+        return held is not None and entity.declared[held] == what[1]
+    factors, needed = what
+    return (needed is None or issubclass(entity, needed)) and all(holds(entity, f) is not None for f in factors)
 
 
 def _check_factor(factor: Any) -> None:
@@ -242,16 +271,7 @@ def _check_somebody_has(prior: Prior, types: Sequence[type[Entity]]) -> None:
 def _may_set(prior: Prior, entity: type[Entity], factor: type[Factor]) -> bool:
     if not issubclass(factor, prior.factor) or (prior.entity_type and not issubclass(entity, prior.entity_type)):
         return False
-    if prior.relation is None:
-        return True
-    patterns = [part.signature.entities[0] for part in _parts(prior.relation)]
-    matches = all(
-        (p.entity_type is None or issubclass(entity, p.entity_type)) and all(holds(entity, f) for f in p.factors)
-        for p in patterns
-    )
-    if not matches or not all(holds(entity, f) for f in factors_read(prior)):
-        return False
-    return bool(factors_read(prior)) or relation_holds(prior, entity, lambda f: None)
+    return prior.relation is None or _decided_by_type(prior.relation.truth, entity) is not False
 
 
 def _type_specificity(kind: type[Entity] | None) -> int:
@@ -260,17 +280,3 @@ def _type_specificity(kind: type[Entity] | None) -> int:
     if kind is Thing:
         return SPECIFICITY_THING
     return SPECIFICITY_OBJECT if kind in (Object, Tile) else SPECIFICITY_SUBCLASS
-
-
-def _parts(relation: Relation) -> Iterator[Relation]:
-    if not relation.parts:
-        yield relation
-    for part in relation.parts:
-        yield from _parts(part)
-
-
-def _walk(symbol: Symbol) -> Iterator[Symbol]:
-    yield symbol
-    for argument in symbol.args:
-        if isinstance(argument, Symbol):
-            yield from _walk(argument)

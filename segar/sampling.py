@@ -23,8 +23,6 @@ from segar.placement import OVERLAP_PASSES, PLACEMENT_TRIES, closest_pair, fix_o
 from segar.priors import Prior, factors_read, relation_holds, specificity
 from segar.sampling_plan import Draw, Outline, Plan
 from segar.shapes import CIRCLE, HULL, BaseShape
-from segar.values import Number
-from segar.values import Vector as VectorValue
 
 CHUNK = 4096  # levels that are drawn together: their columns fit the processor's cache
 
@@ -273,9 +271,8 @@ def _claim(plan: Plan, block: Block, draw: Draw, prior: Prior, rows: np.ndarray)
     for place, row in enumerate(rows):
         values = block.sampled_values[row, draw.slot]
 
-        def read(factor: type[Factor], values: np.ndarray = values) -> Any:
-            column = plan.layout.columns[factor]
-            return VectorValue(*values[column : column + 2].tolist()) if factor.width == 2 else Number(values[column])
+        def read(factor: type[Factor], component: int, values: np.ndarray = values) -> float:
+            return float(values[plan.layout.columns[factor] + component])
 
         claim[place] = relation_holds(prior, plan.layout.types[block.types[row, draw.slot]], read)
     return claim

@@ -1,0 +1,185 @@
+"""The named families: their constants are those of 2022, but for the swapped clips of its dampers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import segar
+from segar import (
+    Ball,
+    Bumper,
+    Charge,
+    Charger,
+    Damper,
+    FireTile,
+    Friction,
+    Heat,
+    Hole,
+    LevelError,
+    Levels,
+    MagmaTile,
+    Magnet,
+    Magnetism,
+    Mass,
+    Mobile,
+    Object,
+    Order,
+    Position,
+    SandTile,
+    Size,
+    StoredEnergy,
+    Tile,
+    family,
+)
+from segar.parameters import FloorFriction, Framerate, Gravity, MaxVelocity, WallDamping
+from segar.shapes import CIRCLE, HULL
+
+every_family = pytest.mark.parametrize("name", segar.families())
+QUARTERS = {"whole": (-0.95, 0.95), "low": (-0.95, -0.475), "middle": (-0.475, 0.475), "high": (0.475, 0.95)}
+PLACES = {
+    "easy": {"golfball": None, "goal": ("high", "high"), "others": ("whole", "high")},
+    "medium": {"golfball": ("whole", "low"), "goal": ("whole", "high"), "others": ("middle", "middle")},
+    "hard": {"golfball": ("whole", "whole"), "goal": ("whole", "whole"), "others": ("whole", "whole")},
+}
+
+
+def drawn(levels: Levels, slot: int, factor: type) -> np.ndarray:
+    column = levels.layout.columns[factor]
+    values = levels.sampled_values[:, slot, column : column + factor.width]
+    return values[:, 0] if factor.width == 1 else values
+
+
+def test_there_are_21_families():
+    assert len(segar.families()) == len(set(segar.families())) == 21
+    assert "objectsx3-hard" in segar.families() and "empty-easy" in segar.families()
+
+
+@every_family
+def test_ball_first_goal_second_then_the_others_then_the_floor(name):
+    names = family(name).layout.names
+    task = name.split("-")[0]
+    others = [] if task == "empty" else [f"{task[:-3]}{k + 1}" for k in range(int(task[-1]))]
+    assert names == ("golfball", "goal", *others, "global_friction")
+
+
+@every_family
+def test_things_start_where_the_difficulty_says(name):
+    levels = family(name).sample(400)
+    for slot, entity in enumerate(levels.layout.names[:-1]):
+        place = PLACES[name.split("-")[1]].get(entity, PLACES[name.split("-")[1]]["others"])
+        x = drawn(levels, slot, Position)
+        for axis in range(2):
+            low, high = (0.0, 0.0) if entity == "golfball" and place is None else QUARTERS[place[axis]]
+            assert low <= x[:, axis].min() and x[:, axis].max() <= high
+            assert np.ptp(x[:, axis]) >= 0.97 * (high - low)
+
+
+@every_family
+def test_the_ball_and_the_goal_are_those_of_the_paper(name):
+    levels = family(name).sample(50)
+    assert (levels.values[:, 1, levels.layout.columns[Size]] == 0.4).all() and (levels.shape_kind[:, 1] == CIRCLE).all()
+    assert (drawn(levels, 1, Order) == -2).all()
+    assert (drawn(levels, 0, Charge) == 1).all() and (drawn(levels, 0, Mass) == 1).all()
+    assert (drawn(levels, 0, Mobile) == 1).all()
+    if not (name.startswith("objects") and name.endswith("hard")):
+        assert (drawn(levels, 0, Size) == 0.2).all()
+
+
+@every_family
+def test_the_world_parameters_are_the_defaults(name):
+    levels = family(name).sample(2)
+    expected = {Gravity: 10.0, FloorFriction: 0.05, WallDamping: 0.025, MaxVelocity: 10.0, Framerate: 100.0}
+    for parameter, value in expected.items():
+        assert (levels.parameters[:, levels.layout.parameters.index(parameter)] == value).all()
+
+
+@pytest.mark.parametrize("name", [f for f in segar.families() if not f.startswith("empty")])
+def test_the_others_are_of_all_types_equally_often(name):
+    levels = family(name).sample(2000)
+    kinds = (
+        (Charger, Magnet, Bumper, Damper, Ball) if name.startswith("objects") else (SandTile, MagmaTile, Hole, FireTile)
+    )
+    for slot in range(2, len(levels.layout.slots) - 1):
+        share = [(levels.types[:, slot] == levels.layout.types.index(kind)).mean() for kind in kinds]
+        assert sum(share) == pytest.approx(1.0) and np.abs(np.array(share) - 1 / len(kinds)).max() < 0.045
+
+
+def test_objects_are_as_their_types_say_when_easy():
+    levels = family("objectsx3-easy").sample(200)
+    defaults = {(Charger, Charge): -1, (Magnet, Magnetism): -1, (Bumper, StoredEnergy): 1, (Damper, StoredEnergy): -0.5}
+    for slot in (2, 3, 4):
+        assert (drawn(levels, slot, Size) == 0.2).all()
+        for (kind, factor), value in defaults.items():
+            has = levels.types[:, slot] == levels.layout.types.index(kind)
+            assert (drawn(levels, slot, factor)[has] == value).all() and (drawn(levels, slot, Mobile)[has] == 0).all()
+
+
+@pytest.mark.parametrize(("difficulty", "spread", "mobile"), [("medium", 0.1, 0), ("hard", 0.4, 1)])
+def test_objects_vary_as_the_difficulty_says(difficulty, spread, mobile):
+    levels = family(f"objectsx1-{difficulty}").sample(6000)
+    by_kind = {
+        kind: levels.types[:, 2] == levels.layout.types.index(kind) for kind in (Charger, Magnet, Bumper, Damper)
+    }
+    charge = drawn(levels, 2, Charge)[by_kind[Charger]]
+    assert np.abs(np.abs(charge) - 1).mean() < spread and 0.4 < (charge > 0).mean() < 0.6
+    assert charge.var() == pytest.approx(1 + spread**2, rel=0.08)
+    assert drawn(levels, 2, Magnetism)[by_kind[Magnet]].var() == pytest.approx(1 + spread**2, rel=0.08)
+    bumper, damper = (drawn(levels, 2, StoredEnergy)[by_kind[kind]] for kind in (Bumper, Damper))
+    floor = 0.5 if difficulty == "medium" else 0.0
+    assert floor <= bumper.min() and bumper.max() == 1.0 and 0.45 < (bumper == 1.0).mean() < 0.55
+    assert damper.min() == -1.0 and damper.max() <= -0.5 and 0.45 < (damper == -1.0).mean() < 0.55
+    assert all((drawn(levels, 2, Mobile)[has] == mobile).all() for has in by_kind.values())
+    size = drawn(levels, 2, Size)
+    assert (
+        (size == 0.2).all()
+        if difficulty == "medium"
+        else (size.min() >= 0.1 and size.std() == pytest.approx(0.01, rel=0.1))
+    )
+
+
+@pytest.mark.parametrize(
+    ("difficulty", "low", "high"), [("easy", 0.5, 0.55), ("medium", 0.5, 0.55), ("hard", 0.4, 1.0)]
+)
+def test_every_tile_and_the_goal_brakes_and_burns(difficulty, low, high):
+    levels = family(f"tilesx2-{difficulty}").sample(500)
+    for slot in (1, 2, 3):
+        for factor in (Friction, Heat):
+            value = drawn(levels, slot, factor)
+            assert low <= value.min() < low + 0.05 * (high - low) and high - 0.05 * (high - low) < value.max() <= high
+    assert (levels.shape_kind[:, 2:4] == HULL).all()
+    assert (levels.values[:, 2:4, levels.layout.columns[Size]] == 0.3).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "mean"),
+    [
+        ("empty-hard", 1.0),
+        ("objectsx1-medium", 1.0),
+        ("objectsx1-hard", 0.3),
+        ("tilesx1-medium", 1.0),
+        ("tilesx1-hard", 0.2),
+    ],
+)
+def test_the_size_of_the_goal_that_the_reference_metric_sees_is_that_of_2022(name, mean):
+    assert drawn(family(name).sample(500), 1, Size).mean() == pytest.approx(mean, abs=0.003)
+
+
+def test_the_listing_of_the_paper_is_a_family():
+    levels = family("puttputt").sample(1000)
+    layout = levels.layout
+    objects = (levels.types[:, :2] >= 0).sum(axis=1)
+    assert set(objects) == {1, 2} and 0.45 < (objects == 1).mean() < 0.55
+    sand = np.mean([levels.types[:, 2] == layout.types.index(SandTile)])
+    assert 0.36 < sand < 0.44
+    mobile = drawn(levels, 0, Mobile) == 1
+    assert np.array_equal(mobile, levels.types[:, 0] == layout.types.index(Ball))
+    assert all(issubclass(t, (Object, Tile)) for t in layout.types[:-1])
+
+
+@pytest.mark.parametrize(
+    ("wrong", "right"), [("objectx1-hard", "objectsx1-hard"), ("emptyx0-easy", "empty-easy"), ("putput", "puttputt")]
+)
+def test_a_misspelt_family_gets_the_nearest_name(wrong, right):
+    with pytest.raises(LevelError, match=rf"there is no level family '{wrong}'. Did you mean '{right}'\?"):
+        family(wrong)

@@ -1,0 +1,507 @@
+"""Levels: nested, repeatable, placed without overlap, and the same after a file."""
+
+from __future__ import annotations
+
+import dataclasses
+import errno
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import segar
+from segar import (
+    ID,
+    Ball,
+    Charge,
+    Charger,
+    Circle,
+    ConvexHull,
+    DiscreteRangeNoise,
+    FloorFriction,
+    Friction,
+    GaussianNoise,
+    GoalTile,
+    GolfBall,
+    Gravity,
+    Heat,
+    Hole,
+    Label,
+    LevelDistribution,
+    LevelError,
+    Levels,
+    Mass,
+    Mobile,
+    Object,
+    Order,
+    PlacementError,
+    Position,
+    Prior,
+    RandomConvexHull,
+    RandomUniformLocation,
+    SandTile,
+    Shape,
+    Size,
+    ThingFactory,
+    Tile,
+    UniformNoise,
+    Velocity,
+    family,
+)
+from segar.levels import LEVEL_ARRAYS
+
+ANYWHERE = Prior(Position, RandomUniformLocation())
+SOME = ("empty-easy", "objectsx3-hard", "tilesx2-medium", "puttputt")
+some_families = pytest.mark.parametrize("name", SOME)
+
+
+class Marble(Object):
+    label: Label = "marble"
+
+
+def positions(levels: Levels, which: str = "values") -> np.ndarray:
+    column = levels.layout.columns[Position]
+    return getattr(levels, which)[:, :, column : column + 2]
+
+
+def same(a: Levels, b: Levels) -> bool:
+    return all(getattr(a, name).tobytes() == getattr(b, name).tobytes() for name in LEVEL_ARRAYS)
+
+
+@some_families
+def test_ten_levels_are_the_first_ten_of_fifty(name):
+    assert family(name).sample(10, seed=3) == family(name).sample(50, seed=3)[:10]
+
+
+def test_the_last_of_many_levels_is_the_same_when_chunks_are_cut_elsewhere(monkeypatch):
+    whole = family("puttputt").sample(60)
+    monkeypatch.setattr("segar.sampling.CHUNK", 7)
+    assert family("puttputt").sample(60) == whole
+
+
+@some_families
+def test_train_never_meets_test_and_seeds_differ(name):
+    sets = [family(name).sample(30, seed, split) for seed in (0, 1) for split in ("train", "test", "validation")]
+    drawn = np.concatenate([positions(levels, "sampled_values")[:, :, 0] for levels in sets])
+    goal = drawn[:, sets[0].layout.slot_index("goal")]
+    assert len(np.unique(goal)) == len(goal)
+
+
+def test_another_distribution_draws_other_levels_from_the_same_seed():
+    easy = LevelDistribution([(Ball, 1)], [ANYWHERE]).sample(5)
+    hard = LevelDistribution([(Ball, 1)], [ANYWHERE, Prior(Mass, 2.0)]).sample(5)
+    assert not np.array_equal(positions(easy), positions(hard))
+
+
+def test_a_new_process_draws_the_same_levels_under_the_same_hash():
+    code = (
+        "import hashlib, segar; d = segar.family('puttputt'); l = d.sample(5, seed=2);"
+        "print(d.hash, hashlib.sha256(l.values.tobytes() + l.vertices.tobytes()).hexdigest())"
+    )
+    runs = {
+        subprocess.run(
+            [sys.executable, "-c", code],
+            env={**os.environ, "PYTHONHASHSEED": seed},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for seed in ("1", "2")
+    }
+    assert len(runs) == 1
+    assert runs.pop().split()[0] == family("puttputt").hash
+
+
+def test_the_hash_follows_content_not_name_or_rules():
+    dist = family("objectsx1-hard")
+    assert dataclasses.replace(dist, name="other").hash == dist.hash == dist.with_rules(segar.DEFAULT_RULES[:3]).hash
+    changed = [
+        dataclasses.replace(dist, priors=dist.priors[:-1]),
+        dataclasses.replace(dist, parameters={Gravity: 9.0}),
+        dataclasses.replace(dist, min_distance=0.2),
+        dataclasses.replace(dist, positions=[(GoalTile, [[0.5, 0.5]])]),
+        dataclasses.replace(dist, numbers=dist.numbers[:-1]),
+    ]
+    assert len({d.hash for d in [dist, *changed]}) == 6
+
+
+def test_other_rules_keep_the_levels():
+    dist = family("objectsx1-hard")
+    other = dist.with_rules([segar.move, segar.accelerate])
+    assert other.sample(5) == dist.sample(5)
+    assert [rule.name for rule in other.sample(1).world.rules] == ["move", "accelerate"]
+    assert dist.sample(1).world is None
+
+
+def test_the_arrays_are_what_they_say():
+    levels = family("puttputt").sample(40)
+    n, entities = len(levels), len(levels.layout.slots)
+    shapes = {
+        "types": (n, entities),
+        "values": (n, entities, levels.layout.width),
+        "shape_kind": (n, entities),
+        "vertex_count": (n, entities),
+        "vertices": (n, entities, 32, 2),
+        "parameters": (n, len(levels.layout.parameters)),
+        "sampled_values": (n, entities, levels.layout.width),
+    }
+    assert {name: getattr(levels, name).shape for name in LEVEL_ARRAYS} == shapes
+    kinds = {name: getattr(levels, name).dtype for name in LEVEL_ARRAYS}
+    assert kinds["types"] == np.int16 and kinds["shape_kind"] == np.int8 and kinds["vertex_count"] == np.int16
+    assert all(kinds[name] == np.float64 for name in ("values", "vertices", "parameters", "sampled_values"))
+    assert levels.layout.names == ("object1", "object2", "tile1", "tile2", "goal", "golfball", "global_friction")
+    absent = levels.types < 0
+    assert np.isnan(levels.values[absent]).all() and (levels.shape_kind[absent] == 0).all()
+    assert not absent[:, [0, 2, 4, 5, 6]].any() and 0.3 < absent[:, 1].mean() < 0.7
+
+
+def test_a_factor_is_there_exactly_where_the_type_has_it():
+    levels = family("puttputt").sample(30)
+    layout = levels.layout
+    for factor, column in layout.columns.items():
+        has = np.array([*(factor in t.declared for t in layout.types), False])[levels.types]
+        assert np.array_equal(~np.isnan(levels.values[:, :, column]), has), factor.__name__
+
+
+@some_families
+def test_centres_are_drawn_more_than_a_tenth_apart(name):
+    place = positions(family(name).sample(300), "sampled_values")
+    apart = np.sqrt(((place[:, :, None] - place[:, None]) ** 2).sum(-1))
+    apart[:, np.arange(place.shape[1]), np.arange(place.shape[1])] = np.inf
+    assert np.nanmin(apart) > 0.1
+
+
+@some_families
+def test_nothing_starts_in_a_wall_and_no_two_objects_overlap(name):
+    levels = family(name).sample(300)
+    layout, place = levels.layout, positions(levels)
+    size = levels.values[:, :, layout.columns[Size]]
+    circles = levels.shape_kind == 1
+    assert (np.abs(place[circles]).max(axis=-1) + size[circles] / 2 <= 1 - 0.99e-5).all()
+    for level, slot in zip(*np.nonzero(levels.shape_kind == 2), strict=True):
+        outline = place[level, slot] + levels.vertices[level, slot, : levels.vertex_count[level, slot]]
+        assert np.abs(outline).max() <= 1 - 0.99e-5
+    is_object = np.array([*(issubclass(t, Object) for t in layout.types), False])[levels.types]
+    for i in range(place.shape[1]):
+        for j in range(i):
+            both = is_object[:, i] & is_object[:, j]
+            distance = np.sqrt(((place[both, i] - place[both, j]) ** 2).sum(-1))
+            assert (distance > (size[both, i] + size[both, j]) / 2).all()
+
+
+def test_what_neither_overlaps_nor_touches_a_wall_stays_where_it_was_drawn():
+    levels = family("objectsx3-hard").sample(500)
+    before, after = positions(levels, "sampled_values"), positions(levels)
+    moved = np.nan_to_num(np.abs(before - after)).max(axis=(1, 2))
+    assert 0.2 < (moved == 0).mean() < 0.8
+    assert moved.max() < 0.5  # apart by the penetration, not by the sum of both radii
+
+
+def test_two_overlapping_objects_part_by_their_penetration():
+    levels = Levels.from_entities(
+        [[Ball({Position: [0.0, 0.0], Size: 0.2}), Ball({Position: [0.12, 0.0], Size: 0.2})]], fix_overlaps=True
+    )
+    assert np.allclose(positions(levels)[0, :2], [[-0.04, 0.0], [0.16, 0.0]], atol=1e-6)
+
+
+def test_a_row_of_objects_against_a_wall_is_resolved():
+    row = [Ball({Position: [0.9 - 0.1 * k, 0.0]}) for k in range(6)]
+    levels = Levels.from_entities([row], fix_overlaps=True)
+    x = np.sort(positions(levels)[0, :6, 0])
+    assert x[-1] <= 0.9 and (np.diff(x) > 0.2).all()
+
+
+def test_the_heights_of_a_level_are_a_random_ranking():
+    levels = family("objectsx3-easy").sample(3000)
+    order = levels.values[:, :5, levels.layout.columns[Order]]
+    assert (order[:, 1] == -2).all()
+    ranks = order[:, [0, 2, 3, 4]]
+    assert all(len(set(row)) == 4 for row in ranks) and set(np.unique(ranks)) == {0, 1, 2, 3, 4}
+    assert np.abs(np.bincount(ranks[:, 0].astype(int)) / 3000 - 0.2).max() < 0.04
+
+
+def test_placing_anew_leaves_all_other_laws_alone():
+    numbers = [(Ball, 1), (ThingFactory([Charger, Marble]), DiscreteRangeNoise(1, 8))]
+    crowded = LevelDistribution(
+        numbers, [Prior(Position, segar.RandomMiddleLocation()), Prior(Size, 0.01), Prior(Mass, UniformNoise(1.0, 2.0))]
+    ).sample(4000)
+    count = (crowded.types[:, 1:-1] >= 0).sum(axis=1)
+    assert np.abs(np.bincount(count, minlength=9)[1:] / 4000 - 1 / 8).max() < 0.025
+
+
+def test_hulls_are_drawn_for_each_tile_of_each_level():
+    levels = family("tilesx2-easy").sample(50)
+    hulls = levels.vertices[:, 2:4].reshape(100, -1)
+    assert len(np.unique(hulls, axis=0)) == 100
+    assert np.isclose(np.abs(hulls).max(axis=1).mean(), 3 * 0.15, atol=0.02)  # 200 Gaussian numbers reach 3 sigma
+
+
+def test_hull_vertices_turn_counter_clockwise_around_an_area():
+    levels = family("tilesx2-easy").sample(30)
+    for level, slot in zip(*np.nonzero(levels.shape_kind == 2), strict=True):
+        v = levels.vertices[level, slot, : levels.vertex_count[level, slot]]
+        edge = np.roll(v, -1, axis=0) - v
+        after = np.roll(edge, -1, axis=0)
+        assert (edge[:, 0] * after[:, 1] - edge[:, 1] * after[:, 0] > 0).all()
+        assert (levels.vertices[level, slot, len(v) :] == 0).all()
+
+
+def test_fixed_positions_are_kept_and_the_rest_is_drawn():
+    rack = [[0.0, 0.0], [0.0, 0.3], [0.3, 0.0]]
+    dist = LevelDistribution([(GolfBall, 1), (Ball, 3)], [ANYWHERE], positions=[(Ball, rack)])
+    place = positions(dist.sample(20), "sampled_values")
+    assert (place[:, 1:4] == rack).all() and len(np.unique(place[:, 0])) == 40
+
+
+@some_families
+def test_a_file_gives_back_the_same_levels_to_the_bit(name, tmp_path):
+    levels = family(name).sample(20, seed=5, split="test")[3:9]
+    levels.save(tmp_path / "levels.npz")
+    loaded = Levels.load(tmp_path / "levels.npz")
+    assert loaded == levels and same(loaded, levels)
+    assert loaded.provenance == levels.provenance
+    assert (loaded.provenance.name, loaded.provenance.seed, loaded.provenance.split) == (name, 5, "test")
+    assert loaded.provenance.distribution == family(name).hash and loaded.provenance.indices.tolist() == [
+        3,
+        4,
+        5,
+        6,
+        7,
+        8,
+    ]
+    assert loaded.distribution is None and loaded.world is None
+
+
+def test_files_hold_no_pickle(tmp_path):
+    family("empty-easy").sample(2).save(tmp_path / "x.npz")
+    with np.load(tmp_path / "x.npz", allow_pickle=False) as archive:
+        assert all(archive[name].dtype != object for name in archive.files)
+        metadata = json.loads(archive["metadata"].tobytes())
+    assert metadata["format"] == "segar-levels" and metadata["format_version"] == 1
+
+
+def test_a_full_disk_leaves_the_old_file_and_no_debris(tmp_path, monkeypatch):
+    path = tmp_path / "levels.npz"
+    old = family("empty-easy").sample(2)
+    old.save(path)
+
+    def no_space(_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", no_space)
+    with pytest.raises(
+        LevelError, match=r"cannot be written to .*levels.npz: No space left on device; nothing was changed"
+    ):
+        family("empty-hard").sample(5).save(path)
+    assert os.listdir(tmp_path) == ["levels.npz"] and Levels.load(path) == old
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 0.99])
+def test_part_of_a_file_is_refused(tmp_path, share):
+    path = tmp_path / "levels.npz"
+    family("empty-easy").sample(50).save(path)
+    content = path.read_bytes()
+    path.write_bytes(content[: int(share * len(content))])
+    with pytest.raises(LevelError, match=r"levels.npz is not a level file, or only part of one"):
+        Levels.load(path)
+
+
+def test_a_file_that_is_not_there_is_named():
+    with pytest.raises(LevelError, match=r"there is no level file /nowhere/x\.npz"):
+        Levels.load("/nowhere/x.npz")
+
+
+def test_an_unknown_entity_says_what_to_import(tmp_path):
+    class Meteor(Object):
+        label: Label = "meteor"
+
+    path = tmp_path / "x.npz"
+    Levels.from_entities([[Meteor()]]).save(path)
+    with np.load(path) as archive:
+        arrays = dict(archive)
+    text = arrays["metadata"].tobytes().decode().replace("Meteor", "Meteorite")
+    arrays["metadata"] = np.frombuffer(text.encode(), dtype=np.uint8)
+    np.savez(path, **arrays)
+    with pytest.raises(
+        LevelError, match=r"'Meteorite', which is not defined; import .*test_levels, .* mean 'Meteor'\?"
+    ):
+        Levels.load(path)
+
+
+def test_an_entity_that_has_changed_since_is_refused(tmp_path):
+    path = tmp_path / "x.npz"
+    Levels.from_entities([[Marble()]]).save(path)
+    with np.load(path) as archive:
+        arrays = dict(archive)
+    text = arrays["metadata"].tobytes().decode().replace('"name": "Mass"', '"name": "Weight"')
+    arrays["metadata"] = np.frombuffer(text.encode(), dtype=np.uint8)
+    np.savez(path, **arrays)
+    with pytest.raises(LevelError, match="have changed since it was written"):
+        Levels.load(path)
+
+
+def test_slices_keep_track_of_where_levels_come_from():
+    levels = family("empty-hard").sample(10)
+    assert levels[7].provenance.indices.tolist() == [7]
+    assert levels[-1] == levels[9] and len(levels[2:5]) == 3
+    assert levels[np.array([4, 4, 1])].provenance.indices.tolist() == [4, 4, 1]
+    assert levels[np.arange(10) > 6] == levels[7:]
+    assert [level.provenance.indices[0] for level in levels] == list(range(10))
+    assert levels[:3][1] == levels[1]
+
+
+def test_an_index_beyond_the_levels_is_an_error():
+    levels = family("empty-hard").sample(3)
+    with pytest.raises(IndexError, match="level 3 is not among these 3 levels"):
+        levels[3]
+    with pytest.raises(LevelError, match="at least one"):
+        levels[[]]
+    with pytest.raises(LevelError, match="at least one"):
+        levels[5:]
+
+
+def test_levels_differ_when_any_bit_differs():
+    levels = family("empty-hard").sample(3)
+    other = dataclasses.replace(levels, values=levels.values.copy())
+    assert other == levels
+    other.values[1, 0, 0] = np.nextafter(other.values[1, 0, 0], 2.0)
+    assert other != levels
+
+
+def test_levels_by_hand_hold_exactly_what_was_given():
+    hull = ConvexHull([(0, 0), (0.3, 0), (0, 0.2)])
+    levels = Levels.from_entities(
+        [
+            [GolfBall({Position: [0.1, 0.2], Velocity: [1.0, 0.0], Order: 3}), SandTile({Shape: hull, Friction: 0.7})],
+            [GolfBall({Position: [0.1, 0.2], Size: 0.3, Mobile: False}), Hole({Shape: Circle(0.4), Heat: 0.2})],
+        ],
+        parameters={Gravity: [9.0, 10.0], FloorFriction: 0.1},
+    )
+    layout = levels.layout
+    assert layout.names == ("golfball", "tile1", "global_friction")
+    read = lambda level, slot, factor: levels.values[level, slot, layout.columns[factor]]  # noqa: E731
+    assert positions(levels)[:, 0].tolist() == [[0.1, 0.2], [0.1, 0.2]]
+    assert read(0, 0, Order) == 3 and read(0, 0, Velocity) == 1.0 and read(1, 0, Mobile) == 0.0
+    assert read(1, 0, Size) == 0.3 and read(1, 1, Size) == 0.4 and read(0, 1, Friction) == 0.7
+    assert levels.shape_kind.tolist() == [[1, 2, 0], [1, 1, 0]] and levels.vertex_count.tolist() == [
+        [0, 3, 0],
+        [0, 0, 0],
+    ]
+    assert levels.parameters[:, layout.parameters.index(Gravity)].tolist() == [9.0, 10.0]
+    assert (levels.values[:, -1, layout.columns[Friction]] == 0.1).all()
+
+
+def test_levels_by_hand_may_have_different_numbers_of_entities(tmp_path):
+    balls = [Ball({ID: f"{k}_ball", Position: [0.3 * k, 0.0]}) for k in range(3)]
+    levels = Levels.from_entities([balls, balls[:1]])
+    assert levels.layout.names[:3] == ("0_ball", "1_ball", "2_ball")
+    assert [slot.optional for slot in levels.layout.slots] == [False, True, True, False]
+    assert levels.types[1].tolist() == [0, -1, -1, 1] and np.isnan(levels.values[1, 1:3]).all()
+    levels.save(tmp_path / "x.npz")
+    assert Levels.load(tmp_path / "x.npz") == levels
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Levels.from_entities([]), "at least one level"),
+        (lambda: Levels.from_entities([[Ball]]), "is not an entity"),
+        (lambda: Levels.from_entities([[segar.Entity({Mass: 1.0})]]), "declare a sub-class of Entity"),
+        (lambda: Levels.from_entities([[segar.GlobalFriction()]]), "FloorFriction"),
+        (lambda: Levels.from_entities([[Ball({Label: "star"})]]), "the label belongs to the type"),
+        (lambda: Levels.from_entities([[SandTile({Shape: RandomConvexHull(0.3)})]]), "a random shape needs"),
+        (lambda: Levels.from_entities([[Ball()]], {Gravity: [1.0, 2.0]}), "Gravity must be one number or 1"),
+        (lambda: Levels.from_entities([[Ball({ID: "a"}), Ball({ID: "a"})]]), "several entities are called 'a'"),
+    ],
+)
+def test_entities_that_cannot_make_levels_are_refused(make, message):
+    with pytest.raises(LevelError, match=message):
+        make()
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "message"),
+    [
+        (lambda: LevelDistribution([(Ball, 1)], prior=[]), LevelError, "has no 'prior'. Did you mean 'priors'?"),
+        (lambda: LevelDistribution({Ball: 1}), LevelError, "numbers must be a list, not dict"),
+        (lambda: LevelDistribution([]), LevelError, "at least one entity"),
+        (lambda: LevelDistribution([(Ball, 0)]), LevelError, "at least one entity"),
+        (lambda: LevelDistribution([("Ball", 1)]), LevelError, "'Ball' is not an entity type"),
+        (lambda: LevelDistribution([Ball]), LevelError, "each entry is a pair"),
+        (lambda: LevelDistribution([(Ball, 1.5)]), LevelError, "how many Ball must be a whole number"),
+        (lambda: LevelDistribution([(Ball, UniformNoise(1, 2))]), LevelError, "must be a law of whole numbers"),
+        (lambda: LevelDistribution([(Ball, 1)], [(Mass, 1.0)]), LevelError, "is not a Prior"),
+        (lambda: LevelDistribution([(Ball, 1)], parameters={Mass: 1.0}), LevelError, "not a world parameter"),
+        (lambda: LevelDistribution([(Ball, 1)], positions=[(Ball, [[0, 0], [1, 1]])]), LevelError, "2 places for Ball"),
+        (lambda: LevelDistribution([(Ball, 1)], min_distance=-1), LevelError, "min_distance must be"),
+        (
+            lambda: LevelDistribution([(GolfBall, 1), (GolfBall, 1), (Marble, 0)]).sample(0),
+            PlacementError,
+            "always start 0",
+        ),
+        (lambda: family("empty-easy").sample(0), LevelError, "'empty-easy': the number of levels must be"),
+        (lambda: family("empty-easy").sample(True), LevelError, "the number of levels must be"),
+        (lambda: family("empty-easy").sample(5, seed=0.5), LevelError, "the seed must be a whole number"),
+        (lambda: family("empty-easy").sample(5, split=1), LevelError, "the split must be a text"),
+    ],
+)
+def test_a_configuration_that_makes_no_sense_is_refused_at_once(make, error, message):
+    with pytest.raises(error) as caught:
+        make()
+    assert message in str(caught.value)
+
+
+def test_two_entities_of_one_name_are_refused():
+    class OtherBall(GolfBall): ...
+
+    with pytest.raises(LevelError, match=r"two entities are called 'golfball' \(GolfBall, OtherBall\)"):
+        LevelDistribution([(GolfBall, 1), (OtherBall, 1)], [ANYWHERE])
+
+
+def test_things_that_cannot_be_placed_are_named():
+    crowd = LevelDistribution([(Ball, 50)], [ANYWHERE], name="crowd")
+    message = r"'crowd', level \d+ \(seed 4, split 'test'\): after 100 tries 'ball\d+' and 'ball\d+' are 0\.\d+ apart"
+    with pytest.raises(PlacementError, match=message):
+        crowd.sample(3, seed=4, split="test")
+
+
+@pytest.mark.parametrize(
+    ("count", "size", "message"),
+    [
+        (2, 1.5, "the tightest are 'ball1' .* and 'ball2'"),
+        (1, 2.5, r"'ball' \(size 2.5\) does not fit between the walls"),
+    ],
+)
+def test_things_that_do_not_fit_are_named(count, size, message):
+    with pytest.raises(PlacementError, match=message):
+        LevelDistribution([(Ball, count)], [ANYWHERE, Prior(Size, size)]).sample(2)
+
+
+def test_the_factors_of_ones_own_entities_are_columns(tmp_path):
+    class Temperature(segar.Scalar, default=20.0, unit="degC"): ...
+
+    class Ember(Tile):
+        temperature: Temperature = 300.0
+        label: Label = "ember"
+
+    dist = LevelDistribution([(Ember, 2)], [ANYWHERE, Prior(Temperature, GaussianNoise(300.0, 10.0))])
+    levels = dist.sample(50)
+    drawn = levels.values[:, :2, levels.layout.columns[Temperature]]
+    assert 285 < drawn.mean() < 315 and len(np.unique(drawn)) == 100
+    levels.save(tmp_path / "x.npz")
+    assert Levels.load(tmp_path / "x.npz") == levels
+
+
+def test_an_abstract_entity_without_a_place_is_not_placed():
+    class Weather(segar.Entity):
+        charge: Charge = 0.5
+        id: ID = "weather"
+
+    levels = LevelDistribution(
+        [(Ball, 1), (Weather, 1)], [Prior(Charge, UniformNoise(1, 2), entity_type=Weather)]
+    ).sample(3)
+    assert np.isnan(positions(levels)[:, 1]).all()
+    assert (levels.values[:, 1, levels.layout.columns[Charge]] >= 1).all()

@@ -1,0 +1,290 @@
+"""Laws of chance: one table of laws, many properties; scipy and large samples as oracles."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import pickle
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import segar.noise as sn
+from segar.counter_rng import LevelGenerator, stream_key
+from segar.errors import PriorError
+from segar.noise import measures
+
+DRAWS = 40_000
+LINE = [
+    sn.GaussianNoise(1.0, 2.0),
+    sn.GaussianNoise(0.2, 0.01, clip=(0.1, 0.3)),
+    sn.GaussianNoise(-1.0, 0.1, clip=(-1.0, -0.5)),
+    sn.GaussianNoise(1.0, 0.4, clip=(0.0, 1.0)),
+    sn.GaussianNoise(0.0, 1.0, clip=(0.5, math.inf)),
+    sn.UniformNoise(-2.0, 3.0),
+    sn.LogUniform(0.1, 4.0),
+    sn.GaussianMixtureNoise(means=[-1.0, 1.0], stds=[0.1, 0.1]),
+    sn.GaussianMixtureNoise(means=[-1.0, 0.0, 2.0], stds=[0.1, 1.0, 0.3], pvals=[0.2, 0.5, 0.3]),
+    sn.DiscreteRangeNoise(1, 4),
+    sn.Bernoulli(0.3),
+    sn.Choice([0.5, 2.0, 2.0], [0.2, 0.5, 0.3]),
+    sn.Deterministic(2.0),
+    sn.Mixture([sn.GaussianNoise(0.0, 1.0, (-1.0, 1.0)), sn.Deterministic(3.0), sn.UniformNoise(1.0, 2.0)]),
+]
+LOCATIONS = {
+    sn.RandomUniformLocation: ((-0.95, 0.95), (-0.95, 0.95)),
+    sn.RandomMiddleLocation: ((-0.475, 0.475), (-0.475, 0.475)),
+    sn.CenterLocation: ((0.0, 0.0), (0.0, 0.0)),
+    sn.RandomEdgeLocation: ((-0.95, 0.95), (-0.95, 0.95)),
+    sn.RandomTopLocation: ((-0.95, 0.95), (0.475, 0.95)),
+    sn.RandomBottomLocation: ((-0.95, 0.95), (-0.95, -0.475)),
+    sn.RandomLeftLocation: ((-0.95, -0.475), (-0.95, 0.95)),
+    sn.RandomRightLocation: ((0.475, 0.95), (-0.95, 0.95)),
+    sn.RandomTopRightLocation: ((0.475, 0.95), (0.475, 0.95)),
+    sn.RandomTopLeftLocation: ((-0.95, -0.475), (0.475, 0.95)),
+    sn.RandomBottomRightLocation: ((0.475, 0.95), (-0.95, -0.475)),
+    sn.RandomBottomLeftLocation: ((-0.95, -0.475), (-0.95, -0.475)),
+}
+PLANE = [
+    *(location() for location in LOCATIONS),
+    sn.GaussianNoise2D((0.1, 0.2), 0.1, clip=(-0.5, 0.2)),
+    sn.GaussianNoise2D((0.1, -0.2), cov=[[0.1, 0.05], [0.05, 0.2]]),
+    sn.Independent(sn.GaussianNoise(0.0, 0.3), 0.5),
+]
+every_law = pytest.mark.parametrize("law", LINE, ids=repr)
+every_plane_law = pytest.mark.parametrize("law", PLANE, ids=repr)
+
+
+def draws(law: sn.Noise) -> np.ndarray:
+    """Draws from the generator that levels use."""
+    return np.asarray(law.sample(LevelGenerator(stream_key(repr(law)), np.arange(DRAWS)), DRAWS), dtype=float)
+
+
+@every_law
+def test_the_share_of_draws_up_to_x_is_the_cdf(law):
+    x = np.sort(draws(law))
+    grid = np.unique(np.concatenate([x[:: DRAWS // 100], np.linspace(x[0] - 1, x[-1] + 1, 51)]))
+    share = np.searchsorted(x, grid, side="right") / DRAWS
+    assert np.abs(share - law.cdf(grid)).max() < 1.95 / math.sqrt(DRAWS)  # the DKW bound at 1e-3
+
+
+@every_law
+def test_numpys_generator_draws_from_the_same_law(law):
+    x = np.sort(np.asarray(law.sample(np.random.default_rng(0), DRAWS), dtype=float))
+    share = np.searchsorted(x, x, side="right") / DRAWS
+    assert np.abs(share - law.cdf(x)).max() < 1.95 / math.sqrt(DRAWS)
+
+
+@every_law
+def test_mean_and_variance_are_those_of_the_draws(law):
+    x = draws(law)
+    assert abs(x.mean() - law.mean) <= 4 * math.sqrt(law.var / DRAWS)
+    assert x.var() == pytest.approx(law.var, rel=0.05, abs=1e-12)
+
+
+@every_law
+def test_closed_moments_and_entropy_agree_with_quadrature(law):
+    assert measures.moments(law) == pytest.approx((law.mean, law.var), rel=1e-6, abs=1e-9)
+    assert measures.entropy(law) == pytest.approx(law.entropy(), rel=1e-6, abs=1e-9)
+
+
+@every_law
+def test_the_entropy_is_the_mean_negative_log_probability(law):
+    assert -law.log_prob(draws(law)).mean() == pytest.approx(law.entropy(), abs=0.03)
+
+
+@every_law
+def test_the_quantile_is_where_the_cdf_reaches_q(law):
+    q = np.linspace(0.005, 0.995, 67)
+    x = law.icdf(q)
+    assert (law.cdf(x) >= q - 1e-9).all()
+    assert (law.cdf(x - 1e-6) <= q + 1e-4).all()
+    assert np.isnan(law.icdf(-0.1)) and np.isnan(law.icdf(1.1))
+
+
+@every_law
+def test_density_and_atoms_hold_the_whole_mass(law):
+    x, weight = measures._nodes(law.pieces)
+    assert law.atoms[1].sum() + weight @ law.pdf(x) == pytest.approx(1.0, abs=1e-9)
+    assert np.allclose(law.pmf(law.atoms[0]), law.atoms[1])
+
+
+@every_law
+def test_no_draw_leaves_the_support(law):
+    low, high = law.support
+    assert low <= draws(law).min() and draws(law).max() <= high
+
+
+@every_law
+def test_a_law_survives_pickling_and_says_how_it_was_made(law):
+    assert pickle.loads(pickle.dumps(law)) == law
+    assert eval(repr(law), vars(sn) | {"inf": math.inf}) == law
+
+
+@pytest.mark.parametrize(
+    ("law", "oracle"),
+    [
+        (sn.GaussianNoise(1.0, 2.0), stats.norm(1.0, 2.0)),
+        (sn.UniformNoise(0.2, 1.0), stats.uniform(0.2, 0.8)),
+        (sn.LogUniform(0.1, 4.0), stats.loguniform(0.1, 4.0)),
+    ],
+    ids=repr,
+)
+def test_continuous_laws_agree_with_scipy(law, oracle):
+    x = np.linspace(-3.0, 5.0, 101)
+    assert np.allclose(law.cdf(x), oracle.cdf(x), atol=1e-14)
+    assert np.allclose(law.pdf(x), oracle.pdf(x), atol=1e-14)
+    assert np.allclose(law.icdf([0.1, 0.5, 0.9]), oracle.ppf([0.1, 0.5, 0.9]))
+    assert (law.mean, law.var, law.entropy()) == pytest.approx((oracle.mean(), oracle.var(), oracle.entropy()))
+
+
+def test_a_clipped_gaussian_has_its_atoms_at_the_ends():
+    law = sn.GaussianNoise(0.2, 0.1, clip=(0.1, 0.3))
+    tail = stats.norm.cdf(-1.0)
+    assert law.cdf(0.2) == 0.5
+    assert np.allclose(
+        law.cdf([0.0999, 0.1, 0.25, 0.2999999, 0.3, 9.0]), [0, tail, stats.norm.cdf(0.5), 1 - tail, 1, 1]
+    )
+    assert np.allclose(law.pmf([0.1, 0.2, 0.3]), [tail, 0.0, tail])
+    assert law.log_prob(0.1) == pytest.approx(math.log(tail))
+    assert law.log_prob(0.05) == -math.inf
+    assert isinstance(float(law.cdf(0.2)), float) and law.cdf(np.zeros((2, 3))).shape == (2, 3)
+
+
+def test_discrete_ranges_include_both_ends():
+    law = sn.DiscreteRangeNoise(1, 2)
+    assert set(np.unique(draws(law))) == {1.0, 2.0}
+    assert np.allclose(law.pmf([0, 1, 2, 3]), [0.0, 0.5, 0.5, 0.0])
+    assert law.entropy() == pytest.approx(math.log(2))
+
+
+def test_the_w2_of_gaussians_is_the_square_root_with_standard_deviations():
+    assert sn.GaussianNoise(0.0, 0.1).w2(sn.GaussianNoise(0.1, 0.2)) == pytest.approx(math.sqrt(0.02), abs=1e-15)
+
+
+@pytest.mark.parametrize(("a", "b"), list(itertools.combinations([*LINE[:3], *LINE[5:10], LINE[13]], 2)), ids=repr)
+def test_w2_and_ks_agree_with_brute_force(a, b):
+    q = (np.arange(20_000) + 0.5) / 20_000
+    assert a.w2(b) == pytest.approx(math.sqrt(np.mean((a.icdf(q) - b.icdf(q)) ** 2)), abs=5e-3)
+    assert a.w2(b) == pytest.approx(b.w2(a), abs=1e-12)
+    x = np.linspace(-6.0, 8.0, 50_001)
+    brute = np.abs(a.cdf(x) - b.cdf(x)).max()
+    assert brute - 1e-9 <= a.ks(b) <= brute + 2e-3
+    assert a.ks(b) == pytest.approx(b.ks(a), abs=1e-12)
+
+
+@pytest.mark.parametrize("law", LINE + PLANE, ids=repr)
+def test_a_law_is_at_no_distance_from_itself(law):
+    assert law.w2(law) == 0.0
+    if law.width == 1:
+        assert law.ks(law) == 0.0
+
+
+def test_the_ks_of_equal_gaussians_a_shift_apart_has_a_closed_form():
+    expected = 2 * stats.norm.cdf(0.25) - 1
+    assert sn.GaussianNoise(0.0, 1.0).ks(sn.GaussianNoise(0.5, 1.0)) == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_constant_can_stand_for_a_law_in_distances():
+    law = sn.UniformNoise(0.0, 1.0)
+    assert law.w2(0.5) == pytest.approx(math.sqrt(1 / 12))
+    assert law.ks(0.25) == pytest.approx(0.75)
+
+
+@every_plane_law
+def test_on_the_plane_the_share_of_draws_below_is_the_cdf(law):
+    x = draws(law)
+    corners = np.random.default_rng(1).uniform(-1, 1, (200, 2))
+    share = (x[None] <= corners[:, None]).all(axis=-1).mean(axis=1)
+    assert np.abs(share - law.cdf(corners)).max() < 4.5 * 0.5 / math.sqrt(DRAWS)
+
+
+@every_plane_law
+def test_on_the_plane_moments_and_entropy_are_those_of_the_draws(law):
+    x = draws(law)
+    assert np.abs(x.mean(axis=0) - law.mean).max() <= 4.5 * math.sqrt(max(law.var) / DRAWS)
+    assert np.allclose(x.var(axis=0), law.var, rtol=0.05, atol=1e-12)
+    assert -law.log_prob(x).mean() == pytest.approx(law.entropy(), abs=0.03)
+
+
+@pytest.mark.parametrize(("location", "box"), LOCATIONS.items(), ids=lambda value: getattr(value, "__name__", ""))
+def test_locations_lie_in_their_box(location, box):
+    law, x = location(), draws(location())
+    (x0, x1), (y0, y1) = box
+    assert x0 <= x[:, 0].min() and x[:, 0].max() <= x1 and y0 <= x[:, 1].min() and x[:, 1].max() <= y1
+    assert np.allclose(law.support, box)
+    assert np.ptp(x[:, 0]) >= 0.98 * (x1 - x0) and np.ptp(x[:, 1]) >= 0.98 * (y1 - y0)
+
+
+def test_the_edge_is_the_rim_without_the_middle():
+    x = draws(sn.RandomEdgeLocation())
+    assert (np.abs(x).max(axis=1) >= 0.475).all()
+    cells = np.histogram2d(x[:, 0], x[:, 1], bins=[[-0.95, -0.475, 0, 0.475, 0.95]] * 2)[0]
+    rim = cells[~np.pad(np.ones((2, 2), dtype=bool), 1)]
+    assert cells[1:3, 1:3].sum() == 0 and stats.chisquare(rim).pvalue > 1e-3
+
+
+def test_distances_of_boxes_on_the_plane_are_exact():
+    top, bottom = sn.RandomTopLocation(), sn.RandomBottomLocation()
+    assert top.w2(bottom) == pytest.approx(0.475 + 0.95)
+    assert top.ks(bottom) == 1.0
+    assert sn.CenterLocation().w2(sn.RandomMiddleLocation()) == pytest.approx(math.sqrt(2 * 0.95**2 / 12))
+    assert sn.RandomEdgeLocation().ks(sn.RandomUniformLocation()) == pytest.approx(9 / 16 - 5 / 12, abs=1e-12)
+
+
+def test_the_w2_of_plane_gaussians_is_the_bures_distance():
+    a = sn.GaussianNoise2D((0.0, 0.0), cov=[[2.0, 0.5], [0.5, 1.0]])
+    turned = sn.GaussianNoise2D((3.0, 4.0), cov=[[2.0, 0.5], [0.5, 1.0]])
+    assert a.w2(turned) == pytest.approx(5.0)
+    b = sn.GaussianNoise2D((0.0, 0.0), cov=[[8.0, 2.0], [2.0, 4.0]])
+    assert a.w2(b) == pytest.approx(math.sqrt(3.0))  # standard deviations double, and the trace is 3
+
+
+def test_a_choice_of_points_is_a_law_on_the_plane():
+    law = sn.Choice([(0.0, 0.0), (1.0, 2.0)], [0.25, 0.75])
+    assert law.width == 2 and law.sample(np.random.default_rng(0), 5).shape == (5, 2)
+    assert np.allclose(law.mean, [0.75, 1.5])
+    assert law.cdf([0.5, 5.0]) == 0.25
+
+
+def test_one_draw_without_size_is_a_number():
+    rng = np.random.default_rng(0)
+    assert all(np.ndim(law.sample(rng)) == 0 for law in LINE)
+    assert all(np.shape(law.sample(rng)) == (2,) for law in PLANE)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: sn.GaussianNoise(-1.0, 0.1, clip=(-0.5, -1.0)), r"did you mean \(-1, -0.5\)\?"),
+        (lambda: sn.GaussianNoise(0.0, 0.0), "std must be positive, not 0.0; for a constant give the value itself"),
+        (lambda: sn.GaussianNoise("a", 1.0), "mean must be a finite number, not 'a'"),
+        (lambda: sn.UniformNoise(1.0, 0.2), r"did you mean \(0.2, 1\)\?"),
+        (lambda: sn.UniformNoise(1.0, 1.0), "for a constant give the value itself"),
+        (lambda: sn.DiscreteRangeNoise(1.5, 3), "low and high must be whole numbers"),
+        (lambda: sn.GaussianMixtureNoise([0, 1], [1]), "2 means and 1 stds"),
+        (lambda: sn.GaussianMixtureNoise([0, 1], [1, 1], [0.5, 0.6]), "sum to 1"),
+        (lambda: sn.Choice([1, 2], [1.0]), "1 probabilities were given for 2 members"),
+        (lambda: sn.Choice([]), "at least one key"),
+        (lambda: sn.Bernoulli(1.5), r"p must lie in \[0, 1\]"),
+        (lambda: sn.LogUniform(0.0, 1.0), "low must be positive"),
+        (lambda: sn.Mixture([sn.UniformNoise(0, 1), sn.CenterLocation()]), "all on the line or all on the plane"),
+        (lambda: sn.UniformNoise(0, 1).w2(sn.CenterLocation()), "here one on the line is needed"),
+        (lambda: sn.GaussianNoise2D((0, 0), cov=[[1, 2], [2, 1]]), "not positive definite"),
+        (lambda: sn.Choice(["a", "b"]).cdf(0.0), "things that are not numbers"),
+    ],
+)
+def test_a_law_that_makes_no_sense_is_refused(make, message):
+    with pytest.raises(PriorError, match=message):
+        make()
+
+
+def test_a_law_of_ones_own_needs_only_to_be_sampled():
+    class Triangular(sn.Noise):
+        def sample(self, rng, size=None):
+            return rng.random(size) + rng.random(size)
+
+    assert Triangular().sample(np.random.default_rng(0), 3).shape == (3,)
+    with pytest.raises(PriorError, match=r"Triangular does not say its distribution function: define cdf"):
+        Triangular().cdf(0.5)
