@@ -72,6 +72,7 @@ class LevelDistribution:
     ) -> None:
         for key in unknown:
             raise LevelError(f"a level distribution has no '{key}'.{did_you_mean(key, CONFIG_KEYS)}")
+        _check_world(world)
         if not (isinstance(min_distance, (int, float)) and min_distance >= 0):
             raise LevelError(f"min_distance must be a number of metres, at least 0, not {min_distance!r}")
         set_ = object.__setattr__
@@ -232,6 +233,13 @@ def _check_number(entry: Any) -> tuple[Any, Any]:
     if isinstance(many, bool) or not isinstance(many, (int, np.integer)) or many < 0:
         raise LevelError(f"numbers: how many {name} must be a whole number from 0 up or a law of such, not {many!r}")
     return who, int(many)
+
+
+def _check_world(world: Any) -> None:
+    from segar.world import World  # rules know entities, not the other way round
+
+    if world is not None and not isinstance(world, World):
+        raise LevelError(f"world must be a segar.World or None, not {world!r}; with_rules takes a list of rules")
 
 
 def _check_prior(prior: Any) -> Prior:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from segar.factors import Factor, Friction, Order, Position, Size
-from segar.noise import Choice, Deterministic, DiscreteRangeNoise, Mixture, Noise, as_noise
+from segar.noise import Choice, Deterministic, DiscreteRangeNoise, Mixture, Noise
+from segar.noise.measures import as_noise
 from segar.parameters import FloorFriction
 from segar.priors import Prior, factors_read
 from segar.sampling_plan import Group, Plan

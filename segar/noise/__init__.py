@@ -19,7 +19,6 @@ from segar.noise.locations import (
     RandomTopRightLocation,
     RandomUniformLocation,
 )
-from segar.noise.measures import as_noise
 from segar.noise.mixture import GaussianMixtureNoise, Mixture
 
 __all__ = [
@@ -47,5 +46,4 @@ __all__ = [
     "RandomTopRightLocation",
     "RandomUniformLocation",
     "UniformNoise",
-    "as_noise",
 ]
