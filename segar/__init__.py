@@ -4,6 +4,8 @@ Entities, factors, rules and priors make level distributions; levels are sampled
 is compiled from the rules, and measured. See README.md for a first run.
 """
 
+from typing import Tuple  # noqa: UP035 - the paper's rules are written with it
+
 from segar import envs, metrics, noise, random, tasks
 from segar.distribution import LevelDistribution
 from segar.effects import Aggregate, Differential, SetFactor
@@ -160,6 +162,7 @@ __all__ = [
     "Task",
     "Text",
     "Triangle",
+    "Tuple",
     "Vector",
     "Velocity",
     "Visible",

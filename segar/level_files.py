@@ -59,6 +59,7 @@ def load_levels(path: str | PathLike[str], world: Any = None) -> Levels:
         origin["seed"],
         origin["split"],
         arrays.pop("indices"),
+        tuple(metadata.get("rules", ())),
     )
     return Levels(layout=layout, **arrays, provenance=provenance, world=world)
 
@@ -75,6 +76,7 @@ def _metadata(levels: Levels) -> dict[str, Any]:
             "seed": origin.seed,
             "split": origin.split,
         },
+        "rules": [r.where for r in levels.world.rules] if levels.world is not None else list(origin.rules),
         "slots": [
             {"name": s.name, "types": [layout.types.index(t) for t in s.types], "optional": s.optional}
             for s in layout.slots

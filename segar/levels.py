@@ -30,7 +30,8 @@ LEVEL_ARRAYS = (
 class Provenance:
     """Where levels come from: distribution (name and content hash), version, seed, split, and indices in the split.
 
-    Levels that were made by hand have an empty ``distribution``.
+    Levels that were made by hand have an empty ``distribution``. ``rules`` names the rules of their own that levels had
+    when they were saved; it is empty for the default ones.
     """
 
     name: str | None
@@ -39,6 +40,7 @@ class Provenance:
     seed: int
     split: str
     indices: np.ndarray
+    rules: tuple[str, ...] = ()
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Provenance):

@@ -106,7 +106,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         if self.autoreset_mode is AutoresetMode.NEXT_STEP:
             raise SegarError("autoreset_mode NEXT_STEP is not offered; use SAME_STEP or DISABLED")
         self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
-        self.simulator = Simulator(world or levels.world or World(), levels.layout, self.task, num_threads)
+        self.simulator = Simulator(world or world_of(levels), levels.layout, self.task, num_threads)
         self.observation = make_observation(observation).bind(levels, num_envs)
         self.single_observation_space = self.observation.space
         self.single_action_space = gymnasium.spaces.Box(
@@ -336,6 +336,20 @@ class VectorEnv(gymnasium.vector.VectorEnv):
                 f" shape {array.shape}"
             )
         return array.astype(dtype)
+
+
+def world_of(levels: Levels) -> World:
+    """The rules of a level set: its distribution's, or the default ones.
+
+    Raises:
+        LevelError: the levels were saved with rules of their own, which a file does not hold.
+    """
+    if levels.world is None and levels.provenance.rules:
+        raise LevelError(
+            f"these levels were saved with rules of their own ({', '.join(levels.provenance.rules)}), which a level file"
+            " does not hold; give them: Levels.load(path, world=segar.World(rules=...))"
+        )
+    return levels.world or World()
 
 
 def make_observation(observation: Any) -> Any:

@@ -160,6 +160,16 @@ def test_arrays_of_an_earlier_step_are_not_overwritten() -> None:
     assert same(kept, copies)
 
 
+def test_levels_with_rules_of_their_own_never_run_on_the_default_ones(tmp_path) -> None:
+    rules = (segar.move, segar.accelerate)
+    levels = segar.family("empty-hard").with_rules(rules).sample(3, seed=0)
+    levels.save(tmp_path / "levels.npz")
+    with pytest.raises(segar.LevelError, match=r"saved with rules of their own \(move"):
+        VectorEnv(segar.Levels.load(tmp_path / "levels.npz"), 2)
+    again = segar.Levels.load(tmp_path / "levels.npz", world=segar.World(rules=rules))
+    assert same(roll(VectorEnv(levels, 2), 10), roll(VectorEnv(again, 2), 10))
+
+
 @pytest.mark.parametrize("name", ["empty-hard", "objectsx3-hard", "tilesx3-hard", "puttputt"])
 def test_observations_are_finite_and_shaped_by_the_distribution_not_the_sample(name: str) -> None:
     shapes = set()
