@@ -198,7 +198,7 @@ def track_report(config: ReportConfig, report: Report, design_name: str) -> None
     for earlier in client.search_runs([experiment], where):
         client.delete_run(earlier.info.run_id)
     tags = {"kind": "report", "report_folder": str(report.folder), "design": design_name}
-    run = client.create_run(experiment, run_name=f"report-{design_name}", tags=tags).info.run_id
+    run = client.create_run(experiment, run_name=f"report of {report.folder.name}", tags=tags).info.run_id
     for name, value in headline_numbers(report.statistics).items():
         client.log_metric(run, name, value)
     for path in report.files:

@@ -41,6 +41,7 @@ def serve(config: DashboardConfig) -> None:
     command = server_command(config)
     require_free(config.port)
     os.environ["MLFLOW_SERVER_ENABLE_JOB_EXECUTION"] = "false"  # a job runner that nothing here uses; 20 s to start
+    os.environ["PYTHONWARNINGS"] = "ignore"  # of the server's own libraries, which its user cannot mend
     print(f"Results of {config.folder}: http://{HOST}:{config.port} (in a few seconds). Ctrl-C stops it.", flush=True)
     os.execv(command[0], command)
 
@@ -55,7 +56,7 @@ def server_command(config: DashboardConfig) -> list[str]:
         )
     artifacts = (config.folder / "mlflow-artifacts").as_uri()
     stores = ["--backend-store-uri", f"sqlite:///{store}", "--default-artifact-root", artifacts]
-    address = ["--host", HOST, "--port", str(config.port), "--workers", "1"]
+    address = ["--host", HOST, "--port", str(config.port), "--workers", "1", "--uvicorn-opts", "--log-level=warning"]
     return [sys.executable, "-m", "mlflow", "server", *address, *stores]
 
 

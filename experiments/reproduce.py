@@ -145,7 +145,8 @@ def report(config: ReproduceConfig, cells: Sequence[RunConfig]) -> bool:
     }
     command = [sys.executable, "-m", "analysis.report", *(f"{key}={quoted(value)}" for key, value in settings.items())]
     began = time.monotonic()
-    done = subprocess.run(command, cwd=CHECKOUT)  # where the package is, installed or not
+    environment = {name: value for name, value in os.environ.items() if name != "HYDRA_FULL_ERROR"}  # ours, see entry
+    done = subprocess.run(command, cwd=CHECKOUT, env=environment)  # from where the package is found, installed or not
     if done.returncode == 0:
         print(f"The report took {in_minutes(time.monotonic() - began)}. Figures and curves in the browser:")
         print(f"  {sys.executable} -m experiments.dashboard root={quoted(runs_root(run))}    (or: make dashboard)")
@@ -168,7 +169,10 @@ def failures(failed: Sequence[Outcome], cells: int, reported: bool) -> str:
     lines += [f"  {cell_of(one.job.argument)}: {one.error}\n    log: {one.job.log}" for one in failed]
     if not reported:
         lines.append("there is no report: see what it says above")
-    return "\n".join([*lines, "Finished cells are kept: the same command trains only what is missing."])
+    lines.append("Finished cells are kept: the same command trains only what is missing.")
+    if any("restart=true" in str(one.error) for one in failed):
+        lines.append("restart=true trains all of them anew; to train one cell anew, delete its run folder.")
+    return "\n".join(lines)
 
 
 def in_minutes(seconds: float) -> str:

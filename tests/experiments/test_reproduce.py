@@ -11,6 +11,7 @@ import pytest
 
 from experiments.cells import cell_of, paper_cells
 from experiments.config import ScaleConfig
+from experiments.entry import compose
 from experiments.errors import TrainingError
 from experiments.reproduce import ReproduceConfig, quoted, reproduce
 from experiments.run_folder import folder_path, is_finished
@@ -128,3 +129,30 @@ def test_a_killed_reproduction_goes_on_where_it_stopped(tmp_path):
 )
 def test_values_are_quoted_for_hydra(value, text):
     assert quoted(value) == text
+
+
+@pytest.mark.parametrize(
+    ("command", "cells", "observation", "algorithm", "frames"),
+    [
+        (["scale=smoke"], 4, "state", "ppo_fast", 20_000),
+        (["scale=quick"], 45, "state", "ppo_fast", 200_000),
+        (["scale=standard"], 135, "rgb", "ppo_fast", 250_000),
+        (["scale=paper"], 225, "rgb", "ppo", 1_000_000),
+        (["scale=paper", "observation=state", "scale.seeds=1"], 45, "state", "ppo", 1_000_000),
+    ],
+)
+def test_a_scale_chooses_the_protocol_and_the_command_line_has_the_last_word(
+    command, cells, observation, algorithm, frames
+):
+    planned = paper_cells(compose([*command, "seed=1"]))
+    assert len({cell.label() for cell in planned}) == len(planned) == cells
+    (cell,) = {(c.observation.name, c.algorithm.name, c.scale.frames) for c in planned}
+    assert cell == (observation, algorithm, frames)
+    assert planned[0].seed == planned[0].levels.seed == 1
+
+
+def test_a_misspelt_setting_is_told_with_the_nearest_right_one():
+    command = [sys.executable, "-m", "experiments.reproduce", "scale=smoke", "proceses=1"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 1
+    assert done.stderr == "error: no setting is called 'proceses'. Did you mean 'processes'?\n"
