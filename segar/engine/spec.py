@@ -210,6 +210,9 @@ def symbols_of(tree: Tree) -> list[Symbol]:
 
 def outcomes_of(tree: Tree) -> list[Any]:
     """All outcomes at the leaves of a tree."""
-    if isinstance(tree, Leaf):
-        return list(tree.outcomes)
-    return outcomes_of(tree.yes) + outcomes_of(tree.no)
+    return [outcome for leaf in leaves_of(tree) for outcome in leaf.outcomes]
+
+
+def leaves_of(tree: Tree) -> list[Leaf]:
+    """All leaves of a tree."""
+    return [tree] if isinstance(tree, Leaf) else leaves_of(tree.yes) + leaves_of(tree.no)

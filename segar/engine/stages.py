@@ -15,7 +15,7 @@ from itertools import pairwise
 from segar.effects import Aggregate, Differential, SetFactor
 from segar.engine.emit import Writer, bind
 from segar.engine.layout import Slot, holds
-from segar.engine.spec import Group, Matcher, Needs, needs_of, outcomes_of, relation_mask, settle, symbols_of
+from segar.engine.spec import Group, Matcher, Needs, leaves_of, needs_of, outcomes_of, relation_mask, settle, symbols_of
 from segar.engine.symbols import Symbol, walk
 from segar.engine.trace import Branch, Leaf, Outcome, Tree
 from segar.errors import ConflictError, RuleError
@@ -65,16 +65,16 @@ class Stage:
             for target in range(len(needs)):
                 if any(o.argument == target and takes(rule, o) for o in outcomes_of(rule.tree)):
                     self.applications.append(Application(rule, number, target, needs))
-        self.groups = self._indistinct_groups()
+        self.groups = self._indistinct_groups(self.applications)
         self.shared = self._read_across()
 
-    def _indistinct_groups(self) -> tuple[Group, ...]:
+    def _indistinct_groups(self, applications: list[Application]) -> tuple[Group, ...]:
         """Slots that match alike and keep what they hold in the same columns share a loop: less source, same result."""
-        needs = [n for a in self.applications for n in a.needs]
+        needs = [n for a in applications for n in a.needs]
         needs += [Needs((Floor, Position), None), Needs((Floor,), None), Needs((Position,), None)]
         by_type = dict.fromkeys(
             s.args[0]
-            for a in self.applications
+            for a in applications
             for s in application_symbols(a)
             if s.op == "relation" and not isinstance(s.args[0], str)
         )
@@ -137,7 +137,7 @@ class Stage:
         for test, applications in unary.items():
             with condition(w, test):
                 self._apply(w, applications, {"i": group})
-        for other in self.groups:
+        for other in self._indistinct_groups([a for a, _ in mine if len(a.needs) == 2]):
             self._write_pairs(w, group, other, mine)
         for application, mask in mine:
             if len(application.needs) == 3:
@@ -165,13 +165,13 @@ class Stage:
     def _write_pairs(self, w: Writer, group: Group, other: Group, mine: list[tuple[Application, int]]) -> None:
         pairs: dict[str, list[Application]] = defaultdict(list)
         for a, mask in mine:
-            if len(a.needs) == 2 and not (other is group and group.is_single):
+            if len(a.needs) == 2 and not (other.slots == group.slots and group.is_single):
                 other_mask = self.matcher.match(other, a.needs[1 - a.target])
                 if other_mask is not None and not self._never(a, {"i": group, "j": other}):
                     pairs[both(match_test("i", mask), match_test("j", other_mask))].append(a)
         if not pairs:
             return
-        with over_group(w, other, "j"), condition(w, "i != j" if other is group else ""):
+        with over_group(w, other, "j"), condition(w, "i != j" if share(other, group) else ""):
             for test, applications in pairs.items():
                 with condition(w, test):
                     self._apply(w, applications, {"i": group, "j": other})
@@ -179,17 +179,18 @@ class Stage:
     def _write_triples(self, w: Writer, group: Group, a: Application, mask: int) -> None:
         names = [v for v in a.variables if v != "i"]
         needs = {v: a.needs[n] for n, v in enumerate(a.variables)}
-        for second in self.groups:
-            for third in self.groups:
+        groups = self._indistinct_groups([a])
+        for second in groups:
+            for third in groups:
                 masks = [self.matcher.match(g, needs[v]) for g, v in ((second, names[0]), (third, names[1]))]
                 if masks[0] is None or masks[1] is None:
                     continue
                 distinct = " and ".join(
                     f"{p} != {q}"
                     for p, q, same in (
-                        ("i", "j", second is group),
-                        ("i", "k", third is group),
-                        ("j", "k", second is third),
+                        ("i", "j", share(second, group)),
+                        ("i", "k", share(third, group)),
+                        ("j", "k", share(second, third)),
                     )
                     if same
                 )
@@ -325,17 +326,22 @@ class Stage:
                     )
 
     def _find_disputed(self, group: Group, mine: list[tuple[Application, int]]) -> set[int]:
-        """Columns on which two outcomes of equal priority can meet: two rules, or one rule over several partners."""
-        setters: dict[tuple[int, int], list[Application]] = defaultdict(list)
+        """Columns on which outcomes of equal priority can meet: of two rules, of one over several partners, or of one
+        that speaks twice."""
+        most: dict[tuple[int, int], int] = defaultdict(int)
         for a, _ in mine:
-            columns = {
-                self.matcher.column(group, o.factor)
-                for o in outcomes_of(a.rule.tree)
-                if o.argument == a.target and o.kind is SetFactor and self.takes(a.rule, o)
-            }
-            for column in columns:
-                setters[(column, a.rule.priority)].append(a)
-        return {c for (c, _), found in setters.items() if len(found) > 1 or len(found[0].needs) > 1}
+            said: dict[int, int] = defaultdict(int)
+            for leaf in leaves_of(a.rule.tree):
+                columns = [
+                    self.matcher.column(group, o.factor)
+                    for o in leaf.outcomes
+                    if o.argument == a.target and o.kind is SetFactor and self.takes(a.rule, o)
+                ]
+                for column in columns:
+                    said[column] = max(said[column], columns.count(column) * len(a.needs))
+            for column, count in said.items():
+                most[column, a.rule.priority] += count
+        return {column for (column, _), count in most.items() if count > 1}
 
     def _read_across(self) -> set[type[Factor]]:
         """Factors that some rule reads on an entity that is not its target."""
@@ -374,6 +380,11 @@ class Stage:
             return False
         truth = settle(self.matcher, bind(a.rule.relation.truth, a.variables, a.number), groups)
         return truth.op == "const" and not truth.args[0]
+
+
+def share(a: Group, b: Group) -> bool:
+    """Whether some slot is in both groups."""
+    return not set(a.slots).isdisjoint(b.slots)
 
 
 def bind_tree(tree: Tree, a: Application) -> Tree:
