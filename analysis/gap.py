@@ -19,6 +19,7 @@ from analysis.statistics import (
     without_outliers,
 )
 from analysis.tables import column, select
+from analysis.words import signed
 
 Found = Correlation | NotAvailable
 
@@ -83,9 +84,10 @@ def panels(table: pd.DataFrame) -> list[str]:
 def correlation_rows(found: dict[str, Any]) -> list[tuple[str, Found]]:
     """(what is correlated, result) for the correlations of :func:`gap_statistics`, in the order of reading."""
     removed = found["without_outliers"]["removed"]
+    outliers = f"{removed} outlier{'' if removed == 1 else 's'}"
     return [
         ("pooled", found["pooled"]),
-        (f"pooled, {removed} outliers (abs(z) ≥ 3) removed", found["without_outliers"]["pooled"]),
+        (f"pooled without {outliers} (abs(z) ≥ 3)", found["without_outliers"]["pooled"]),
         ("within panels", found["within_panel"]),
         ("given panel and log n", found["given_panel_and_log_n"]),
         *((f"panel {name}", one) for name, one in found["panels"].items()),
@@ -97,6 +99,6 @@ def line_in_words(line: Line | NotAvailable) -> str:
     if isinstance(line, NotAvailable):
         return f"no line: {line.reason}"
     return (
-        f"gap = {line.intercept:.3g} {line.slope:+.3g} W2 "
-        f"(95 % interval of the slope {line.slope_low:.3g} to {line.slope_high:.3g}, R² = {line.r_squared:.2f})"
+        f"gap = {line.intercept:.2f} {'−' if line.slope < 0 else '+'} {abs(line.slope):.2f} W2 "
+        f"(95 % interval of the slope {signed(line.slope_low)} to {signed(line.slope_high)}, R² = {line.r_squared:.2f})"
     )

@@ -112,9 +112,9 @@ def explained_in_words(found: Any) -> str:
     return "; on ".join(parts)
 
 
-def interval(low: float, high: float) -> str:
-    """``−0.71 to −0.30``."""
-    return f"{signed(low)} to {signed(high)}"
+def interval(low: float | None, high: float | None) -> str:
+    """``−0.71 to −0.30``, or a dash."""
+    return "–" if low is None or high is None else f"{signed(low)} to {signed(high)}"
 
 
 def listed(values: Iterable[str]) -> str:

@@ -42,8 +42,8 @@ class Correlation:
     pearson_high: float
     spearman: float
     spearman_p: float
-    spearman_low: float
-    spearman_high: float
+    spearman_low: float | None  # None: points in perfect order, about which Fisher's interval has nothing to say
+    spearman_high: float | None
 
 
 @dataclass(frozen=True)
@@ -93,10 +93,11 @@ def correlate(x: Column, y: Column, covariates: NDArray[np.float64] | None = Non
         return pearson
     if isinstance(spearman, NotAvailable):
         return spearman
+    rho, rho_p, low, high = spearman
     if covariates is None and len(x) <= MAX_ORDERS:
-        rho, _, low, high = spearman
-        spearman = (rho, _p_of_orders(stats.rankdata(x), stats.rankdata(y)), low, high)
-    return Correlation(len(x), *pearson, *spearman)
+        rho_p = _p_of_orders(stats.rankdata(x), stats.rankdata(y))
+    interval = (None, None) if abs(rho) > 1 - EXPLAINED else (low, high)
+    return Correlation(len(x), *pearson, rho, rho_p, *interval)
 
 
 def fit_line(x: Column, y: Column) -> Line | NotAvailable:
@@ -172,7 +173,9 @@ def residuals(y: Column, given: NDArray[np.float64]) -> Column:
 EXPLAINED = 1e-10
 
 
-def _partial(x: Column, y: Column, given: NDArray[np.float64], freedom: int) -> tuple[float, ...] | NotAvailable:
+def _partial(
+    x: Column, y: Column, given: NDArray[np.float64], freedom: int
+) -> tuple[float, float, float, float] | NotAvailable:
     left, right = residuals(x, given), residuals(y, given)
     for column, rest in ((x, left), (y, right)):
         if np.linalg.norm(rest) <= EXPLAINED * np.linalg.norm(column - column.mean()):

@@ -21,8 +21,8 @@ def in_short(found: Correlation | NotAvailable) -> str:
 
 
 def signed(value: float) -> str:
-    """Two decimals with a true minus sign."""
-    return f"{value:+.2f}".replace("-", "−")
+    """Two decimals with a true minus sign; zero has none."""
+    return f"{round(value, 2) + 0.0:+.2f}".replace("-", "−")
 
 
 def p_value(p: float) -> str:

@@ -2,7 +2,7 @@
 
 The processes are those of :class:`concurrent.futures.ProcessPoolExecutor`. What is added here: what a run prints goes
 to its log; a process that dies abruptly costs its own run alone; and the processes end with this one, even when this
-one is killed. (On a cluster use Hydra's launchers; see ``conf/hydra/launcher``.)
+one is killed. Several machines are a matter of Hydra's launchers, not of this.
 """
 
 from __future__ import annotations

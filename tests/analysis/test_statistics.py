@@ -49,6 +49,7 @@ def test_four_runs_in_perfect_order_are_not_proof():
     found = available(correlate(np.array([1.0, 2, 3, 4]), np.array([4.0, 3, 2, 1.5])))
     assert found.spearman == pytest.approx(-1)
     assert found.spearman_p == pytest.approx(2 / 24)  # the order and its reverse, of 4! orders
+    assert found.spearman_low is None
 
 
 def test_the_line_is_scipys():
