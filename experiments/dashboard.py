@@ -56,7 +56,9 @@ def server_command(config: DashboardConfig) -> list[str]:
         )
     artifacts = (config.folder / "mlflow-artifacts").as_uri()
     stores = ["--backend-store-uri", f"sqlite:///{store}", "--default-artifact-root", artifacts]
-    address = ["--host", HOST, "--port", str(config.port), "--workers", "1", "--uvicorn-opts", "--log-level=warning"]
+    # Below critical, uvicorn logs every request, and calls Ctrl-C an error with a traceback.
+    quiet = ["--workers", "1", "--uvicorn-opts", "--log-level=critical"]
+    address = ["--host", HOST, "--port", str(config.port), *quiet]
     return [sys.executable, "-m", "mlflow", "server", *address, *stores]
 
 
