@@ -51,7 +51,7 @@ def mix(z):
 @njit
 def uniform(key, tick, site, a, b, c):
     """A uniform number in [0, 1) that depends on all arguments and nothing else."""
-    z = mix(np.uint64(key) + np.uint64(tick) * np.uint64(0x9E3779B97F4A7C15))
+    z = mix(np.uint64(key) + np.uint64(tick + 1) * np.uint64(0x9E3779B97F4A7C15))
     z = mix(z + np.uint64(site) * np.uint64(0xD1B54A32D192ED03))
     z = mix(z + np.uint64(a * 65536 + b) * np.uint64(0x8CB92BA72F3D8DD7) + np.uint64(c))
     return np.float64(z >> np.uint64(11)) * (1.0 / 9007199254740992.0)

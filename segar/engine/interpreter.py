@@ -181,7 +181,7 @@ class _Run:
         rates = {}
         for (slot, _), said in gathered.items():
             only_rates = all(effect.kind is Differential for _, effect in said)
-            rates[slot] = Vector(*_sum(effect for _, effect in said)) if only_rates else Vector(0.0, 0.0)
+            rates[slot] = Vector(*_sum(effect for _, effect in said)[:2]) if only_rates else Vector(0.0, 0.0)
         return rates
 
     def _gather(self, stage: str, rules: list[Rule], takes: Takes) -> dict[tuple[int, int], list[tuple[Rule, Effect]]]:
@@ -340,7 +340,7 @@ class _Lacking(SegarError):
 def keyed_uniform(key: int, tick: int, site: int, slots: tuple[int, ...]) -> Number:
     """The uniform number in [0, 1) of a key: SplitMix64 over (key, tick, site, entities), in plain integers."""
     a, b, c = (*slots, 0, 0, 0)[:3]
-    z = _mix(key + tick * 0x9E3779B97F4A7C15)
+    z = _mix(key + (tick + 1) * 0x9E3779B97F4A7C15)
     z = _mix(z + site * 0xD1B54A32D192ED03)
     z = _mix(z + (a * 65536 + b) * 0x8CB92BA72F3D8DD7 + c)
     return Number((z >> 11) / 2.0**53)
