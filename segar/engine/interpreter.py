@@ -181,7 +181,8 @@ class _Run:
         rates = {}
         for (slot, _), said in gathered.items():
             only_rates = all(effect.kind is Differential for _, effect in said)
-            rates[slot] = Vector(*_sum(effect for _, effect in said)[:2]) if only_rates else Vector(0.0, 0.0)
+            x, y = _sum(effect for _, effect in said) if only_rates else (0.0, 0.0)
+            rates[slot] = Vector(x, y)
         return rates
 
     def _gather(self, stage: str, rules: list[Rule], takes: Takes) -> dict[tuple[int, int], list[tuple[Rule, Effect]]]:

@@ -159,7 +159,8 @@ def _separate(scene: Scene, rules: ContactRules) -> None:
 def _push_inside(scene: Scene, i: int) -> None:
     limit = max(WALL - scene.radius(i) - TOUCH, 0.0)
     x = scene.vector(i, Position)
-    _place(scene, i, Vector(*(min(max(float(c), -limit), limit) for c in x)))
+    px, py = (min(max(float(c), -limit), limit) for c in x)
+    _place(scene, i, Vector(px, py))
 
 
 def _push_apart(scene: Scene, i: int, j: int) -> None:

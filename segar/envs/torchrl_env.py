@@ -74,7 +74,11 @@ class TorchRLEnv(EnvBase):
         seed, self._next_seed = self._next_seed, None
         observation, info = self.vector_env.reset(seed=seed, options=options)
         never = np.zeros(self.num_envs, dtype=bool)
-        return self._tensordict(observation, never, never, info)
+        after = self._tensordict(observation, never, never, info)
+        if tensordict is not None:
+            # TorchRL keeps the unmasked rows of what it was given, and pads what it was not given with zeros: give it all.
+            tensordict.update({key: value for key, value in after.items() if key not in tensordict.keys()})
+        return after
 
     def state(self) -> Snapshot:
         """A copy of everything that decides how the episodes go on; see :meth:`segar.envs.VectorEnv.state`."""
@@ -127,7 +131,7 @@ def _observation_spec(space: spaces.Space) -> tuple[str, Bounded | Unbounded]:
         raise SegarError(f"TorchRLEnv takes observations that are one array; this environment's are {space}.")
     if space.dtype == np.uint8:
         return "pixels", _bounded(space, torch.uint8)
-    return "observation", Unbounded(shape=space.shape, dtype=torch.float32)
+    return "observation", Unbounded(shape=torch.Size(space.shape), dtype=torch.float32)
 
 
 def _bounded(space: Any, dtype: torch.dtype) -> Bounded:

@@ -1,0 +1,1 @@
+"""Training, evaluation and sweeps: from a Hydra config to a run folder."""

@@ -1,0 +1,241 @@
+"""The settings of a run: frozen dataclasses in which every default lives once.
+
+YAML under ``conf/`` says only what differs. :func:`run_config` turns plain data (Hydra's result, or a run folder's
+``config.yaml``) into a :class:`RunConfig`; nothing after it sees a ``DictConfig``.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+from experiments.construct import construct, import_object
+from experiments.errors import ConfigError
+
+
+@dataclass(frozen=True)
+class LevelsConfig:
+    """Where the levels come from. A distribution is a family's name, or ``module:attribute`` for one of your own."""
+
+    train: str = "empty-hard"
+    test: str | None = None  # None: the same as train; another one makes the test out of distribution
+    count: int = 10  # training levels
+    seed: int = 0  # which training levels; a smaller count takes the first ones
+    test_count: int = 100
+    test_seed: int = 0  # which test levels; they never meet training levels, whatever the seeds
+
+    def __post_init__(self) -> None:
+        require(self.count >= 1, "levels.count", self.count, "at least 1")
+        require(self.test_count >= 1, "levels.test_count", self.test_count, "at least 1")
+        require(self.seed >= 0, "levels.seed", self.seed, "0 or more")
+        require(self.test_seed >= 0, "levels.test_seed", self.test_seed, "0 or more")
+
+    @property
+    def test_distribution(self) -> str:
+        """The distribution that test levels come from."""
+        return self.test or self.train
+
+
+@dataclass(frozen=True)
+class TaskConfig:
+    """What the agent is asked to do: a task's name, or ``module:attribute``."""
+
+    name: str = "puttputt"
+    options: Mapping[str, Any] = field(default_factory=dict)  # keyword arguments, e.g. reward, max_steps, sub_steps
+
+
+@dataclass(frozen=True)
+class ObservationConfig:
+    """What the agent sees: ``state``, ``rgb``, or ``module:attribute``."""
+
+    name: str = "state"
+    options: Mapping[str, Any] = field(default_factory=dict)  # keyword arguments, where a class or function is named
+
+
+@dataclass(frozen=True)
+class AlgorithmConfig:
+    """What all algorithms share; each adds its hyper-parameters in a sub-class."""
+
+    name: str
+    num_envs: int = 64
+    learner: ClassVar[
+        str
+    ]  # "module:Class"; called as Class(config, levels, env_options, seed), see experiments.learner
+
+
+@dataclass(frozen=True)
+class PPOConfig(AlgorithmConfig):
+    """PPO; the defaults are the paper's (Table 1), and the 2022 code's where the table is silent."""
+
+    name: str = "ppo"
+    learner: ClassVar[str] = "experiments.ppo:PPO"
+
+    num_steps: int = 30  # per environment and update
+    epochs: int = 1
+    minibatches: int = 4
+    learning_rate: float = 1e-4
+    anneal: bool = False  # lower the learning rate linearly to zero
+    adam_eps: float = 1e-5
+    gamma: float = 0.999
+    gae_lambda: float = 0.95
+    clip: float = 0.2
+    clip_value: float | None = 0.2  # in units of scaled return; None: the value loss is not clipped
+    entropy_coef: float = 3e-4
+    critic_coef: float = 0.1  # of half the squared error
+    max_grad_norm: float = 10.0
+    reward_transform: str = "none"  # what the learner sees of the reward r: r itself, or sqrt: sign(r) |r|^1/2
+    reward_scale: float = 1.0  # times this
+    encoder: str = "auto"  # auto: impala for pixels, mlp for states
+    widths: tuple[int, ...] = (256, 256)  # of the MLP encoder; the last one is the representation's
+    head_width: int = 256  # of the hidden layer of each head; 0: heads are linear
+    shared: bool = True  # one encoder for policy and value; otherwise one each
+    initial_std: float = 1.0  # of the policy, before tanh
+    min_log_std: float = -3.0
+    max_log_std: float = 2.0
+
+    def __post_init__(self) -> None:
+        batch = self.num_envs * self.num_steps
+        for name in ("num_envs", "num_steps", "epochs", "minibatches"):
+            require(getattr(self, name) >= 1, f"algorithm.{name}", getattr(self, name), "at least 1")
+        for name in ("learning_rate", "adam_eps", "clip", "max_grad_norm", "reward_scale", "initial_std"):
+            require(getattr(self, name) > 0, f"algorithm.{name}", getattr(self, name), "more than 0")
+        for name in ("gamma", "gae_lambda"):
+            require(0 <= getattr(self, name) <= 1, f"algorithm.{name}", getattr(self, name), "between 0 and 1")
+        transforms = ", ".join(REWARD_TRANSFORMS)
+        known = self.reward_transform in REWARD_TRANSFORMS
+        require(known, "algorithm.reward_transform", self.reward_transform, f"one of {transforms}")
+        require(self.encoder in ENCODERS, "algorithm.encoder", self.encoder, f"one of {', '.join(ENCODERS)}")
+        require(bool(self.widths), "algorithm.widths", self.widths, "at least one width")
+        require(self.minibatches <= batch, "algorithm.minibatches", self.minibatches, f"at most the batch, {batch}")
+
+
+ENCODERS = ("auto", "mlp", "impala")
+REWARD_TRANSFORMS = ("none", "sqrt")
+
+
+@dataclass(frozen=True)
+class ScaleConfig:
+    """How much is run: the frames of a training run, and the cells of the reproduction."""
+
+    name: str = "quick"
+    frames: int = 200_000
+    families: tuple[str, ...] = ("empty", "objectsx1", "tilesx1")
+    difficulties: tuple[str, ...] = ("easy", "medium", "hard")
+    counts: tuple[int, ...] = (1, 10, 50, 100, 200)
+    seeds: int = 1  # how many, from ``seed`` upwards
+
+    def __post_init__(self) -> None:
+        require(self.frames >= 1, "scale.frames", self.frames, "at least 1")
+        require(self.seeds >= 1, "scale.seeds", self.seeds, "at least 1")
+
+
+@dataclass(frozen=True)
+class EvaluationConfig:
+    """How a trained agent is measured."""
+
+    episodes: int = 100  # on training levels, at least; each level is played equally often
+    seed: int = 0  # of sampled actions
+    interval: int = 0  # frames between evaluations on the test levels while training; 0: only at the end
+    distances: tuple[str, ...] = ("reference", "exact")  # Wasserstein-2 between training and test levels
+
+    def __post_init__(self) -> None:
+        require(self.episodes >= 1, "evaluation.episodes", self.episodes, "at least 1")
+        require(self.interval >= 0, "evaluation.interval", self.interval, "0 or more")
+
+
+@dataclass(frozen=True)
+class TrackingConfig:
+    """Where figures are shown: MLflow, or nowhere but in the run folder."""
+
+    name: str = "mlflow"  # or none
+    uri: str | None = None  # None: SQLite, <root>/mlflow.db
+    experiment: str = "segar"
+    sweep: str = ""  # a tag that the runs of one sweep share
+    interval: float = 5.0  # [s] between batches
+
+    def __post_init__(self) -> None:
+        require(self.name in ("mlflow", "none"), "tracking.name", self.name, "mlflow or none")
+
+
+@dataclass(frozen=True)
+class RunConfig:
+    """One training run, whole."""
+
+    levels: LevelsConfig = field(default_factory=LevelsConfig)
+    task: TaskConfig = field(default_factory=TaskConfig)
+    observation: ObservationConfig = field(default_factory=ObservationConfig)
+    algorithm: AlgorithmConfig = field(default_factory=PPOConfig)
+    scale: ScaleConfig = field(default_factory=ScaleConfig)
+    evaluation: EvaluationConfig = field(default_factory=EvaluationConfig)
+    tracking: TrackingConfig = field(default_factory=TrackingConfig)
+    seed: int = 0  # of training: weights, actions, order of levels
+    root: str | None = None  # where run folders are made; None: runs/ of the checkout
+    folder: str | None = None  # the run folder; None: named by its settings, under root
+    restart: bool = False  # throw away what the run folder holds
+    num_threads: int = 1  # of the engine
+    checkpoint_interval: float = 60.0  # [s] between checkpoints
+    progress: bool = True
+
+    def __post_init__(self) -> None:
+        require(self.seed >= 0, "seed", self.seed, "0 or more")
+        require(self.num_threads >= 1, "num_threads", self.num_threads, "at least 1")
+
+    def identity(self) -> dict[str, Any]:
+        """The settings that decide the results, as plain data; where files go or what is printed is not among them."""
+        data = as_data(self)
+        parts = {key: data[key] for key in ("levels", "task", "observation", "algorithm", "evaluation", "seed")}
+        return {**parts, "frames": self.scale.frames}
+
+    def hash(self) -> str:
+        """Eight hexadecimal digits that are equal for equal :meth:`identity`."""
+        text = json.dumps(self.identity(), sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:8]
+
+    def label(self) -> str:
+        """The run's name, e.g. ``empty-hard-n10-state-ppo_fast-s1-3f9a12cd``."""
+        levels = self.levels.train if self.levels.test is None else f"{self.levels.train}-to-{self.levels.test}"
+        parts = (levels, f"n{self.levels.count}", self.observation.name, self.algorithm.name, f"s{self.seed}")
+        return "-".join((*("".join(c if c.isalnum() or c in "_-." else "_" for c in p) for p in parts), self.hash()))
+
+
+def run_config(data: Mapping[str, Any]) -> RunConfig:
+    """The :class:`RunConfig` that plain data states; raises :class:`ConfigError` for a wrong name, type or value.
+
+    ``data["algorithm"]["type"]`` names the dataclass of the algorithm as ``module:Class``.
+    """
+    data = dict(data)
+    algorithm = dict(data.pop("algorithm", {}))
+    kind = algorithm.pop("type", class_name(PPOConfig))
+    cls = import_object(kind, "algorithm.type")
+    if not (isinstance(cls, type) and issubclass(cls, AlgorithmConfig)):
+        raise ConfigError(f"algorithm.type: '{kind}' is not a sub-class of experiments.config.AlgorithmConfig")
+    return construct(RunConfig, data, "", algorithm=construct(cls, algorithm, "algorithm"))
+
+
+def as_data(config: Any) -> dict[str, Any]:
+    """Plain data (dict, list, numbers, text) from which :func:`run_config` makes the same settings again."""
+
+    def plain(value: Any) -> Any:
+        if dataclasses.is_dataclass(value):
+            kind = {"type": class_name(type(value))} if isinstance(value, AlgorithmConfig) else {}
+            return {**kind, **{f.name: plain(getattr(value, f.name)) for f in dataclasses.fields(value)}}
+        if isinstance(value, Mapping):
+            return {key: plain(v) for key, v in value.items()}
+        return [plain(v) for v in value] if isinstance(value, tuple | list) else value
+
+    return plain(config)
+
+
+def class_name(cls: type) -> str:
+    """``module:Class``, from which :func:`experiments.construct.import_object` finds the class again."""
+    return f"{cls.__module__}:{cls.__qualname__}"
+
+
+def require(holds: bool, place: str, value: Any, wanted: str) -> None:
+    """Raises :class:`ConfigError` unless ``holds``."""
+    if not holds:
+        raise ConfigError(f"{place}: {value!r} is not allowed; it must be {wanted}")

@@ -1,0 +1,88 @@
+"""Plain data -> frozen dataclass, with errors that say which setting is wrong and what it may be."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+import types
+import typing
+from collections.abc import Mapping
+from typing import Any, TypeVar
+
+from experiments.errors import ConfigError
+from segar.errors import did_you_mean
+
+T = TypeVar("T")
+
+
+def construct(cls: type[T], data: Mapping[str, Any], place: str, **ready: Any) -> T:
+    """``cls(**data)`` with nested dataclasses built and types checked; fields in ``ready`` are taken as they are.
+
+    Raises :class:`ConfigError` that names the setting by its dotted path, which begins with ``place``.
+    """
+    fields = {f.name: f for f in dataclasses.fields(cls) if f.init}  # type: ignore[arg-type]
+    hints = typing.get_type_hints(cls)
+    values = dict(ready)
+    for name, value in data.items():
+        path = path_of(place, name)
+        if name not in fields:
+            raise ConfigError(
+                f"no setting is called '{path}'.{did_you_mean(path, [path_of(place, f) for f in fields])}"
+            )
+        values[name] = _convert(value, hints[name], path)
+    return cls(**values)
+
+
+def path_of(place: str, name: Any) -> str:
+    """The dotted path of the setting ``name`` in the group ``place``, which may be empty."""
+    return f"{place}.{name}" if place else str(name)
+
+
+def import_object(name: str, place: str) -> Any:
+    """The object that ``module:attribute`` names; raises :class:`ConfigError` that names ``place``."""
+    module_name, _, attribute = name.partition(":")
+    if not module_name or not attribute:
+        raise ConfigError(f"{place}: '{name}' does not name a Python object; write module:attribute")
+    try:
+        found = importlib.import_module(module_name)
+    except ModuleNotFoundError as error:
+        raise ConfigError(f"{place}: cannot import '{name}': {error}") from error
+    for part in attribute.split("."):
+        if not hasattr(found, part):
+            raise ConfigError(f"{place}: '{module_name}' has no '{part}'.{did_you_mean(part, vars(found))}")
+        found = getattr(found, part)
+    return found
+
+
+def _convert(value: Any, hint: Any, path: str) -> Any:
+    origin, arguments = typing.get_origin(hint), typing.get_args(hint)
+    if origin in (types.UnionType, typing.Union):
+        if value is None and type(None) in arguments:
+            return None
+        (hint,) = (a for a in arguments if a is not type(None))
+        return _convert(value, hint, path)
+    if dataclasses.is_dataclass(hint) and isinstance(value, Mapping):
+        return construct(typing.cast(type, hint), value, path)
+    if origin is tuple and isinstance(value, list | tuple):
+        return tuple(_convert(v, arguments[0], f"{path}[{i}]") for i, v in enumerate(value))
+    if origin is not None and isinstance(origin, type) and issubclass(origin, Mapping) and isinstance(value, Mapping):
+        return dict(value)
+    if hint is float and _is_number(value):
+        return float(value)
+    if hint is int and _is_number(value) and float(value).is_integer():
+        return int(value)  # YAML reads 5e5 as a float
+    if hint in (str, bool) and isinstance(value, hint):
+        return value
+    raise ConfigError(f"{path}: {value!r} is not {_in_words(hint)}")
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _in_words(hint: Any) -> str:
+    origin, arguments = typing.get_origin(hint), typing.get_args(hint)
+    if origin is tuple:
+        return f"a list whose entries are each {_in_words(arguments[0])}"
+    names = {int: "a whole number", float: "a number", str: "text", bool: "true or false"}
+    return names.get(hint, "a group of settings")

@@ -1,0 +1,115 @@
+"""How commands start: Hydra on ``conf/``, whatever the working directory, and errors as one message each."""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import hydra
+from hydra.core.config_store import ConfigStore
+from hydra.errors import CompactHydraException, MissingConfigException
+from omegaconf import DictConfig, OmegaConf
+
+from experiments import runtime  # noqa: F401 - sets the environment before anything heavy is imported
+from experiments.config import PPOConfig, RunConfig, as_data, run_config
+from experiments.errors import ConfigError
+from experiments.run_folder import CHECKOUT
+from segar.errors import SegarError, did_you_mean
+
+GROUPS = ("levels", "task", "observation", "algorithm", "tracking", "scale")
+
+
+def conf_dir() -> Path:
+    """Absolute path of the configuration: $SEGAR_CONF, else ``conf/`` of the checkout."""
+    return Path(os.environ.get("SEGAR_CONF") or CHECKOUT / "conf").resolve()
+
+
+def run_command(
+    task: Callable[[Any], Any],
+    config_name: str = "config",
+    build: Callable[[DictConfig], Any] | None = None,
+    settings: Mapping[str, Any] | None = None,
+) -> None:
+    """Runs ``task`` with what the command line says, under Hydra (so ``--multirun`` works); exits with 1 on an error.
+
+    What a user can mend ends with one message. HYDRA_FULL_ERROR=1 shows where it came from.
+
+    Args:
+        build: makes the argument of ``task`` from Hydra's result; None makes a :class:`RunConfig`.
+        settings: defaults beyond those of a :class:`RunConfig`, known to Hydra as ``base_<config_name>``.
+    """
+    register_defaults()
+    if settings is not None:
+        ConfigStore.instance().store(name=f"base_{config_name}", node=dict(settings))
+
+    def call(config: DictConfig) -> Any:
+        return task((build or build_run)(config))
+
+    full_error = os.environ.get("HYDRA_FULL_ERROR") == "1"
+    os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra lets errors through, so that they are told once, and here
+    try:
+        hydra.main(version_base="1.3", config_path=str(conf_dir()), config_name=config_name)(call)()
+    except (SegarError, CompactHydraException) as error:
+        if full_error:
+            raise
+        sys.exit(f"error: {explain(error, settings)}")
+
+
+def compose(overrides: Sequence[str] = (), config_name: str = "config") -> RunConfig:
+    """The settings that overrides state, as a command line would; raises :class:`SegarError`."""
+    register_defaults()
+    try:
+        with hydra.initialize_config_dir(str(conf_dir()), version_base="1.3"):
+            return build_run(hydra.compose(config_name, list(overrides)))
+    except CompactHydraException as error:
+        raise ConfigError(explain(error)) from error
+
+
+def build_run(config: DictConfig) -> RunConfig:
+    """Hydra's result as a :class:`RunConfig`; nothing after this sees a ``DictConfig``. Raises :class:`ConfigError`."""
+    return run_config(plain(config))
+
+
+def plain(config: DictConfig) -> dict[str, Any]:
+    """Hydra's result as plain data."""
+    data = OmegaConf.to_container(config, resolve=True)
+    assert isinstance(data, dict)
+    return {str(key): value for key, value in data.items()}
+
+
+def register_defaults() -> None:
+    """Tells Hydra the defaults, which live in the dataclasses, as plain data: it knows their names, we check the rest."""
+    store = ConfigStore.instance()
+    defaults = as_data(RunConfig())
+    store.store(name="base_config", node={key: v for key, v in defaults.items() if key != "algorithm"})
+    store.store(group="algorithm", name="base_ppo", node=defaults["algorithm"])
+
+
+def explain(error: Exception, settings: Mapping[str, Any] | None = None) -> str:
+    """What is wrong, and the nearest right name; in one message."""
+    if isinstance(error, MissingConfigException) and error.options is not None:
+        group, _, name = str(error.missing_cfg_file).rpartition("/")
+        options = [option for option in error.options if not option.startswith("base_")]
+        return f"no {group} is called '{name}'.{did_you_mean(name, options)}"
+    unknown = re.search(r"Could not override '([^']+)'", str(error))
+    if unknown:
+        return f"no setting is called '{unknown[1]}'.{did_you_mean(unknown[1], setting_names(settings))}"
+    cause = f"\n{error.__cause__}" if error.__cause__ is not None else ""
+    return f"{error}{cause}" if isinstance(error, CompactHydraException) else str(error)
+
+
+def setting_names(more: Mapping[str, Any] | None = None) -> list[str]:
+    """Dotted names of all settings of a run that have a default, of the groups, and of ``more`` settings."""
+
+    def names(data: Mapping[str, Any], place: str = "") -> list[str]:
+        found = []
+        for key, value in data.items():
+            found.append(f"{place}{key}")
+            found += names(value, f"{place}{key}.") if isinstance(value, Mapping) else []
+        return found
+
+    return names({**as_data(RunConfig(algorithm=PPOConfig())), **(more or {})})

@@ -1,0 +1,109 @@
+"""What a policy achieves on given levels: one row per episode, and the figures that follow."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import torch
+
+from experiments.config import RunConfig
+from experiments.learner import Policy
+from experiments.worlds import environment_options
+from segar.envs.vector import VectorEnv
+
+ACTION_MODES = ("deterministic", "sampled")
+BATCH = 512  # episodes that are played at once
+QUANTITIES = ("return", "return_ref", "length", "success", "death")
+
+
+def evaluate_run(policy: Policy, config: RunConfig, train: Any, test: Any) -> list[dict[str, Any]]:
+    """Episodes on all training levels (each equally often, ``evaluation.episodes`` in all at least) and on each test
+    level once, with deterministic and with sampled actions; rows as in ``run_folder.EPISODE_SCHEMA``."""
+    rounds = -(-config.evaluation.episodes // len(train))
+    rows = []
+    for name, levels, indices in (
+        ("train", train, np.tile(np.arange(len(train)), rounds)),
+        ("test", test, np.arange(len(test))),
+    ):
+        for mode in ACTION_MODES:
+            rng = torch.Generator().manual_seed(config.evaluation.seed) if mode == "sampled" else None
+            episodes = play(policy, levels, indices, environment_options(config), rng=rng, seed=config.evaluation.seed)
+            rows.extend({"levels": name, "action_mode": mode, **episode} for episode in episodes)
+    return rows
+
+
+def play(
+    policy: Policy,
+    levels: Any,
+    indices: np.ndarray,
+    env_options: Mapping[str, Any],
+    *,
+    rng: torch.Generator | None,
+    seed: int,
+) -> list[dict[str, Any]]:
+    """One episode on each level that ``indices`` (int ``[n]``) names, in that order.
+
+    Args:
+        rng: source of sampled actions; None plays the deterministic policy.
+        seed: of the environments, for tasks whose physics is random.
+    """
+    rows: list[dict[str, Any]] = []
+    for start in range(0, len(indices), BATCH):
+        rows.extend(_play_batch(policy, levels, indices[start : start + BATCH], env_options, rng, seed + start))
+    return rows
+
+
+def _play_batch(policy, levels, indices, env_options, rng, seed) -> list[dict[str, Any]]:
+    env = VectorEnv(levels, len(indices), seed=seed, **env_options)
+    rows: list[dict[str, Any] | None] = [None] * len(indices)
+    observation, _ = env.reset(seed=seed, options={"levels": indices})
+    while None in rows:
+        observation, reward, terminated, truncated, info = env.step(policy.act(observation, rng=rng))
+        # An environment whose episode is over starts another one, which nobody records.
+        for i in np.flatnonzero(terminated | truncated).tolist():
+            rows[i] = rows[i] or _row(info["final_info"], i, reward[i])
+    env.close()
+    return [row for row in rows if row is not None]
+
+
+def _row(final: Mapping[str, np.ndarray], i: int, last_reward: float) -> dict[str, Any]:
+    total = float(final["return"][i])
+    return {
+        "level": int(final["level"][i]),
+        "return": total,
+        "return_ref": total - float(last_reward),
+        "length": int(final["length"][i]),
+        "success": bool(final["success"][i]),
+        "death": bool(final["death"][i]),
+    }
+
+
+def mean_figures(rows: Sequence[Mapping[str, Any]], levels: str, mode: str) -> dict[str, float]:
+    """Means over episodes, e.g. ``evaluation/test/success/sampled``."""
+    return {f"evaluation/{levels}/{key}/{mode}": float(np.mean([row[key] for row in rows])) for key in QUANTITIES}
+
+
+def evaluation_figures(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """Means per level set and action mode, e.g. ``evaluation/test/success/sampled``, and the generalization gaps.
+
+    ``evaluation/gap/<mode>`` is the mean return on test levels minus that on training levels; ``gap_ref`` the same
+    of ``return_ref``.
+    """
+    figures: dict[str, float] = {}
+    for mode in ACTION_MODES:
+        for name in ("train", "test"):
+            chosen = [row for row in rows if row["levels"] == name and row["action_mode"] == mode]
+            figures |= mean_figures(chosen, name, mode)
+        for gap, quantity in (("gap", "return"), ("gap_ref", "return_ref")):
+            means = {name: figures[f"evaluation/{name}/{quantity}/{mode}"] for name in ("train", "test")}
+            figures[f"evaluation/{gap}/{mode}"] = means["test"] - means["train"]
+    return figures
+
+
+def distance_figures(train: Any, test: Any, modes: Sequence[Any]) -> dict[str, float]:
+    """Wasserstein-2 between training and test levels in each mode: ``w2/reference``, ``w2/exact``."""
+    from segar.metrics import w2
+
+    return {f"w2/{mode}": float(w2(train, test, mode=mode)) for mode in modes}

@@ -1,0 +1,66 @@
+"""From the names in a configuration to levels, task and observation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from experiments.config import LevelsConfig, RunConfig
+from experiments.construct import import_object
+from experiments.errors import ConfigError
+from segar.errors import SegarError, did_you_mean
+from segar.families import family
+
+TASKS = {"puttputt": "segar.tasks.puttputt:puttputt"}
+OBSERVATIONS = ("state", "rgb")  # what VectorEnv knows by name
+
+
+def make_levels(config: LevelsConfig) -> tuple[Any, Any]:
+    """Training and test levels (:class:`segar.levels.Levels`); raises :class:`ConfigError` for an unknown distribution."""
+    train = find_distribution(config.train, "levels.train")
+    test = find_distribution(config.test_distribution, "levels.test")
+    return (
+        train.sample(config.count, seed=config.seed, split="train"),
+        test.sample(config.test_count, seed=config.test_seed, split="test"),
+    )
+
+
+def find_distribution(name: str, place: str) -> Any:
+    """The level distribution that a family's name or ``module:attribute`` says; raises :class:`ConfigError`."""
+    if ":" in name:
+        found = import_object(name, place)
+        if not hasattr(found, "sample") and callable(found):
+            found = found()
+        if not hasattr(found, "sample"):
+            raise ConfigError(f"{place}: '{name}' is no level distribution, nor a function that makes one")
+        return found
+    try:
+        return family(name)
+    except SegarError as error:
+        raise ConfigError(f"{place}: {error}") from error
+
+
+def environment_options(config: RunConfig) -> dict[str, Any]:
+    """Keyword arguments of ``VectorEnv`` and ``TorchRLEnv`` that the configuration states; raises :class:`ConfigError`."""
+    return {
+        "observation": _find(config.observation.name, config.observation.options, "observation"),
+        "task": _find(config.task.name, config.task.options, "task"),
+        "num_threads": config.num_threads,
+    }
+
+
+def _find(name: str, options: Mapping[str, Any], group: str) -> Any:
+    """What a name of ``group`` stands for, called with ``options`` where it is a function or class."""
+    if group == "observation" and name in OBSERVATIONS:
+        return name
+    known = TASKS if group == "task" else {}
+    if name not in known and ":" not in name:
+        names = [*known, *(OBSERVATIONS if group == "observation" else ())]
+        raise ConfigError(f"{group}.name: no {group} is called '{name}'.{did_you_mean(name, names)}")
+    found = import_object(known.get(name, name), f"{group}.name")
+    if not callable(found):
+        return found
+    try:
+        return found(**options)
+    except (TypeError, SegarError) as error:
+        raise ConfigError(f"{group}.options: {error}") from error

@@ -1,0 +1,176 @@
+"""Levels as sets of vectors: which entities and factors a distance looks at, and in which units."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from segar.entities import Entity, GlobalFriction
+from segar.errors import LevelError
+from segar.factors import Acceleration, Alive, Density, Done, Drag, Factor, Order, Size, Visible
+from segar.levels import Levels
+from segar.parameters import Parameter
+from segar.shapes import HULL
+
+if TYPE_CHECKING:
+    from segar.distribution import LevelDistribution
+
+IRRELEVANT: tuple[type[Factor], ...] = (Order, Visible, Alive, Done, Acceleration, Drag, Density)
+"""Factors that say nothing of where a level leads: rendering, flags that every level starts with, quantities derived
+from others, and Density, which no rule reads. All other numeric factors count, a user's own included."""
+
+SPREAD_SAMPLE = 2000
+"""Levels that stand for a distribution when its spread is measured: 1.6 % standard error of a standard deviation."""
+
+Spread = dict[tuple[type, type[Factor]], float]
+"""Standard deviation by ``(entity type, factor)``; a world parameter's entity type is ``Parameter``."""
+
+
+@dataclass(frozen=True)
+class PointSets:
+    """One set of points per level: ``counts`` int ``[level]``, and ``points`` float64 ``[sum of counts, dimension]``."""
+
+    counts: np.ndarray
+    points: np.ndarray
+
+    def with_count(self, count: int) -> tuple[np.ndarray, np.ndarray]:
+        """Indices of the levels with ``count`` points, int ``[m]``, and these points, float64 ``[m, count, dimension]``."""
+        levels = np.flatnonzero(self.counts == count)
+        first = np.concatenate(([0], np.cumsum(self.counts)))[levels]
+        return levels, self.points[first[:, None] + np.arange(count)]
+
+
+def require_levels(*sets: object) -> None:
+    """Raise :class:`LevelError` unless all are non-empty level sets."""
+    for levels in sets:
+        if not isinstance(levels, Levels):
+            raise LevelError(
+                f"distances are supported between two level sets (segar.Levels), not a {type(levels).__name__};"
+                " draw levels first: distribution.sample(n, seed=0, split='test')"
+            )
+        if len(levels) == 0:
+            raise LevelError("a distance needs at least one level in each set; one of these is empty")
+
+
+def entity_types(*sets: Levels) -> list[type[Entity]]:
+    """The entity types present in any level, in order of first appearance (set, then level, then slot).
+
+    The arena's floor is left out: it is no entity of the initial state, and its friction is a world parameter.
+    """
+    found: dict[type[Entity], None] = {}
+    for levels in sets:
+        present = levels.types[levels.types >= 0]
+        indices, first = np.unique(present, return_index=True)
+        for index in indices[np.argsort(first)]:
+            found.setdefault(levels.layout.types[index])
+    return [t for t in found if not issubclass(t, GlobalFriction)]
+
+
+def relevant_factors(entity: type[Entity], only: Sequence[type[Factor]] | None = None) -> list[type[Factor]]:
+    """The factors of an entity type that count, in order of declaration: ``only`` these, else all but ``IRRELEVANT``."""
+    declared = [f for f in entity.declared if f.width]
+    return [f for f in declared if (f in only if only is not None else f not in IRRELEVANT)]
+
+
+def gather(
+    levels: Levels, types: Iterable[type[Entity]], factors: Sequence[type[Factor]], values: np.ndarray
+) -> PointSets:
+    """The vectors of all entities of ``types``: the given factors in the given order, read from ``values``."""
+    indices = [levels.layout.types.index(t) for t in types if t in levels.layout.types]
+    member = np.isin(levels.types, indices)
+    level, slot = np.nonzero(member)
+    columns = [levels.layout.columns[f] + k for f in factors for k in range(f.width)] if len(level) else []
+    points = values[level, slot][:, columns] if columns else np.zeros((len(level), sum(f.width for f in factors)))
+    return PointSets(member.sum(axis=1), points)
+
+
+def gather_state(levels: Levels, entity: type[Entity], factors: Sequence[type[Factor]]) -> PointSets:
+    """Vectors of the entities of one type in the states that episodes start in.
+
+    The Size of a convex hull is the diameter of the disc of equal area, since its outline does not follow Size.
+    """
+    found = gather(levels, [entity], factors, levels.values)
+    if Size not in factors or not len(found.points):
+        return found
+    level, slot = np.nonzero(levels.types == levels.layout.types.index(entity))
+    hull = levels.shape_kind[level, slot] == HULL
+    if hull.any():
+        areas = _polygon_areas(levels.vertices[level[hull], slot[hull]], levels.vertex_count[level[hull], slot[hull]])
+        column = sum(f.width for f in factors[: list(factors).index(Size)])
+        found.points[hull, column] = 2 * np.sqrt(areas / np.pi)
+    return found
+
+
+def gather_parameters(levels: Levels, parameters: Sequence[type[Parameter]]) -> PointSets:
+    """The world parameters of each level as one point; a parameter that the levels do not know has its default."""
+    known = levels.layout.parameters
+    columns = [
+        levels.parameters[:, known.index(p)] if p in known else np.full(len(levels), float(p.default))
+        for p in parameters
+    ]
+    return PointSets(np.ones(len(levels), np.int64), np.stack(columns, axis=1))
+
+
+def all_parameters(*sets: Levels) -> list[type[Parameter]]:
+    """The world parameters that any of the sets knows."""
+    return list(dict.fromkeys(p for levels in sets for p in levels.layout.parameters))
+
+
+def spread(*sets: Levels | LevelDistribution) -> Spread:
+    """Standard deviation of every factor of every entity type, under the mixture of the given laws in equal parts.
+
+    A level set that carries its distribution stands for it (by ``SPREAD_SAMPLE`` levels of a fixed seed); one that does
+    not stands for itself. A vector factor has one spread, the root mean square of its components', so that directions
+    in the arena stay comparable. Pass the result to :func:`segar.metrics.w2` to measure several pairs in one unit.
+
+    Returns:
+        ``{(entity type, factor): standard deviation}``; 0 for what is constant.
+    """
+    sources = [s if isinstance(s, Levels) else None for s in sets]
+    laws = [s.distribution if isinstance(s, Levels) else s for s in sets]
+    drawn: list[Any] = [levels if law is None else sample_of(law) for levels, law in zip(sources, laws, strict=True)]
+    known = [levels for levels in (*drawn, *sources) if levels is not None]
+    found: Spread = {}
+    for entity in entity_types(*known):
+        factors = [f for f in entity.declared if f.width]
+        # A type too rare for the sample is measured on the levels themselves.
+        points = [gather_state(d, entity, factors).points for d in drawn]
+        points = [
+            gather_state(s, entity, factors).points if not len(p) and s is not None else p
+            for p, s in zip(points, sources, strict=True)
+        ]
+        found.update({(entity, f): sd for f, sd in _deviations(points, factors)})
+    parameters = all_parameters(*known)
+    points = [gather_parameters(levels, parameters).points for levels in drawn if levels is not None]
+    found.update({(Parameter, p): sd for p, sd in _deviations(points, parameters)})
+    return found
+
+
+@lru_cache(maxsize=64)
+def sample_of(law: LevelDistribution) -> Levels:
+    """The levels that stand for a distribution; always the same ones."""
+    return law.sample(SPREAD_SAMPLE, seed=0, split="spread")
+
+
+def _deviations(points: list[np.ndarray], factors: Sequence[type[Factor]]) -> list[tuple[type[Factor], float]]:
+    """Standard deviation of each factor under the equal mixture of samples ``[n, columns]``; empty samples do not count."""
+    points = [p for p in points if len(p)]
+    means = np.stack([p.mean(axis=0) for p in points])
+    variances = np.mean([p.var(axis=0) for p in points], axis=0) + means.var(axis=0)
+    # What is constant may differ in its last bit after arithmetic; that is no spread.
+    variances[variances <= (1e-9 * np.abs(means).max(axis=0)) ** 2] = 0.0
+    edges = np.cumsum([0] + [f.width for f in factors])
+    return [(f, float(np.sqrt(variances[i:j].mean()))) for f, i, j in zip(factors, edges[:-1], edges[1:], strict=True)]
+
+
+def _polygon_areas(vertices: np.ndarray, counts: np.ndarray) -> np.ndarray:
+    """Areas of convex polygons, vertices float64 ``[n, V, 2]`` padded beyond ``counts``, by the shoelace formula."""
+    k = np.arange(vertices.shape[1])
+    following = np.where(k + 1 < counts[:, None], k + 1, 0)
+    after = np.take_along_axis(vertices, following[..., None], axis=1)
+    cross = vertices[..., 0] * after[..., 1] - vertices[..., 1] * after[..., 0]
+    return 0.5 * np.where(k < counts[:, None], cross, 0.0).sum(axis=1)

@@ -1,0 +1,49 @@
+"""TorchRL's face of the engine keeps TorchRL's contract for every registered id."""
+
+from __future__ import annotations
+
+import gymnasium
+import numpy as np
+import pytest
+import torch
+from tensordict import TensorDict
+from torchrl.envs.utils import check_env_specs
+
+import segar
+
+IDS = sorted(id_ for id_ in gymnasium.registry if id_.startswith("Segar-"))
+
+
+def make(id_: str, num_envs: int = 2) -> segar.envs.TorchRLEnv:
+    options = gymnasium.registry[id_].kwargs
+    levels = segar.family(options["family_name"]).sample(3, seed=0)
+    task = segar.puttputt(options["reward"])
+    return segar.envs.TorchRLEnv(levels, num_envs, observation=options["observation"], task=task, seed=0)
+
+
+@pytest.mark.parametrize("id_", IDS)
+def test_the_specs_describe_what_the_environment_does(id_: str) -> None:
+    check_env_specs(make(id_))
+
+
+def test_a_rollout_is_the_vector_environments_rollout() -> None:
+    levels = segar.family("objectsx1-hard").sample(5, seed=0)
+    ours = segar.envs.TorchRLEnv(levels, 4, seed=3)
+    plain = segar.envs.VectorEnv(levels, 4, seed=3, autoreset_mode="Disabled")
+    current, (observations, _) = ours.reset(), plain.reset()
+    for step in range(20):
+        np.testing.assert_array_equal(current["observation"].numpy(), observations)
+        action = np.random.default_rng(step).uniform(-1, 1, (4, 2)).astype(np.float32)
+        current = ours.step(TensorDict({"action": torch.from_numpy(action)}, [4]))["next"]
+        observations, reward, *_ = plain.step(action)
+        np.testing.assert_allclose(current["reward"].numpy()[:, 0], reward, rtol=1e-6)
+
+
+def test_a_masked_reset_starts_only_the_masked_environments() -> None:
+    env = make("Segar-empty-hard-state-v0", 3)
+    start = env.reset()
+    after = env.step(TensorDict({"action": torch.full((3, 2), 0.3)}, [3]))["next"]
+    mask = torch.tensor([[False], [True], [False]])
+    again = env.reset(TensorDict({"_reset": mask}, [3]))
+    assert torch.equal(again["observation"][[0, 2]], after["observation"][[0, 2]])
+    assert again["length"].flatten().tolist() == [1, 0, 1] and start["length"].sum() == 0
