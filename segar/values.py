@@ -72,6 +72,9 @@ class Number(float):
             power = math.inf
         return Number(math.nan if isinstance(power, complex) else power)
 
+    def __rpow__(self, other: Any, modulo: Any = None) -> Any:
+        return Number(other) ** self if _is_number(other) else NotImplemented
+
     def __neg__(self) -> Number:
         return Number(-float(self))
 

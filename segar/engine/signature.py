@@ -197,6 +197,9 @@ class _TextSymbol:
 
     __hash__ = None  # type: ignore[assignment]
 
+    def __repr__(self) -> str:
+        return f"{self.factor.__name__}, a text, which no rule changes"
+
 
 class _ActionSymbols:
     def __getitem__(self, index: int) -> Symbol:

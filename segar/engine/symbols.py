@@ -20,6 +20,8 @@ _decide: list[Callable[[Symbol], bool]] = []  # the innermost tracer answers wha
 
 TRUTHS = frozenset({"lt", "le", "gt", "ge", "eq", "ne", "and", "or", "not", "relation"})
 
+NO_NUMPY = "a rule cannot call numpy; use arithmetic, or segar.sqrt, where, minimum ..."
+
 
 class Symbol:
     """A node: an operation and its operands. Made by :func:`make`, never directly."""
@@ -77,6 +79,9 @@ class Symbol:
             if exponent == 0.5:
                 return self.sqrt()
         return _binary("pow", self, exponent)
+
+    def __rpow__(self, base: Any) -> Any:
+        return _binary("pow", base, self)
 
     def __neg__(self) -> Symbol:
         return make("neg", self)
@@ -170,7 +175,7 @@ class Symbol:
         raise RuleError("a scalar factor has no length")
 
     def __array__(self, *_: Any, **__: Any) -> Any:
-        raise RuleError("a rule cannot call numpy; use arithmetic, or segar.sqrt, where, minimum ...")
+        raise RuleError(NO_NUMPY)
 
     def __repr__(self) -> str:
         if self.op == "const":

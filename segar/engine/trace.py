@@ -15,7 +15,7 @@ from typing import Any
 from segar import random
 from segar.effects import Effect
 from segar.engine import symbols
-from segar.engine.symbols import Symbol, as_symbol, as_truth
+from segar.engine.symbols import NO_NUMPY, Symbol, as_symbol, as_truth
 from segar.errors import RuleError
 from segar.values import Vector
 
@@ -115,7 +115,8 @@ def _run(
     except RuleError as error:
         raise RuleError(f"{where}{_author_line(function, error)}: {error}") from error
     except (TypeError, ValueError, AttributeError, IndexError, KeyError, NameError, ZeroDivisionError) as error:
-        raise RuleError(f"{where}{_author_line(function, error)}: {type(error).__name__}: {error}") from error
+        said = NO_NUMPY if "__array_ufunc__" in str(error) else f"{type(error).__name__}: {error}"
+        raise RuleError(f"{where}{_author_line(function, error)}: {said}") from error
     finally:
         symbols._decide.pop()
         random._uniform_source.pop()
