@@ -107,8 +107,7 @@ def compare(simulator: Simulator, levels: Levels, state: State, actions: Any = N
         action = None if actions is None else actions[e]
         steps = n if actions is None else None
         try:
-            with np.errstate(all="ignore"):
-                theirs = interpreter.step(levels, state.level[e], state.values[e], action, steps, key, tick)
+            theirs = interpreter.step(levels, state.level[e], state.values[e], action, steps, key, tick)
         except ConflictError as error:
             assert complaint, f"state {e}: only the interpreter raises: {error}"
             found.conflicts += 1
@@ -148,8 +147,7 @@ def after(engine: str, rules: Sequence[Any], levels: Levels, n: int = 1, key: An
     world, state = World(rules, **contacts), start(levels, np.size(key))
     state.key[:] = np.repeat(key, len(levels))
     if engine == "source":
-        with np.errstate(all="ignore"):
-            uncompiled(world, levels.layout).step(state, levels, n)
+        uncompiled(world, levels.layout).step(state, levels, n)
         return state
     interpreter = Interpreter(world, levels.layout)
     for e in range(len(state.level)):
@@ -170,16 +168,16 @@ def _plain_module(text: str) -> types.ModuleType:
     text = text.replace("math.sqrt", "np.sqrt").replace("math.atan2", "np.arctan2")
     module = types.ModuleType("plain_kernel")
     exec(compile(text, "plain_kernel.py", "exec"), module.__dict__)
+    module.advance = np.errstate(all="ignore")(module.advance)  # type: ignore[attr-defined]
     return module
 
 
 def _step(simulator: Simulator, levels: Levels, state: State, actions: Any, n: int, outcome: Outcome) -> str:
     try:
-        with np.errstate(all="ignore"):
-            if actions is None:
-                simulator.step(state, levels, n)
-            else:
-                simulator.act(state, levels, np.asarray(actions, np.float32), outcome)
+        if actions is None:
+            simulator.step(state, levels, n)
+        else:
+            simulator.act(state, levels, np.asarray(actions, np.float32), outcome)
     except ConflictError as error:
         return str(error)
     return ""
