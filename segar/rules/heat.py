@@ -17,6 +17,6 @@ def apply_burn(body: Tuple[Mass, Mobile], ground: Tuple[Heat]) -> SetFactor[Mass
     """A mobile body on hot ground loses mass in every sub-step."""
     m, mobile = body
     (heat,) = ground
-    if not mobile:
+    if not mobile or heat == 0:  # cold ground says nothing, so that another rule may set the mass
         return None
     return SetFactor[Mass](m, m * (1 - BURN_RATE * heat))
