@@ -38,7 +38,7 @@ def load_module(text: str) -> ModuleType:
     if name in _loaded:
         return _loaded[name]
     path = cache_folder() / f"{name}.py"
-    _write_once(path, text)
+    _write_if_new(path, text)
     if not is_compiled(path):
         print(f"segar: compiling kernel {name[2:6]} (first time, about 10 s)", file=sys.stderr, flush=True)
     spec = importlib.util.spec_from_file_location(name, path)
@@ -56,11 +56,11 @@ def is_compiled(path: Path) -> bool:
     return any(folder.rglob(f"{path.stem}.advance-*.nbi"))
 
 
-def _write_once(path: Path, text: str) -> None:
-    # Never rewrite: numba's index is keyed by the file's time of change.
-    if path.exists():
-        return
+def _write_if_new(path: Path, text: str) -> None:
     try:
+        # Numba's index is keyed by the file's time of change, so only what was damaged or edited is written again.
+        if path.exists() and path.read_text() == text:
+            return
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, beside = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
         with os.fdopen(handle, "w") as file:
