@@ -21,6 +21,7 @@ def replacing(path: Path) -> Iterator[Path]:
     """
     beside = path.with_name(f"{TEMPORARY}{os.getpid()}-{path.name}")
     try:
+        path.parent.mkdir(exist_ok=True)
         yield beside
         with open(beside, "rb+") as written:
             os.fsync(written.fileno())

@@ -16,10 +16,11 @@ from experiments.atomic import write_bytes
 from experiments.config import RunConfig
 from experiments.errors import CheckpointError
 from experiments.learner import Learner
-from experiments.run_folder import CHECKPOINT
+from experiments.run_folder import CHECKPOINT, CONFIG
 from experiments.versions import code_fingerprint
 
 FORMAT = 1
+TRAIN_ANEW = "restart=true trains anew"
 
 
 def save_checkpoint(folder: Path, config: RunConfig, learner: Learner, extra: Mapping[str, Any]) -> None:
@@ -40,9 +41,7 @@ def save_checkpoint(folder: Path, config: RunConfig, learner: Learner, extra: Ma
     }
     buffer = io.BytesIO()  # a full disk would end torch.save's own writing with an error that names no cause
     torch.save(content, buffer)
-    path = folder / CHECKPOINT
-    path.parent.mkdir(exist_ok=True)
-    write_bytes(path, buffer.getvalue())
+    write_bytes(folder / CHECKPOINT, buffer.getvalue())
 
 
 def resume_checkpoint(folder: Path, config: RunConfig, learner: Learner) -> dict[str, Any] | None:
@@ -55,9 +54,8 @@ def resume_checkpoint(folder: Path, config: RunConfig, learner: Learner) -> dict
     if not path.exists():
         return None
     content = read_checkpoint(path)
-    again = "Go back to that code, or train anew with restart=true"
-    _require_equal(path, "configuration", content["config"], config.hash(), again)
-    _require_equal(path, "code", content["code"], code_fingerprint(config.algorithm.learner), again)
+    _require_equal(path, "configuration", content["config"], config.hash())
+    _require_equal(path, "code", content["code"], code_fingerprint(config.algorithm.learner))
     _load_weights(path, learner.policy, content)
     learner.load_state_dict(content["learner"])
     return content["extra"]
@@ -80,11 +78,15 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
         content = torch.load(path, map_location="cpu", weights_only=True)
     except FileNotFoundError as error:
         raise CheckpointError(f"there is no checkpoint at {path}") from error
-    except (RuntimeError, EOFError, pickle.UnpicklingError) as error:
-        raise CheckpointError(f"the checkpoint {path} is damaged or none of ours: {_first_line(error)}") from error
+    except (RuntimeError, ValueError, OSError, EOFError, pickle.UnpicklingError) as error:
+        raise CheckpointError(
+            f"the checkpoint {path} is damaged or none of ours: {_first_line(error)}. {TRAIN_ANEW}"
+        ) from error
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         found = content.get("format") if isinstance(content, dict) else type(content).__name__
-        raise CheckpointError(f"the checkpoint {path} has format {found!r}; this version reads format {FORMAT}")
+        raise CheckpointError(
+            f"the checkpoint {path} has format {found!r}; this version reads format {FORMAT}. {TRAIN_ANEW}"
+        )
     return content
 
 
@@ -100,7 +102,8 @@ def _load_weights(path: Path, policy: nn.Module, content: Mapping[str, Any]) -> 
         here = {name: tuple(v.shape) for name, v in policy.state_dict().items()}
         odd = next(name for name in (*here, *stored) if stored.get(name) != here.get(name))
         raise CheckpointError(
-            f"the checkpoint {path} is of another network: '{odd}' is {_shape(stored, odd)} there and {_shape(here, odd)} here"
+            f"the checkpoint {path} is of another network: '{odd}' is {_shape(stored, odd)} there and "
+            f"{_shape(here, odd)} here. The settings of its run, in {CONFIG}, make the right one"
         )
     policy.load_state_dict(content["policy"])
 
@@ -109,10 +112,11 @@ def _shape(shapes: Mapping[str, tuple[int, ...]], name: str) -> str:
     return str(shapes[name]) if name in shapes else "absent"
 
 
-def _require_equal(path: Path, what: str, stored: str, here: str, fix: str) -> None:
+def _require_equal(path: Path, what: str, stored: str, here: str) -> None:
     if stored != here:
         raise CheckpointError(
-            f"the checkpoint {path} was written by another {what} ({stored} there, {here} here). {fix}"
+            f"the checkpoint {path} was written by another {what} ({stored} there, {here} here). "
+            f"Go back to that {what}, or train anew with restart=true"
         )
 
 

@@ -9,12 +9,14 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from experiments.construct import construct, import_object
 from experiments.errors import ConfigError
+from segar.errors import did_you_mean
+from segar.families import families
 
 
 @dataclass(frozen=True)
@@ -31,8 +33,8 @@ class LevelsConfig:
     def __post_init__(self) -> None:
         require(self.count >= 1, "levels.count", self.count, "at least 1")
         require(self.test_count >= 1, "levels.test_count", self.test_count, "at least 1")
-        require(self.seed >= 0, "levels.seed", self.seed, "0 or more")
-        require(self.test_seed >= 0, "levels.test_seed", self.test_seed, "0 or more")
+        require_seed("levels.seed", self.seed)
+        require_seed("levels.test_seed", self.test_seed)
 
     @property
     def test_distribution(self) -> str:
@@ -60,11 +62,13 @@ class ObservationConfig:
 class AlgorithmConfig:
     """What all algorithms share; each adds its hyper-parameters in a sub-class."""
 
+    learner: ClassVar[str]  # "module:Class"; see experiments.learner
+
     name: str
     num_envs: int = 64
-    learner: ClassVar[
-        str
-    ]  # "module:Class"; called as Class(config, levels, env_options, seed), see experiments.learner
+
+    def __post_init__(self) -> None:
+        require(self.num_envs >= 1, "algorithm.num_envs", self.num_envs, "at least 1")
 
 
 @dataclass(frozen=True)
@@ -98,19 +102,25 @@ class PPOConfig(AlgorithmConfig):
     max_log_std: float = 2.0
 
     def __post_init__(self) -> None:
-        batch = self.num_envs * self.num_steps
-        for name in ("num_envs", "num_steps", "epochs", "minibatches"):
+        super().__post_init__()
+        for name in ("num_steps", "epochs", "minibatches"):
             require(getattr(self, name) >= 1, f"algorithm.{name}", getattr(self, name), "at least 1")
         for name in ("learning_rate", "adam_eps", "clip", "max_grad_norm", "reward_scale", "initial_std"):
             require(getattr(self, name) > 0, f"algorithm.{name}", getattr(self, name), "more than 0")
+        for name in ("entropy_coef", "critic_coef", "head_width"):
+            require(getattr(self, name) >= 0, f"algorithm.{name}", getattr(self, name), "0 or more")
         for name in ("gamma", "gae_lambda"):
             require(0 <= getattr(self, name) <= 1, f"algorithm.{name}", getattr(self, name), "between 0 and 1")
-        transforms = ", ".join(REWARD_TRANSFORMS)
-        known = self.reward_transform in REWARD_TRANSFORMS
-        require(known, "algorithm.reward_transform", self.reward_transform, f"one of {transforms}")
-        require(self.encoder in ENCODERS, "algorithm.encoder", self.encoder, f"one of {', '.join(ENCODERS)}")
-        require(bool(self.widths), "algorithm.widths", self.widths, "at least one width")
-        require(self.minibatches <= batch, "algorithm.minibatches", self.minibatches, f"at most the batch, {batch}")
+        none_or_positive = self.clip_value is None or self.clip_value > 0
+        require(none_or_positive, "algorithm.clip_value", self.clip_value, "more than 0, or null")
+        require_known("algorithm.reward_transform", self.reward_transform, REWARD_TRANSFORMS)
+        require_known("algorithm.encoder", self.encoder, ENCODERS)
+        positive = bool(self.widths) and min(self.widths) >= 1
+        require(positive, "algorithm.widths", list(self.widths), "one or more numbers, each at least 1")
+        room = self.max_log_std - self.min_log_std
+        require(room > 0, "algorithm.min_log_std", self.min_log_std, f"less than max_log_std, {self.max_log_std}")
+        most = self.num_envs * self.num_steps // 2  # advantages are normalised within a minibatch: one has no variance
+        require(self.minibatches <= most, "algorithm.minibatches", self.minibatches, f"at most half the batch, {most}")
 
 
 ENCODERS = ("auto", "mlp", "impala")
@@ -131,6 +141,13 @@ class ScaleConfig:
     def __post_init__(self) -> None:
         require(self.frames >= 1, "scale.frames", self.frames, "at least 1")
         require(self.seeds >= 1, "scale.seeds", self.seeds, "at least 1")
+        named = [name.rsplit("-", 1) for name in families()]
+        for name in self.families:
+            require_known("scale.families", name, [family for family, _ in named])
+        for name in self.difficulties:
+            require_known("scale.difficulties", name, [difficulty for _, difficulty in named])
+        for count in self.counts:
+            require(count >= 1, "scale.counts", count, "at least 1")
 
 
 @dataclass(frozen=True)
@@ -145,6 +162,12 @@ class EvaluationConfig:
     def __post_init__(self) -> None:
         require(self.episodes >= 1, "evaluation.episodes", self.episodes, "at least 1")
         require(self.interval >= 0, "evaluation.interval", self.interval, "0 or more")
+        require_seed("evaluation.seed", self.seed)
+        for name in self.distances:
+            require_known("evaluation.distances", name, DISTANCES)
+
+
+DISTANCES = ("exact", "reference", "paper")  # the modes of segar.metrics.w2
 
 
 @dataclass(frozen=True)
@@ -158,7 +181,10 @@ class TrackingConfig:
     interval: float = 5.0  # [s] between batches
 
     def __post_init__(self) -> None:
-        require(self.name in ("mlflow", "none"), "tracking.name", self.name, "mlflow or none")
+        require_known("tracking.name", self.name, ("mlflow", "none"))
+        is_address = self.uri is None or "://" in self.uri
+        require(is_address, "tracking.uri", self.uri, "an address such as sqlite:////path/mlflow.db or http://host:5000")
+        require(self.interval >= 0, "tracking.interval", self.interval, "0 or more")
 
 
 @dataclass(frozen=True)
@@ -181,8 +207,9 @@ class RunConfig:
     progress: bool = True
 
     def __post_init__(self) -> None:
-        require(self.seed >= 0, "seed", self.seed, "0 or more")
+        require_seed("seed", self.seed)
         require(self.num_threads >= 1, "num_threads", self.num_threads, "at least 1")
+        require(self.checkpoint_interval >= 0, "checkpoint_interval", self.checkpoint_interval, "0 or more")
 
     def identity(self) -> dict[str, Any]:
         """The settings that decide the results, as plain data; where files go or what is printed is not among them."""
@@ -239,3 +266,17 @@ def require(holds: bool, place: str, value: Any, wanted: str) -> None:
     """Raises :class:`ConfigError` unless ``holds``."""
     if not holds:
         raise ConfigError(f"{place}: {value!r} is not allowed; it must be {wanted}")
+
+
+def require_known(place: str, name: str, names: Sequence[str]) -> None:
+    """Raises :class:`ConfigError` that names the nearest of ``names``, unless ``name`` is one of them."""
+    if name not in names:
+        raise ConfigError(f"{place}: '{name}' is unknown.{did_you_mean(name, names)}")
+
+
+def require_seed(place: str, seed: int) -> None:
+    """Raises :class:`ConfigError` unless all generators take ``seed``."""
+    require(0 <= seed < SEEDS, place, seed, f"0 or more, and less than {SEEDS}")
+
+
+SEEDS = 2**63

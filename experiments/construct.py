@@ -45,7 +45,7 @@ def import_object(name: str, place: str) -> Any:
         raise ConfigError(f"{place}: '{name}' does not name a Python object; write module:attribute")
     try:
         found = importlib.import_module(module_name)
-    except ModuleNotFoundError as error:
+    except ImportError as error:
         raise ConfigError(f"{place}: cannot import '{name}': {error}") from error
     for part in attribute.split("."):
         if not hasattr(found, part):

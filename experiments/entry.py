@@ -11,7 +11,9 @@ from typing import Any
 
 import hydra
 from hydra.core.config_store import ConfigStore
+from hydra.core.hydra_config import HydraConfig
 from hydra.errors import CompactHydraException, MissingConfigException
+from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
 from experiments import runtime  # noqa: F401 - sets the environment before anything heavy is imported
@@ -20,7 +22,7 @@ from experiments.errors import ConfigError
 from experiments.run_folder import CHECKOUT
 from segar.errors import SegarError, did_you_mean
 
-GROUPS = ("levels", "task", "observation", "algorithm", "tracking", "scale")
+WITH_OPTIONS = ("task", "observation")  # groups whose ``options`` are the keyword arguments of what they name
 
 
 def conf_dir() -> Path:
@@ -46,8 +48,15 @@ def run_command(
     if settings is not None:
         ConfigStore.instance().store(name=f"base_{config_name}", node=dict(settings))
 
+    problems: list[SegarError] = []
+
     def call(config: DictConfig) -> Any:
-        return task((build or build_run)(config))
+        try:
+            return task((build or build_run)(config))
+        except SegarError as error:
+            if HydraConfig.get().mode is RunMode.MULTIRUN:
+                raise  # Hydra says which of the runs it was
+            problems.append(error)  # told below; Hydra would put a line of its own before it
 
     full_error = os.environ.get("HYDRA_FULL_ERROR") == "1"
     os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra lets errors through, so that they are told once, and here
@@ -57,6 +66,12 @@ def run_command(
         if full_error:
             raise
         sys.exit(f"error: {explain(error, settings)}")
+    except KeyboardInterrupt:
+        sys.exit("stopped; the same command goes on from the last checkpoint")
+    if problems:
+        if full_error:
+            raise problems[0]
+        sys.exit(f"error: {explain(problems[0], settings)}")
 
 
 def compose(overrides: Sequence[str] = (), config_name: str = "config") -> RunConfig:
@@ -97,6 +112,9 @@ def explain(error: Exception, settings: Mapping[str, Any] | None = None) -> str:
         return f"no {group} is called '{name}'.{did_you_mean(name, options)}"
     unknown = re.search(r"Could not override '([^']+)'", str(error))
     if unknown:
+        group, _, option = unknown[1].partition(".options.")
+        if option and group in WITH_OPTIONS:
+            return f"{unknown[1]} has no value yet; with a + before it, it gets one: +{unknown[1]}=..."
         return f"no setting is called '{unknown[1]}'.{did_you_mean(unknown[1], setting_names(settings))}"
     cause = f"\n{error.__cause__}" if error.__cause__ is not None else ""
     return f"{error}{cause}" if isinstance(error, CompactHydraException) else str(error)

@@ -14,6 +14,7 @@ from torch.distributions import constraints as torch_constraints
 from torch.nn import functional as F
 
 from experiments.config import PPOConfig
+from experiments.errors import ConfigError
 
 # Gauss-Hermite nodes: enough for the entropy of a squashed Gaussian to 1e-4 nats up to a standard deviation of 2.
 QUADRATURE_NODES = 12
@@ -131,10 +132,20 @@ class Actor(nn.Module):
 
 
 def make_encoder(config: PPOConfig, observation_shape: tuple[int, ...]) -> MLP | Impala:
-    """The encoder that the configuration asks for, or that the observation's shape calls for."""
-    if config.encoder == "impala" or (config.encoder == "auto" and len(observation_shape) == 3):
+    """The encoder that the configuration asks for, or that the observation's shape calls for.
+
+    Raises:
+        ConfigError: it cannot read observations of that shape.
+    """
+    fitting = {3: "impala", 1: "mlp"}.get(len(observation_shape))
+    if fitting is None or config.encoder not in ("auto", fitting):
+        fix = f"choose {fitting} or auto" if fitting else "states are vectors, pixels [height, width, 3]"
+        raise ConfigError(
+            f"algorithm.encoder: '{config.encoder}' cannot read observations of shape {observation_shape}; {fix}"
+        )
+    if fitting == "impala":
         return Impala(observation_shape[0], observation_shape[1])
-    return MLP(math.prod(observation_shape), config.widths)
+    return MLP(observation_shape[0], config.widths)
 
 
 def make_head(config: PPOConfig, inputs: int, outputs: int) -> nn.Sequential:

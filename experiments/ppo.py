@@ -159,9 +159,8 @@ class PPO:
 
     def minibatches(self, batch: TensorDict) -> Iterator[TensorDict]:
         """Random disjoint parts of the batch, ``epochs`` times over."""
-        size = math.ceil(len(batch) / self.config.minibatches)
         for _ in range(self.config.epochs):
-            for rows in torch.randperm(len(batch), generator=self.rng).split(size):
+            for rows in torch.randperm(len(batch), generator=self.rng).tensor_split(self.config.minibatches):
                 yield batch[rows]
 
     def state_dict(self) -> dict[str, Any]:

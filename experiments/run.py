@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Mapping
+from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,12 +14,11 @@ import numpy as np
 import torch
 
 from experiments import runtime
-from experiments.atomic import replacing
 from experiments.cells import cell_of
 from experiments.checkpoint import resume_checkpoint, save_checkpoint
 from experiments.config import RunConfig
 from experiments.construct import import_object
-from experiments.errors import TrackingError
+from experiments.errors import CheckpointError, TrackingError
 from experiments.evaluate import ACTION_MODES, distance_figures, evaluate_run, evaluation_figures, mean_figures, play
 from experiments.learner import Learner
 from experiments.progress import Progress
@@ -104,12 +104,11 @@ def _carry_out(config: RunConfig, folder: Path, tracker: Tracker, say: Callable[
         config.algorithm, env, config.scale.frames, config.seed
     )
     history = History(tracker)
-    seconds = _resume(config, folder, learner, history, say)
-    for name, levels in ((LEVELS_TRAIN, train), (LEVELS_TEST, test)):
-        with replacing(folder / name) as beside:
-            levels.save(beside)
-    code = code_fingerprint(config.algorithm.learner)
     hashes = {"train": levels_hash(train), "test": levels_hash(test)}
+    seconds = _resume(config, folder, learner, history, hashes, say)
+    train.save(folder / LEVELS_TRAIN)
+    test.save(folder / LEVELS_TEST)
+    code = code_fingerprint(config.algorithm.learner)
     write_json(folder / VERSIONS, {**versions(), "code": code, "levels": hashes})
 
     seconds = train_learner(config, folder, learner, history, seconds, test)
@@ -131,22 +130,21 @@ def train_learner(
 ) -> float:
     """Iterates until the frames are used up, with checkpoints; returns the seconds of training, ``seconds`` included."""
     total = config.scale.frames
-    progress = Progress(config.label(), total, learner.frames, shown=config.progress)
     saved = time.monotonic()
-    while learner.frames < total:
-        began, frames = time.perf_counter(), learner.frames
-        figures = learner.iterate()
-        duration = time.perf_counter() - began
-        seconds += duration
-        speed = {"speed/frames_per_second": (learner.frames - frames) / duration}
-        history.log({**figures, **speed}, learner.frames, seconds)
-        progress.update(learner.frames, figures)
-        if _crossed(frames, learner.frames, config.evaluation.interval):
-            history.log(_test_figures(config, learner, test), learner.frames, seconds)
-        if time.monotonic() - saved > config.checkpoint_interval or learner.frames >= total:
-            _save(config, folder, learner, history, seconds)
-            saved = time.monotonic()
-    progress.close()
+    with closing(Progress(config.label(), total, learner.frames, shown=config.progress)) as progress:
+        while learner.frames < total:
+            began, frames = time.perf_counter(), learner.frames
+            figures = learner.iterate()
+            duration = time.perf_counter() - began
+            seconds += duration
+            speed = {"speed/frames_per_second": (learner.frames - frames) / duration}
+            history.log({**figures, **speed}, learner.frames, seconds)
+            progress.update(learner.frames, figures)
+            if _crossed(frames, learner.frames, config.evaluation.interval):
+                history.log(_test_figures(config, learner, test), learner.frames, seconds)
+            if time.monotonic() - saved > config.checkpoint_interval or learner.frames >= total:
+                _save(config, folder, learner, history, seconds)
+                saved = time.monotonic()
     return seconds
 
 
@@ -156,11 +154,27 @@ def _save(config: RunConfig, folder: Path, learner: Learner, history: History, s
     save_checkpoint(folder, config, learner, {"seconds": seconds})
 
 
-def _resume(config: RunConfig, folder: Path, learner: Learner, history: History, say: Callable[[str], None]) -> float:
-    """Puts learner and history where the run's last checkpoint was; returns the seconds of training until then."""
+def _resume(
+    config: RunConfig,
+    folder: Path,
+    learner: Learner,
+    history: History,
+    hashes: Mapping[str, str],
+    say: Callable[[str], None],
+) -> float:
+    """Puts learner and history where the run's last checkpoint was; returns the seconds of training until then.
+
+    Raises:
+        CheckpointError: the checkpoint belongs to other code or other levels, or is damaged.
+    """
     extra = resume_checkpoint(folder, config, learner)
     if extra is None:
         return 0.0
+    if read_versions(folder)["levels"] != hashes:  # the module that defines them is the user's; no fingerprint sees it
+        raise CheckpointError(
+            f"the run in {folder} was begun on other levels than those that {config.levels.train} gives now. "
+            "Go back to that definition, or train anew with restart=true"
+        )
     history.rows = [row for row in read_metrics(folder).to_pylist() if row["frames"] <= learner.frames]
     say(f"{config.label()}: goes on from {learner.frames:,} of {config.scale.frames:,} frames")
     return extra["seconds"]

@@ -24,7 +24,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import yaml
 
-from experiments.atomic import remove_unfinished, replacing, write_text
+from experiments.atomic import TEMPORARY, remove_unfinished, replacing, write_text
 from experiments.config import RunConfig, as_data, run_config
 from experiments.errors import ConfigError, RunFolderError
 
@@ -95,24 +95,27 @@ def claim(config: RunConfig) -> Iterator[Path]:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             raise RunFolderError(f"another process is running in {folder}; wait for it, or choose folder=...") from None
-        remove_unfinished(folder)
-        if config.restart:
-            _clear(folder)
         _occupy(folder, config)
+        remove_unfinished(folder)
         yield folder
 
 
 def _occupy(folder: Path, config: RunConfig) -> None:
-    """Writes the settings into an empty folder; raises :class:`RunFolderError` if another run has it."""
+    """Writes the settings into an empty folder; raises :class:`RunFolderError` if it holds another run or no run."""
     if (folder / CONFIG).exists():
-        differences = list(_differences(read_config(folder).identity(), config.identity()))
+        there = read_config(folder)  # also before clearing: what is not a run of ours is not ours to remove
+        if config.restart:
+            _clear(folder)
+            write_text(folder / CONFIG, yaml.safe_dump(as_data(config), sort_keys=False))
+            return
+        differences = list(_differences(there.identity(), config.identity()))
         if differences:
             shown = "; ".join(differences[:3]) + ("; ..." if len(differences) > 3 else "")
             raise RunFolderError(
                 f"{folder} holds another run: {shown}. Choose another folder=..., or throw that run away with restart=true"
             )
         return
-    foreign = sorted(path.name for path in folder.iterdir() if path.name != LOCK)
+    foreign = sorted(p.name for p in folder.iterdir() if p.name != LOCK and not p.name.startswith(TEMPORARY))
     if foreign:
         raise RunFolderError(
             f"{folder} holds no run but is not empty: {', '.join(foreign[:3])}. Choose another folder=..."
@@ -135,15 +138,19 @@ def _clear(folder: Path) -> None:
     names = (SUMMARY, EPISODES, METRICS, VERSIONS, LEVELS_TRAIN, LEVELS_TEST, CONFIG)  # the sign of completion first
     for name in names:
         (folder / name).unlink(missing_ok=True)
-    shutil.rmtree(folder / "checkpoint", ignore_errors=True)
+    if (folder / CHECKPOINT).exists():
+        shutil.rmtree((folder / CHECKPOINT).parent)
 
 
 def read_config(folder: Path) -> RunConfig:
     """The settings of the run in ``folder``; raises :class:`RunFolderError` if there are none or they are not readable."""
     path = Path(folder) / CONFIG
     try:
-        return run_config(yaml.safe_load(path.read_text()))
-    except (OSError, yaml.YAMLError, ConfigError) as error:
+        data = yaml.safe_load(path.read_text())
+        if not isinstance(data, Mapping):
+            raise ConfigError("it holds no settings")
+        return run_config(data)
+    except (OSError, ValueError, yaml.YAMLError) as error:
         raise RunFolderError(f"cannot read the settings of a run from {path}: {error}") from error
 
 

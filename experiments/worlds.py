@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Mapping
 from typing import Any
 
@@ -60,6 +61,11 @@ def _find(name: str, options: Mapping[str, Any], group: str) -> Any:
     found = import_object(known.get(name, name), f"{group}.name")
     if not callable(found):
         return found
+    known_options = inspect.signature(found).parameters
+    takes_any = any(one.kind is one.VAR_KEYWORD for one in known_options.values())
+    for option in options:
+        if option not in known_options and not takes_any:
+            raise ConfigError(f"{group}.options: {name} has no '{option}'.{did_you_mean(option, known_options)}")
     try:
         return found(**options)
     except (TypeError, SegarError) as error:
