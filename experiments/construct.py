@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from typing import Any, TypeVar
 
 from experiments.errors import ConfigError
-from segar.errors import did_you_mean
+from segar.errors import SegarError, did_you_mean
 
 T = TypeVar("T")
 
@@ -45,7 +45,7 @@ def import_object(name: str, place: str) -> Any:
         raise ConfigError(f"{place}: '{name}' does not name a Python object; write module:attribute")
     try:
         found = importlib.import_module(module_name)
-    except ImportError as error:
+    except (ImportError, SegarError) as error:
         raise ConfigError(f"{place}: cannot import '{name}': {error}") from error
     for part in attribute.split("."):
         if not hasattr(found, part):

@@ -1,0 +1,131 @@
+"""Checkpoints: what does not belong is refused with the file's name and the way out; nothing is unpickled."""
+
+import dataclasses
+import io
+import pickle
+
+import pytest
+import torch
+
+from experiments import checkpoint
+from experiments.checkpoint import load_policy, read_checkpoint, resume_checkpoint, save_checkpoint
+from experiments.config import PPOConfig, RunConfig
+from experiments.errors import CheckpointError
+from experiments.ppo import PPO, PPOPolicy
+from experiments.run_folder import CHECKPOINT
+from experiments.worlds import make_levels
+from segar.envs.torchrl_env import TorchRLEnv
+
+CONFIG = RunConfig(algorithm=PPOConfig(num_envs=4, num_steps=4, widths=(8,), head_width=8))
+
+
+def learner(config=CONFIG, seed=0):
+    train, _ = make_levels(config.levels)
+    return PPO(config.algorithm, TorchRLEnv(train, config.algorithm.num_envs, seed=seed), 1000, seed)
+
+
+@pytest.fixture
+def saved(tmp_path):
+    """A folder with the checkpoint of a learner that has learned a little, and that learner."""
+    one = learner()
+    one.iterate()
+    save_checkpoint(tmp_path, CONFIG, one, {"seconds": 1.5})
+    return tmp_path, one
+
+
+def test_a_learner_goes_on_from_a_checkpoint_as_if_nothing_had_happened(saved):
+    folder, one = saved
+    other = learner(seed=7)
+    assert resume_checkpoint(folder, CONFIG, other) == {"seconds": 1.5}
+    assert one.iterate() == other.iterate()
+    for a, b in zip(one.policy.parameters(), other.policy.parameters(), strict=True):
+        assert torch.equal(a, b)
+
+
+def test_a_policy_can_be_filled_without_an_environment(saved):
+    folder, one = saved
+    shape = tuple(one.current["observation"].shape[1:])
+    policy = PPO.make_policy(CONFIG.algorithm, shape, 2)
+    assert load_policy(folder / CHECKPOINT, policy) == one.frames
+    assert (policy.act(one.current["observation"].numpy(), rng=None)
+            == one.policy.act(one.current["observation"].numpy(), rng=None)).all()  # fmt: skip
+
+
+def test_where_there_is_no_checkpoint_there_is_nothing_to_resume(tmp_path):
+    assert resume_checkpoint(tmp_path, CONFIG, learner()) is None
+    with pytest.raises(CheckpointError, match="there is no checkpoint at"):
+        read_checkpoint(tmp_path / CHECKPOINT)
+
+
+def test_a_checkpoint_of_other_code_is_refused(saved, monkeypatch):
+    folder, _ = saved
+    monkeypatch.setattr(checkpoint, "code_fingerprint", lambda _: "0123456789abcdef")
+    with pytest.raises(CheckpointError) as caught:
+        resume_checkpoint(folder, CONFIG, learner())
+    assert f"the checkpoint {folder / CHECKPOINT} was written by another code (" in str(caught.value)
+    assert "0123456789abcdef here). Go back to that code, or train anew with restart=true" in str(caught.value)
+
+
+def test_a_checkpoint_of_another_configuration_is_refused(saved):
+    folder, _ = saved
+    with pytest.raises(CheckpointError, match=r"was written by another configuration .* restart=true"):
+        resume_checkpoint(folder, dataclasses.replace(CONFIG, seed=1), learner())
+
+
+def test_a_checkpoint_of_another_network_is_refused(saved):
+    folder, _ = saved
+    wide = PPOPolicy(dataclasses.replace(CONFIG.algorithm, widths=(16,)), (9,), 2)
+    with pytest.raises(CheckpointError) as caught:
+        load_policy(folder / CHECKPOINT, wide)
+    assert f"{folder / CHECKPOINT} is of another network: 'actor.encoder.layers.0.weight' is (8, " in str(caught.value)
+    assert "there and (16, 9) here" in str(caught.value)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 0.999])
+def test_a_truncated_checkpoint_is_refused(saved, share):
+    folder, _ = saved
+    content = (folder / CHECKPOINT).read_bytes()
+    (folder / CHECKPOINT).write_bytes(content[: int(share * len(content))])
+    with pytest.raises(CheckpointError, match=r"checkpoint .*latest\.pt is damaged or none of ours: .*restart=true"):
+        resume_checkpoint(folder, CONFIG, learner())
+
+
+def test_a_file_that_is_no_checkpoint_is_refused(tmp_path):
+    path = tmp_path / "other.pt"
+    torch.save({"weights": torch.zeros(3)}, path)
+    with pytest.raises(CheckpointError, match=r"other\.pt has format None; this version reads format 1"):
+        read_checkpoint(path)
+    with pytest.raises(CheckpointError, match="is damaged or none of ours"):
+        read_checkpoint(tmp_path)  # a folder
+
+
+class Loud:
+    """Unpickled, it would run code."""
+
+    def __reduce__(self):
+        return (exec, ("raise SystemExit('unpickled')",))
+
+
+@pytest.mark.parametrize("write", [torch.save, lambda thing, path: path.write_bytes(pickle.dumps(thing, protocol=2))])
+def test_nothing_in_a_checkpoint_is_executed(tmp_path, write):
+    path = tmp_path / "evil.pt"
+    write({"format": 1, "policy": Loud()}, path)
+    with pytest.raises(CheckpointError, match="is damaged or none of ours"):
+        read_checkpoint(path)
+
+
+def test_a_checkpoint_holds_tensors_and_plain_data_only(saved):
+    folder, _ = saved
+
+    def check(value):
+        if isinstance(value, dict):
+            for key, entry in value.items():
+                assert isinstance(key, str | int)
+                check(entry)
+        elif isinstance(value, list | tuple):
+            for entry in value:
+                check(entry)
+        else:
+            assert value is None or isinstance(value, torch.Tensor | str | int | float)
+
+    check(torch.load(io.BytesIO((folder / CHECKPOINT).read_bytes()), weights_only=True))

@@ -1,0 +1,170 @@
+"""Settings: what a user gets wrong is told in one message with the nearest right name, before anything is trained."""
+
+import dataclasses
+import os
+import subprocess
+import sys
+
+import pytest
+
+import segar
+from experiments.config import PPOConfig, RunConfig, as_data, run_config
+from experiments.entry import compose
+from experiments.errors import ConfigError
+from experiments.networks import make_encoder
+from experiments.run_folder import CHECKOUT
+from experiments.worlds import environment_options, make_levels
+from segar.errors import PlacementError
+
+OWN_MODULE = """
+import segar
+
+ice = segar.family("empty-hard")
+number = 3
+
+
+def sand():
+    return segar.family("tilesx1-easy")
+
+
+crowded = segar.LevelDistribution(
+    numbers=[(segar.GolfBall, 1), (segar.GoalTile, 1)],
+    priors=[segar.Prior(segar.Position, segar.RandomUniformLocation())],
+    min_distance=9.0,
+    name="crowded",
+)
+"""
+
+
+@pytest.fixture
+def own_module(tmp_path, monkeypatch):
+    """A module of the user's, outside of the checkout."""
+    (tmp_path / "own_levels.py").write_text(OWN_MODULE)
+    monkeypatch.syspath_prepend(tmp_path)
+    yield tmp_path
+    sys.modules.pop("own_levels", None)
+
+
+@pytest.mark.parametrize(
+    ("override", "says"),
+    [
+        ("levles=empty-hard", "no setting is called 'levles'. Did you mean 'levels'?"),
+        ("levels=empty-hrad", "no levels is called 'empty-hrad'. Did you mean 'empty-hard'?"),
+        ("task=putput", "no task is called 'putput'. Did you mean 'puttputt'?"),
+        ("observation=rbg", "no observation is called 'rbg'. Did you mean 'rgb'?"),
+        ("algorithm=ppofast", "no algorithm is called 'ppofast'. Did you mean 'ppo_fast'?"),
+        ("scale=quik", "no scale is called 'quik'. Did you mean 'quick'?"),
+        ("levels.cuont=3", "no setting is called 'levels.cuont'. Did you mean 'levels.count'?"),
+        ("+levels.cuont=3", "no setting is called 'levels.cuont'. Did you mean 'levels.count'?"),
+        ("algorithm.lr=1", "no setting is called 'algorithm.lr'."),
+        ("task.options.reward=linear", "with a + before it, it gets one: +task.options.reward=..."),
+        ("levels.count=ten", "levels.count: 'ten' is not a whole number"),
+        ("levels.count=2.5", "levels.count: 2.5 is not a whole number"),
+        ("levels.count=0", "levels.count: 0 is not allowed; it must be at least 1"),
+        ("progress=maybe", "progress: 'maybe' is not true or false"),
+        ("algorithm.widths=3", "algorithm.widths: 3 is not a list whose entries are each a whole number"),
+        ("algorithm.widths=[64,0]", "algorithm.widths: [64, 0] is not allowed"),
+        ("algorithm.learning_rate=-1", "algorithm.learning_rate: -1.0 is not allowed; it must be more than 0"),
+        ("algorithm.encoder=impla", "algorithm.encoder: 'impla' is unknown. Did you mean 'impala'?"),
+        ("algorithm.num_envs=0", "algorithm.num_envs: 0 is not allowed"),
+        ("algorithm.minibatches=2000", "algorithm.minibatches: 2000 is not allowed; it must be at most half the batch"),
+        ("algorithm.min_log_std=3", "algorithm.min_log_std: 3.0 is not allowed; it must be less than max_log_std"),
+        ("algorithm.type=experiments.config:PPOConfg", "has no 'PPOConfg'. Did you mean 'PPOConfig'?"),
+        ("evaluation.distances=[exat]", "evaluation.distances: 'exat' is unknown. Did you mean 'exact'?"),
+        ("scale.families=[emtpy]", "scale.families: 'emtpy' is unknown. Did you mean 'empty'?"),
+        ("tracking.uri=mlruns", "tracking.uri: 'mlruns' is not allowed; it must be an address"),
+        ("seed=-1", "seed: -1 is not allowed"),
+        ("seed=99999999999999999999", "seed: 99999999999999999999 is not allowed"),
+    ],
+)
+def test_a_wrong_setting_is_named_with_the_nearest_right_one(override, says):
+    with pytest.raises(ConfigError) as caught:
+        compose([override])
+    assert says in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("override", "says"),
+    [
+        ("levels.train=empty-hrad", "levels.train: there is no level family 'empty-hrad'. Did you mean 'empty-hard'?"),
+        (
+            "levels.test=tilesx1-esay",
+            "levels.test: there is no level family 'tilesx1-esay'. Did you mean 'tilesx1-easy'?",
+        ),
+        ("levels.train=own_levels:iec", "levels.train: 'own_levels' has no 'iec'. Did you mean 'ice'?"),
+        ("levels.train=own_levels:number", "levels.train: 'own_levels:number' is no level distribution"),
+        ("levels.train=own_lvls:ice", "levels.train: cannot import 'own_lvls:ice'"),
+        ("task.name=putput", "task.name: no task is called 'putput'. Did you mean 'puttputt'?"),
+        ("+task.options.rewrd=linear", "task.options: puttputt has no 'rewrd'. Did you mean 'reward'?"),
+        ("+task.options.reward=linaer", "Did you mean 'linear'?"),
+        ("observation.name=stat", "observation.name: no observation is called 'stat'. Did you mean 'state'?"),
+    ],
+)
+def test_a_name_that_stands_for_nothing_is_told_with_the_nearest_one(own_module, override, says):
+    config = compose([override])
+    with pytest.raises(ConfigError) as caught:
+        environment_options(config)
+        make_levels(config.levels)
+    assert says in str(caught.value)
+
+
+def test_levels_that_cannot_be_placed_are_told(own_module):
+    with pytest.raises(PlacementError, match=r"crowded.*(golfball|goal)"):
+        make_levels(compose(["levels.train=own_levels:crowded"]).levels)
+
+
+@pytest.mark.parametrize(("encoder", "shape"), [("impala", (9,)), ("mlp", (64, 64, 3))])
+def test_an_encoder_that_cannot_read_the_observation_is_refused(encoder, shape):
+    with pytest.raises(ConfigError, match=rf"algorithm.encoder: '{encoder}' cannot read"):
+        make_encoder(PPOConfig(encoder=encoder), shape)
+
+
+@pytest.mark.parametrize("family", segar.families())
+def test_every_named_family_is_a_choice_of_levels(family):
+    assert compose([f"levels={family}"]).levels.train == family
+
+
+@pytest.mark.parametrize("name", ["own_levels:ice", "own_levels:sand"])
+def test_a_distribution_of_the_users_own_makes_levels(own_module, name):
+    train, test = make_levels(compose([f"levels.train={name}", "levels.count=3", "levels.test_count=2"]).levels)
+    assert (len(train), len(test)) == (3, 2)
+
+
+def test_settings_survive_being_written_and_read():
+    config = compose(["levels=tilesx1-hard", "algorithm=ppo", "levels.count=5e1", "+task.options.reward=linear"])
+    assert run_config(as_data(config)) == config
+    assert config.levels.count == 50
+
+
+def test_only_what_decides_results_decides_the_hash():
+    config = RunConfig()
+    for change in ({"progress": False}, {"root": "/elsewhere"}, {"restart": True}, {"num_threads": 2}):
+        assert dataclasses.replace(config, **change).hash() == config.hash()
+    assert dataclasses.replace(config, seed=1).hash() != config.hash()
+    assert dataclasses.replace(config, algorithm=PPOConfig(gamma=0.9)).hash() != config.hash()
+
+
+@pytest.mark.parametrize(
+    ("override", "says"),
+    [
+        ("levels=empty-hrad", "error: no levels is called 'empty-hrad'. Did you mean 'empty-hard'?"),
+        ("levels.count=0", "error: levels.count: 0 is not allowed; it must be at least 1"),
+        ("levels.train=own_levels:crowded", "error: level distribution 'crowded'"),
+    ],
+)
+def test_the_command_ends_with_one_line_and_no_traceback(own_module, override, says):
+    done = command(own_module, override, "tracking=none", f"root={own_module}")
+    assert done.returncode != 0
+    assert done.stderr.startswith(says)
+    assert len(done.stderr.splitlines()) == 1
+
+
+def command(cwd, *arguments):
+    """What ``python -m experiments.train`` does, called from ``cwd``."""
+    return subprocess.run(
+        [sys.executable, "-m", "experiments.train", *arguments],
+        cwd=cwd,
+        env={**os.environ, "PYTHONPATH": str(CHECKOUT)},
+        capture_output=True,
+        text=True,
+    )

@@ -1,0 +1,91 @@
+"""Evaluation: every level once, every reward counted, whatever the batch."""
+
+import numpy as np
+import pytest
+import torch
+
+from experiments import evaluate
+from experiments.config import EvaluationConfig, RunConfig
+from experiments.evaluate import distance_figures, evaluate_run, evaluation_figures, play
+from segar import family
+from segar.envs import VectorEnv
+from segar.metrics import w2
+
+
+class Linear:
+    """A policy that pushes along a part of what it sees."""
+
+    def act(self, observation, *, rng):
+        action = np.tanh(observation[:, :2])
+        if rng is not None:
+            action = action + torch.randn(action.shape, generator=rng).numpy()
+        return action.astype(np.float32)
+
+
+LEVELS = family("tilesx1-easy").sample(12, seed=1)
+
+
+def plain_episode(level, policy):
+    """The rewards of one episode, step by step in an environment of its own."""
+    env = VectorEnv(LEVELS, 1, autoreset_mode="Disabled")
+    observation, _ = env.reset(options={"levels": np.array([level])})
+    rewards, over = [], False
+    while not over:
+        observation, reward, terminated, truncated, info = env.step(policy.act(observation, rng=None))
+        rewards.append(reward[0])
+        over = terminated[0] or truncated[0]
+    return rewards, bool(info["success"][0]), bool(info["death"][0])
+
+
+def test_every_level_is_played_as_in_an_environment_of_its_own():
+    rows = play(Linear(), LEVELS, np.arange(12), {}, rng=None, seed=0)
+    assert [row["level"] for row in rows] == list(range(12))
+    for level, row in enumerate(rows):
+        rewards, success, death = plain_episode(level, Linear())
+        assert row["return"] == pytest.approx(sum(rewards), rel=1e-12)
+        assert row["return_ref"] == pytest.approx(sum(rewards[:-1]), rel=1e-12, abs=1e-9)
+        assert (row["length"], row["success"], row["death"]) == (len(rewards), success, death)
+
+
+def test_results_do_not_depend_on_the_batch(monkeypatch):
+    whole = play(Linear(), LEVELS, np.arange(12), {}, rng=None, seed=0)
+    monkeypatch.setattr(evaluate, "BATCH", 5)
+    assert play(Linear(), LEVELS, np.arange(12), {}, rng=None, seed=0) == whole
+
+
+def test_a_death_counts_in_the_return_and_not_in_that_of_the_reference():
+    levels = family("tilesx3-hard").sample(30, seed=0)
+    rows = play(Linear(), levels, np.arange(30), {}, rng=torch.Generator().manual_seed(0), seed=0)
+    deaths = [row for row in rows if row["death"]]
+    assert deaths
+    assert all(row["return"] - row["return_ref"] <= -100 for row in deaths)
+
+
+def test_training_levels_are_played_equally_often_and_test_levels_once():
+    config = RunConfig(evaluation=EvaluationConfig(episodes=10))
+    train, test = LEVELS[:4], LEVELS[4:]
+    rows = evaluate_run(Linear(), config, train, test)
+    for mode in ("deterministic", "sampled"):
+        played = {
+            name: [r["level"] for r in rows if r["levels"] == name and r["action_mode"] == mode]
+            for name in ("train", "test")
+        }
+        assert np.bincount(played["train"]).tolist() == [3, 3, 3, 3]  # 10 episodes at least
+        assert sorted(played["test"]) == list(range(8))
+    assert evaluate_run(Linear(), config, train, test) == rows
+
+
+def test_the_gap_is_test_minus_train():
+    rows = evaluate_run(Linear(), RunConfig(evaluation=EvaluationConfig(episodes=4)), LEVELS[:4], LEVELS[4:])
+    figures = evaluation_figures(rows)
+    mean = {
+        name: np.mean([r["return"] for r in rows if r["levels"] == name and r["action_mode"] == "sampled"])
+        for name in ("train", "test")
+    }
+    assert figures["evaluation/gap/sampled"] == pytest.approx(mean["test"] - mean["train"])
+    assert figures["evaluation/train/return/sampled"] == pytest.approx(mean["train"])
+
+
+def test_distances_are_those_of_the_library():
+    figures = distance_figures(LEVELS[:4], LEVELS[4:], ("reference", "exact"))
+    assert figures == {f"w2/{mode}": w2(LEVELS[:4], LEVELS[4:], mode=mode) for mode in ("reference", "exact")}

@@ -1,0 +1,259 @@
+"""The run folder: one run each, found again when finished, gone on with when killed, and never half written."""
+
+import dataclasses
+import errno
+import os
+import resource
+from contextlib import contextmanager
+
+import pytest
+import torch
+
+from experiments import run as run_module
+from experiments.atomic import write_text
+from experiments.checkpoint import read_checkpoint
+from experiments.config import (
+    EvaluationConfig,
+    LevelsConfig,
+    PPOConfig,
+    RunConfig,
+    ScaleConfig,
+    TrackingConfig,
+)
+from experiments.errors import CheckpointError, RunFolderError
+from experiments.ppo import PPO
+from experiments.run import run
+from experiments.run_folder import (
+    CHECKPOINT,
+    CONFIG,
+    METRICS,
+    SUMMARY,
+    claim,
+    folder_path,
+    is_finished,
+    read_config,
+    read_episodes,
+    read_metrics,
+    read_summary,
+)
+from experiments.worlds import make_levels
+
+FILES = {
+    "config.yaml",
+    "levels_train.npz",
+    "levels_test.npz",
+    "checkpoint",
+    "episodes.parquet",
+    "metrics.parquet",
+    "versions.json",
+    "summary.json",
+    ".lock",
+}
+ITERATIONS = 4  # of 64 frames
+
+
+@pytest.fixture
+def config(tmp_path):
+    """A run of four iterations."""
+    return RunConfig(
+        levels=LevelsConfig(train="empty-easy", count=2, test_count=3),
+        algorithm=PPOConfig(num_envs=8, num_steps=8, widths=(8,), head_width=0),
+        scale=ScaleConfig(frames=64 * ITERATIONS),
+        evaluation=EvaluationConfig(episodes=2, distances=("exact",)),
+        tracking=TrackingConfig(name="none"),
+        folder=str(tmp_path / "run"),
+        checkpoint_interval=0.0,
+        progress=False,
+    )
+
+
+class Killed(BaseException):
+    """What stops a run in these tests."""
+
+
+@contextmanager
+def killed_after(iterations, monkeypatch):
+    """Ends training abruptly before iteration ``iterations + 1``."""
+    left = iter(range(iterations))
+    iterate = PPO.iterate
+
+    def count_down(self):
+        if next(left, None) is None:
+            raise Killed
+        return iterate(self)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(PPO, "iterate", count_down)
+        with pytest.raises(Killed):
+            yield
+
+
+def weights(folder):
+    return read_checkpoint(folder / CHECKPOINT)["policy"]
+
+
+def figures(folder):
+    """What a run logged, but for what the clock said."""
+    rows = read_metrics(folder).to_pylist()
+    return [(row["name"], row["frames"], row["value"]) for row in rows if row["name"] != "speed/frames_per_second"]
+
+
+def test_a_run_leaves_all_files_and_can_be_read(config):
+    folder = run(config).folder
+    assert {path.name for path in folder.iterdir()} == FILES
+    assert read_config(folder) == config
+    episodes = read_episodes(folder).to_pandas()
+    assert episodes.groupby(["levels", "action_mode"]).size().to_dict() == {
+        ("test", "deterministic"): 3,
+        ("test", "sampled"): 3,
+        ("train", "deterministic"): 2,
+        ("train", "sampled"): 2,
+    }
+    metrics = read_metrics(folder).to_pandas()
+    assert {"episode/count", "loss/policy", "w2/exact", "evaluation/gap/deterministic"} <= set(metrics["name"])
+    summary = read_summary(folder)
+    assert summary["frames"] == config.scale.frames
+    assert summary["evaluation/test/return/sampled"] == pytest.approx(
+        episodes[(episodes.levels == "test") & (episodes.action_mode == "sampled")]["return"].mean()
+    )
+
+
+def test_a_finished_run_is_found_and_not_trained_again(config, monkeypatch):
+    first = run(config)
+    with monkeypatch.context() as patch:
+        patch.setattr(PPO, "iterate", None)
+        said = []
+        again = run(config, said.append)
+    assert first.trained and not again.trained
+    assert dict(again.summary) == dict(first.summary)
+    assert "finished before, nothing to do" in said[0]
+
+
+def test_restart_trains_a_finished_run_again(config):
+    run(config)
+    assert run(dataclasses.replace(config, restart=True)).trained
+
+
+def test_a_killed_run_goes_on_and_ends_as_if_it_had_not_been_killed(config, tmp_path, monkeypatch):
+    whole = run(config)
+    other = dataclasses.replace(config, folder=str(tmp_path / "killed"))
+    with killed_after(ITERATIONS // 2, monkeypatch):
+        run(other)
+    assert not is_finished(tmp_path / "killed")
+    said = []
+    resumed = run(other, said.append)
+    assert f"goes on from {64 * ITERATIONS // 2} of {64 * ITERATIONS} frames" in said[0]
+    for name, value in weights(whole.folder).items():
+        assert torch.equal(value, weights(resumed.folder)[name]), name
+    assert read_episodes(resumed.folder).equals(read_episodes(whole.folder))
+    assert figures(resumed.folder) == figures(whole.folder)
+
+
+def test_a_run_killed_before_its_first_checkpoint_begins_anew(config, monkeypatch):
+    with killed_after(0, monkeypatch):
+        run(config)
+    assert run(config).trained
+
+
+def test_a_folder_of_another_run_is_refused_and_kept(config):
+    run(config)
+    other = dataclasses.replace(config, seed=1, algorithm=dataclasses.replace(config.algorithm, gamma=0.5))
+    with pytest.raises(RunFolderError) as caught:
+        run(other)
+    assert "holds another run: algorithm.gamma is 0.999 there and 0.5 here; seed is 0 there and 1 here" in str(
+        caught.value
+    )
+    assert "Choose another folder=..., or throw that run away with restart=true" in str(caught.value)
+    assert is_finished(run(config).folder)
+
+
+@pytest.mark.parametrize("restart", [False, True])
+def test_a_folder_that_holds_something_else_is_refused_and_kept(config, tmp_path, restart):
+    mine = tmp_path / "run"
+    mine.mkdir()
+    (mine / "thesis.tex").write_text("x")
+    with pytest.raises(RunFolderError, match=r"holds no run but is not empty: thesis\.tex\. Choose another"):
+        run(dataclasses.replace(config, restart=restart))
+    assert {p.name for p in mine.iterdir()} - {".lock"} == {"thesis.tex"}
+
+
+def test_restart_clears_no_folder_whose_settings_are_not_a_runs(config, tmp_path):
+    mine = tmp_path / "run"
+    (mine / "checkpoint").mkdir(parents=True)
+    (mine / CONFIG).write_text("title: my web site\n")
+    (mine / "checkpoint" / "latest.pt").write_text("x")
+    with pytest.raises(RunFolderError, match=r"cannot read the settings of a run from .*no setting is called 'title'"):
+        run(dataclasses.replace(config, restart=True))
+    assert (mine / CONFIG).exists() and (mine / "checkpoint" / "latest.pt").exists()
+
+
+def test_two_processes_cannot_be_at_one_folder(config):
+    with claim(config), pytest.raises(RunFolderError, match="another process is running in"), claim(config):
+        pass
+
+
+def test_what_a_killed_process_left_half_written_is_removed(config, tmp_path):
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / ".writing-1-config.yaml").write_text("half")
+    with claim(config) as folder:
+        assert {p.name for p in folder.iterdir()} == {".lock", CONFIG}
+
+
+@pytest.mark.parametrize("call", ["write", "fsync", "replace"])
+def test_a_full_disk_leaves_the_old_file_and_says_so(tmp_path, monkeypatch, call):
+    def no_room(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    target = tmp_path / "summary.json"
+    target.write_text("old")
+    if call == "write":
+        monkeypatch.setattr("pathlib.Path.write_bytes", no_room)
+    else:
+        monkeypatch.setattr(os, call, no_room)
+    with pytest.raises(RunFolderError, match=r"cannot write .*summary\.json: No space left on device; what was there"):
+        write_text(target, "new")
+    assert [p.name for p in tmp_path.iterdir()] == ["summary.json"]
+    assert target.read_text() == "old"
+
+
+@contextmanager
+def files_no_larger_than(size):
+    """A disk with little room: the system refuses what makes a file larger than ``size`` bytes."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def test_a_run_without_room_for_its_checkpoint_loses_nothing_and_goes_on_later(config, monkeypatch):
+    with killed_after(2, monkeypatch):
+        run(config)
+    checkpoint = folder_path(config) / CHECKPOINT
+    before = checkpoint.read_bytes()
+    with files_no_larger_than(len(before) - 1), pytest.raises(RunFolderError) as caught:
+        run(config)
+    assert f"cannot write {checkpoint}: File too large; what was there before is untouched" in str(caught.value)
+    assert checkpoint.read_bytes() == before
+    assert run(config).trained
+
+
+@pytest.mark.parametrize("name", [METRICS, CHECKPOINT, SUMMARY])
+def test_no_file_is_ever_seen_half_written(config, monkeypatch, name):
+    folder = run(config).folder
+    content = (folder / name).read_bytes()
+    with files_no_larger_than(len(content) // 2), pytest.raises(RunFolderError):
+        write_text(folder / name, "x" * len(content))
+    assert (folder / name).read_bytes() == content
+
+
+def test_levels_that_changed_since_the_checkpoint_stop_the_run(config, monkeypatch):
+    with killed_after(2, monkeypatch):
+        run(config)
+    other = make_levels(dataclasses.replace(config.levels, seed=5))
+    monkeypatch.setattr(run_module, "make_levels", lambda _: other)
+    with pytest.raises(
+        CheckpointError, match=r"begun on other levels than those that empty-easy gives now.*restart=true"
+    ):
+        run(config)
