@@ -1,0 +1,215 @@
+"""PPO: advantages, the squashed policy, rollouts that are those of the plain environment, and that it learns."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+import torch
+from tensordict import TensorDict
+
+from experiments.config import LevelsConfig, PPOConfig
+from experiments.entry import compose
+from experiments.errors import TrainingError
+from experiments.evaluate import play
+from experiments.networks import SquashedNormal
+from experiments.ppo import PPO, Rollout, check_finite, learner_reward, make_batch
+from experiments.worlds import make_levels
+from segar import family
+from segar.envs import VectorEnv
+from segar.envs.torchrl_env import TorchRLEnv
+from segar.errors import ActionError
+from segar.tasks.puttputt import puttputt
+
+SMALL = PPOConfig(num_envs=6, num_steps=16, widths=(16,), head_width=0)
+LEVELS = family("empty-easy").sample(5, seed=0)
+
+
+def learner(config=SMALL, seed=0, levels=LEVELS, **env_options):
+    env = TorchRLEnv(levels, config.num_envs, seed=seed, **env_options)
+    return PPO(config, env, 10_000, seed)
+
+
+def see(policy, observation):
+    """Mean and deviation of the policy, and the value, at an observation."""
+    with torch.no_grad():
+        return policy(torch.from_numpy(observation))
+
+
+def test_a_rollout_is_that_of_a_plain_environment_loop():
+    """On burning tiles episodes end at different times, so that most resets are of a part of the environments."""
+    levels = family("tilesx1-hard").sample(20, seed=0)
+    ppo = learner(levels=levels, task=puttputt(max_steps=7))
+    plain = VectorEnv(levels, 6, seed=0, task=puttputt(max_steps=7))
+    observation, _ = plain.reset()
+    partial_resets = cut = 0
+    for _ in range(3):
+        rollout, _ = ppo.collect()
+        for t in range(SMALL.num_steps):
+            np.testing.assert_array_equal(rollout.observation[t].numpy(), observation)
+            torch.testing.assert_close(
+                (rollout.loc[t], rollout.scale[t], rollout.value[t]), see(ppo.policy, observation)
+            )
+            observation, reward, terminated, truncated, info = plain.step(rollout.u[t].tanh().numpy())
+            np.testing.assert_array_equal(rollout.reward[t, :, 0].numpy(), reward.astype(np.float32))
+            np.testing.assert_array_equal(rollout.terminated[t, :, 0].numpy(), terminated)
+            np.testing.assert_array_equal(rollout.done[t, :, 0].numpy(), terminated | truncated)
+            after = np.where(truncated[:, None], info.get("final_obs", observation), observation)
+            counts = torch.from_numpy(~terminated)  # what follows a terminated step is never looked at
+            torch.testing.assert_close(rollout.next_value[t][counts], see(ppo.policy, after)[2][counts])
+            partial_resets += 0 < (terminated | truncated).sum() < 6
+            cut += truncated.sum()
+    assert partial_resets > 10 and cut > 10
+
+
+def plain_advantages(config, rollout):
+    """Generalised advantages by their definition, one environment and one time at a time."""
+    reward = learner_reward(config, rollout.reward).double()
+    advantage = torch.zeros_like(reward)
+    for env in range(reward.shape[1]):
+        following = 0.0
+        for t in reversed(range(reward.shape[0])):
+            goes_on = 0.0 if rollout.terminated[t, env] else 1.0
+            delta = reward[t, env] + config.gamma * goes_on * rollout.next_value[t, env] - rollout.value[t, env]
+            same_episode = 0.0 if rollout.done[t, env] else 1.0
+            following = delta + config.gamma * config.gae_lambda * same_episode * following
+            advantage[t, env] = following
+    return advantage
+
+
+def random_rollout(steps=9, envs=4, seed=0):
+    rng = torch.Generator().manual_seed(seed)
+
+    def numbers(*shape):
+        return torch.randn(steps, envs, *shape, generator=rng)
+
+    done = torch.rand(steps, envs, 1, generator=rng) < 0.4
+    terminated = done & (torch.rand(steps, envs, 1, generator=rng) < 0.5)
+    return Rollout(
+        numbers(3), numbers(2), numbers(2), numbers(2).exp(), numbers(1), numbers(1), numbers(1), terminated, done
+    )
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_advantages_are_those_of_their_definition(seed):
+    rollout = random_rollout(seed=seed)
+    config = dataclasses.replace(SMALL, gamma=0.9, gae_lambda=0.7, reward_transform="sqrt")
+    batch = make_batch(config, rollout)
+    expected = plain_advantages(config, rollout)
+    np.testing.assert_allclose(batch["advantage"], expected.flatten(0, 1), atol=1e-5)
+    np.testing.assert_allclose(batch["value_target"], (expected + rollout.value).flatten(0, 1), atol=1e-5)
+
+
+def test_a_terminated_step_looks_at_no_next_value_and_a_truncated_one_does():
+    rollout = random_rollout(steps=1, envs=2)
+    rollout.done = torch.tensor([[[True], [True]]])
+    rollout.terminated = torch.tensor([[[True], [False]]])
+    before = make_batch(SMALL, rollout)["advantage"].clone()
+    rollout.next_value += 1.0
+    change = make_batch(SMALL, rollout)["advantage"] - before
+    np.testing.assert_allclose(change.flatten(), [0.0, SMALL.gamma], atol=1e-6)
+
+
+def test_the_squashed_law_integrates_to_one_and_has_the_entropy_of_its_density():
+    for mean, std in ((0.0, 0.6), (0.8, 1.0), (-1.5, 0.3)):
+        law = SquashedNormal(torch.tensor([[mean]], dtype=torch.double), torch.tensor([[std]], dtype=torch.double))
+        u = torch.linspace(mean - 12 * std, mean + 12 * std, 200_001, dtype=torch.double)[:, None]
+        action = u.tanh()[:, 0]
+        log_density = law.log_prob(u)
+        # In the action's own measure: da = (1 - tanh² u) du.
+        slope = 1 / torch.cosh(u[:, 0]) ** 2
+        density = log_density.exp() * slope
+        assert torch.trapezoid(density, u[:, 0]).item() == pytest.approx(1.0, abs=1e-6)
+        assert torch.trapezoid(density * action, u[:, 0]).item() == pytest.approx(
+            torch.tanh(mean + std * torch.randn(400_000, generator=torch.Generator().manual_seed(0))).mean().item(),
+            abs=5e-3,
+        )
+        entropy = -torch.trapezoid(density * log_density, u[:, 0])
+        assert law.entropy().item() == pytest.approx(entropy.item(), abs=1e-3)
+
+
+def test_the_density_of_several_dimensions_is_the_product_and_saturated_actions_stay_finite():
+    loc, scale = torch.tensor([[0.3, -0.2]]), torch.tensor([[0.5, 2.0]])
+    u = torch.tensor([[0.1, 40.0]])  # tanh(40) is 1 in float32
+    parts = [SquashedNormal(loc[:, i : i + 1], scale[:, i : i + 1]).log_prob(u[:, i : i + 1]) for i in range(2)]
+    whole = SquashedNormal(loc, scale).log_prob(u)
+    assert torch.isfinite(whole).all()
+    torch.testing.assert_close(whole, parts[0] + parts[1])
+
+
+def test_the_learners_reward_keeps_order_and_sign():
+    reward = torch.tensor([-100.0, -1.0, -0.04, 0.0, 4.0])
+    config = dataclasses.replace(SMALL, reward_transform="sqrt", reward_scale=2.0)
+    torch.testing.assert_close(learner_reward(config, reward), torch.tensor([-20.0, -2.0, -0.4, 0.0, 4.0]))
+    torch.testing.assert_close(learner_reward(SMALL, reward), reward)
+
+
+@pytest.mark.parametrize("name", ["ppo", "ppo_fast"])
+def test_equal_seeds_give_equal_weights_and_others_others(name):
+    config = dataclasses.replace(compose([f"algorithm={name}"]).algorithm, num_envs=6, num_steps=8)
+
+    def trained(seed):
+        one = learner(config, seed)
+        for _ in range(3):
+            one.iterate()
+        return torch.cat([p.detach().flatten() for p in one.policy.parameters()])
+
+    assert torch.equal(trained(0), trained(0))
+    assert not torch.equal(trained(0), trained(1))
+
+
+def test_a_batch_that_does_not_divide_is_used_whole():
+    ppo = learner(dataclasses.replace(SMALL, num_envs=7, num_steps=3, minibatches=4, epochs=2))
+    parts = list(ppo.minibatches(TensorDict({"row": torch.arange(21)}, [21])))
+    assert [len(part) for part in parts] == [6, 5, 5, 5] * 2
+    for epoch in (parts[:4], parts[4:]):
+        assert sorted(torch.cat([part["row"] for part in epoch]).tolist()) == list(range(21))
+
+
+def test_the_learning_rate_falls_to_zero_where_that_is_asked_for():
+    ppo = learner(dataclasses.replace(SMALL, anneal=True))
+    ppo.budget = 2 * 6 * 16
+    rates = []
+    for _ in range(2):
+        ppo.iterate()
+        rates.append(ppo.optimizer.param_groups[0]["lr"])
+    assert rates == pytest.approx([SMALL.learning_rate / 2, 0.0])
+
+
+def test_a_loss_that_is_not_finite_stops_training_with_its_name():
+    with pytest.raises(TrainingError, match=r"loss/value became nan after 640 frames; lower algorithm\.learning_rate"):
+        check_finite({"loss/policy": 0.1, "loss/value": math.nan}, 640)
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+def test_an_action_that_is_not_finite_is_refused_with_its_environment(bad):
+    env = TorchRLEnv(LEVELS, 3, seed=0)
+    env.reset()
+    action = torch.zeros(3, 2)
+    action[1, 0] = bad
+    with pytest.raises(ActionError, match="the action of environment 1 is not finite"):
+        env.step(TensorDict({"action": action}, [3]))
+
+
+@pytest.mark.parametrize("name", ["ppo", "ppo_fast"])
+def test_both_configurations_run_on_pixels(name):
+    config = dataclasses.replace(compose([f"algorithm={name}"]).algorithm, num_envs=2, num_steps=4, minibatches=2)
+    one = learner(config, observation="rgb")
+    figures = one.iterate()
+    assert np.isfinite(list(figures.values())).all()
+    assert one.policy.represent(one.current["pixels"].numpy()).shape == (2, 256)
+
+
+def test_ppo_learns():
+    config = compose(["algorithm=ppo_fast"]).algorithm
+    train, test = make_levels(LevelsConfig(train="empty-easy", count=50, test_count=50))
+    ppo = PPO(config, TorchRLEnv(train, config.num_envs, seed=0), 40_000, 0)
+
+    def test_return():
+        rows = play(ppo.policy, test, np.arange(50), {}, rng=None, seed=0)
+        return np.mean([row["return"] for row in rows])
+
+    untrained = test_return()
+    while ppo.frames < ppo.budget:
+        ppo.iterate()
+    assert test_return() > untrained / 3  # returns are negative

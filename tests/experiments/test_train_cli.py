@@ -1,0 +1,84 @@
+"""The command as a user calls it: from any working directory, once or as a sweep."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from experiments.run_folder import CHECKOUT, read_config, read_summary
+
+TINY = (
+    "levels=empty-easy",
+    "levels.count=2",
+    "levels.test_count=3",
+    "evaluation.episodes=2",
+    "evaluation.interval=128",
+    "scale.frames=256",
+    "algorithm.num_envs=8",
+    "algorithm.num_steps=8",
+    "algorithm.widths=[8]",
+)
+FILES = {
+    "config.yaml",
+    "levels_train.npz",
+    "levels_test.npz",
+    "checkpoint",
+    "episodes.parquet",
+    "metrics.parquet",
+    "versions.json",
+    "summary.json",
+    ".lock",
+}
+
+
+def command(cwd, *arguments):
+    """What ``python -m experiments.train`` does, called from ``cwd``."""
+    return subprocess.run(
+        [sys.executable, "-m", "experiments.train", *arguments],
+        cwd=cwd,
+        env={**os.environ, "PYTHONPATH": str(CHECKOUT)},
+        capture_output=True,
+        text=True,
+    )
+
+
+@pytest.fixture
+def elsewhere(tmp_path):
+    """A working directory that is not the checkout."""
+    (tmp_path / "here").mkdir()
+    return tmp_path / "here"
+
+
+def test_a_run_from_another_working_directory_leaves_its_folder_and_nothing_else(tmp_path, elsewhere):
+    done = command(elsewhere, *TINY, "seed=3", f"root={tmp_path / 'runs'}")
+    assert done.returncode == 0, done.stderr
+    (folder,) = (path for path in (tmp_path / "runs").iterdir() if path.name.startswith("empty-easy"))
+    assert {path.name for path in folder.iterdir()} == FILES
+    assert read_config(folder).seed == 3
+    assert read_summary(folder)["frames"] == 256
+    assert f"run folder                  {folder}" in done.stdout
+    assert (tmp_path / "runs" / "mlflow.db").exists()
+    assert list(elsewhere.iterdir()) == []
+    again = command(elsewhere, *TINY, "seed=3", f"root={tmp_path / 'runs'}")
+    assert again.returncode == 0
+    assert "finished before, nothing to do" in again.stdout
+
+
+def test_a_sweep_over_seeds_runs_side_by_side(tmp_path, elsewhere):
+    sweep = ("--multirun", *TINY, "seed=1,2", "hydra/launcher=joblib", "hydra.launcher.n_jobs=2")
+    done = command(elsewhere, *sweep, f"root={tmp_path / 'runs'}", "tracking=none")
+    assert done.returncode == 0, done.stderr
+    folders = sorted((tmp_path / "runs").iterdir())
+    assert [read_config(folder).seed for folder in folders] == [1, 2]
+    assert all({path.name for path in folder.iterdir()} == FILES for folder in folders)
+    assert read_summary(folders[0]) != read_summary(folders[1])
+
+
+def test_a_sweep_with_a_wrong_run_finishes_the_others_and_names_it(tmp_path, elsewhere):
+    done = command(elsewhere, "--multirun", *TINY, "levels.count=0,1", f"root={tmp_path / 'runs'}", "tracking=none")
+    assert done.returncode != 0
+    assert "error: levels.count: 0 is not allowed; it must be at least 1" in done.stderr
+    assert "Traceback" not in done.stderr
+    (folder,) = (tmp_path / "runs").iterdir()
+    assert read_config(folder).levels.count == 1
