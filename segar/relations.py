@@ -66,6 +66,8 @@ def as_relation(function: Any, specificity: int = SPECIFICITY_PLAIN) -> Relation
     if isinstance(function, Relation):
         return function
     signature = read_signature(function, returns_effects=False)
+    if signature.uses("action") or signature.uses("wall"):
+        raise RuleError(f"{where(function)}: a relation cannot take Action or Wall")
     truth = truth_of(trace(function, symbolic_arguments(signature), truth_leaf, where(function)))
     if any(s.op == "draw" for s in walk(truth)):
         raise RuleError(f"{where(function)}: a relation cannot draw random numbers; draw them in the rule")
@@ -78,7 +80,7 @@ def truth_of(tree: Tree) -> Symbol:
         assert tree.value is not None
         return tree.value
     yes, no = truth_of(tree.yes), truth_of(tree.no)
-    return (tree.condition & yes) | (~tree.condition & no)
+    return (tree.condition & yes) | (tree.condition.negate() & no)
 
 
 def _where_it_applies(signature: Signature, truth: Symbol) -> Symbol:

@@ -311,4 +311,4 @@ def _both(a: Any, b: Any) -> Any:
 
 
 def _negate(a: Any) -> Any:
-    return (not a) if isinstance(a, bool) else ~a
+    return (not a) if isinstance(a, bool) else a.negate()

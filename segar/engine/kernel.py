@@ -16,10 +16,10 @@ import numpy as np
 
 from segar.effects import Differential, SetFactor
 from segar.engine import device
+from segar.engine.checks import check_contact_rule, check_geometry, check_rule
 from segar.engine.emit import Writer, bind
 from segar.engine.layout import Layout, Slot
-from segar.engine.signature import Action
-from segar.engine.spec import Group, Matcher, Needs, needs_of, outcomes_of, relation_mask, static_relation, symbols_of
+from segar.engine.spec import Group, Matcher, Needs, needs_of, outcomes_of, relation_mask, static_relation
 from segar.engine.stages import (
     VARIABLES,
     Stage,
@@ -31,7 +31,7 @@ from segar.engine.stages import (
 )
 from segar.engine.symbols import Symbol
 from segar.engine.trace import Branch, Outcome, Tree
-from segar.errors import RuleError, did_you_mean
+from segar.errors import RuleError
 from segar.factors import Collides, Floor, Mobile, Order, Position, Size, Velocity
 from segar.parameters import Framerate
 from segar.rule import Rule
@@ -95,13 +95,21 @@ class _Builder:
 
     def __post_init__(self) -> None:
         self.matcher = Matcher(self.layout)
+        check_geometry(self.layout)
+        numbers = len(self.task.action_low)
         contact = [r for r in (self.world.wall_contact, self.world.pair_contact) if r is not None]
         limit = [self.world.limit] if self.world.limit is not None else []
         self.rules = [*self.world.rules, *limit, *contact, self.task.act]
         for rule in self.rules:
-            self._check(rule, allows_action=rule is self.task.act, allows_wall=rule is self.world.wall_contact)
+            check_rule(
+                rule,
+                self.layout,
+                numbers,
+                allows_action=rule is self.task.act,
+                allows_wall=rule is self.world.wall_contact,
+            )
         for rule in (self.task.reward, self.task.terminated, self.task.success, self.task.death):
-            self._check(rule, allows_action=rule is self.task.reward, allows_wall=False)
+            check_rule(rule, self.layout, numbers, allows_action=rule is self.task.reward, allows_wall=False)
 
     def header(self) -> str:
         columns = self.layout.columns
@@ -239,7 +247,7 @@ COLLIDER_BITS = {collider_bits}
         for _, rule in rules:
             if rule.relation is not None:
                 raise RuleError(f"{rule.where}: a rule that moves things cannot have a relation; test inside the rule")
-            self._refuse_draws(rule)
+            check_contact_rule(rule)
         with self._function("rates(V, U, bits, P)") as w:
             self._parameters(w)
             Stage(self.matcher, rules, lambda r, o: _stage_of(o) == 3, rates=True).write(w)
@@ -253,7 +261,9 @@ COLLIDER_BITS = {collider_bits}
             if self.world.pair_contact is None or rule is None:
                 w.line(f"return {self.world.pair_contact is not None}")
             else:
-                self._refuse_draws(rule)
+                check_contact_rule(rule)
+                if rule.signature.parameters:
+                    raise RuleError(f"{rule.where}: what is solid cannot depend on world parameters")
                 self._return_value(w, rule)
         return self._text(w)
 
@@ -291,7 +301,7 @@ COLLIDER_BITS = {collider_bits}
 
     def _assign(self, w: Writer, rule: Rule, variables: tuple[str, ...]) -> None:
         """Run a contact rule on given bodies and set what it says, all at once."""
-        self._refuse_draws(rule)
+        check_contact_rule(rule)
         if rule.relation is not None:
             raise RuleError(f"{rule.where}: a contact rule cannot have a relation; test inside the rule")
         group = self._colliders()
@@ -448,23 +458,6 @@ COLLIDER_BITS = {collider_bits}
             return slots, 0
         everyone = Group((), tuple(dict.fromkeys(t for g in groups for t in g.types)), any(g.optional for g in groups))
         return slots, self.matcher.match(everyone, needs) or 0
-
-    def _refuse_draws(self, rule: Rule) -> None:
-        if any(s.op == "draw" for s in symbols_of(rule.tree)):
-            raise RuleError(f"{rule.where}: rules of position and of contacts cannot draw random numbers")
-
-    def _check(self, rule: Rule, allows_action: bool, allows_wall: bool) -> None:
-        for parameter in rule.signature.parameters:
-            if parameter not in self.layout.parameters:
-                names = [p.__name__ for p in self.layout.parameters]
-                raise RuleError(
-                    f"{rule.where}: no value is known for the world parameter {parameter.__name__}; give it in the"
-                    f" distribution's 'parameters'.{did_you_mean(parameter.__name__, names)}"
-                )
-        if rule.signature.uses("action") and not allows_action:
-            raise RuleError(f"{rule.where}: only a task's action and reward can take {Action.__name__}")
-        if rule.signature.uses("wall") and not allows_wall:
-            raise RuleError(f"{rule.where}: only World(wall_contact=...) can take Wall")
 
 
 def _stage_of(outcome: Outcome) -> int:

@@ -193,7 +193,7 @@ class _TextSymbol:
         return make("relation", ("text", self.factor, str(other)), self.entity, self.entity)
 
     def __ne__(self, other: object) -> Any:
-        return ~(self == other)
+        return (self == other).negate()
 
     __hash__ = None  # type: ignore[assignment]
 
@@ -202,8 +202,13 @@ class _TextSymbol:
 
 
 class _ActionSymbols:
+    """The action while a rule is traced: how many numbers it has is known when the task is compiled."""
+
     def __getitem__(self, index: int) -> Symbol:
         return make("action", int(index))
+
+    def __iter__(self) -> Any:
+        raise RuleError("take the numbers of an action by their index, e.g. action[0]")
 
 
 def _relation(name: str, a: int, b: int) -> Symbol:

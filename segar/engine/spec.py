@@ -154,7 +154,7 @@ def settle(matcher: Matcher, symbol: Symbol, groups: dict[str, Group]) -> Symbol
     """A bound relation's truth with all parts replaced by True or False that the groups alone decide."""
     if symbol.op == "not":
         part = settle(matcher, symbol.args[0], groups)
-        return make("const", not part.args[0]) if part.op == "const" else ~part
+        return make("const", not part.args[0]) if part.op == "const" else part.negate()
     if symbol.op in ("and", "or"):
         ends = symbol.op == "or"  # the truth that decides alone
         parts = [settle(matcher, s, groups) for s in symbol.args]

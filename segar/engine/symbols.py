@@ -154,8 +154,13 @@ class Symbol:
 
     __ror__ = __or__
 
-    def __invert__(self) -> Symbol:
+    def negate(self) -> Symbol:
+        """True where this is not."""
         return make("not", as_truth(self))
+
+    def __invert__(self) -> Symbol:
+        # Python's own numbers would flip their bits, so the interpreter could not follow.
+        raise RuleError("a rule cannot use '~'; write 'not x', or 'x == 0'")
 
     def __hash__(self) -> int:
         return id(self) >> 4

@@ -32,9 +32,9 @@ from segar.factors import (
     Velocity,
 )
 from segar.levels import Levels
-from segar.parameters import Gravity, Parameter
-from segar.relations import is_equal, is_on
-from segar.rule import rule
+from segar.parameters import Gravity, MaxVelocity, MinMass, Parameter
+from segar.relations import is_equal, is_on, overlaps, relation
+from segar.rule import rule, value_rule
 from segar.rules import accelerate, move
 from segar.tasks.task import Task
 from segar.values import where
@@ -196,6 +196,14 @@ def names_no_factor(m: Mass) -> SetFactor[Mass]:
     return SetFactor(m, 1.0)
 
 
+def flips_bits(m: Mass, q: Charge) -> SetFactor[Mass]:
+    return SetFactor[Mass](m, where(~(q > 0), m, 1.0))
+
+
+def loops_over_the_action(v: Velocity, action: Action) -> SetFactor[Velocity]:
+    return SetFactor[Velocity](v, [*action])
+
+
 def reads_what_a_ball_lacks(ball: Ball) -> SetFactor[Mass]:
     return SetFactor[Mass](ball[Mass], ball[Friction])
 
@@ -228,6 +236,8 @@ def reads_what_a_ball_lacks(ball: Ball) -> SetFactor[Mass]:
         (changes_a_text, 1, "Label, a text, which no rule changes"),
         (puts_a_vector_into_a_scalar, 1, r"SetFactor\[Mass\] was given a vector for a scalar factor"),
         (names_no_factor, 1, r"SetFactor needs its factor: write SetFactor\[SomeFactor\]\(old, new\)"),
+        (flips_bits, 1, "a rule cannot use '~'; write 'not x', or 'x == 0'"),
+        (loops_over_the_action, 1, r"take the numbers of an action by their index, e.g. action\[0\]"),
         (reads_what_a_ball_lacks, 1, "Ball has no Friction. Did you mean"),
     ],
     ids=lambda value: getattr(value, "__name__", ""),
@@ -295,9 +305,9 @@ def test_a_relation_must_not_need_more_entities_than_the_rule_has():
     def lighten(m: Mass) -> SetFactor[Mass]:
         return SetFactor[Mass](m, 1.0)
 
-    for relation in (is_on, is_equal(Mobile, True) & is_on, is_on | is_equal(Mobile, True)):
+    for condition in (is_on, is_equal(Mobile, True) & is_on, is_on | is_equal(Mobile, True)):
         with pytest.raises(RuleError, match="needs 2 entities, the rule has 1"):
-            rule(relation=relation)(lighten)
+            rule(relation=condition)(lighten)
 
 
 def test_what_is_no_function_is_no_rule():
@@ -362,6 +372,67 @@ def test_actions_walls_and_draws_stay_where_they_belong():
         build([], wall_contact=slows)
     with pytest.raises(RuleError, match="this contact rule must take 2 entities, not 1"):
         build([], pair_contact=accelerate.function)
+
+
+def test_relations_may_take_parameters_that_are_known():
+    @relation
+    def is_fast(body: Ball, limit: MaxVelocity) -> bool:
+        return body[Velocity].norm() > limit / 2
+
+    @relation
+    def is_high(body: Ball, tide: Tide) -> bool:
+        return body[Position].y > tide
+
+    def halve_mass(m: Mass) -> SetFactor[Mass]:
+        return SetFactor[Mass](m, m / 2)
+
+    simulator = build([rule(relation=is_fast)(halve_mass)])
+    assert compare(simulator, LEVELS, random_states(LEVELS, 20, np.random.default_rng(0), speed=5.0)).worst == 0
+    with pytest.raises(RuleError, match="no value is known for the world parameter Tide"):
+        build([rule(relation=is_fast & is_high)(halve_mass)])
+    with pytest.raises(RuleError, match="a relation cannot take Action or Wall"):
+
+        @relation
+        def is_pushed(body: Ball, action: Action) -> bool:
+            return action[0] > 0
+
+
+def test_contact_rules_see_two_bodies_and_nothing_else():
+    def over(a: Ball, b: Ball) -> SetFactor[Velocity]:
+        return SetFactor[Velocity](a[Velocity], 0.0) if overlaps.function(a, b) else None
+
+    def heavy(m: Mass, least: MinMass) -> bool:
+        return m > least
+
+    with pytest.raises(RuleError, match=r"over .* cannot ask is_on, overlaps or contains"):
+        build([], pair_contact=over)
+    with pytest.raises(RuleError, match="what is solid cannot depend on world parameters"):
+        build([], solid=value_rule(heavy, truth=True))
+
+
+def test_an_action_has_as_many_numbers_as_the_task_says():
+    def push(ball: GolfBall, action: Action) -> SetFactor[Velocity]:
+        return SetFactor[Velocity](ball[Velocity], (action[0], action[2]))
+
+    def never(ball: GolfBall) -> bool:
+        return ball[Mass] < 0
+
+    with pytest.raises(RuleError, match=r"takes action\[2\], but the task's action has 2 numbers"):
+        build([move], task=Task("push", push, never, never, never, never))
+
+
+def test_geometry_needs_the_factors_themselves():
+    levels = Levels.from_entities([[GolfBall(), GoalTile({Position: (0.8, 0.8)}), Cloud({Place: (0.1, 0.1)})]])
+    with pytest.raises(RuleError, match="entity Cloud holds Place in place of Position; let it hold Position itself"):
+        build([move], levels)
+
+
+class Place(Position): ...
+
+
+class Cloud(Entity):
+    place: Place
+    label: Label = "cloud"
 
 
 def test_the_limit_may_only_limit_velocity():
