@@ -183,7 +183,9 @@ class TrackingConfig:
     def __post_init__(self) -> None:
         require_known("tracking.name", self.name, ("mlflow", "none"))
         is_address = self.uri is None or "://" in self.uri
-        require(is_address, "tracking.uri", self.uri, "an address such as sqlite:////path/mlflow.db or http://host:5000")
+        require(
+            is_address, "tracking.uri", self.uri, "an address such as sqlite:////path/mlflow.db or http://host:5000"
+        )
         require(self.interval >= 0, "tracking.interval", self.interval, "0 or more")
 
 
