@@ -14,10 +14,12 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from experiments import runtime
+from experiments.atomic import replacing
 from experiments.config import RunConfig, TrackingConfig
 from experiments.errors import TrackingError
 from experiments.run_folder import runs_root
 
+STORE = "mlflow.db"  # under the root of the runs
 BATCH = 1000  # metrics in one call, at most; MLflow's limit
 VALUE_LENGTH = 500  # of a parameter, in characters
 
@@ -123,7 +125,7 @@ class MLflowTracker:
 
 def store_uri(tracking: TrackingConfig, root: Path) -> str:
     """The store's address: as configured, else SQLite under ``root``, whatever the working directory."""
-    return tracking.uri or f"sqlite:///{root / 'mlflow.db'}"
+    return tracking.uri or f"sqlite:///{root / STORE}"
 
 
 def open_store(tracking: TrackingConfig, root: Path) -> tuple[Any, str]:
@@ -140,6 +142,9 @@ def open_store(tracking: TrackingConfig, root: Path) -> tuple[Any, str]:
     root.mkdir(parents=True, exist_ok=True)
     with open(root / ".mlflow.lock", "a") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
+        if tracking.uri is None and not (root / STORE).exists():
+            with replacing(root / STORE) as beside:  # half a database could never be opened again
+                _calling(MlflowClient, tracking_uri=f"sqlite:///{beside}")
         client = _calling(MlflowClient, tracking_uri=store_uri(tracking, root))
         found = _calling(client.get_experiment_by_name, tracking.experiment)
         if found is not None:

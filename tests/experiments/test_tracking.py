@@ -2,6 +2,7 @@
 
 import dataclasses
 import os
+import resource
 import socket
 import subprocess
 import sys
@@ -122,6 +123,18 @@ def test_a_store_that_cannot_be_opened_is_told_with_the_way_out(tmp_path, uri):
     config = RunConfig(root=str(tmp_path), tracking=TrackingConfig(uri=uri))
     with pytest.raises(TrackingError, match=r"MLflow refuses: .*tracking=none runs without MLflow"):
         start_tracking(config, tmp_path / "run")
+
+
+def test_a_disk_too_full_for_the_store_leaves_none_that_could_not_be_opened_later(tmp_path):
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, before[1]))
+    try:
+        with pytest.raises(TrackingError, match="MLflow refuses"):
+            open_store(TrackingConfig(), tmp_path)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert not (tmp_path / "mlflow.db").exists()
+    open_store(TrackingConfig(), tmp_path)
 
 
 def test_a_store_that_fails_while_training_stops_nothing_and_loses_nothing(store):
