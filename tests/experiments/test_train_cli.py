@@ -73,6 +73,7 @@ def test_a_sweep_over_seeds_runs_side_by_side(tmp_path, elsewhere):
     assert [read_config(folder).seed for folder in folders] == [1, 2]
     assert all({path.name for path in folder.iterdir()} == FILES for folder in folders)
     assert read_summary(folders[0]) != read_summary(folders[1])
+    assert [path.name for path in elsewhere.iterdir()] == ["multirun"]  # which git ignores
 
 
 def test_a_sweep_with_a_wrong_run_finishes_the_others_and_names_it(tmp_path, elsewhere):
