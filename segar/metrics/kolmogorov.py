@@ -6,10 +6,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from segar.errors import LevelError
 from segar.factors import Factor
 from segar.levels import Levels
-from segar.metrics.points import all_parameters, entity_types, gather_parameters, gather_state, relevant_factors
+from segar.metrics.points import (
+    all_parameters,
+    entity_types,
+    gather_parameters,
+    gather_state,
+    relevant_factors,
+    require_levels,
+)
 
 
 def ks(a: Levels, b: Levels, *, factors: Sequence[type[Factor]] | None = None) -> float:
@@ -24,11 +30,10 @@ def ks(a: Levels, b: Levels, *, factors: Sequence[type[Factor]] | None = None) -
         factors: count these factors and no others (numbers of entities count always).
 
     Raises:
-        LevelError: one of the two is not a non-empty level set. A sample against a law, and a law against a law, are not
-            supported.
+        LevelError: one of the two is not a level set. A sample against a law, and a law against a law, are not supported.
     """
     curves = _distribution_functions(a, b, factors)
-    return max(_largest_difference([(f, g) for f, g in curves]), _largest_difference([(g, f) for f, g in curves]))
+    return max(_largest_difference(curves), _largest_difference([(g, f) for f, g in curves]))
 
 
 def ks_by_factor(a: Levels, b: Levels, *, factors: Sequence[type[Factor]] | None = None) -> dict[str, float]:
@@ -47,14 +52,7 @@ def _marginals(
     a: Levels, b: Levels, factors: Sequence[type[Factor]] | None
 ) -> list[tuple[str, np.ndarray, np.ndarray]]:
     """Name and both samples of each marginal."""
-    for levels in (a, b):
-        if not isinstance(levels, Levels):
-            raise LevelError(
-                f"ks compares two level sets (segar.Levels); a {type(levels).__name__} is not supported. A law can be"
-                " compared through levels drawn from it: distribution.sample(n, seed=0, split='test')"
-            )
-        if len(levels) == 0:
-            raise LevelError("ks needs at least one level in each set; one of these is empty")
+    require_levels("ks", a, b)
     found = []
     for entity in entity_types(a, b):
         read = relevant_factors(entity, factors)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -44,16 +44,14 @@ class PointSets:
         return levels, self.points[first[:, None] + np.arange(count)]
 
 
-def require_levels(*sets: object) -> None:
-    """Raise :class:`LevelError` unless all are non-empty level sets."""
+def require_levels(what: str, *sets: object) -> None:
+    """Raise :class:`LevelError` in the name of the function ``what`` unless all are level sets."""
     for levels in sets:
         if not isinstance(levels, Levels):
             raise LevelError(
-                f"distances are supported between two level sets (segar.Levels), not a {type(levels).__name__};"
-                " draw levels first: distribution.sample(n, seed=0, split='test')"
+                f"{what} compares two level sets (segar.Levels); a {type(levels).__name__} is not supported. A"
+                " distribution can be compared through levels drawn from it: distribution.sample(n, seed=0, split='test')"
             )
-        if len(levels) == 0:
-            raise LevelError("a distance needs at least one level in each set; one of these is empty")
 
 
 def entity_types(*sets: Levels) -> list[type[Entity]]:
@@ -130,41 +128,43 @@ def spread(*sets: Levels | LevelDistribution) -> Spread:
     Returns:
         ``{(entity type, factor): standard deviation}``; 0 for what is constant.
     """
-    sources = [s if isinstance(s, Levels) else None for s in sets]
-    laws = [s.distribution if isinstance(s, Levels) else s for s in sets]
-    drawn: list[Any] = [levels if law is None else sample_of(law) for levels, law in zip(sources, laws, strict=True)]
-    known = [levels for levels in (*drawn, *sources) if levels is not None]
+    moments = []
+    for one in sets:
+        law = one.distribution if isinstance(one, Levels) else one
+        # A type too rare for the law's sample is measured on the levels themselves.
+        own = _moments(one) if isinstance(one, Levels) else {}
+        moments.append({**own, **_law_moments(law)} if law is not None else own)
     found: Spread = {}
-    for entity in entity_types(*known):
-        factors = [f for f in entity.declared if f.width]
-        # A type too rare for the sample is measured on the levels themselves.
-        points = [gather_state(d, entity, factors).points for d in drawn]
-        points = [
-            gather_state(s, entity, factors).points if not len(p) and s is not None else p
-            for p, s in zip(points, sources, strict=True)
-        ]
-        found.update({(entity, f): sd for f, sd in _deviations(points, factors)})
-    parameters = all_parameters(*known)
-    points = [gather_parameters(levels, parameters).points for levels in drawn if levels is not None]
-    found.update({(Parameter, p): sd for p, sd in _deviations(points, parameters)})
+    for key in dict.fromkeys(key for known in moments for key in known):
+        means, variances = (np.stack(values) for values in zip(*(m[key] for m in moments if key in m), strict=True))
+        variance = variances.mean(axis=0) + means.var(axis=0)
+        # What is constant may differ in its last bit after arithmetic; that is no spread.
+        variance[variance <= (1e-9 * np.abs(means).max(axis=0)) ** 2] = 0.0
+        found[key] = float(np.sqrt(variance.mean()))
     return found
 
 
 @lru_cache(maxsize=64)
-def sample_of(law: LevelDistribution) -> Levels:
-    """The levels that stand for a distribution; always the same ones."""
-    return law.sample(SPREAD_SAMPLE, seed=0, split="spread")
+def _law_moments(law: LevelDistribution) -> dict[tuple[type, type[Factor]], tuple[np.ndarray, np.ndarray]]:
+    """Moments of a distribution, from levels that stand for it; always the same ones."""
+    return _moments(law.sample(SPREAD_SAMPLE, seed=0, split="spread"))
 
 
-def _deviations(points: list[np.ndarray], factors: Sequence[type[Factor]]) -> list[tuple[type[Factor], float]]:
-    """Standard deviation of each factor under the equal mixture of samples ``[n, columns]``; empty samples do not count."""
-    points = [p for p in points if len(p)]
-    means = np.stack([p.mean(axis=0) for p in points])
-    variances = np.mean([p.var(axis=0) for p in points], axis=0) + means.var(axis=0)
-    # What is constant may differ in its last bit after arithmetic; that is no spread.
-    variances[variances <= (1e-9 * np.abs(means).max(axis=0)) ** 2] = 0.0
-    edges = np.cumsum([0] + [f.width for f in factors])
-    return [(f, float(np.sqrt(variances[i:j].mean()))) for f, i, j in zip(factors, edges[:-1], edges[1:], strict=True)]
+def _moments(levels: Levels) -> dict[tuple[type, type[Factor]], tuple[np.ndarray, np.ndarray]]:
+    """Mean and variance of each component of every factor, by entity type (``Parameter`` for the world's) and factor."""
+    parameters = levels.layout.parameters
+    groups: list[tuple[type, Sequence[type[Factor]], np.ndarray]] = [
+        (Parameter, parameters, gather_parameters(levels, parameters).points)
+    ]
+    for entity in entity_types(levels):
+        factors = [f for f in entity.declared if f.width]
+        groups.append((entity, factors, gather_state(levels, entity, factors).points))
+    found = {}
+    for entity, factors, points in groups:
+        edges = np.cumsum([0] + [f.width for f in factors])
+        for factor, i, j in zip(factors, edges[:-1], edges[1:], strict=True):
+            found[entity, factor] = points[:, i:j].mean(axis=0), points[:, i:j].var(axis=0)
+    return found
 
 
 def _polygon_areas(vertices: np.ndarray, counts: np.ndarray) -> np.ndarray:

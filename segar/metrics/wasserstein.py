@@ -124,7 +124,7 @@ def w2(
         factors: ``exact`` only: count these factors and no others, e.g. ``[Position]``.
 
     Raises:
-        LevelError: not two non-empty level sets, an unknown mode, or an option that the mode does not have.
+        LevelError: not two level sets, an unknown mode, or an option that the mode does not have.
 
     Source: the paper's Algorithm 1; Peyré and Cuturi 2019, section 2.
     """
@@ -169,7 +169,7 @@ def w2_report(
         low=max(value - margin, 0.0),
         high=value + margin,
         floor=float(np.mean(dealt)),
-        p_value=(1 + sum(d >= value for d in dealt)) / (1 + resamples),
+        p_value=float((1 + sum(d >= value for d in dealt)) / (1 + resamples)),
         mode=mode,
         resamples=resamples,
     )
@@ -184,7 +184,7 @@ def _cost_function(
     factors: Sequence[type[Factor]] | None,
 ):
     """The function from two level sets to the matrix of squared distances of their levels, with all options settled."""
-    require_levels(a, b)
+    require_levels("w2", a, b)
     if mode not in ("exact", "reference", "paper"):
         raise LevelError(f"w2: unknown mode '{mode}'.{did_you_mean(str(mode), ('exact', 'reference', 'paper'))}")
     if mode != "exact" and (scale is not None or factors is not None):

@@ -1,0 +1,259 @@
+"""Transport between levels: each mode against its definition, written out plainly, on random and on recorded levels."""
+
+from __future__ import annotations
+
+import json
+import os
+from itertools import combinations, permutations, product
+
+os.environ.setdefault("POT_BACKEND_DISABLE_PYTORCH", "1")
+
+import numpy as np
+import ot
+import pytest
+
+import segar
+from segar import Bumper, Charger, Friction, GoalTile, GolfBall, Gravity, LevelError, Levels, Position, SandTile, Size
+from segar.metrics import spread, w2, w2_report
+from segar.metrics.points import PointSets
+from segar.metrics.transport import balanced_costs, emd, matching_costs, sliced_costs
+from segar.metrics.wasserstein import reference_projections
+from segar.parameters import Parameter
+from segar.shapes import ConvexHull, Square
+from tests.agreement.replay import folder
+
+# The vectors of 2022, in its order.
+OBJECT = ("Size", "Position", "Visible", "Order", "Mobile", "Velocity", "Mass", "Charge", "Density", "Magnetism",
+          "StoredEnergy", "InfiniteEnergy", "Alive", "Done", "Acceleration")  # fmt: skip
+TILE = ("Size", "Position", "Visible", "Order", "Friction", "Heat")
+
+
+def point_sets(counts: tuple[int, ...], seed: int, dimension: int = 3) -> PointSets:
+    rng = np.random.default_rng(seed)
+    return PointSets(np.array(counts), rng.normal(size=(sum(counts), dimension)))
+
+
+def members(sets: PointSets) -> list[np.ndarray]:
+    return np.split(sets.points, np.cumsum(sets.counts)[:-1])
+
+
+def best_partial_matching(x: np.ndarray, y: np.ndarray, mismatch: float) -> float:
+    """By trying every partial matching."""
+    found = []
+    for size in range(min(len(x), len(y)) + 1):
+        for rows, columns in product(combinations(range(len(x)), size), permutations(range(len(y)), size)):
+            matched = sum(((x[i] - y[j]) ** 2).sum() for i, j in zip(rows, columns, strict=True))
+            found.append(matched + mismatch**2 * (len(x) + len(y) - 2 * size))
+    return min(found)
+
+
+@pytest.mark.parametrize("mismatch", [0.0, 0.7, 1.5, 100.0])
+def test_exact_takes_the_best_of_all_partial_matchings(mismatch):
+    a, b = point_sets((0, 1, 2, 3, 5, 2), seed=0), point_sets((4, 0, 3, 1, 2), seed=1)
+    plain = [[best_partial_matching(x, y, mismatch) for y in members(b)] for x in members(a)]
+    np.testing.assert_allclose(matching_costs(a, b, mismatch), plain, atol=1e-12)
+
+
+def test_balanced_costs_are_pots_for_all_counts():
+    a, b = point_sets((0, 1, 2, 5, 2), seed=2), point_sets((3, 0, 1, 2, 5), seed=3)
+    costs = balanced_costs(a, b, absent=7.0)
+    for (i, x), (j, y) in product(enumerate(members(a)), enumerate(members(b))):
+        if len(x) and len(y):
+            assert costs[i, j] == pytest.approx(ot.emd2([], [], ot.dist(x, y)), abs=1e-12)
+        else:
+            assert costs[i, j] == (0.0 if len(x) == len(y) else 7.0)
+
+
+def test_sliced_costs_are_pots_for_all_counts():
+    a, b = point_sets((0, 1, 2, 3, 4, 6), seed=4, dimension=7), point_sets((5, 0, 1, 2, 3), seed=5, dimension=7)
+    costs = sliced_costs(a, b, reference_projections(7), absent=7.0)
+    for (i, x), (j, y) in product(enumerate(members(a)), enumerate(members(b))):
+        if len(x) and len(y):
+            plain = ot.sliced_wasserstein_distance(x, y, n_projections=50, p=2, seed=0)
+            assert np.sqrt(costs[i, j]) == pytest.approx(plain, abs=1e-9)
+        else:
+            assert costs[i, j] == (0.0 if len(x) == len(y) else 7.0)
+
+
+def test_partial_matching_is_a_metric_on_sets_of_different_sizes():
+    rng = np.random.default_rng(6)
+    sets = PointSets(np.tile(np.arange(5), 8), rng.normal(size=(80, 2)) * np.repeat([0.3, 3.0], 40)[:, None])
+    distance = np.sqrt(matching_costs(sets, sets, mismatch=1.2))
+    np.testing.assert_allclose(distance, distance.T, atol=1e-12)
+    np.testing.assert_allclose(np.diag(distance), 0.0, atol=1e-12)
+    assert (distance[:, None, :] <= distance[:, :, None] + distance[None, :, :] + 1e-9).all()
+
+
+def test_exact_obeys_the_triangle_inequality_on_random_level_sets():
+    sets = [segar.family("puttputt").sample(3, seed=s, split="train") for s in range(7)]
+    scale = spread(sets[0])
+    distance = np.array([[w2(a, b, scale=scale) for b in sets] for a in sets])
+    assert (distance[:, None, :] <= distance[:, :, None] + distance[None, :, :] + 1e-9).all()
+
+
+@pytest.fixture(scope="module")
+def recorded() -> list[list[dict]]:
+    """Recorded levels of 2022, each the factors of its things by name, before overlaps were removed."""
+    levels = []
+    for name in ("puttputt", "objectsx3", "tilesx1", "empty", "billiards"):
+        with np.load(folder() / f"{name}.npz") as data:
+            trajectories = json.loads(bytes(data["meta_json"]).decode())
+        for trajectory in trajectories[:6]:
+            things = zip(trajectory["entities"], trajectory["pre_fix_positions"], strict=True)
+            levels.append(
+                [{**e["factors"], "type": e["type"], "kind": e["kind"], "Position": at} for e, at in things if at]
+            )
+    return levels
+
+
+def as_levels(recorded: list[list[dict]]) -> Levels:
+    made = []
+    for things in recorded:
+        made.append([])
+        for number, thing in enumerate(things):
+            kind = getattr(segar, thing["type"])
+            names = OBJECT if thing["kind"] == "object" else TILE
+            made[-1].append(kind({**{getattr(segar, n): thing[n] for n in names}, segar.ID: f"thing{number}"}))
+    return Levels.from_entities(made)
+
+
+def test_reference_equals_a_plain_loop_over_recorded_levels(recorded):
+    first, second = recorded[0::2], recorded[1::2]
+    cost = np.zeros((len(first), len(second)))
+    for (i, x), (j, y), (kind, names) in product(
+        enumerate(first), enumerate(second), (("object", OBJECT), ("tile", TILE))
+    ):
+        vectors = [
+            np.array([np.hstack([np.ravel(thing[n]) for n in names]) for thing in side if thing["kind"] == kind], float)
+            for side in (x, y)
+        ]
+        cost[i, j] += ot.sliced_wasserstein_distance(*vectors, n_projections=50, p=2, seed=0) ** 2
+    plain = np.sqrt(ot.emd2([], [], cost))
+    assert w2(as_levels(first), as_levels(second), mode="reference") == pytest.approx(plain, abs=1e-9)
+
+
+def test_paper_is_algorithm_1_as_written():
+    a = segar.family("objectsx2-hard").sample(5, seed=0, split="train")
+    b = segar.family("objectsx2-hard").sample(6, seed=0, split="test")
+
+    def states(levels: Levels, i: int, kind: type) -> np.ndarray:
+        slots = np.flatnonzero(levels.types[i] == levels.layout.types.index(kind))
+        numeric = [f for f in kind.declared if f.width and f is not segar.Drag]
+        columns = [levels.layout.columns[f] + k for f in numeric for k in range(f.width)]
+        return levels.sampled_values[i, slots][:, columns]
+
+    types: list[type] = []
+    for levels in (a, b):
+        for i in range(len(levels)):
+            for kind in (levels.layout.types[index] for index in levels.types[i]):
+                if kind not in types and kind is not segar.GlobalFriction:
+                    types.append(kind)
+    cost = np.zeros((len(a), len(b)))
+    for i, j in np.ndindex(cost.shape):
+        for kind in types:
+            x, y = states(a, i, kind), states(b, j, kind)
+            if len(x) == 0 and len(y) == 0:
+                pass
+            elif len(x) == 0 or len(y) == 0:
+                cost[i, j] = 2.5
+            else:
+                cost[i, j] += ot.emd2([], [], ot.dist(x, y))
+    assert w2(a, b, mode="paper", mismatch=2.5) == pytest.approx(np.sqrt(ot.emd2([], [], cost)), abs=1e-9)
+
+
+def test_emd_weighs_levels_and_is_exact_for_one_level():
+    rng = np.random.default_rng(7)
+    cost = rng.uniform(size=(4, 3))
+    a, b = rng.dirichlet(np.ones(4)), rng.dirichlet(np.ones(3))
+    assert emd(cost, a, b) == pytest.approx(ot.emd2(a, b, cost))
+    assert emd(cost[:1], None, b) == pytest.approx(cost[0] @ b)
+
+
+def test_a_factor_counts_in_units_of_its_spread():
+    levels = segar.family("tilesx1-hard").sample(4000, seed=1, split="train")
+    scale = spread(levels)
+    assert scale[SandTile, Friction] == pytest.approx(0.6 / np.sqrt(12), rel=0.1)  # U(0.4, 1)
+    assert scale[GolfBall, Position] == pytest.approx(1.9 / np.sqrt(12), rel=0.05)
+    assert scale[GolfBall, segar.Mass] == 0.0
+    assert spread(levels[:3]) == scale  # the distribution's, not the sample's
+    assert spread(levels.distribution) == scale
+
+
+def test_without_a_distribution_the_levels_themselves_give_the_units():
+    a, b = (Levels.from_entities([[GolfBall({Position: [x, 0.0]})] for x in xs]) for xs in ((-0.2, 0.2), (0.3, 0.7)))
+    # Equal mixture of both sets along x: variance 0.2^2 within, 0.25^2 between; none along y.
+    assert spread(a, b)[GolfBall, Position] == pytest.approx(np.sqrt((0.2**2 + 0.25**2) / 2))
+
+
+def test_the_size_of_a_hull_is_that_of_a_disc_of_equal_area():
+    def tile(shape: ConvexHull) -> Levels:
+        return Levels.from_entities([[SandTile({segar.Shape: shape})]])
+
+    small, large = tile(Square(0.2)), tile(ConvexHull([[0, 0], [0.8, 0], [0.8, 0.3], [0.4, 0.6], [0, 0.3]]))
+    diameters = [2 * np.sqrt(area / np.pi) for area in (0.04, 0.8 * 0.3 + 0.5 * 0.8 * 0.3)]
+    assert w2(small, large, scale={(SandTile, Size): 0.1}) == pytest.approx(abs(np.diff(diameters)[0]) / 0.1)
+
+
+def test_world_parameters_count_if_they_vary():
+    a, b = (Levels.from_entities([[GolfBall({Position: [0, 0]})]], parameters={Gravity: g}) for g in (8.0, 11.0))
+    assert w2(a, b, scale={(Parameter, Gravity): 1.5}) == pytest.approx(2.0)
+    assert w2(a, b, scale={}) == 0.0
+
+
+def test_render_order_and_flags_do_not_count_in_exact_but_do_in_reference():
+    a, b = (
+        Levels.from_entities([[GolfBall({Position: [0, 0], segar.Order: o, segar.Visible: o > 0})]]) for o in (0, 3)
+    )
+    assert w2(a, b) == 0.0
+    assert w2(a, b, mode="reference") > 0.5
+
+
+def test_only_the_chosen_factors_count():
+    a, b = (Levels.from_entities([[Charger({Position: [x, 0], segar.Charge: x})]]) for x in (0.0, 0.5))
+    scale = {(Charger, Position): 0.5, (Charger, segar.Charge): 0.25}
+    assert w2(a, b, scale=scale) == pytest.approx(np.sqrt(5.0))
+    assert w2(a, b, scale=scale, factors=[Position]) == pytest.approx(1.0)
+
+
+def test_levels_with_more_things_are_further_away():
+    few = Levels.from_entities([[GolfBall(), GoalTile()]])
+    more = Levels.from_entities([[GolfBall(), GoalTile(), Bumper()]])
+    most = Levels.from_entities([[GolfBall(), GoalTile(), Bumper(), Charger(), Charger()]])
+    assert w2(few, more, mismatch=2.0) == pytest.approx(2.0)
+    assert w2(few, most, mismatch=2.0) == pytest.approx(2.0 * np.sqrt(3))
+    without_tiles = Levels.from_entities([[GolfBall()]])
+    assert w2(few, without_tiles, mode="reference") == pytest.approx(100.0)
+    assert w2(few, more, mode="reference") < 1.0  # both have objects, and uniform measures forget how many
+
+
+def test_a_report_repeats_and_contains_its_value():
+    a, b = (segar.family("empty-hard").sample(n, seed=3, split=s) for n, s in ((12, "train"), (20, "test")))
+    first, second = (w2_report(a, b, rng=np.random.default_rng(5), resamples=20) for _ in range(2))
+    assert first == second
+    assert first.low <= first.value <= first.high and first.value == w2(a, b)
+    assert 0 < first.p_value <= 1 and first.floor > 0
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"mode": "refrence"}, "Did you mean 'reference'"),
+        ({"mode": "paper", "factors": [Position]}, "mode='paper' takes neither scale nor factors"),
+        ({"mismatch": -1.0}, "mismatch must be a finite number of at least 0, not -1.0"),
+    ],
+)
+def test_wrong_options_are_named(options, message):
+    levels = segar.family("empty-easy").sample(2, seed=0, split="train")
+    with pytest.raises(LevelError, match=message):
+        w2(levels, levels, **options)
+
+
+def test_distances_ask_for_level_sets():
+    law = segar.family("empty-easy")
+    levels = law.sample(2, seed=0, split="train")
+    with pytest.raises(
+        LevelError, match=r"w2 compares two level sets .segar.Levels.; a LevelDistribution is not supported"
+    ):
+        w2(levels, law)
+    with pytest.raises(LevelError, match="at least 2 resamples, not 1"):
+        w2_report(levels, levels, rng=np.random.default_rng(0), resamples=1)
