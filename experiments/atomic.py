@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,7 +20,8 @@ def replacing(path: Path) -> Iterator[Path]:
     Raises:
         RunFolderError: the system refuses, for example because the disk is full; what was at ``path`` is untouched.
     """
-    beside = path.with_name(f"{TEMPORARY}{os.getpid()}-{path.name}")
+    # Never the same name twice: libraries keep connections to a database by its name, also to one that failed.
+    beside = path.with_name(f"{TEMPORARY}{uuid.uuid4().hex[:12]}-{path.name}")
     try:
         path.parent.mkdir(exist_ok=True)
         yield beside
