@@ -40,6 +40,10 @@ class Writer:
     def line(self, text: str) -> None:
         self.lines.append("    " * self.indent + text)
 
+    def text(self) -> str:
+        """All lines."""
+        return "\n".join(self.lines)
+
     @contextmanager
     def block(self, header: str) -> Iterator[None]:
         """An indented block with its own scope; an empty body becomes ``pass``."""

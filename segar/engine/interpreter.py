@@ -16,12 +16,12 @@ import numpy as np
 
 from segar import random
 from segar.effects import Aggregate, Differential, Effect, SetFactor
-from segar.engine.kernel import TaskFunctions
 from segar.engine.layout import Layout
 from segar.engine.plain_contacts import ContactRules, Rates, move, resolve_contacts
 from segar.engine.scene import Scene
 from segar.engine.signature import Signature, build_argument
 from segar.engine.spec import Needs, needs_of
+from segar.engine.task_functions import TaskFunctions
 from segar.errors import ConflictError, SegarError
 from segar.factors import Factor, Position, Velocity
 from segar.parameters import Framerate

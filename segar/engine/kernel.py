@@ -7,60 +7,28 @@ that the rules became. Nothing in it depends on sampled values, so all level set
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
-from segar.effects import Differential, SetFactor
+from segar.effects import Differential
 from segar.engine import device
 from segar.engine.checks import check_contact_rule, check_geometry, check_rule
-from segar.engine.emit import Writer, bind
-from segar.engine.layout import Layout, Slot
-from segar.engine.spec import Group, Matcher, Needs, needs_of, outcomes_of, relation_mask, static_relation
-from segar.engine.stages import (
-    VARIABLES,
-    Stage,
-    Takes,
-    both,
-    condition,
-    match_test,
-    over_group,
-)
-from segar.engine.symbols import Symbol
-from segar.engine.trace import Branch, Outcome, Tree
+from segar.engine.contacts import COLLIDES, Contacts
+from segar.engine.layout import Layout
+from segar.engine.loops import over_group
+from segar.engine.source import DECORATOR, ENTRY_DECORATOR, STATE, Source
+from segar.engine.spec import Group, Needs, outcomes_of
+from segar.engine.stages import Stage, Takes
+from segar.engine.task_functions import TaskFunctions, task_functions
+from segar.engine.trace import Outcome
 from segar.errors import RuleError
-from segar.factors import Collides, Floor, Mobile, Order, Position, Size, Velocity
+from segar.factors import Floor, Order, Position, Size, Velocity
 from segar.parameters import Framerate
 from segar.rule import Rule
 from segar.world import World
 
 COPY_MARK = "# --- copied from here on ---\n"
-# _nrt=False: the kernel allocates nothing, so array views need no reference counts, whose atomic operations would cost
-# as much as the physics of a small world.
-ENTRY_DECORATOR = '@njit(error_model="numpy", nogil=True, cache=True, _nrt=False)'
-DECORATOR = '@njit(error_model="numpy", nogil=True, _nrt=False)'
-# Numba's own passes grow faster than linearly with a function's length, and its calls are slow with array arguments:
-# short functions that LLVM must inline compile fast and run fast.
-INLINE_DECORATOR = '@njit(error_model="numpy", nogil=True, _nrt=False, forceinline=True)'
-STATE = "V, W, U, bits, kind, count, vertex, hull_radius, P, A, key, tick, err"
-
-COLLIDES = Needs((Collides, Position, Velocity), None)
-
-
-@dataclass(frozen=True)
-class TaskFunctions:
-    """What a task adds to a kernel: its action rule, and functions of the state."""
-
-    act: Rule
-    reward: Rule
-    terminated: Rule
-    success: Rule
-    death: Rule
-    action_low: tuple[float, ...]
-    action_high: tuple[float, ...]
 
 
 @dataclass
@@ -82,7 +50,7 @@ def generate(layout: Layout, world: World, task: TaskFunctions) -> KernelSource:
     builder = _Builder(layout, world, task)
     functions = builder.functions()
     body = "\n".join([builder.header(), _device_text(), functions])
-    return KernelSource(body, builder.matcher.masks(), tuple(builder.rules))
+    return KernelSource(body, builder.source.matcher.masks(), tuple(builder.rules))
 
 
 @dataclass
@@ -90,11 +58,11 @@ class _Builder:
     layout: Layout
     world: World
     task: TaskFunctions
-    matcher: Matcher = field(init=False)
+    source: Source = field(init=False)
     rules: list[Rule] = field(init=False)
 
     def __post_init__(self) -> None:
-        self.matcher = Matcher(self.layout)
+        self.source = Source(self.layout)
         check_geometry(self.layout)
         numbers = len(self.task.action_low)
         contact = [r for r in (self.world.wall_contact, self.world.pair_contact) if r is not None]
@@ -144,13 +112,14 @@ COLLIDER_BITS = {collider_bits}
     def functions(self) -> str:
         world, body = self.world, list(enumerate(self.world.rules))
         third = self._position_rules()
+        contacts = Contacts(self.source, world)
         limit = [(len(body), world.limit)] if world.limit is not None else []
         parts = [
-            self._solid(),
-            self._movable(),
+            contacts.solid(),
+            contacts.movable(),
             self._rates(),
-            self._wall_function(),
-            self._pair_function(),
+            contacts.hit_wall(),
+            contacts.hit_body(),
             self._stage("act", [(len(self.rules) - 1, self.task.act)], lambda r, o: True, scale="1.0"),
             self._stage("stage_factors", body, lambda r, o: _stage_of(o) == 1 or (r.recheck and _stage_of(o) != 3)),
             self._stage("stage_velocity", body, lambda r, o: _stage_of(o) == 2 or (r.recheck and _stage_of(o) != 3)),
@@ -158,11 +127,8 @@ COLLIDER_BITS = {collider_bits}
             self._stage("stage_position", third, lambda r, o: _stage_of(o) == 3 and o.kind is not Differential),
             self._stage("find_rates", third, lambda r, o: _stage_of(o) == 3, rates=True),
             self._translate(),
-            self._contact_test(),
-            self._value("reward_of", self.task.reward, len(self.rules), "0.0", "total += {}"),
-            self._value("terminated_of", self.task.terminated, len(self.rules) + 1, "False", "total = total or {}"),
-            self._value("success_of", self.task.success, len(self.rules) + 2, "False", "total = total or {}"),
-            self._value("death_of", self.task.death, len(self.rules) + 3, "False", "total = total or {}"),
+            contacts.may_touch(),
+            *task_functions(self.source, self.task, len(self.rules)),
             _ENTRY.format(
                 decorator=ENTRY_DECORATOR,
                 low=list(self.task.action_low),
@@ -173,61 +139,28 @@ COLLIDER_BITS = {collider_bits}
         ]
         return "\n\n\n".join(parts)
 
-    # -- the state's rules ---------------------------------------------------------------------------------------
-
     def _stage(
         self, name: str, rules: list[tuple[int, Rule]], takes: Takes, scale: str = "dt", rates: bool = False
     ) -> str:
-        with self._function(f"{name}({STATE}, dt)", inline=True) as w:
-            self._parameters(w)
+        with self.source.function(f"{name}({STATE}, dt)", inline=True) as w:
+            self.source.write_parameters(w)
             start = len(w.lines)
-            Stage(self.matcher, rules, takes, scale, rates).write(w)
+            Stage(self.source.matcher, rules, takes, scale, rates).write(w)
             empty = len(w.lines) == start
         if name == "act" and empty:
             raise RuleError(
                 f"{self.task.act.where}: the task's action changes no entity of this distribution, which has only"
                 f" {', '.join(t.__name__ for t in self.layout.types)}"
             )
-        return self._text(w)
+        return w.text()
 
     def _translate(self) -> str:
-        with self._function("advance_positions(V, U, bits, dt)", inline=True) as w:
+        with self.source.function("advance_positions(V, U, bits, dt)", inline=True) as w:
             for group in self._moving():
                 with over_group(w, group, "i"):
                     w.line("V[i, X] += U[i, 0] * dt")
                     w.line("V[i, X + 1] += U[i, 1] * dt")
-        return self._text(w)
-
-    def _contact_test(self) -> str:
-        """Whether some body may reach through a wall or another body; a cheap test without roots."""
-        with self._function("may_touch(V, bits, kind, hull_radius)", inline=True) as w:
-            w.line("touched = False")
-            groups = self.matcher.merge(range(len(self.layout.slots)), self._collider_key)
-            colliders = [(g, m) for g in groups if (m := self.matcher.match(g, COLLIDES)) is not None]
-            for n, (group, mask) in enumerate(colliders):
-                with over_group(w, group, "i"), condition(w, match_test("i", mask)):
-                    w.line("ri = 0.5 * V[i, SIZE] if kind[i] == 1 else hull_radius[i]")
-                    w.line("touched |= abs(V[i, X]) + ri > HIGH or abs(V[i, X + 1]) + ri > HIGH")
-                    for other, other_mask in colliders[n:] if self.world.pair_contact is not None else []:
-                        if other is not group or not group.is_single:
-                            self._pair_test(w, other is group, other, other_mask)
-            w.line("return touched")
-        return self._text(w)
-
-    def _collider_key(self, slot: Slot) -> tuple:
-        group = Group((0,), slot.types, slot.optional)
-        return self.matcher.match(group, COLLIDES), slot.optional
-
-    def _pair_test(self, w: Writer, same: bool, other: Group, mask: int) -> None:
-        with over_group(w, other, "j"), condition(w, both("j > i" if same else "", match_test("j", mask))):
-            w.line("reach = ri + (0.5 * V[j, SIZE] if kind[j] == 1 else hull_radius[j]) + THRESHOLD")
-            w.line("jx = V[j, X] - V[i, X]")
-            w.line("jy = V[j, X + 1] - V[i, X + 1]")
-            w.line("touched |= jx * jx + jy * jy <= reach * reach")
-
-    def _parameters(self, w: Writer) -> None:
-        for index in range(len(self.layout.parameters)):
-            w.line(f"p{index} = P[{index}]")
+        return w.text()
 
     def _position_rules(self) -> list[tuple[int, Rule]]:
         numbered = enumerate(self.world.rules)
@@ -235,11 +168,11 @@ COLLIDER_BITS = {collider_bits}
 
     def _moving(self) -> list[Group]:
         """Slots whose position some rule changes."""
-        stage = Stage(self.matcher, self._position_rules(), lambda r, o: _stage_of(o) == 3, rates=True)
+        stage = Stage(self.source.matcher, self._position_rules(), lambda r, o: _stage_of(o) == 3, rates=True)
         return [
             g
             for g in stage.groups
-            if any(self.matcher.match(g, a.needs[a.target]) is not None for a in stage.applications)
+            if any(self.source.matcher.match(g, a.needs[a.target]) is not None for a in stage.applications)
         ]
 
     def _rates(self) -> str:
@@ -248,216 +181,19 @@ COLLIDER_BITS = {collider_bits}
             if rule.relation is not None:
                 raise RuleError(f"{rule.where}: a rule that moves things cannot have a relation; test inside the rule")
             check_contact_rule(rule)
-        with self._function("rates(V, U, bits, P)") as w:
-            self._parameters(w)
-            Stage(self.matcher, rules, lambda r, o: _stage_of(o) == 3, rates=True).write(w)
-        return self._text(w)
-
-    # -- contacts ------------------------------------------------------------------------------------------------
-
-    def _solid(self) -> str:
-        with self._function("solid(V, bits, i)") as w:
-            rule = self.world.solid
-            if self.world.pair_contact is None or rule is None:
-                w.line(f"return {self.world.pair_contact is not None}")
-            else:
-                check_contact_rule(rule)
-                if rule.signature.parameters:
-                    raise RuleError(f"{rule.where}: what is solid cannot depend on world parameters")
-                self._return_value(w, rule)
-        return self._text(w)
-
-    def _movable(self) -> str:
-        with self._function("movable(V, bits, i)") as w:
-            group = self._colliders()
-            mask = None if group is None else self.matcher.match(group, Needs((Mobile,), None))
-            if group is None or mask is None:
-                w.line("return True")
-            else:
-                column = self.matcher.column(group, Mobile)
-                lacks = f"not ({match_test('i', mask)}) or " if mask else ""
-                w.line(f"return {lacks}V[i, {column}] != 0.0")
-        return self._text(w)
-
-    def _wall_function(self) -> str:
-        with self._function("hit_wall(V, bits, P, i, n0, n1)") as w:
-            self._parameters(w)
-            if self.world.wall_contact is None:
-                for c in (0, 1):
-                    with w.block(f"if n{c} != 0.0:"):
-                        w.line(f"V[i, VX + {c}] = 0.0")
-            else:
-                self._assign(w, self.world.wall_contact, ("i",))
-        return self._text(w)
-
-    def _pair_function(self) -> str:
-        with self._function("hit_body(V, bits, P, i, j)") as w:
-            self._parameters(w)
-            if self.world.pair_contact is None:
-                w.line("pass")
-            else:
-                self._assign(w, self.world.pair_contact, ("i", "j"))
-        return self._text(w)
-
-    def _assign(self, w: Writer, rule: Rule, variables: tuple[str, ...]) -> None:
-        """Run a contact rule on given bodies and set what it says, all at once."""
-        check_contact_rule(rule)
-        if rule.relation is not None:
-            raise RuleError(f"{rule.where}: a contact rule cannot have a relation; test inside the rule")
-        group = self._colliders()
-        if group is None:
-            w.line("pass")
-            return
-        needs = needs_of(rule)
-        if len(needs) != len(variables):
-            raise RuleError(f"{rule.where}: this contact rule must take {len(variables)} entities, not {len(needs)}")
-        for need in needs:
-            if self.matcher.match(group, need) is None:
-                lacking = [f.__name__ for f in need.factors if self.matcher.match(group, Needs((f,), None)) is None]
-                raise RuleError(f"{rule.where}: no body that collides has {', '.join(lacking)}")
-        w.groups = dict.fromkeys(variables, group)
-        tests = [match_test(v, self.matcher.match(group, n) or 0) for v, n in zip(variables, needs, strict=True)]
-        with condition(w, both(*tests)):
-            self._assign_tree(w, rule, rule.tree, variables, group)
-
-    def _assign_tree(self, w: Writer, rule: Rule, tree: Tree, variables: tuple[str, ...], group: Group) -> None:
-        if isinstance(tree, Branch):
-            with w.block(f"if {w.value(bind(tree.condition, variables, 0))}:"):
-                self._assign_tree(w, rule, tree.yes, variables, group)
-            with w.block("else:"):
-                self._assign_tree(w, rule, tree.no, variables, group)
-            return
-        stores = []
-        for o in tree.outcomes:
-            if o.kind is not SetFactor:
-                raise RuleError(f"{rule.where}: a contact happens at an instant, so it can only return SetFactor")
-            column = self.matcher.column(group, o.factor)
-            for c, component in enumerate(o.components):
-                stores.append(f"V[{variables[o.argument]}, {column + c}] = {w.value(bind(component, variables, 0))}")
-        for store in stores:
-            w.line(store)
-
-    def _colliders(self) -> Group | None:
-        """All that collides, as one group: contacts find their bodies by index, not by loop."""
-        groups = [g for g in self.matcher.groups if self.matcher.match(g, COLLIDES) is not None]
-        if not groups:
-            return None
-        types = tuple(dict.fromkeys(t for g in groups for t in g.types))
-        return Group(tuple(range(len(self.layout.slots))), types, False)
-
-    # -- the task ------------------------------------------------------------------------------------------------
-
-    def _value(self, name: str, rule: Rule, number: int, start: str, add: str) -> str:
-        """A function of the state: evaluated for every tuple of entities that matches, and accumulated."""
-        with self._function(f"{name}({STATE})", inline=True) as w:
-            self._parameters(w)
-            w.line(f"total = {start}")
-            needs = needs_of(rule)
-            found = self._nest(w, rule, needs, VARIABLES[: len(needs)], {}, add, number)
-            w.line("return total")
-        if needs and not found:
-            wanted = [n.entity_type.__name__ if n.entity_type else str([f.__name__ for f in n.factors]) for n in needs]
-            present = [t.__name__ for t in self.layout.types]
-            raise RuleError(
-                f"{rule.where}: the task needs {' and '.join(wanted)}, but the levels have only {', '.join(present)}"
-            )
-        return self._text(w)
-
-    def _nest(
-        self, w: Writer, rule: Rule, needs: Any, variables: Any, groups: dict[str, Group], add: str, number: int
-    ) -> bool:
-        if len(groups) == len(needs):
-            w.groups = dict(groups)
-            self._value_tree(w, rule.tree, variables, add, number)
-            return True
-        variable, need, found = variables[len(groups)], needs[len(groups)], False
-        for group in self.matcher.groups:
-            mask = self.matcher.match(group, need)
-            if mask is None or (group.is_single and group in groups.values()):
-                continue
-            apart = [f"{variable} != {v}" for v, g in groups.items() if g is group]
-            with over_group(w, group, variable), condition(w, both(match_test(variable, mask), *apart)):
-                found |= self._nest(w, rule, needs, variables, {**groups, variable: group}, add, number)
-        return found
-
-    def _value_tree(self, w: Writer, tree: Tree, variables: tuple[str, ...], add: str, number: int = 0) -> None:
-        if isinstance(tree, Branch):
-            with w.block(f"if {w.value(bind(tree.condition, variables, number))}:"):
-                self._value_tree(w, tree.yes, variables, add, number)
-            with w.block("else:"):
-                self._value_tree(w, tree.no, variables, add, number)
-            return
-        assert tree.value is not None
-        w.line(add.format(w.value(bind(tree.value, variables, number))))
-
-    def _return_value(self, w: Writer, rule: Rule) -> None:
-        """Return a truth-valued function of entity ``i``, which is any body that collides."""
-        group = self._colliders()
-        mask = None if group is None else self.matcher.match(group, needs_of(rule)[0])
-        if group is None or mask is None:
-            w.line("return True")
-            return
-        w.groups = {"i": group}
-        w.line("total = True")
-        with condition(w, match_test("i", mask)):
-            self._value_tree(w, rule.tree, ("i",), "total = {}")
-        w.line("return total")
-
-    # -- plumbing ------------------------------------------------------------------------------------------------
-
-    @contextmanager
-    def _function(self, header: str, inline: bool = False) -> Iterator[Writer]:
-        writer = Writer(lambda s: self._atom(writer, s))
-        writer.line(INLINE_DECORATOR if inline else DECORATOR)
-        with writer.block(f"def {header}:"):
-            yield writer
-
-    def _text(self, w: Writer) -> str:
-        return "\n".join(w.lines)
-
-    def _atom(self, w: Writer, symbol: Symbol) -> str:
-        op, args = symbol.op, symbol.args
-        if op == "load":
-            variable, factor, component = args
-            return f"V[{variable}, {self.matcher.column(w.groups[variable], factor) + component}]"
-        if op == "parameter":
-            return f"p{self.layout.parameters.index(args[0])}"
-        if op == "action":
-            return f"A[{args[0]}]"
-        if op == "wall":
-            return f"n{args[0]}"
-        if op == "draw":
-            rule, number, *variables = args
-            places = (*variables, "0", "0", "0")[:3]
-            return f"uniform(key, tick, {rule * 256 + number}, {', '.join(places)})"
-        if op == "relation":
-            return self._relation(w, symbol)
-        raise AssertionError(f"no source for {op}")
-
-    def _relation(self, w: Writer, symbol: Symbol) -> str:
-        what, a, b = symbol.args
-        if not isinstance(what, str):
-            mask = relation_mask(self.matcher, what, w.groups[a])
-            return "False" if mask is None else match_test(a, mask) or "True"
-        static = static_relation(self.matcher, symbol, w.groups)
-        if static is not None:
-            return repr(static)
-        shapes = f"V, kind, count, vertex, hull_radius, {a}, {b}"
-        if what == "overlaps":
-            return f"over({shapes})"
-        top = "top_i" if a == "i" else f"topmost(V, bits, kind, count, vertex, hull_radius, {a})"
-        is_floor = self.matcher.match(w.groups[a], Needs((Floor,), None))
-        off_floor = f"not ({match_test(a, is_floor)})" if is_floor else ""
-        return both(f"{top} == {b}", off_floor, f"within({shapes})" if what == "contains" else "")
+        with self.source.function("rates(V, U, bits, P)") as w:
+            self.source.write_parameters(w)
+            Stage(self.source.matcher, rules, lambda r, o: _stage_of(o) == 3, rates=True).write(w)
+        return w.text()
 
     def _slots(self, needs: Needs) -> tuple[list[int], int]:
         """Slots that may match, and the mask to test (over all of them, so that one mask serves)."""
-        groups = [g for g in self.matcher.groups if self.matcher.match(g, needs) is not None]
+        groups = [g for g in self.source.matcher.groups if self.source.matcher.match(g, needs) is not None]
         slots = [i for g in groups for i in g.slots]
         if not groups:
             return slots, 0
         everyone = Group((), tuple(dict.fromkeys(t for g in groups for t in g.types)), any(g.optional for g in groups))
-        return slots, self.matcher.match(everyone, needs) or 0
+        return slots, self.source.matcher.match(everyone, needs) or 0
 
 
 def _stage_of(outcome: Outcome) -> int:

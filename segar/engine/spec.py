@@ -52,7 +52,7 @@ class Matcher:
 
     @cached_property
     def groups(self) -> tuple[Group, ...]:
-        return self.merge(range(len(self.layout.slots)), lambda slot: (slot.types, slot.optional))
+        return self.merge(range(len(self.layout.slots)), lambda slot: slot.types)
 
     def merge(self, slots: Iterable[int], key: Callable[[Slot], Any]) -> tuple[Group, ...]:
         """Groups of the slots with equal keys, in order of their first slot."""

@@ -7,39 +7,22 @@ is therefore written to a second buffer ``W`` and copied when the stage is over;
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from collections.abc import Callable
 from itertools import pairwise
 
 from segar.effects import Aggregate, Differential, SetFactor
+from segar.engine.applications import Application, application_symbols, bind_tree
 from segar.engine.emit import Writer, bind
 from segar.engine.layout import Slot, holds
+from segar.engine.loops import VARIABLES, both, condition, match_test, over_group, share
 from segar.engine.spec import Group, Matcher, Needs, leaves_of, needs_of, outcomes_of, relation_mask, settle, symbols_of
-from segar.engine.symbols import Symbol, walk
+from segar.engine.symbols import walk
 from segar.engine.trace import Branch, Leaf, Outcome, Tree
 from segar.errors import ConflictError, RuleError
 from segar.factors import Factor, Floor, Order, Position, Size
 from segar.rule import Rule
 
-VARIABLES = ("i", "j", "k")
 Takes = Callable[[Rule, Outcome], bool]
-
-
-@dataclass(frozen=True)
-class Application:
-    """A rule seen from one of its arguments: outcomes on that argument are gathered."""
-
-    rule: Rule
-    number: int
-    target: int
-    needs: tuple[Needs, ...]
-
-    @property
-    def variables(self) -> tuple[str, ...]:
-        """Loop variable of each argument: the target is ``i``, the others follow."""
-        others = iter(VARIABLES[1:])
-        return tuple("i" if a == self.target else next(others) for a in range(len(self.needs)))
 
 
 class Stage:
@@ -81,7 +64,7 @@ class Stage:
         factors = {f for n in needs for f in n.factors} | {f for what in by_type if what[0] == "needs" for f in what[1]}
 
         def key(slot: Slot) -> tuple:
-            group = Group((0,), slot.types, slot.optional)
+            group = Group((0,), slot.types, False)  # optional slots join the others: one more test, half the source
             held = tuple(frozenset(holds(t, f) for t in slot.types) for f in sorted(factors, key=lambda f: f.__name__))
             floors = tuple(Floor in t.declared for t in slot.types)
             return (
@@ -89,7 +72,6 @@ class Stage:
                 tuple(relation_mask(self.matcher, what, group) for what in by_type),
                 held,
                 all(floors),
-                slot.optional,
             )
 
         return self.matcher.merge(range(len(self.matcher.layout.slots)), key)
@@ -219,9 +201,11 @@ class Stage:
         while trees:
             a, tree = trees[0]
             if isinstance(tree, Leaf):
-                for outcome in tree.outcomes:
-                    if outcome.argument == a.target and self.takes(a.rule, outcome):
-                        self._gather(w, a, outcome, group)
+                mine = [o for o in tree.outcomes if o.argument == a.target and self.takes(a.rule, o)]
+                if mine:
+                    w.line(f"# {a.rule.name}")
+                for outcome in mine:
+                    self._gather(w, a, outcome, group)
                 trees = trees[1:]
                 continue
             same = [(b, t) for b, t in trees if isinstance(t, Branch) and t.condition is tree.condition]
@@ -380,60 +364,6 @@ class Stage:
             return False
         truth = settle(self.matcher, bind(a.rule.relation.truth, a.variables, a.number), groups)
         return truth.op == "const" and not truth.args[0]
-
-
-def share(a: Group, b: Group) -> bool:
-    """Whether some slot is in both groups."""
-    return not set(a.slots).isdisjoint(b.slots)
-
-
-def bind_tree(tree: Tree, a: Application) -> Tree:
-    """The tree with its arguments replaced by the application's loop variables."""
-    if isinstance(tree, Branch):
-        condition = bind(tree.condition, a.variables, a.number)
-        return Branch(condition, bind_tree(tree.yes, a), bind_tree(tree.no, a))
-    outcomes = tuple(
-        replace(o, components=tuple(bind(c, a.variables, a.number) for c in o.components)) for o in tree.outcomes
-    )
-    return Leaf(outcomes)
-
-
-def application_symbols(a: Application) -> list[Symbol]:
-    """All symbols of a rule and its relation."""
-    return symbols_of(a.rule.tree) + (walk(a.rule.relation.truth) if a.rule.relation is not None else [])
-
-
-@contextmanager
-def over_group(w: Writer, group: Group, variable: str) -> Iterator[None]:
-    """A loop over the group's slots, or a plain assignment where there is one."""
-    if group.is_single:
-        with w.scope():
-            w.line(f"{variable} = {group.slots[0]}")
-            yield
-    else:
-        with w.block(f"for {variable} in {group.loop}:"):
-            yield
-
-
-@contextmanager
-def condition(w: Writer, test: str) -> Iterator[None]:
-    """An ``if`` block, or nothing but a scope where the test is empty."""
-    if test:
-        with w.block(f"if {test}:"):
-            yield
-    else:
-        with w.scope():
-            yield
-
-
-def match_test(variable: str, mask: int) -> str:
-    """Source of the test that an entity's bits include the mask; empty for no test."""
-    return f"(bits[{variable}] & {mask}) == {mask}" if mask else ""
-
-
-def both(*tests: str) -> str:
-    """The conjunction of the tests that are not empty."""
-    return " and ".join(t for t in tests if t)
 
 
 def _family(factor: type[Factor]) -> set[type[Factor]]:

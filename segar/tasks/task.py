@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from segar.engine.kernel import TaskFunctions
+from segar.engine.task_functions import TaskFunctions
 from segar.errors import SegarError
 from segar.rule import as_rule, value_rule
 

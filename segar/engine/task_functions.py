@@ -1,0 +1,73 @@
+"""A task's functions -> source: reward, end, success and death, over every tuple of entities that matches."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from segar.engine.emit import Writer
+from segar.engine.loops import VARIABLES, both, condition, match_test, over_group
+from segar.engine.source import STATE, Source, write_value
+from segar.engine.spec import Group, needs_of
+from segar.errors import RuleError
+from segar.rule import Rule
+
+
+@dataclass(frozen=True)
+class TaskFunctions:
+    """What a task adds to a kernel: its action rule, and functions of the state."""
+
+    act: Rule
+    reward: Rule
+    terminated: Rule
+    success: Rule
+    death: Rule
+    action_low: tuple[float, ...]
+    action_high: tuple[float, ...]
+
+
+def task_functions(source: Source, task: TaskFunctions, first: int) -> list[str]:
+    """``reward_of``, ``terminated_of``, ``success_of`` and ``death_of``; the task's rules are numbered from ``first``."""
+    sums, meets = ("0.0", "total += {}"), ("False", "total = total or {}")
+    return [
+        _value_function(source, "reward_of", task.reward, first, *sums),
+        _value_function(source, "terminated_of", task.terminated, first + 1, *meets),
+        _value_function(source, "success_of", task.success, first + 2, *meets),
+        _value_function(source, "death_of", task.death, first + 3, *meets),
+    ]
+
+
+def _value_function(source: Source, name: str, rule: Rule, number: int, start: str, add: str) -> str:
+    """A function of the state: evaluated for every tuple of entities that matches, and accumulated."""
+    with source.function(f"{name}({STATE})", inline=True) as w:
+        source.write_parameters(w)
+        w.line(f"# {rule.name}")
+        w.line(f"total = {start}")
+        needs = needs_of(rule)
+        found = _nest(source, w, rule, needs, VARIABLES[: len(needs)], {}, add, number)
+        w.line("return total")
+    if needs and not found:
+        wanted = [n.entity_type.__name__ if n.entity_type else str([f.__name__ for f in n.factors]) for n in needs]
+        present = [t.__name__ for t in source.layout.types]
+        raise RuleError(
+            f"{rule.where}: the task needs {' and '.join(wanted)}, but the levels have only {', '.join(present)}"
+        )
+    return w.text()
+
+
+def _nest(
+    source: Source, w: Writer, rule: Rule, needs: Any, variables: Any, groups: dict[str, Group], add: str, number: int
+) -> bool:
+    if len(groups) == len(needs):
+        w.groups = dict(groups)
+        write_value(w, rule.tree, variables, add, number)
+        return True
+    variable, need, found = variables[len(groups)], needs[len(groups)], False
+    for group in source.matcher.groups:
+        mask = source.matcher.match(group, need)
+        if mask is None or (group.is_single and group in groups.values()):
+            continue
+        apart = [f"{variable} != {v}" for v, g in groups.items() if g is group]
+        with over_group(w, group, variable), condition(w, both(match_test(variable, mask), *apart)):
+            found |= _nest(source, w, rule, needs, variables, {**groups, variable: group}, add, number)
+    return found
