@@ -18,6 +18,8 @@ from segar.entities import Entity
 from segar.errors import LevelError, did_you_mean
 from segar.factors import Factor
 from segar.levels import LEVEL_ARRAYS, Levels, Provenance
+from segar.metrics.points import Moments, law_moments
+from segar.parameters import Parameter
 
 FORMAT = "segar-levels"
 FORMAT_VERSION = 1
@@ -61,7 +63,7 @@ def load_levels(path: str | PathLike[str], world: Any = None) -> Levels:
         arrays.pop("indices"),
         tuple(metadata.get("rules", ())),
     )
-    return Levels(layout=layout, **arrays, provenance=provenance, world=world)
+    return Levels(layout=layout, **arrays, provenance=provenance, world=world, moments=_moments(metadata, layout))
 
 
 def _metadata(levels: Levels) -> dict[str, Any]:
@@ -84,6 +86,15 @@ def _metadata(levels: Levels) -> dict[str, Any]:
         "types": [_class_address(t) for t in layout.types],
         "factors": [_class_address(f) | {"width": f.width} for f in layout.factors],
         "extra_parameters": [_class_address(p) for p in layout.extra_parameters],
+        "moments": [
+            {
+                "type": layout.types.index(kind) if kind in layout.types else None,
+                "factor": factor.__name__,
+                "mean": mean.tolist(),
+                "variance": variance.tolist(),
+            }
+            for (kind, factor), (mean, variance) in law_moments(levels).items()
+        ],
     }
 
 
@@ -120,6 +131,17 @@ def _layout(metadata: dict[str, Any], path: str) -> Layout:
             f" {', '.join(name for name, _ in saved)}, and here they have {', '.join(name for name, _ in here)}"
         )
     return layout
+
+
+def _moments(metadata: dict[str, Any], layout: Layout) -> Moments:
+    """Moments of the distribution; files of earlier versions hold none."""
+    found: Moments = {}
+    for entry in metadata.get("moments", ()):
+        kind = Parameter if entry["type"] is None else layout.types[entry["type"]]
+        known = layout.parameters if entry["type"] is None else layout.factors
+        factor = next(f for f in known if f.__name__ == entry["factor"])
+        found[kind, factor] = np.array(entry["mean"]), np.array(entry["variance"])
+    return found
 
 
 def _find(address: dict[str, Any], classes: Iterable[type], kind: str, path: str) -> type:

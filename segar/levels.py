@@ -65,6 +65,8 @@ class Levels:
         sampled_values: like ``values``, as drawn: before overlaps were fixed, and with the Size that priors drew.
         provenance: where the levels come from.
         distribution: the :class:`segar.LevelDistribution` that they were sampled from, if at hand.
+        moments: mean and variance of the factors under that distribution, for levels from a file, which holds no
+            distribution: distances keep their units.
         world: the rules, a :class:`segar.World`; None for the default ones. Files do not hold rules.
     """
 
@@ -79,6 +81,7 @@ class Levels:
     provenance: Provenance
     distribution: Any = None
     world: Any = None
+    moments: Mapping[Any, tuple[np.ndarray, np.ndarray]] = dataclasses.field(default_factory=dict)
 
     @classmethod
     def load(cls, path: str | PathLike[str], world: Any = None) -> Levels:

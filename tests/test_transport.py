@@ -20,6 +20,7 @@ from segar.metrics.transport import balanced_costs, emd, matching_costs, sliced_
 from segar.metrics.wasserstein import reference_projections
 from segar.parameters import Parameter
 from segar.shapes import ConvexHull, Square
+from segar.tasks.puttputt_levels import puttputt_default_config
 from tests.agreement.replay import folder
 
 # The vectors of 2022, in its order.
@@ -177,6 +178,25 @@ def test_a_factor_counts_in_units_of_its_spread():
     assert scale[GolfBall, segar.Mass] == 0.0
     assert spread(levels[:3]) == scale  # the distribution's, not the sample's
     assert spread(levels.distribution) == scale
+
+
+def test_levels_from_a_file_keep_their_units_and_distances(tmp_path):
+    family = segar.family("objectsx1-hard")
+    sets = [family.sample(n, seed=4, split=split) for n, split in ((3, "train"), (5, "test"))]
+    varied = segar.LevelDistribution(
+        **{**puttputt_default_config, "parameters": {Gravity: segar.UniformNoise(8.0, 11.0)}}
+    )
+    for a, b in (sets, [varied.sample(4, seed=0, split="train"), varied.sample(4, seed=0, split="test")]):
+        loaded = []
+        for levels in (a, b):
+            levels.save(tmp_path / "levels.npz")
+            segar.Levels.load(tmp_path / "levels.npz").save(tmp_path / "again.npz")
+            loaded.append(segar.Levels.load(tmp_path / "again.npz"))
+        assert spread(*loaded) == spread(a, b)
+        assert [w2(*loaded, mode=m) for m in ("exact", "reference", "paper")] == [
+            w2(a, b, mode=m) for m in ("exact", "reference", "paper")
+        ]
+        assert spread(loaded[0][:2]) == spread(a[:2])
 
 
 def test_without_a_distribution_the_levels_themselves_give_the_units():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -25,6 +25,9 @@ from others, and Density, which no rule reads. All other numeric factors count, 
 
 SPREAD_SAMPLE = 2000
 """Levels that stand for a distribution when its spread is measured: 1.6 % standard error of a standard deviation."""
+
+Moments = dict[tuple[type, type[Factor]], tuple[np.ndarray, np.ndarray]]
+"""Mean and variance of each component by ``(entity type, factor)``; a world parameter's entity type is ``Parameter``."""
 
 Spread = dict[tuple[type, type[Factor]], float]
 """Standard deviation by ``(entity type, factor)``; a world parameter's entity type is ``Parameter``."""
@@ -121,8 +124,8 @@ def all_parameters(*sets: Levels) -> list[type[Parameter]]:
 def spread(*sets: Levels | LevelDistribution) -> Spread:
     """Standard deviation of every factor of every entity type, under the mixture of the given laws in equal parts.
 
-    A level set that carries its distribution stands for it (by ``SPREAD_SAMPLE`` levels of a fixed seed); one that does
-    not stands for itself. A vector factor has one spread, the root mean square of its components', so that directions
+    A level set that carries its distribution stands for it (by ``SPREAD_SAMPLE`` levels of a fixed seed), and one from
+    a file for the distribution that it had when it was saved; one made by hand stands for itself. A vector factor has one spread, the root mean square of its components', so that directions
     in the arena stay comparable. Pass the result to :func:`segar.metrics.w2` to measure several pairs in one unit.
 
     Returns:
@@ -130,10 +133,8 @@ def spread(*sets: Levels | LevelDistribution) -> Spread:
     """
     moments = []
     for one in sets:
-        law = one.distribution if isinstance(one, Levels) else one
         # A type too rare for the law's sample is measured on the levels themselves.
-        own = _moments(one) if isinstance(one, Levels) else {}
-        moments.append({**own, **_law_moments(law)} if law is not None else own)
+        moments.append({**_moments(one), **law_moments(one)} if isinstance(one, Levels) else _moments_of(one))
     found: Spread = {}
     for key in dict.fromkeys(key for known in moments for key in known):
         means, variances = (np.stack(values) for values in zip(*(m[key] for m in moments if key in m), strict=True))
@@ -144,13 +145,18 @@ def spread(*sets: Levels | LevelDistribution) -> Spread:
     return found
 
 
+def law_moments(levels: Levels) -> Mapping[tuple[type, type[Factor]], tuple[np.ndarray, np.ndarray]]:
+    """Moments of the distribution that levels come from; none for levels made by hand."""
+    return levels.moments if levels.distribution is None else _moments_of(levels.distribution)
+
+
 @lru_cache(maxsize=64)
-def _law_moments(law: LevelDistribution) -> dict[tuple[type, type[Factor]], tuple[np.ndarray, np.ndarray]]:
+def _moments_of(law: LevelDistribution) -> Moments:
     """Moments of a distribution, from levels that stand for it; always the same ones."""
     return _moments(law.sample(SPREAD_SAMPLE, seed=0, split="spread"))
 
 
-def _moments(levels: Levels) -> dict[tuple[type, type[Factor]], tuple[np.ndarray, np.ndarray]]:
+def _moments(levels: Levels) -> Moments:
     """Mean and variance of each component of every factor, by entity type (``Parameter`` for the world's) and factor."""
     parameters = levels.layout.parameters
     groups: list[tuple[type, Sequence[type[Factor]], np.ndarray]] = [
