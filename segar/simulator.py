@@ -139,10 +139,11 @@ class Simulator:
         def advance(start: int, stop: int) -> None:
             entities, width = state.values.shape[1:]
             scratch = np.zeros((entities, width)), np.zeros((entities, 2)), np.zeros(actions.shape[1])
+            lists = np.zeros(self.source.list_length, np.int64)
             self._module.advance(
                 start, stop, n, with_task, state.values, state.level, s.bits, s.kind, s.count, s.vertex, s.hull_radius,
                 s.parameters, actions, state.key, state.tick, outcome.reward, outcome.terminated, outcome.success,
-                outcome.death, state.contacts, state.gave_up, err, *scratch,
+                outcome.death, state.contacts, state.gave_up, err, *scratch, lists,
             )  # fmt: skip
 
         run_in_threads(advance, num_envs, self.num_threads)

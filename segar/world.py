@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from segar.effects import SetFactor
 from segar.errors import RuleError
 from segar.factors import Velocity
 from segar.rule import Rule, as_rule
@@ -22,9 +23,11 @@ class World:
         wall_contact: what a wall does to a body that touches it; None: bodies stop there.
         pair_contact: what two bodies do to each other when they touch; None: bodies pass through each other.
         solid: which bodies take part in pair contacts.
+        on_contact: rules that note a contact: on two bodies that touch, in both orders, or on one body and the ``Wall``
+            that it touches. They see the state in which the bodies meet; what they set holds after the exchange.
 
     Raises:
-        RuleError: a rule cannot be understood, or stands in the sequence twice.
+        RuleError: a rule cannot be understood, stands in its sequence twice, or does not suit its place.
     """
 
     rules: tuple[Rule, ...]
@@ -32,6 +35,7 @@ class World:
     wall_contact: Rule | None
     pair_contact: Rule | None
     solid: Rule | None
+    on_contact: tuple[Rule, ...]
 
     def __init__(
         self,
@@ -40,18 +44,42 @@ class World:
         wall_contact: Any = bounce,
         pair_contact: Any = collide,
         solid: Rule | None = is_solid,
+        on_contact: Sequence[Any] = (),
     ) -> None:
-        if callable(rules):
-            raise RuleError(f"rules must be a sequence of rules, not {rules!r}; write ({rules!r},)")
-        made = tuple(as_rule(r) for r in rules)
-        for rule in made:
-            if sum(r is rule for r in made) > 1:
-                raise RuleError(f"{rule.where} stands in the rules twice")
         set_ = object.__setattr__
-        set_(self, "rules", made)
+        set_(self, "rules", _made("rules", rules))
+        set_(self, "on_contact", _made("on_contact", on_contact))
         set_(self, "limit", None if limit is None else as_rule(limit))
         set_(self, "wall_contact", None if wall_contact is None else as_rule(wall_contact))
         set_(self, "pair_contact", None if pair_contact is None else as_rule(pair_contact))
         set_(self, "solid", solid)
         if self.limit is not None and not all(issubclass(f, Velocity) for f in self.limit.changes):
             raise RuleError(f"{self.limit.where}: the limit may only set Velocity")
+        for rule in self.on_contact:
+            _check_note(rule, self.pair_contact)
+
+
+def _made(name: str, rules: Sequence[Any]) -> tuple[Rule, ...]:
+    """The rules of a sequence of rules and typed functions."""
+    if callable(rules):
+        raise RuleError(f"{name} must be a sequence of rules, not {rules!r}; write ({rules!r},)")
+    made = tuple(as_rule(r) for r in rules)
+    for rule in made:
+        if sum(r is rule for r in made) > 1:
+            raise RuleError(f"{rule.where} stands in {'the rules' if name == 'rules' else name} twice")
+    return made
+
+
+def _check_note(rule: Rule, pair_contact: Rule | None) -> None:
+    """Refuse what a rule of ``on_contact`` cannot be."""
+    bodies, asks_wall = len(rule.signature.entities), rule.signature.uses("wall")
+    if bodies != (1 if asks_wall else 2):
+        raise RuleError(
+            f"{rule.where}: a rule of on_contact takes two entities that touch, or one and the Wall that it touches"
+        )
+    if bodies == 2 and pair_contact is None:
+        raise RuleError(f"{rule.where}: bodies pass through each other without a pair_contact, so they never touch")
+    if rule.relation is not None:
+        raise RuleError(f"{rule.where}: a contact rule cannot have a relation; test inside the rule")
+    if any(effect is not SetFactor for effect, _ in rule.signature.effects):
+        raise RuleError(f"{rule.where}: a contact happens at an instant, so it can only return SetFactor")

@@ -24,7 +24,7 @@ def check_rule(rule: Rule, layout: Layout, numbers: int, allows_action: bool, al
     if rule.signature.uses("action") and not allows_action:
         raise RuleError(f"{rule.where}: only a task's action and reward can take {Action.__name__}")
     if rule.signature.uses("wall") and not allows_wall:
-        raise RuleError(f"{rule.where}: only World(wall_contact=...) can take Wall")
+        raise RuleError(f"{rule.where}: only World(wall_contact=...) can take Wall, and rules of on_contact")
     for symbol in symbols_of(rule.tree):
         if symbol.op == "action" and not 0 <= symbol.args[0] < numbers:
             raise RuleError(

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 from segar.effects import SetFactor
 from segar.engine.checks import check_contact_rule
+from segar.engine.contact_notes import ContactNotes
 from segar.engine.emit import Writer, bind
 from segar.engine.layout import Slot
 from segar.engine.loops import both, condition, match_test, over_group
@@ -26,6 +29,7 @@ class Contacts:
 
     source: Source
     world: World
+    rules: list[Rule]
 
     @property
     def matcher(self) -> Matcher:
@@ -59,8 +63,7 @@ class Contacts:
 
     def hit_wall(self) -> str:
         """What a wall does to a body, as the world says; without a word from it, the wall stops the body."""
-        with self.source.function("hit_wall(V, bits, P, i, n0, n1)") as w:
-            self.source.write_parameters(w)
+        with self.source.function("hit_wall(V, bits, P, err, i, n0, n1)") as w, self._noting(w, ("i",)):
             if self.world.wall_contact is None:
                 for c in (0, 1):
                     with w.block(f"if n{c} != 0.0:"):
@@ -72,14 +75,28 @@ class Contacts:
 
     def hit_body(self) -> str:
         """What two bodies do to each other."""
-        with self.source.function("hit_body(V, bits, P, i, j)") as w:
-            self.source.write_parameters(w)
+        with self.source.function("hit_body(V, bits, P, err, i, j)") as w, self._noting(w, ("i", "j")):
             if self.world.pair_contact is None:
                 w.line("pass")
             else:
                 w.line(f"# {self.world.pair_contact.name}")
                 self._assign(w, self.world.pair_contact, ("i", "j"))
         return w.text()
+
+    @contextmanager
+    def _noting(self, w: Writer, bodies: tuple[str, ...]) -> Iterator[None]:
+        """Around the exchange: what the rules of ``on_contact`` make of the bodies as they meet, written afterwards."""
+        self.source.write_parameters(w)
+        group = self._colliders()
+        if group is None:
+            yield
+            return
+        w.groups = dict.fromkeys(bodies, group)
+        mine = [(self.rules.index(r), r) for r in self.world.on_contact if len(needs_of(r)) == len(bodies)]
+        notes = ContactNotes(self.matcher, group, bodies, mine)
+        notes.gather(w)
+        yield
+        notes.write(w)
 
     def may_touch(self) -> str:
         """Whether some body may reach through a wall or another body; a cheap test without roots."""

@@ -1,7 +1,8 @@
 """Geometry and contacts as the kernels run them. The text below the line is copied into every generated module.
 
 State of one environment: ``V[entity, column]``; static shapes of its level: ``kind[entity]``, ``count[entity]``
-vertices ``vertex[entity, k, 2]``, ``hull_radius[entity]``. Everything is plain Python, so that tests can run it.
+vertices ``vertex[entity, k, 2]``, ``hull_radius[entity]``. Scratch: ``W[entity, column]``, of which contacts use column
+0, and ``L``, lists of integers. Everything is plain Python, so that tests can run it.
 """
 
 # pyright: reportUndefinedVariable=false
@@ -14,7 +15,8 @@ import numpy as np
 # Columns and slots; the generated module puts its own in their place.
 X = VX = SIZE = ORDER = 0
 FLOORS = COLLIDERS = MOVERS = np.zeros(0, np.int64)
-FLOOR_BITS = COLLIDER_BITS = 0
+FLOOR_BITS = COLLIDER_BITS = ORDER_AT = NEAR_AT = 0
+MANY_BODIES = CONTACT_MOVES = False
 
 
 def njit(function):  # type: ignore[no-untyped-def]
@@ -28,8 +30,8 @@ def njit(function):  # type: ignore[no-untyped-def]
 def solid(V, bits, i): ...  # type: ignore[no-untyped-def]
 def movable(V, bits, i): ...  # type: ignore[no-untyped-def]
 def rates(V, U, bits, P): ...  # type: ignore[no-untyped-def]
-def hit_wall(V, bits, P, i, nx, ny): ...  # type: ignore[no-untyped-def]
-def hit_body(V, bits, P, i, j): ...  # type: ignore[no-untyped-def]
+def hit_wall(V, bits, P, err, i, nx, ny): ...  # type: ignore[no-untyped-def]
+def hit_body(V, bits, P, err, i, j): ...  # type: ignore[no-untyped-def]
 
 
 # --- copied from here on ---
@@ -37,6 +39,9 @@ THRESHOLD = 1e-7  # [m] closer than this counts as touching; 2022 uses the same
 LOW, HIGH = -1.0, 1.0  # [m] walls of the arena
 MAX_CONTACTS = 64  # contacts that one sub-step resolves before it gives up the rest of its time
 MAX_REWINDS = 256  # rewinds before one contact
+REST_OVERLAP = 1e-7  # [m] bodies that move alike and overlap deeper than this are pushed apart
+REACH = 4.0  # how far ahead bodies are listed as near, in ways that the fastest one goes in the rest of a sub-step
+WALL = 0  # stands for the second body of a contact with a wall; of two bodies the second is never slot 0
 MAX_SEPARATIONS = 50  # passes that push overlapping bodies apart after a sub-step gave up
 
 
@@ -144,7 +149,10 @@ def wall_time(V, r, i):
 
 @njit
 def pair_time(V, ri, rj, i, j):
-    """Time to move back until bodies ``i`` and ``j`` just do not touch; 0 where they do not, or move alike."""
+    """Time to move back until bodies ``i`` and ``j`` just do not touch; 0 where they do not.
+
+    No time helps what overlaps and moves alike: infinite, or 0 where it hardly overlaps.
+    """
     dx = V[j, X] - V[i, X]
     dy = V[j, X + 1] - V[i, X + 1]
     reach = ri + rj + THRESHOLD
@@ -155,7 +163,8 @@ def pair_time(V, ri, rj, i, j):
     wy = V[i, VX + 1] - V[j, VX + 1]
     speed = math.sqrt(wx * wx + wy * wy)
     if speed == 0.0:
-        return 0.0
+        hard = ri + rj - REST_OVERLAP
+        return np.inf if hard > 0.0 and dx * dx + dy * dy < hard * hard else 0.0
     along = (wx * dx + wy * dy) / speed
     return (math.sqrt(along * along - gap2) - along + THRESHOLD) / speed
 
@@ -193,26 +202,105 @@ def push_apart(V, ri, rj, share, i, j):
 
 
 @njit
-def find_contact(V, bits, kind, hull_radius):
-    """The contact with the longest time to move back: (time, body, other body or -1 for a wall); time 0 for none."""
-    best, bi, bj = 0.0, -1, -1
+def sort_bodies(V, W, bits, kind, hull_radius, L):
+    """Order the bodies in ``L[ORDER_AT:]`` by their left edge, which is put in ``W[body, 0]``; absent ones come last.
+
+    The order of the last sub-step is nearly right, so that insertion is fast.
+    """
     for a in range(len(COLLIDERS)):
         i = COLLIDERS[a]
+        here = (bits[i] & COLLIDER_BITS) == COLLIDER_BITS
+        W[i, 0] = V[i, X] - radius(V, kind, hull_radius, i) if here else np.inf
+    for a in range(1, len(COLLIDERS)):
+        i = L[ORDER_AT + a]
+        b = a
+        while b > 0 and W[L[ORDER_AT + b - 1], 0] > W[i, 0]:
+            L[ORDER_AT + b] = L[ORDER_AT + b - 1]
+            b -= 1
+        L[ORDER_AT + b] = i
+
+
+@njit
+def any_touch(V, W, bits, kind, hull_radius, L):
+    """As ``may_touch``, for many bodies: only those whose extents in x overlap are compared."""
+    sort_bodies(V, W, bits, kind, hull_radius, L)
+    for a in range(len(COLLIDERS)):
+        i = L[ORDER_AT + a]
+        if W[i, 0] == np.inf:
+            return False
+        ri = radius(V, kind, hull_radius, i)
+        right = V[i, X] + ri + THRESHOLD
+        if abs(V[i, X]) + ri > HIGH or abs(V[i, X + 1]) + ri > HIGH:
+            return True
+        for b in range(a + 1, len(COLLIDERS)):
+            j = L[ORDER_AT + b]
+            if W[j, 0] > right:
+                break
+            reach = ri + radius(V, kind, hull_radius, j) + THRESHOLD
+            dx = V[j, X] - V[i, X]
+            dy = V[j, X + 1] - V[i, X + 1]
+            if dx * dx + dy * dy <= reach * reach:
+                return True
+    return False
+
+
+@njit
+def add_near(V, ri, rj, i, j, margin, L, n):
+    """Append a pair to the list where its distance is at most the margin; returns the new number of entries."""
+    reach = ri + rj + margin
+    dx = V[j, X] - V[i, X]
+    dy = V[j, X + 1] - V[i, X + 1]
+    if dx * dx + dy * dy <= reach * reach:
+        L[NEAR_AT + n] = (min(i, j) << 16) | max(i, j)
+        return n + 1
+    return n
+
+
+@njit
+def list_near(V, W, bits, kind, hull_radius, L, margin):
+    """List walls and pairs that are nearer than ``margin`` in ``L[NEAR_AT:]``, as ``first << 16 | second``; how many."""
+    n = 0
+    if MANY_BODIES:
+        sort_bodies(V, W, bits, kind, hull_radius, L)
+    for a in range(len(COLLIDERS)):
+        i = L[ORDER_AT + a] if MANY_BODIES else COLLIDERS[a]
         if (bits[i] & COLLIDER_BITS) != COLLIDER_BITS:
             continue
         ri = radius(V, kind, hull_radius, i)
-        time = wall_time(V, ri, i)
-        if time > best:
-            best, bi, bj = time, i, -1
-        if not solid(V, bits, i):
-            continue
+        if abs(V[i, X]) + ri + margin > HIGH or abs(V[i, X + 1]) + ri + margin > HIGH:
+            L[NEAR_AT + n] = (i << 16) | WALL
+            n += 1
         for b in range(a + 1, len(COLLIDERS)):
-            j = COLLIDERS[b]
+            j = L[ORDER_AT + b] if MANY_BODIES else COLLIDERS[b]
+            if MANY_BODIES and W[j, 0] > V[i, X] + ri + margin:
+                break
             if (bits[j] & COLLIDER_BITS) == COLLIDER_BITS:
-                time = pair_time(V, ri, radius(V, kind, hull_radius, j), i, j)
-                if time > best and solid(V, bits, j):
-                    best, bi, bj = time, i, j
-    return best, bi, bj
+                n = add_near(V, ri, radius(V, kind, hull_radius, j), i, j, margin, L, n)
+    return n
+
+
+@njit
+def find_contact(V, bits, kind, hull_radius, L, near):
+    """The contact with the longest time to move back among those listed: (time, its entry); time 0 for none.
+
+    Of equally long ones the first entry counts, so that the order of the list does not matter.
+    """
+    best, found = 0.0, 0
+    for n in range(near):
+        entry = L[NEAR_AT + n]
+        i, j = entry >> 16, entry & 65535
+        ri = radius(V, kind, hull_radius, i)
+        if j == WALL:
+            time = wall_time(V, ri, i)
+        else:
+            time = pair_time(V, ri, radius(V, kind, hull_radius, j), i, j)
+        if time > best or (time == best and time > 0.0 and entry < found):
+            if j != WALL and not (solid(V, bits, i) and solid(V, bits, j)):
+                continue
+            if j != WALL and time == np.inf and not (movable(V, bits, i) or movable(V, bits, j)):
+                continue
+            best, found = time, entry
+    return best, found
 
 
 @njit
@@ -268,44 +356,68 @@ def approaching(V, i, j):
 
 
 @njit
-def resolve(V, U, bits, kind, hull_radius, P, remaining):
+def fastest(U):
+    """The highest displacement rate of anything that moves [m/s]."""
+    most = 0.0
+    for m in range(len(MOVERS)):
+        i = MOVERS[m]
+        most = max(most, U[i, 0] * U[i, 0] + U[i, 1] * U[i, 1])
+    return math.sqrt(most)
+
+
+@njit
+def exchange(V, bits, kind, hull_radius, P, err, i, j, early):
+    """What a wall, or body ``j``, and body ``i`` do to each other; ``early``: in contact before the sub-step."""
+    ri = radius(V, kind, hull_radius, i)
+    if j == WALL:
+        nx, ny = blocked_axes(V, ri, i)
+        if not early or nx * V[i, X] * V[i, VX] + ny * V[i, X + 1] * V[i, VX + 1] > 0.0:
+            hit_wall(V, bits, P, err, i, nx, ny)
+        if early:
+            push_inside(V, ri, i)
+    else:
+        if not early or approaching(V, i, j):
+            hit_body(V, bits, P, err, i, j)
+        if early:
+            share = share_of(movable(V, bits, i), movable(V, bits, j))
+            push_apart(V, ri, radius(V, kind, hull_radius, j), share, i, j)
+
+
+@njit
+def resolve(V, W, U, bits, kind, hull_radius, P, err, L, remaining):
     """Find the first contact, move back to it, exchange, go on; returns (contacts, whether time was given up).
 
     A contact that would need more time than has passed was there before this sub-step (a body pinned, grown, or at rest
-    in contact): it is resolved in place, by an exchange if the bodies approach and by pushing them apart.
+    in contact): it is resolved in place, by an exchange if the bodies approach and by pushing them apart. Only what is
+    listed as near is looked at; the list is made anew before anything can have come from farther away.
     """
-    contacts = 0
+    contacts, near, travelled, margin, speed = 0, 0, 1.0, 0.0, fastest(U)
     while contacts < MAX_CONTACTS:
-        total, bi, bj, early, rewinds = 0.0, -1, -1, False, 0
+        total, found, early, rewinds = 0.0, 0, False, 0
         while rewinds < MAX_REWINDS:
-            time, i, j = find_contact(V, bits, kind, hull_radius)
+            if 2.0 * travelled > margin:
+                margin, travelled = REACH * speed * remaining + 2.0 * THRESHOLD, 0.0
+                near = list_near(V, W, bits, kind, hull_radius, L, margin)
+            time, entry = find_contact(V, bits, kind, hull_radius, L, near)
             if not time > 0.0:
                 break
-            bi, bj = i, j
+            found = entry
             rewinds += 1
             if not total + time < remaining + 1e-6:
                 early = True
                 break
             total += time
+            travelled += speed * time
             translate(V, U, -time)
-        if bi < 0:
+        if rewinds == 0:
             return contacts, False
         contacts += 1
-        ri = radius(V, kind, hull_radius, bi)
-        if bj < 0:
-            nx, ny = blocked_axes(V, ri, bi)
-            if not early or nx * V[bi, X] * V[bi, VX] + ny * V[bi, X + 1] * V[bi, VX + 1] > 0.0:
-                hit_wall(V, bits, P, bi, nx, ny)
-            if early:
-                push_inside(V, ri, bi)
-        else:
-            if not early or approaching(V, bi, bj):
-                hit_body(V, bits, P, bi, bj)
-            if early:
-                share = share_of(movable(V, bits, bi), movable(V, bits, bj))
-                push_apart(V, ri, radius(V, kind, hull_radius, bj), share, bi, bj)
+        exchange(V, bits, kind, hull_radius, P, err, found >> 16, found & 65535, early)
         remaining = min(max(total, 0.0), remaining)
         rates(V, U, bits, P)
+        speed = fastest(U)
+        # What was pushed apart, or by a rule put elsewhere, may have gone any way.
+        travelled = np.inf if early or CONTACT_MOVES else travelled + speed * remaining
         translate(V, U, remaining)
     separate(V, bits, kind, hull_radius)
     return contacts, True

@@ -171,9 +171,7 @@ class _Run:
 
     def _stage(self, name: str, rules: list[Rule], takes: Takes, scale: float | None = None) -> None:
         """All rules see the state from before the stage; what they say is written when all have spoken."""
-        changed = self._fold(self._gather(name, rules, takes), self.dt if scale is None else scale)
-        for (slot, column), parts in changed.items():
-            self.scene.write(slot, column, parts)
+        self._write(self._fold(self._gather(name, rules, takes), self.dt if scale is None else scale))
 
     def rates(self) -> Rates:
         """The sum of the differentials on each position; nothing where a rule sets or aggregates the position."""
@@ -195,11 +193,17 @@ class _Run:
                 effects = self._call(rule, slots)
                 taken = tuple(e for e in effects if takes(rule, e))
                 for effect in taken:
-                    slot = slots[effect.target.argument]
-                    where = slot, self.scene.column(slot, effect.target.factor)
-                    gathered.setdefault(where, []).append((rule, effect))
+                    self._put(gathered, rule, slots, effect)
                 self._note(stage, rule, slots, taken)
         return gathered
+
+    def _put(self, gathered: dict, rule: Rule, slots: tuple[int, ...], effect: Effect) -> None:
+        slot = slots[effect.target.argument]
+        gathered.setdefault((slot, self.scene.column(slot, effect.target.factor)), []).append((rule, effect))
+
+    def _write(self, changed: dict[tuple[int, int], tuple[float, ...]]) -> None:
+        for (slot, column), parts in changed.items():
+            self.scene.write(slot, column, parts)
 
     def _fold(self, gathered: dict, scale: float) -> dict[tuple[int, int], tuple[float, ...]]:
         """SetFactor beats Aggregate beats Differential."""
@@ -274,7 +278,7 @@ class _Run:
     def _site(self, rule: Rule) -> int:
         """Place of a rule in the order that keys its draws: the world's rules, the limit, contacts, then the task's."""
         world, task = self.world, self.functions
-        order = [*world.rules, world.limit, world.wall_contact, world.pair_contact]
+        order = [*world.rules, world.limit, world.wall_contact, world.pair_contact, *world.on_contact]
         order += [task.act, task.reward, task.terminated, task.success, task.death]
         return [r for r in order if r is not None].index(rule)
 
@@ -293,6 +297,7 @@ class _Run:
         return not self.scene.meets(slot, own_needs(rule)[0]) or bool(self._value(rule, (slot,)))
 
     def hit_wall(self, slot: int, axes: Vector) -> None:
+        noted = self._notes((slot,), axes)
         rule = self.world.wall_contact
         if rule is None:
             v = self.scene.vector(slot, Velocity)
@@ -300,10 +305,27 @@ class _Run:
             self.scene.write(slot, self.scene.column(slot, Velocity), parts)
         else:
             self._assign(rule, (slot,), axes)
+        self._write(noted)
 
     def hit_body(self, first: int, second: int) -> None:
         assert self.world.pair_contact is not None  # else nothing is solid
+        noted = self._notes((first, second))
         self._assign(self.world.pair_contact, (first, second))
+        self._write(noted)
+
+    def _notes(self, bodies: tuple[int, ...], wall: Vector | None = None) -> dict[tuple[int, int], tuple[float, ...]]:
+        """What the rules of ``on_contact`` set, decided on the state in which the bodies meet."""
+        gathered: dict[tuple[int, int], list[tuple[Rule, Effect]]] = {}
+        for rule in self.world.on_contact:
+            for slots in itertools.permutations(bodies):
+                needs = own_needs(rule)
+                if len(needs) != len(slots) or not all(map(self.scene.meets, slots, needs)):
+                    continue
+                effects = tuple(self._call(rule, slots, wall))
+                for effect in effects:
+                    self._put(gathered, rule, slots, effect)
+                self._note("contact", rule, slots, effects)
+        return self._fold(gathered, 0.0)
 
     def _assign(self, rule: Rule, slots: tuple[int, ...], wall: Vector | None = None) -> None:
         if not all(self.scene.meets(s, n) for s, n in zip(slots, own_needs(rule), strict=True)):

@@ -29,15 +29,24 @@ from segar.rule import Rule
 from segar.world import World
 
 COPY_MARK = "# --- copied from here on ---\n"
+MANY_BODIES = 12  # above this number it pays to sort bodies before pairs are compared
 
 
 @dataclass
 class KernelSource:
-    """The generated module's text, and the tables that its arguments need."""
+    """The generated module's text, and the tables that its arguments need.
+
+    Attributes:
+        text: source of the module.
+        type_masks: int64 mask of each type of the layout, and last 0 for an absent entity.
+        rules: all rules by their numbers in the source.
+        list_length: how many integers the argument ``L`` must hold.
+    """
 
     text: str
     type_masks: np.ndarray
     rules: tuple[Rule, ...]
+    list_length: int
 
 
 def generate(layout: Layout, world: World, task: TaskFunctions) -> KernelSource:
@@ -50,7 +59,10 @@ def generate(layout: Layout, world: World, task: TaskFunctions) -> KernelSource:
     builder = _Builder(layout, world, task)
     functions = builder.functions()
     body = "\n".join([builder.header(), _device_text(), functions])
-    return KernelSource(body, builder.source.matcher.masks(), tuple(builder.rules))
+    bodies = len(builder.bodies)
+    # Bodies in order; near walls and pairs.
+    length = bodies + bodies * (bodies + 1) // 2
+    return KernelSource(body, builder.source.matcher.masks(), tuple(builder.rules), length)
 
 
 @dataclass
@@ -67,17 +79,22 @@ class _Builder:
         numbers = len(self.task.action_low)
         contact = [r for r in (self.world.wall_contact, self.world.pair_contact) if r is not None]
         limit = [self.world.limit] if self.world.limit is not None else []
-        self.rules = [*self.world.rules, *limit, *contact, self.task.act]
+        self.rules = [*self.world.rules, *limit, *contact, *self.world.on_contact, self.task.act]
         for rule in self.rules:
             check_rule(
                 rule,
                 self.layout,
                 numbers,
                 allows_action=rule is self.task.act,
-                allows_wall=rule is self.world.wall_contact,
+                allows_wall=rule is self.world.wall_contact or rule in self.world.on_contact,
             )
         for rule in (self.task.reward, self.task.terminated, self.task.success, self.task.death):
             check_rule(rule, self.layout, numbers, allows_action=rule is self.task.reward, allows_wall=False)
+
+    @property
+    def bodies(self) -> list[int]:
+        """Slots of what may collide."""
+        return self._slots(COLLIDES)[0]
 
     def header(self) -> str:
         columns = self.layout.columns
@@ -107,12 +124,16 @@ COLLIDERS = np.array({colliders}, np.int64)
 MOVERS = np.array({movers}, np.int64)
 FLOOR_BITS = {floor_bits}
 COLLIDER_BITS = {collider_bits}
+ORDER_AT = 0
+NEAR_AT = {len(colliders)}
+MANY_BODIES = {len(colliders) > MANY_BODIES}
+CONTACT_MOVES = {self._contacts_move()}
 '''
 
     def functions(self) -> str:
         world, body = self.world, list(enumerate(self.world.rules))
         third = self._position_rules()
-        contacts = Contacts(self.source, world)
+        contacts = Contacts(self.source, world, self.rules)
         limit = [(len(body), world.limit)] if world.limit is not None else []
         parts = [
             contacts.solid(),
@@ -135,6 +156,9 @@ COLLIDER_BITS = {collider_bits}
                 high=list(self.task.action_high),
                 framerate=self.layout.parameters.index(Framerate),
                 state=STATE,
+                touch="any_touch(V, W, bits, kind, hull_radius, L)"
+                if len(self.bodies) > MANY_BODIES
+                else "may_touch(V, bits, kind, hull_radius)",
             ),
         ]
         return "\n\n\n".join(parts)
@@ -165,6 +189,11 @@ COLLIDER_BITS = {collider_bits}
     def _position_rules(self) -> list[tuple[int, Rule]]:
         numbered = enumerate(self.world.rules)
         return [(n, r) for n, r in numbered if any(_stage_of(o) == 3 for o in outcomes_of(r.tree))]
+
+    def _contacts_move(self) -> bool:
+        """Whether some rule of contact puts bodies elsewhere or changes their size."""
+        rules = [r for r in (self.world.wall_contact, self.world.pair_contact) if r is not None]
+        return any(issubclass(f, (Position, Size)) for r in rules for f in r.changes)
 
     def _moving(self) -> list[Group]:
         """Slots whose position some rule changes."""
@@ -214,8 +243,10 @@ ACTION_HIGH = np.array({high})
 {decorator}
 def advance(start, stop, sub_steps, with_task, values, level, level_bits, level_kind, level_count, level_vertex,
             level_hull_radius, level_parameters, actions, keys, ticks, reward, terminated, success, death, contacts,
-            gave_up, errors, W, U, A):
+            gave_up, errors, W, U, A, L):
     """Environments start..stop act, run sub-steps until the task ends, and are rewarded."""
+    for a in range(len(COLLIDERS)):
+        L[ORDER_AT + a] = COLLIDERS[a]
     for e in range(start, stop):
         V, at, key, tick, err = values[e], level[e], keys[e], ticks[e], errors[e]
         bits, kind, count = level_bits[at], level_kind[at], level_count[at]
@@ -233,8 +264,8 @@ def advance(start, stop, sub_steps, with_task, values, level, level_bits, level_
             find_rates({state}, dt)
             stage_position({state}, dt)
             advance_positions(V, U, bits, dt)
-            if may_touch(V, bits, kind, hull_radius):
-                hits, jammed = resolve(V, U, bits, kind, hull_radius, P, dt)
+            if {touch}:
+                hits, jammed = resolve(V, W, U, bits, kind, hull_radius, P, err, L, dt)
                 contacts[e] += hits
                 gave_up[e] += jammed
             tick += 1

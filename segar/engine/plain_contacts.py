@@ -17,6 +17,7 @@ from segar.values import Number, Vector
 MAX_CONTACTS = 64  # contacts that one sub-step resolves before it gives up the rest of its time
 MAX_REWINDS = 256  # moves back before one contact
 MAX_SEPARATIONS = 50  # passes that push overlapping bodies apart after a sub-step gave up
+REST_OVERLAP = 1e-7  # [m] bodies that move alike and overlap deeper than this are pushed apart
 TIME_TOLERANCE = 1e-6  # [s] by which a contact may lie before the sub-step's begin
 
 Rates = dict[int, Vector]
@@ -122,14 +123,21 @@ def _time_in_wall(scene: Scene, i: int) -> float:
 
 
 def _time_in_body(scene: Scene, i: int, j: int) -> float:
-    """The positive root t of |d + w t| = reach, where d is the distance and w the speed of approach."""
+    """The positive root t of |d + w t| = reach, where d is the distance and w the speed of approach.
+
+    Infinite for what overlaps, moves alike, and could be pushed apart.
+    """
     d = scene.vector(j, Position) - scene.vector(i, Position)
     w = scene.vector(i, Velocity) - scene.vector(j, Velocity)
     reach = scene.radius(i) + scene.radius(j) + TOUCH
     c = d.dot(d) - reach * reach
     a, b = w.dot(w), w.dot(d)
-    if c > 0 or a == 0:
+    if c > 0:
         return 0.0
+    if a == 0:
+        hard = scene.radius(i) + scene.radius(j) - REST_OVERLAP
+        stuck = 0 < hard and d.dot(d) < hard * hard and (_is_movable(scene, i) or _is_movable(scene, j))
+        return float("inf") if stuck else 0.0
     return ((b * b - a * c).sqrt() - b) / a + TOUCH / a.sqrt()
 
 
