@@ -38,9 +38,7 @@ class ContactNotes:
         rules: rules on that many bodies, with their numbers in the world.
     """
 
-    def __init__(
-        self, matcher: Matcher, group: Group, bodies: tuple[str, ...], rules: list[tuple[int, Rule]]
-    ) -> None:
+    def __init__(self, matcher: Matcher, group: Group, bodies: tuple[str, ...], rules: list[tuple[int, Rule]]) -> None:
         self.matcher, self.group, self.bodies = matcher, group, bodies
         self.noted = [n for n in (self._note(number, rule) for number, rule in rules) if n is not None]
 
