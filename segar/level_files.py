@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import os
-import zipfile
-import zlib
 from collections.abc import Iterable
 from os import PathLike
 from pathlib import Path
@@ -13,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from segar.archives import read_archive, write_archive
 from segar.engine.layout import Layout, Slot
 from segar.entities import Entity
 from segar.errors import LevelError, did_you_mean
@@ -27,27 +24,13 @@ FORMAT_VERSION = 1
 
 def save_levels(levels: Levels, path: str | PathLike[str]) -> None:
     """See :meth:`segar.Levels.save`."""
-    target = Path(path)
-    text = json.dumps(_metadata(levels), indent=1).encode()
-    arrays = {name: getattr(levels, name) for name in LEVEL_ARRAYS}
-    arrays |= {"indices": levels.provenance.indices, "metadata": np.frombuffer(text, dtype=np.uint8)}
-    beside = target.with_name(f".{target.name}.{os.getpid()}.tmp")
-    try:
-        with open(beside, "wb") as file:
-            np.savez_compressed(file, **arrays)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(beside, target)
-    except OSError as error:
-        beside.unlink(missing_ok=True)
-        raise LevelError(
-            f"levels cannot be written to {target}: {error.strerror or error}; nothing was changed"
-        ) from error
+    arrays = {name: getattr(levels, name) for name in LEVEL_ARRAYS} | {"indices": levels.provenance.indices}
+    write_archive(Path(path), arrays, _metadata(levels), "levels", LevelError)
 
 
 def load_levels(path: str | PathLike[str], world: Any = None) -> Levels:
     """See :meth:`segar.Levels.load`."""
-    arrays, metadata = _read(Path(path))
+    arrays, metadata = read_archive(Path(path), (*LEVEL_ARRAYS, "indices"), "level file", LevelError)
     if metadata.get("format") != FORMAT:
         raise LevelError(f"{path} is not a level file")
     if metadata["format_version"] > FORMAT_VERSION:
@@ -100,20 +83,6 @@ def _metadata(levels: Levels) -> dict[str, Any]:
 
 def _class_address(cls: type) -> dict[str, Any]:
     return {"name": cls.__name__, "module": cls.__module__, "qualname": cls.__qualname__}
-
-
-def _read(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    if not path.exists():
-        raise LevelError(f"there is no level file {path}")
-    if not zipfile.is_zipfile(path):
-        raise LevelError(f"{path} is not a level file, or only part of one")
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            metadata = json.loads(archive["metadata"].tobytes())
-            arrays = {name: archive[name] for name in (*LEVEL_ARRAYS, "indices")}
-    except (zipfile.BadZipFile, zlib.error, KeyError, ValueError, EOFError, OSError) as error:
-        raise LevelError(f"{path} is not a level file, or only part of one: {error}") from error
-    return arrays, metadata
 
 
 def _layout(metadata: dict[str, Any], path: str) -> Layout:

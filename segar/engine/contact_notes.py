@@ -15,7 +15,6 @@ from segar.engine.layout import holds
 from segar.engine.loops import both, condition, match_test
 from segar.engine.spec import Group, Matcher, Needs, needs_of, outcomes_of
 from segar.engine.trace import Branch, Outcome, Tree
-from segar.errors import RuleError
 from segar.rule import Rule
 
 

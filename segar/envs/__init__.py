@@ -6,9 +6,10 @@ from typing import Any
 
 from segar.envs.gym_env import Env
 from segar.envs.registration import register_all
+from segar.envs.snapshots import Snapshot
 from segar.envs.vector import VectorEnv
 
-__all__ = ["Env", "TorchRLEnv", "VectorEnv", "register_all"]
+__all__ = ["Env", "Snapshot", "TorchRLEnv", "VectorEnv", "register_all"]
 
 
 def __getattr__(name: str) -> Any:

@@ -12,7 +12,8 @@ from tensordict import TensorDict, TensorDictBase
 from torchrl.data import Binary, Bounded, Composite, Unbounded
 from torchrl.envs import EnvBase
 
-from segar.envs.vector import Snapshot, VectorEnv
+from segar.envs.snapshots import Snapshot
+from segar.envs.vector import VectorEnv
 from segar.errors import SegarError
 
 # What VectorEnv's info says about the running episode, and its dtype here; each entry has shape [num_envs, 1].

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import weakref
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import gymnasium
@@ -14,6 +14,7 @@ from gymnasium.vector.utils import batch_space
 
 from segar.envs import episode_kernel
 from segar.envs.factors_view import Factors
+from segar.envs.snapshots import Snapshot
 from segar.errors import ActionError, LevelError, SegarError, did_you_mean
 from segar.factors import Factor
 from segar.observations.pixels import Pixels
@@ -29,26 +30,6 @@ if TYPE_CHECKING:
 MAX_BUFFERS = 4  # observation arrays that are kept for use again
 UNSHARED = 3  # reference count of an array that only the list of buffers, the loop and getrefcount hold
 OBSERVATIONS = {"state": StateVector, "rgb": Pixels}
-
-
-@dataclass
-class Snapshot:
-    """All that an environment needs to go on from here: states, running episodes, and the randomness of resets."""
-
-    state: State
-    returns: np.ndarray
-    lengths: np.ndarray
-    episodes: np.ndarray
-    seed: int
-
-    def copy(self) -> Snapshot:
-        return replace(
-            self,
-            state=self.state.copy(),
-            returns=self.returns.copy(),
-            lengths=self.lengths.copy(),
-            episodes=self.episodes.copy(),
-        )
 
 
 class VectorEnv(gymnasium.vector.VectorEnv):
@@ -200,12 +181,12 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         return self._now.copy()
 
     def restore(self, snapshot: Snapshot) -> np.ndarray:
-        """Go on from a snapshot of this environment, or of one of equal size and layout; return the observations."""
-        if snapshot.state.values.shape != self._now.state.values.shape:
-            raise SegarError(
-                f"this snapshot holds states of shape {snapshot.state.values.shape}, the environment"
-                f" {self._now.state.values.shape}"
-            )
+        """Go on from a snapshot of ``num_envs`` environments on these levels; return the observations.
+
+        Raises:
+            SegarError: the snapshot is of another number of environments, or of other levels.
+        """
+        snapshot.check_fits(self.levels, self.num_envs)
         self._release()
         self._now = snapshot.copy()
         self._started = True

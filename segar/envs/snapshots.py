@@ -1,0 +1,120 @@
+"""Snapshots: all that a batch of environments needs to go on from a moment, to be kept, saved, forked and restored."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from segar.archives import read_archive, write_archive
+from segar.errors import SegarError
+from segar.simulator import State
+from segar.version import __version__
+
+if TYPE_CHECKING:
+    from segar.levels import Levels
+
+FORMAT = "segar-snapshot"
+FORMAT_VERSION = 1
+STATE_ARRAYS = ("values", "level", "key", "tick", "contacts", "gave_up")
+EPISODE_ARRAYS = ("returns", "lengths", "episodes")
+
+
+@dataclass
+class Snapshot:
+    """Running episodes at one moment; arrays lead with the environment.
+
+    Attributes:
+        state: factors, level, and the randomness of rules; see :class:`segar.State`.
+        returns: float64 ``(num_envs,)``, rewards of the running episode so far.
+        lengths: int64 ``(num_envs,)``, its steps so far.
+        episodes: int64 ``(num_envs,)``, episodes that were started.
+        seed: decides, with environment and number of the episode, on which level the next one starts.
+    """
+
+    state: State
+    returns: np.ndarray
+    lengths: np.ndarray
+    episodes: np.ndarray
+    seed: int
+
+    def __len__(self) -> int:
+        return len(self.returns)
+
+    def __getitem__(self, index: Any) -> Snapshot:
+        """A copy of the environments at an index, a slice, a list of indices (repeated as often as named) or a mask.
+
+        ``snapshot[[0, 0, 1]]`` forks environment 0. Forks share episode, factors and the randomness in rules, so equal
+        actions lead to equal bits until the episode ends; the next one is drawn for each place in the batch.
+
+        Raises:
+            SegarError: there is no such environment, or none is named.
+        """
+        try:
+            rows = np.atleast_1d(np.arange(len(self))[index])
+        except IndexError as error:
+            raise SegarError(f"snapshot[{index!r}]: it holds {len(self)} environments: {error}") from None
+        if not len(rows):
+            raise SegarError(f"snapshot[{index!r}] names no environment")
+        state = State(**{name: getattr(self.state, name)[rows] for name in STATE_ARRAYS})
+        return replace(self, state=state, **{name: getattr(self, name)[rows] for name in EPISODE_ARRAYS})
+
+    def copy(self) -> Snapshot:
+        return self[:]
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write to ``path`` (npz without pickle). An existing file is replaced only by a complete one.
+
+        Levels and rules are not in the file: save the levels beside it.
+
+        Raises:
+            SegarError: the file cannot be written; what stood at ``path`` still stands there.
+        """
+        arrays = {name: getattr(self.state, name) for name in STATE_ARRAYS}
+        arrays |= {name: getattr(self, name) for name in EPISODE_ARRAYS}
+        metadata = {"format": FORMAT, "format_version": FORMAT_VERSION, "version": __version__, "seed": self.seed}
+        write_archive(Path(path), arrays, metadata, "a snapshot", SegarError)
+
+    @classmethod
+    def load(cls, path: str | PathLike[str]) -> Snapshot:
+        """The snapshot in a file that ``save`` wrote.
+
+        Raises:
+            SegarError: the file is no snapshot, is incomplete, or was written by a newer version.
+        """
+        arrays, metadata = read_archive(Path(path), (*STATE_ARRAYS, *EPISODE_ARRAYS), "snapshot", SegarError)
+        if metadata.get("format") != FORMAT:
+            raise SegarError(f"{path} is not a snapshot")
+        if metadata["format_version"] > FORMAT_VERSION:
+            raise SegarError(f"{path} was written by a newer SEGAR ({metadata['version']}); this one cannot read it")
+        state = State(**{name: arrays[name] for name in STATE_ARRAYS})
+        return cls(state, **{name: arrays[name] for name in EPISODE_ARRAYS}, seed=int(metadata["seed"]))
+
+    def check_fits(self, levels: Levels, num_envs: int) -> None:
+        """Raise :class:`SegarError` unless ``num_envs`` environments on ``levels`` can go on from here.
+
+        Levels may differ from those of the snapshot in shapes and world parameters, which are not part of a state, but
+        not in which entities are there and what they hold.
+        """
+        if len(self) != num_envs:
+            raise SegarError(
+                f"this snapshot holds {len(self)} environments, and here are {num_envs}; pick or repeat some, as in"
+                f" snapshot[[0, 0, 1]], or make an environment of num_envs={len(self)}"
+            )
+        values, level = self.state.values, self.state.level
+        if values.shape[1:] != levels.values.shape[1:] or not ((level >= 0) & (level < len(levels))).all():
+            raise SegarError(
+                f"this snapshot is of other levels: of {values.shape[1]} entities with {values.shape[2]} columns and at"
+                f" least {level.max() + 1} levels, and here are {len(levels)} levels of {levels.values.shape[1]} entities"
+                f" with {levels.values.shape[2]} columns"
+            )
+        # What is absent stays absent; that a rule computed nan is no reason to refuse.
+        strange = (np.isnan(levels.values[level]) & ~np.isnan(values)).any(axis=(1, 2))
+        if strange.any():
+            e = int(np.flatnonzero(strange)[0])
+            raise SegarError(
+                f"this snapshot is of other levels: environment {e} holds a factor that no entity has in level {level[e]}"
+            )
