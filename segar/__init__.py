@@ -9,6 +9,7 @@ from typing import Tuple  # noqa: UP035 - the paper's rules are written with it
 from segar import envs, metrics, noise, random, tasks
 from segar.distribution import LevelDistribution
 from segar.effects import Aggregate, Differential, SetFactor
+from segar.engine.interpreter import Interpreter
 from segar.engine.signature import Action, Wall
 from segar.entities import *  # noqa: F403
 from segar.entities import __all__ as _entity_names
@@ -129,6 +130,7 @@ __all__ = [
     "Heat",
     "Hexagon",
     "InfiniteEnergy",
+    "Interpreter",
     "Label",
     "LevelDistribution",
     "LevelError",

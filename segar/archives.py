@@ -28,10 +28,11 @@ def write_archive(
         error: the file cannot be written; what stood at ``path`` still stands there.
     """
     text = json.dumps(metadata, indent=1).encode()
+    contents: dict[str, Any] = {**arrays, "metadata": np.frombuffer(text, dtype=np.uint8)}
     beside = path.with_name(f".{path.name}.{uuid.uuid4().hex[:12]}.tmp")
     try:
         with open(beside, "wb") as file:
-            np.savez_compressed(file, **arrays, metadata=np.frombuffer(text, dtype=np.uint8))
+            np.savez_compressed(file, **contents)
             file.flush()
             os.fsync(file.fileno())
         os.replace(beside, path)

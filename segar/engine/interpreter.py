@@ -12,12 +12,11 @@ from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Any
 
-import numpy as np
-
 from segar import random
 from segar.effects import Aggregate, Differential, Effect, SetFactor
 from segar.engine.layout import Layout
 from segar.engine.plain_contacts import ContactRules, Rates, move, resolve_contacts
+from segar.engine.result import Firing, Result
 from segar.engine.scene import Scene
 from segar.engine.signature import Signature, build_argument
 from segar.engine.spec import Needs, needs_of
@@ -33,44 +32,6 @@ from segar.values import Number, Vector
 from segar.world import World
 
 Takes = Callable[[Rule, Effect], bool]
-
-
-@dataclass(frozen=True)
-class Firing:
-    """A rule that said something: in which stage, about which entities (by name), and what."""
-
-    stage: str
-    rule: Rule
-    entities: tuple[str, ...]
-    effects: tuple[Effect, ...]
-
-    def __str__(self) -> str:
-        said = ", ".join(map(repr, self.effects))
-        return f"{self.stage}: {self.rule.name}({', '.join(self.entities)}) -> {said}"
-
-
-@dataclass
-class Result:
-    """What a step made of a state.
-
-    Attributes:
-        values: float64 ``(entities, columns)``.
-        tick: sub-steps since the episode began.
-        contacts: contacts of this step.
-        gave_up: sub-steps of this step whose time ran out in contacts.
-        reward, terminated, success, death: what the task says; None for a step without an action.
-        firings: which rules said what, in order, if asked for.
-    """
-
-    values: np.ndarray
-    tick: int
-    contacts: int = 0
-    gave_up: int = 0
-    reward: float | None = None
-    terminated: bool | None = None
-    success: bool | None = None
-    death: bool | None = None
-    firings: list[Firing] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -123,7 +84,8 @@ class Interpreter:
             run.sub_step()
             if action is not None and run.task_holds("terminated"):
                 break
-        result = Result(run.scene.values, run.scene.tick, run.contacts, run.gave_up, firings=run.firings)
+        scene = run.scene
+        result = Result(scene, scene.values, scene.tick, run.contacts, run.gave_up, firings=run.firings)
         if action is not None:
             result.reward = run.reward()
             result.terminated, result.success, result.death = map(run.task_holds, ("terminated", "success", "death"))
@@ -149,7 +111,7 @@ class _Run:
     def act(self, action: Sequence[float]) -> None:
         ranges = zip(action, self.functions.action_low, self.functions.action_high, strict=True)
         self.action = tuple(Number(min(max(float(a), low), high)) for a, low, high in ranges)
-        self._stage("act", [self.functions.act], lambda rule, effect: True, scale=1.0)
+        self._stage("act", list(self.functions.act), lambda rule, effect: True, scale=1.0)
 
     def sub_step(self) -> None:
         rules = list(self.world.rules)
@@ -279,7 +241,7 @@ class _Run:
         """Place of a rule in the order that keys its draws: the world's rules, the limit, contacts, then the task's."""
         world, task = self.world, self.functions
         order = [*world.rules, world.limit, world.wall_contact, world.pair_contact, *world.on_contact]
-        order += [task.act, task.reward, task.terminated, task.success, task.death]
+        order += [*task.act, *task.of_state]
         return [r for r in order if r is not None].index(rule)
 
     def _note(self, stage: str, rule: Rule, slots: tuple[int, ...], effects: tuple[Effect, ...]) -> None:
@@ -340,14 +302,21 @@ class _Run:
 
     def reward(self) -> float:
         """Summed over all entities that match."""
-        return sum((float(v) for v in self._values(self.functions.reward)), 0.0)
+        return sum((float(v) for rule in self.functions.reward for v in self._values(rule)), 0.0)
 
     def task_holds(self, what: str) -> bool:
         """Whether the task's ``terminated``, ``success`` or ``death`` holds for any entities that match."""
         return any(bool(v) for v in self._values(getattr(self.functions, what)))
 
     def _values(self, rule: Rule) -> list[Any]:
-        return [self._value(rule, slots) for slots in self.scene.tuples(own_needs(rule))]
+        """The value for each tuple that matches, or one for all tuples that differ only in reduced arguments."""
+        signature, found = rule.signature, {}
+        for slots in self.scene.tuples(own_needs(rule)):
+            free = slots[: len(slots) - signature.reduced]
+            found.setdefault(free, []).append(self._value(rule, slots))
+        if not signature.reduced:
+            return [value for values in found.values() for value in values]
+        return [all(values) if signature.reduction == "every" else min(values) for values in found.values()]
 
 
 own_needs = lru_cache(maxsize=1024)(needs_of)
