@@ -10,7 +10,7 @@ from segar import envs, metrics, noise, random, tasks
 from segar.distribution import LevelDistribution
 from segar.effects import Aggregate, Differential, SetFactor
 from segar.engine.interpreter import Interpreter
-from segar.engine.signature import Action, Wall
+from segar.engine.signature import Action, Every, Least, Wall
 from segar.entities import *  # noqa: F403
 from segar.entities import __all__ as _entity_names
 from segar.errors import (
@@ -119,6 +119,7 @@ __all__ = [
     "Differential",
     "Done",
     "Drag",
+    "Every",
     "Factor",
     "FactorError",
     "Flag",
@@ -132,6 +133,7 @@ __all__ = [
     "InfiniteEnergy",
     "Interpreter",
     "Label",
+    "Least",
     "LevelDistribution",
     "LevelError",
     "Levels",

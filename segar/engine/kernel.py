@@ -79,17 +79,17 @@ class _Builder:
         numbers = len(self.task.action_low)
         contact = [r for r in (self.world.wall_contact, self.world.pair_contact) if r is not None]
         limit = [self.world.limit] if self.world.limit is not None else []
-        self.rules = [*self.world.rules, *limit, *contact, *self.world.on_contact, self.task.act]
+        self.rules = [*self.world.rules, *limit, *contact, *self.world.on_contact, *self.task.act]
         for rule in self.rules:
             check_rule(
                 rule,
                 self.layout,
                 numbers,
-                allows_action=rule is self.task.act,
+                allows_action=rule in self.task.act,
                 allows_wall=rule is self.world.wall_contact or rule in self.world.on_contact,
             )
-        for rule in (self.task.reward, self.task.terminated, self.task.success, self.task.death):
-            check_rule(rule, self.layout, numbers, allows_action=rule is self.task.reward, allows_wall=False)
+        for rule in self.task.of_state:
+            check_rule(rule, self.layout, numbers, allows_action=rule in self.task.reward, allows_wall=False)
 
     @property
     def bodies(self) -> list[int]:
@@ -141,7 +141,7 @@ CONTACT_MOVES = {self._contacts_move()}
             self._rates(),
             contacts.hit_wall(),
             contacts.hit_body(),
-            self._stage("act", [(len(self.rules) - 1, self.task.act)], lambda r, o: True, scale="1.0"),
+            self._stage("act", self._acts(), lambda r, o: True, scale="1.0"),
             self._stage("stage_factors", body, lambda r, o: _stage_of(o) == 1 or (r.recheck and _stage_of(o) != 3)),
             self._stage("stage_velocity", body, lambda r, o: _stage_of(o) == 2 or (r.recheck and _stage_of(o) != 3)),
             self._stage("stage_limit", limit, lambda r, o: True),
@@ -173,10 +173,14 @@ CONTACT_MOVES = {self._contacts_move()}
             empty = len(w.lines) == start
         if name == "act" and empty:
             raise RuleError(
-                f"{self.task.act.where}: the task's action changes no entity of this distribution, which has only"
-                f" {', '.join(t.__name__ for t in self.layout.types)}"
+                f"{self.task.act[0].where}: the task's action changes no entity of this distribution, which has only"
+                f" {', '.join(t.__name__ for t in self.layout.types)}; choose the task that these levels are for (task=...)"
             )
         return w.text()
+
+    def _acts(self) -> list[tuple[int, Rule]]:
+        first = len(self.rules) - len(self.task.act)
+        return list(enumerate(self.task.act, first))
 
     def _translate(self) -> str:
         with self.source.function("advance_positions(V, U, bits, dt)", inline=True) as w:

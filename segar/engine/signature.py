@@ -1,7 +1,8 @@
 """Type hints -> pattern: what a rule applies to and what it may change. Definition-time errors are raised here.
 
 A rule's argument is a factor (all plain factors come from one entity), a tuple of factors (one entity each), an entity
-class (one entity each), a world parameter, ``Action`` (in a task's functions) or ``Wall`` (in contact rules).
+class (one entity each), a world parameter, ``Action`` (in a task's functions) or ``Wall`` (in contact rules). A task's
+functions of the state may ask for ``Every`` or ``Least`` over the entities of their last arguments.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import typing
 from collections.abc import Callable
 from dataclasses import dataclass
 from types import NoneType, UnionType
-from typing import Any
+from typing import Annotated, Any, TypeVar
 
 from segar.effects import Effect
 from segar.engine.symbols import Symbol, make
@@ -23,6 +24,13 @@ from segar.parameters import Parameter
 from segar.values import Source, Vector
 
 RELATIONS = ("is_on", "overlaps", "contains")
+T = TypeVar("T")
+Every = Annotated[T, "every"]
+"""Hint of a task's truth: it holds only if it holds for every entity of this kind, and there is one. Without the hint
+it holds if it holds for any."""
+Least = Annotated[T, "least"]
+"""Hint of a task's number: the least one over all entities of this kind counts. Without the hint they add up."""
+REDUCTIONS = {"every": "Every", "least": "Least"}
 
 
 class Action:
@@ -57,11 +65,17 @@ class Argument:
 
 @dataclass(frozen=True)
 class Signature:
-    """The pattern of a rule: its arguments, the entities it needs, and the effects it declares (None: a function)."""
+    """The pattern of a rule: its arguments, the entities it needs, and the effects it declares (None: a function).
+
+    ``reduction`` says what becomes of the values over all entities that match the last ``reduced`` patterns: whether
+    "every" one holds, or which is the "least".
+    """
 
     arguments: tuple[Argument, ...]
     entities: tuple[Pattern, ...]
     effects: tuple[tuple[type[Effect], type[Factor]], ...]
+    reduction: str = ""
+    reduced: int = 0
 
     @property
     def parameters(self) -> tuple[type[Parameter], ...]:
@@ -108,8 +122,8 @@ def where(function: Callable[..., Any]) -> str:
     return f"{name} ({code.co_filename.rsplit('/', 1)[-1]}:{code.co_firstlineno})" if code else name
 
 
-def read_signature(function: Callable[..., Any], returns_effects: bool = True) -> Signature:
-    """The signature of a typed function.
+def read_signature(function: Callable[..., Any], returns_effects: bool = True, reduction: str = "") -> Signature:
+    """The signature of a typed function, which may ask for one kind of ``reduction``, "every" or "least".
 
     Raises:
         RuleError: a hint is missing, unknown, or mixes what cannot be mixed; an effect is declared on a factor that no
@@ -121,17 +135,22 @@ def read_signature(function: Callable[..., Any], returns_effects: bool = True) -
     arguments: list[Argument] = []
     entities: list[Pattern] = []
     plain: list[tuple[int, type[Factor]]] = []
+    reduced = 0
     for name, parameter in inspect.signature(function).parameters.items():
         if parameter.kind in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD):
             raise RuleError(f"{where(function)}: '*{name}' cannot be matched; name every argument")
         if name not in hints:
             raise RuleError(f"{where(function)}: argument '{name}' has no type hint; hint a factor, e.g. {name}: Mass")
-        hint = hints[name]
+        hint, asked = _without_reduction(hints[name])
+        before = len(entities)
         if isinstance(hint, type) and issubclass(hint, Factor) and not issubclass(hint, Parameter):
             plain.append((len(arguments), hint))
             arguments.append(Argument(name, "factor", 0, (hint,)))
         else:
             arguments.append(_argument(function, name, hint, entities))
+        if asked or (reduced and len(entities) > before):
+            _check_reduction(function, name, asked, reduction, len(entities) > before)
+            reduced += 1
     if plain:
         if entities:
             raise RuleError(
@@ -139,7 +158,7 @@ def read_signature(function: Callable[..., Any], returns_effects: bool = True) -
                 " put the factors of each entity in its own Tuple[...]"
             )
         entities.append(Pattern(factors=tuple(f for _, f in plain)))
-    signature = Signature(tuple(arguments), tuple(entities), ())
+    signature = Signature(tuple(arguments), tuple(entities), (), reduction if reduced else "", reduced)
     if not returns_effects:
         return signature
     if "return" not in hints:
@@ -234,6 +253,28 @@ def _argument(function: Callable[..., Any], name: str, hint: Any, entities: list
         f"{where(function)}: argument '{name}' has the hint {_show(hint)}, which is not a factor, a Tuple of factors,"
         " an entity class or a world parameter"
     )
+
+
+def _without_reduction(hint: Any) -> tuple[Any, str]:
+    """The hint that ``Every[...]`` or ``Least[...]`` holds, and which of them it was."""
+    if typing.get_origin(hint) is Annotated and hint.__metadata__[0] in REDUCTIONS:
+        return hint.__origin__, hint.__metadata__[0]
+    return hint, ""
+
+
+def _check_reduction(function: Callable[..., Any], name: str, asked: str, allowed: str, is_entity: bool) -> None:
+    """Refuse a hint ``Every`` or ``Least`` where it means nothing."""
+    place = f"{where(function)}: argument '{name}'"
+    if not asked:
+        raise RuleError(f"{place}: arguments with {REDUCTIONS[allowed]}[...] come last")
+    if asked != allowed:
+        meant = {
+            "every": "a task's terminated, success and death can ask for Every",
+            "least": "a task's reward can ask for Least",
+        }
+        raise RuleError(f"{place}: only {meant[asked]}")
+    if not is_entity:
+        raise RuleError(f"{place}: {REDUCTIONS[asked]}[...] takes an entity class or a Tuple of factors")
 
 
 def _effects(function: Callable[..., Any], hint: Any) -> typing.Iterator[tuple[type[Effect], type[Factor]]]:

@@ -8,51 +8,70 @@ from typing import Any
 from segar.engine.emit import Writer
 from segar.engine.loops import VARIABLES, both, condition, match_test, over_group
 from segar.engine.source import STATE, Source, write_value
-from segar.engine.spec import Group, needs_of
+from segar.engine.spec import Group, Needs, needs_of
 from segar.errors import RuleError
 from segar.rule import Rule
+
+# Of each kind of reduction: what it starts from, and how it takes a value.
+REDUCTIONS = {
+    "every": ("True", "met, reduced = True, reduced and {}"),
+    "least": ("np.inf", "met, reduced = True, min(reduced, {})"),
+}
 
 
 @dataclass(frozen=True)
 class TaskFunctions:
-    """What a task adds to a kernel: its action rule, and functions of the state."""
+    """What a task adds to a kernel: the rules of its action, and functions of the state; rewards add up."""
 
-    act: Rule
-    reward: Rule
+    act: tuple[Rule, ...]
+    reward: tuple[Rule, ...]
     terminated: Rule
     success: Rule
     death: Rule
     action_low: tuple[float, ...]
     action_high: tuple[float, ...]
 
+    @property
+    def of_state(self) -> tuple[Rule, ...]:
+        """All functions of the state, in the order in which they are numbered."""
+        return (*self.reward, self.terminated, self.success, self.death)
+
 
 def task_functions(source: Source, task: TaskFunctions, first: int) -> list[str]:
     """``reward_of``, ``terminated_of``, ``success_of`` and ``death_of``; the task's rules are numbered from ``first``."""
     sums, meets = ("0.0", "total += {}"), ("False", "total = total or {}")
+    after = first + len(task.reward)
     return [
         _value_function(source, "reward_of", task.reward, first, *sums),
-        _value_function(source, "terminated_of", task.terminated, first + 1, *meets),
-        _value_function(source, "success_of", task.success, first + 2, *meets),
-        _value_function(source, "death_of", task.death, first + 3, *meets),
+        _value_function(source, "terminated_of", (task.terminated,), after, *meets),
+        _value_function(source, "success_of", (task.success,), after + 1, *meets),
+        _value_function(source, "death_of", (task.death,), after + 2, *meets),
     ]
 
 
-def _value_function(source: Source, name: str, rule: Rule, number: int, start: str, add: str) -> str:
+def _value_function(source: Source, name: str, rules: tuple[Rule, ...], first: int, start: str, add: str) -> str:
     """A function of the state: evaluated for every tuple of entities that matches, and accumulated."""
     with source.function(f"{name}({STATE})", inline=True) as w:
         source.write_parameters(w)
-        w.line(f"# {rule.name}")
+        w.line(f"# {', '.join(rule.name for rule in rules)}")
         w.line(f"total = {start}")
-        needs = needs_of(rule)
-        found = _nest(source, w, rule, needs, VARIABLES[: len(needs)], {}, add, number)
+        for number, rule in enumerate(rules, first):
+            needs = needs_of(rule)
+            with w.scope():
+                found = _nest(source, w, rule, needs, VARIABLES[: len(needs)], {}, add, number)
+            if needs and not found:
+                raise _unmatched(source, rule, needs)
         w.line("return total")
-    if needs and not found:
-        wanted = [n.entity_type.__name__ if n.entity_type else str([f.__name__ for f in n.factors]) for n in needs]
-        present = [t.__name__ for t in source.layout.types]
-        raise RuleError(
-            f"{rule.where}: the task needs {' and '.join(wanted)}, but the levels have only {', '.join(present)}"
-        )
     return w.text()
+
+
+def _unmatched(source: Source, rule: Rule, needs: tuple[Needs, ...]) -> RuleError:
+    wanted = [n.entity_type.__name__ if n.entity_type else str([f.__name__ for f in n.factors]) for n in needs]
+    present = [t.__name__ for t in source.layout.types]
+    return RuleError(
+        f"{rule.where}: the task needs {' and '.join(wanted)}, but the levels have only {', '.join(present)};"
+        " choose the task that these levels are for (task=...)"
+    )
 
 
 def _nest(
@@ -62,6 +81,20 @@ def _nest(
         w.groups = dict(groups)
         write_value(w, rule.tree, variables, add, number)
         return True
+    signature = rule.signature
+    if signature.reduced and len(groups) == len(needs) - signature.reduced:
+        start, take = REDUCTIONS[signature.reduction]
+        w.line(f"met, reduced = False, {start}")
+        found = _over_groups(source, w, rule, needs, variables, groups, take, number)
+        with w.block("if met:"):
+            w.line(add.format("reduced"))
+        return found
+    return _over_groups(source, w, rule, needs, variables, groups, add, number)
+
+
+def _over_groups(
+    source: Source, w: Writer, rule: Rule, needs: Any, variables: Any, groups: dict[str, Group], add: str, number: int
+) -> bool:
     variable, need, found = variables[len(groups)], needs[len(groups)], False
     for group in source.matcher.groups:
         mask = source.matcher.match(group, need)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 from segar.engine.task_functions import TaskFunctions
 from segar.errors import SegarError
 from segar.rule import as_rule, value_rule
+
+Function = Callable[..., Any]
 
 
 @dataclass(frozen=True)
@@ -16,29 +18,42 @@ class Task:
     """A task, compiled into the kernel together with the rules.
 
     Each function takes entities, factors and parameters by type, as rules do. ``reward`` is summed over all tuples of
-    entities that match; ``terminated``, ``success`` and ``death`` hold if they hold for any.
+    entities that match, but of arguments hinted ``Least[...]`` only the least value counts; ``terminated``, ``success``
+    and ``death`` hold if they hold for any, and for all of what is hinted ``Every[...]``::
+
+        def nearest_hole(ball: Ball, hole: Least[Hole]) -> float: ...    # summed over balls
+        def all_down(cue: CueBall, ball: Every[Ball]) -> bool: ...
+
+    A task remembers nothing but factors: what a reward needs to know of the past is written to a factor by ``act``.
 
     Attributes:
-        act: rule with an ``Action``; applied once per step before the first sub-step, differentials unscaled.
-        reward: number, evaluated once per step after the last sub-step.
+        act: rule with an ``Action``, or several rules, which may go without; applied once per step before the first
+            sub-step, differentials unscaled.
+        reward: number, or several, which add up; evaluated once per step after the last sub-step.
         terminated: truth, evaluated after every sub-step; the step ends where it holds.
         success: truth, evaluated at the end of the step; said in ``info``.
         death: truth, evaluated at the end of the step; said in ``info``.
         action_low, action_high: range of each number of the action; values outside are clipped.
         max_steps: an episode is truncated after this many steps.
         sub_steps: sub-steps per step.
+        results: name to a function of ``info["factors"]`` that gives an array ``(num_envs, ...)``: what ``info`` and
+            ``final_info`` say under ``"results"``, computed only when it is asked for.
+        demo_actions: function of ``info["factors"]`` that gives the actions of a scripted player, float32
+            ``(num_envs, action size)``, for demonstrations and as a yardstick.
     """
 
     name: str
-    act: Callable[..., Any]
-    reward: Callable[..., Any]
-    terminated: Callable[..., Any]
-    success: Callable[..., Any]
-    death: Callable[..., Any]
+    act: Function | tuple[Function, ...]
+    reward: Function | tuple[Function, ...]
+    terminated: Function
+    success: Function
+    death: Function
     action_low: tuple[float, ...] = (-1.0, -1.0)
     action_high: tuple[float, ...] = (1.0, 1.0)
     max_steps: int = 100
     sub_steps: int = 5
+    results: Mapping[str, Function] = field(default_factory=dict, hash=False)
+    demo_actions: Function | None = None
 
     def __post_init__(self) -> None:
         if len(self.action_low) != len(self.action_high) or not self.action_low:
@@ -50,11 +65,15 @@ class Task:
     def functions(self) -> TaskFunctions:
         """The traced functions; raises :class:`RuleError`."""
         return TaskFunctions(
-            act=as_rule(self.act),
-            reward=value_rule(self.reward, truth=False),
+            act=tuple(map(as_rule, _several(self.act))),
+            reward=tuple(value_rule(term, truth=False) for term in _several(self.reward)),
             terminated=value_rule(self.terminated, truth=True),
             success=value_rule(self.success, truth=True),
             death=value_rule(self.death, truth=True),
             action_low=tuple(map(float, self.action_low)),
             action_high=tuple(map(float, self.action_high)),
         )
+
+
+def _several(functions: Function | tuple[Function, ...]) -> tuple[Function, ...]:
+    return functions if isinstance(functions, tuple) else (functions,)
