@@ -10,7 +10,7 @@ from segar import envs, metrics, noise, random, tasks
 from segar.distribution import LevelDistribution
 from segar.effects import Aggregate, Differential, SetFactor
 from segar.engine.interpreter import Interpreter
-from segar.engine.signature import Action, Every, Least, Wall
+from segar.engine.signature import Action, Best, Every, Wall
 from segar.entities import *  # noqa: F403
 from segar.entities import __all__ as _entity_names
 from segar.errors import (
@@ -133,7 +133,7 @@ __all__ = [
     "InfiniteEnergy",
     "Interpreter",
     "Label",
-    "Least",
+    "Best",
     "LevelDistribution",
     "LevelError",
     "Levels",

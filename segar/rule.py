@@ -91,7 +91,7 @@ def as_rule(function: Any) -> Rule:
 
 def value_rule(function: Callable[..., Any], truth: bool) -> Rule:
     """A typed function that returns a number (or a truth value): a reward, a termination."""
-    signature = read_signature(function, returns_effects=False, reduction="every" if truth else "least")
+    signature = read_signature(function, returns_effects=False, reduction="every" if truth else "best")
     tree = trace(function, symbolic_arguments(signature), truth_leaf if truth else number_leaf, where(function))
     return Rule(function, signature, tree, None, 0, False)
 

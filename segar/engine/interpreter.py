@@ -306,7 +306,7 @@ class _Run:
 
     def task_holds(self, what: str) -> bool:
         """Whether the task's ``terminated``, ``success`` or ``death`` holds for any entities that match."""
-        return any(bool(v) for v in self._values(getattr(self.functions, what)))
+        return any(bool(v) for rule in getattr(self.functions, what) for v in self._values(rule))
 
     def _values(self, rule: Rule) -> list[Any]:
         """The value for each tuple that matches, or one for all tuples that differ only in reduced arguments."""
@@ -316,7 +316,7 @@ class _Run:
             found.setdefault(free, []).append(self._value(rule, slots))
         if not signature.reduced:
             return [value for values in found.values() for value in values]
-        return [all(values) if signature.reduction == "every" else min(values) for values in found.values()]
+        return [all(values) if signature.reduction == "every" else max(values) for values in found.values()]
 
 
 own_needs = lru_cache(maxsize=1024)(needs_of)

@@ -2,7 +2,7 @@
 
 A rule's argument is a factor (all plain factors come from one entity), a tuple of factors (one entity each), an entity
 class (one entity each), a world parameter, ``Action`` (in a task's functions) or ``Wall`` (in contact rules). A task's
-functions of the state may ask for ``Every`` or ``Least`` over the entities of their last arguments.
+functions of the state may ask for ``Every`` or ``Best`` over the entities of their last arguments.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ T = TypeVar("T")
 Every = Annotated[T, "every"]
 """Hint of a task's truth: it holds only if it holds for every entity of this kind, and there is one. Without the hint
 it holds if it holds for any."""
-Least = Annotated[T, "least"]
-"""Hint of a task's number: the least one over all entities of this kind counts. Without the hint they add up."""
-REDUCTIONS = {"every": "Every", "least": "Least"}
+Best = Annotated[T, "best"]
+"""Hint of a task's number: the greatest one over all entities of this kind counts. Without the hint they add up."""
+REDUCTIONS = {"every": "Every", "best": "Best"}
 
 
 class Action:
@@ -68,7 +68,7 @@ class Signature:
     """The pattern of a rule: its arguments, the entities it needs, and the effects it declares (None: a function).
 
     ``reduction`` says what becomes of the values over all entities that match the last ``reduced`` patterns: whether
-    "every" one holds, or which is the "least".
+    "every" one holds, or which is the "best", the greatest.
     """
 
     arguments: tuple[Argument, ...]
@@ -123,7 +123,7 @@ def where(function: Callable[..., Any]) -> str:
 
 
 def read_signature(function: Callable[..., Any], returns_effects: bool = True, reduction: str = "") -> Signature:
-    """The signature of a typed function, which may ask for one kind of ``reduction``, "every" or "least".
+    """The signature of a typed function, which may ask for one kind of ``reduction``, "every" or "best".
 
     Raises:
         RuleError: a hint is missing, unknown, or mixes what cannot be mixed; an effect is declared on a factor that no
@@ -256,21 +256,21 @@ def _argument(function: Callable[..., Any], name: str, hint: Any, entities: list
 
 
 def _without_reduction(hint: Any) -> tuple[Any, str]:
-    """The hint that ``Every[...]`` or ``Least[...]`` holds, and which of them it was."""
+    """The hint that ``Every[...]`` or ``Best[...]`` holds, and which of them it was."""
     if typing.get_origin(hint) is Annotated and hint.__metadata__[0] in REDUCTIONS:
         return hint.__origin__, hint.__metadata__[0]
     return hint, ""
 
 
 def _check_reduction(function: Callable[..., Any], name: str, asked: str, allowed: str, is_entity: bool) -> None:
-    """Refuse a hint ``Every`` or ``Least`` where it means nothing."""
+    """Refuse a hint ``Every`` or ``Best`` where it means nothing."""
     place = f"{where(function)}: argument '{name}'"
     if not asked:
         raise RuleError(f"{place}: arguments with {REDUCTIONS[allowed]}[...] come last")
     if asked != allowed:
         meant = {
             "every": "a task's terminated, success and death can ask for Every",
-            "least": "a task's reward can ask for Least",
+            "best": "a task's reward can ask for Best",
         }
         raise RuleError(f"{place}: only {meant[asked]}")
     if not is_entity:

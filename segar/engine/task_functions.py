@@ -15,38 +15,40 @@ from segar.rule import Rule
 # Of each kind of reduction: what it starts from, and how it takes a value.
 REDUCTIONS = {
     "every": ("True", "met, reduced = True, reduced and {}"),
-    "least": ("np.inf", "met, reduced = True, min(reduced, {})"),
+    "best": ("-np.inf", "met, reduced = True, max(reduced, {})"),
 }
 
 
 @dataclass(frozen=True)
 class TaskFunctions:
-    """What a task adds to a kernel: the rules of its action, and functions of the state; rewards add up."""
+    """What a task adds to a kernel: the rules of its action, and functions of the state.
+
+    Rewards add up; a truth holds if any of its functions holds.
+    """
 
     act: tuple[Rule, ...]
     reward: tuple[Rule, ...]
-    terminated: Rule
-    success: Rule
-    death: Rule
+    terminated: tuple[Rule, ...]
+    success: tuple[Rule, ...]
+    death: tuple[Rule, ...]
     action_low: tuple[float, ...]
     action_high: tuple[float, ...]
 
     @property
     def of_state(self) -> tuple[Rule, ...]:
         """All functions of the state, in the order in which they are numbered."""
-        return (*self.reward, self.terminated, self.success, self.death)
+        return (*self.reward, *self.terminated, *self.success, *self.death)
 
 
 def task_functions(source: Source, task: TaskFunctions, first: int) -> list[str]:
     """``reward_of``, ``terminated_of``, ``success_of`` and ``death_of``; the task's rules are numbered from ``first``."""
-    sums, meets = ("0.0", "total += {}"), ("False", "total = total or {}")
-    after = first + len(task.reward)
-    return [
-        _value_function(source, "reward_of", task.reward, first, *sums),
-        _value_function(source, "terminated_of", (task.terminated,), after, *meets),
-        _value_function(source, "success_of", (task.success,), after + 1, *meets),
-        _value_function(source, "death_of", (task.death,), after + 2, *meets),
-    ]
+    source_of = []
+    for name in ("reward", "terminated", "success", "death"):
+        rules: tuple[Rule, ...] = getattr(task, name)
+        start, add = ("0.0", "total += {}") if name == "reward" else ("False", "total = total or {}")
+        source_of.append(_value_function(source, f"{name}_of", rules, first, start, add))
+        first += len(rules)
+    return source_of
 
 
 def _value_function(source: Source, name: str, rules: tuple[Rule, ...], first: int, start: str, add: str) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 
 from segar.engine.task_functions import TaskFunctions
 from segar.errors import SegarError
-from segar.rule import as_rule, value_rule
+from segar.rule import Rule, as_rule, value_rule
 
 Function = Callable[..., Any]
 
@@ -18,18 +18,20 @@ class Task:
     """A task, compiled into the kernel together with the rules.
 
     Each function takes entities, factors and parameters by type, as rules do. ``reward`` is summed over all tuples of
-    entities that match, but of arguments hinted ``Least[...]`` only the least value counts; ``terminated``, ``success``
-    and ``death`` hold if they hold for any, and for all of what is hinted ``Every[...]``::
+    entities that match, but of arguments hinted ``Best[...]`` only the greatest value counts; ``terminated``,
+    ``success`` and ``death`` hold if they hold for any, and for all of what is hinted ``Every[...]``::
 
-        def nearest_hole(ball: Ball, hole: Least[Hole]) -> float: ...    # summed over balls
+        def nearness(ball: Ball, hole: Best[Hole]) -> float: ...  # of the nearest hole, summed over balls
         def all_down(cue: CueBall, ball: Every[Ball]) -> bool: ...
+
+    Each function may be a tuple of functions: their rewards add up, and a truth holds if any of them does.
 
     A task remembers nothing but factors: what a reward needs to know of the past is written to a factor by ``act``.
 
     Attributes:
-        act: rule with an ``Action``, or several rules, which may go without; applied once per step before the first
-            sub-step, differentials unscaled.
-        reward: number, or several, which add up; evaluated once per step after the last sub-step.
+        act: rule with an ``Action`` (of several, some may go without); applied once per step before the first sub-step,
+            differentials unscaled.
+        reward: number, evaluated once per step after the last sub-step.
         terminated: truth, evaluated after every sub-step; the step ends where it holds.
         success: truth, evaluated at the end of the step; said in ``info``.
         death: truth, evaluated at the end of the step; said in ``info``.
@@ -45,9 +47,9 @@ class Task:
     name: str
     act: Function | tuple[Function, ...]
     reward: Function | tuple[Function, ...]
-    terminated: Function
-    success: Function
-    death: Function
+    terminated: Function | tuple[Function, ...]
+    success: Function | tuple[Function, ...]
+    death: Function | tuple[Function, ...]
     action_low: tuple[float, ...] = (-1.0, -1.0)
     action_high: tuple[float, ...] = (1.0, 1.0)
     max_steps: int = 100
@@ -67,12 +69,16 @@ class Task:
         return TaskFunctions(
             act=tuple(map(as_rule, _several(self.act))),
             reward=tuple(value_rule(term, truth=False) for term in _several(self.reward)),
-            terminated=value_rule(self.terminated, truth=True),
-            success=value_rule(self.success, truth=True),
-            death=value_rule(self.death, truth=True),
+            terminated=_truths(self.terminated),
+            success=_truths(self.success),
+            death=_truths(self.death),
             action_low=tuple(map(float, self.action_low)),
             action_high=tuple(map(float, self.action_high)),
         )
+
+
+def _truths(functions: Function | tuple[Function, ...]) -> tuple[Rule, ...]:
+    return tuple(value_rule(function, truth=True) for function in _several(functions))
 
 
 def _several(functions: Function | tuple[Function, ...]) -> tuple[Function, ...]:

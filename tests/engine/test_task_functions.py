@@ -1,4 +1,4 @@
-"""Functions of a task over many entities: sums and any, least and every, several terms and several rules of action."""
+"""Functions of a task over many entities: sums and any, best and every, and several functions in one place."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import pytest
 
 from segar import (
     Ball,
+    Best,
     Done,
     Every,
     FloorFriction,
     Hole,
-    Least,
     LevelDistribution,
     Mass,
     Object,
@@ -46,8 +46,8 @@ def gain(ball: Ball) -> SetFactor[StoredEnergy]:
     return SetFactor[StoredEnergy](ball[StoredEnergy], ball[Mass])
 
 
-def nearest(ball: Ball, hole: Least[Hole]) -> float:
-    return (ball[Position] - hole[Position]).norm()
+def nearness(ball: Ball, hole: Best[Hole]) -> float:
+    return -(ball[Position] - hole[Position]).norm()
 
 
 def fee(body: Object, action: Action) -> float:
@@ -63,7 +63,7 @@ def never(body: Object) -> bool:
 
 
 TASK = Task(
-    "several", (push, gain), (nearest, fee), all_done, never, never, action_low=(0.0,), action_high=(1.0,), sub_steps=1
+    "several", (push, gain), (nearness, fee), all_done, never, never, action_low=(0.0,), action_high=(1.0,), sub_steps=1
 )
 
 
@@ -86,14 +86,14 @@ def present(state, slot_type: type) -> np.ndarray:
     return np.isin(types, kinds)
 
 
-def test_the_least_value_counts_and_the_terms_of_a_reward_add_up():
+def test_the_best_value_counts_and_the_terms_of_a_reward_add_up():
     _, _, state, outcome, _ = states_and_outcome()
     x = read(state, SOME, Position)
     ball, hole, body = (present(state, kind) for kind in (Ball, Hole, Object))
     distance = np.linalg.norm(x[:, :, None] - x[:, None], axis=-1)
-    least = np.where(hole[:, None], distance, np.inf).min(axis=2)
+    nearest = np.where(hole[:, None], distance, np.inf).min(axis=2)
     counted = np.logical_and(ball, hole.any(axis=1, keepdims=True))
-    expected = np.where(counted, least, 0).sum(axis=1)
+    expected = -np.where(counted, nearest, 0).sum(axis=1)
     expected -= 0.5 * np.where(body, read(state, SOME, Mass), 0).sum(axis=1)
     np.testing.assert_allclose(outcome.reward, expected, rtol=1e-12)
     assert 0 < counted.any(axis=1).mean() < 1
@@ -126,26 +126,26 @@ def test_the_interpreter_agrees():
 
 
 def test_hints_that_mean_nothing_are_refused():
-    def rule_with_least(ball: Ball, hole: Least[Hole]) -> SetFactor[Mass]:
+    def rule_with_best(ball: Ball, hole: Best[Hole]) -> SetFactor[Mass]:
         return SetFactor[Mass](ball[Mass], 1.0)
 
     def every_number(ball: Every[Ball]) -> float:
         return ball[Mass]
 
-    def least_first(hole: Least[Hole], ball: Ball) -> float:
+    def best_first(hole: Best[Hole], ball: Ball) -> float:
         return ball[Mass]
 
-    def least_mass(mass: Least[Mass]) -> float:
+    def best_mass(mass: Best[Mass]) -> float:
         return mass
 
-    with pytest.raises(RuleError, match="argument 'hole': only a task's reward can ask for Least"):
-        rule(rule_with_least)
+    with pytest.raises(RuleError, match="argument 'hole': only a task's reward can ask for Best"):
+        rule(rule_with_best)
     with pytest.raises(RuleError, match="argument 'ball': only a task's terminated, success and death can ask for"):
         value_rule(every_number, truth=False)
-    with pytest.raises(RuleError, match=r"argument 'ball': arguments with Least\[...\] come last"):
-        value_rule(least_first, truth=False)
-    with pytest.raises(RuleError, match=r"argument 'mass': Least\[...\] takes an entity class or a Tuple of factors"):
-        value_rule(least_mass, truth=False)
+    with pytest.raises(RuleError, match=r"argument 'ball': arguments with Best\[...\] come last"):
+        value_rule(best_first, truth=False)
+    with pytest.raises(RuleError, match=r"argument 'mass': Best\[...\] takes an entity class or a Tuple of factors"):
+        value_rule(best_mass, truth=False)
 
 
 def test_a_task_for_other_entities_is_refused_with_the_fix():
