@@ -71,22 +71,32 @@ class Entity:
     declared: ClassVar[dict[type[Factor], Any]] = {}
     """Factor class to default value, inherited ones included."""
 
+    _own: ClassVar[dict[type[Factor], Any]] = {}
+
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
-        cls.declared = dict(cls.__base__.declared)  # type: ignore[union-attr]
-        own = set()
+        cls._own = {}
         for name, hint in inspect.get_annotations(cls).items():
             factor = _resolve(hint, cls) if isinstance(hint, str) else hint
             if not (isinstance(factor, type) and issubclass(factor, Factor)):
                 continue  # an ordinary attribute such as a ClassVar
             value = cls.__dict__.get(name, None)
-            own.add(factor)
             try:
-                cls.declared[factor] = factor.default if value is None else factor.check(value)
+                cls._own[factor] = factor.default if value is None else factor.check(value)
             except FactorError as error:
                 raise FactorError(f"entity {cls.__name__}.{name}: {error}") from None
-        if Size in own and Shape not in own and isinstance(cls.declared.get(Shape), Circle):
-            cls.declared[Shape] = Circle(cls.declared[Size])  # the inherited circle gets the new size
+        inherited = cls._inherited()
+        if Size in cls._own and Shape not in cls._own and isinstance(inherited.get(Shape), Circle):
+            cls._own[Shape] = Circle(cls._own[Size])  # the inherited circle gets the new size
+        cls.declared = inherited | cls._own
+
+    @classmethod
+    def _inherited(cls) -> dict[type[Factor], Any]:
+        """What the parents declare, in Python's order of resolution, so that an entity may have several."""
+        found: dict[type[Factor], Any] = {}
+        for parent in reversed(cls.__mro__[1:]):
+            found |= vars(parent).get("_own", {})
+        return found
 
     def __init__(self, factors: Mapping[type[Factor], Any] | None = None) -> None:
         self.factors: dict[type[Factor], Any] = dict(self.declared)

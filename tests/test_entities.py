@@ -1,0 +1,39 @@
+"""Entity types: what they inherit."""
+
+from __future__ import annotations
+
+import segar
+from segar import Ball, Charge, Circle, GolfBall, Label, Mass, Shape, Size
+from segar.entities import Object
+
+
+class Glow(segar.Scalar, default=1.0): ...
+
+
+class Lamp(Ball):
+    glow: Glow = 3.0
+    mass: Mass = 2.0
+    label: Label = "lamp"
+
+
+class BigLamp(Lamp):
+    size: Size = 0.5
+
+
+class LampToHit(GolfBall, Lamp): ...
+
+
+class BigLampToHit(GolfBall, BigLamp): ...
+
+
+def test_an_entity_with_two_parents_has_the_factors_of_both_and_defaults_in_python_s_order():
+    declared = LampToHit.declared
+    assert declared[Glow] == 3.0
+    assert declared[Charge] == GolfBall.declared[Charge] == 1.0 and declared[Label] == "golfball", "the first parent's"
+    assert declared[Mass] == 2.0, "Lamp says so, and GolfBall only inherits its own from Object"
+    assert issubclass(LampToHit, Object) and set(declared) == set(GolfBall.declared) | set(Lamp.declared)
+
+
+def test_a_size_brings_its_circle_along_also_through_two_parents():
+    assert BigLamp.declared[Shape] == BigLampToHit.declared[Shape] == Circle(0.5)
+    assert Lamp.declared[Shape] == Circle(0.2)
