@@ -1,8 +1,8 @@
 """Geometry and contacts as the kernels run them. The text below the line is copied into every generated module.
 
 State of one environment: ``V[entity, column]``; static shapes of its level: ``kind[entity]``, ``count[entity]``
-vertices ``vertex[entity, k, 2]``, ``hull_radius[entity]``. Scratch: ``W[entity, column]``, of which contacts use column
-0, and ``L``, lists of integers. Everything is plain Python, so that tests can run it.
+vertices ``vertex[entity, k, 2]``, ``hull_radius[entity]``. Scratch: ``W[entity, column]``, of which contacts use the
+first two, and ``L``, lists of integers. Everything is plain Python, so that tests can run it.
 """
 
 # pyright: reportUndefinedVariable=false
@@ -40,7 +40,7 @@ LOW, HIGH = -1.0, 1.0  # [m] walls of the arena
 MAX_CONTACTS = 64  # contacts that one sub-step resolves before it gives up the rest of its time
 MAX_REWINDS = 256  # rewinds before one contact
 REST_OVERLAP = 1e-7  # [m] bodies that move alike and overlap deeper than this are pushed apart
-REACH = 4.0  # how far ahead bodies are listed as near, in ways that the fastest one goes in the rest of a sub-step
+REACH = 2.0  # how far ahead bodies are listed as near, in ways that the fastest one goes in the rest of a sub-step
 WALL = 0  # stands for the second body of a contact with a wall; of two bodies the second is never slot 0
 MAX_SEPARATIONS = 50  # passes that push overlapping bodies apart after a sub-step gave up
 
@@ -202,19 +202,22 @@ def push_apart(V, ri, rj, share, i, j):
 
 
 @njit
-def sort_bodies(V, W, bits, kind, hull_radius, L):
-    """Order the bodies in ``L[ORDER_AT:]`` by their left edge, which is put in ``W[body, 0]``; absent ones come last.
-
-    The order of the last sub-step is nearly right, so that insertion is fast.
-    """
+def measure_bodies(V, W, bits, kind, hull_radius):
+    """Put each body's left edge in ``W[body, 0]``, infinite for an absent one, and its radius in ``W[body, 1]``."""
     for a in range(len(COLLIDERS)):
         i = COLLIDERS[a]
-        here = (bits[i] & COLLIDER_BITS) == COLLIDER_BITS
-        W[i, 0] = V[i, X] - radius(V, kind, hull_radius, i) if here else np.inf
+        W[i, 1] = radius(V, kind, hull_radius, i)
+        W[i, 0] = V[i, X] - W[i, 1] if (bits[i] & COLLIDER_BITS) == COLLIDER_BITS else np.inf
+
+
+@njit
+def sort_bodies(W, L):
+    """Order the bodies in ``L[ORDER_AT:]`` by their left edge. The last order is nearly right: insertion is fast."""
     for a in range(1, len(COLLIDERS)):
         i = L[ORDER_AT + a]
+        left = W[i, 0]
         b = a
-        while b > 0 and W[L[ORDER_AT + b - 1], 0] > W[i, 0]:
+        while b > 0 and W[L[ORDER_AT + b - 1], 0] > left:
             L[ORDER_AT + b] = L[ORDER_AT + b - 1]
             b -= 1
         L[ORDER_AT + b] = i
@@ -223,64 +226,58 @@ def sort_bodies(V, W, bits, kind, hull_radius, L):
 @njit
 def any_touch(V, W, bits, kind, hull_radius, L):
     """As ``may_touch``, for many bodies: only those whose extents in x overlap are compared."""
-    sort_bodies(V, W, bits, kind, hull_radius, L)
+    measure_bodies(V, W, bits, kind, hull_radius)
+    sort_bodies(W, L)
     for a in range(len(COLLIDERS)):
         i = L[ORDER_AT + a]
         if W[i, 0] == np.inf:
             return False
-        ri = radius(V, kind, hull_radius, i)
-        right = V[i, X] + ri + THRESHOLD
-        if abs(V[i, X]) + ri > HIGH or abs(V[i, X + 1]) + ri > HIGH:
+        x, y, r = V[i, X], V[i, X + 1], W[i, 1]
+        if abs(x) + r > HIGH or abs(y) + r > HIGH:
             return True
+        right = x + r + THRESHOLD
         for b in range(a + 1, len(COLLIDERS)):
             j = L[ORDER_AT + b]
             if W[j, 0] > right:
                 break
-            reach = ri + radius(V, kind, hull_radius, j) + THRESHOLD
-            dx = V[j, X] - V[i, X]
-            dy = V[j, X + 1] - V[i, X + 1]
+            reach = r + W[j, 1] + THRESHOLD
+            dx = V[j, X] - x
+            dy = V[j, X + 1] - y
             if dx * dx + dy * dy <= reach * reach:
                 return True
     return False
 
 
 @njit
-def add_near(V, ri, rj, i, j, margin, L, n):
-    """Append a pair to the list where its distance is at most the margin; returns the new number of entries."""
-    reach = ri + rj + margin
-    dx = V[j, X] - V[i, X]
-    dy = V[j, X + 1] - V[i, X + 1]
-    if dx * dx + dy * dy <= reach * reach:
-        L[NEAR_AT + n] = (min(i, j) << 16) | max(i, j)
-        return n + 1
-    return n
-
-
-@njit
 def list_near(V, W, bits, kind, hull_radius, L, margin):
     """List walls and pairs that are nearer than ``margin`` in ``L[NEAR_AT:]``, as ``first << 16 | second``; how many."""
     n = 0
+    measure_bodies(V, W, bits, kind, hull_radius)
     if MANY_BODIES:
-        sort_bodies(V, W, bits, kind, hull_radius, L)
+        sort_bodies(W, L)
     for a in range(len(COLLIDERS)):
         i = L[ORDER_AT + a] if MANY_BODIES else COLLIDERS[a]
-        if (bits[i] & COLLIDER_BITS) != COLLIDER_BITS:
+        if W[i, 0] == np.inf:
             continue
-        ri = radius(V, kind, hull_radius, i)
-        if abs(V[i, X]) + ri + margin > HIGH or abs(V[i, X + 1]) + ri + margin > HIGH:
+        x, y, r = V[i, X], V[i, X + 1], W[i, 1] + margin
+        if abs(x) + r > HIGH or abs(y) + r > HIGH:
             L[NEAR_AT + n] = (i << 16) | WALL
             n += 1
         for b in range(a + 1, len(COLLIDERS)):
             j = L[ORDER_AT + b] if MANY_BODIES else COLLIDERS[b]
-            if MANY_BODIES and W[j, 0] > V[i, X] + ri + margin:
+            if MANY_BODIES and W[j, 0] > x + r:
                 break
-            if (bits[j] & COLLIDER_BITS) == COLLIDER_BITS:
-                n = add_near(V, ri, radius(V, kind, hull_radius, j), i, j, margin, L, n)
+            reach = r + W[j, 1]
+            dx = V[j, X] - x
+            dy = V[j, X + 1] - y
+            if dx * dx + dy * dy <= reach * reach and W[j, 0] < np.inf:
+                L[NEAR_AT + n] = (min(i, j) << 16) | max(i, j)
+                n += 1
     return n
 
 
 @njit
-def find_contact(V, bits, kind, hull_radius, L, near):
+def find_contact(V, W, bits, L, near):
     """The contact with the longest time to move back among those listed: (time, its entry); time 0 for none.
 
     Of equally long ones the first entry counts, so that the order of the list does not matter.
@@ -289,11 +286,7 @@ def find_contact(V, bits, kind, hull_radius, L, near):
     for n in range(near):
         entry = L[NEAR_AT + n]
         i, j = entry >> 16, entry & 65535
-        ri = radius(V, kind, hull_radius, i)
-        if j == WALL:
-            time = wall_time(V, ri, i)
-        else:
-            time = pair_time(V, ri, radius(V, kind, hull_radius, j), i, j)
+        time = wall_time(V, W[i, 1], i) if j == WALL else pair_time(V, W[i, 1], W[j, 1], i, j)
         if time > best or (time == best and time > 0.0 and entry < found):
             if j != WALL and not (solid(V, bits, i) and solid(V, bits, j)):
                 continue
@@ -398,7 +391,7 @@ def resolve(V, W, U, bits, kind, hull_radius, P, err, L, remaining):
             if 2.0 * travelled > margin:
                 margin, travelled = REACH * speed * remaining + 2.0 * THRESHOLD, 0.0
                 near = list_near(V, W, bits, kind, hull_radius, L, margin)
-            time, entry = find_contact(V, bits, kind, hull_radius, L, near)
+            time, entry = find_contact(V, W, bits, L, near)
             if not time > 0.0:
                 break
             found = entry

@@ -59,9 +59,9 @@ def generate(layout: Layout, world: World, task: TaskFunctions) -> KernelSource:
     builder = _Builder(layout, world, task)
     functions = builder.functions()
     body = "\n".join([builder.header(), _device_text(), functions])
+    # Bodies in order; behind them near walls and pairs, or partners while rules are applied.
     bodies = len(builder.bodies)
-    # Bodies in order; near walls and pairs.
-    length = bodies + bodies * (bodies + 1) // 2
+    length = bodies + max(bodies * (bodies + 1) // 2, builder.list_length)
     return KernelSource(body, builder.source.matcher.masks(), tuple(builder.rules), length)
 
 
@@ -72,6 +72,7 @@ class _Builder:
     task: TaskFunctions
     source: Source = field(init=False)
     rules: list[Rule] = field(init=False)
+    list_length: int = field(init=False, default=0)
 
     def __post_init__(self) -> None:
         self.source = Source(self.layout)
@@ -169,7 +170,9 @@ CONTACT_MOVES = {self._contacts_move()}
         with self.source.function(f"{name}({STATE}, dt)", inline=True) as w:
             self.source.write_parameters(w)
             start = len(w.lines)
-            Stage(self.source.matcher, rules, takes, scale, rates).write(w)
+            stage = Stage(self.source.matcher, rules, takes, scale, rates)
+            stage.write(w)
+            self.list_length = max(self.list_length, stage.list_length)
             empty = len(w.lines) == start
         if name == "act" and empty:
             raise RuleError(

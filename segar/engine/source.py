@@ -21,7 +21,7 @@ DECORATOR = '@njit(error_model="numpy", nogil=True, _nrt=False)'
 # Numba's own passes grow faster than linearly with a function's length, and its calls are slow with array arguments:
 # short functions that LLVM must inline compile fast and run fast.
 INLINE_DECORATOR = '@njit(error_model="numpy", nogil=True, _nrt=False, forceinline=True)'
-STATE = "V, W, U, bits, kind, count, vertex, hull_radius, P, A, key, tick, err"
+STATE = "V, W, U, bits, kind, count, vertex, hull_radius, P, A, L, key, tick, err"
 
 
 @dataclass

@@ -13,6 +13,7 @@ from itertools import pairwise
 from segar.effects import Aggregate, Differential, SetFactor
 from segar.engine.applications import Application, application_symbols, bind_tree
 from segar.engine.emit import Writer, bind
+from segar.engine.gates import Gate, find_gate
 from segar.engine.layout import Slot, holds
 from segar.engine.loops import VARIABLES, both, condition, match_test, over_group, share
 from segar.engine.spec import Group, Matcher, Needs, leaves_of, needs_of, outcomes_of, relation_mask, settle, symbols_of
@@ -50,6 +51,8 @@ class Stage:
                     self.applications.append(Application(rule, number, target, needs))
         self.groups = self._indistinct_groups(self.applications)
         self.shared = self._read_across()
+        self.list_length = 0
+        self.gates = self._find_gates()
 
     def _indistinct_groups(self, applications: list[Application]) -> tuple[Group, ...]:
         """Slots that match alike and keep what they hold in the same columns share a loop: less source, same result."""
@@ -77,8 +80,11 @@ class Stage:
         return self.matcher.merge(range(len(self.matcher.layout.slots)), key)
 
     def write(self, w: Writer) -> None:
-        """Write the stage; the surroundings define V, W, bits, P, dt, key, tick, err and the shape arrays."""
+        """Write the stage; the surroundings define V, W, L, bits, P, dt, key, tick, err and the shape arrays."""
         buffered: list[tuple[Group, int, int]] = []
+        for partners in self.gates.values():
+            for gate in (g for _, g in partners if g is not None):
+                gate.write_list(w)
         for group in self.groups:
             mine = [
                 (a, m) for a in self.applications if (m := self.matcher.match(group, a.needs[a.target])) is not None
@@ -91,6 +97,23 @@ class Stage:
             with over_group(w, group, "i"):
                 for c in range(column, column + width):
                     w.line(f"V[i, {c}] = W[i, {c}]")
+
+    def _find_gates(self) -> dict[Application, list[tuple[Group, Gate | None]]]:
+        """Pair rules that are quiet about most partners: their groups of partners, and the gates of those."""
+        found: dict[Application, list[tuple[Group, Gate | None]]] = {}
+        for a in self.applications if not self.rates else ():
+            if len(a.needs) != 2 or all(self.matcher.match(g, a.needs[a.target]) is None for g in self.groups):
+                continue
+            partners: list[tuple[Group, Gate | None]] = []
+            for other in self._indistinct_groups([a]):
+                mask = self.matcher.match(other, a.needs[1 - a.target])
+                if mask is not None:
+                    gate = find_gate(a, other, mask, self.list_length, len(found))
+                    self.list_length += len(other.slots) if gate is not None else 0
+                    partners.append((other, gate))
+            if any(gate is not None for _, gate in partners):
+                found[a] = partners
+        return found
 
     def _write_target(self, w: Writer, group: Group, mine: list[tuple[Application, int]]) -> list:
         factors = self._factors(group, mine)
@@ -119,8 +142,16 @@ class Stage:
         for test, applications in unary.items():
             with condition(w, test):
                 self._apply(w, applications, {"i": group})
-        for other in self._indistinct_groups([a for a, _ in mine if len(a.needs) == 2]):
-            self._write_pairs(w, group, other, mine)
+        plain = [(a, mask) for a, mask in mine if len(a.needs) == 2 and a not in self.gates]
+        for other in self._indistinct_groups([a for a, _ in plain]):
+            self._write_pairs(w, group, other, plain)
+        for a, mask in mine:
+            for other, gate in self.gates.get(a, ()):
+                if gate is None:
+                    self._write_pairs(w, group, other, [(a, mask)])
+                else:
+                    with condition(w, match_test("i", mask)):
+                        self._write_gated(w, group, gate)
         for application, mask in mine:
             if len(application.needs) == 3:
                 self._write_triples(w, group, application, mask)
@@ -147,7 +178,7 @@ class Stage:
     def _write_pairs(self, w: Writer, group: Group, other: Group, mine: list[tuple[Application, int]]) -> None:
         pairs: dict[str, list[Application]] = defaultdict(list)
         for a, mask in mine:
-            if len(a.needs) == 2 and not (other.slots == group.slots and group.is_single):
+            if not (other.slots == group.slots and group.is_single):
                 other_mask = self.matcher.match(other, a.needs[1 - a.target])
                 if other_mask is not None and not self._never(a, {"i": group, "j": other}):
                     pairs[both(match_test("i", mask), match_test("j", other_mask))].append(a)
@@ -157,6 +188,28 @@ class Stage:
             for test, applications in pairs.items():
                 with condition(w, test):
                     self._apply(w, applications, {"i": group, "j": other})
+
+    def _write_gated(self, w: Writer, group: Group, gate: Gate) -> None:
+        a = gate.application
+        with w.block(f"for n in range(listed_{gate.name}):"):
+            w.line(f"j = L[{gate.list_at} + n]")
+            with condition(w, "i != j" if share(gate.partners, group) else ""):
+                w.groups = {"i": group, "j": gate.partners}
+                self._merge(w, [(a, gate.rest)], group)
+        if not self._matters(a, gate.leaf):
+            return
+        gate.write_count(w, group)
+        w.groups = {"i": group}
+        with w.block("if quiet > 0:"):
+            self._merge(w, [(a, gate.leaf)], group)
+            sums = []
+            for o in gate.leaf.outcomes:
+                if o.argument == a.target and self.takes(a.rule, o) and o.kind is not SetFactor:
+                    column = self.matcher.column(group, o.factor)
+                    prefix = "ax" if o.kind is Aggregate else "dx"
+                    sums += [(f"{prefix}_{column + c}", w.value(v)) for c, v in enumerate(o.components)]
+            if sums:
+                gate.write_repeats(w, sums)
 
     def _write_triples(self, w: Writer, group: Group, a: Application, mask: int) -> None:
         names = [v for v in a.variables if v != "i"]
