@@ -25,7 +25,7 @@ from segar.sampling import Streams, draw_levels
 from segar.sampling_plan import Group, Plan, make_plan
 from segar.version import __version__
 
-CONFIG_KEYS = ("numbers", "priors", "parameters", "positions", "name", "world", "min_distance")
+CONFIG_KEYS = ("numbers", "priors", "parameters", "positions", "name", "world", "min_distance", "task")
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
@@ -41,6 +41,9 @@ class LevelDistribution:
         name: for people and provenance.
         world: the rules, a :class:`segar.World`; None for the default ones.
         min_distance: centres of any two things start farther apart than this [m].
+        task: name of the task that the levels are for: 'puttputt', 'billiards', 'invisiball', or ``module:attribute``
+            of a :class:`segar.Task` or of a function that makes one; None for PuttPutt. Environments have it unless
+            they are given another.
 
     Positions are drawn anew, at most 100 times per level, until all centres are farther apart than ``min_distance``;
     all else keeps exactly the law that the priors state.
@@ -58,6 +61,7 @@ class LevelDistribution:
     name: str | None
     world: Any
     min_distance: float
+    task: str | None
 
     def __init__(
         self,
@@ -68,6 +72,7 @@ class LevelDistribution:
         name: str | None = None,
         world: Any = None,
         min_distance: float = MIN_DISTANCE,
+        task: str | None = None,
         **unknown: Any,
     ) -> None:
         for key in unknown:
@@ -75,8 +80,11 @@ class LevelDistribution:
         _check_world(world)
         if not (isinstance(min_distance, (int, float)) and min_distance >= 0):
             raise LevelError(f"min_distance must be a number of metres, at least 0, not {min_distance!r}")
+        if not isinstance(task, str | None):
+            raise LevelError(f"task must be a name such as 'billiards' or 'module:attribute', not {task!r}")
         set_ = object.__setattr__
         set_(self, "name", name)
+        set_(self, "task", task)
         set_(self, "world", world)
         set_(self, "min_distance", float(min_distance))
         set_(self, "numbers", tuple(map(_check_number, _sequence("numbers", numbers))))
@@ -116,6 +124,7 @@ class LevelDistribution:
             provenance=Provenance(self.name, self.hash, __version__, int(seed), split, indices),
             distribution=self,
             world=self.world,
+            task=self.task,
         )
 
     @cached_property
@@ -133,8 +142,8 @@ class LevelDistribution:
 
     @cached_property
     def hash(self) -> str:
-        """Sixteen hexadecimal digits of all that decides which levels are drawn and what their entities hold; name and
-        rules take no part. The same on every machine."""
+        """Sixteen hexadecimal digits of all that decides which levels are drawn and what their entities hold; name,
+        rules and task take no part. The same on every machine."""
         return content_hash(self._content)
 
     def with_rules(self, rules: Sequence[Any]) -> LevelDistribution:

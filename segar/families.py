@@ -1,8 +1,9 @@
-"""The named level distributions: 21 families of PuttPutt levels with the constants of 2022."""
+"""The named level distributions, with the constants of 2022: 21 families of PuttPutt levels, and the tasks' own."""
 
 from __future__ import annotations
 
 from functools import cache
+from typing import Any
 
 from segar.distribution import LevelDistribution
 from segar.entities import (
@@ -39,6 +40,7 @@ from segar.shapes import Circle, RandomConvexHull
 
 DIFFICULTIES = ("easy", "medium", "hard")
 TASKS = ("empty", "objectsx1", "objectsx2", "objectsx3", "tilesx1", "tilesx2", "tilesx3")
+TASK_LEVELS = ("puttputt", "puttputt-random-middle", "billiards", "invisiball")
 OBJECTS = ThingFactory([Charger, Magnet, Bumper, Damper, Ball])
 TILES = ThingFactory([SandTile, MagmaTile, Hole, FireTile])
 
@@ -61,17 +63,17 @@ def families() -> tuple[str, ...]:
 
 @cache
 def family(name: str) -> LevelDistribution:
-    """The level distribution of that name: one of :func:`families`, or ``"puttputt"`` (the paper's listing).
+    """The level distribution of that name: one of :func:`families`, or default levels of a task.
+
+    These are ``"puttputt"`` (the paper's listing), ``"puttputt-random-middle"``, ``"billiards"`` and ``"invisiball"``.
 
     Raises:
         LevelError: there is no such distribution; the message says the nearest name.
     """
-    if name == "puttputt":
-        from segar.tasks.puttputt_levels import puttputt_default_config  # tasks stand above families
-
-        return LevelDistribution(**puttputt_default_config, name=name)
+    if name in TASK_LEVELS:
+        return LevelDistribution(**_task_config(name), name=name)
     if name not in families():
-        raise LevelError(f"there is no level family '{name}'.{did_you_mean(str(name), [*families(), 'puttputt'])}")
+        raise LevelError(f"there is no level family '{name}'.{did_you_mean(str(name), [*families(), *TASK_LEVELS])}")
     task, difficulty = name.split("-")
     kind, _, count = task.partition("x")
     numbers: list = [(GolfBall, 1), (GoalTile, 1)]
@@ -79,6 +81,17 @@ def family(name: str) -> LevelDistribution:
         numbers.append((OBJECTS if kind == "objects" else TILES, int(count)))
     extra = {"empty": (), "objects": _object_priors(difficulty), "tiles": _tile_priors(difficulty)}[kind]
     return LevelDistribution(numbers, [*_common_priors(kind, difficulty), *extra], name=name)
+
+
+def _task_config(name: str) -> dict[str, Any]:
+    from segar.tasks import billiards_levels, invisiball_levels, puttputt_levels  # tasks stand above families
+
+    return {
+        "puttputt": puttputt_levels.puttputt_default_config,
+        "puttputt-random-middle": puttputt_levels.puttputt_random_middle_config,
+        "billiards": billiards_levels.billiards_default_config,
+        "invisiball": invisiball_levels.invisiball_default_config,
+    }[name]
 
 
 def _common_priors(kind: str, difficulty: str) -> list[Prior]:

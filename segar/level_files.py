@@ -46,7 +46,8 @@ def load_levels(path: str | PathLike[str], world: Any = None) -> Levels:
         arrays.pop("indices"),
         tuple(metadata.get("rules", ())),
     )
-    return Levels(layout=layout, **arrays, provenance=provenance, world=world, moments=_moments(metadata, layout))
+    task, moments = metadata.get("task"), _moments(metadata, layout)
+    return Levels(layout=layout, **arrays, provenance=provenance, world=world, task=task, moments=moments)
 
 
 def _metadata(levels: Levels) -> dict[str, Any]:
@@ -61,6 +62,7 @@ def _metadata(levels: Levels) -> dict[str, Any]:
             "seed": origin.seed,
             "split": origin.split,
         },
+        "task": levels.task,
         "rules": [r.where for r in levels.world.rules] if levels.world is not None else list(origin.rules),
         "slots": [
             {"name": s.name, "types": [layout.types.index(t) for t in s.types], "optional": s.optional}

@@ -68,6 +68,7 @@ class Levels:
         moments: mean and variance of the factors under that distribution, for levels from a file, which holds no
             distribution: distances keep their units.
         world: the rules, a :class:`segar.World`; None for the default ones. Files do not hold rules.
+        task: name of the task that the levels are for; None for PuttPutt.
     """
 
     layout: Layout
@@ -81,6 +82,7 @@ class Levels:
     provenance: Provenance
     distribution: Any = None
     world: Any = None
+    task: str | None = None
     moments: Mapping[Any, tuple[np.ndarray, np.ndarray]] = dataclasses.field(default_factory=dict)
 
     @classmethod

@@ -1,13 +1,15 @@
-"""The true factors of a batch, gathered when they are asked for."""
+"""The true factors of a batch and the results of its task, gathered when they are asked for."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
 
 import numpy as np
 
 from segar.engine.layout import Layout
-from segar.errors import LevelError, did_you_mean
+from segar.entities import Entity
+from segar.errors import LevelError, SegarError, did_you_mean
 
 
 class Factors(Mapping[str, np.ndarray]):
@@ -24,6 +26,14 @@ class Factors(Mapping[str, np.ndarray]):
     def entities(self) -> tuple[str, ...]:
         """Names of the entities, in the order of the arrays' second axis."""
         return self._layout.names
+
+    def slots(self, entity_type: type[Entity]) -> list[int]:
+        """Places in the arrays' second axis where only entities of this type can be; raises :class:`LevelError`."""
+        slots = self._layout.slots
+        found = [k for k, slot in enumerate(slots) if all(issubclass(t, entity_type) for t in slot.types)]
+        if not found:
+            raise LevelError(f"none of these levels' entities, {', '.join(self.entities)}, is a {entity_type.__name__}")
+        return found
 
     def __getitem__(self, name: str) -> np.ndarray:
         if name not in self._columns:
@@ -58,6 +68,57 @@ class Factors(Mapping[str, np.ndarray]):
         self._values = self._values.copy()
 
 
+class Results(Mapping[str, Any]):
+    """What a task says of the state that ``factors`` hold: name to array ``(num_envs, ...)``, computed on access."""
+
+    def __init__(self, functions: Mapping[str, Callable[[Factors], np.ndarray]], factors: Factors) -> None:
+        self._functions, self._factors = functions, factors
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in self._functions:
+            raise SegarError(f"this task has no result '{name}'.{did_you_mean(name, self._functions)}")
+        return self._functions[name](self._factors)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._functions
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._functions)
+
+    def __len__(self) -> int:
+        return len(self._functions)
+
+    def __eq__(self, other: object) -> bool:
+        return same_factors(self, other)
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __repr__(self) -> str:
+        return f"Results({', '.join(self._functions)})"
+
+
+class SingleResults(Mapping[str, Any]):
+    """The results of a batch of one: numbers and truths, or arrays where a result is one; see :class:`Results`."""
+
+    def __init__(self, batch: Results) -> None:
+        self._batch = batch
+
+    def __getitem__(self, name: str) -> Any:
+        value = np.asarray(self._batch[name])[0]
+        return value.item() if value.ndim == 0 else value
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._batch)
+
+    def __len__(self) -> int:
+        return len(self._batch)
+
+    def __eq__(self, other: object) -> bool:
+        return same_factors(self, other)
+
+    __hash__ = None  # type: ignore[assignment]
+
+
 class SingleFactors(Mapping[str, np.ndarray]):
     """The factors of a batch of one: float64 ``(entities,)`` or ``(entities, 2)``; see :class:`Factors`."""
 
@@ -68,6 +129,10 @@ class SingleFactors(Mapping[str, np.ndarray]):
     def entities(self) -> tuple[str, ...]:
         """Names of the entities, in the order of the arrays' first axis."""
         return self._batch.entities
+
+    def slots(self, entity_type: type[Entity]) -> list[int]:
+        """Places in the arrays' first axis where only entities of this type can be."""
+        return self._batch.slots(entity_type)
 
     def __getitem__(self, name: str) -> np.ndarray:
         return self._batch[name][0]
@@ -84,8 +149,12 @@ class SingleFactors(Mapping[str, np.ndarray]):
     __hash__ = None  # type: ignore[assignment]
 
 
-def same_factors(a: Mapping[str, np.ndarray], b: object) -> bool:
+def same_factors(a: Mapping[str, Any], b: object) -> bool:
     """Whether two mappings hold equal arrays, nan equal to nan."""
     if not isinstance(b, Mapping) or a.keys() != b.keys():
         return False
-    return all(np.array_equal(a[name], b[name], equal_nan=True) for name in a)
+    return all(_same(np.asarray(a[name]), np.asarray(b[name])) for name in a)
+
+
+def _same(a: np.ndarray, b: np.ndarray) -> bool:
+    return np.array_equal(a, b, equal_nan=a.dtype.kind == "f" and b.dtype.kind == "f")

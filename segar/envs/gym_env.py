@@ -8,10 +8,11 @@ import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
-from segar.envs.factors_view import SingleFactors
+from segar.envs.factors_view import SingleFactors, SingleResults
 from segar.envs.vector import VectorEnv
 from segar.errors import SegarError, did_you_mean
 from segar.observations.pixels import Pixels
+from segar.tasks.task import Task
 
 RENDER_RESOLUTION = 256
 
@@ -36,6 +37,10 @@ class Env(gymnasium.Env):
     @property
     def levels(self) -> Any:
         return self._batch.levels
+
+    @property
+    def task(self) -> Task:
+        return self._batch.task
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict]:
         """Start an episode on a level drawn uniformly, or on ``options["level"]``."""
@@ -67,4 +72,4 @@ class Env(gymnasium.Env):
 
 def _single(info: dict[str, Any]) -> dict[str, Any]:
     plain = {name: array[0].item() for name, array in info.items() if isinstance(array, np.ndarray)}
-    return {**plain, "factors": SingleFactors(info["factors"])}
+    return {**plain, "factors": SingleFactors(info["factors"]), "results": SingleResults(info["results"])}

@@ -13,14 +13,14 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
 from segar.envs import episode_kernel
-from segar.envs.factors_view import Factors
+from segar.envs.factors_view import Factors, Results
 from segar.envs.snapshots import Snapshot
 from segar.errors import ActionError, LevelError, SegarError, did_you_mean
 from segar.factors import Factor
 from segar.observations.pixels import Pixels
 from segar.observations.state import StateVector
 from segar.simulator import Outcome, Simulator, State, run_in_threads
-from segar.tasks.puttputt import puttputt
+from segar.tasks.find import task_of
 from segar.tasks.task import Task
 from segar.world import World
 
@@ -39,15 +39,16 @@ class VectorEnv(gymnasium.vector.VectorEnv):
     same way whatever ``num_envs`` and ``num_threads``.
 
     ``info`` holds ``level`` (int64, index in ``levels``), ``return`` (float64, every reward counted) and ``length`` of
-    the running episode, ``success`` and ``death`` (bool), and ``factors`` (mapping of the true factors, gathered on
-    access). Where an episode ended under ``SAME_STEP``, ``final_obs`` and ``final_info`` hold its end in the rows that
-    the masks ``_final_obs`` and ``_final_info`` name, and the rest of ``info`` is about the next episode.
+    the running episode, ``success`` and ``death`` (bool), ``factors`` (mapping of the true factors, gathered on
+    access) and ``results`` (mapping of what the task says of them, computed on access). Where an episode ended under
+    ``SAME_STEP``, ``final_obs`` and ``final_info`` hold its end in the rows that the masks ``_final_obs`` and
+    ``_final_info`` name, and the rest of ``info`` is about the next episode.
 
     Args:
         levels: the level set.
         num_envs: number of environments.
         observation: 'state', 'rgb', or an :class:`segar.observations.protocol.Observation`.
-        task: the task; PuttPutt where it is None.
+        task: the task; the one that the levels name where it is None, and PuttPutt where they name none.
         seed: seeds the draw of levels and the randomness in rules; fresh entropy where it is None.
         num_threads: threads over the batch; results do not depend on it.
         autoreset_mode: ``SAME_STEP`` or ``DISABLED``.
@@ -80,7 +81,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             raise SegarError(f"num_envs must be at least 1, not {num_envs}")
         if len(levels) == 0:
             raise LevelError("the level set is empty")
-        task = task or puttputt()
+        task = task or task_of(levels)
         self.task = replace(task, max_steps=max_steps or task.max_steps, sub_steps=sub_steps or task.sub_steps)
         self.levels, self.num_envs, self.copy = levels, num_envs, copy
         self.autoreset_mode = AutoresetMode(autoreset_mode)
@@ -262,6 +263,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             "contacts": now.state.contacts.copy(),
             "gave_up": now.state.gave_up.copy(),
             "factors": factors,
+            "results": Results(self.task.results, factors),
         }
 
     def _final(self, observations: np.ndarray, ended: np.ndarray, success: np.ndarray, death: np.ndarray) -> dict:
@@ -284,7 +286,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         for name, array in arrays.items():
             final_info[name] = np.zeros(self.num_envs, array.dtype)
             final_info[name][ended] = array[ended]
-        final_info["factors"] = Factors(self.levels.layout, now.state.values[ended], ended, self.num_envs)
+        factors = Factors(self.levels.layout, now.state.values[ended], ended, self.num_envs)
+        final_info |= {"factors": factors, "results": Results(self.task.results, factors)}
         return {"final_obs": final_obs, "_final_obs": mask, "final_info": final_info, "_final_info": mask.copy()}
 
     def _release(self) -> None:

@@ -2,18 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
 from segar.effects import SetFactor
 from segar.engine.signature import Action
-from segar.entities import GoalTile, GolfBall
+from segar.entities import Entity, GoalTile, GolfBall
 from segar.errors import SegarError, did_you_mean
-from segar.factors import Alive, Done, Mass, Position, Velocity
+from segar.factors import Acceleration, Alive, Done, Factor, Flag, Mass, Position, Velocity
 from segar.tasks.task import Task
 from segar.values import Vector
+
+if TYPE_CHECKING:
+    from segar.envs.factors_view import Factors
 
 ARENA_DIAGONAL = 8.0**0.5  # [m] distances are divided by it; 2.828, as in 2022
 GOAL_DISTANCE = 0.01  # share of the arena's diagonal at which the ball has arrived
 DEATH_PENALTY = 100.0
 IMPULSE = 2.0  # [kg m/s] of a unit action
+APPROACH = 4.0  # [1/s] the scripted player halves its distance in ln 2 / 4 of a second
 
 
 def puttputt(
@@ -32,6 +42,8 @@ def puttputt(
         impulse: what a unit action adds to the ball's momentum [kg m/s].
         goal_distance: d at which the ball has arrived.
         death_penalty: subtracted in the step in which the ball dies.
+
+    Its results are the distance to the goal and the ball's velocity, acceleration, mass and life.
 
     Raises:
         SegarError: unknown reward.
@@ -69,7 +81,59 @@ def puttputt(
         has_died,
         max_steps=max_steps,
         sub_steps=sub_steps,
+        results=RESULTS,
+        demo_actions=partial(demo_actions, impulse=impulse),
     )
+
+
+def demo_actions(factors: Factors, impulse: float = IMPULSE) -> np.ndarray:
+    """The actions of a scripted player, float32 ``(num_envs, 2)``: straight to the goal, slower the nearer it is.
+
+    It sees ``info["factors"]`` (of one environment too, for an action ``(2,)``), goes around nothing, and can do no
+    more than the agent: where the push that it wants is too large, the action is clipped.
+    """
+    ball, goal = factors.slots(GolfBall)[0], factors.slots(GoalTile)[0]
+    x, v, m = factors["Position"], factors["Velocity"][..., ball, :], factors["Mass"][..., ball]
+    return push_towards(APPROACH * (x[..., goal, :] - x[..., ball, :]), v, m, impulse)
+
+
+def push_towards(wanted: np.ndarray, v: np.ndarray, m: np.ndarray, impulse: float) -> np.ndarray:
+    """The actions that turn velocities ``v`` into ``wanted``, or come nearest to that; float32 ``(..., 2)``.
+
+    Args:
+        wanted, v: float ``(..., 2)`` [m/s].
+        m: masses, float ``(...)``.
+        impulse: of a unit action.
+    """
+    kick = (wanted - v) * m[..., None] / impulse
+    too_hard = np.maximum(np.abs(kick).max(axis=-1, keepdims=True), 1.0)
+    return np.nan_to_num(kick / too_hard).astype(np.float32)
+
+
+def distance_to_goal(factors: Factors) -> np.ndarray:
+    """Distance of ball and goal as a share of the arena's diagonal, float ``(num_envs,)``."""
+    ball, goal = factors.slots(GolfBall)[0], factors.slots(GoalTile)[0]
+    x = factors["Position"]
+    return np.sqrt(((x[..., ball, :] - x[..., goal, :]) ** 2).sum(axis=-1)) / ARENA_DIAGONAL
+
+
+def factor_of(entity: type[Entity], factor: type[Factor]) -> Callable[[Factors], np.ndarray]:
+    """The result that reports a factor of the first entity of a type."""
+
+    def report(factors: Factors) -> np.ndarray:
+        value = np.take(factors[factor.__name__], factors.slots(entity)[0], axis=1)
+        return value == 1 if issubclass(factor, Flag) else value
+
+    return report
+
+
+RESULTS = {
+    "distance_to_goal": distance_to_goal,
+    "velocity": factor_of(GolfBall, Velocity),
+    "acceleration": factor_of(GolfBall, Acceleration),
+    "mass": factor_of(GolfBall, Mass),
+    "alive": factor_of(GolfBall, Alive),
+}
 
 
 def distance(ball: GolfBall, goal: GoalTile) -> float:

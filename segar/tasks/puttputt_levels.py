@@ -1,4 +1,4 @@
-"""The default level distribution of PuttPutt, as the paper prints it."""
+"""The level distributions of PuttPutt: the default one, as the paper prints it, and one thing in the middle."""
 
 from segar.entities import (
     Ball,
@@ -53,6 +53,26 @@ puttputt_default_config = {
         Prior(Mobile, False),
         Prior(Mobile, True, entity_type=Ball),
         Prior(Mobile, True, entity_type=GolfBall),
+        Prior(Charge, PLUS_OR_MINUS_ONE, entity_type=Charger),
+        Prior(Magnetism, PLUS_OR_MINUS_ONE, entity_type=Magnet),
+        Prior(Friction, UniformNoise(0.2, 1.0), entity_type=SandTile),
+    ],
+}
+
+ANYTHING = ThingFactory([Charger, Magnet, Bumper, Damper, Object, SandTile, MagmaTile, Hole, FireTile])
+
+puttputt_random_middle_config = {
+    "numbers": [(ANYTHING, 1), (GoalTile, 1), (GolfBall, 1)],
+    "priors": [
+        Prior(Position, RandomMiddleLocation()),
+        Prior(Position, RandomBottomLocation(), entity_type=GolfBall),
+        Prior(Position, RandomTopLocation(), entity_type=GoalTile),
+        Prior(Shape, RandomConvexHull(0.3), entity_type=Tile),
+        Prior(Shape, Circle(0.3), entity_type=GoalTile),
+        Prior(Size, GaussianNoise(0.2, 0.01, clip=(0.1, 0.3)), entity_type=Object),
+        Prior(Size, GaussianNoise(1.0, 0.01, clip=(0.5, 1.5)), entity_type=Tile),
+        Prior(Mass, 1.0),
+        Prior(Mobile, True),
         Prior(Charge, PLUS_OR_MINUS_ONE, entity_type=Charger),
         Prior(Magnetism, PLUS_OR_MINUS_ONE, entity_type=Magnet),
         Prior(Friction, UniformNoise(0.2, 1.0), entity_type=SandTile),

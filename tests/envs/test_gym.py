@@ -20,9 +20,10 @@ def make(id_: str, **options):
         return gymnasium.make(id_, **options)
 
 
-def test_all_families_are_registered_in_both_observations_and_versions() -> None:
+def test_all_families_and_tasks_are_registered_in_both_observations() -> None:
     expected = {f"Segar-{f}-{o}-{v}" for f in segar.families() for o in ("rgb", "state") for v in ("v0", "v1")}
-    assert len(segar.families()) == 21 and expected <= set(IDS)
+    expected |= {f"Segar-{t}-{o}-v0" for t in ("puttputt", "billiards", "invisiball") for o in ("rgb", "state")}
+    assert len(segar.families()) == 21 and expected == set(IDS)
 
 
 @pytest.mark.parametrize("id_", IDS)

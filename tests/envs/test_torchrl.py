@@ -17,7 +17,7 @@ IDS = sorted(id_ for id_ in gymnasium.registry if id_.startswith("Segar-"))
 def make(id_: str, num_envs: int = 2) -> segar.envs.TorchRLEnv:
     options = gymnasium.registry[id_].kwargs
     levels = segar.family(options["family_name"]).sample(3, seed=0)
-    task = segar.puttputt(options["reward"])
+    task = segar.puttputt(options["reward"]) if "reward" in options else None
     return segar.envs.TorchRLEnv(levels, num_envs, observation=options["observation"], task=task, seed=0)
 
 

@@ -1,0 +1,33 @@
+"""Invisiball: PuttPutt with a ball that is not seen any more once it has been pushed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from segar.effects import SetFactor
+from segar.entities import GolfBall
+from segar.factors import Visible
+from segar.tasks.puttputt import demo_actions, puttputt
+from segar.tasks.task import Task
+
+__all__ = ["demo_actions", "invisiball"]
+
+
+def invisiball(reward: str = "squared", **options: Any) -> Task:
+    """PuttPutt, but each action makes the ball invisible: from the first step on it shows only in what others do.
+
+    Physics and reward go on as in PuttPutt; so do the results and the scripted player, which sees the true factors.
+    Pixels do not draw what is invisible. A state vector holds the true state, the ball included;
+    ``StateVector(sees_invisible=False)`` shows zeros instead.
+
+    Args:
+        reward, options: as :func:`segar.tasks.puttputt.puttputt` takes them.
+    """
+    task = puttputt(reward, **options)
+
+    def vanish(ball: GolfBall) -> SetFactor[Visible]:
+        return SetFactor[Visible](ball[Visible], False)
+
+    assert callable(task.act)
+    return replace(task, name=f"invisiball-{reward}", act=(task.act, vanish))
