@@ -26,18 +26,24 @@ def cache_folder() -> Path:
     return Path(base) / "segar" / "kernels"
 
 
+def kernel_path(text: str) -> Path:
+    """The file of the module with this source, whether it is there yet or not."""
+    import numba
+
+    name = hashlib.sha256(f"{numba.__version__}\n{text}".encode()).hexdigest()[:16]
+    return cache_folder() / f"k_{name}.py"
+
+
 def load_module(text: str) -> ModuleType:
     """Import the module with this source, writing it to the cache first where it is not there yet.
 
     Raises:
         SegarError: the cache folder cannot be written.
     """
-    import numba
-
-    name = "k_" + hashlib.sha256(f"{numba.__version__}\n{text}".encode()).hexdigest()[:16]
+    path = kernel_path(text)
+    name = path.stem
     if name in _loaded:
         return _loaded[name]
-    path = cache_folder() / f"{name}.py"
     _write_if_new(path, text)
     if not is_compiled(path):
         print(f"segar: compiling kernel {name[2:6]} (first time, about 10 s)", file=sys.stderr, flush=True)

@@ -1,0 +1,7 @@
+"""``python -m segar`` is the command ``segar``."""
+
+import sys
+
+from segar.cli import main
+
+sys.exit(main())

@@ -1,0 +1,179 @@
+"""The command ``segar``: name the level families, compile kernels ahead of time, show what a kernel is made of."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import inspect
+import os
+import re
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from segar.distribution import LevelDistribution
+from segar.engine import device
+from segar.engine.cache import cache_folder, is_compiled, kernel_path
+from segar.engine.kernel import KernelSource, generate
+from segar.envs.registration import REWARDS
+from segar.envs.vector import OBSERVATIONS, VectorEnv, world_of
+from segar.errors import SegarError
+from segar.families import TASK_LEVELS, families, family
+from segar.levels import Levels
+from segar.rule import Rule
+from segar.simulator import Outcome, Simulator, State
+from segar.tasks.find import find_task, task_of
+from segar.tasks.puttputt import puttputt
+from segar.tasks.task import Task
+from segar.version import __version__
+
+USAGE_ERROR = 2  # exit status of a name that is not known, as argparse has it
+NO_LINES = "  (matches nothing here)"
+NAME_HELP = "a level family, or 'module:attribute' of a LevelDistribution of your own"
+TASK_HELP = "puttputt, billiards, invisiball, or 'module:attribute'; by default what the levels name"
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command with these arguments (default: the process's) and return its exit status."""
+    if os.getcwd() not in sys.path:
+        sys.path.insert(0, os.getcwd())  # one's own modules are found as with `python -m`
+    chosen = _parser().parse_args(arguments)
+    try:
+        chosen.run(chosen)
+        sys.stdout.flush()
+    except SegarError as error:
+        print(f"segar: {error}", file=sys.stderr)
+        return USAGE_ERROR
+    except BrokenPipeError:  # `segar kernel show ... | head` has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser("segar", description=__doc__)
+    parser.add_argument("--version", action="version", version=f"segar {__version__}")
+    commands = parser.add_subparsers(required=True, metavar="command")
+
+    listing = commands.add_parser("families", help="list the named level families")
+    listing.set_defaults(run=lambda chosen: print("\n".join([*families(), *TASK_LEVELS])))
+
+    warming = commands.add_parser("compile", help="compile kernels into the cache, so that no first step waits")
+    warming.add_argument("names", nargs="*", metavar="family", help=f"{NAME_HELP}; all families by default")
+    warming.add_argument("--task", help=TASK_HELP)
+    warming.set_defaults(run=lambda chosen: compile_kernels(chosen.names, chosen.task))
+
+    kernel = commands.add_parser("kernel", help="look at the kernel of a world")
+    showing = kernel.add_subparsers(required=True, metavar="command").add_parser(
+        "show", help="print the generated source, and where the rules in it are written"
+    )
+    showing.add_argument("name", metavar="family", help=NAME_HELP)
+    showing.add_argument("--task", help=TASK_HELP)
+    showing.set_defaults(run=lambda chosen: print(kernel_text(chosen.name, chosen.task)))
+    return parser
+
+
+def compile_kernels(names: Sequence[str] = (), task: str | None = None) -> None:
+    """Compile the kernels of these level distributions (default: all that have a name), and print a row for each.
+
+    Distributions that differ in nothing but numbers share a kernel, and a row.
+    """
+    sharing: dict[Path, list[str]] = {}
+    first: dict[Path, tuple[Levels, Task]] = {}
+    for name in names or (*families(), *TASK_LEVELS):
+        levels = _find_distribution(name).sample(1)
+        for its_task in [_find_task(task, levels)] if task else _tasks_of(name, levels):
+            path = kernel_path(_generate(levels, its_task).text)
+            sharing.setdefault(path, []).append(name)
+            first.setdefault(path, (levels, its_task))
+    start, compiled = time.perf_counter(), 0
+    for path, (levels, its_task) in first.items():
+        there, seconds = is_compiled(path), _compile(levels, its_task)
+        compiled += not there
+        what = "there already" if there else f"compiled in {seconds:.1f} s"
+        print(f"{path.stem}  {what:<19}  {its_task.name:<16}  {', '.join(sharing[path])}", flush=True)
+    print(f"{'observations':<18}  ready in {_compile_observations(*next(iter(first.values()))):.1f} s")
+    print(f"{cache_folder()}: {len(first)} kernels, {compiled} of them new, {time.perf_counter() - start:.0f} s")
+
+
+def kernel_text(name: str, task: str | None = None) -> str:
+    """The generated source of a distribution's kernel, below a legend that names the file of each rule."""
+    levels = _find_distribution(name).sample(1)
+    its_task = _find_task(task, levels)
+    source = _generate(levels, its_task)
+    path = kernel_path(source.text)
+    solid = world_of(levels).solid
+    rules = [*source.rules, *([solid] if solid is not None else []), *its_task.functions().of_state]
+    named = {name for line in re.findall(r"^ +# ([\w, ]+)$", source.text, re.M) for name in line.split(", ")}
+    width = max(len(rule.name) for rule in rules)
+    legend = [
+        f"The kernel of '{name}' with the task {its_task.name}.",
+        f"It lies in {path} ({'compiled' if is_compiled(path) else 'not compiled yet'}).",
+        "",
+        "A comment in the functions below names the rule that the lines after it come from:",
+        *dict.fromkeys(
+            f"  {rule.name:<{width}}  {_place(rule)}{'' if rule.name in named else NO_LINES}" for rule in rules
+        ),
+        "",
+        "What stands before the first of them is geometry and contacts, the same in every kernel:",
+        f"  {inspect.getsourcefile(device)}",
+    ]
+    return "\n".join([*(f"# {line}".rstrip() for line in legend), "", source.text.rstrip("\n")])
+
+
+def _place(rule: Rule) -> str:
+    """``file:line`` of a rule's function."""
+    return f"{rule.function.__code__.co_filename}:{rule.function.__code__.co_firstlineno}"
+
+
+def _find_distribution(name: str) -> LevelDistribution:
+    """A named family, or one of the user's own; raises :class:`SegarError`."""
+    module, _, attribute = name.partition(":")
+    if not attribute:
+        return family(name)
+    try:
+        found = getattr(importlib.import_module(module), attribute, None)
+    except ImportError as error:
+        raise SegarError(f"the distribution '{name}' cannot be imported: {error}") from error
+    if not isinstance(found, LevelDistribution):
+        raise SegarError(f"'{name}' is not a LevelDistribution but {found!r}")
+    return found
+
+
+def _find_task(name: str | None, levels: Levels) -> Task:
+    """The task of that name with its default options, or the one that the levels are for."""
+    if name is None:
+        return task_of(levels)
+    found = find_task(name)
+    return found if isinstance(found, Task) else found()
+
+
+def _tasks_of(name: str, levels: Levels) -> list[Task]:
+    """The tasks that the Gymnasium ids of a distribution have."""
+    return [puttputt(reward) for reward in REWARDS.values()] if name in families() else [task_of(levels)]
+
+
+def _generate(levels: Levels, task: Task) -> KernelSource:
+    return generate(levels.layout, world_of(levels), task.functions())
+
+
+def _compile(levels: Levels, task: Task) -> float:
+    """Seconds until a step was made with the arrays that environments use, for which numba compiles."""
+    start = time.perf_counter()
+    simulator = Simulator(world_of(levels), levels.layout, task)
+    state = State.empty(1, levels.layout)
+    state.values[:] = levels.values[:1]
+    simulator.act(state, levels, np.zeros((1, len(task.action_low)), np.float32), Outcome.empty(1))
+    return time.perf_counter() - start
+
+
+def _compile_observations(levels: Levels, task: Task) -> float:
+    """Seconds until environments with all named observations made a step; their kernels serve every world."""
+    start = time.perf_counter()
+    for observation in OBSERVATIONS:
+        env = VectorEnv(levels, 1, observation=observation, task=task, seed=0)
+        env.reset()
+        env.step(np.zeros((1, len(task.action_low)), np.float32))
+    return time.perf_counter() - start
