@@ -361,19 +361,18 @@ def fastest(U):
 @njit
 def exchange(V, bits, kind, hull_radius, P, err, i, j, early):
     """What a wall, or body ``j``, and body ``i`` do to each other; ``early``: in contact before the sub-step."""
-    ri = radius(V, kind, hull_radius, i)
     if j == WALL:
-        nx, ny = blocked_axes(V, ri, i)
+        nx, ny = blocked_axes(V, radius(V, kind, hull_radius, i), i)
         if not early or nx * V[i, X] * V[i, VX] + ny * V[i, X + 1] * V[i, VX + 1] > 0.0:
             hit_wall(V, bits, P, err, i, nx, ny)
         if early:
-            push_inside(V, ri, i)
+            push_inside(V, radius(V, kind, hull_radius, i), i)
     else:
         if not early or approaching(V, i, j):
             hit_body(V, bits, P, err, i, j)
         if early:
             share = share_of(movable(V, bits, i), movable(V, bits, j))
-            push_apart(V, ri, radius(V, kind, hull_radius, j), share, i, j)
+            push_apart(V, radius(V, kind, hull_radius, i), radius(V, kind, hull_radius, j), share, i, j)
 
 
 @njit

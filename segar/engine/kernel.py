@@ -199,7 +199,8 @@ CONTACT_MOVES = {self._contacts_move()}
 
     def _contacts_move(self) -> bool:
         """Whether some rule of contact puts bodies elsewhere or changes their size."""
-        rules = [r for r in (self.world.wall_contact, self.world.pair_contact) if r is not None]
+        exchanges = [r for r in (self.world.wall_contact, self.world.pair_contact) if r is not None]
+        rules = [*exchanges, *self.world.on_contact]
         return any(issubclass(f, (Position, Size)) for r in rules for f in r.changes)
 
     def _moving(self) -> list[Group]:

@@ -259,6 +259,25 @@ def test_kernel_and_interpreter_agree_about_notes():
     assert found.worst <= 1e-12 and found.worst_crowded <= 1e-6 and found.contacts > 60
 
 
+@rule
+def swell(drum: Drum, other: Object) -> SetFactor[Size]:
+    return SetFactor[Size](drum[Size], drum[Size] * 1.3)
+
+
+@rule
+def leap(drum: Drum, other: Object) -> SetFactor[Position]:
+    return SetFactor[Position](drum[Position], -drum[Position])
+
+
+@pytest.mark.parametrize("note", [swell, leap], ids=lambda note: note.name)
+def test_bodies_that_a_note_enlarges_or_puts_elsewhere_meet_others_there_in_the_same_sub_step(note):
+    """The list of near bodies and their radii, which a kernel keeps for a sub-step, must not be old ones."""
+    levels = level(Drum({Position: (0.3, 0.0), ID: "a"}), Drum({Position: (-0.3, 0.0), ID: "b"}), Ball({ID: "c"}))
+    state = random_states(levels, 80, np.random.default_rng(0), speed=3.0)
+    found = compare(uncompiled(World([move], on_contact=[note, count]), levels.layout), levels, state, n=4)
+    assert found.worst <= 1e-12 and found.worst_crowded <= 1e-6 and found.contacts > 40
+
+
 @both_engines
 def test_every_contact_of_free_balls_is_noted_once(engine):
     """In a box without friction or damping, contacts are the bounces off walls and half of what the balls count."""
