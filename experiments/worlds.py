@@ -11,8 +11,8 @@ from experiments.construct import import_object
 from experiments.errors import ConfigError
 from segar.errors import SegarError, did_you_mean
 from segar.families import family
+from segar.tasks.find import TASKS
 
-TASKS = {"puttputt": "segar.tasks.puttputt:puttputt"}
 OBSERVATIONS = ("state", "rgb")  # what VectorEnv knows by name
 
 

@@ -92,6 +92,8 @@ from segar.rules import (
 )
 from segar.shapes import Circle, ConvexHull, Hexagon, RandomConvexHull, Square, Triangle
 from segar.simulator import Simulator, State
+from segar.tasks.billiards import billiards
+from segar.tasks.invisiball import invisiball
 from segar.tasks.puttputt import puttputt
 from segar.tasks.task import Task
 from segar.values import arctan2, cos, exp, log, maximum, minimum, sin, sqrt, tanh, where
@@ -178,6 +180,7 @@ __all__ = [
     "apply_burn",
     "apply_friction",
     "arctan2",
+    "billiards",
     "bounce",
     "collide",
     "come_to_rest",
@@ -188,6 +191,7 @@ __all__ = [
     "exp",
     "families",
     "family",
+    "invisiball",
     "is_equal",
     "is_on",
     "kill_condition",

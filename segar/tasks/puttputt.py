@@ -30,6 +30,7 @@ def puttputt(
     reward: str = "squared",
     impulse: float = IMPULSE,
     goal_distance: float = GOAL_DISTANCE,
+    goal_speed: float | None = None,
     death_penalty: float = DEATH_PENALTY,
     max_steps: int = 100,
     sub_steps: int = 5,
@@ -41,6 +42,7 @@ def puttputt(
             arena's diagonal, after the step.
         impulse: what a unit action adds to the ball's momentum [kg m/s].
         goal_distance: d at which the ball has arrived.
+        goal_speed: speed [m/s] above which the ball rolls over the goal without having arrived; None for no limit.
         death_penalty: subtracted in the step in which the ball dies.
 
     Its results are the distance to the goal and the ball's velocity, acceleration, mass and life.
@@ -63,11 +65,15 @@ def puttputt(
         near = -(d * d) if squared else -d
         return near if ball[Alive] else near - death_penalty
 
+    def is_at_goal(ball: GolfBall, goal: GoalTile) -> bool:
+        near = distance(ball, goal) <= goal_distance
+        return near if goal_speed is None else near and ball[Velocity].norm() <= goal_speed
+
     def is_over(ball: GolfBall, goal: GoalTile) -> bool:
-        return ball[Done] or not ball[Alive] or distance(ball, goal) <= goal_distance
+        return ball[Done] or not ball[Alive] or is_at_goal(ball, goal)
 
     def has_arrived(ball: GolfBall, goal: GoalTile) -> bool:
-        return ball[Alive] and not ball[Done] and distance(ball, goal) <= goal_distance
+        return ball[Alive] and not ball[Done] and is_at_goal(ball, goal)
 
     def has_died(ball: GolfBall) -> bool:
         return not ball[Alive]

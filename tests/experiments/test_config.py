@@ -14,7 +14,10 @@ from experiments.errors import ConfigError
 from experiments.networks import make_encoder
 from experiments.run_folder import CHECKOUT
 from experiments.worlds import environment_options, make_levels
+from segar.envs import VectorEnv
 from segar.errors import PlacementError
+from segar.families import TASK_LEVELS
+from segar.tasks.find import TASKS
 
 OWN_MODULE = """
 import segar
@@ -122,6 +125,18 @@ def test_an_encoder_that_cannot_read_the_observation_is_refused(encoder, shape):
 @pytest.mark.parametrize("family", segar.families())
 def test_every_named_family_is_a_choice_of_levels(family):
     assert compose([f"levels={family}"]).levels.train == family
+
+
+@pytest.mark.parametrize("name", TASK_LEVELS)
+def test_the_levels_of_each_task_are_a_choice_of_levels(name):
+    assert compose([f"levels={name}"]).levels.train == name
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_each_task_is_a_choice_of_task_for_its_levels(task):
+    config = compose([f"levels={task}", f"task={task}", "levels.count=2", "levels.test_count=1"])
+    train, _ = make_levels(config.levels)
+    assert VectorEnv(train, 2, **environment_options(config)).task.name.startswith(task)
 
 
 @pytest.mark.parametrize("name", ["own_levels:ice", "own_levels:sand"])
