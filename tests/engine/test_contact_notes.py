@@ -219,12 +219,12 @@ def test_what_is_no_note_is_refused_when_the_world_is_made():
     for function in (note_walls_and_bodies, note_without_a_wall):
         with pytest.raises(RuleError, match="takes two entities that touch, or one and the Wall that it touches"):
             World(on_contact=[function])
-    with pytest.raises(RuleError, match="note_a_rate .* a contact happens at an instant, so it can only return SetF"):
+    with pytest.raises(RuleError, match=r"note_a_rate .* a contact happens at an instant, so it can only return SetF"):
         World(on_contact=[note_a_rate])
     with pytest.raises(RuleError, match="a contact rule cannot have a relation; test inside the rule"):
         World(on_contact=[rule(relation=is_equal(Mobile, True))(count.function)])
     with pytest.raises(
-        RuleError, match="count .* bodies pass through each other without a pair_contact, so they never"
+        RuleError, match=r"count .* bodies pass through each other without a pair_contact, so they never"
     ):
         World(on_contact=[count], pair_contact=None)
     with pytest.raises(RuleError, match="on_contact must be a sequence of rules"):
