@@ -32,7 +32,7 @@ from segar.version import __version__
 
 USAGE_ERROR = 2  # exit status of a name that is not known, as argparse has it
 NO_LINES = "  (matches nothing here)"
-NAME_HELP = "a level family, or 'module:attribute' of a LevelDistribution of your own"
+NAME_HELP = "a level family, or 'module:attribute': a LevelDistribution of your own or a function that makes one"
 TASK_HELP = "puttputt, billiards, invisiball, or 'module:attribute'; by default what the levels name"
 
 
@@ -137,6 +137,8 @@ def _find_distribution(name: str) -> LevelDistribution:
         found = getattr(importlib.import_module(module), attribute, None)
     except ImportError as error:
         raise SegarError(f"the distribution '{name}' cannot be imported: {error}") from error
+    if inspect.isfunction(found):
+        found = found()
     if not isinstance(found, LevelDistribution):
         raise SegarError(f"'{name}' is not a LevelDistribution but {found!r}")
     return found

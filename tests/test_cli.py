@@ -73,11 +73,13 @@ def test_one_s_own_distribution_and_task_are_named_by_module_and_attribute(capsy
         "import segar\n"
         "anywhere = [segar.Prior(segar.Position, segar.RandomUniformLocation())]\n"
         "beach = segar.LevelDistribution([(segar.GolfBall, 1), (segar.GoalTile, 1), (segar.SandTile, 2)], anywhere)\n"
+        "def make_beach(): return beach\n"
         "putt = segar.puttputt('linear')\n"
     )
     monkeypatch.syspath_prepend(tmp_path)
     text = shown(capsys, "kernel", "show", "my_world:beach", "--task", "my_world:putt")
     assert ": SandTile, global_friction" in text and "puttputt-linear" in text
+    assert shown(capsys, "kernel", "show", "my_world:make_beach").count(": SandTile, global_friction") == 1
 
 
 @pytest.mark.parametrize(
