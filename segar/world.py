@@ -12,6 +12,8 @@ from segar.factors import Velocity
 from segar.rule import Rule, as_rule
 from segar.rules import DEFAULT_RULES, bounce, collide, is_solid, speed_limit
 
+ARENA = 1.0  # [m] distance of the walls from the middle of the arena that distributions and pixels know
+
 
 @dataclass(frozen=True, init=False)
 class World:
@@ -26,6 +28,9 @@ class World:
         on_contact: rules that note a contact: on two bodies that touch, in both orders, or on one body and the ``Wall``
             that it touches. They see the state in which the bodies meet; what they set holds after the exchange.
 
+        walls: distance of the arena's walls from its middle [m]. Level distributions place things in an arena of 1, and
+            pixels show one; in another, levels are made by hand (:meth:`segar.Levels.from_entities`).
+
     Raises:
         RuleError: a rule cannot be understood, stands in its sequence twice, or does not suit its place.
     """
@@ -36,6 +41,7 @@ class World:
     pair_contact: Rule | None
     solid: Rule | None
     on_contact: tuple[Rule, ...]
+    walls: float
 
     def __init__(
         self,
@@ -45,6 +51,7 @@ class World:
         pair_contact: Any = collide,
         solid: Rule | None = is_solid,
         on_contact: Sequence[Any] = (),
+        walls: float = ARENA,
     ) -> None:
         set_ = object.__setattr__
         set_(self, "rules", _made("rules", rules))
@@ -53,6 +60,9 @@ class World:
         set_(self, "wall_contact", None if wall_contact is None else as_rule(wall_contact))
         set_(self, "pair_contact", None if pair_contact is None else as_rule(pair_contact))
         set_(self, "solid", solid)
+        set_(self, "walls", float(walls))
+        if not 0.0 < self.walls < float("inf"):
+            raise RuleError(f"World(walls={walls!r}): the distance of the walls must be a finite number above 0")
         if self.limit is not None and not all(issubclass(f, Velocity) for f in self.limit.changes):
             raise RuleError(f"{self.limit.where}: the limit may only set Velocity")
         for rule in self.on_contact:

@@ -1,10 +1,33 @@
-"""What pytest collects: the tests of the paper's listings only where the paper's source is at hand."""
+"""What pytest collects and reports: the paper's listings only where they are at hand; the agreement with 2022 last."""
 
 from __future__ import annotations
 
 import os
 from pathlib import Path
 
+import pytest
+
+from tests.agreement import summary
+from tests.agreement.replay import folder
+
 PAPER = Path(os.environ.get("SEGAR_PAPER", Path(__file__).parents[2] / "shared" / "paper" / "segar.tex"))
 
 collect_ignore = [] if PAPER.is_file() else ["test_paper_listings.py"]
+
+
+def pytest_sessionfinish(session) -> None:
+    """A worker hands its findings to the process that reports."""
+    if hasattr(session.config, "workeroutput"):
+        session.config.workeroutput["agreement"] = summary.lines
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_testnodedown(node) -> None:
+    summary.lines += getattr(node, "workeroutput", {}).get("agreement", [])
+
+
+def pytest_terminal_summary(terminalreporter) -> None:
+    if summary.lines:
+        terminalreporter.section(f"agreement with the simulator of 2022 ({folder()})")
+        for line in summary.lines:
+            terminalreporter.line(line)

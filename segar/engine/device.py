@@ -17,6 +17,7 @@ X = VX = SIZE = ORDER = 0
 FLOORS = COLLIDERS = MOVERS = np.zeros(0, np.int64)
 FLOOR_BITS = COLLIDER_BITS = ORDER_AT = NEAR_AT = 0
 MANY_BODIES = CONTACT_MOVES = False
+LOW, HIGH = -1.0, 1.0  # [m] walls of the arena
 
 
 def njit(function):  # type: ignore[no-untyped-def]
@@ -36,7 +37,6 @@ def hit_body(V, bits, P, err, i, j): ...  # type: ignore[no-untyped-def]
 
 # --- copied from here on ---
 THRESHOLD = 1e-7  # [m] closer than this counts as touching; 2022 uses the same
-LOW, HIGH = -1.0, 1.0  # [m] walls of the arena
 MAX_CONTACTS = 64  # contacts that one sub-step resolves before it gives up the rest of its time
 MAX_REWINDS = 256  # rewinds before one contact
 REST_OVERLAP = 1e-7  # [m] bodies that move alike and overlap deeper than this are pushed apart

@@ -77,7 +77,9 @@ class Interpreter:
         """
         if levels.layout != self.layout:
             raise SegarError("these levels belong to another distribution than the interpreter was made for")
-        run = _Run(self.world, self.functions, Scene.of_level(levels, index, values, key, tick), explain)
+        run = _Run(
+            self.world, self.functions, Scene.of_level(levels, index, values, key, tick, self.world.walls), explain
+        )
         if action is not None:
             run.act(action)
         for _ in range(n or (1 if action is None else self.task.sub_steps)):

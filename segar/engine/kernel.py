@@ -125,6 +125,7 @@ COLLIDERS = np.array({colliders}, np.int64)
 MOVERS = np.array({movers}, np.int64)
 FLOOR_BITS = {floor_bits}
 COLLIDER_BITS = {collider_bits}
+LOW, HIGH = {-self.world.walls!r}, {self.world.walls!r}
 ORDER_AT = 0
 NEAR_AT = {len(colliders)}
 MANY_BODIES = {len(colliders) > MANY_BODIES}

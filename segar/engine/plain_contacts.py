@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from segar.engine.scene import TOUCH, WALL, Scene
+from segar.engine.scene import TOUCH, Scene
 from segar.factors import Mobile, Position, Velocity
 from segar.values import Number, Vector
 
@@ -89,7 +89,7 @@ def _exchange(scene: Scene, rules: ContactRules, contact: Contact, too_early: bo
     i, j = contact.body, contact.other
     x, v = scene.vector(i, Position), scene.vector(i, Velocity)
     if j is None:
-        axes = _blocked(x, scene.radius(i))
+        axes = _blocked(x, scene.radius(i), scene.walls)
         outward = (axes * x).dot(v) > 0
         if outward or not too_early:
             rules.hit_wall(i, axes)
@@ -117,7 +117,7 @@ def _longest_ago(scene: Scene, rules: ContactRules) -> Contact | None:
 
 def _time_in_wall(scene: Scene, i: int) -> float:
     x, v, r = scene.vector(i, Position), scene.vector(i, Velocity), scene.radius(i)
-    beyond = [(abs(x.x) + r - WALL, abs(v.x)), (abs(x.y) + r - WALL, abs(v.y))]
+    beyond = [(abs(x.x) + r - scene.walls, abs(v.x)), (abs(x.y) + r - scene.walls, abs(v.y))]
     times = [depth / speed for depth, speed in beyond if depth > 0]
     return max(times) + TOUCH / v.norm() if times else 0.0
 
@@ -136,14 +136,14 @@ def _time_in_body(scene: Scene, i: int, j: int) -> float:
         return 0.0
     if a == 0:
         hard = scene.radius(i) + scene.radius(j) - REST_OVERLAP
-        stuck = 0 < hard and d.dot(d) < hard * hard and (_is_movable(scene, i) or _is_movable(scene, j))
+        stuck = hard > 0 and d.dot(d) < hard * hard and (_is_movable(scene, i) or _is_movable(scene, j))
         return float("inf") if stuck else 0.0
     return ((b * b - a * c).sqrt() - b) / a + TOUCH / a.sqrt()
 
 
-def _blocked(x: Vector, r: float) -> Vector:
+def _blocked(x: Vector, r: float, walls: float) -> Vector:
     """1 in the axis of the nearest wall, else 0; both 1 exactly on a corner's diagonal."""
-    gaps = [min(WALL - (c + r), c - r + WALL) for c in x]
+    gaps = [min(walls - (c + r), c - r + walls) for c in x]
     return Vector(float(gaps[0] <= gaps[1]), float(gaps[1] <= gaps[0]))
 
 
@@ -165,7 +165,7 @@ def _separate(scene: Scene, rules: ContactRules) -> None:
 
 
 def _push_inside(scene: Scene, i: int) -> None:
-    limit = max(WALL - scene.radius(i) - TOUCH, 0.0)
+    limit = max(scene.walls - scene.radius(i) - TOUCH, 0.0)
     x = scene.vector(i, Position)
     px, py = (min(max(float(c), -limit), limit) for c in x)
     _place(scene, i, Vector(px, py))

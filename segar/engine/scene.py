@@ -22,7 +22,6 @@ from segar.shapes import CIRCLE, HULL
 from segar.values import Number, Source, Vector
 
 TOUCH = 1e-7  # [m] closer than this counts as touching; 2022 uses the same
-WALL = 1.0  # [m] distance of the arena's walls from its middle
 
 holds = lru_cache(maxsize=4096)(layouts.holds)
 
@@ -36,6 +35,7 @@ class Scene:
         values: float64 ``(entities, columns)``; changed in place.
         kinds: shape kind of each slot; see :mod:`segar.shapes`.
         hulls: float64 ``(vertices, 2)`` of each slot, relative to its position; empty where it is no hull.
+        walls: distance of the arena's walls from its middle [m].
     """
 
     layout: Layout
@@ -46,9 +46,12 @@ class Scene:
     parameters: dict[type[Parameter], float]
     key: int = 0
     tick: int = 0
+    walls: float = 1.0
 
     @classmethod
-    def of_level(cls, levels: Any, index: int, values: Any = None, key: int = 0, tick: int = 0) -> Scene:
+    def of_level(
+        cls, levels: Any, index: int, values: Any = None, key: int = 0, tick: int = 0, walls: float = 1.0
+    ) -> Scene:
         """The scene of a level: its initial state, or ``values`` (float64 ``(entities, columns)``, copied)."""
         layout, row = levels.layout, levels.values[index] if values is None else np.asarray(values)
         if row.shape != levels.values.shape[1:]:
@@ -64,6 +67,7 @@ class Scene:
             parameters=dict(zip(layout.parameters, map(float, levels.parameters[index]), strict=True)),
             key=int(key),
             tick=int(tick),
+            walls=walls,
         )
 
     @property

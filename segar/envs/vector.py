@@ -22,7 +22,7 @@ from segar.observations.state import StateVector
 from segar.simulator import Outcome, Simulator, State, run_in_threads
 from segar.tasks.find import task_of
 from segar.tasks.task import Task
-from segar.world import World
+from segar.world import ARENA, World
 
 if TYPE_CHECKING:
     from segar.levels import Levels
@@ -89,7 +89,12 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             raise SegarError("autoreset_mode NEXT_STEP is not offered; use SAME_STEP or DISABLED")
         self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
         self.simulator = Simulator(world or world_of(levels), levels.layout, self.task, num_threads)
-        self.observation = make_observation(observation).bind(levels, num_envs)
+        observation = make_observation(observation)
+        if isinstance(observation, Pixels) and self.simulator.world.walls != ARENA:
+            raise SegarError(
+                f"pixels show an arena with walls at {ARENA} m; these stand at {self.simulator.world.walls} m"
+            )
+        self.observation = observation.bind(levels, num_envs)
         self.single_observation_space = self.observation.space
         self.single_action_space = gymnasium.spaces.Box(
             np.array(self.task.action_low, np.float32), np.array(self.task.action_high, np.float32), dtype=np.float32

@@ -6,29 +6,22 @@ from pathlib import Path
 
 import pytest
 
-from tests.agreement.replay import Replay, Verdict, folder
-from tests.agreement.rules_of_2022 import WORLD
-
-_report: dict[str, list[Verdict]] = {}
+from tests.agreement.replay import Verdict, folder, replay
+from tests.agreement.rules_of_2022 import world_in
+from tests.agreement.summary import lines
 
 
 @pytest.fixture(scope="session")
 def replays() -> dict[str, list[Verdict]]:
     """Verdicts of all trajectories, by file."""
-    for path in sorted(Path(folder()).glob("*.npz")):
-        _report[path.stem] = Replay(WORLD, path).run()
-    return _report
+    verdicts = {path.stem: replay(path, world_in) for path in sorted(Path(folder()).glob("*.npz"))}
+    lines[:] = [line for family, found in verdicts.items() for line in _report(family, found)]
+    return verdicts
 
 
-def pytest_terminal_summary(terminalreporter) -> None:
-    if not _report:
-        return
-    terminalreporter.section(f"agreement with the simulator of 2022 ({folder()})")
-    for family, verdicts in _report.items():
-        whole = sum(v.whole for v in verdicts)
-        lengths = {v.counted for v in verdicts if v.counted < v.recording.length}
-        over = f"their first {min(lengths)} sub-steps" if lengths else "their whole length"
-        terminalreporter.line(f"{family}: {whole} of {len(verdicts)} agree to 1e-6 over {over}")
-        for verdict in verdicts:
-            if not verdict.whole:
-                terminalreporter.line(f"    {verdict}")
+def _report(family: str, verdicts: list[Verdict]) -> list[str]:
+    whole = sum(v.whole for v in verdicts)
+    lengths = {v.counted for v in verdicts if v.counted < v.recording.length}
+    over = f"their first {min(lengths)} sub-steps" if lengths else "their whole length"
+    rest = [f"    {verdict}" for verdict in verdicts if not verdict.whole]
+    return [f"{family}: {whole} of {len(verdicts)} agree to 1e-6 over {over}", *rest]

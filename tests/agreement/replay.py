@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -41,7 +41,6 @@ from segar.tasks.task import Task
 from segar.world import World
 
 TOLERANCE = 1e-6
-TOUCH = 1e-7  # [m] distance at which discs touch
 ROOM = 15  # things of the largest recorded scene, the floor apart
 EXTRA = 20  # sub-steps that a recording which ends in an exception is continued for
 GOAL_DISTANCE = 0.01  # share of the diagonal
@@ -60,7 +59,6 @@ RECORDED: dict[str, type[Factor]] = {
 }
 STATIC = (Order, Size, Charge, Magnetism, InfiniteEnergy, Friction, Heat)
 # Powers of length in each unit: an arena of another size is replayed as a similar one of ours.
-LENGTHS: dict[type[Factor], float] = {Position: 1, Velocity: 1, Acceleration: 1, Size: 1, Charge: 1.5, Magnetism: 0.5}
 
 
 def folder() -> Path:
@@ -86,9 +84,11 @@ class Recording:
         return [self.meta["ids"].index(name) for name in self.meta["sorted_ids"]]
 
     @property
-    def scale(self) -> float:
-        low, high = self.meta["boundaries"]
-        return (high - low) / 2
+    def walls(self) -> float:
+        """Distance of the walls from the middle of the arena [m]."""
+        low, high = map(float, self.meta["boundaries"])
+        assert low == -high, f"{self.meta['name']}: an arena from {low} to {high} is not around its middle"
+        return high
 
     def slot_of(self, name: Any) -> int:
         return self.meta["sorted_ids"].index(name)
@@ -134,7 +134,7 @@ def levels_of(many: list[Recording]) -> Levels:
             # Bodies that are hulls met walls with their extent, and each other not at all: they are replayed as discs.
             kind[e, slot] = CIRCLE if shape["kind"] == "Circle" or entity["kind"] == "object" else HULL
             if kind[e, slot] == HULL:
-                corners = np.array(shape["vertices"]) / recording.scale
+                corners = np.array(shape["vertices"])
                 count[e, slot] = len(corners)
                 vertices[e, slot, : len(corners)] = corners
     made = Provenance("recorded in 2022", "", "", 0, "", np.arange(n))
@@ -162,21 +162,19 @@ def _row(recording: Recording, place: int, entity: dict[str, Any]) -> np.ndarray
             value = entity["factors"][factor.__name__]
         else:
             value = kind.declared[factor]
-        row[column : column + factor.width] = np.asarray(value, float) / recording.scale ** LENGTHS.get(factor, 0)
-    # The distance at which discs touch does not scale with the arena; bodies that much smaller touch where they should.
-    row[LAYOUT.columns[Size]] -= (1 - 1 / recording.scale) * TOUCH
+        row[column : column + factor.width] = np.asarray(value, float)
     return row
 
 
 def _parameters(recording: Recording) -> list[float]:
-    given, scale = recording.meta["parameters"], recording.scale
+    given = recording.meta["parameters"]
     named = {
-        "Gravity": given["Gravity"] / scale,
+        "Gravity": given["Gravity"],
         "FloorFriction": given["Friction"],
         "WallDamping": given["WallDamping"],
         "MinMass": given["MinMass"],
-        "MaxVelocity": given["MaxVelocity"] / scale,
-        "MinVelocity": given["MinVelocity"] / scale,
+        "MaxVelocity": given["MaxVelocity"],
+        "MinVelocity": given["MinVelocity"],
         "Framerate": 1.0 / given["Time"],
     }
     return [named[p.__name__] for p in LAYOUT.parameters]
@@ -228,34 +226,32 @@ class Verdict:
 
     @property
     def required(self) -> int:
-        """Sub-steps over which the trajectory must agree.
-
-        Walls stand at -1 and 1. A larger arena is replayed as a similar smaller one, in which the distance at which bodies
-        touch is not similar: such a trajectory must agree until something touches.
-        """
-        meta = self.recording.meta
-        until = self.recording.length if self.recording.scale == 1 or not meta["events"] else meta["events"][0][0] - 1
-        return min(until, FIRST)
+        """Sub-steps over which the trajectory must agree."""
+        return min(self.recording.length, FIRST)
 
     def __str__(self) -> str:
         name = f"{self.recording.meta['name']} ({self.recording.meta['index']})"
         return f"{name}: {self.agrees} of {self.recording.length} sub-steps; {self.first or 'agrees'}"
 
 
+def replay(path: Path, world_in: Callable[[float], World]) -> list[Verdict]:
+    """How the trajectories of a file fared, in their order; ``world_in`` makes the world for the distance of the walls."""
+    many = recordings(path)
+    arenas = {walls: [r for r in many if r.walls == walls] for walls in {r.walls for r in many}}
+    verdicts = [v for walls, inside in arenas.items() for v in Replay(world_in(walls), inside).run()]
+    return sorted(verdicts, key=lambda v: v.recording.meta["index"])
+
+
 @dataclass
 class Replay:
-    """A file's trajectories, replayed side by side in one batch.
-
-    Args:
-        world: the rules.
-    """
+    """Trajectories in one world, replayed side by side in one batch."""
 
     world: World
-    path: Path
+    many: list[Recording]
     verdicts: list[Verdict] = field(default_factory=list)
 
     def run(self) -> list[Verdict]:
-        many = recordings(self.path)
+        many = self.many
         levels = levels_of(many)
         simulator = Simulator(self.world, LAYOUT, _task())
         state = State.empty(len(many), LAYOUT)
@@ -286,7 +282,6 @@ class Replay:
             for name, factor in RECORDED.items():
                 column = LAYOUT.columns[factor]
                 ours = state.values[e, : len(recording.slots), column : column + factor.width]
-                ours = ours * recording.scale ** LENGTHS.get(factor, 0)
                 theirs = recording.arrays[name][step][recording.slots].astype(float).reshape(ours.shape)
                 has = ~np.isnan(ours)
                 apart = np.abs(ours - theirs)[has].max(initial=0.0)
@@ -317,7 +312,7 @@ def push(recording: Recording, values: np.ndarray, step: int) -> None:
         row = values[recording.slot_of(name)]
         mass, v = row[LAYOUT.columns[Mass]], LAYOUT.columns[Velocity]
         if mass != 0:
-            row[v : v + 2] += np.asarray(impulse, float) / recording.scale / mass
+            row[v : v + 2] += np.asarray(impulse, float) / mass
         if meta["task"] == "Invisiball":
             row[LAYOUT.columns[Visible]] = 0.0
 
@@ -335,7 +330,7 @@ def judge(recording: Recording, before: np.ndarray, after: np.ndarray) -> tuple[
     task = recording.meta["task"]
     if task is None:
         return None
-    diagonal = recording.meta["scaling_factor"] / recording.scale
+    diagonal = recording.meta["scaling_factor"]
     x, alive, done = (LAYOUT.columns[f] for f in (Position, Alive, Done))
     actor = recording.slot_of(recording.meta["actor"])
     dead, over = not before[actor, alive], bool(before[actor, done])

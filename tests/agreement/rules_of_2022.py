@@ -96,7 +96,8 @@ def collide(first: Body, second: Body) -> Tuple[SetFactor[Velocity], SetFactor[S
 # In 2022 both were evaluated in both stages, with all effects.
 stop_twice = rule(priority=stop_condition.priority, recheck=True)(stop_condition.function)
 
-WORLD = World(
-    rules=(move, lorentz_law, apply_friction, apply_burn, stop_twice, kill_condition, consume, accelerate),
-    pair_contact=collide,
-)
+
+def world_in(walls: float) -> World:
+    """The rules of 2022 in an arena with walls that far from its middle [m]."""
+    rules = (move, lorentz_law, apply_friction, apply_burn, stop_twice, kill_condition, consume, accelerate)
+    return World(rules, pair_contact=collide, walls=walls)

@@ -5,12 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import segar
 from segar.entities import Ball, GoalTile, GolfBall
+from segar.errors import RuleError, SegarError
 from segar.factors import ID, Alive, Charge, Done, Mass, Mobile, Position, Shape, Size, StoredEnergy, Velocity
 from segar.levels import Levels
 from segar.rules import move
 from segar.shapes import Square
 from segar.simulator import State
+from segar.world import World
 from tests.engine.worlds import after, random_states, read, set_factor, start
 
 OVERLAP = 1e-6  # [m] what two bodies or a body and a wall may share at the end of a sub-step
@@ -139,3 +142,27 @@ def test_a_body_with_a_hull_collides_as_its_circumscribed_disc(engine):
     reach = 0.1 + 0.1 * 2**0.5
     assert read(state, levels, Velocity)[0, 0] == pytest.approx([-1.0, 0.0], abs=1e-7)
     assert read(state, levels, Position)[0, 0, 0] == pytest.approx(-2 * reach + 0.24, abs=5e-7)
+
+
+@pytest.mark.parametrize("engine", ["interpreter", "source"])
+def test_walls_stand_where_the_world_says(engine):
+    goal = GoalTile({Position: [0.0, 0.9]})
+    balls = (GolfBall({Position: [x, 0.0], Velocity: [5.0, 0.0], Size: 0.2}) for x in (0.5, 1.5))
+    levels = Levels.from_entities([[ball, goal] for ball in balls])
+    state = after(engine, (move,), levels, n=30, walls=2.5)
+    x, v = read(state, levels, Position)[:, 0, 0], read(state, levels, Velocity)[:, 0, 0]
+    # 2.4 m is as far as the centre gets; the wall takes 2.5 % of the speed.
+    np.testing.assert_allclose(x, [2.0, 2.4 - (0.3 - 0.9 / 5) * 5 * 0.975], atol=1e-6)
+    np.testing.assert_allclose(v, [5.0, -5 * 0.975])
+
+
+@pytest.mark.parametrize("walls", [0.0, -1.0, np.inf, np.nan])
+def test_walls_stand_at_a_distance(walls):
+    with pytest.raises(RuleError, match="the distance of the walls must be a finite number above 0"):
+        World(walls=walls)
+
+
+def test_pixels_show_the_usual_arena_only():
+    levels = segar.family("empty-easy").sample(2, seed=0)
+    with pytest.raises(SegarError, match=r"pixels show an arena with walls at 1.0 m; these stand at 2.0 m"):
+        segar.envs.VectorEnv(levels, 2, observation="rgb", world=World(walls=2.0))

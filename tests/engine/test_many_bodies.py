@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Tuple  # noqa: UP035 - as the paper writes rules
+from typing import Tuple
 
 import numpy as np
 import pytest
