@@ -104,7 +104,7 @@ def soak(steps: int, seed: int = 0, only: str = "") -> int:
     for k, (name, number) in enumerate(worlds):
         faulthandler.dump_traceback_later(HANG, exit=True)
         begun = time.perf_counter()
-        share = (steps - total.steps) // (len(worlds) - k)
+        share = max(1, (steps - total.steps) // (len(worlds) - k))
         tally = play(make_case(name, number), share, np.random.default_rng(number))
         print(tally.row(name, time.perf_counter() - begun), flush=True)
         for fault in tally.faults[:MOST_FAULTS]:
@@ -120,9 +120,9 @@ def soak(steps: int, seed: int = 0, only: str = "") -> int:
 
 
 def play(case: Case, steps: int, rng: np.random.Generator, num_envs: int = NUM_ENVS) -> Tally:
-    """Random play of about that many environment steps in one world."""
-    run = _Run(case, rng, min(num_envs, max(1, steps)))
-    for step in range(max(1, steps // run.num_envs)):
+    """Random play of that many environment steps in one world, or a few more."""
+    run = _Run(case, rng, min(num_envs, steps))
+    for step in range(-(-steps // run.num_envs)):
         run.step(by_sub_steps=step % 2 == 1)
     run.tally.contacts, run.tally.gave_up = int(run.state.contacts.sum()), int(run.state.gave_up.sum())
     return run.tally
