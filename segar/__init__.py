@@ -7,6 +7,7 @@ is compiled from the rules, and measured. See README.md for a first run.
 from typing import Tuple  # noqa: UP035 - the paper's rules are written with it
 
 from segar import envs, metrics, noise, random, tasks
+from segar.designed_levels import design
 from segar.distribution import LevelDistribution
 from segar.effects import Aggregate, Differential, SetFactor
 from segar.engine.interpreter import Interpreter
@@ -187,6 +188,7 @@ __all__ = [
     "consume",
     "contains",
     "cos",
+    "design",
     "envs",
     "exp",
     "families",

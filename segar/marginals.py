@@ -20,17 +20,20 @@ def marginals(plan: Plan) -> dict[str, Laws]:
     laws: dict[str, Laws] = {}
     for group in plan.groups:
         for place, slot in enumerate(group.slots):
-            laws[plan.layout.names[slot]] = _slot_laws(plan, group, place)
+            laws[plan.layout.names[slot]] = slot_laws(plan, group, place)
     laws[plan.layout.names[-1]] = {Friction: parameters[FloorFriction]}
     laws["parameters"] = parameters
     return laws
 
 
-def _slot_laws(plan: Plan, group: Group, place: int) -> Laws:
+def slot_laws(plan: Plan, group: Group, place: int, only: int | None = None) -> Laws:
+    """The laws of one slot's factors, given that it is filled; ``only``: by that type, an index in ``layout.types``."""
     parts: dict[type[Factor], list[tuple[Noise, float]]] = {}
     conditional: set[type[Factor]] = set()
     slot = group.slots[place]
     for kind, probability in zip(group.types, group.probabilities, strict=True):
+        if only is not None and kind != only:
+            continue
         for factor in plan.layout.types[kind].declared:
             if not factor.width:
                 continue
@@ -42,7 +45,7 @@ def _slot_laws(plan: Plan, group: Group, place: int) -> Laws:
             if factor is Order and law == Deterministic(0.0):
                 law = _rank_law(plan, group, place)
             parts.setdefault(factor, []).append((law, probability))
-    return {factor: _mix(found) for factor, found in parts.items() if factor not in conditional}
+    return {factor: mix(found) for factor, found in parts.items() if factor not in conditional}
 
 
 def _drawn(plan: Plan, slot: int, factor: type[Factor], kind: int) -> Prior | None:
@@ -80,10 +83,10 @@ def _rank_law(plan: Plan, group: Group, place: int) -> Noise:
             for value, m in allowed:
                 grown[total + value] = grown.get(total + value, 0.0) + weight * m / mass
         totals = grown
-    return _mix([(DiscreteRangeNoise(0, total - 1), weight) for total, weight in totals.items()])
+    return mix([(DiscreteRangeNoise(0, total - 1), weight) for total, weight in totals.items()])
 
 
-def _mix(parts: list[tuple[Noise, float]]) -> Noise:
+def mix(parts: list[tuple[Noise, float]]) -> Noise:
     """The mixture of laws by weights that need not sum to one; equal laws are joined."""
     weights: dict[Noise, float] = {}
     for law, weight in parts:

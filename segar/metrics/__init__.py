@@ -1,7 +1,57 @@
-"""Distances between level sets: how far train is from test, before anything is trained."""
+"""Distances between level sets and distributions, and what a set is worth: before anything is trained."""
 
-from segar.metrics.kolmogorov import ks, ks_by_factor
+from segar.metrics.debiased import DebiasedW2, Floor, same_distribution_floor, w2_debiased
+from segar.metrics.decomposition import Decomposition, decompose
+from segar.metrics.embedding import embed
+from segar.metrics.kolmogorov import FactorKS, KSReport, dkw_band, ks, ks_by_factor, ks_report
+from segar.metrics.large_sets import EntropicW2, SlicedW2, w2_entropic, w2_sliced
 from segar.metrics.points import spread
+from segar.metrics.representativeness import (
+    Coverage,
+    Representativeness,
+    coverage,
+    effective_number,
+    representativeness,
+)
+from segar.metrics.sample_entropy import SampleEntropy, sample_entropy
+from segar.metrics.two_sample import TwoSampleTest, classifier_test, energy_test, mmd_test
+from segar.metrics.unbalanced import UnbalancedW2, w2_partial, w2_unbalanced
 from segar.metrics.wasserstein import W2Report, w2, w2_report
 
-__all__ = ["W2Report", "ks", "ks_by_factor", "spread", "w2", "w2_report"]
+__all__ = [
+    "Coverage",
+    "DebiasedW2",
+    "Decomposition",
+    "EntropicW2",
+    "FactorKS",
+    "Floor",
+    "KSReport",
+    "Representativeness",
+    "SampleEntropy",
+    "SlicedW2",
+    "TwoSampleTest",
+    "UnbalancedW2",
+    "W2Report",
+    "classifier_test",
+    "coverage",
+    "decompose",
+    "dkw_band",
+    "effective_number",
+    "embed",
+    "energy_test",
+    "ks",
+    "ks_by_factor",
+    "ks_report",
+    "mmd_test",
+    "representativeness",
+    "same_distribution_floor",
+    "sample_entropy",
+    "spread",
+    "w2",
+    "w2_debiased",
+    "w2_entropic",
+    "w2_partial",
+    "w2_report",
+    "w2_sliced",
+    "w2_unbalanced",
+]

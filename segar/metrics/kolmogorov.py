@@ -1,88 +1,207 @@
-"""Kolmogorov-Smirnov statistics between two level sets, per factor and for all factors at once."""
+"""Kolmogorov-Smirnov statistics, per factor and for all factors at once: of samples, of laws, and of one against the other."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from segar.errors import LevelError
 from segar.factors import Factor
 from segar.levels import Levels
-from segar.metrics.points import (
-    all_parameters,
-    entity_types,
-    gather_parameters,
-    gather_state,
-    relevant_factors,
-    require_levels,
+from segar.metrics.distribution_functions import (
+    Dealt,
+    Marginal,
+    SampleAgainstLaw,
+    TwoSamples,
+    edge,
+    factor_marginals,
 )
 
+if TYPE_CHECKING:
+    from segar.distribution import LevelDistribution
 
-def ks(a: Levels, b: Levels, *, factors: Sequence[type[Factor]] | None = None) -> float:
-    """The two-sample Kolmogorov-Smirnov statistic of two level sets under the mean-field law, in [0, 1].
+    Side = Levels | LevelDistribution
 
-    KS = sup_x |prod_j F_j(x_j) - prod_j G_j(x_j)|, F_j and G_j the empirical distribution functions of the j-th marginal
-    in a and b: every component of every relevant factor of every entity type (over all entities of that type), the number
-    of entities of each type in a level, and every world parameter. The paper's text has probabilities P[X_j = x_j] in the
-    product; distribution functions are meant, as in its Algorithm 2. The supremum is exact.
+MONTE_CARLO_SPLIT = "kolmogorov-smirnov"
+"""Split of the levels that a test draws from a distribution, so that they are nobody's train or test levels."""
+
+
+@dataclass(frozen=True)
+class FactorKS:
+    """The statistic of one marginal, with what it takes to read it.
+
+    Attributes:
+        name: such as ``"GolfBall.Position.x"``, ``"Charger.count"`` or ``"world.Gravity"``.
+        value: sup_x |F(x) - G(x)|.
+        band: half width of the band of the report's confidence around the difference of the empirical distribution
+            functions, in which the true one lies at all x at once. Sample against law: sqrt(ln(2 / alpha) / 2n)
+            (Dvoretzky, Kiefer and Wolfowitz 1956, Massart 1990). Two samples: sqrt(ln(2 / alpha) (1/n + 1/m) / 2), its
+            asymptotic form. So ``value > band`` speaks against one law.
+        p_value: of the hypothesis of one law; exact for laws without atoms, too large for laws with atoms.
+        n: values in the first sample. m: in the second, None where that is a law.
+    """
+
+    name: str
+    value: float
+    band: float
+    p_value: float
+    n: int
+    m: int | None
+
+
+@dataclass(frozen=True)
+class KSReport:
+    """The mean-field statistic with its test, and every marginal's.
+
+    Attributes:
+        value: as :func:`ks` returns it.
+        p_value: of the hypothesis that both sides have one law, by ``resamples`` repetitions under it. The levels of two
+            sets are dealt at random; of a law, as many levels are drawn as the sample has. The test is exact whatever
+            the factors' dependence, since whole levels are dealt or drawn.
+        factors: the marginals, most different (smallest p-value, then largest value) first.
+        confidence: that of the bands.
+    """
+
+    value: float
+    p_value: float
+    factors: tuple[FactorKS, ...]
+    confidence: float
+    resamples: int
+
+
+def ks(a: Side, b: Side, *, factors: Sequence[type[Factor]] | None = None) -> float:
+    """The Kolmogorov-Smirnov statistic of two level sets or distributions under the mean-field law, in [0, 1].
+
+    KS = sup_x |prod_j F_j(x_j) - prod_j G_j(x_j)|, F_j and G_j the distribution functions of the j-th marginal in a and b:
+    every component of every relevant factor of every entity type (over all entities of that type), the number of
+    entities of each type in a level, and every world parameter. The paper's text has probabilities P[X_j = x_j] in the
+    product; distribution functions are meant, as in its Algorithm 2.
+
+    ``ks(train, test)`` compares samples by their states that episodes start in; ``ks(train, dist)`` a sample as drawn
+    (before overlaps were removed) with the known laws of its factors, also exactly; ``ks(dist_a, dist_b)`` the laws with
+    each other, the joint supremum over a grid of 1/512 in probability. What placement adds (``min_distance``,
+    overlaps) is in no law.
 
     Args:
         factors: count these factors and no others (numbers of entities count always).
 
     Raises:
-        LevelError: one of the two is not a level set. A sample against a law, and a law against a law, are not supported.
+        LevelError: one of the two is neither levels nor a distribution, or a factor's prior depends on other factors, so
+            that its law is known through samples only.
     """
-    curves = _distribution_functions(a, b, factors)
-    return max(_largest_difference(curves), _largest_difference([(g, f) for f, g in curves]))
+    return _joint(factor_marginals("ks", a, b, factors))
 
 
-def ks_by_factor(a: Levels, b: Levels, *, factors: Sequence[type[Factor]] | None = None) -> dict[str, float]:
-    """The two-sample Kolmogorov-Smirnov statistic sup_x |F_j(x) - G_j(x)| of each marginal, by name.
+def ks_by_factor(a: Side, b: Side, *, factors: Sequence[type[Factor]] | None = None) -> dict[str, float]:
+    """The Kolmogorov-Smirnov statistic sup_x |F_j(x) - G_j(x)| of each marginal, by name; exact.
 
     Names are ``"Charger.Charge"``, ``"GolfBall.Position.x"``, ``"Charger.count"`` (entities of the type per level) and
-    ``"world.Gravity"``. A factor is compared among the entities that there are: of a type that one set lacks, there is the
-    count alone. Arguments and errors are those of :func:`ks`.
+    ``"world.Gravity"``. A factor is compared among the entities that there are: of a type that one side lacks, there is
+    the count alone. Arguments and errors are those of :func:`ks`.
     """
-    names = [name for name, _, _ in _marginals(a, b, factors)]
-    curves = _distribution_functions(a, b, factors)
-    return {name: float(np.abs(f - g).max()) for name, (f, g) in zip(names, curves, strict=True)}
+    return {m.name: m.largest_difference() for m in factor_marginals("ks", a, b, factors)}
 
 
-def _marginals(
-    a: Levels, b: Levels, factors: Sequence[type[Factor]] | None
-) -> list[tuple[str, np.ndarray, np.ndarray]]:
-    """Name and both samples of each marginal."""
-    require_levels("ks", a, b)
+def ks_report(
+    a: Side,
+    b: Side,
+    *,
+    rng: np.random.Generator,
+    resamples: int = 199,
+    confidence: float = 0.95,
+    factors: Sequence[type[Factor]] | None = None,
+) -> KSReport:
+    """The statistic with bands, p-values, and the marginals in order of evidence: two level sets, or levels and a law.
+
+    With many marginals some p-value is small by chance: read the joint one first.
+
+    Args:
+        rng: for the joint test; ``resamples`` (at least 19) repetitions, so that p is at least 1 / (1 + resamples).
+        confidence: of the bands, in (0, 1).
+
+    Raises:
+        LevelError: as :func:`ks`; or both are distributions, whose distance has no error to report.
+    """
+    if resamples < 19 or not 0 < confidence < 1:
+        raise LevelError(
+            f"ks_report needs at least 19 resamples, not {resamples}, and a confidence between 0 and 1, not {confidence}"
+        )
+    if not isinstance(a, Levels):
+        a, b = b, a
+    if not isinstance(a, Levels):
+        raise LevelError("ks_report: the distance of two distributions is exact; use ks(a, b) or ks_by_factor(a, b)")
+    marginals = factor_marginals("ks_report", a, b, factors)
+    value = _joint(marginals)
+    null = _dealt(marginals, a, b, rng, resamples) if isinstance(b, Levels) else _drawn(a, b, factors, rng, resamples)
+    found = [_factor_report(m, confidence) for m in marginals]
+    return KSReport(
+        value=value,
+        p_value=float((1 + np.sum(np.asarray(null) >= value - 1e-12)) / (1 + resamples)),
+        factors=tuple(sorted(found, key=lambda f: (f.p_value, -f.value))),
+        confidence=confidence,
+        resamples=resamples,
+    )
+
+
+def dkw_band(n: int, confidence: float = 0.95) -> float:
+    """Half width of the band around an empirical distribution function that contains the true one at all x at once.
+
+    sqrt(ln(2 / (1 - confidence)) / 2n), for n independent values of any law (Massart 1990).
+    """
+    return float(np.sqrt(np.log(2 / (1 - confidence)) / (2 * n)))
+
+
+def _factor_report(marginal: Marginal, confidence: float) -> FactorKS:
+    from scipy import stats
+
+    value = marginal.largest_difference()
+    if isinstance(marginal, SampleAgainstLaw):
+        n = len(marginal.sample)
+        p_value = float(stats.kstwo.sf(value, n))
+        return FactorKS(marginal.name, value, dkw_band(n, confidence), p_value, n, None)
+    assert isinstance(marginal, TwoSamples)
+    n, m = len(marginal.x), len(marginal.y)
+    method = "exact" if max(n, m) <= 1000 else "asymp"
+    p_value = float(stats.ks_2samp(marginal.x, marginal.y, method=method).pvalue)  # type: ignore[union-attr]
+    band = dkw_band(1, confidence) * np.sqrt(1 / n + 1 / m)
+    return FactorKS(marginal.name, value, float(band), min(p_value, 1.0), n, m)
+
+
+def _dealt(
+    marginals: Sequence[Marginal], a: Levels, b: Levels, rng: np.random.Generator, resamples: int
+) -> list[float]:
+    """Joint statistics of the levels of both sets, dealt at random."""
     found = []
-    for entity in entity_types(a, b):
-        read = relevant_factors(entity, factors)
-        of_a, of_b = gather_state(a, entity, read), gather_state(b, entity, read)
-        found.append((f"{entity.__name__}.count", of_a.counts, of_b.counts))
-        if len(of_a.points) and len(of_b.points):
-            names = [
-                f"{entity.__name__}.{f.__name__}{axis}" for f in read for axis in (("",), (".x", ".y"))[f.width - 1]
-            ]
-            found += [(name, of_a.points[:, k], of_b.points[:, k]) for k, name in enumerate(names)]
-    parameters = [p for p in all_parameters(a, b) if factors is None or p in factors]
-    if parameters:
-        of_a, of_b = gather_parameters(a, parameters), gather_parameters(b, parameters)
-        found += [(f"world.{p.__name__}", of_a.points[:, k], of_b.points[:, k]) for k, p in enumerate(parameters)]
+    for _ in range(resamples):
+        first = np.zeros(len(a) + len(b), dtype=bool)
+        first[rng.permutation(len(first))[: len(a)]] = True
+        found.append(_joint([m.dealt(first, len(a)) for m in marginals if isinstance(m, TwoSamples)]))
     return found
 
 
-def _distribution_functions(
-    a: Levels, b: Levels, factors: Sequence[type[Factor]] | None
-) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Both empirical distribution functions of each marginal, at all values that either sample takes."""
-    curves = []
-    for _, x, y in _marginals(a, b, factors):
-        at = np.union1d(x, y)
-        f, g = (np.searchsorted(np.sort(s), at, side="right") / len(s) for s in (x, y))
-        curves.append((f, g))
-    return curves
+def _drawn(
+    a: Levels,
+    law: LevelDistribution,
+    factors: Sequence[type[Factor]] | None,
+    rng: np.random.Generator,
+    resamples: int,
+) -> list[float]:
+    """Joint statistics of level sets that are drawn from the law, each as large as ``a``."""
+    n = len(a)
+    pool = law.sample(n * resamples, seed=int(rng.integers(2**62)), split=MONTE_CARLO_SPLIT)
+    marginals = factor_marginals("ks_report", pool, law, factors)
+    return [_joint(one) for one in zip(*(m.parts(n, resamples) for m in marginals), strict=True)]
 
 
-def _largest_difference(curves: list[tuple[np.ndarray, np.ndarray]]) -> float:
+def _joint(marginals: Sequence[Marginal | Dealt]) -> float:
+    curves = [m.curve() for m in marginals]
+    return max(_largest_difference(curves), _largest_difference([(g, f) for f, g in curves]))
+
+
+def _largest_difference(curves: Sequence[tuple[np.ndarray, np.ndarray]]) -> float:
     """max over x of prod_j F_j(x_j) - prod_j G_j(x_j), exactly, for curves ``(F_j, G_j)``.
 
     For any choice in the factors still to come, the difference is p P - q Q with p, q >= 0, linear in the products (P, Q)
@@ -90,22 +209,6 @@ def _largest_difference(curves: list[tuple[np.ndarray, np.ndarray]]) -> float:
     """
     products = np.array([[1.0, 1.0]])
     for f, g in curves:
-        steps = _edge(np.stack([f, g], axis=1))
-        products = _edge((products[:, None, :] * steps[None, :, :]).reshape(-1, 2))
+        steps = edge(np.stack([f, g], axis=1))
+        products = edge((products[:, None, :] * steps[None, :, :]).reshape(-1, 2))
     return float((products[:, 0] - products[:, 1]).max())
-
-
-def _edge(points: np.ndarray) -> np.ndarray:
-    """The vertices of the hull of ``points [n, 2]`` that maximise some p x - q y with p, q >= 0 (monotone chain)."""
-    chain: list[tuple[float, float]] = []
-    for x, y in points[np.lexsort((points[:, 1], -points[:, 0]))].tolist():
-        if chain and y >= chain[-1][1]:
-            continue  # further left and not lower: never better
-        while len(chain) > 1 and _turns_inwards(chain[-2], chain[-1], (x, y)):
-            chain.pop()
-        chain.append((x, y))
-    return np.array(chain)
-
-
-def _turns_inwards(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> bool:
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]) >= 0.0

@@ -125,8 +125,9 @@ def spread(*sets: Levels | LevelDistribution) -> Spread:
     """Standard deviation of every factor of every entity type, under the mixture of the given laws in equal parts.
 
     A level set that carries its distribution stands for it (by ``SPREAD_SAMPLE`` levels of a fixed seed), and one from
-    a file for the distribution that it had when it was saved; one made by hand stands for itself. A vector factor has one spread, the root mean square of its components', so that directions
-    in the arena stay comparable. Pass the result to :func:`segar.metrics.w2` to measure several pairs in one unit.
+    a file for the distribution that it had when it was saved; one made by hand stands for itself. A vector factor has
+    one spread, the root mean square of its components', so that directions in the arena stay comparable. Pass the
+    result to :func:`segar.metrics.w2` to measure several pairs in one unit.
 
     Returns:
         ``{(entity type, factor): standard deviation}``; 0 for what is constant.

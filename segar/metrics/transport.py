@@ -49,6 +49,19 @@ def emd(cost: np.ndarray, weights_a: np.ndarray | None = None, weights_b: np.nda
     return float(max(value, 0.0))
 
 
+def plan_of(cost: np.ndarray) -> np.ndarray:
+    """A plan of least cost between uniform weights, float64 ``[n, m]`` summing to 1; at most n + m - 1 entries are not 0."""
+    n, m = cost.shape
+    if n == 1 or m == 1:
+        return np.full((n, m), 1 / (n * m))
+    plan, log = pot().emd(
+        np.full(n, 1 / n), np.full(m, 1 / m), np.ascontiguousarray(cost), numItermax=EMD_ITERATIONS, log=True
+    )
+    if log["warning"] is not None:
+        raise SegarError(f"optimal transport of {n} x {m} levels did not converge: {log['warning']}")
+    return plan
+
+
 def same_counts(a: PointSets, b: PointSets) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
     """Blocks of level pairs that have the same numbers of points: level indices and points of both sides."""
     for k in np.unique(a.counts):

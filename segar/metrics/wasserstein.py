@@ -128,7 +128,7 @@ def w2(
 
     Source: the paper's Algorithm 1; Peyré and Cuturi 2019, section 2.
     """
-    cost = _cost_function(a, b, mode, mismatch, scale, factors)
+    cost = cost_function("w2", a, b, mode, mismatch, scale, factors)
     return float(np.sqrt(emd(cost(a, b))))
 
 
@@ -149,7 +149,7 @@ def w2_report(
     """
     if resamples < 2:
         raise LevelError(f"w2_report needs at least 2 resamples, not {resamples}")
-    cost = _cost_function(a, b, mode, mismatch, scale, factors)
+    cost = cost_function("w2_report", a, b, mode, mismatch, scale, factors)
     between = cost(a, b)
     value = float(np.sqrt(emd(between)))
     n, m = between.shape
@@ -175,7 +175,8 @@ def w2_report(
     )
 
 
-def _cost_function(
+def cost_function(
+    what: str,
     a: Levels,
     b: Levels,
     mode: str,
@@ -183,16 +184,19 @@ def _cost_function(
     scale: Spread | None,
     factors: Sequence[type[Factor]] | None,
 ):
-    """The function from two level sets to the matrix of squared distances of their levels, with all options settled."""
-    require_levels("w2", a, b)
+    """The function from two level sets to the matrix of squared distances of their levels, with all options settled.
+
+    ``what`` is the function in whose name wrong options are refused.
+    """
+    require_levels(what, a, b)
     if mode not in ("exact", "reference", "paper"):
-        raise LevelError(f"w2: unknown mode '{mode}'.{did_you_mean(str(mode), ('exact', 'reference', 'paper'))}")
+        raise LevelError(f"{what}: unknown mode '{mode}'.{did_you_mean(str(mode), ('exact', 'reference', 'paper'))}")
     if mode != "exact" and (scale is not None or factors is not None):
-        raise LevelError(f"w2: mode='{mode}' takes neither scale nor factors; they belong to mode='exact'")
+        raise LevelError(f"{what}: mode='{mode}' takes neither scale nor factors; they belong to mode='exact'")
     if mismatch is None:
         mismatch = MISMATCH if mode == "exact" else REFERENCE_MISMATCH
     if not 0 <= mismatch < np.inf:
-        raise LevelError(f"w2: mismatch must be a finite number of at least 0, not {mismatch!r}")
+        raise LevelError(f"{what}: mismatch must be a finite number of at least 0, not {mismatch!r}")
     if mode == "reference":
         return lambda x, y: reference_costs(x, y, mismatch)
     types = entity_types(a, b)

@@ -1,0 +1,144 @@
+"""What a Wasserstein-2 distance owes to the number of levels: the floor of one distribution, and the value without it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from segar.errors import LevelError
+from segar.factors import Factor
+from segar.levels import Levels
+from segar.metrics.points import Spread, require_levels, spread
+from segar.metrics.transport import emd
+from segar.metrics.wasserstein import Mode, cost_function
+
+if TYPE_CHECKING:
+    from segar.distribution import LevelDistribution
+
+FRESH_SPLIT = "same-distribution floor"
+"""Split of the levels that stand for a distribution here, so that they are nobody's train or test levels."""
+
+
+@dataclass(frozen=True)
+class Floor:
+    """Distances of independent level sets of one distribution; ``mean`` and ``std`` over ``repeats`` of them."""
+
+    mean: float
+    std: float
+    repeats: int
+
+
+@dataclass(frozen=True)
+class DebiasedW2:
+    """A distance without what having few levels adds to it.
+
+    Attributes:
+        value: the distance, as :func:`segar.metrics.w2` returns it.
+        floor_a, floor_b: of two sets of the same sizes of a's distribution, and of b's.
+        square: value^2 - (E floor_a^2 + E floor_b^2) / 2; around 0 for one distribution, and negative about as often as
+            positive.
+        standard_error: of ``square``, from the floors' repetitions and from those of the distance between fresh sets.
+        debiased: the root of ``square``, 0 where that is negative.
+    """
+
+    value: float
+    floor_a: Floor
+    floor_b: Floor
+    square: float
+    standard_error: float
+    debiased: float
+
+
+def same_distribution_floor(
+    law: LevelDistribution,
+    n: int,
+    m: int,
+    mode: Mode = "exact",
+    *,
+    rng: np.random.Generator,
+    repeats: int = 10,
+    mismatch: float | None = None,
+    scale: Spread | None = None,
+    factors: Sequence[type[Factor]] | None = None,
+) -> Floor:
+    """The distance that n levels have from m others of their own distribution.
+
+    With large m it is W2(n, infinity): how far n levels are from the distribution that they come from.
+
+    Args:
+        rng: seeds the fresh levels; ``repeats`` (at least 2) pairs of sets are drawn.
+        Others as for :func:`segar.metrics.w2`.
+
+    Raises:
+        LevelError: as :func:`segar.metrics.w2`, or too few repeats.
+    """
+    distances = _distances((law, n), (law, m), mode, rng, repeats, mismatch, scale, factors)
+    return Floor(float(distances.mean()), float(distances.std(ddof=1)), repeats)
+
+
+def w2_debiased(
+    a: Levels,
+    b: Levels,
+    mode: Mode = "exact",
+    *,
+    rng: np.random.Generator,
+    repeats: int = 10,
+    mismatch: float | None = None,
+    scale: Spread | None = None,
+    factors: Sequence[type[Factor]] | None = None,
+) -> DebiasedW2:
+    """The distance with its floors, and without them: W2^2(a, b) - (W2^2(a', a'') + W2^2(b', b'')) / 2.
+
+    a', a'' are fresh sets of a's distribution with as many levels as a and b, likewise b', b''. This is for levels that
+    were drawn independently from their distributions; a set that was selected (:func:`segar.design`) has no such floor.
+    Arguments as for :func:`same_distribution_floor`.
+
+    Raises:
+        LevelError: as :func:`segar.metrics.w2`; or levels do not know their distribution, as those from files.
+    """
+    require_levels("w2_debiased", a, b)
+    for levels in (a, b):
+        if levels.distribution is None:
+            raise LevelError(
+                f"w2_debiased draws fresh levels, and {levels!r} do not know their distribution (a level file holds"
+                " none). Sample them from it again, or see w2_report, whose floor deals the given levels anew"
+            )
+    unit = (spread(a, b) if scale is None else scale) if mode == "exact" else None
+    costs = cost_function("w2_debiased", a, b, mode, mismatch, unit, factors)(a, b)
+    value = float(np.sqrt(emd(costs)))
+    sides = (a.distribution, len(a)), (b.distribution, len(b))
+    pairs = (sides[0], (sides[0][0], len(b))), ((sides[1][0], len(a)), sides[1]), sides
+    own_a, own_b, between = (_distances(*pair, mode, rng, repeats, mismatch, unit, factors) for pair in pairs)
+    square = value**2 - 0.5 * float((own_a**2).mean() + (own_b**2).mean())
+    variances = [float(np.var(d**2, ddof=1)) for d in (own_a, own_b, between)]
+    return DebiasedW2(
+        value=value,
+        floor_a=Floor(float(own_a.mean()), float(own_a.std(ddof=1)), repeats),
+        floor_b=Floor(float(own_b.mean()), float(own_b.std(ddof=1)), repeats),
+        square=square,
+        standard_error=float(np.sqrt(variances[2] + 0.25 * (variances[0] + variances[1]) / repeats)),
+        debiased=float(np.sqrt(max(square, 0.0))),
+    )
+
+
+def _distances(
+    first: tuple[LevelDistribution, int],
+    second: tuple[LevelDistribution, int],
+    mode: Mode,
+    rng: np.random.Generator,
+    repeats: int,
+    mismatch: float | None,
+    scale: Spread | None,
+    factors: Sequence[type[Factor]] | None,
+) -> np.ndarray:
+    """Distances of fresh pairs of level sets, float64 ``[repeats]``; each side is (distribution, number of levels)."""
+    if repeats < 2:
+        raise LevelError(f"a floor needs at least 2 repeats, not {repeats}")
+    found = []
+    for _ in range(repeats):
+        a, b = (law.sample(n, seed=int(rng.integers(2**62)), split=FRESH_SPLIT) for law, n in (first, second))
+        found.append(np.sqrt(emd(cost_function("w2", a, b, mode, mismatch, scale, factors)(a, b))))
+    return np.array(found)

@@ -1,0 +1,255 @@
+"""Pairs of distribution functions, one pair for each marginal of two level sets or laws."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from segar.entities import Entity
+from segar.errors import LevelError
+from segar.factors import Factor
+from segar.levels import Levels
+from segar.metrics.laws import component, count_law, factor_law, law_types, parameter_law
+from segar.metrics.points import (
+    PointSets,
+    all_parameters,
+    entity_types,
+    gather,
+    gather_parameters,
+    gather_state,
+    relevant_factors,
+)
+from segar.noise import Noise
+from segar.parameters import Parameter
+
+GRID = 512  # steps of probability at which the curve of two laws is taken
+ROUNDING = 1e-12  # that two computations of one probability may differ by
+
+Curve = tuple[np.ndarray, np.ndarray]
+"""F and G at the same points, each float64 ``[points]``, beginning anywhere and ending in (1, 1)."""
+
+
+@dataclass(frozen=True)
+class TwoSamples:
+    """A marginal of two level sets; ``rank`` and ``level`` are kept so that levels can be dealt anew cheaply."""
+
+    name: str
+    x: np.ndarray
+    y: np.ndarray
+    level_x: np.ndarray
+    level_y: np.ndarray
+    rank: np.ndarray = field(init=False)
+
+    def __post_init__(self) -> None:
+        rank = np.unique(np.concatenate([self.x, self.y]), return_inverse=True)[1]
+        object.__setattr__(self, "rank", rank)
+
+    def curve(self) -> Curve:
+        return self._curve(np.arange(len(self.rank)) < len(self.x))
+
+    def _curve(self, first: np.ndarray) -> Curve:
+        places = self.rank.max() + 1
+        f, g = (
+            np.bincount(self.rank[mask], minlength=places).cumsum() / max(mask.sum(), 1) for mask in (first, ~first)
+        )
+        return f, g
+
+    def largest_difference(self) -> float:
+        f, g = self.curve()
+        return float(np.abs(f - g).max())
+
+    def dealt(self, first: np.ndarray, n: int) -> Dealt:
+        """The marginal after the pooled levels were dealt anew: ``first`` bool ``[levels of both]``, ``n`` in the first set."""
+        owner = np.concatenate([self.level_x, n + self.level_y])
+        mine = first[owner]
+        # A deal may leave a set without any entity of a type: then there is the count alone, as for given sets.
+        flat = np.ones(1)
+        return Dealt((flat, flat) if mine.all() or not mine.any() else self._curve(mine))
+
+
+@dataclass(frozen=True)
+class Dealt:
+    """The curve of a marginal after levels were dealt anew."""
+
+    pair: Curve
+
+    def curve(self) -> Curve:
+        return self.pair
+
+
+@dataclass(frozen=True)
+class SampleAgainstLaw:
+    """A marginal of a level set, and the law of that marginal in a distribution."""
+
+    name: str
+    sample: np.ndarray
+    level: np.ndarray
+    law: Noise
+
+    def curve(self) -> Curve:
+        return self._curve(slice(None))
+
+    def parts(self, n: int, count: int) -> Iterator[Dealt]:
+        """The marginal of each of ``count`` level sets that follow each other in the sample, ``n`` levels each."""
+        ends = np.searchsorted(self.level, np.arange(count + 1) * n)
+        for i, j in pairwise(ends):
+            flat = np.ones(1)
+            yield Dealt(self._curve(slice(i, j)) if j > i else (flat, flat))
+
+    @cached_property
+    def _law_at_values(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Rank of each value of the sample, and the law's function at the distinct values and just before them."""
+        at, rank = np.unique(self.sample, return_inverse=True)
+        g = np.asarray(self.law.cdf(at), dtype=float)
+        return rank, g, np.maximum(g - np.asarray(self.law.pmf(at), dtype=float), 0.0)
+
+    def _curve(self, part: slice) -> Curve:
+        """Both functions at a part's values and just before them: between these F is constant and G monotonic."""
+        rank, g, before = self._law_at_values
+        places, times = np.unique(rank[part], return_counts=True)
+        f = times.cumsum() / times.sum()
+        f = np.concatenate([f, f - times / times.sum(), [1.0]])
+        return f, np.concatenate([g[places], before[places], [1.0]])
+
+    def largest_difference(self) -> float:
+        f, g = self.curve()
+        return _without_rounding(float(np.abs(f - g).max()))
+
+
+@dataclass(frozen=True)
+class LawAgainstLaw:
+    """A marginal of two distributions."""
+
+    name: str
+    a: Noise
+    b: Noise
+
+    def curve(self) -> Curve:
+        """Both functions at the quantiles of both laws in steps of 1/512, at their atoms, and just before these."""
+        flat = np.ones(1)
+        if self.a == self.b:
+            return flat, flat
+        q = np.linspace(0.0, 1.0, GRID + 1)[1:-1]
+        points = [np.asarray(law.icdf(q), dtype=float) for law in (self.a, self.b)]
+        points += [law.pieces for law in (self.a, self.b)]
+        points += [np.nextafter(law.atoms[0], -np.inf) for law in (self.a, self.b)]
+        at = np.unique(np.concatenate(points))
+        return np.append(self.a.cdf(at), 1.0), np.append(self.b.cdf(at), 1.0)
+
+    def largest_difference(self) -> float:
+        return 0.0 if self.a == self.b else _without_rounding(self.a.ks(self.b))
+
+
+Marginal = TwoSamples | SampleAgainstLaw | LawAgainstLaw
+
+
+def factor_marginals(what: str, a: Any, b: Any, factors: Sequence[type[Factor]] | None) -> list[Any]:
+    """The marginals of two sides, each levels or a distribution, in the name of the function ``what``.
+
+    Of a sample against a sample, the states that episodes start in count; against a law, states as drawn.
+    """
+    sides = [_Side(what, one, as_drawn=not (isinstance(a, Levels) and isinstance(b, Levels))) for one in (a, b)]
+    types = list(dict.fromkeys(t for side in sides for t in side.types()))
+    found = []
+    for entity in types:
+        found.append(_marginal(f"{entity.__name__}.count", *(side.count(entity) for side in sides)))
+        if all(side.has(entity) for side in sides):
+            for factor in relevant_factors(entity, factors):
+                values = [side.values(entity, factor) for side in sides]
+                for axis in range(factor.width):
+                    name = f"{entity.__name__}.{factor.__name__}{('', '.x', '.y')[axis + factor.width - 1]}"
+                    found.append(_marginal(name, *(_axis(v, axis) for v in values)))
+    parameters = dict.fromkeys(p for side in sides for p in side.parameters())
+    for parameter in parameters:
+        if factors is None or parameter in factors:
+            found.append(_marginal(f"world.{parameter.__name__}", *(side.parameter(parameter) for side in sides)))
+    return found
+
+
+Values = Noise | tuple[np.ndarray, np.ndarray]
+"""A law; or values float64 ``[k]`` (``[k, width]`` for all components) and the level of each, int ``[k]``."""
+
+
+@dataclass(frozen=True)
+class _Side:
+    """One side of a comparison."""
+
+    what: str
+    one: Any
+    as_drawn: bool
+
+    def __post_init__(self) -> None:
+        from segar.distribution import LevelDistribution  # distributions stand above metrics
+
+        if not isinstance(self.one, (Levels, LevelDistribution)):
+            raise LevelError(
+                f"{self.what} compares level sets (segar.Levels) and distributions (segar.LevelDistribution);"
+                f" a {type(self.one).__name__} is not supported"
+            )
+
+    def types(self) -> list[type[Entity]]:
+        return entity_types(self.one) if isinstance(self.one, Levels) else law_types(self.one)
+
+    def has(self, entity: type[Entity]) -> bool:
+        return entity in self.types()
+
+    def parameters(self) -> Sequence[type[Parameter]]:
+        return all_parameters(self.one) if isinstance(self.one, Levels) else self.one.layout.parameters
+
+    def count(self, entity: type[Entity]) -> Values:
+        if not isinstance(self.one, Levels):
+            return count_law(self.one, entity)
+        return gather(self.one, [entity], [], self.one.values).counts.astype(float), np.arange(len(self.one))
+
+    def values(self, entity: type[Entity], factor: type[Factor]) -> Values:
+        if not isinstance(self.one, Levels):
+            return factor_law(self.one, entity, factor)
+        found: PointSets = (
+            gather(self.one, [entity], [factor], self.one.sampled_values)
+            if self.as_drawn
+            else gather_state(self.one, entity, [factor])
+        )
+        return found.points, np.repeat(np.arange(len(self.one)), found.counts)
+
+    def parameter(self, parameter: type[Parameter]) -> Values:
+        if not isinstance(self.one, Levels):
+            return parameter_law(self.one, parameter)
+        return gather_parameters(self.one, [parameter]).points[:, 0], np.arange(len(self.one))
+
+
+def _axis(values: Values, axis: int) -> Values:
+    return component(values, axis) if isinstance(values, Noise) else (values[0][:, axis], values[1])
+
+
+def _marginal(name: str, a: Values, b: Values) -> Marginal:
+    if isinstance(a, Noise):
+        return LawAgainstLaw(name, a, b) if isinstance(b, Noise) else SampleAgainstLaw(name, *b, a)
+    if isinstance(b, Noise):
+        return SampleAgainstLaw(name, *a, b)
+    return TwoSamples(name, a[0], b[0], a[1], b[1])
+
+
+def _without_rounding(value: float) -> float:
+    return 0.0 if value < ROUNDING else min(value, 1.0)
+
+
+def edge(points: np.ndarray) -> np.ndarray:
+    """The vertices of the hull of ``points [n, 2]`` that maximise some p x - q y with p, q >= 0 (monotone chain)."""
+    points = points[np.lexsort((points[:, 1], -points[:, 0]))]
+    lowest = np.minimum.accumulate(points[:, 1])
+    points = points[np.append(True, points[1:, 1] < lowest[:-1])]  # further left and not lower: never better
+    chain: list[tuple[float, float]] = []
+    for point in points.tolist():
+        while len(chain) > 1 and _turns_inwards(chain[-2], chain[-1], point):
+            chain.pop()
+        chain.append(point)
+    return np.array(chain)
+
+
+def _turns_inwards(a: Sequence[float], b: Sequence[float], c: Sequence[float]) -> bool:
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]) >= 0.0

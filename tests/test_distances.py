@@ -1,0 +1,302 @@
+"""Distances beyond w2: against POT, scipy, closed forms and the laws that each must obey."""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("POT_BACKEND_DISABLE_PYTORCH", "1")
+
+import numpy as np
+import ot
+import pytest
+from scipy import stats
+
+import segar
+from segar import Bumper, Charger, GolfBall, Gravity, LevelError, Levels, Magnet, Position
+from segar.metrics import (
+    classifier_test,
+    decompose,
+    embed,
+    energy_test,
+    mmd_test,
+    same_distribution_floor,
+    spread,
+    w2,
+    w2_debiased,
+    w2_entropic,
+    w2_partial,
+    w2_sliced,
+    w2_unbalanced,
+)
+from segar.parameters import Parameter
+
+FAMILIES = ("empty-hard", "objectsx2-hard", "tilesx3-medium", "puttputt")
+UNIT = {(GolfBall, Position): 1.0}
+
+
+def levels(name: str, n: int, seed: int = 0, split: str = "train") -> Levels:
+    return segar.family(name).sample(n, seed=seed, split=split)
+
+
+def balls(points) -> Levels:
+    return Levels.from_entities([[GolfBall({Position: p})] for p in points])
+
+
+def rng(seed: int = 0) -> np.random.Generator:
+    return np.random.default_rng(seed)
+
+
+# Vectors.
+
+
+def test_vectors_are_as_far_apart_as_levels_where_each_type_has_one_entity():
+    a, b = levels("empty-hard", 5), levels("empty-hard", 6, split="test")
+    x, y = embed(a, b)
+    scale = spread(a, b)
+    plain = [[w2(one, other, scale=scale, mismatch=100.0) for other in b] for one in a]
+    np.testing.assert_allclose(np.linalg.norm(x[:, None] - y[None], axis=-1), plain, atol=1e-9)
+
+
+def test_vectors_do_not_know_the_order_of_entities_and_are_no_farther_than_the_best_matching():
+    generator = rng(1)
+    places = generator.uniform(-1, 1, size=(6, 4, 2))
+    sets = [
+        Levels.from_entities([[Charger({Position: p}) for p in level] for level in places[k : k + 3]]) for k in (0, 3)
+    ]
+    turned = Levels.from_entities([[Charger({Position: p}) for p in level[::-1]] for level in places[:3]])
+    scale = {(Charger, Position): 0.5}
+    x, y, z = embed(*sets, turned, scale=scale)
+    np.testing.assert_allclose(x, z, atol=1e-12)
+    exact = np.array([[w2(one, other, scale=scale, mismatch=100.0) for other in sets[1]] for one in sets[0]])
+    sliced = np.linalg.norm(x[:, None] - y[None], axis=-1)
+    assert (sliced <= exact + 1e-9).all() and (sliced > 0.5 * exact).all()
+
+
+def test_a_missing_entity_is_at_least_a_mismatch_away():
+    few = Levels.from_entities([[GolfBall(), Charger({Position: [0.3, 0.0]})]])
+    more = Levels.from_entities([[GolfBall(), Charger({Position: [0.3, 0.0]}), Charger({Position: [0.3, 0.0]})]])
+    x, y = embed(few, more, scale={(Charger, Position): 1.0}, mismatch=2.0)
+    assert np.linalg.norm(x - y) == pytest.approx(2.0)
+
+
+# Many levels.
+
+
+def test_sliced_is_the_distance_of_a_set_and_its_translate_and_zero_for_equal_sets():
+    points = rng(0).normal(size=(40, 2))
+    a, b = balls(points), balls(points + np.array([0.3, 0.4]))
+    assert w2_sliced(a, b, rng=rng(), projections=4, scale=UNIT).value == pytest.approx(0.5)
+    assert w2_sliced(a, a, rng=rng(), scale=UNIT).value == pytest.approx(0.0, abs=1e-9)
+
+
+def test_sliced_is_pots_up_to_the_root_of_the_dimension():
+    a, b = balls(rng(0).normal(size=(30, 2))), balls(rng(1).normal(0.2, 2.0, size=(20, 2)))
+    x, y = embed(a, b, scale=UNIT)
+    plain = np.sqrt(2) * ot.sliced_wasserstein_distance(x, y, n_projections=20_000, seed=0)
+    ours = w2_sliced(a, b, rng=rng(), projections=2000, scale=UNIT)
+    assert ours.value == pytest.approx(plain, abs=5 * ours.standard_error + 0.01)
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_sliced_is_symmetric_and_at_most_the_exact_distance_of_the_vectors(name):
+    a, b = levels(name, 30), levels(name, 25, split="test")
+    exact = np.sqrt(ot.emd2([], [], ot.dist(*embed(a, b))))
+    there, back = (w2_sliced(*pair, rng=rng(), projections=100) for pair in ((a, b), (b, a)))
+    assert 0.0 < there.value <= exact
+    assert back.value == pytest.approx(there.value, abs=4 * (there.standard_error + back.standard_error))
+
+
+def test_the_entropic_distance_goes_to_the_exact_one_and_is_zero_on_itself():
+    a, b = levels("objectsx1-hard", 20), levels("objectsx1-medium", 15)
+    exact = w2(a, b)
+    near, far = (w2_entropic(a, b, regularisation=e) for e in (0.003, 0.3))
+    assert near.transport == pytest.approx(exact, rel=0.01) and near.value == pytest.approx(exact, rel=0.01)
+    assert exact - 1e-9 <= near.transport <= far.transport
+    assert w2_entropic(a, a).value == pytest.approx(0.0, abs=1e-3)
+    assert w2_entropic(a, b, "reference").value < w2_entropic(a, b, "reference").transport
+
+
+# Unbalanced.
+
+
+def test_levels_out_of_reach_stay_behind():
+    a, b = balls([[0.0, 0.0], [0.1, 0.0]]), balls([[0.0, 0.0], [0.9, 0.9]])
+    found = w2_unbalanced(a, b, reach=0.2, scale=UNIT)
+    assert found.transported == pytest.approx(0.5)
+    np.testing.assert_allclose(found.left_a, [0.0, 1.0])
+    np.testing.assert_allclose(found.left_b, [0.0, 1.0])
+    assert found.value == pytest.approx(np.sqrt(0.5 * 2 * 0.2**2))
+
+
+def test_total_variation_transport_is_the_linear_program_with_a_waste_bin():
+    a, b = levels("objectsx1-hard", 7), levels("objectsx1-medium", 9)
+    scale, reach = spread(a, b), 3.0
+    cost = np.array([[w2(one, other, scale=scale) ** 2 for other in b] for one in a])
+    with_bin = np.zeros((8, 10))
+    with_bin[:7, :9], with_bin[:7, 9], with_bin[7, :9] = cost, reach**2, reach**2
+    plain = ot.emd2(np.append(np.full(7, 1 / 7), 1.0), np.append(np.full(9, 1 / 9), 1.0), with_bin)
+    assert w2_unbalanced(a, b, reach=reach).value == pytest.approx(np.sqrt(plain))
+
+
+@pytest.mark.parametrize("divergence", ["tv", "kl"])
+def test_unbalanced_transport_grows_with_reach_up_to_the_balanced_distance(divergence):
+    a, b = levels("empty-hard", 12), levels("empty-medium", 15)
+    found = [w2_unbalanced(a, b, reach=r, divergence=divergence) for r in (0.5, 1.5, 15.0)]
+    assert found[0].value < found[1].value < w2(a, b) + 1e-9
+    assert found[0].transported < found[1].transported <= 1.0 + 1e-9
+    assert found[2].value == pytest.approx(w2(a, b), rel=0.02)
+
+
+def test_total_variation_transport_obeys_the_triangle_inequality():
+    sets = [levels("objectsx1-hard", 4, seed=s) for s in range(6)]
+    distance = np.array([[w2_unbalanced(a, b, reach=2.5).value for b in sets] for a in sets])
+    assert (distance[:, None, :] <= distance[:, :, None] + distance[None, :, :] + 1e-9).all()
+
+
+def test_two_single_levels_have_the_closed_form_of_kullback_leibler_transport():
+    # One plan mass t: t c + 2 r^2 (t log t - t + 1), least at t = exp(-c / 2 r^2), where it is 2 r^2 (1 - t).
+    found = w2_unbalanced(balls([[0.0, 0.0]]), balls([[0.6, 0.0]]), reach=0.5, divergence="kl", scale=UNIT)
+    t = np.exp(-0.36 / (2 * 0.25))
+    assert found.transported == pytest.approx(t, rel=0.01)
+    assert found.value == pytest.approx(np.sqrt(0.5 * (1 - t)), rel=1e-3)
+
+
+def test_partial_transport_leaves_the_odd_level_out():
+    a, b = (
+        balls([[0.0, 0.0], [0.1, 0.0], [0.2, 0.0], [0.9, 0.9]]),
+        balls([[0.0, 0.1], [0.1, 0.1], [0.2, 0.1], [-0.9, 0.0]]),
+    )
+    found = w2_partial(a, b, mass=0.75, scale=UNIT)
+    assert found.value == pytest.approx(0.1)
+    np.testing.assert_allclose(found.left_a, [0, 0, 0, 1], atol=1e-9)
+    assert w2_partial(a, b, mass=1.0, scale=UNIT).value == pytest.approx(w2(a, b, scale=UNIT))
+
+
+# Contributions.
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_contributions_sum_to_the_square_of_the_distance(name):
+    a, b = levels(name, 12), levels(name, 17, split="test")
+    found = decompose(a, b)
+    assert found.value == pytest.approx(w2(a, b), abs=1e-9)
+    for parts in (found.parts, found.by_entity, found.by_factor, found.by_name):
+        assert sum(parts.values()) == pytest.approx(found.value**2)
+        assert min(parts.values()) >= 0.0
+    assert found.by_level_a.sum() == pytest.approx(found.value**2) == found.by_level_b.sum()
+
+
+def test_contributions_name_what_differs():
+    def one(charge: float, gravity: float, *others) -> Levels:
+        ball = GolfBall({Position: [0.0, 0.0]})
+        return Levels.from_entities([[ball, Charger({segar.Charge: charge}), *others]], parameters={Gravity: gravity})
+
+    scale = {(Charger, segar.Charge): 0.5, (GolfBall, Position): 1.0, (Parameter, Gravity): 2.0}
+    found = decompose(one(0.0, 10.0), one(1.0, 11.0, Bumper()), scale=scale, mismatch=3.0)
+    assert found.by_name == {
+        "Bumper.unmatched": pytest.approx(9.0),
+        "Charger.Charge": pytest.approx(4.0),
+        "world.Gravity": pytest.approx(0.25),
+        "GolfBall.Position": 0.0,
+        "GolfBall.unmatched": 0.0,
+        "Charger.unmatched": 0.0,
+    }
+    assert found.by_factor["unmatched"] == pytest.approx(9.0) and found.by_entity["world"] == pytest.approx(0.25)
+
+
+def test_pairs_beyond_the_cut_off_count_as_two_entities_without_counterpart():
+    found = decompose(balls([[-0.9, 0.0]]), balls([[0.9, 0.0]]), scale={(GolfBall, Position): 0.1}, mismatch=2.0)
+    assert found.by_name == {"GolfBall.unmatched": pytest.approx(8.0), "GolfBall.Position": 0.0}
+
+
+# Floors.
+
+
+def test_the_debiased_square_is_near_zero_for_one_distribution_and_near_the_distance_of_laws_else():
+    same = [w2_debiased(levels("empty-hard", 30, s), levels("empty-hard", 40, s, "test"), rng=rng(s)) for s in range(8)]
+    squares = np.array([d.square for d in same])
+    assert abs(squares.mean()) < 3 * squares.std(ddof=1) / np.sqrt(8)
+    assert all(abs(d.square) < 4 * d.standard_error for d in same)
+    other = w2_debiased(levels("empty-hard", 30), levels("empty-medium", 40), rng=rng())
+    assert other.square > 4 * other.standard_error and other.debiased < other.value
+    assert other == w2_debiased(levels("empty-hard", 30), levels("empty-medium", 40), rng=rng())
+
+
+def test_the_floor_falls_with_the_number_of_levels():
+    law = segar.family("empty-hard")
+    floors = [same_distribution_floor(law, n, 300, rng=rng(), repeats=3).mean for n in (3, 30, 300)]
+    assert floors[0] > floors[1] > floors[2] > 0
+
+
+def test_levels_from_a_file_have_no_distribution_to_draw_a_floor_from(tmp_path):
+    levels("empty-hard", 3).save(tmp_path / "levels.npz")
+    loaded = Levels.load(tmp_path / "levels.npz")
+    with pytest.raises(LevelError, match="do not know their distribution"):
+        w2_debiased(loaded, loaded, rng=rng())
+
+
+# Tests of one law.
+
+
+def test_the_energy_distance_of_one_factor_is_scipys():
+    a, b = balls([[x, 0.0] for x in rng(0).normal(size=20)]), balls([[x, 0.0] for x in rng(1).normal(0.5, 1.0, 30)])
+    x, y = (v[:, 0] for v in embed(a, b, scale=UNIT))
+    found = energy_test(a, b, rng=rng(), resamples=19, scale=UNIT)
+    assert found.value == pytest.approx(stats.energy_distance(x, y))
+
+
+def test_mmd_is_its_definition():
+    a, b = balls(rng(0).normal(size=(7, 2))), balls(rng(1).normal(size=(9, 2)))
+    x, y = embed(a, b, scale=UNIT)
+
+    def mean_kernel(p, q):
+        return np.mean([[np.exp(-((u - v) ** 2).sum() / (2 * 0.7**2)) for v in q] for u in p])
+
+    plain = np.sqrt(mean_kernel(x, x) + mean_kernel(y, y) - 2 * mean_kernel(x, y))
+    assert mmd_test(a, b, rng=rng(), resamples=19, bandwidth=0.7, scale=UNIT).value == pytest.approx(plain)
+
+
+@pytest.mark.parametrize("test", [energy_test, mmd_test, classifier_test])
+def test_dependence_shows_though_all_marginals_are_equal(test):
+    generator = rng(3)
+    along = generator.normal(size=(300, 1)) * 0.4
+    dependent = balls(np.concatenate([along, along + 0.05 * generator.normal(size=(300, 1))], axis=1))
+    independent = balls(generator.normal(size=(300, 2)) * 0.4)
+    other = balls(generator.normal(size=(300, 2)) * 0.4)
+    assert test(dependent, independent, rng=rng()).p_value < 0.01
+    equal = test(other, independent, rng=rng())
+    assert equal.p_value > 0.01 and test(dependent, independent, rng=rng()).value > equal.value
+
+
+def test_tests_repeat_and_work_on_levels_with_all_kinds_of_entities():
+    a, b = levels("puttputt", 40), levels("objectsx3-easy", 40)
+    for test in (energy_test, mmd_test, classifier_test):
+        assert test(a, b, rng=rng()) == test(a, b, rng=rng())
+        assert test(a, b, rng=rng()).p_value < 0.01
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda a: w2_unbalanced(a, a, reach=0.0), "reach must be a positive number, not 0.0"),
+        (lambda a: w2_unbalanced(a, a, reach=1.0, divergence="lk"), "unknown divergence 'lk'. Did you mean 'kl'"),
+        (lambda a: w2_partial(a, a, mass=1.5), "mass must lie in"),
+        (lambda a: w2_sliced(a, a, rng=rng(), projections=1), "at least 2 projections, not 1"),
+        (lambda a: w2_sliced(a, "b", rng=rng()), "w2_sliced compares two level sets"),
+        (lambda a: w2_entropic(a, a, regularisation=-1.0), "regularisation must be a positive number"),
+        (lambda a: w2_entropic(a, a, "exat"), "w2_entropic: unknown mode 'exat'"),
+        (lambda a: energy_test(a, a, rng=rng(), resamples=3), "at least 19 resamples, not 3"),
+        (lambda a: mmd_test(a, a, rng=rng(), bandwidth=0.0), "bandwidth must be a positive number"),
+        (lambda a: classifier_test(a, a, rng=rng()), "at least 8 levels in each set"),
+        (lambda a: w2_debiased(a, a, rng=rng(), repeats=1), "at least 2 repeats"),
+        (lambda a: decompose(a, None), "decompose compares two level sets"),
+    ],
+)
+def test_wrong_options_are_named(call, message):
+    with pytest.raises(LevelError, match=message):
+        call(levels("empty-hard", 3))
+
+
+def test_types_with_nothing_in_common_are_far_but_finite():
+    a, b = (Levels.from_entities([[kind({Position: [0.1, 0.2]})] for _ in range(3)]) for kind in (Charger, Magnet))
+    assert w2_sliced(a, b, rng=rng()).value == pytest.approx(np.sqrt(2 * 12))
