@@ -1,0 +1,142 @@
+"""What a level set is worth: coverage, effective number, entropy, and whether it stands for its distribution."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import segar
+from segar import (
+    Charger,
+    GaussianNoise,
+    GoalTile,
+    GolfBall,
+    Independent,
+    LevelDistribution,
+    LevelError,
+    Levels,
+    Magnet,
+    Position,
+    Prior,
+    UniformNoise,
+)
+from segar.metrics import coverage, effective_number, representativeness, sample_entropy
+
+UNIT = {(GolfBall, Position): 1.0}
+
+
+def balls(points) -> Levels:
+    return Levels.from_entities([[GolfBall({Position: p})] for p in points])
+
+
+def rng(seed: int = 0) -> np.random.Generator:
+    return np.random.default_rng(seed)
+
+
+def test_coverage_is_the_distance_to_the_nearest_level():
+    found = coverage(balls([[0.0, 0.0], [0.5, 0.0]]), balls([[0.0, 0.1], [0.5, 0.3], [0.9, 0.0]]), scale=UNIT)
+    assert found.radius == pytest.approx(0.4)
+    assert found.mean == pytest.approx((0.1 + 0.3 + 0.4) / 3)
+    assert found.mean < found.high <= found.radius
+
+
+def test_a_set_covers_itself_and_more_levels_cover_more():
+    law = segar.family("empty-hard")
+    levels = law.sample(100, seed=0, split="train")
+    assert coverage(levels, levels).radius == pytest.approx(0.0, abs=1e-9)
+    few, many = (coverage(levels[:n], law, rng=rng(), sample=500) for n in (5, 100))
+    assert few.mean > many.mean and few.radius > many.radius
+
+
+def test_equal_levels_are_worth_one_and_unlike_ones_are_worth_their_number():
+    same, apart = balls([[0.3, 0.3]] * 7), balls([[x, y] for x in (-0.9, 0.0, 0.9) for y in (-0.9, 0.9)])
+    for order in (0.0, 1.0, 2.0, 5.0):
+        assert effective_number(same, order=order, scale=UNIT) == pytest.approx(1.0)
+        assert effective_number(apart, order=order, scale={(GolfBall, Position): 0.01}, mismatch=50.0) == pytest.approx(
+            6.0
+        )
+
+
+def test_two_clusters_are_worth_two_and_higher_orders_see_fewer():
+    clusters = balls([[-0.9, 0.0]] * 9 + [[0.9, 0.0]])
+    tight = {(GolfBall, Position): 0.01}
+    assert effective_number(clusters, order=0.0, scale=tight, mismatch=50.0) == pytest.approx(2.0)
+    # exp of the entropy, and one over the sum of squares, of the shares 0.9 and 0.1.
+    assert effective_number(clusters, scale=tight, mismatch=50.0) == pytest.approx(0.9**-0.9 * 0.1**-0.1)
+    assert effective_number(clusters, order=2.0, scale=tight, mismatch=50.0) == pytest.approx(1 / (0.81 + 0.01))
+
+
+def test_an_independent_sample_is_representative_and_a_crowd_is_not():
+    law = segar.family("empty-hard")
+    fair = representativeness(law.sample(20, seed=1, split="train"), law, rng=rng(), resamples=39)
+    crowd = representativeness(segar.design(law, 20, "clustered"), law, rng=rng(), resamples=39)
+    assert fair.farther > 0.05 and fair.ks_p_value > 0.05
+    assert crowd.farther == crowd.ks_p_value == 1 / 40
+    assert crowd.distance > crowd.expected + 5 * crowd.expected_std
+    assert crowd == representativeness(segar.design(law, 20, "clustered"), law, rng=rng(), resamples=39)
+
+
+def test_the_entropy_of_independent_factors_is_that_of_their_laws():
+    place = Independent(UniformNoise(-0.5, 0.5), GaussianNoise(0.0, 0.2))
+    law = LevelDistribution(
+        numbers=[(GolfBall, 1)], priors=[Prior(Position, place), Prior(segar.Mass, UniformNoise(1.0, 3.0))]
+    )
+    known = place.entropy() + np.log(2.0)
+    levels = law.sample(4000, seed=0, split="train")
+    for method in ("joint", "mean_field"):
+        found = sample_entropy(levels, method)
+        assert found.value == pytest.approx(known, abs=0.15) == found.continuous
+        assert found.discrete == found.left_out == 0.0
+
+
+def test_what_is_chosen_adds_its_shannon_entropy():
+    things = segar.ThingFactory({Charger: 0.25, Magnet: 0.75})
+    place, charge = UniformNoise(0.0, 0.5), segar.Choice([-1.0, 1.0])
+    law = LevelDistribution(
+        numbers=[(things, 1)],
+        priors=[Prior(Position, Independent(place, place)), Prior(segar.Charge, charge, entity_type=Charger)],
+    )
+    kinds = -0.25 * np.log(0.25) - 0.75 * np.log(0.75) + 0.25 * np.log(2)
+    for method in ("joint", "mean_field"):
+        found = sample_entropy(law.sample(6000, seed=0, split="train"), method)
+        assert found.discrete == pytest.approx(kinds, abs=0.03)
+        assert found.continuous == pytest.approx(2 * np.log(0.5), abs=0.1)
+
+
+def test_ends_of_a_clipped_law_are_atoms():
+    law = LevelDistribution(
+        numbers=[(GolfBall, 1)],
+        priors=[Prior(Position, [0.0, 0.0]), Prior(segar.Mass, GaussianNoise(1.0, 0.5, clip=(0.5, 1.5)))],
+    )
+    known = GaussianNoise(1.0, 0.5, clip=(0.5, 1.5)).entropy()
+    assert sample_entropy(law.sample(4000, seed=0, split="train")).value == pytest.approx(known, abs=0.05)
+
+
+def test_dependence_lowers_the_joint_entropy_alone():
+    along = rng(0).normal(size=(2000, 1)) * 0.2
+    points = np.concatenate([along, along + 0.01 * rng(1).normal(size=(2000, 1))], axis=1)
+    joint, mean_field = (sample_entropy(balls(points), method).value for method in ("joint", "mean_field"))
+    law = 0.5 * np.log(2 * np.pi * np.e)
+    assert joint == pytest.approx(2 * law + np.log(0.2) + np.log(0.01), abs=0.1)
+    assert mean_field == pytest.approx(2 * law + 2 * np.log(0.2), abs=0.1)
+
+
+def test_equal_levels_have_no_entropy():
+    levels = Levels.from_entities([[GolfBall({Position: [0.1, 0.1]}), GoalTile()]] * 5)
+    assert sample_entropy(levels).value == sample_entropy(levels, "mean_field").value == 0.0
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda a: sample_entropy(a, "jiont"), "unknown method 'jiont'. Did you mean 'joint'"),
+        (lambda a: sample_entropy(a), "occurs more than 3 times among these 3"),
+        (lambda a: effective_number(a, order=-1.0), "order must be a finite number of at least 0"),
+        (lambda a: coverage(a, a.distribution), "coverage of a distribution draws levels"),
+        (lambda a: coverage(a, "b"), "coverage of a distribution draws levels"),
+        (lambda a: representativeness(a, a.distribution, rng=rng(), resamples=5), "at least 19 resamples, not 5"),
+    ],
+)
+def test_wrong_options_are_named(call, message):
+    with pytest.raises(LevelError, match=message):
+        call(segar.family("empty-hard").sample(3, seed=0, split="train"))
