@@ -63,8 +63,8 @@ class Tally:
 
     def row(self, name: str, seconds: float) -> str:
         cells = [
-            f"{name:<24}", f"{self.steps:>11,}", f"{self.checks:>12,}", f"{self.episodes:>9,}", f"{self.contacts:>12,}",
-            f"{self.gave_up:>8,}", f"{self.overlap:>9.1e}", f"{self.outside:>9.1e}", f"{self.fixed:>7,}",
+            f"{name:<24}", f"{self.steps:>11,}", f"{self.checks:>12,}", f"{self.episodes:>9,}", f"{self.contacts:>13,}",
+            f"{self.gave_up:>11,}", f"{self.overlap:>9.1e}", f"{self.outside:>9.1e}", f"{self.fixed:>7,}",
             f"{self.conflicts:>9,}", f"{self.strange:>8,}", f"{self.replayed:>8,}", f"{len(self.faults):>7,}",
             f"{seconds:>8.1f}",
         ]  # fmt: skip
@@ -72,7 +72,7 @@ class Tally:
 
 
 HEADER = (
-    f"{'world':<24}{'steps':>11}{'checks':>12}{'episodes':>9}{'contacts':>12}{'gave up':>8}{'overlap':>9}{'outside':>9}"
+    f"{'world':<24}{'steps':>11}{'checks':>12}{'episodes':>9}{'contacts':>13}{'gave up':>11}{'overlap':>9}{'outside':>9}"
     f"{'fixed':>7}{'conflict':>9}{'strange':>8}{'replay':>8}{'FAULTS':>7}{'seconds':>8}"
 )
 LEGEND = """
