@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from segar.errors import FactorError
+from segar.estimates import Estimate
+from segar.hull_law import hull_log_density, mean_area, mean_perimeter, mean_vertices
 from segar.hulls import convex_hulls
 
 CIRCLE = 1  # shape kinds as the kernels see them; 0 means no shape
@@ -120,6 +123,35 @@ class RandomConvexHull(BaseShape):
     def sample(self, rng: Any, size: int) -> list[np.ndarray]:
         points = rng.normal(0.0, self.size / 2, size=(size, HULL_POINTS, 2))
         return convex_hulls(points)
+
+    def log_prob(self, hulls: Sequence[Any]) -> np.ndarray:
+        """Log density of each hull, vertices float ``(k, 2)`` counter-clockwise, with respect to area in each vertex;
+        see :mod:`segar.hull_law`. Float64 ``(n,)``."""
+        count = np.array([len(hull) for hull in hulls])
+        padded = np.zeros((len(hulls), count.max(), 2))
+        padded[np.arange(count.max()) < count[:, None]] = np.concatenate(list(hulls))
+        return hull_log_density(padded, count, self.size / 2, HULL_POINTS)
+
+    def entropy(self, draws: int = 4000, seed: int = 0) -> Estimate:
+        """Differential entropy of the vertices [nats], the mean negative log density of so many draws; the error is a
+        standard error."""
+        density = self.log_prob(self.sample(np.random.default_rng(seed), draws))
+        return Estimate(-float(density.mean()), float(density.std(ddof=1)) / draws**0.5)
+
+    @property
+    def mean_vertices(self) -> float:
+        """Expected number of vertices."""
+        return mean_vertices(HULL_POINTS)
+
+    @property
+    def mean_perimeter(self) -> float:
+        """Expected length of the outline [m]."""
+        return mean_perimeter(HULL_POINTS, self.size / 2)
+
+    @property
+    def mean_area(self) -> float:
+        """Expected area [m^2]."""
+        return mean_area(HULL_POINTS, self.size / 2)
 
 
 def convex_hull(points: np.ndarray) -> np.ndarray:

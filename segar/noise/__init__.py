@@ -1,7 +1,8 @@
 """Laws of chance for factors and locations: sampled, and asked for density, cdf, entropy and distances."""
 
+from segar.noise.angles import VonMises
 from segar.noise.continuous import GaussianNoise, LogUniform, UniformNoise
-from segar.noise.discrete import Bernoulli, Choice, Deterministic, DiscreteRangeNoise
+from segar.noise.discrete import Bernoulli, Choice, Deterministic, DiscreteRangeNoise, Empirical
 from segar.noise.law import Noise
 from segar.noise.locations import (
     CenterLocation,
@@ -20,13 +21,17 @@ from segar.noise.locations import (
     RandomUniformLocation,
 )
 from segar.noise.mixture import GaussianMixtureNoise, Mixture
+from segar.noise.transforms import Affine
+from segar.noise.truncated import TruncatedGaussianNoise
 
 __all__ = [
+    "Affine",
     "Bernoulli",
     "CenterLocation",
     "Choice",
     "Deterministic",
     "DiscreteRangeNoise",
+    "Empirical",
     "GaussianMixtureNoise",
     "GaussianNoise",
     "GaussianNoise2D",
@@ -45,5 +50,7 @@ __all__ = [
     "RandomTopLocation",
     "RandomTopRightLocation",
     "RandomUniformLocation",
+    "TruncatedGaussianNoise",
     "UniformNoise",
+    "VonMises",
 ]

@@ -12,6 +12,8 @@ import numpy as np
 from segar.errors import PriorError
 from segar.noise.law import Noise, finite, fraction, interval, probabilities, shape_of
 
+SHOWN = 8  # values that the repr of an empirical law says
+
 
 class DiscreteNoise(Noise):
     """A law that is all atoms; its sub-classes say which."""
@@ -23,6 +25,14 @@ class DiscreteNoise(Noise):
             return (np.all(x[..., None, :] >= values, axis=-1) @ masses)[()]
         below = np.searchsorted(values, x, side="right")
         return np.concatenate([[0.0], np.cumsum(masses)[:-1], [1.0]])[below][()]
+
+    def pmf(self, x: Any) -> Any:
+        if self.width != 1:
+            return super().pmf(x)
+        values, masses = self.atoms
+        x = np.asarray(x, dtype=float)
+        place = np.minimum(np.searchsorted(values, x), len(values) - 1)
+        return np.where(values[place] == x, masses[place], 0.0)[()]
 
     def icdf(self, q: Any) -> Any:
         if self.width != 1:
@@ -51,6 +61,12 @@ class DiscreteNoise(Noise):
     @property
     def pieces(self) -> np.ndarray:
         return self.atoms[0]
+
+    @property
+    def grid(self) -> tuple[np.ndarray, np.ndarray]:
+        """Of a law on the plane: values of x and of y where ``cdf`` jumps."""
+        values = self.atoms[0]
+        return np.unique(values[:, 0]), np.unique(values[:, 1])
 
     def entropy(self) -> float:
         from scipy.special import entr
@@ -184,3 +200,44 @@ class Choice(DiscreteNoise):
         if not numeric or any(points) != all(points) or any(len(k) != 2 for k in self.keys if isinstance(k, tuple)):
             return np.zeros((len(self.keys), 0))
         return np.array(self.keys, dtype=float)
+
+
+@dataclass(frozen=True, repr=False)
+class Empirical(DiscreteNoise):
+    """One of the given ``values``, all equally likely: numbers ``(n,)``, or points ``(n, 2)``.
+
+    What was measured becomes a law that can be sampled and compared; a value that was measured twice is twice as likely.
+    """
+
+    values: Any
+
+    def __post_init__(self) -> None:
+        try:
+            array = np.asarray(self.values, dtype=float)
+        except (TypeError, ValueError):
+            array = np.full(1, np.nan)
+        if array.ndim not in (1, 2) or array.shape[1:] not in ((), (2,)) or not len(array):
+            raise PriorError(f"Empirical needs numbers (n,) or points (n, 2), not an array of shape {array.shape}")
+        if not np.isfinite(array).all():
+            raise PriorError("Empirical needs finite numbers; leave out those that are missing")
+        object.__setattr__(self, "values", tuple(map(tuple, array.tolist())) if array.ndim == 2 else (*array.tolist(),))
+
+    @property
+    def width(self) -> int:  # type: ignore[override]
+        return self._array.ndim
+
+    def sample(self, rng: Any, size: Any = None) -> Any:
+        return self._array[rng.integers(len(self._array), size=size)]
+
+    @cached_property
+    def atoms(self) -> tuple[np.ndarray, np.ndarray]:  # type: ignore[override]
+        values, count = np.unique(self._array, axis=0, return_counts=True)
+        return values, count / len(self._array)
+
+    @cached_property
+    def _array(self) -> np.ndarray:
+        return np.array(self.values)
+
+    def __repr__(self) -> str:
+        shown = ", ".join(map(repr, self.values[:SHOWN]))
+        return f"Empirical([{shown}])" if len(self.values) <= SHOWN else f"Empirical(<{len(self.values)} values>)"

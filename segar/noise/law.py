@@ -14,6 +14,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from segar.errors import PriorError
+from segar.estimates import Estimate
 
 PROBABILITY_SUM = 1e-9  # how far given probabilities may be from summing to one
 
@@ -111,6 +112,18 @@ class Noise(ABC):
         from segar.noise.measures import as_noise, ks
 
         return ks(self, as_noise(other))
+
+    def w2_estimate(self, other: Any) -> Estimate:
+        """``w2(other)`` with its error, zero where there is a closed form; see :mod:`segar.noise.measures`."""
+        from segar.noise.measures import as_noise, w2_estimate
+
+        return w2_estimate(self, as_noise(other))
+
+    def ks_estimate(self, other: Any) -> Estimate:
+        """``ks(other)`` with a bound of its error; see :mod:`segar.noise.measures`."""
+        from segar.noise.measures import as_noise, ks_estimate
+
+        return ks_estimate(self, as_noise(other))
 
     def __repr__(self) -> str:
         fields = dataclasses.fields(self) if dataclasses.is_dataclass(self) else ()

@@ -42,6 +42,10 @@ class PlaneNoise(Noise):
         raise PriorError(f"{type(self).__name__} does not say where its cdf bends: define the property grid")
 
     @property
+    def atoms(self) -> tuple[np.ndarray, np.ndarray]:
+        return np.zeros((0, 2)), np.zeros(0)
+
+    @property
     def pieces(self) -> np.ndarray:
         raise PriorError(f"{self!r} is a law on the plane; pieces are for laws on the line")
 
@@ -79,6 +83,12 @@ class ProductNoise(PlaneNoise):
     @property
     def support(self) -> tuple[tuple[float, float], tuple[float, float]]:
         return self.components[0].support, self.components[1].support
+
+    @property
+    def atoms(self) -> tuple[np.ndarray, np.ndarray]:
+        (x, mass), (y, weight) = (law.atoms for law in self.components)
+        points = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+        return points, np.outer(mass, weight).ravel()
 
     @property
     def grid(self) -> tuple[np.ndarray, np.ndarray]:
@@ -172,6 +182,10 @@ class GaussianNoise2D(PlaneNoise):
 
     def pmf(self, x: Any) -> Any:
         return super().pmf(x) if self.components is None else Independent(*self.components).pmf(x)
+
+    @property
+    def atoms(self) -> tuple[np.ndarray, np.ndarray]:
+        return (np.zeros((0, 2)), np.zeros(0)) if self.components is None else Independent(*self.components).atoms
 
     def log_prob(self, x: Any) -> Any:
         return super().log_prob(x) if self.components is None else Independent(*self.components).log_prob(x)

@@ -66,6 +66,12 @@ class MixtureNoise(Noise):
     def pieces(self) -> np.ndarray:
         return np.unique(np.concatenate([law.pieces for law, _ in self._parts]))
 
+    @property
+    def grid(self) -> tuple[np.ndarray, np.ndarray]:
+        """Of a law on the plane: values of x and of y where ``cdf`` bends or jumps."""
+        grids = [law.grid for law, _ in self._parts]  # type: ignore[attr-defined]
+        return np.unique(np.concatenate([x for x, _ in grids])), np.unique(np.concatenate([y for _, y in grids]))
+
     @cached_property
     def _parts(self) -> tuple[tuple[Noise, float], ...]:
         return tuple((law, w) for law, w in zip(self.laws, self.weights, strict=True) if w > 0)

@@ -1,0 +1,15 @@
+"""A number and how far off it may be."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Estimate(NamedTuple):
+    """A ``value`` and its ``error``: a bound for what is integrated, a standard error for what is drawn; 0 if exact."""
+
+    value: float
+    error: float = 0.0
+
+    def __str__(self) -> str:
+        return f"{self.value:.4g}" if not self.error else f"{self.value:.4g} +- {self.error:.1g}"

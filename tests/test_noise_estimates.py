@@ -1,0 +1,144 @@
+"""Distances of laws with their errors, and the laws that are not numbers: hulls of Gaussian points."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import segar
+import segar.noise as sn
+from segar.hull_law import gaussian_mass, hull_log_density, mean_area, mean_perimeter, mean_vertices
+from segar.hulls import convex_hulls
+from segar.sampling import pad_hulls
+from segar.shapes import area
+
+SMOOTH = [
+    sn.GaussianNoise(0.0, 1.0),
+    sn.UniformNoise(-1.0, 2.0),
+    sn.VonMises(0.0, 2.0),
+    sn.TruncatedGaussianNoise(0.0, 1.0, (-1.0, 2.0)),
+    sn.Mixture([sn.GaussianNoise(-1.0, 0.2), sn.UniformNoise(0.0, 1.0)]),
+    sn.GaussianNoise(0.0, 1.0, clip=(-1.0, 1.0)),
+    sn.Empirical([-0.5, 0.1, 0.7]),
+]
+
+
+def test_what_has_a_closed_form_has_no_error():
+    pairs = [
+        (sn.GaussianNoise(0.0, 1.0), sn.GaussianNoise(1.0, 2.0)),
+        (sn.UniformNoise(0.0, 1.0), sn.UniformNoise(1.0, 2.5)),
+        (sn.Empirical([1.0, 2.0]), sn.DiscreteRangeNoise(1, 3)),
+        (sn.RandomTopLocation(), sn.RandomMiddleLocation()),
+        (sn.GaussianNoise2D((0, 0), cov=[[1, 0.5], [0.5, 1]]), sn.GaussianNoise2D((0, 1), cov=[[1, 0.2], [0.2, 1]])),
+        (sn.VonMises(0.0, 1.0), sn.Deterministic(0.4)),
+    ]
+    for a, b in pairs:
+        assert a.w2_estimate(b) == (a.w2(b), 0.0), (a, b)
+
+
+@pytest.mark.parametrize(("a", "b"), list(itertools.combinations(SMOOTH, 2)), ids=repr)
+def test_the_stated_errors_hold_the_true_distances(a, b):
+    q = (np.arange(50_000) + 0.5) / 50_000
+    w2, ks = a.w2_estimate(b), a.ks_estimate(b)
+    brute = math.sqrt(np.mean((a.icdf(q) - b.icdf(q)) ** 2))
+    assert w2.error < 1e-5 and abs(w2.value - brute) <= w2.error + 4e-4  # the midpoint rule sees no tail
+    x = np.linspace(-6.0, 6.0, 200_001)
+    gap = np.abs(a.cdf(x) - b.cdf(x)).max()
+    assert ks.error <= 2e-6 and gap <= ks.value + ks.error + 1e-12
+
+
+def test_a_distance_of_laws_on_the_plane_that_is_matched_by_draws_says_how_far_off_it_may_be():
+    edge, top = sn.RandomEdgeLocation(), sn.RandomTopLocation()
+    estimate = edge.w2_estimate(sn.Affine(edge, shift=(0.3, 0.4)))
+    assert abs(estimate.value - 0.5) <= estimate.error < 0.2  # a shift by 0.5
+    mixed = sn.Mixture([top, sn.CenterLocation()])
+    assert mixed.w2_estimate(top).error > 0
+
+
+def test_transport_between_points_is_exact():
+    a = sn.Empirical([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)])
+    b = sn.Empirical([(1.0, 1.0), (0.0, 0.0), (2.0, 0.0)])
+    cost = ((np.array(a.values)[:, None] - np.array(b.values)) ** 2).sum(axis=-1)
+    best = min(sum(cost[i, j] for i, j in enumerate(order)) for order in itertools.permutations(range(3)))
+    assert a.w2(b) == pytest.approx(math.sqrt(best / 3), abs=1e-12)
+    assert a.ks(b) == pytest.approx(1 / 3)  # at (0, 1) two of three points against one
+
+
+def test_the_error_of_the_ks_of_boxes_is_zero_and_that_of_gaussians_is_small():
+    boxes = sn.RandomEdgeLocation().ks_estimate(sn.RandomUniformLocation())
+    assert boxes.error == 0.0 and boxes.value == pytest.approx(9 / 16 - 5 / 12, abs=1e-12)
+    gaussians = sn.GaussianNoise2D((0.0, 0.0), 1.0).ks_estimate(sn.GaussianNoise2D((0.5, 0.0), 1.0))
+    exact = 2 * stats.norm.cdf(0.25) - 1  # where y is infinite
+    assert abs(gaussians.value - exact) <= gaussians.error < 0.05
+
+
+def test_a_narrow_von_mises_is_a_gaussian_and_a_wide_one_uniform():
+    assert sn.VonMises(0.2, 1e6).ks(sn.GaussianNoise(0.2, 1e-3)) < 1e-6
+    assert sn.VonMises(0.0, 1e-6).ks(sn.UniformNoise(-math.pi, math.pi)) < 1e-6
+    law, oracle = sn.VonMises(0.3, 4.0), stats.vonmises(4.0, loc=0.3)
+    x = np.linspace(0.3 - math.pi, 0.3 + math.pi, 99)
+    assert np.allclose(law.cdf(x), oracle.cdf(x), atol=1e-13) and np.allclose(law.pdf(x), oracle.pdf(x), atol=1e-13)
+    assert law.entropy() == pytest.approx(oracle.entropy(), abs=1e-12)
+    turned = np.exp(1j * law.sample(np.random.default_rng(0), 100_000)).mean()
+    assert abs(turned) == pytest.approx(law.resultant, abs=0.01) and np.angle(turned) == pytest.approx(0.3, abs=0.01)
+
+
+def hulls(count: int, points: int, sigma: float = 1.0) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
+    found = convex_hulls(np.random.default_rng(points).normal(0.0, sigma, (count, points, 2)))
+    return found, *pad_hulls(found, points, None)
+
+
+def test_random_hulls_have_the_mean_vertices_outline_and_area_that_theory_says():
+    found, _, count = hulls(4000, 100, sigma=0.15)
+    shape = segar.RandomConvexHull(0.3)
+    areas = np.array([area(hull) for hull in found])
+    outlines = np.array([np.linalg.norm(hull - np.roll(hull, 1, axis=0), axis=1).sum() for hull in found])
+    for seen, expected in [
+        (count, shape.mean_vertices),
+        (areas, shape.mean_area),
+        (outlines, shape.mean_perimeter),
+    ]:
+        assert abs(seen.mean() - expected) < 4 * seen.std() / math.sqrt(len(seen))
+    assert (mean_vertices(3), mean_perimeter(3, 1.0)) == pytest.approx((3.0, 3 * math.sqrt(math.pi)))
+    assert mean_area(3, 1.0) == pytest.approx(math.sqrt(3) / 2)  # of a Gaussian triangle
+
+
+def test_the_mass_in_a_polygon_is_the_share_of_points_inside():
+    found, padded, count = hulls(5, 20)
+    off_centre = padded + np.where(np.arange(20)[None, :, None] < count[:, None, None], 1.5, 0.0)
+    points = np.random.default_rng(0).normal(size=(200_000, 2))
+    for hull, shift, mass in [(found[0], 0.0, gaussian_mass(padded, count)[0]), (found[1], 1.5, None)]:
+        corners = hull + shift
+        edges = np.roll(corners, -1, axis=0) - corners
+        away = points[:, None] - corners
+        share = (edges[:, 0] * away[..., 1] - edges[:, 1] * away[..., 0] > 0).all(axis=1).mean()
+        mass = gaussian_mass(off_centre, count)[1] if mass is None else mass
+        assert share == pytest.approx(mass, abs=4 * 0.5 / math.sqrt(200_000))
+
+
+def test_the_density_of_a_hull_of_four_points_integrates_to_one():
+    triples, padded, count = hulls(40_000, 3)
+    proposal = stats.norm.logpdf(np.array([np.ravel(t) for t in triples])).sum(axis=1) + math.log(math.factorial(3))
+    ratio = np.exp(hull_log_density(padded, count, 1.0, 4) - proposal)
+    _, _, vertices = hulls(40_000, 4)
+    triangles = (vertices == 3).mean()
+    assert ratio.mean() == pytest.approx(triangles, abs=4 * (ratio.std() + 0.5) / math.sqrt(40_000))
+    found, padded, count = hulls(2000, 4)
+    corners = [hull for hull in found if len(hull) == 4]
+    flat = stats.norm.logpdf(np.array([np.ravel(hull) for hull in corners])).sum(axis=1) + math.log(24)
+    assert np.allclose(hull_log_density(padded[count == 4], count[count == 4], 1.0, 4), flat)
+
+
+def test_the_entropy_of_a_hull_is_the_mean_negative_log_density():
+    shape = segar.RandomConvexHull(0.3)
+    found = shape.sample(np.random.default_rng(5), 4000)
+    density = shape.log_prob(found)
+    entropy = shape.entropy()
+    error = math.hypot(entropy.error, density.std() / math.sqrt(len(density)))
+    assert abs(entropy.value + density.mean()) < 4 * error
+    larger = segar.RandomConvexHull(0.6).entropy()
+    assert larger.value - entropy.value == pytest.approx(shape.mean_vertices * 2 * math.log(2), abs=0.2)
