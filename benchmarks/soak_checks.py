@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from segar.engine.device import MAX_CONTACTS
+from segar.engine.device_contacts import MAX_CONTACTS
 from segar.engine.layout import holds
 from segar.factors import Alive, Collides, Done, Mobile, Position, Size, Velocity
 from segar.levels import Levels

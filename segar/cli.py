@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from segar.distribution import LevelDistribution
-from segar.engine import device
+from segar.engine import device, device_contacts
 from segar.engine.cache import cache_folder, is_compiled, kernel_path
 from segar.engine.kernel import KernelSource, generate
 from segar.envs.registration import REWARDS
@@ -119,6 +119,7 @@ def kernel_text(name: str, task: str | None = None) -> str:
         "",
         "What stands before the first of them is geometry and contacts, the same in every kernel:",
         f"  {inspect.getsourcefile(device)}",
+        f"  {inspect.getsourcefile(device_contacts)}",
     ]
     return "\n".join([*(f"# {line}".rstrip() for line in legend), "", source.text.rstrip("\n")])
 

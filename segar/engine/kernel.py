@@ -1,7 +1,7 @@
 """Layout, rules and task -> the source of one module that steps a batch of environments.
 
-The module is self-contained: constants of the layout, the geometry of :mod:`segar.engine.device`, and the functions
-that the rules became. Nothing in it depends on sampled values, so all level sets of a distribution share it.
+The module is self-contained: constants of the layout, geometry (:mod:`segar.engine.device`), contacts
+(:mod:`segar.engine.device_contacts`), and the functions that the rules became. Nothing in it depends on sampled values, so all level sets of a distribution share it.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from segar.effects import Differential
-from segar.engine import device
+from segar.engine import device, device_contacts
 from segar.engine.checks import check_contact_rule, check_geometry, check_rule
 from segar.engine.contacts import COLLIDES, Contacts
 from segar.engine.layout import Layout
@@ -61,7 +61,7 @@ def generate(layout: Layout, world: World, task: TaskFunctions) -> KernelSource:
     body = "\n".join([builder.header(), _device_text(), functions])
     # Bodies in order; behind them near walls and pairs, or partners while rules are applied.
     bodies = len(builder.bodies)
-    length = bodies + max(bodies * (bodies + 1) // 2, builder.list_length)
+    length = bodies + max(_room(bodies), builder.list_length)
     return KernelSource(body, builder.source.matcher.masks(), tuple(builder.rules), length)
 
 
@@ -129,6 +129,7 @@ LOW, HIGH = {-self.world.walls!r}, {self.world.walls!r}
 ORDER_AT = 0
 NEAR_AT = {len(colliders)}
 MANY_BODIES = {len(colliders) > MANY_BODIES}
+ROOM = {_room(len(colliders))}
 CONTACT_MOVES = {self._contacts_move()}
 '''
 
@@ -158,7 +159,7 @@ CONTACT_MOVES = {self._contacts_move()}
                 high=list(self.task.action_high),
                 framerate=self.layout.parameters.index(Framerate),
                 state=STATE,
-                touch="any_touch(V, W, bits, kind, hull_radius, L)"
+                touch="any_touch(V, W, U, bits, kind, hull_radius, L)"
                 if len(self.bodies) > MANY_BODIES
                 else "may_touch(V, bits, kind, hull_radius)",
             ),
@@ -234,6 +235,11 @@ CONTACT_MOVES = {self._contacts_move()}
         return slots, self.source.matcher.match(everyone, needs) or 0
 
 
+def _room(bodies: int) -> int:
+    """Entries of the list of near walls and pairs: all of them, and some more for those listed again."""
+    return bodies * (bodies + 1) // 2 + 4 * bodies
+
+
 def _stage_of(outcome: Outcome) -> int:
     if issubclass(outcome.factor, Position):
         return 3
@@ -241,7 +247,7 @@ def _stage_of(outcome: Outcome) -> int:
 
 
 def _device_text() -> str:
-    text = inspect.getsource(device).split(COPY_MARK, 1)[1]
+    text = "\n\n".join(inspect.getsource(part).split(COPY_MARK, 1)[1] for part in (device, device_contacts))
     return text.replace("@njit\n", DECORATOR + "\n")
 
 
