@@ -1,0 +1,45 @@
+"""The reference distance has the means of the 2022 code in all panels that its measurements cover."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import segar
+from segar.metrics import w2
+
+# Mean distance of n train levels to 100 test levels over 5 seeds, as the code of 2022 gives it, for n = 1, 10, 100.
+SIZES = (1, 10, 100)
+MEANS_OF_2022 = {
+    ("empty-easy", "empty-easy"): (0.187, 0.082, 0.047),
+    ("empty-medium", "empty-medium"): (0.330, 0.173, 0.106),
+    ("empty-hard", "empty-hard"): (0.505, 0.307, 0.188),
+    ("objectsx1-easy", "objectsx1-easy"): (0.312, 0.219, 0.147),
+    ("objectsx1-medium", "objectsx1-medium"): (0.449, 0.271, 0.206),
+    ("objectsx1-hard", "objectsx1-hard"): (0.539, 0.365, 0.277),
+    ("tilesx1-easy", "tilesx1-easy"): (0.504, 0.249, 0.152),
+    ("tilesx1-medium", "tilesx1-medium"): (0.564, 0.291, 0.199),
+    ("tilesx1-hard", "tilesx1-hard"): (0.664, 0.437, 0.328),
+    ("empty-easy", "empty-medium"): (0.429, 0.359, 0.351),
+    ("empty-medium", "empty-hard"): (0.567, 0.476, 0.432),
+    ("objectsx1-easy", "objectsx1-medium"): (0.482, 0.422, 0.387),
+    ("objectsx1-medium", "objectsx1-hard"): (0.712, 0.594, 0.570),
+    ("tilesx1-easy", "tilesx1-medium"): (0.593, 0.422, 0.382),
+    ("tilesx1-medium", "tilesx1-hard"): (0.790, 0.603, 0.547),
+}
+SEEDS = 20
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("panel", MEANS_OF_2022, ids=lambda panel: "->".join(panel))
+def test_means_are_those_of_2022(panel):
+    train, test = (segar.family(name) for name in panel)
+    found = np.empty((SEEDS, len(SIZES)))
+    for seed in range(SEEDS):
+        levels, others = train.sample(max(SIZES), seed=seed, split="train"), test.sample(100, seed=seed, split="test")
+        found[seed] = [w2(levels[:n], others, mode="reference") for n in SIZES]
+    # Single levels scatter widely: both means' errors, with the spread measured here standing for that of 2022.
+    error = found.std(axis=0, ddof=1) * np.sqrt(1 / SEEDS + 1 / 5) + 0.0005
+    away = (found.mean(axis=0) - MEANS_OF_2022[panel]) / error
+    print(f"\n{'->'.join(panel)}: {found.mean(axis=0).round(3)}, {away.round(1)} standard errors")
+    assert (np.abs(away) < 3.5).all()  # 45 means, of which one in 50 runs is farther by chance
