@@ -46,6 +46,29 @@ def rng(seed: int = 0) -> np.random.Generator:
     return np.random.default_rng(seed)
 
 
+def random_set(generator: np.random.Generator) -> Levels:
+    """One to four levels of one to four entities of three types, anywhere."""
+    kinds = (GolfBall, Charger, Bumper)
+
+    def level() -> list:
+        chosen = generator.integers(3, size=generator.integers(1, 5))
+        return [kinds[k]({Position: generator.uniform(-1, 1, 2)}) for k in chosen]
+
+    return Levels.from_entities([level() for _ in range(generator.integers(1, 5))])
+
+
+@pytest.mark.parametrize("mismatch", [0.5, 3.0])
+def test_exact_is_a_metric_on_random_sets_of_levels(mismatch):
+    generator = rng(7)
+    sets = [random_set(generator) for _ in range(14)]
+    scale = {(kind, Position): unit for kind, unit in ((GolfBall, 0.3), (Charger, 0.5), (Bumper, 1.0))}
+    distance = np.array([[w2(a, b, scale=scale, mismatch=mismatch) for b in sets] for a in sets])
+    np.testing.assert_allclose(distance, distance.T, atol=1e-9)
+    np.testing.assert_allclose(np.diag(distance), 0.0, atol=1e-7)
+    assert distance[~np.eye(14, dtype=bool)].min() > 0.1
+    assert (distance[:, None, :] <= distance[:, :, None] + distance[None, :, :] + 1e-9).all()
+
+
 # Vectors.
 
 

@@ -17,7 +17,7 @@ from segar.metrics.wasserstein import MISMATCH, Mode, cost_function
 
 SAFE_EXPONENT = 500.0  # exp(-500) is a float64 above 0: below, the kernel exp(-C / eps) may be used as it is
 SINKHORN_ITERATIONS = 20_000
-SINKHORN_ERROR = 1e-7  # of the marginals
+SINKHORN_ERROR = 1e-6  # of the marginals; the cost is then right to about as many digits
 
 
 @dataclass(frozen=True)
