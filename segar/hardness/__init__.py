@@ -1,0 +1,22 @@
+"""How hard levels are, what can be done in them, and how alike they are in that: all without training."""
+
+from segar.hardness.influence import FactorInfluence, Influence, influence
+from segar.hardness.planner import Plan, plan, replay
+from segar.hardness.report import Hardness, hardness
+from segar.hardness.rollouts import Episodes
+from segar.hardness.similarity import dynamics_distances, policy_similarity, policy_similarity_of_states
+
+__all__ = [
+    "Episodes",
+    "FactorInfluence",
+    "Hardness",
+    "Influence",
+    "Plan",
+    "dynamics_distances",
+    "hardness",
+    "influence",
+    "plan",
+    "policy_similarity",
+    "policy_similarity_of_states",
+    "replay",
+]

@@ -1,0 +1,249 @@
+"""The oracle: the best open-loop actions that a cross-entropy search finds with the simulator itself as its model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from segar.archives import read_archive, write_archive
+from segar.envs.vector import VectorEnv
+from segar.errors import SegarError
+from segar.hardness.rollouts import Episodes, Player, Starts, make_starts, open_loop, play, scripted
+from segar.levels import Levels
+from segar.tasks.task import Task
+from segar.version import __version__
+
+BATCH = 16384  # rollouts that are simulated side by side; bounds the memory
+ELITES = 0.125  # share of the candidates that the next ones are drawn around
+FIRST_SPREAD = 0.5  # of the first candidates around the scripted player, as a share of half the action's range
+LEAST_SPREAD = 0.02  # the search never stops trying
+SMOOTHNESS = 0.8  # correlation of the perturbations of successive actions
+SUCCESS = 1e9  # more than any return
+PATIENCE = 3  # candidates are broken off after so many times the steps of the best success
+FORMAT = "segar-plan"
+FORMAT_VERSION = 1
+PLAN_ARRAYS = ("solved", "died", "steps", "returns", "actions", "values")
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """The best episode that was found on each level, and the actions that certify it; arrays lead with the level.
+
+    Attributes:
+        solved: bool ``(n,)``, whether it ends in success. died: bool ``(n,)``.
+        steps: int64 ``(n,)``, its length. returns: float64 ``(n,)``, every reward counted.
+        actions: float32 ``(n, max steps, action size)``: the certificate; zero after the end.
+        values: float64 ``(n, entities, columns)``, the state that it ends in.
+        task: name of the task. seed: of the randomness in rules.
+        rollouts: episodes that were simulated to find the plan.
+    """
+
+    solved: np.ndarray
+    died: np.ndarray
+    steps: np.ndarray
+    returns: np.ndarray
+    actions: np.ndarray
+    values: np.ndarray
+    task: str
+    seed: int
+    rollouts: int
+
+    def __len__(self) -> int:
+        return len(self.steps)
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write to ``path`` (npz without pickle); levels are not in the file.
+
+        Raises:
+            SegarError: the file cannot be written; what stood at ``path`` still stands there.
+        """
+        metadata = {"format": FORMAT, "format_version": FORMAT_VERSION, "version": __version__}
+        metadata |= {"task": self.task, "seed": self.seed, "rollouts": self.rollouts}
+        write_archive(Path(path), {name: getattr(self, name) for name in PLAN_ARRAYS}, metadata, "a plan", SegarError)
+
+    @classmethod
+    def load(cls, path: str | PathLike[str]) -> Plan:
+        """The plan in a file that ``save`` wrote.
+
+        Raises:
+            SegarError: the file is no plan, is incomplete, or was written by a newer version.
+        """
+        arrays, metadata = read_archive(Path(path), PLAN_ARRAYS, "plan", SegarError)
+        if metadata.get("format") != FORMAT:
+            raise SegarError(f"{path} is not a plan")
+        if metadata["format_version"] > FORMAT_VERSION:
+            raise SegarError(f"{path} was written by a newer SEGAR ({metadata['version']}); this one cannot read it")
+        return cls(**arrays, **{name: metadata[name] for name in ("task", "seed", "rollouts")})
+
+
+def plan(
+    levels: Levels,
+    task: Task | None = None,
+    *,
+    rng: np.random.Generator,
+    samples: int = 128,
+    iterations: int = 10,
+    seed: int = 0,
+    num_threads: int = 1,
+) -> Plan:
+    """The best episode per level that ``samples * iterations`` simulated ones contain.
+
+    A cross-entropy search over action sequences. It starts from what the task's scripted player does, tries smooth
+    perturbations of it, and goes on from the best eighth. Half of the candidates hand over to the scripted player at a
+    random step, so that the search has to find the way and the script finds the end of it.
+
+    Success counts more than anything, then the return; an episode that ends without success is charged as if its last
+    reward, where that is negative, went on to the time limit: falling into a hole early is no way to save penalties. In
+    this order a plan is never worse than the scripted player or than doing nothing. It is the best that was found: that
+    a level has no plan does not prove that it has no solution.
+
+    With chance in the rules a plan is clairvoyant: it knows the draws that follow from ``seed``.
+
+    Args:
+        task: what is played; the task of the levels where it is None.
+        rng: of the search.
+        samples: candidates per level and iteration, at least 8.
+        seed: of the randomness in rules.
+        num_threads: threads of the simulator; results do not depend on it.
+
+    Raises:
+        SegarError: samples or iterations are too few, or the levels do not fit the task.
+    """
+    if samples < 8 or iterations < 1:
+        raise SegarError(
+            f"the search needs at least 8 samples and 1 iteration, not {samples} samples and {iterations} iterations"
+        )
+    starts = make_starts(levels, task, seed, num_threads)
+    block = max(1, BATCH // samples)
+    rows = np.arange(len(levels))
+    found = [_search(starts, rows[i : i + block], rng, samples, iterations) for i in range(0, len(rows), block)]
+    arrays = {name: np.concatenate([getattr(best, name) for best, _ in found]) for name in PLAN_ARRAYS}
+    return Plan(**arrays, task=starts.task.name, seed=seed, rollouts=sum(count for _, count in found))
+
+
+def replay(levels: Levels, certificate: Plan, task: Task | None = None) -> np.ndarray:
+    """Whether each level's actions, played in a fresh environment, give all that the plan says, to the bit; ``(n,)``.
+
+    It plays with :class:`segar.envs.VectorEnv`, which shares nothing with the search but the kernel.
+
+    Raises:
+        SegarError: the plan is of another task, or of another number of levels.
+    """
+    if len(levels) != len(certificate):
+        raise SegarError(f"this plan is of {len(certificate)} levels, and here are {len(levels)}")
+    n = len(levels)
+    env = VectorEnv(levels, n, task=task, seed=certificate.seed, autoreset_mode="Disabled")
+    if env.task.name != certificate.task:
+        raise SegarError(f"this plan is for the task {certificate.task}, not for {env.task.name}; give task=")
+    _, info = env.reset(options={"levels": np.arange(n)})
+    same, running = np.zeros(n, np.bool_), np.ones(n, np.bool_)
+    for actions in certificate.actions.swapaxes(0, 1):
+        _, _, terminated, truncated, info = env.step(actions)
+        ended = np.flatnonzero(running & (terminated | truncated))
+        running[ended] = False
+        if len(ended):
+            same[ended] = _agrees(certificate, ended, info, env.state().state.values)
+        if not running.any():
+            break
+    return same
+
+
+def _agrees(certificate: Plan, ended: np.ndarray, info: dict[str, Any], values: np.ndarray) -> np.ndarray:
+    """Whether what an environment says of the episodes that ended is what the plan says, to the bit."""
+    said = {"solved": info["success"], "died": info["death"], "steps": info["length"], "returns": info["return"]}
+    same = np.array([values[e].tobytes() == certificate.values[e].tobytes() for e in ended])
+    for name, array in said.items():
+        same &= array[ended] == getattr(certificate, name)[ended]
+    return same
+
+
+def scripted_episodes(starts: Starts) -> Episodes | None:
+    """One episode per level by the task's scripted player, None where the task has none."""
+    player = scripted(starts)
+    return None if player is None else play(starts, np.arange(len(starts.levels)), player)
+
+
+def _search(
+    starts: Starts, rows: np.ndarray, rng: np.random.Generator, samples: int, iterations: int
+) -> tuple[Episodes, int]:
+    """The best episodes on the levels ``rows``, and how many were simulated."""
+    n, task, script = len(rows), starts.task, scripted(starts)
+    shape = (task.max_steps, len(task.action_low))
+    half_range = (np.array(task.action_high) - np.array(task.action_low)) / 2
+    best = play(starts, rows, open_loop(np.zeros((n, *shape), np.float32)))
+    if script is not None:
+        best = _better(best, play(starts, rows, script), task)
+    mean, spread = best.actions, np.full((n, *shape), FIRST_SPREAD * half_range, np.float32)
+    elites, level = max(2, round(ELITES * samples)), np.repeat(np.arange(n), samples)
+    for _ in range(iterations):
+        limits = np.minimum(np.where(best.solved, PATIENCE * best.steps, task.max_steps), task.max_steps)
+        player = _perturbed(mean, spread, level, rng)
+        if script is not None:
+            player = _relay(player, script, _hand_over(rng, best.steps, samples).ravel())
+        played = play(starts, rows[level], player, limits[level])
+        order = np.argsort(-score(played, task).reshape(n, samples), axis=1, kind="stable")
+        picked = order[:, :elites] + samples * np.arange(n)[:, None]
+        # After its end an episode has no actions; those of the mean stand in.
+        after = np.arange(task.max_steps) >= played.steps[picked][..., None]
+        chosen = np.where(after[..., None], mean[:, None], played.actions[picked])
+        best = _better(best, _take(played, picked[:, 0]), task)
+        chosen = np.concatenate([best.actions[:, None], chosen], axis=1)
+        mean, spread = chosen.mean(axis=1), np.maximum(chosen.std(axis=1), LEAST_SPREAD * half_range, dtype=np.float32)
+    return best, n * (1 + (script is not None) + samples * iterations)
+
+
+def score(episodes: Episodes, task: Task) -> np.ndarray:
+    """What the planner maximizes, float ``(n,)``: any success is above any failure; see :func:`plan`."""
+    rest = (task.max_steps - episodes.steps) * np.minimum(episodes.last_reward, 0.0)
+    return np.where(episodes.solved, episodes.returns + SUCCESS, episodes.returns + rest)
+
+
+def _better(a: Episodes, b: Episodes, task: Task) -> Episodes:
+    """Row by row the better of two batches of episodes, the first where they are equal."""
+    wins = score(b, task) > score(a, task)
+    pick: Any = lambda x, y: np.where(wins.reshape(-1, *(1,) * (x.ndim - 1)), y, x)  # noqa: E731
+    return Episodes(**{name: pick(array, getattr(b, name)) for name, array in vars(a).items()})
+
+
+def _take(episodes: Episodes, rows: np.ndarray) -> Episodes:
+    return Episodes(**{name: array[rows] for name, array in vars(episodes).items()})
+
+
+def _perturbed(mean: np.ndarray, spread: np.ndarray, level: np.ndarray, rng: np.random.Generator) -> Player:
+    """The player of smooth Gaussian perturbations of ``mean[level]``: autoregressive noise, ``spread`` its deviation."""
+    size = mean.shape[-1]
+    noise = rng.standard_normal((len(level), size), dtype=np.float32)
+    fresh = np.float32((1 - SMOOTHNESS**2) ** 0.5)
+
+    def player(step: int, rows: np.ndarray, values: np.ndarray) -> np.ndarray:
+        if step:
+            drawn = rng.standard_normal((len(rows), size), dtype=np.float32)
+            noise[rows] = np.float32(SMOOTHNESS) * noise[rows] + fresh * drawn
+        at = level[rows]
+        return mean[at, step] + spread[at, step] * noise[rows]
+
+    return player
+
+
+def _hand_over(rng: np.random.Generator, lengths: np.ndarray, samples: int) -> np.ndarray:
+    """The step at which each candidate hands over to the scripted player, int ``(n, samples)``; half never do."""
+    at = (rng.random((len(lengths), samples)) * (lengths[:, None] + 1)).astype(np.int64)
+    at[:, ::2] = np.iinfo(np.int64).max
+    return at
+
+
+def _relay(first: Player, script: Player, hands_over: np.ndarray) -> Player:
+    """The player that hands over from ``first`` to the script at step ``hands_over[row]``."""
+
+    def player(step: int, rows: np.ndarray, values: np.ndarray) -> np.ndarray:
+        chosen = first(step, rows, values)
+        late = hands_over[rows] <= step
+        if late.any():
+            chosen[late] = script(step, rows[late], values[late])
+        return chosen
+
+    return player

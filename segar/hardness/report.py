@@ -1,0 +1,153 @@
+"""How hard levels are, before anything is trained on them: chance, a script and an oracle play each of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from segar.errors import SegarError
+from segar.hardness.planner import BATCH, Plan, plan, scripted_episodes
+from segar.hardness.rollouts import Episodes, Starts, make_starts, play
+from segar.levels import Levels
+from segar.tasks.task import Task
+
+NORMAL_95 = 1.959963984540054  # two-sided 95 % point of the standard normal law
+
+
+@dataclass(frozen=True, eq=False)
+class Hardness:
+    """How a random policy, the scripted player and the oracle fare on each level; arrays lead with the level.
+
+    Attributes:
+        task: name of the task.
+        plays: random episodes per level.
+        random_success: float64 ``(n,)``, share of them that succeed; ``random_low``, ``random_high``: its Wilson
+            interval of 95 %.
+        random_return: float64 ``(n,)``, their mean return.
+        scripted: the scripted player's episode on each level, None where the task has no such player.
+        oracle: the best episodes that the planner found, with their actions; see :func:`segar.hardness.plan`.
+    """
+
+    task: str
+    plays: int
+    random_success: np.ndarray
+    random_low: np.ndarray
+    random_high: np.ndarray
+    random_return: np.ndarray
+    scripted: Episodes | None
+    oracle: Plan
+
+    def rows(self) -> list[dict[str, Any]]:
+        """One dictionary per level of plain numbers and truths; steps are None where the level was not solved."""
+        return [
+            {
+                "level": i,
+                "random_success": float(self.random_success[i]),
+                "random_success_95": [float(self.random_low[i]), float(self.random_high[i])],
+                "random_return": float(self.random_return[i]),
+                **({} if self.scripted is None else _row("scripted", self.scripted, i)),
+                **_row("oracle", self.oracle, i),
+            }
+            for i in range(len(self.oracle))
+        ]
+
+    def summary(self) -> dict[str, Any]:
+        """The same over all levels, as plain numbers.
+
+        Each share comes with the Wilson interval of as many trials as there are levels. For ``random_success``, which
+        several plays of one level have in common, that is wide enough whatever the levels are like.
+        """
+        n = len(self.oracle)
+        players = (
+            {"oracle": self.oracle} if self.scripted is None else {"scripted": self.scripted, "oracle": self.oracle}
+        )
+        found: dict[str, Any] = {"levels": n, "task": self.task, "plays": self.plays}
+        shares = {"random_success": self.random_success}
+        shares |= {f"{name}_success": player.solved for name, player in players.items()}
+        for name, share in shares.items():
+            low, high = wilson_interval(share.mean(), n)
+            found |= {name: float(share.mean()), f"{name}_95": [float(low), float(high)]}
+        found["random_return"] = float(self.random_return.mean())
+        for name, player in players.items():
+            steps = player.steps[player.solved]
+            found[f"{name}_steps"] = float(steps.mean()) if len(steps) else None
+            found[f"{name}_return"] = float(player.returns.mean())
+        return found | {"oracle_rollouts": self.oracle.rollouts}
+
+
+def hardness(
+    levels: Levels,
+    task: Task | None = None,
+    *,
+    rng: np.random.Generator,
+    plays: int = 100,
+    samples: int = 128,
+    iterations: int = 10,
+    seed: int = 0,
+    num_threads: int = 1,
+) -> Hardness:
+    """How hard each level is for a policy that acts at random, for the scripted player, and for the oracle.
+
+    Args:
+        task: what is played; the task of the levels where it is None.
+        rng: of the random policy and of the search.
+        plays: random episodes per level, actions uniform in the task's range, each with draws of its own where rules
+            have chance.
+        samples, iterations: of the search; see :func:`segar.hardness.plan`.
+        seed: of the randomness in rules, for script and oracle.
+        num_threads: threads of the simulator; results do not depend on it.
+
+    Raises:
+        SegarError: plays, samples or iterations are too few, or the levels do not fit the task.
+    """
+    if plays < 1:
+        raise SegarError(f"hardness needs at least 1 random play per level, not {plays}")
+    starts = make_starts(levels, task, seed, num_threads)
+    solved, returns = random_episodes(starts, plays, rng)
+    low, high = wilson_interval(solved.mean(axis=1), plays)
+    return Hardness(
+        task=starts.task.name,
+        plays=plays,
+        random_success=solved.mean(axis=1),
+        random_low=low,
+        random_high=high,
+        random_return=returns.mean(axis=1),
+        scripted=scripted_episodes(starts),
+        oracle=plan(levels, task, rng=rng, samples=samples, iterations=iterations, seed=seed, num_threads=num_threads),
+    )
+
+
+def random_episodes(starts: Starts, plays: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Success (bool) and return (float64) of ``plays`` random episodes on each level, both ``(n, plays)``."""
+    low, high = np.array(starts.task.action_low), np.array(starts.task.action_high)
+    rows = np.repeat(np.arange(len(starts.levels)), plays)
+
+    def at_random(step: int, live: np.ndarray, values: np.ndarray) -> np.ndarray:
+        return low + (high - low) * rng.random((len(live), len(low)))
+
+    solved, returns = np.zeros(len(rows), np.bool_), np.zeros(len(rows))
+    for at in range(0, len(rows), BATCH):
+        block = slice(at, at + BATCH)
+        keys = rng.integers(0, 2**64, len(rows[block]), np.uint64)
+        played = play(starts, rows[block], at_random, keys=keys)
+        solved[block], returns[block] = played.solved, played.returns
+    return solved.reshape(-1, plays), returns.reshape(-1, plays)
+
+
+def wilson_interval(share: Any, trials: int) -> tuple[Any, Any]:
+    """The 95 % interval of a probability of which ``share`` of so many trials came true (Wilson 1927)."""
+    p, z2 = np.asarray(share, float), NORMAL_95**2
+    centre = (p + z2 / (2 * trials)) / (1 + z2 / trials)
+    margin = NORMAL_95 / (1 + z2 / trials) * np.sqrt(p * (1 - p) / trials + z2 / (4 * trials**2))
+    return np.maximum(centre - margin, 0.0), np.minimum(centre + margin, 1.0)
+
+
+def _row(name: str, player: Episodes | Plan, i: int) -> dict[str, Any]:
+    solved = bool(player.solved[i])
+    return {
+        f"{name}_solved": solved,
+        f"{name}_steps": int(player.steps[i]) if solved else None,
+        f"{name}_return": float(player.returns[i]),
+    }

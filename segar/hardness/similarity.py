@@ -1,0 +1,129 @@
+"""How alike levels are in what they do and in what they ask for: same actions, and same best actions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from segar.errors import LevelError, SegarError
+from segar.factors import Factor, Position
+from segar.hardness.planner import Plan
+from segar.hardness.rollouts import Episodes, Starts, make_starts, trace, uniform_actions
+from segar.levels import Levels
+from segar.tasks.task import Task
+
+
+def dynamics_distances(
+    a: Levels,
+    b: Levels,
+    task: Task | None = None,
+    *,
+    rng: np.random.Generator,
+    sequences: int = 16,
+    horizon: int = 20,
+    factors: Sequence[type[Factor]] = (Position,),
+    seed: int = 0,
+) -> np.ndarray:
+    """How differently each level of ``a`` and each level of ``b`` answer the same actions, float64 ``(len(a), len(b))``.
+
+    d(x, y)^2 is the mean over sequences and steps of sum |(x_t - x_0) - (y_t - y_0)|^2, summed over the ``factors`` of all
+    entities: what counts is what became of things, not where they were. Entities are matched by slot; one that is absent
+    does not move. What an episode has ended stands still. So it is the Euclidean distance of two responses: it is
+    symmetric, keeps the triangle inequality, and is zero for levels that differ in nothing that the actions (or time)
+    bring to light, e.g. only in where the goal is.
+
+    Args:
+        rng: draws ``sequences`` sequences of ``horizon`` uniform actions, the same ones for all levels.
+        factors: of which the unit is the distance's; Position gives metres.
+        seed: of the randomness in rules: matched, too, between level i of ``a`` and level i of ``b``.
+
+    Raises:
+        LevelError: the two sets have different layouts, or lack one of the factors.
+        SegarError: sequences or horizon make no sense.
+    """
+    if a.layout != b.layout:
+        raise LevelError("dynamics_distances: these level sets have different entities; compare sets of one layout")
+    columns = []
+    for factor in factors:
+        first = a.layout.columns[a.layout.factor(factor.__name__)]
+        columns += range(first, first + factor.width)
+    if sequences < 1 or horizon < 1:
+        raise SegarError(f"dynamics_distances needs at least 1 sequence and 1 step, not {sequences} and {horizon}")
+    starts = make_starts(a, task, seed), make_starts(b, task, seed)
+    actions = uniform_actions(starts[0].task, sequences, horizon, rng)
+    square = np.zeros((len(a), len(b)))
+    for sequence in actions:
+        x, y = (_response(each, sequence, columns) for each in starts)
+        square += np.stack([((response - y) ** 2).sum(axis=1) for response in x])
+    return np.sqrt(square / (sequences * horizon))
+
+
+def policy_similarity(a: Plan | Episodes, b: Plan | Episodes, gamma: float = 0.99) -> np.ndarray:
+    """The policy similarity metric of the levels' first states under the oracle, float64 ``(len(a), len(b))``.
+
+    d(x, y) = |pi(x) - pi(y)| + gamma W1(d)(P(x), P(y)) (Agarwal, Machado, Castro and Bellemare 2021, equation 1), where pi
+    plays the plan's actions. A plan leads to one next state, so W1 is the distance of the two; after its end an episode
+    stays where it is and does nothing. So levels are close that are played in the same way, however different they look.
+
+    Args:
+        a, b: oracle plans; or what a scripted player did (:attr:`Hardness.scripted`), to take it for the oracle.
+
+    Raises:
+        SegarError: gamma is not in [0, 1), or the actions of the two have different sizes.
+    """
+    _check(a, b, gamma)
+    total = np.zeros((len(a.steps), len(b.steps)))
+    for t in range(int(max(a.steps.max(), b.steps.max()))):
+        total += gamma**t * _apart(_actions(a, t), _actions(b, t))
+    return total
+
+
+def policy_similarity_of_states(
+    a: Plan | Episodes, b: Plan | Episodes, i: int, j: int, gamma: float = 0.99
+) -> np.ndarray:
+    """The metric between all states on the oracle's path in level ``i`` of ``a`` and in level ``j`` of ``b``.
+
+    Returns:
+        float64 ``(steps of i + 1, steps of j + 1)``; the last states are those in which nothing is done any more. The
+        first entry is what :func:`policy_similarity` says of the two levels.
+
+    Raises:
+        SegarError: as :func:`policy_similarity`.
+    """
+    _check(a, b, gamma)
+    x, y = (plan.actions[k, : plan.steps[k]] for plan, k in ((a, i), (b, j)))
+    nothing = np.zeros((1, x.shape[1]), np.float32)
+    cost = _apart(np.concatenate([x, nothing]), np.concatenate([y, nothing]))
+    n, m = cost.shape
+    d = np.zeros((n, m))
+    for s in range(n - 1, -1, -1):
+        for t in range(m - 1, -1, -1):
+            # The last entry is zero still when it asks for itself: two episodes that are over stay alike for ever.
+            d[s, t] = cost[s, t] + gamma * d[min(s + 1, n - 1), min(t + 1, m - 1)]
+    return d
+
+
+def _response(starts: Starts, sequence: np.ndarray, columns: list[int]) -> np.ndarray:
+    """What the actions changed in each level, step after step, ``(levels, steps * entities * columns)``."""
+    n = len(starts.levels)
+    states, _ = trace(starts, np.arange(n), np.repeat(sequence[None], n, axis=0))
+    states = states[..., columns]
+    return np.nan_to_num(states[:, 1:] - states[:, :1]).reshape(n, -1)
+
+
+def _actions(plan: Plan | Episodes, step: int) -> np.ndarray:
+    """What is done in each level at a step, nothing where the time of that plan's task is over."""
+    return plan.actions[:, step] if step < plan.actions.shape[1] else np.zeros_like(plan.actions[:, 0])
+
+
+def _apart(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Euclidean distances of actions, ``(len(x), len(y))``."""
+    return np.sqrt(((x[:, None].astype(float) - y[None]) ** 2).sum(axis=-1))
+
+
+def _check(a: Plan | Episodes, b: Plan | Episodes, gamma: float) -> None:
+    if not 0 <= gamma < 1:
+        raise SegarError(f"gamma must be at least 0 and less than 1, not {gamma}")
+    if a.actions.shape[-1] != b.actions.shape[-1]:
+        raise SegarError(f"actions of {a.actions.shape[-1]} and of {b.actions.shape[-1]} numbers cannot be compared")
