@@ -7,6 +7,7 @@ is compiled from the rules, and measured. See README.md for a first run.
 from typing import Tuple  # noqa: UP035 - the paper's rules are written with it
 
 from segar import envs, metrics, noise, random, tasks
+from segar.conditional import Dependent
 from segar.designed_levels import design
 from segar.distribution import LevelDistribution
 from segar.effects import Aggregate, Differential, SetFactor
@@ -119,6 +120,7 @@ __all__ = [
     "ConvexHull",
     "Count",
     "Density",
+    "Dependent",
     "Differential",
     "Done",
     "Drag",

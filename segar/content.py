@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from segar.conditional import Dependent
 from segar.engine.symbols import Symbol
 from segar.entities import Entity, ThingFactory
 from segar.errors import LevelError
@@ -54,6 +55,8 @@ def describe(value: Any, with_classes: bool = True) -> Any:
         return inner(_class_content(value)) if with_classes else value.__name__
     if isinstance(value, Prior):
         return ["Prior", *(inner(getattr(value, f.name)) for f in dataclasses.fields(value))]
+    if isinstance(value, Dependent):
+        return ["Dependent", inner(value.law), inner(value.shift), inner(value.scale)]
     if isinstance(value, Relation):
         return ["Relation", inner(value.truth)]
     if isinstance(value, Symbol):

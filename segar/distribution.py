@@ -7,7 +7,7 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from segar.content import content_hash
 from segar.engine.layout import Layout, Slot, name_slots
 from segar.entities import Entity, GlobalFriction, ThingFactory
 from segar.errors import LevelError, PriorError, did_you_mean
+from segar.estimates import Estimate
 from segar.factors import Factor
 from segar.levels import Levels, Provenance
 from segar.noise import Noise
@@ -24,6 +25,9 @@ from segar.priors import Prior, check_priors
 from segar.sampling import Streams, draw_levels
 from segar.sampling_plan import Group, Plan, make_plan
 from segar.version import __version__
+
+if TYPE_CHECKING:
+    from segar.explanation import Explanation
 
 CONFIG_KEYS = ("numbers", "priors", "parameters", "positions", "name", "world", "min_distance", "task")
 
@@ -163,6 +167,81 @@ class LevelDistribution:
         from segar.marginals import marginals
 
         return marginals(self._plan)
+
+    def log_prob(self, levels: Levels, normalised: bool = True) -> np.ndarray:
+        """Log probability of each level, float64 ``(n,)``; -inf where the level cannot be drawn.
+
+        A sum of log masses (how many entities, their types, choices of shapes, ranks in the pile, atoms) and log
+        densities (with respect to length, and to area for positions and for each vertex of a random hull), of what was
+        drawn: ``levels.sampled_values``, before overlaps are fixed. Positions have the density of their priors given
+        that no two things are too close: unless ``normalised`` is False, the log of that event's probability,
+        estimated from 200,000 draws with the standard error ``log_acceptance(levels)[1]``, is taken off.
+
+        Raises:
+            LevelError: the levels have other entities, factors or parameters.
+            PriorError: a prior draws an Order that may be 0, so that a level does not show how it came about.
+            PlacementError: placement accepts too rarely for an estimate.
+        """
+        from segar.level_entropy import log_acceptance
+        from segar.level_probability import log_probability
+
+        found = log_probability(self._plan, self._own(levels))
+        total = found.simple + found.other
+        return total - log_acceptance(self._plan, found, self._acceptances)[0] if normalised else total
+
+    def log_acceptance(self, levels: Levels) -> tuple[np.ndarray, np.ndarray]:
+        """Log probability that positions drawn for the things of each level are far enough apart, and its standard
+        error, float64 ``(n,)`` each; raises as ``log_prob`` does."""
+        from segar.level_entropy import log_acceptance
+        from segar.level_probability import log_probability
+
+        return log_acceptance(self._plan, log_probability(self._plan, self._own(levels)), self._acceptances)
+
+    def acceptance(self, draws: int = 100_000, seed: int = 0) -> Estimate:
+        """The share of levels whose things are far enough apart at the first try, with its standard error.
+
+        Placement tries 100 times per level: with a share p, it fails for a level with probability ``(1 - p)^100``.
+        """
+        from segar.level_entropy import acceptance
+
+        return acceptance(self._plan, Streams(str(self), self._stream, int(seed), "acceptance"), draws)
+
+    def entropy(self, draws: int = 20_000, seed: int = 0) -> Estimate:
+        """Entropy [nats] with respect to the measure of ``log_prob``, with its standard error.
+
+        What is independent of all else counts in closed form. Conditional factors, ranks, random hulls and positions
+        (given that no two things are too close) count by the mean over ``draws`` levels of a split of their own.
+        Raises as ``sample`` and ``log_prob`` do.
+        """
+        from segar.level_entropy import entropy
+
+        return entropy(self._plan, self.sample(draws, seed, split="entropy"), self._acceptances)
+
+    def explain(self, entity: type[Entity] | str | None, factor: type[Factor]) -> Explanation:
+        """Which prior sets a factor, and why: an :class:`Explanation`, to be printed.
+
+        Args:
+            entity: an entity type, the name of an entity such as ``"golfball"``, or None for a world parameter.
+
+        Raises:
+            PriorError: there is no such entity, it may be of several types, or it lacks the factor.
+        """
+        from segar.explanation import explain
+
+        return explain(self._plan, self.priors, entity, factor)
+
+    def _own(self, levels: Levels) -> Levels:
+        if levels.layout != self.layout:
+            raise LevelError(
+                f"{levels!r} have entities {', '.join(levels.layout.names)}, which are not those of {self},"
+                f" {', '.join(self.layout.names)}, or hold other factors or parameters"
+            )
+        return levels
+
+    @cached_property
+    def _acceptances(self) -> dict[Any, Estimate]:
+        """Acceptances that were estimated, by the laws of the positions."""
+        return {}
 
     def __repr__(self) -> str:
         if self.name:

@@ -6,7 +6,7 @@ from segar.factors import Factor, Friction, Order, Position, Size
 from segar.noise import Choice, Deterministic, DiscreteRangeNoise, Mixture, Noise
 from segar.noise.measures import as_noise
 from segar.parameters import FloorFriction
-from segar.priors import Prior, factors_read
+from segar.priors import Prior, factors_needed, factors_read
 from segar.sampling_plan import Group, Plan
 
 Laws = dict[type[Factor], Noise]
@@ -38,7 +38,7 @@ def slot_laws(plan: Plan, group: Group, place: int, only: int | None = None) -> 
             if not factor.width:
                 continue
             prior = _drawn(plan, slot, factor, kind)
-            if prior is not None and factors_read(prior):
+            if prior is not None and factors_needed(prior):
                 conditional.add(factor)
                 continue
             law = prior.value if prior is not None else _undrawn(plan, slot, factor, kind)

@@ -24,6 +24,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from segar.conditional import Dependent
 from segar.engine.layout import holds
 from segar.engine.symbols import Symbol, evaluate, walk
 from segar.entities import Entity, GlobalFriction, Object, Thing, ThingFactory, Tile
@@ -43,8 +44,9 @@ class Prior:
 
     Args:
         factor: a factor class (sub-classes of it are meant too), or a world parameter such as ``Gravity``.
-        value: a constant of the factor's kind, or a :class:`segar.noise.Noise`; for ``Shape`` a shape or a ``Choice``
-            of shapes (a ``RandomConvexHull`` is drawn anew for each entity of each level).
+        value: a constant of the factor's kind, a :class:`segar.noise.Noise`, or a :class:`Dependent` law, which other
+            factors of the entity scale and shift; for ``Shape`` a shape or a ``Choice`` of shapes (a
+            ``RandomConvexHull`` is drawn anew for each entity of each level).
         entity_type: only entities of this type or a sub-class of it.
         relation: only entities for which this typed truth-valued function of one entity holds.
 
@@ -70,7 +72,7 @@ class Prior:
     @property
     def is_random(self) -> bool:
         """Whether the value is a law (a random shape counts as a value)."""
-        return isinstance(self.value, Noise)
+        return isinstance(self.value, (Noise, Dependent))
 
     def __str__(self) -> str:
         entity = "" if self.entity_type is None else f", entity_type={self.entity_type.__name__}"
@@ -84,6 +86,9 @@ def check_value(factor: type[Factor], value: Any) -> Any:
     if isinstance(value, type) and issubclass(value, Noise):
         raise PriorError(f"Prior({name}, {value.__name__}): a law is needed, not its class; write {value.__name__}()")
     try:
+        if isinstance(value, Dependent):
+            _check_dependent(factor, value)
+            return value
         if not isinstance(value, Noise):
             return _within_bounds(factor, factor.check(value))
         if factor is Shape:
@@ -156,6 +161,11 @@ def factors_read(prior: Prior) -> frozenset[type[Factor]]:
         if geometric or symbol.op in ("parameter", "action", "wall"):
             raise PriorError(f"{prior}: the relation of a prior may read only factors of its entity, not {symbol!r}")
     return frozenset(symbol.args[1] for symbol in symbols if symbol.op == "load")
+
+
+def factors_needed(prior: Prior) -> frozenset[type[Factor]]:
+    """The numeric factors that must be drawn before the prior: those that its relation or its law reads."""
+    return factors_read(prior) | (prior.value.reads if isinstance(prior.value, Dependent) else frozenset())
 
 
 def relation_holds(prior: Prior, entity: type[Entity], read: Callable[[type[Factor], int], float]) -> bool:
@@ -243,6 +253,13 @@ def _check_law(factor: type[Factor], law: Noise) -> None:
         low, high = law.support
         if high < factor.bounds[0] or low > factor.bounds[1]:
             raise FactorError(f"lies outside the bounds {factor.bounds} of {factor.__name__}")
+
+
+def _check_dependent(factor: type[Factor], law: Dependent) -> None:
+    if factor.width != 1 or issubclass(factor, (Flag, Count, Shape)):
+        raise FactorError("a law that depends on other factors is for factors that are one real number")
+    if issubclass(factor, Parameter):
+        raise FactorError(f"{factor.__name__} belongs to the world, so its law cannot depend on an entity's factors")
 
 
 def _within_bounds(factor: type[Factor], value: Any) -> Any:

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from segar.conditional_draws import claimed, dependence
 from segar.counter_rng import LevelGenerator, stream_key
 from segar.engine.layout import Layout
 from segar.entities import Object, Tile
@@ -20,7 +21,7 @@ from segar.factors import Factor, Friction, Order, Position, Size
 from segar.noise import Noise
 from segar.parameters import FloorFriction
 from segar.placement import OVERLAP_PASSES, PLACEMENT_TRIES, closest_pair, fix_overlaps, random_ranks, too_close
-from segar.priors import Prior, factors_read, relation_holds, specificity
+from segar.priors import Prior, factors_read, specificity
 from segar.sampling_plan import Draw, Outline, Plan
 from segar.shapes import CIRCLE, HULL, BaseShape
 
@@ -144,11 +145,15 @@ def draw_factor(plan: Plan, streams: Streams, block: Block, draw: Draw, rows: An
         if not factors_read(prior) and not prior.is_random:
             continue  # a constant stands in the template already
         rng = streams.generator(levels, *site, *([k] if k else []), attempt=attempt)
-        value = _sample(streams, prior, draw.factor, rng, levels).reshape(len(levels), draw.factor.width)
+        every = np.arange(len(block.indices))[rows]
+        scaling = dependence(plan, block, draw.slot, prior.value, every)
+        claim = claimed(plan, block, draw, prior, every) if factors_read(prior) else np.ones(len(every), dtype=bool)
+        value = _sample(streams, prior, draw.factor, rng, levels, scaling, claim).reshape(
+            len(levels), draw.factor.width
+        )
         if not factors_read(prior):
             target[rows] = value
             continue
-        claim = _claim(plan, block, draw, prior, np.arange(len(block.indices))[rows])
         target[rows] = np.where(claim[:, None], value, target[rows])
         claims.append((prior, claim))
     _check_claims(streams, draw, claims, levels)
@@ -169,21 +174,34 @@ def draw_outlines(plan: Plan, streams: Streams, block: Block) -> None:
 
 def draw_positions(plan: Plan, streams: Streams, block: Block) -> None:
     """Positions; anew for levels in which two things come too close, at most 100 times."""
+    again = np.flatnonzero(draw_first_positions(plan, streams, block))
+    draws = _drawn_positions(plan)
+    for attempt in range(1, PLACEMENT_TRIES if draws else 1):
+        if not len(again):
+            return
+        for draw in draws:
+            rows = again[_has_type(block.types[again, draw.slot], draw.types)]
+            draw_factor(plan, streams, block, draw, rows, attempt)
+        x = plan.layout.columns[Position]
+        again = again[too_close(block.sampled_values[again, :, x : x + 2], plan.min_distance)]
+    if len(again):
+        raise _no_place(plan, streams, block, int(again[0]), len(draws) > 0)
+
+
+def draw_first_positions(plan: Plan, streams: Streams, block: Block) -> np.ndarray:
+    """The first try to place the things of each level; whether two of them came too close, bool ``(n,)``."""
     if Position not in plan.layout.columns:
-        return
+        return np.zeros(len(block.indices), dtype=bool)
     x = plan.layout.columns[Position]
     for slot, place in plan.fixed_positions.items():
         block.sampled_values[block.types[:, slot] >= 0, slot, x : x + 2] = place
-    draws = [draw for draw in plan.draws if issubclass(draw.factor, Position) and draw.slot not in plan.fixed_positions]
-    again = np.arange(len(block.indices))
-    for attempt in range(PLACEMENT_TRIES if draws else 1):
-        for draw in draws:
-            rows = _rows(block, draw) if attempt == 0 else again[_has_type(block.types[again, draw.slot], draw.types)]
-            draw_factor(plan, streams, block, draw, rows, attempt)
-        again = again[too_close(block.sampled_values[again, :, x : x + 2], plan.min_distance)]
-        if not len(again):
-            return
-    raise _no_place(plan, streams, block, int(again[0]), len(draws) > 0)
+    for draw in _drawn_positions(plan):
+        draw_factor(plan, streams, block, draw, _rows(block, draw))
+    return too_close(block.sampled_values[:, :, x : x + 2], plan.min_distance)
+
+
+def _drawn_positions(plan: Plan) -> list[Draw]:
+    return [draw for draw in plan.draws if issubclass(draw.factor, Position) and draw.slot not in plan.fixed_positions]
 
 
 def draw_orders(plan: Plan, streams: Streams, block: Block) -> None:
@@ -243,39 +261,41 @@ def _has_type(column: np.ndarray, types: tuple[int, ...]) -> np.ndarray:
 
 
 def _sample(
-    streams: Streams, prior: Prior, factor: type[Factor], rng: LevelGenerator, levels: np.ndarray
+    streams: Streams,
+    prior: Prior,
+    factor: type[Factor],
+    rng: LevelGenerator,
+    levels: np.ndarray,
+    scaling: tuple[np.ndarray, np.ndarray] | None = None,
+    needed: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Draws of the prior for ``levels``, float64 ``(n,)`` or ``(n, 2)``, checked against what the factor can take."""
+    """Draws of the prior for ``levels``, float64 ``(n,)`` or ``(n, 2)``; those that are ``needed`` (None: all) are
+    checked against what the factor can take. ``scaling``: shift and scale of a dependent law."""
     shape = (len(levels), 2) if factor.width == 2 else (len(levels),)
     if not prior.is_random:
         return np.broadcast_to(np.asarray(prior.value, dtype=float), shape)
-    value = np.asarray(prior.value.sample(rng, len(levels)), dtype=float)
+    law = prior.value if scaling is None else prior.value.law
+    value = np.asarray(law.sample(rng, len(levels)), dtype=float)
     if value.shape != shape:
         raise PriorError(f"{prior}: the law's sample(rng, {len(levels)}) has shape {value.shape}, not {shape}")
     low, high = factor.bounds or (-np.inf, np.inf)
+    if scaling is not None:
+        value = scaling[0] + scaling[1] * value
+        value = np.where(scaling[1] == 0, np.nan, value)
     fits = np.isfinite(value) & (value >= low) & (value <= high)
     if issubclass(factor, Size):
         fits &= value > 0
-    if not fits.all():
-        row = np.flatnonzero(~fits.reshape(len(levels), -1).all(axis=1))[0]
+    wrong = ~fits.reshape(len(levels), factor.width).all(axis=1)
+    if needed is not None:
+        wrong &= needed
+    if wrong.any():
+        row = np.flatnonzero(wrong)[0]
+        scaled = "" if scaling is None else f" with shift {scaling[0][row]:g} and scale {scaling[1][row]:g}"
         raise PriorError(
-            f"{streams.where(levels[row])}: {prior} gave {value[row]}, which {factor.__name__} cannot be;"
+            f"{streams.where(levels[row])}: {prior} gave {value[row]}{scaled}, which {factor.__name__} cannot be;"
             " clip the law or choose another"
         )
     return value
-
-
-def _claim(plan: Plan, block: Block, draw: Draw, prior: Prior, rows: np.ndarray) -> np.ndarray:
-    """Whether the prior's relation holds for the slot's entity in each of the levels ``rows``."""
-    claim = np.zeros(len(rows), dtype=bool)
-    for place, row in enumerate(rows):
-        values = block.sampled_values[row, draw.slot]
-
-        def read(factor: type[Factor], component: int, values: np.ndarray = values) -> float:
-            return float(values[plan.layout.columns[factor] + component])
-
-        claim[place] = relation_holds(prior, plan.layout.types[block.types[row, draw.slot]], read)
-    return claim
 
 
 def _check_claims(streams: Streams, draw: Draw, claims: list[tuple[Prior, np.ndarray]], levels: np.ndarray) -> None:

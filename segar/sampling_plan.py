@@ -9,14 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from segar.engine.layout import Layout
+from segar.conditional import Dependent
+from segar.engine.layout import Layout, holds
 from segar.entities import Entity, GlobalFriction
 from segar.errors import PlacementError, PriorError
 from segar.factors import Factor, Order, Position, Shape, Size
 from segar.noise import Choice, Noise
 from segar.parameters import Parameter
 from segar.placement import closest_pair
-from segar.priors import Prior, factors_read, ranked
+from segar.priors import Prior, factors_needed, factors_read, ranked
 from segar.shapes import BaseShape
 
 RANDOM_HULL_VERTICES = 32  # room for a random hull: 100 Gaussian points have 8.8 +- 1.5 vertices on their hull
@@ -147,6 +148,7 @@ def _draws(layout: Layout, groups: Sequence[Group], priors: Sequence[Prior]) -> 
             for factor in (f for f in entity.declared if f.width):
                 found = ranked(priors, entity, factor)
                 if any(p.is_random or factors_read(p) for p in found):
+                    _check_reads(entity, found, priors)
                     alike = factor, tuple(map(id, found))
                     candidates[alike] = found
                     types.setdefault(alike, []).append(place)
@@ -157,14 +159,32 @@ def _draws(layout: Layout, groups: Sequence[Group], priors: Sequence[Prior]) -> 
     return draws
 
 
+def _check_reads(entity: type[Entity], candidates: Sequence[Prior], priors: Sequence[Prior]) -> None:
+    """Raise :class:`PriorError` if a law depends on factors that the entity lacks, or that are known too late."""
+    for prior in candidates:
+        for factor in factors_needed(prior):
+            held = holds(entity, factor)
+            if held is None and isinstance(prior.value, Dependent) and factor in prior.value.reads:
+                raise PriorError(
+                    f"{prior}: its law reads {factor.__name__}, which {entity.__name__} lacks; give the prior an"
+                    " entity_type that has it"
+                )
+            if held is Size and not ranked(priors, entity, Size) and isinstance(_shape(entity, priors), Choice):
+                raise PriorError(
+                    f"{prior} reads Size, which for {entity.__name__} is that of a shape that is chosen later; give"
+                    " Size a prior of its own"
+                )
+
+
 def _in_order(draws: list[Draw]) -> tuple[Draw, ...]:
     """The draws such that what a conditional prior reads is drawn before it."""
     graph: dict[type[Factor], set[type[Factor]]] = {draw.factor: set() for draw in draws}
     for draw in draws:
         for prior in draw.priors:
-            for read in factors_read(prior):
+            for read in factors_needed(prior):
                 if issubclass(read, (Position, Order)):
-                    raise PriorError(f"{prior}: its relation reads {read.__name__}, which is drawn last")
+                    what = "relation" if read in factors_read(prior) else "law"
+                    raise PriorError(f"{prior}: its {what} reads {read.__name__}, which is drawn last")
                 graph[draw.factor] |= {f for f in graph if issubclass(f, read)}
     try:
         order = list(TopologicalSorter(graph).static_order())

@@ -1,0 +1,290 @@
+"""Levels are as probable as their distribution says: against frequencies, closed forms and entropies."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import segar
+from segar import (
+    Ball,
+    Bumper,
+    Charge,
+    Charger,
+    Circle,
+    Damper,
+    Dependent,
+    GaussianNoise,
+    GoalTile,
+    GolfBall,
+    Gravity,
+    LevelDistribution,
+    LevelError,
+    Mass,
+    Mobile,
+    Object,
+    Order,
+    PlacementError,
+    Position,
+    Prior,
+    PriorError,
+    RandomUniformLocation,
+    SandTile,
+    Shape,
+    Size,
+    Square,
+    StoredEnergy,
+    Thing,
+    ThingFactory,
+    Tile,
+    UniformNoise,
+)
+
+ANYWHERE = Prior(Position, RandomUniformLocation())
+
+
+def weight(size: Size) -> float:
+    return 20.0 * size**2 if size > 0.2 else 1.0
+
+
+def is_positive(q: Charge) -> bool:
+    return q > 0.0
+
+
+def column(levels: segar.Levels, slot: int, factor: type) -> np.ndarray:
+    return levels.sampled_values[:, slot, levels.layout.columns[factor]]
+
+
+def changed(levels: segar.Levels, slot: int, factor: type, value: float) -> segar.Levels:
+    values = levels.sampled_values.copy()
+    values[:, slot, levels.layout.columns[factor]] = value
+    return dataclasses.replace(levels, sampled_values=values)
+
+
+CONDITIONAL = LevelDistribution(
+    [(Ball, 2), (GoalTile, 1)],
+    [
+        ANYWHERE,
+        Prior(Size, UniformNoise(0.1, 0.3), entity_type=Ball),
+        Prior(Mass, Dependent(GaussianNoise(1.0, 0.1, clip=(0.9, 1.2)), shift=0.5, scale=weight), entity_type=Ball),
+        Prior(Charge, UniformNoise(-1.0, 1.0)),
+        Prior(Mobile, segar.Bernoulli(0.25), relation=is_positive),
+    ],
+)
+CROWDED = LevelDistribution(
+    [(ThingFactory({Bumper: 0.25, Damper: 0.75}), segar.DiscreteRangeNoise(1, 3)), (SandTile, 1)],
+    [
+        ANYWHERE,
+        Prior(StoredEnergy, GaussianNoise(1.0, 0.1), entity_type=Bumper),
+        Prior(Shape, segar.Choice([Circle(0.3), Square(0.5), segar.RandomConvexHull(0.3)], [0.2, 0.3, 0.5]), Tile),
+    ],
+    parameters={Gravity: UniformNoise(8.0, 12.0)},
+    min_distance=0.4,
+)
+
+
+@pytest.mark.parametrize(
+    "dist",
+    [*map(segar.family, ["empty-medium", "objectsx3-hard", "tilesx1-hard", "billiards"]), CONDITIONAL, CROWDED],
+    ids=["empty", "objects", "tiles", "billiards", "conditional", "crowded"],
+)
+def test_the_entropy_is_the_mean_negative_log_probability(dist):
+    probability = dist.log_prob(dist.sample(4000, seed=1))
+    assert probability.shape == (4000,) and probability.dtype == np.float64 and np.isfinite(probability).all()
+    entropy = dist.entropy(4000)
+    error = math.hypot(entropy.error, probability.std() / math.sqrt(4000))
+    assert abs(entropy.value + probability.mean()) < 4 * error
+
+
+def test_the_entropy_of_independent_factors_is_exact():
+    law = GaussianNoise(1.0, 0.1)
+    priors = [Prior(Mass, law), Prior(Position, RandomUniformLocation())]
+    entropy = LevelDistribution([(Ball, 1)], priors, {Gravity: UniformNoise(8, 12)}).entropy(100)
+    expected = law.entropy() + RandomUniformLocation().entropy() + math.log(4)
+    assert entropy.value == pytest.approx(expected, abs=1e-12) and entropy.error < 1e-12
+
+
+def test_levels_of_atoms_are_drawn_as_often_as_their_probability_says():
+    dist = LevelDistribution(
+        [(ThingFactory({Bumper: 0.25, Charger: 0.75}), segar.DiscreteRangeNoise(0, 2)), (SandTile, 1)],
+        [
+            Prior(Mobile, segar.Bernoulli(0.3), entity_type=Thing),
+            Prior(Shape, segar.Choice([Circle(0.3), Square(0.5)], [0.25, 0.75]), entity_type=SandTile),
+        ],
+        positions=[(Object, [(0.5, 0.5), (-0.5, -0.5)]), (SandTile, [(0.0, 0.0)])],
+    )
+    levels = dist.sample(20_000)
+    probability = np.exp(dist.log_prob(levels))
+    text = np.array([row.tobytes() for row in np.nan_to_num(levels.sampled_values, nan=-9.0)])
+    _, first, count = np.unique(text, return_index=True, return_counts=True)
+    expected = probability[first] * len(levels)
+    assert probability[first].sum() > 0.99  # nearly all levels that there are have been seen
+    many = expected > 5
+    assert ((count[many] - expected[many]) ** 2 / expected[many]).sum() < stats.chi2(many.sum()).ppf(0.999)
+    assert dist.entropy(4000).value == pytest.approx(-np.log(probability).mean(), abs=0.05)
+
+
+def test_the_acceptance_of_two_uniform_points_has_a_closed_form():
+    d, side = 0.4, 1.9
+    close = (math.pi * d**2 * side**2 - 8 / 3 * d**3 * side + d**4 / 2) / side**4  # two uniform points in a square
+    dist = LevelDistribution([(Ball, 2)], [ANYWHERE], min_distance=d)
+    share = dist.acceptance(20_000)
+    assert abs(share.value - (1 - close)) < 4 * share.error
+    levels = dist.sample(50)
+    accepted, error = dist.log_acceptance(levels)
+    assert (np.abs(accepted - math.log1p(-close)) < 4 * error).all() and (error < 1e-3).all()
+    plain = dist.log_prob(levels, normalised=False)
+    assert np.allclose(plain, 2 * -math.log(side**2) - math.log(2))  # the last: the two ranks in the pile
+    assert np.allclose(dist.log_prob(levels), plain - accepted)
+
+
+def test_what_cannot_be_drawn_has_no_probability():
+    dist = segar.family("objectsx1-hard")
+    levels = dist.sample(20)
+    ball, goal, crowd = 0, 1, 2
+    for slot, factor, value in [(ball, Mass, 7.0), (ball, Size, 0.5), (goal, Order, column(levels, ball, Order)[0])]:
+        probability = dist.log_prob(changed(levels, slot, factor, value))
+        assert probability[0] == -math.inf, factor
+    types = levels.types.copy()
+    types[:, crowd] = -1
+    assert (dist.log_prob(dataclasses.replace(levels, types=types)) == -math.inf).all()
+    assert (dist.log_prob(changed(levels, ball, Position, 0.97)) == -math.inf).all()
+    assert np.isfinite(dist.log_prob(levels)).all()
+
+
+def test_levels_of_another_distribution_are_refused():
+    with pytest.raises(LevelError, match=r"golfball, goal, object1.*not those of level distribution 'empty-easy'"):
+        segar.family("empty-easy").log_prob(segar.family("objectsx1-hard").sample(2))
+
+
+def test_a_law_may_depend_on_another_factor_of_the_entity():
+    levels = CONDITIONAL.sample(3000)
+    size, mass = column(levels, 0, Size), column(levels, 0, Mass)
+    noise = (mass - 0.5) / np.where(size > 0.2, 20 * size**2, 1.0)
+    law = GaussianNoise(1.0, 0.1, clip=(0.9, 1.2))
+    x = np.sort(noise.round(12))
+    share = np.searchsorted(x, x, side="right") / len(x)
+    assert np.abs(share - law.cdf(x + 1e-11)).max() < 1.95 / math.sqrt(len(x))
+    assert abs(np.corrcoef(size, noise)[0, 1]) < 0.07
+    assert np.array_equal(CONDITIONAL.sample(7).sampled_values, levels[:7].sampled_values, equal_nan=True)
+    assert Mass not in CONDITIONAL.marginals()["ball1"]
+
+
+def test_the_density_of_a_dependent_law_is_stretched_with_it_and_its_atoms_are_not():
+    law = GaussianNoise(1.0, 0.1, clip=(0.9, 1.2))
+    dependent = Dependent(law, shift=0.5, scale=weight)
+    x, shift, scale = np.array([2.5, 0.5 + 2 * 0.9]), np.full(2, 0.5), np.full(2, 2.0)
+    expected = [law.log_prob(1.0) - math.log(2), law.log_prob(0.9)]
+    assert np.allclose(dependent.log_prob(x, shift, scale), expected)
+    assert np.allclose(dependent.shift_and_scale(lambda *_: np.array([0.1, 0.3]), 2), [[0.5, 0.5], [1.0, 1.8]])
+
+
+def test_a_changed_dependence_is_another_distribution():
+    def twice(size: Size) -> float:
+        return 2.0 * size
+
+    def thrice(size: Size) -> float:
+        return 3.0 * size
+
+    def doubled(size: Size) -> float:
+        return 2.0 * size
+
+    hashes = []
+    for function in (twice, thrice, doubled):
+        law = Dependent(UniformNoise(0.9, 1.1), scale=function)
+        hashes.append(LevelDistribution([(Ball, 1)], [Prior(Mass, law)]).hash)
+    assert hashes[0] != hashes[1] and hashes[0] == hashes[2]
+    assert Dependent(UniformNoise(0, 1), twice) == Dependent(UniformNoise(0, 1), doubled)
+
+
+def test_a_dependence_that_cannot_be_meant_is_refused():
+    def pulled(g: Gravity) -> float:
+        return g
+
+    def charged(q: Charge) -> float:
+        return q
+
+    def placed(x: Position) -> float:
+        return x.norm()
+
+    law = UniformNoise(0.5, 1.0)
+    with pytest.raises(PriorError, match=r"shift: .*pulled.* only numbers of one entity"):
+        Dependent(law, shift=pulled)
+    with pytest.raises(PriorError, match=r"scale must be a finite number or a typed function"):
+        Dependent(law, scale="twice")
+    with pytest.raises(PriorError, match=r"needs a law on the line, not 3"):
+        Dependent(3)  # type: ignore[arg-type]
+    with pytest.raises(PriorError, match=r"for factors that are one real number"):
+        Prior(Position, Dependent(law))
+    with pytest.raises(PriorError, match=r"reads Charge, which GoalTile lacks; give the prior an entity_type"):
+        LevelDistribution([(GoalTile, 1)], [Prior(Size, Dependent(law, shift=charged))])
+    with pytest.raises(PriorError, match=r"its law reads Position, which is drawn last"):
+        LevelDistribution([(Ball, 1)], [Prior(Mass, Dependent(law, scale=placed))])
+    shapes = Prior(Shape, segar.Choice([Circle(0.3), Circle(0.5)]))
+    with pytest.raises(PriorError, match=r"reads Size, which for Ball is that of a shape that is chosen later"):
+        LevelDistribution([(Ball, 1)], [shapes, Prior(Mass, Dependent(law, scale=weight))])
+    zero = LevelDistribution([(Ball, 1)], [Prior(Mass, Dependent(law, scale=charged)), Prior(Charge, 0.0)])
+    with pytest.raises(PriorError, match=r"level 0 .*with shift 0 and scale 0, which Mass cannot be"):
+        zero.sample(1)
+
+
+def test_an_order_that_may_be_zero_leaves_open_how_it_came_about():
+    dist = LevelDistribution([(Ball, 1)], [Prior(Order, segar.DiscreteRangeNoise(0, 2))])
+    with pytest.raises(PriorError, match=r"Order of 'ball' may be drawn as 0"):
+        dist.log_prob(dist.sample(2))
+    fixed = LevelDistribution([(Ball, 1)], [Prior(Order, segar.DiscreteRangeNoise(1, 4))])
+    assert np.allclose(fixed.log_prob(fixed.sample(3)), math.log(0.25))
+
+
+def test_an_acceptance_too_rare_to_estimate_is_an_error_that_says_what_to_do():
+    dist = LevelDistribution([(Ball, 2)], [ANYWHERE], min_distance=0.1)
+    levels = dist.sample(2)
+    wide = LevelDistribution([(Ball, 2)], [ANYWHERE], min_distance=2.7)
+    assert wide.acceptance(2000).value == 0.0
+    with pytest.raises(PlacementError, match=r"too rare to be estimated; use log_prob\(levels, normalised=False\)"):
+        wide.log_prob(levels)
+
+
+def test_an_explanation_names_the_winner_the_losers_and_their_ranks():
+    dist = segar.family("objectsx3-hard")
+    found = dist.explain("golfball", Size)
+    assert found.winner is not None and found.value == GaussianNoise(0.2, 0.01, clip=(0.1, 0.3))
+    assert [c.verdict for c in found.candidates] == [
+        "wins: specificity 5 (entity type Object, 3 classes deep)",
+        "does not apply: GolfBall is no Tile",
+    ]
+    both = LevelDistribution([(Ball, 1)], [Prior(Mass, 2.0), Prior(Mass, 3.0, entity_type=Ball)])
+    assert [c.verdict.split(":")[0] for c in both.explain(Ball, Mass).candidates] == ["wins", "loses"]
+    assert both.explain(Ball, Mass).value == 3.0
+    assert both.explain(Ball, Charge).source == "Ball's own; no prior sets it"
+
+
+def test_where_relations_decide_the_explanation_says_so():
+    story = str(CONDITIONAL.explain("ball1", Mobile))
+    assert story.startswith("Mobile of Ball 'ball1': decided level by level\n")
+    assert "relation=is_positive): wins where its relation holds: specificity 1 (relation is_positive)" in story
+
+
+def test_parameters_and_fixed_places_are_explained_too():
+    assert CROWDED.explain(None, Gravity).value == UniformNoise(8.0, 12.0)
+    assert segar.family("objectsx1-hard").explain(None, Gravity).source == "the default"
+    fixed = LevelDistribution([(GolfBall, 1)], [ANYWHERE], positions=[(GolfBall, [(0.5, 0.0)])])
+    assert fixed.explain("golfball", Position).source == "fixed by positions="
+
+
+@pytest.mark.parametrize(
+    ("entity", "factor", "message"),
+    [
+        ("golfbal", Size, r"no entity 'golfbal'. Did you mean 'golfball'\?"),
+        ("object1", Size, "'object1' may be one of Charger, Magnet"),
+        (SandTile, Size, "no SandTile is in numbers"),
+        (GoalTile, Mass, "GoalTile has no Mass"),
+    ],
+)
+def test_a_question_that_has_no_answer_is_refused(entity, factor, message):
+    with pytest.raises(PriorError, match=message):
+        segar.family("objectsx3-hard").explain(entity, factor)
