@@ -180,6 +180,8 @@ def test_numbers_of_entities_have_the_law_of_their_slots():
         segar.RandomEdgeLocation(),
         segar.GaussianNoise2D((0.1, -0.1), cov=[[0.04, 0.02], [0.02, 0.09]]),
         segar.Choice([(0.0, 0.5), (0.5, 0.0)]),
+        segar.noise.Empirical([(0.0, 0.5), (0.5, 0.0), (0.5, 0.2)]),
+        segar.noise.Affine(segar.RandomEdgeLocation(), 0.5, (0.1, -0.2)),
         segar.Mixture([RandomUniformLocation(), segar.CenterLocation()], [0.5, 0.5]),
     ],
 )
@@ -188,6 +190,29 @@ def test_a_component_of_a_law_on_the_plane_is_the_law_of_its_draws(law, axis):
     draws = law.sample(np.random.default_rng(0), 20_000)[:, axis]
     at = np.linspace(-0.9, 0.9, 19) + 1e-9
     np.testing.assert_allclose(component(law, axis).cdf(at), (draws[:, None] <= at).mean(axis=0), atol=0.015)
+
+
+def test_a_law_that_says_its_joint_function_alone_has_the_components_that_follow_from_it():
+    class Disc(segar.noise.Noise):
+        """Uniform in the unit disc."""
+
+        width = 2
+        support = ((-1.0, 1.0), (-1.0, 1.0))
+        grid = (np.linspace(-1, 1, 9), np.linspace(-1, 1, 9))
+
+        def sample(self, rng, size=None):
+            angle, radius = 2 * np.pi * rng.random(size), np.sqrt(rng.random(size))
+            return np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1)
+
+        def cdf(self, x):
+            u = np.clip(np.min(x, axis=-1), -1.0, 1.0)  # right where one component is at its upper end
+            return 0.5 + (u * np.sqrt(1 - u**2) + np.arcsin(u)) / np.pi
+
+    draws, at = Disc().sample(np.random.default_rng(0), 20_000)[:, 0], np.linspace(-0.9, 0.9, 7)
+    law = component(Disc(), 0)
+    np.testing.assert_allclose(law.cdf(at), (draws[:, None] <= at).mean(axis=0), atol=0.015)
+    assert law.icdf(0.5) == pytest.approx(0.0, abs=1e-9)
+    assert law.sample(np.random.default_rng(0), 5).shape == (5,)
 
 
 def test_a_report_tells_equal_from_different_laws_and_names_the_factor():

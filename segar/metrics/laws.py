@@ -10,7 +10,7 @@ from segar.entities import Entity, GlobalFriction
 from segar.errors import LevelError
 from segar.factors import Factor
 from segar.marginals import marginals, mix, slot_laws
-from segar.noise import Choice, Deterministic, Independent, Noise
+from segar.noise import Affine, Choice, Deterministic, Independent, Noise
 from segar.noise.measures import as_noise
 from segar.parameters import Parameter
 
@@ -80,6 +80,8 @@ def component(law: Noise, axis: int) -> Noise:
         return Deterministic(law.value[axis])
     if isinstance(law, Independent):
         return (law.x, law.y)[axis]
+    if isinstance(law, Affine):
+        return Affine(component(law.law, axis), law.scale, law.shift[axis])
     parts = getattr(law, "laws", None)
     if parts is not None:
         weights: Any = law.weights  # type: ignore[attr-defined]
