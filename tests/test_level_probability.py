@@ -113,6 +113,8 @@ def test_levels_of_atoms_are_drawn_as_often_as_their_probability_says():
         [(ThingFactory({Bumper: 0.25, Charger: 0.75}), segar.DiscreteRangeNoise(0, 2)), (SandTile, 1)],
         [
             Prior(Mobile, segar.Bernoulli(0.3), entity_type=Thing),
+            Prior(Charge, segar.Choice([-1.0, 1.0], [0.4, 0.6]), entity_type=Charger),
+            Prior(Mass, segar.Choice([1.0, 3.0], [0.1, 0.9]), relation=is_positive),
             Prior(Shape, segar.Choice([Circle(0.3), Square(0.5)], [0.25, 0.75]), entity_type=SandTile),
         ],
         positions=[(Object, [(0.5, 0.5), (-0.5, -0.5)]), (SandTile, [(0.0, 0.0)])],
@@ -126,6 +128,30 @@ def test_levels_of_atoms_are_drawn_as_often_as_their_probability_says():
     many = expected > 5
     assert ((count[many] - expected[many]) ** 2 / expected[many]).sum() < stats.chi2(many.sum()).ppf(0.999)
     assert dist.entropy(4000).value == pytest.approx(-np.log(probability).mean(), abs=0.05)
+
+
+def test_a_random_hull_that_is_chosen_half_of_the_time_is_half_as_dense():
+    often, always = (
+        LevelDistribution([(SandTile, 1)], [Prior(Shape, shape)])
+        for shape in (segar.Choice([Circle(0.3), segar.RandomConvexHull(0.3)]), segar.RandomConvexHull(0.3))
+    )
+    levels = often.sample(40)
+    hull = levels.shape_kind[:, 0] == 2
+    expected = np.where(hull, math.log(0.5) + always.log_prob(levels), math.log(0.5))
+    assert 10 < hull.sum() < 30 and np.allclose(often.log_prob(levels), expected)
+    assert (always.log_prob(levels)[~hull] == -math.inf).all()
+
+
+@pytest.mark.parametrize(("first", "second"), [(Mass, Charge), (Charge, Mass)])
+def test_what_a_law_reads_is_drawn_before_it(first, second):
+    def same(x: first) -> float:
+        return x
+
+    same.__annotations__["x"] = first  # the module's annotations are texts, and a text knows no argument of a test
+    priors = [Prior(second, Dependent(UniformNoise(0.0, 0.1), shift=same)), Prior(first, UniformNoise(3.0, 4.0))]
+    levels = LevelDistribution([(Ball, 1)], priors).sample(50)
+    gap = column(levels, 0, second) - column(levels, 0, first)
+    assert gap.min() >= 0.0 and gap.max() <= 0.1
 
 
 def test_the_acceptance_of_two_uniform_points_has_a_closed_form():
