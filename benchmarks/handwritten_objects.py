@@ -91,26 +91,12 @@ def distance_to_goal(b, floor):
 
 @njit(**AS_KERNELS)
 def find_accelerations(b, floor, w):
-    """Friction, heat and fields of all bodies; what is too light dies, and stops once all forces are known."""
+    """Fields, friction and heat of all bodies; what is too light dies, and stops once all forces are known."""
     for i in range(BODIES):
         vx, vy, mass = b[i, VX], b[i, VY], b[i, MASS]
         mobile, alive = b[i, MOBILE] != 0.0, b[i, ALIVE] != 0.0
         speed = math.sqrt(vx * vx + vy * vy)
         ax = ay = 0.0
-        gx, gy = b[i, X] - floor[GOAL_X], b[i, Y] - floor[GOAL_Y]
-        reach = b[i, RADIUS] + floor[GOAL_RADIUS] + TOUCH
-        if gx * gx + gy * gy <= reach * reach:
-            if speed >= AT_REST:
-                brake = -floor[GOAL_FRICTION] * w[GRAVITY] / (mass * speed)
-                ax += vx * brake
-                ay += vy * brake
-            if mobile and floor[GOAL_HEAT] != 0.0:
-                b[i, MASS] = mass * (1.0 - 0.1 * floor[GOAL_HEAT])
-        if speed >= AT_REST:
-            brake = -w[FLOOR_FRICTION] * w[GRAVITY] / (mass * speed)
-            ax += vx * brake
-            ay += vy * brake
-        b[i, DX], b[i, DY] = ax, ay
         for j in range(BODIES):
             charge, magnetism = b[j, CHARGE], b[j, MAGNETISM]
             if i != j and (charge != 0.0 or magnetism != 0.0):
@@ -131,6 +117,25 @@ def find_accelerations(b, floor, w):
                 if mass != 0.0:
                     ax += fx * (1.0 / mass)
                     ay += fy * (1.0 / mass)
+        dx = dy = 0.0
+        gx, gy = b[i, X] - floor[GOAL_X], b[i, Y] - floor[GOAL_Y]
+        reach = b[i, RADIUS] + floor[GOAL_RADIUS] + TOUCH
+        if gx * gx + gy * gy <= reach * reach:
+            if speed >= AT_REST:
+                brake = -floor[GOAL_FRICTION] * w[GRAVITY] / (mass * speed)
+                dx += vx * brake
+                dy += vy * brake
+                ax += vx * brake
+                ay += vy * brake
+            if mobile and floor[GOAL_HEAT] != 0.0:
+                b[i, MASS] = mass * (1.0 - 0.1 * floor[GOAL_HEAT])
+        if speed >= AT_REST:
+            brake = -w[FLOOR_FRICTION] * w[GRAVITY] / (mass * speed)
+            dx += vx * brake
+            dy += vy * brake
+            ax += vx * brake
+            ay += vy * brake
+        b[i, DX], b[i, DY] = dx, dy
         if not (mobile and alive):
             ax = ay = 0.0
         if not mass >= w[MIN_MASS]:

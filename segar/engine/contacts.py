@@ -101,17 +101,18 @@ class Contacts:
     def may_touch(self) -> str:
         """Whether some body may reach through a wall or another body; a cheap test without roots."""
         with self.source.function("may_touch(V, bits, kind, hull_radius)", inline=True) as w:
-            w.line("touched = False")
             groups = self.matcher.merge(range(len(self.source.layout.slots)), self._collider_key)
             colliders = [(g, m) for g in groups if (m := self.matcher.match(g, COLLIDES)) is not None]
             for n, (group, mask) in enumerate(colliders):
                 with over_group(w, group, "i"), condition(w, match_test("i", mask)):
                     w.line("ri = 0.5 * V[i, SIZE] if kind[i] == 1 else hull_radius[i]")
-                    w.line("touched |= abs(V[i, X]) + ri > HIGH or abs(V[i, X + 1]) + ri > HIGH")
+                    w.line("ix, iy = V[i, X], V[i, X + 1]")
+                    with w.block("if abs(ix) + ri > HIGH or abs(iy) + ri > HIGH:"):
+                        w.line("return True")
                     for other, other_mask in colliders[n:] if self.world.pair_contact is not None else []:
                         if other is not group or not group.is_single:
                             self._pair_test(w, other is group, other, other_mask)
-            w.line("return touched")
+            w.line("return False")
         return w.text()
 
     def _collider_key(self, slot: Slot) -> tuple:
@@ -120,9 +121,9 @@ class Contacts:
     def _pair_test(self, w: Writer, same: bool, other: Group, mask: int) -> None:
         with over_group(w, other, "j"), condition(w, both("j > i" if same else "", match_test("j", mask))):
             w.line("reach = ri + (0.5 * V[j, SIZE] if kind[j] == 1 else hull_radius[j]) + THRESHOLD")
-            w.line("jx = V[j, X] - V[i, X]")
-            w.line("jy = V[j, X + 1] - V[i, X + 1]")
-            w.line("touched |= jx * jx + jy * jy <= reach * reach")
+            w.line("jx, jy = V[j, X] - ix, V[j, X + 1] - iy")
+            with w.block("if jx * jx + jy * jy <= reach * reach:"):
+                w.line("return True")
 
     def _assign(self, w: Writer, rule: Rule, variables: tuple[str, ...]) -> None:
         """Run a contact rule on given bodies and set what it says, all at once."""

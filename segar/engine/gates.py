@@ -15,7 +15,7 @@ from segar.engine.spec import Group
 from segar.engine.symbols import Symbol, walk
 from segar.engine.trace import Branch, Leaf, Tree
 
-MANY_PARTNERS = 3  # in smaller groups it does not pay to list them
+MANY_PARTNERS = 5  # in smaller groups it does not pay to list them
 
 
 @dataclass(frozen=True)
