@@ -209,6 +209,20 @@ def test_the_density_of_a_dependent_law_is_stretched_with_it_and_its_atoms_are_n
     assert np.allclose(dependent.shift_and_scale(lambda *_: np.array([0.1, 0.3]), 2), [[0.5, 0.5], [1.0, 1.8]])
 
 
+def test_a_level_with_a_dependent_law_is_as_probable_as_by_hand():
+    law = GaussianNoise(1.0, 0.1, clip=(0.9, 1.2))
+    priors = [ANYWHERE, Prior(Size, UniformNoise(0.1, 0.3)), Prior(Mass, Dependent(law, shift=0.5, scale=weight))]
+    levels = LevelDistribution([(Ball, 1)], priors).sample(400)
+    size, mass = column(levels, 0, Size), column(levels, 0, Mass)
+    scale = np.where(size > 0.2, 20 * size**2, 1.0)
+    z = (mass - 0.5) / scale
+    low, high = np.isclose(z, 0.9, atol=1e-12), np.isclose(z, 1.2, atol=1e-12)
+    by_hand = stats.norm(1.0, 0.1).logpdf(z) - np.log(scale)
+    by_hand[low], by_hand[high] = stats.norm.logcdf(-1.0), stats.norm.logsf(2.0)
+    expected = by_hand - math.log(0.2) - math.log(1.9**2)
+    assert low.sum() > 20 and high.any() and np.allclose(levels.distribution.log_prob(levels), expected)
+
+
 def test_a_changed_dependence_is_another_distribution():
     def twice(size: Size) -> float:
         return 2.0 * size
