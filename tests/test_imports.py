@@ -26,6 +26,7 @@ FORBIDDEN_ARROWS = (
 )
 TORCH = ("torch", "torchrl", "tensordict")
 THE_ONLY_TORCH_FILE = "segar/envs/torchrl_env.py"
+THE_ONLY_MATPLOTLIB_FILE = "segar/cli/figures.py"
 
 # The extras of pyproject.toml that a package may count on, besides the core dependencies.
 EXTRAS = {"segar": (), "experiments": ("train", "ui"), "analysis": ("train", "analysis")}
@@ -80,7 +81,9 @@ def test_every_import_is_declared_in_pyproject(package):
         top = name.partition(".")[0]
         if top in sys.stdlib_module_names or top in PACKAGES:
             continue
-        extras = ("train",) if place.startswith(THE_ONLY_TORCH_FILE) else EXTRAS[package]
+        extras = EXTRAS[package]
+        extras += ("train",) if place.startswith(THE_ONLY_TORCH_FILE) else ()
+        extras += ("analysis",) if place.startswith(THE_ONLY_MATPLOTLIB_FILE) else ()
         if not declared(extras) & {normalized(dist) for dist in providers.get(top, [top])}:
             where = " or ".join(["dependencies", *(f"the extra '{extra}'" for extra in extras)])
             wrong.append(f"{place}: imports {top}, which pyproject.toml does not list in {where}")

@@ -1,62 +1,35 @@
-"""The command ``segar``: name the level families, compile kernels ahead of time, show what a kernel is made of."""
+"""``segar families``, ``segar compile``, ``segar kernel``: names, kernels ahead of time, and what they are made of."""
 
 from __future__ import annotations
 
-import argparse
-import importlib
 import inspect
-import os
 import re
-import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from segar.distribution import LevelDistribution
+from segar.cli.arguments import NAME_HELP, TASK_HELP, find_distribution, task_named
 from segar.engine import device, device_contacts
 from segar.engine.cache import cache_folder, is_compiled, kernel_path
 from segar.engine.kernel import KernelSource, generate
 from segar.envs.registration import REWARDS
 from segar.envs.vector import OBSERVATIONS, VectorEnv, world_of
-from segar.errors import SegarError
-from segar.families import TASK_LEVELS, families, family
+from segar.families import TASK_LEVELS, families
 from segar.levels import Levels
 from segar.rule import Rule
 from segar.simulator import Outcome, Simulator, State
-from segar.tasks.find import find_task, task_of
+from segar.tasks.find import task_of
 from segar.tasks.puttputt import puttputt
 from segar.tasks.task import Task
-from segar.version import __version__
 
-USAGE_ERROR = 2  # exit status of a name that is not known, as argparse has it
 NO_LINES = "  (matches nothing here)"
-NAME_HELP = "a level family, or 'module:attribute': a LevelDistribution of your own or a function that makes one"
-TASK_HELP = "puttputt, billiards, invisiball, or 'module:attribute'; by default what the levels name"
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command with these arguments (default: the process's) and return its exit status."""
-    if os.getcwd() not in sys.path:
-        sys.path.insert(0, os.getcwd())  # one's own modules are found as with `python -m`
-    chosen = _parser().parse_args(arguments)
-    try:
-        chosen.run(chosen)
-        sys.stdout.flush()
-    except SegarError as error:
-        print(f"segar: {error}", file=sys.stderr)
-        return USAGE_ERROR
-    except BrokenPipeError:  # `segar kernel show ... | head` has seen enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    return 0
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser("segar", description=__doc__)
-    parser.add_argument("--version", action="version", version=f"segar {__version__}")
-    commands = parser.add_subparsers(required=True, metavar="command")
-
+def add_commands(commands: Any) -> None:
+    """Add ``families``, ``compile`` and ``kernel`` to the sub-commands of a parser."""
     listing = commands.add_parser("families", help="list the named level families")
     listing.set_defaults(run=lambda chosen: print("\n".join([*families(), *TASK_LEVELS])))
 
@@ -72,7 +45,6 @@ def _parser() -> argparse.ArgumentParser:
     showing.add_argument("name", metavar="family", help=NAME_HELP)
     showing.add_argument("--task", help=TASK_HELP)
     showing.set_defaults(run=lambda chosen: print(kernel_text(chosen.name, chosen.task)))
-    return parser
 
 
 def compile_kernels(names: Sequence[str] = (), task: str | None = None) -> None:
@@ -83,8 +55,8 @@ def compile_kernels(names: Sequence[str] = (), task: str | None = None) -> None:
     sharing: dict[Path, list[str]] = {}
     first: dict[Path, tuple[Levels, Task]] = {}
     for name in names or (*families(), *TASK_LEVELS):
-        levels = _find_distribution(name).sample(1)
-        for its_task in [_find_task(task, levels)] if task else _tasks_of(name, levels):
+        levels = find_distribution(name).sample(1)
+        for its_task in [task_named(task, levels)] if task else _tasks_of(name, levels):
             path = kernel_path(_generate(levels, its_task).text)
             sharing.setdefault(path, []).append(name)
             first.setdefault(path, (levels, its_task))
@@ -100,8 +72,8 @@ def compile_kernels(names: Sequence[str] = (), task: str | None = None) -> None:
 
 def kernel_text(name: str, task: str | None = None) -> str:
     """The generated source of a distribution's kernel, below a legend that names the file of each rule."""
-    levels = _find_distribution(name).sample(1)
-    its_task = _find_task(task, levels)
+    levels = find_distribution(name).sample(1)
+    its_task = task_named(task, levels)
     source = _generate(levels, its_task)
     path = kernel_path(source.text)
     solid = world_of(levels).solid
@@ -127,30 +99,6 @@ def kernel_text(name: str, task: str | None = None) -> str:
 def _place(rule: Rule) -> str:
     """``file:line`` of a rule's function."""
     return f"{rule.function.__code__.co_filename}:{rule.function.__code__.co_firstlineno}"
-
-
-def _find_distribution(name: str) -> LevelDistribution:
-    """A named family, or one of the user's own; raises :class:`SegarError`."""
-    module, _, attribute = name.partition(":")
-    if not attribute:
-        return family(name)
-    try:
-        found = getattr(importlib.import_module(module), attribute, None)
-    except ImportError as error:
-        raise SegarError(f"the distribution '{name}' cannot be imported: {error}") from error
-    if inspect.isfunction(found):
-        found = found()
-    if not isinstance(found, LevelDistribution):
-        raise SegarError(f"'{name}' is not a LevelDistribution but {found!r}")
-    return found
-
-
-def _find_task(name: str | None, levels: Levels) -> Task:
-    """The task of that name with its default options, or the one that the levels are for."""
-    if name is None:
-        return task_of(levels)
-    found = find_task(name)
-    return found if isinstance(found, Task) else found()
 
 
 def _tasks_of(name: str, levels: Levels) -> list[Task]:

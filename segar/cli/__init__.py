@@ -1,0 +1,49 @@
+"""The command ``segar``: sample and describe levels, measure distances and hardness, compile and show kernels."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+from typing import NoReturn
+
+from segar.cli import hardness, kernels, levels
+from segar.errors import SegarError
+from segar.version import __version__
+
+USAGE_ERROR = 2  # exit status of what is not known or makes no sense, as argparse has it
+
+
+class Parser(argparse.ArgumentParser):
+    """argparse's parser, of which a refusal is one line."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(USAGE_ERROR, f"{self.prog}: {message}; see {self.prog} --help\n")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command with these arguments (default: the process's) and return its exit status."""
+    if os.getcwd() not in sys.path:
+        sys.path.insert(0, os.getcwd())  # one's own modules are found as with `python -m`
+    chosen = make_parser().parse_args(arguments)
+    try:
+        chosen.run(chosen)
+        sys.stdout.flush()
+    except SegarError as error:
+        print(f"segar: {error}", file=sys.stderr)
+        return USAGE_ERROR
+    except BrokenPipeError:  # `segar kernel show ... | head` has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return 0
+
+
+def make_parser() -> argparse.ArgumentParser:
+    """The parser of all commands; what it parsed has ``run``, to be called with it."""
+    parser = Parser("segar", description=__doc__)
+    parser.add_argument("--version", action="version", version=f"segar {__version__}")
+    commands = parser.add_subparsers(required=True, metavar="command")
+    levels.add_commands(commands)
+    hardness.add_commands(commands)
+    kernels.add_commands(commands)
+    return parser

@@ -1,0 +1,101 @@
+"""What the arguments of commands name, and the two forms of an answer: a table for people, one object for programs."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import inspect
+import json
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from segar.distribution import LevelDistribution
+from segar.errors import SegarError
+from segar.families import family
+from segar.levels import Levels
+from segar.tasks.find import find_task, task_of
+from segar.tasks.task import Task
+
+NAME_HELP = "a level family, or 'module:attribute': a LevelDistribution of your own or a function that makes one"
+TASK_HELP = "puttputt, billiards, invisiball, or 'module:attribute'; by default what the levels name"
+FILE_HELP = "a level file, as `segar sample` and Levels.save write it"
+
+
+def find_distribution(name: str) -> LevelDistribution:
+    """A named family, or one of the user's own; raises :class:`SegarError`."""
+    module, _, attribute = name.partition(":")
+    if not attribute:
+        return family(name)
+    try:
+        found = getattr(importlib.import_module(module), attribute, None)
+    except ImportError as error:
+        raise SegarError(f"the distribution '{name}' cannot be imported: {error}") from error
+    if inspect.isfunction(found):
+        found = found()
+    if not isinstance(found, LevelDistribution):
+        raise SegarError(f"'{name}' is not a LevelDistribution but {found!r}")
+    return found
+
+
+def task_named(name: str | None, levels: Levels) -> Task:
+    """The task of that name with its default options, or the one that the levels are for."""
+    if name is None:
+        return task_of(levels)
+    found = find_task(name)
+    return found if isinstance(found, Task) else found()
+
+
+def command(
+    commands: Any, name: str, run: Callable[[argparse.Namespace], None], purpose: str
+) -> argparse.ArgumentParser:
+    """A new sub-command that can answer in JSON."""
+    made = commands.add_parser(name, help=purpose, description=f"{purpose[0].upper()}{purpose[1:]}.")
+    made.add_argument("--json", action="store_true", help="print one JSON object, and nothing else, on stdout")
+    made.set_defaults(run=run)
+    return made
+
+
+def at_least(least: int) -> Callable[[str], int]:
+    """The type of an argument that is a whole number from ``least`` up."""
+
+    def whole_number(text: str) -> int:
+        try:
+            number = int(text)
+        except ValueError:
+            number = least - 1
+        if number < least:
+            raise argparse.ArgumentTypeError(f"must be a whole number from {least} up, not '{text}'")
+        return number
+
+    return whole_number
+
+
+def print_json(answer: Mapping[str, Any]) -> None:
+    """Print one JSON object; numbers that JSON does not know become null."""
+    print(json.dumps(_finite(answer), indent=1, allow_nan=False))
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
+    """Rows in columns, numbers in short, None as a dash."""
+    cells = [list(head), *([_cell(value) for value in row] for row in rows)]
+    widths = [max(len(row[k]) for row in cells) for k in range(len(head))]
+    return "\n".join("  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in cells)
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return "-"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, (list, tuple)):
+        return ", ".join(map(_cell, value))
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _finite(part) for key, part in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(part) for part in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

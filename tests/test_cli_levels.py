@@ -1,0 +1,194 @@
+"""The commands on levels: sample, distance, describe and hardness; for people, for programs, and refused."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import segar
+from segar import cli
+from segar.hardness import Plan, replay
+
+ROOT = Path(__file__).parents[1]
+PNG = b"\x89PNG"
+
+
+def shown(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
+    """What the command prints with these arguments."""
+    assert cli.main(list(map(str, arguments))) == 0
+    return capsys.readouterr().out
+
+
+@pytest.fixture
+def level_files(tmp_path: Path) -> tuple[Path, Path]:
+    """Files of 12 levels each, of two families of one layout."""
+    for name in ("empty-easy", "empty-hard"):
+        segar.family(name).sample(12, seed=1).save(tmp_path / f"{name}.npz")
+    return tmp_path / "empty-easy.npz", tmp_path / "empty-hard.npz"
+
+
+def test_sample_writes_the_levels_that_the_library_samples(capsys, tmp_path):
+    path = tmp_path / "levels.npz"
+    said = shown(capsys, "sample", "objectsx3-hard", "-n", 7, "--seed", 3, "--split", "test", "-o", path)
+    assert said == f"{path}: 7 levels of 'objectsx3-hard', seed 3, split 'test'\n"
+    assert segar.Levels.load(path) == segar.family("objectsx3-hard").sample(7, seed=3, split="test")
+    said = json.loads(shown(capsys, "sample", "objectsx3-hard", "-n", 2, "-o", path, "--json"))
+    assert said["levels"] == len(segar.Levels.load(path)) == 2
+    assert said["distribution"] == segar.family("objectsx3-hard").hash
+
+
+def test_distance_says_what_the_library_measures(capsys, level_files):
+    a, b = map(segar.Levels.load, level_files)
+    said = json.loads(shown(capsys, "distance", *level_files, "--json"))
+    assert said["w2"] == segar.metrics.w2(a, b) and said["ks"] == segar.metrics.ks(a, b)
+    assert said["ks_by_factor"] == segar.metrics.ks_by_factor(a, b) and said["levels"] == [12, 12]
+    assert list(said["ks_by_factor"].values()) == sorted(said["ks_by_factor"].values(), reverse=True)
+    text = shown(capsys, "distance", *level_files)
+    assert f"w2       {said['w2']:.4g}\n" in text and "GolfBall.Position.x" in text
+    said = json.loads(shown(capsys, "distance", *level_files, "--mode", "reference", "--json"))
+    assert said["w2"] == segar.metrics.w2(a, b, "reference")
+
+
+def test_distance_tests_for_one_law_when_asked(capsys, level_files):
+    said = json.loads(shown(capsys, "distance", *level_files, "--resamples", 19, "--json"))
+    assert said["w2_95"][0] < said["w2"] < said["w2_95"][1] and said["w2_floor"] < said["w2"]
+    assert said["w2_p_value"] == said["ks_p_value"] == 1 / 20
+
+
+def test_describe_lists_every_marginal(capsys):
+    said = json.loads(shown(capsys, "describe", "tilesx1-medium", "--json"))
+    laws = segar.family("tilesx1-medium").marginals()
+    expected = [(slot, factor.__name__, repr(law)) for slot in laws for factor, law in laws[slot].items()]
+    assert [(row["entity"], row["factor"], row["law"]) for row in said["marginals"]] == expected
+    (heat,) = (row for row in said["marginals"] if (row["entity"], row["factor"]) == ("tile1", "Heat"))
+    assert (heat["mean"], heat["low"], heat["high"]) == pytest.approx((0.525, 0.5, 0.55))
+    assert heat["sd"] == pytest.approx(0.05 / 12**0.5)
+    assert said["entities"]["tile1"] == {"types": ["SandTile", "MagmaTile", "Hole", "FireTile"], "optional": False}
+    text = shown(capsys, "describe", "tilesx1-medium")
+    assert text.count("\n") == len(expected) + 1 + 1 + len(said["entities"]) + 1
+    assert "UniformNoise(0.5, 0.55)" in text and "SandTile | MagmaTile | Hole | FireTile" in text
+
+
+def test_a_law_that_says_nothing_but_its_draws_is_described_all_the_same(capsys, tmp_path, monkeypatch):
+    (tmp_path / "my_law.py").write_text(
+        "import segar\n"
+        "class Twice(segar.Noise):\n"
+        "    def sample(self, rng, size=None): return 2 * rng.uniform(0.5, 1.0, size)\n"
+        "where = [segar.Prior(segar.Position, segar.RandomUniformLocation()), segar.Prior(segar.Mass, Twice())]\n"
+        "dist = segar.LevelDistribution([(segar.GolfBall, 1), (segar.GoalTile, 1)], where)\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    said = json.loads(shown(capsys, "describe", "my_law:dist", "--json"))
+    (mass,) = (row for row in said["marginals"] if row["factor"] == "Mass")
+    assert mass["law"] == "Twice()" and mass["mean"] is None
+    shown(capsys, "describe", "my_law:dist", "-o", tmp_path / "figure.svg")
+    assert "svg" in (tmp_path / "figure.svg").read_text()
+
+
+@pytest.mark.parametrize("name", ["tilesx1-medium", "billiards"])
+def test_describe_draws_a_figure(capsys, tmp_path, name):
+    said = shown(capsys, "describe", name, "-o", tmp_path / "figure.png")
+    assert said.endswith("figure.png: all marginals that are not constant\n")
+    assert (tmp_path / "figure.png").read_bytes().startswith(PNG)
+    assert [path.name for path in tmp_path.iterdir()] == ["figure.png"]
+
+
+def test_a_figure_without_matplotlib_names_the_extra(capsys, tmp_path, monkeypatch):
+    find = importlib.util.find_spec
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "matplotlib" else find(name))
+    assert cli.main(["describe", "empty-hard", "-o", str(tmp_path / "figure.png")]) == 2
+    out, err = capsys.readouterr()
+    assert out == "" and "pip install segar[analysis]" in err and not list(tmp_path.iterdir())
+
+
+def test_hardness_says_who_solves_what_and_writes_a_plan_that_replays(capsys, level_files):
+    path = level_files[1].with_name("plan.npz")
+    arguments = ["hardness", level_files[1], "--plays", 5, "--samples", 16, "--iterations", 1]
+    said = json.loads(shown(capsys, *arguments, "--factors", "-o", path, "--json"))
+    assert said["oracle_success"] == said["scripted_success"] == 1.0 and len(said["per_level"]) == 12
+    kinds = {(entry["entity"], entry["factor"]): entry["kind"] for entry in said["factors"]}
+    assert kinds["golfball", "Velocity"] == "endogenous" and kinds["goal", "Position"] == "constant"
+    levels, plan = segar.Levels.load(level_files[1]), Plan.load(path)
+    assert replay(levels, plan).all()
+    assert [row["oracle_steps"] for row in said["per_level"]] == plan.steps.tolist()
+    text = shown(capsys, *arguments)
+    assert "oracle_success       1\n" in text and text.splitlines()[0].startswith("level  random_success")
+    assert json.loads(shown(capsys, *arguments, "--json"))["oracle_return"] == np.mean(plan.returns)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["sample", "objectx3-hard", "-o", "x.npz"], "no level family 'objectx3-hard'. Did you mean 'objectsx3-hard'?"),
+        (["sample", "empty-hard", "-o", "no/such/folder/x.npz"], "levels cannot be written to no/such/folder/x.npz"),
+        (["distance", "{easy}", "nothing.npz"], "there is no level file nothing.npz"),
+        (["distance", "{easy}", "{text}"], "is not a level file"),
+        (["describe", "tilesx1-medum"], "Did you mean 'tilesx1-medium'?"),
+        (["describe", "empty-hard", "-o", "figure.pgn"], "png, pdf or svg, not 'figure.pgn'. Did you mean '.png'?"),
+        (["hardness", "nothing.npz"], "there is no level file nothing.npz"),
+        (["hardness", "{easy}", "--task", "putput"], "no task is called 'putput'. Did you mean 'puttputt'?"),
+        (["hardness", "{easy}", "--task", "billiards"], "choose the task that these levels are for"),
+    ],
+)
+def test_what_cannot_be_done_is_one_line_and_exit_status_2(
+    capsys, level_files, tmp_path, monkeypatch, arguments, message
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "text.npz").write_text("no levels")
+    there = sorted(tmp_path.iterdir())
+    places = {"easy": level_files[0], "text": tmp_path / "text.npz"}
+    assert cli.main([argument.format(**places) for argument in arguments]) == 2
+    out, err = capsys.readouterr()
+    assert out == "" and err.count("\n") == 1 and err.startswith("segar: ") and message in err
+    assert sorted(tmp_path.iterdir()) == there
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["sample", "empty-hard"], "the following arguments are required: -o/--output"),
+        (
+            ["sample", "empty-hard", "-n", "0", "-o", "x"],
+            "argument -n/--number: must be a whole number from 1 up, not '0'",
+        ),
+        (["sample", "empty-hard", "-n", "few", "-o", "x"], "must be a whole number from 1 up, not 'few'"),
+        (["distance", "a", "b", "--mode", "exat"], "argument --mode: invalid choice: 'exat'"),
+        (["hardness", "a", "--samples", "7"], "must be a whole number from 8 up, not '7'"),
+    ],
+)
+def test_what_cannot_be_parsed_is_one_line_and_exit_status_2(capsys, arguments, message):
+    with pytest.raises(SystemExit) as refused:
+        cli.main(arguments)
+    out, err = capsys.readouterr()
+    assert refused.value.code == 2 and out == "" and err.count("\n") == 1 and message in err
+
+
+@pytest.mark.parametrize("command", ["sample", "distance", "describe", "hardness", "compile", "families", "kernel"])
+def test_every_command_explains_itself(capsys, command):
+    with pytest.raises(SystemExit) as left:
+        cli.main([command, "--help"])
+    assert left.value.code == 0 and f"usage: segar {command}" in capsys.readouterr().out
+
+
+def test_json_is_all_that_stands_on_stdout_while_a_kernel_is_compiled(tmp_path, level_files):
+    command = [
+        sys.executable,
+        "-m",
+        "segar",
+        "hardness",
+        str(level_files[0]),
+        "--plays",
+        "1",
+        "--samples",
+        "8",
+        "--json",
+    ]
+    environment = {"SEGAR_CACHE_DIR": str(tmp_path), "PATH": ""}
+    run = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
+    assert json.loads(run.stdout)["levels"] == 12 and "compiling kernel" in run.stderr
