@@ -22,7 +22,6 @@ ELITES = 0.125  # share of the candidates that the next ones are drawn around
 FIRST_SPREAD = 0.5  # of the first candidates around the scripted player, as a share of half the action's range
 LEAST_SPREAD = 0.02  # the search never stops trying
 SMOOTHNESS = 0.8  # correlation of the perturbations of successive actions
-SUCCESS = 1e9  # more than any return
 PATIENCE = 3  # candidates are broken off after so many times the steps of the best success
 FORMAT = "segar-plan"
 FORMAT_VERSION = 1
@@ -185,7 +184,8 @@ def _search(
         if script is not None:
             player = _relay(player, script, _hand_over(rng, best.steps, samples).ravel())
         played = play(starts, rows[level], player, limits[level])
-        order = np.argsort(-score(played, task).reshape(n, samples), axis=1, kind="stable")
+        keys = -value(played, task).reshape(n, samples), ~played.solved.reshape(n, samples)
+        order = np.lexsort(keys, axis=1)
         picked = order[:, :elites] + samples * np.arange(n)[:, None]
         # After its end an episode has no actions; those of the mean stand in.
         after = np.arange(task.max_steps) >= played.steps[picked][..., None]
@@ -196,15 +196,15 @@ def _search(
     return best, n * (1 + (script is not None) + samples * iterations)
 
 
-def score(episodes: Episodes, task: Task) -> np.ndarray:
-    """What the planner maximizes, float ``(n,)``: any success is above any failure; see :func:`plan`."""
+def value(episodes: Episodes, task: Task) -> np.ndarray:
+    """What the planner maximizes among successes, and among failures, float ``(n,)``; see :func:`plan`."""
     rest = (task.max_steps - episodes.steps) * np.minimum(episodes.last_reward, 0.0)
-    return np.where(episodes.solved, episodes.returns + SUCCESS, episodes.returns + rest)
+    return np.where(episodes.solved, episodes.returns, episodes.returns + rest)
 
 
 def _better(a: Episodes, b: Episodes, task: Task) -> Episodes:
     """Row by row the better of two batches of episodes, the first where they are equal."""
-    wins = score(b, task) > score(a, task)
+    wins = (b.solved > a.solved) | ((b.solved == a.solved) & (value(b, task) > value(a, task)))
     pick: Any = lambda x, y: np.where(wins.reshape(-1, *(1,) * (x.ndim - 1)), y, x)  # noqa: E731
     return Episodes(**{name: pick(array, getattr(b, name)) for name, array in vars(a).items()})
 
