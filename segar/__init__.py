@@ -6,7 +6,7 @@ is compiled from the rules, and measured. See README.md for a first run.
 
 from typing import Tuple  # noqa: UP035 - the paper's rules are written with it
 
-from segar import envs, metrics, noise, random, tasks
+from segar import envs, hardness, metrics, noise, random, tasks
 from segar.conditional import Dependent
 from segar.designed_levels import design
 from segar.distribution import LevelDistribution
@@ -195,6 +195,7 @@ __all__ = [
     "exp",
     "families",
     "family",
+    "hardness",
     "invisiball",
     "is_equal",
     "is_on",

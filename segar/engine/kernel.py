@@ -1,7 +1,8 @@
 """Layout, rules and task -> the source of one module that steps a batch of environments.
 
 The module is self-contained: constants of the layout, geometry (:mod:`segar.engine.device`), contacts
-(:mod:`segar.engine.device_contacts`), and the functions that the rules became. Nothing in it depends on sampled values, so all level sets of a distribution share it.
+(:mod:`segar.engine.device_contacts`), and the functions that the rules became. Nothing in it depends on sampled values,
+so all level sets of a distribution share it.
 """
 
 from __future__ import annotations
