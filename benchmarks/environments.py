@@ -84,17 +84,19 @@ def startup(repeats: int) -> Iterator[Row]:
         yield Row("  from the cache", [again], "s", at_most=1)
 
 
-def make_env(family: str, observation: str = "state", num_threads: int = 1) -> segar.envs.VectorEnv:
-    """1024 environments on 200 levels, at their start."""
+def make_env(
+    family: str, observation: str = "state", num_threads: int = 1, num_envs: int = NUM_ENVS
+) -> segar.envs.VectorEnv:
+    """Environments on 200 levels, at their start."""
     levels = segar.family(family).sample(200, seed=0)
-    env = segar.envs.VectorEnv(levels, NUM_ENVS, observation=observation, seed=0, num_threads=num_threads)
+    env = segar.envs.VectorEnv(levels, num_envs, observation=observation, seed=0, num_threads=num_threads)
     env.reset()
     return env
 
 
-def random_actions(steps: int) -> np.ndarray:
-    """Uniform actions, float32 ``(steps, 1024, 2)``."""
-    return np.random.default_rng(0).uniform(-1, 1, (steps, NUM_ENVS, 2)).astype(np.float32)
+def random_actions(steps: int, num_envs: int = NUM_ENVS) -> np.ndarray:
+    """Uniform actions, float32 ``(steps, num_envs, 2)``."""
+    return np.random.default_rng(0).uniform(-1, 1, (steps, num_envs, 2)).astype(np.float32)
 
 
 def first_steps(family: str) -> tuple[float, float]:

@@ -16,7 +16,7 @@ import segar
 
 Clock = Callable[[], float]
 Call = Callable[[], object]
-WIDTHS = (46, 14, 24, 12)
+WIDTHS = (50, 14, 24, 12)
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ import statistics
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numba import njit
@@ -32,38 +33,43 @@ SPEED = 1.0  # [m/s] in x and in y, standard deviation
 
 
 def threads(repeats: int) -> Iterator[Row]:
-    """Wall time of one thread over that of two, in turns, beside what the machine gives to bare arithmetic just then."""
-    actions = random_actions(STEPS)
+    """Wall time of one thread over that of two, in turns, beside what the machine gives to bare arithmetic just then.
 
-    def roll_env(env: VectorEnv) -> Callable[[], object]:
+    Handing work to a second thread costs what it takes to wake a core, whatever the work: a larger batch shows the rest.
+    """
+    for what, family, num_envs, bar in (
+        ("simulator", "empty-hard", NUM_ENVS, 1.7),
+        ("VectorEnv", "empty-hard", NUM_ENVS, 1.7),
+        ("simulator", "objectsx3-hard", NUM_ENVS, 1.7),
+        ("VectorEnv", "objectsx3-hard", NUM_ENVS, 1.7),
+        ("simulator", "objectsx3-hard", 8 * NUM_ENVS, None),
+    ):
+        rolls = [_roll(what, make_env(family, num_threads=n, num_envs=num_envs)) for n in (1, 2)]
+        bare = [partial(run_in_threads, burn_range, LONG, n) for n in (1, 2)]
+        one, two, bare_one, bare_two = in_turns([*rolls, *bare], 5 * repeats, time.perf_counter)
+        ratios = [a / b for a, b in zip(one, two, strict=True)]
+        possible = statistics.median(a / b for a, b in zip(bare_one, bare_two, strict=True))
+        note = f"shortest over shortest {min(one) / min(two):.2f}; arithmetic alone {possible:.2f}"
+        yield Row(f"2 threads / 1, {what} {num_envs} x {family}", ratios, "x", at_least=bar, note=note)
+
+
+def _roll(what: str, env: VectorEnv) -> Callable[[], object]:
+    """Some steps of the environments, or of their simulator alone."""
+    actions = random_actions(STEPS, env.num_envs)
+    if what == "VectorEnv":
         return lambda: [env.step(action) for action in actions]
-
-    def roll_simulator(env: VectorEnv) -> Callable[[], object]:
-        state, outcome = env.state().state, Outcome.empty(NUM_ENVS)
-        return lambda: [env.simulator.act(state, env.levels, action, outcome) for action in actions]
-
-    def bare(num_threads: int) -> Callable[[], object]:
-        return lambda: run_in_threads(lambda start, stop: burn(stop - start), LONG, num_threads)
-
-    for family in ("empty-hard", "objectsx3-hard"):
-        envs = [make_env(family, num_threads=n) for n in (1, 2)]
-        for what, roll in (("simulator", roll_simulator), ("VectorEnv", roll_env)):
-            rolls = [roll(env) for env in envs]
-            one, two, bare_one, bare_two = in_turns([*rolls, bare(1), bare(2)], 5 * repeats, time.perf_counter)
-            ratios = [a / b for a, b in zip(one, two, strict=True)]
-            possible = statistics.median(a / b for a, b in zip(bare_one, bare_two, strict=True))
-            note = f"shortest over shortest {min(one) / min(two):.2f}; arithmetic alone {possible:.2f}"
-            yield Row(f"2 threads / 1, {what} {family}", ratios, "x", at_least=1.7, note=note)
+    state, outcome = env.state().state, Outcome.empty(env.num_envs)
+    return lambda: [env.simulator.act(state, env.levels, action, outcome) for action in actions]
 
 
 LONG = 10_000_000  # additions, some 10 ms
 
 
 @njit(nogil=True)
-def burn(count: int) -> float:
+def burn_range(start: int, stop: int) -> float:
     """What any machine should do twice as fast on two cores."""
     total = 0.0
-    for i in range(count):
+    for i in range(start, stop):
         total += math.sqrt(i)
     return total
 

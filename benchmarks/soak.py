@@ -102,7 +102,7 @@ def soak(steps: int, seed: int = 0, only: str = "") -> int:
     print(f"{machine()}\n{len(worlds)} worlds, {steps:,} environment steps, seed {seed}\n\n{HEADER}", flush=True)
     total, start = Tally(), time.perf_counter()
     for k, (name, number) in enumerate(worlds):
-        faulthandler.dump_traceback_later(HANG, exit=True)
+        faulthandler.dump_traceback_later(HANG, exit=True, file=sys.__stderr__)
         begun = time.perf_counter()
         share = max(1, (steps - total.steps) // (len(worlds) - k))
         tally = play(make_case(name, number), share, np.random.default_rng(number))
