@@ -75,8 +75,7 @@ def same_distribution_floor(
     Raises:
         LevelError: as :func:`segar.metrics.w2`, or too few repeats.
     """
-    distances = _distances((law, n), (law, m), mode, rng, repeats, mismatch, scale, factors)
-    return Floor(float(distances.mean()), float(distances.std(ddof=1)), repeats)
+    return _floor(_distances((law, n), (law, m), mode, rng, repeats, mismatch, scale, factors))
 
 
 def w2_debiased(
@@ -116,12 +115,16 @@ def w2_debiased(
     variances = [float(np.var(d**2, ddof=1)) for d in (own_a, own_b, between)]
     return DebiasedW2(
         value=value,
-        floor_a=Floor(float(own_a.mean()), float(own_a.std(ddof=1)), repeats),
-        floor_b=Floor(float(own_b.mean()), float(own_b.std(ddof=1)), repeats),
+        floor_a=_floor(own_a),
+        floor_b=_floor(own_b),
         square=square,
         standard_error=float(np.sqrt(variances[2] + 0.25 * (variances[0] + variances[1]) / repeats)),
         debiased=float(np.sqrt(max(square, 0.0))),
     )
+
+
+def _floor(distances: np.ndarray) -> Floor:
+    return Floor(float(distances.mean()), float(distances.std(ddof=1)), len(distances))
 
 
 def _distances(

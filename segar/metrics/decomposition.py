@@ -7,19 +7,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from segar.entities import Entity
 from segar.factors import Factor
 from segar.levels import Levels
 from segar.metrics.points import (
     PointSets,
     Spread,
-    all_parameters,
     entity_types,
-    gather_parameters,
-    gather_state,
-    relevant_factors,
     require_levels,
+    scaled_parameters,
+    scaled_state,
     spread,
+    weighed_factors,
+    weighed_parameters,
 )
 from segar.metrics.transport import plan_of
 from segar.metrics.wasserstein import MISMATCH, exact_costs
@@ -84,25 +83,19 @@ def decompose(
     mass = plan[i, j]
     parts: dict[tuple[type, type[Factor] | None], float] = {}
     for entity in types:
-        read = [f for f in relevant_factors(entity, factors) if unit.get((entity, f), 0.0) > 0.0]
-        of_a, of_b = (_scaled(gather_state(x, entity, read), unit, entity, read) for x in (a, b))
+        read = weighed_factors(entity, unit, factors)
+        of_a, of_b = (scaled_state(x, entity, read, unit) for x in (a, b))
         squares, unmatched = _matched_squares(of_a, of_b, i, j, mass, mismatch)
         edges = np.cumsum([0] + [f.width for f in read])
         for factor, first, last in zip(read, edges[:-1], edges[1:], strict=True):
             parts[entity, factor] = float(squares[first:last].sum())
         parts[entity, None] = unmatched
-    for p in all_parameters(a, b):
-        if unit.get((Parameter, p), 0.0) > 0.0 and (factors is None or p in factors):
-            x, y = (gather_parameters(levels, [p]).points[:, 0] / unit[Parameter, p] for levels in (a, b))
-            parts[Parameter, p] = float(mass @ (x[i] - y[j]) ** 2)
+    for p in weighed_parameters((a, b), unit, factors):
+        x, y = (scaled_parameters(levels, [p], unit).points[:, 0] for levels in (a, b))
+        parts[Parameter, p] = float(mass @ (x[i] - y[j]) ** 2)
     each = plan * costs
     square = max(float(each.sum()), 0.0)
     return Decomposition(float(np.sqrt(square)), parts, each.sum(axis=1), each.sum(axis=0))
-
-
-def _scaled(sets: PointSets, unit: Spread, entity: type[Entity], read: Sequence[type[Factor]]) -> PointSets:
-    divisor = np.repeat([unit[entity, f] for f in read], [f.width for f in read])
-    return PointSets(sets.counts, sets.points / divisor)
 
 
 def _matched_squares(

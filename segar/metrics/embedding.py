@@ -11,16 +11,15 @@ from segar.levels import Levels
 from segar.metrics.points import (
     PointSets,
     Spread,
-    all_parameters,
     entity_types,
-    gather_parameters,
-    gather_state,
-    relevant_factors,
     require_levels,
+    scaled_parameters,
+    scaled_state,
     spread,
+    weighed_factors,
+    weighed_parameters,
 )
 from segar.metrics.wasserstein import MISMATCH
-from segar.parameters import Parameter
 
 DIRECTIONS = 50  # at least so many for a type that a level can have several of; as many as the 2022 code projects on
 LARGEST_FRAME = 64  # dimensions; to make a frame takes the cube of them
@@ -55,16 +54,11 @@ def embed(
     unit = spread(*sets) if scale is None else scale
     columns: list[list[np.ndarray]] = [[] for _ in sets]
     for entity in entity_types(*sets):
-        read = [f for f in relevant_factors(entity, factors) if unit.get((entity, f), 0.0) > 0.0]
-        divisor = np.repeat([unit[entity, f] for f in read], [f.width for f in read])
-        bags = [gather_state(levels, entity, read) for levels in sets]
-        _append(columns, _bags([PointSets(b.counts, b.points / divisor) for b in bags], mismatch))
-    varied = [
-        p for p in all_parameters(*sets) if unit.get((Parameter, p), 0.0) > 0.0 and (factors is None or p in factors)
-    ]
+        read = weighed_factors(entity, unit, factors)
+        _append(columns, _bags([scaled_state(levels, entity, read, unit) for levels in sets], mismatch))
+    varied = weighed_parameters(sets, unit, factors)
     if varied:
-        divisor = np.array([unit[Parameter, p] for p in varied])
-        _append(columns, [gather_parameters(levels, varied).points / divisor for levels in sets])
+        _append(columns, [scaled_parameters(levels, varied, unit).points for levels in sets])
     return [np.concatenate([np.zeros((len(s), 0)), *found], axis=1) for s, found in zip(sets, columns, strict=True)]
 
 

@@ -77,6 +77,21 @@ def relevant_factors(entity: type[Entity], only: Sequence[type[Factor]] | None =
     return [f for f in declared if (f in only if only is not None else f not in IRRELEVANT)]
 
 
+def weighed_factors(
+    entity: type[Entity], scale: Spread, only: Sequence[type[Factor]] | None = None
+) -> list[type[Factor]]:
+    """The relevant factors of an entity type that have a spread; those without have no weight."""
+    return [f for f in relevant_factors(entity, only) if scale.get((entity, f), 0.0) > 0.0]
+
+
+def weighed_parameters(
+    sets: Iterable[Levels], scale: Spread, only: Sequence[type[Factor]] | None = None
+) -> list[type[Parameter]]:
+    """The world parameters that any of the sets knows and that have a spread: ``only`` these, else all."""
+    known = all_parameters(*sets)
+    return [p for p in known if scale.get((Parameter, p), 0.0) > 0.0 and (only is None or p in only)]
+
+
 def gather(
     levels: Levels, types: Iterable[type[Entity]], factors: Sequence[type[Factor]], values: np.ndarray
 ) -> PointSets:
@@ -114,6 +129,19 @@ def gather_parameters(levels: Levels, parameters: Sequence[type[Parameter]]) -> 
         for p in parameters
     ]
     return PointSets(np.ones(len(levels), np.int64), np.stack(columns, axis=1))
+
+
+def scaled_state(levels: Levels, entity: type[Entity], factors: Sequence[type[Factor]], scale: Spread) -> PointSets:
+    """As :func:`gather_state`, in units of the factors' spread."""
+    unit = np.repeat([scale[entity, f] for f in factors], [f.width for f in factors])
+    found = gather_state(levels, entity, factors)
+    return PointSets(found.counts, found.points / unit)
+
+
+def scaled_parameters(levels: Levels, parameters: Sequence[type[Parameter]], scale: Spread) -> PointSets:
+    """As :func:`gather_parameters`, in units of the parameters' spread."""
+    found = gather_parameters(levels, parameters)
+    return PointSets(found.counts, found.points / np.array([scale[Parameter, p] for p in parameters]))
 
 
 def all_parameters(*sets: Levels) -> list[type[Parameter]]:

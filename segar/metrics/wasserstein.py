@@ -34,19 +34,17 @@ from segar.factors import (
 )
 from segar.levels import Levels
 from segar.metrics.points import (
-    PointSets,
     Spread,
-    all_parameters,
     entity_types,
     gather,
-    gather_parameters,
-    gather_state,
-    relevant_factors,
     require_levels,
+    scaled_parameters,
+    scaled_state,
     spread,
+    weighed_factors,
+    weighed_parameters,
 )
 from segar.metrics.transport import balanced_costs, emd, matching_costs, pot, sliced_costs
-from segar.parameters import Parameter
 
 Mode = Literal["exact", "reference", "paper"]
 
@@ -217,16 +215,12 @@ def exact_costs(
     """Squared distances of levels in mode ``exact``, float64 ``[len(a), len(b)]``; see :func:`w2`."""
     costs = np.zeros((len(a), len(b)))
     for entity in types:
-        read = [f for f in relevant_factors(entity, factors) if scale.get((entity, f), 0.0) > 0.0]
-        unit = np.repeat([scale[entity, f] for f in read], [f.width for f in read])
-        of_a, of_b = (PointSets(s.counts, s.points / unit) for s in (gather_state(x, entity, read) for x in (a, b)))
+        read = weighed_factors(entity, scale, factors)
+        of_a, of_b = (scaled_state(x, entity, read, scale) for x in (a, b))
         costs += matching_costs(of_a, of_b, mismatch)
-    varied = [
-        p for p in all_parameters(a, b) if scale.get((Parameter, p), 0.0) > 0.0 and (factors is None or p in factors)
-    ]
+    varied = weighed_parameters((a, b), scale, factors)
     if varied:
-        unit = np.array([scale[Parameter, p] for p in varied])
-        of_a, of_b = (PointSets(s.counts, s.points / unit) for s in (gather_parameters(x, varied) for x in (a, b)))
+        of_a, of_b = (scaled_parameters(x, varied, scale) for x in (a, b))
         costs += balanced_costs(of_a, of_b, absent=0.0)
     return costs
 
