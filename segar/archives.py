@@ -8,53 +8,76 @@ import uuid
 import zipfile
 import zlib
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from segar.errors import SegarError
+from segar.version import __version__
 
 
-def write_archive(
-    path: Path, arrays: Mapping[str, np.ndarray], metadata: Mapping[str, Any], what: str, error: type[SegarError]
-) -> None:
-    """Write arrays and description to ``path``, by way of a file beside it.
+@dataclass(frozen=True)
+class ArchiveFormat:
+    """One kind of archive.
 
-    Args:
-        what: what the archive holds, for messages.
-
-    Raises:
-        error: the file cannot be written; what stood at ``path`` still stands there.
+    Attributes:
+        name: in the archive, e.g. ``segar-levels``.
+        version: raised when older versions of SEGAR cannot read what is written any more.
+        contents, file: what it holds and what it is, for messages, e.g. ``levels`` and ``level file``.
+        error: what is raised.
     """
-    text = json.dumps(metadata, indent=1).encode()
-    contents: dict[str, Any] = {**arrays, "metadata": np.frombuffer(text, dtype=np.uint8)}
-    beside = path.with_name(f".{path.name}.{uuid.uuid4().hex[:12]}.tmp")
-    try:
-        with open(beside, "wb") as file:
-            np.savez_compressed(file, **contents)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(beside, path)
-    except OSError as said:
-        beside.unlink(missing_ok=True)
-        raise error(f"{what} cannot be written to {path}: {said.strerror or said}; nothing was changed") from said
 
+    name: str
+    version: int
+    contents: str
+    file: str
+    error: type[SegarError]
 
-def read_archive(
-    path: Path, names: Iterable[str], what: str, error: type[SegarError]
-) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    """The arrays of these names, and the description.
+    def write(self, path: Path, arrays: Mapping[str, np.ndarray], metadata: Mapping[str, Any]) -> None:
+        """Write arrays and description to ``path``, by way of a file beside it.
 
-    Raises:
-        error: there is no such file, it is no archive of this kind, or it is incomplete.
-    """
-    if not path.exists():
-        raise error(f"there is no {what} {path}")
-    if not zipfile.is_zipfile(path):
-        raise error(f"{path} is not a {what}, or only part of one")
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            return {name: archive[name] for name in names}, json.loads(archive["metadata"].tobytes())
-    except (zipfile.BadZipFile, zlib.error, KeyError, ValueError, EOFError, OSError) as said:
-        raise error(f"{path} is not a {what}, or only part of one: {said}") from said
+        Args:
+            metadata: the description; a ``version`` in it stands in place of this one's.
+
+        Raises:
+            error: the file cannot be written; what stood at ``path`` still stands there.
+        """
+        head = {"format": self.name, "format_version": self.version, "version": __version__}
+        text = json.dumps(head | dict(metadata), indent=1).encode()
+        contents: dict[str, Any] = {**arrays, "metadata": np.frombuffer(text, dtype=np.uint8)}
+        beside = path.with_name(f".{path.name}.{uuid.uuid4().hex[:12]}.tmp")
+        try:
+            with open(beside, "wb") as file:
+                np.savez_compressed(file, **contents)
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(beside, path)
+        except OSError as said:
+            beside.unlink(missing_ok=True)
+            raise self.error(
+                f"{self.contents} cannot be written to {path}: {said.strerror or said}; nothing was changed"
+            ) from said
+
+    def read(self, path: Path, names: Iterable[str]) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+        """The arrays of these names, and the description.
+
+        Raises:
+            error: there is no such file, it is no archive of this format, it is incomplete, or of a newer version.
+        """
+        if not path.exists():
+            raise self.error(f"there is no {self.file} {path}")
+        if not zipfile.is_zipfile(path):
+            raise self.error(f"{path} is not a {self.file}, or only part of one")
+        try:
+            with np.load(path, allow_pickle=False) as archive:
+                arrays = {name: archive[name] for name in names}
+                metadata = json.loads(archive["metadata"].tobytes())
+        except (zipfile.BadZipFile, zlib.error, KeyError, ValueError, EOFError, OSError) as said:
+            raise self.error(f"{path} is not a {self.file}, or only part of one: {said}") from said
+        if metadata.get("format") != self.name:
+            raise self.error(f"{path} is not a {self.file}")
+        if metadata["format_version"] > self.version:
+            raise self.error(f"{path} was written by a newer SEGAR ({metadata['version']}); this one cannot read it")
+        return arrays, metadata

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from segar.archives import read_archive, write_archive
+from segar.archives import ArchiveFormat
 from segar.engine.layout import Layout, Slot
 from segar.entities import Entity
 from segar.errors import LevelError, did_you_mean
@@ -18,23 +18,18 @@ from segar.levels import LEVEL_ARRAYS, Levels, Provenance
 from segar.metrics.points import Moments, law_moments
 from segar.parameters import Parameter
 
-FORMAT = "segar-levels"
-FORMAT_VERSION = 1
+FORMAT = ArchiveFormat("segar-levels", 1, "levels", "level file", LevelError)
 
 
 def save_levels(levels: Levels, path: str | PathLike[str]) -> None:
     """See :meth:`segar.Levels.save`."""
     arrays = {name: getattr(levels, name) for name in LEVEL_ARRAYS} | {"indices": levels.provenance.indices}
-    write_archive(Path(path), arrays, _metadata(levels), "levels", LevelError)
+    FORMAT.write(Path(path), arrays, _metadata(levels))
 
 
 def load_levels(path: str | PathLike[str], world: Any = None) -> Levels:
     """See :meth:`segar.Levels.load`."""
-    arrays, metadata = read_archive(Path(path), (*LEVEL_ARRAYS, "indices"), "level file", LevelError)
-    if metadata.get("format") != FORMAT:
-        raise LevelError(f"{path} is not a level file")
-    if metadata["format_version"] > FORMAT_VERSION:
-        raise LevelError(f"{path} was written by a newer SEGAR ({metadata['version']}); this one cannot read it")
+    arrays, metadata = FORMAT.read(Path(path), (*LEVEL_ARRAYS, "indices"))
     layout = _layout(metadata, str(path))
     origin = metadata["provenance"]
     provenance = Provenance(
@@ -53,8 +48,6 @@ def load_levels(path: str | PathLike[str], world: Any = None) -> Levels:
 def _metadata(levels: Levels) -> dict[str, Any]:
     layout, origin = levels.layout, levels.provenance
     return {
-        "format": FORMAT,
-        "format_version": FORMAT_VERSION,
         "version": origin.version,
         "provenance": {
             "name": origin.name,

@@ -9,16 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from segar.archives import read_archive, write_archive
+from segar.archives import ArchiveFormat
 from segar.errors import SegarError
 from segar.simulator import State
-from segar.version import __version__
 
 if TYPE_CHECKING:
     from segar.levels import Levels
 
-FORMAT = "segar-snapshot"
-FORMAT_VERSION = 1
+FORMAT = ArchiveFormat("segar-snapshot", 1, "a snapshot", "snapshot", SegarError)
 STATE_ARRAYS = ("values", "level", "key", "tick", "contacts", "gave_up")
 EPISODE_ARRAYS = ("returns", "lengths", "episodes")
 
@@ -75,8 +73,7 @@ class Snapshot:
         """
         arrays = {name: getattr(self.state, name) for name in STATE_ARRAYS}
         arrays |= {name: getattr(self, name) for name in EPISODE_ARRAYS}
-        metadata = {"format": FORMAT, "format_version": FORMAT_VERSION, "version": __version__, "seed": self.seed}
-        write_archive(Path(path), arrays, metadata, "a snapshot", SegarError)
+        FORMAT.write(Path(path), arrays, {"seed": self.seed})
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Snapshot:
@@ -85,11 +82,7 @@ class Snapshot:
         Raises:
             SegarError: the file is no snapshot, is incomplete, or was written by a newer version.
         """
-        arrays, metadata = read_archive(Path(path), (*STATE_ARRAYS, *EPISODE_ARRAYS), "snapshot", SegarError)
-        if metadata.get("format") != FORMAT:
-            raise SegarError(f"{path} is not a snapshot")
-        if metadata["format_version"] > FORMAT_VERSION:
-            raise SegarError(f"{path} was written by a newer SEGAR ({metadata['version']}); this one cannot read it")
+        arrays, metadata = FORMAT.read(Path(path), (*STATE_ARRAYS, *EPISODE_ARRAYS))
         state = State(**{name: arrays[name] for name in STATE_ARRAYS})
         return cls(state, **{name: arrays[name] for name in EPISODE_ARRAYS}, seed=int(metadata["seed"]))
 

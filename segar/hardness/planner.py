@@ -9,13 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from segar.archives import read_archive, write_archive
+from segar.archives import ArchiveFormat
 from segar.envs.vector import VectorEnv
 from segar.errors import SegarError
 from segar.hardness.rollouts import Episodes, Player, Starts, make_starts, open_loop, play, scripted
 from segar.levels import Levels
 from segar.tasks.task import Task
-from segar.version import __version__
 
 BATCH = 16384  # rollouts that are simulated side by side; bounds the memory
 ELITES = 0.125  # share of the candidates that the next ones are drawn around
@@ -23,9 +22,9 @@ FIRST_SPREAD = 0.5  # of the first candidates around the scripted player, as a s
 LEAST_SPREAD = 0.02  # the search never stops trying
 SMOOTHNESS = 0.8  # correlation of the perturbations of successive actions
 PATIENCE = 3  # candidates are broken off after so many times the steps of the best success
-FORMAT = "segar-plan"
-FORMAT_VERSION = 1
+FORMAT = ArchiveFormat("segar-plan", 1, "a plan", "plan", SegarError)
 PLAN_ARRAYS = ("solved", "died", "steps", "returns", "actions", "values")
+PLAN_NUMBERS = ("task", "seed", "rollouts")
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,9 +59,9 @@ class Plan:
         Raises:
             SegarError: the file cannot be written; what stood at ``path`` still stands there.
         """
-        metadata = {"format": FORMAT, "format_version": FORMAT_VERSION, "version": __version__}
-        metadata |= {"task": self.task, "seed": self.seed, "rollouts": self.rollouts}
-        write_archive(Path(path), {name: getattr(self, name) for name in PLAN_ARRAYS}, metadata, "a plan", SegarError)
+        arrays = {name: getattr(self, name) for name in PLAN_ARRAYS}
+        metadata = {name: getattr(self, name) for name in PLAN_NUMBERS}
+        FORMAT.write(Path(path), arrays, metadata)
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Plan:
@@ -71,12 +70,8 @@ class Plan:
         Raises:
             SegarError: the file is no plan, is incomplete, or was written by a newer version.
         """
-        arrays, metadata = read_archive(Path(path), PLAN_ARRAYS, "plan", SegarError)
-        if metadata.get("format") != FORMAT:
-            raise SegarError(f"{path} is not a plan")
-        if metadata["format_version"] > FORMAT_VERSION:
-            raise SegarError(f"{path} was written by a newer SEGAR ({metadata['version']}); this one cannot read it")
-        return cls(**arrays, **{name: metadata[name] for name in ("task", "seed", "rollouts")})
+        arrays, metadata = FORMAT.read(Path(path), PLAN_ARRAYS)
+        return cls(**arrays, **{name: metadata[name] for name in PLAN_NUMBERS})
 
 
 def plan(

@@ -9,7 +9,7 @@ import numpy as np
 
 from segar.errors import SegarError
 from segar.hardness.planner import BATCH, Plan, plan, scripted_episodes
-from segar.hardness.rollouts import Episodes, Starts, make_starts, play
+from segar.hardness.rollouts import Episodes, Starts, make_starts, play, uniform_actions
 from segar.levels import Levels
 from segar.tasks.task import Task
 
@@ -121,11 +121,10 @@ def hardness(
 
 def random_episodes(starts: Starts, plays: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """Success (bool) and return (float64) of ``plays`` random episodes on each level, both ``(n, plays)``."""
-    low, high = np.array(starts.task.action_low), np.array(starts.task.action_high)
     rows = np.repeat(np.arange(len(starts.levels)), plays)
 
     def at_random(step: int, live: np.ndarray, values: np.ndarray) -> np.ndarray:
-        return low + (high - low) * rng.random((len(live), len(low)))
+        return uniform_actions(starts.task, len(live), 1, rng)[:, 0]
 
     solved, returns = np.zeros(len(rows), np.bool_), np.zeros(len(rows))
     for at in range(0, len(rows), BATCH):
