@@ -22,6 +22,7 @@ from segar.factors import Factor, Friction, Order, Position, Size
 from segar.noise import Choice, Deterministic, Noise
 from segar.noise.measures import as_noise
 from segar.parameters import FloorFriction
+from segar.placement import too_close
 from segar.priors import Prior, factors_needed, factors_read
 from segar.sampling_plan import Draw, Outline, Plan
 from segar.shapes import CIRCLE, HULL, BaseShape
@@ -63,6 +64,9 @@ def log_probability(plan: Plan, levels: Any) -> LogProbability:
         target = found.simple if outline_is_simple(plan, outline) else found.other
         target[rows] += _outline(plan, levels, outline, rows)
     found.other[:] += _ranks(plan, levels, ranked)
+    if Position in plan.layout.columns:
+        x = plan.layout.columns[Position]
+        found.other[too_close(levels.sampled_values[:, :, x : x + 2], plan.min_distance)] = -np.inf
     return found
 
 

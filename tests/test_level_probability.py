@@ -182,6 +182,16 @@ def test_what_cannot_be_drawn_has_no_probability():
     assert np.isfinite(dist.log_prob(levels)).all()
 
 
+def test_a_level_whose_things_are_too_close_has_no_probability():
+    near, far = (LevelDistribution([(Ball, 2)], [ANYWHERE], min_distance=d) for d in (0.2, 0.5))
+    levels = near.sample(2000)
+    x = levels.layout.columns[Position]
+    distance = np.linalg.norm(np.diff(levels.sampled_values[:, :2, x : x + 2], axis=1)[:, 0], axis=-1)
+    assert np.array_equal(far.log_prob(levels) == -math.inf, distance <= 0.5)
+    ratio = np.exp(far.log_prob(levels) - near.log_prob(levels))  # both densities integrate to one
+    assert ratio.mean() == pytest.approx(1.0, abs=4 * ratio.std() / math.sqrt(len(levels)))
+
+
 def test_levels_of_another_distribution_are_refused():
     with pytest.raises(LevelError, match=r"golfball, goal, object1.*not those of level distribution 'empty-easy'"):
         segar.family("empty-easy").log_prob(segar.family("objectsx1-hard").sample(2))
