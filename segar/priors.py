@@ -29,7 +29,7 @@ from segar.engine.layout import holds
 from segar.engine.symbols import Symbol, evaluate, walk
 from segar.entities import Entity, GlobalFriction, Object, Thing, ThingFactory, Tile
 from segar.errors import FactorError, PriorError, did_you_mean
-from segar.factors import Count, Factor, Flag, Marker, Shape, Text
+from segar.factors import Count, Factor, Flag, Marker, Shape, Size, Text
 from segar.noise import Choice, Noise
 from segar.parameters import Parameter
 from segar.relations import Relation, as_relation
@@ -265,6 +265,8 @@ def _check_dependent(factor: type[Factor], law: Dependent) -> None:
 def _within_bounds(factor: type[Factor], value: Any) -> Any:
     if factor.bounds is not None and not factor.bounds[0] <= value <= factor.bounds[1]:
         raise FactorError(f"lies outside the bounds {factor.bounds} of {factor.__name__}")
+    if issubclass(factor, Size) and value <= 0:
+        raise FactorError("a size must be positive")
     return value
 
 

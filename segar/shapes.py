@@ -24,7 +24,7 @@ class BaseShape:
     size: float
 
     def __init__(self, size: float) -> None:
-        if not size > 0 or not np.isfinite(size):
+        if not isinstance(size, (int, float, np.number)) or not 0 < size < np.inf:
             raise FactorError(f"{type(self).__name__} needs a positive size, not {size!r}")
         self.size = float(size)
 

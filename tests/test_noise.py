@@ -302,6 +302,21 @@ def test_one_draw_without_size_is_a_number():
         (lambda: sn.UniformNoise(0, 1).w2(sn.CenterLocation()), "here one on the line is needed"),
         (lambda: sn.GaussianNoise2D((0, 0), cov=[[1, 2], [2, 1]]), "not positive definite"),
         (lambda: sn.Choice(["a", "b"]).cdf(0.0), "things that are not numbers"),
+        (
+            lambda: sn.Choice(["a", "b"]).w2(sn.Bernoulli(0.5)),
+            r"Choice.*among things that are not numbers; here one on the line",
+        ),
+        (lambda: sn.Choice(3), "Choice: keys must be a list, not 3"),
+        (lambda: sn.Choice([0.0, math.nan]), "a key is not a number"),
+        (lambda: sn.Choice([1, 2], ["a", 1]), "probabilities must be a list of numbers"),
+        (lambda: sn.Mixture(sn.Bernoulli(0.5)), "Mixture: laws must be a list"),
+        (lambda: sn.GaussianMixtureNoise(0.0, 1.0), "means must be a list, not 0.0"),
+        (lambda: sn.GaussianMixtureNoise(["x"], [1.0]), "mean must be a finite number, not 'x'"),
+        (lambda: sn.DiscreteRangeNoise(0, math.inf), "low and high must be whole numbers"),
+        (lambda: sn.UniformNoise("0", 1.0), r"must be two numbers \(low, high\)"),
+        (lambda: sn.GaussianNoise(0.0, 1.0, clip=(math.nan, 1.0)), r"clip must be two numbers \(low, high\)"),
+        (lambda: sn.RandomTopLocation().cdf(0.5), r"x must have shape \(..., 2\), not \(\)"),
+        (lambda: sn.Empirical([(0.0, 1.0)]).cdf([1.0, 2.0, 3.0]), r"x must have shape \(..., 2\), not \(3,\)"),
     ],
 )
 def test_a_law_that_makes_no_sense_is_refused(make, message):

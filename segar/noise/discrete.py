@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from segar.errors import PriorError
-from segar.noise.law import Noise, finite, fraction, interval, probabilities, shape_of
+from segar.noise.law import Noise, finite, fraction, interval, members, points, probabilities, shape_of
 
 SHOWN = 8  # values that the repr of an empirical law says
 
@@ -20,9 +20,9 @@ class DiscreteNoise(Noise):
 
     def cdf(self, x: Any) -> Any:
         values, masses = self.atoms
-        x = np.asarray(x, dtype=float)
         if self.width == 2:
-            return (np.all(x[..., None, :] >= values, axis=-1) @ masses)[()]
+            return (np.all(points(self, x)[..., None, :] >= values, axis=-1) @ masses)[()]
+        x = np.asarray(x, dtype=float)
         below = np.searchsorted(values, x, side="right")
         return np.concatenate([[0.0], np.cumsum(masses)[:-1], [1.0]])[below][()]
 
@@ -83,7 +83,7 @@ class DiscreteRangeNoise(DiscreteNoise):
 
     def __post_init__(self) -> None:
         low, high = interval(self, "its range", (self.low, self.high))
-        if low != int(low) or high != int(high):
+        if not (low.is_integer() and high.is_integer()):
             raise PriorError(f"DiscreteRangeNoise: low and high must be whole numbers, not {self.low!r}, {self.high!r}")
         object.__setattr__(self, "low", int(low))
         object.__setattr__(self, "high", int(high))
@@ -155,10 +155,13 @@ class Choice(DiscreteNoise):
     p: Sequence[float] | None = None
 
     def __post_init__(self) -> None:
-        keys = tuple(tuple(k) if isinstance(k, (list, np.ndarray)) else k for k in self.keys)
+        given = members(self, "keys", self.keys)
+        keys = tuple(tuple(k) if isinstance(k, (list, np.ndarray)) else k for k in given)
         if not keys:
             raise PriorError("Choice needs at least one key")
         object.__setattr__(self, "keys", keys)
+        if np.isnan(self._numbers).any():
+            raise PriorError(f"Choice: a key is not a number: {keys!r}; leave it out")
         object.__setattr__(self, "p", probabilities(self, self.p, len(keys)))
 
     @cached_property

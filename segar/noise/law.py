@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Iterable
 from typing import Any, ClassVar
 
 import numpy as np
@@ -148,12 +149,29 @@ def finite(law: Noise, **numbers: Any) -> None:
             raise PriorError(f"{type(law).__name__}: {name} must be a finite number, not {number!r}")
 
 
+def members(law: Noise, name: str, given: Any) -> tuple[Any, ...]:
+    """What is given as a tuple; raises :class:`PriorError` if it is a single thing."""
+    if isinstance(given, str) or not isinstance(given, Iterable):
+        raise PriorError(f"{type(law).__name__}: {name} must be a list, not {given!r}")
+    return tuple(given)
+
+
+def points(law: Noise, x: Any) -> np.ndarray:
+    """``x`` as float64 ``(..., 2)``; raises :class:`PriorError` if these are not points."""
+    x = np.asarray(x, dtype=float)
+    if x.shape[-1:] != (2,):
+        raise PriorError(f"{law!r} is a law on the plane: x must have shape (..., 2), not {x.shape}")
+    return x
+
+
 def interval(law: Noise, name: str, ends: Any, strict: bool = False) -> tuple[float, float]:
     """``(low, high)`` as floats; raises :class:`PriorError` if they are not two numbers in order."""
     try:
-        low, high = (float(end) for end in ends)
+        low, high = (math.nan if isinstance(end, str) else float(end) for end in ends)
     except (TypeError, ValueError):
-        raise PriorError(f"{type(law).__name__}: {name} must be two numbers (low, high), not {ends!r}") from None
+        low = high = math.nan
+    if math.isnan(low) or math.isnan(high):
+        raise PriorError(f"{type(law).__name__}: {name} must be two numbers (low, high), not {ends!r}")
     if not (low < high if strict else low <= high):
         hint = f"; did you mean ({high:g}, {low:g})?" if low > high else "; for a constant give the value itself"
         raise PriorError(f"{type(law).__name__}: {name} must go from low to high, not from {low:g} to {high:g}{hint}")
@@ -166,7 +184,10 @@ def probabilities(law: Noise, weights: Any, count: int) -> tuple[float, ...]:
     """``count`` probabilities as floats, equal ones for None; raises :class:`PriorError`."""
     if weights is None:
         return (1.0 / count,) * count
-    given = tuple(float(w) for w in weights)
+    try:
+        given = tuple(float(w) for w in weights)
+    except (TypeError, ValueError):
+        raise PriorError(f"{type(law).__name__}: probabilities must be a list of numbers, not {weights!r}") from None
     if len(given) != count:
         raise PriorError(f"{type(law).__name__}: {len(given)} probabilities were given for {count} members")
     if any(not w >= 0 for w in given) or abs(sum(given) - 1) > PROBABILITY_SUM:

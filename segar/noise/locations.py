@@ -17,7 +17,7 @@ import numpy as np
 from segar.errors import PriorError
 from segar.noise.continuous import GaussianNoise, UniformNoise
 from segar.noise.discrete import Deterministic
-from segar.noise.law import Noise, interval, shape_of
+from segar.noise.law import Noise, interval, points, shape_of
 from segar.noise.mixture import MixtureNoise
 
 LOW, HIGH = -0.95, 0.95  # [m] where centres may start
@@ -99,7 +99,7 @@ class ProductNoise(PlaneNoise):
         return sum(law.entropy() for law in self.components)
 
     def _each(self, what: str, x: Any) -> np.ndarray:
-        x = np.asarray(x, dtype=float)
+        x = points(self, x)
         return np.stack([getattr(law, what)(x[..., i]) for i, law in enumerate(self.components)], axis=-1)
 
 
@@ -171,12 +171,12 @@ class GaussianNoise2D(PlaneNoise):
         from scipy import stats
 
         law: Any = stats.multivariate_normal(np.array(self.loc), np.array(self.cov))  # type: ignore[arg-type]
-        return law.cdf(np.asarray(x, dtype=float))
+        return law.cdf(points(self, x))
 
     def pdf(self, x: Any) -> Any:
         if self.components is not None:
             return Independent(*self.components).pdf(x)
-        z = np.asarray(x, dtype=float) - self.loc
+        z = points(self, x) - self.loc
         square = np.einsum("...i,ij,...j->...", z, np.linalg.inv(np.array(self.cov)), z)
         return (np.exp(-0.5 * square) / (2 * math.pi * math.sqrt(np.linalg.det(np.array(self.cov)))))[()]
 

@@ -77,7 +77,7 @@ def entropy(law: Noise) -> float:
 
 def w2(a: Noise, b: Noise) -> float:
     """Wasserstein-2 distance of two laws, both on the line or both on the plane."""
-    _check_width(b, a.width)
+    _check_same_width(a, b)
     if a == b:
         return 0.0
     for law, other in ((a, b), (b, a)):
@@ -85,7 +85,6 @@ def w2(a: Noise, b: Noise) -> float:
             return float(np.sqrt(np.sum(other.var + (other.mean - np.asarray(law.value)) ** 2)))
     if a.width == 2:
         return _w2_plane(a, b)
-    _check_width(a, 1)
     if isinstance(a, GaussianNoise) and isinstance(b, GaussianNoise) and a.clip is None and b.clip is None:
         return math.hypot(a.loc - b.loc, a.std - b.std)
     if isinstance(a, UniformNoise) and isinstance(b, UniformNoise):
@@ -114,10 +113,9 @@ def w2_estimate(a: Noise, b: Noise) -> Estimate:
 
 def ks(a: Noise, b: Noise) -> float:
     """Kolmogorov-Smirnov distance: the supremum of ``|a.cdf - b.cdf|``, both on the line or both on the plane."""
-    _check_width(b, a.width)
+    _check_same_width(a, b)
     if a.width == 2:
         return _ks_plane(a, b)
-    _check_width(a, 1)
     x = _ks_candidates(a, b)
     gap = np.abs(a.cdf(x) - b.cdf(x))
     if isinstance(a, DiscreteNoise) and isinstance(b, DiscreteNoise):
@@ -299,6 +297,12 @@ def _nodes(edges: np.ndarray, nodes: int = NODES) -> tuple[np.ndarray, np.ndarra
     z, weight = np.polynomial.legendre.leggauss(nodes)
     half, middle = np.diff(edges) / 2, (edges[1:] + edges[:-1]) / 2
     return (middle[:, None] + half[:, None] * z).ravel(), (half[:, None] * weight).ravel()
+
+
+def _check_same_width(a: Noise, b: Noise) -> None:
+    if not a.width:
+        _check_width(a, b.width)
+    _check_width(b, a.width)
 
 
 def _check_width(law: Noise, width: int) -> None:

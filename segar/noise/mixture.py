@@ -11,7 +11,7 @@ import numpy as np
 
 from segar.errors import PriorError
 from segar.noise.continuous import GaussianNoise
-from segar.noise.law import Noise, probabilities
+from segar.noise.law import Noise, members, probabilities
 
 
 class MixtureNoise(Noise):
@@ -85,7 +85,7 @@ class Mixture(MixtureNoise):
     weights: Sequence[float] | None = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
-        laws = tuple(self.laws)
+        laws = members(self, "laws", self.laws)
         if not laws or not all(isinstance(law, Noise) for law in laws) or len({law.width for law in laws}) != 1:
             raise PriorError(f"Mixture needs laws that are all on the line or all on the plane, not {laws!r}")
         object.__setattr__(self, "laws", laws)
@@ -101,15 +101,16 @@ class GaussianMixtureNoise(MixtureNoise):
     pvals: Sequence[float] | None = None
 
     def __post_init__(self) -> None:
-        means, stds = tuple(float(m) for m in self.means), tuple(float(s) for s in self.stds)
+        means, stds = members(self, "means", self.means), members(self, "stds", self.stds)
         if not means or len(means) != len(stds):
             raise PriorError(
                 f"GaussianMixtureNoise: {len(means)} means and {len(stds)} stds; give one of each per part"
             )
-        object.__setattr__(self, "means", means)
-        object.__setattr__(self, "stds", stds)
+        laws = tuple(GaussianNoise(m, s) for m, s in zip(means, stds, strict=True))
+        object.__setattr__(self, "means", tuple(law.loc for law in laws))
+        object.__setattr__(self, "stds", tuple(law.std for law in laws))
         object.__setattr__(self, "pvals", probabilities(self, self.pvals, len(means)))
-        object.__setattr__(self, "laws", tuple(GaussianNoise(m, s) for m, s in zip(means, stds, strict=True)))
+        object.__setattr__(self, "laws", laws)
         object.__setattr__(self, "weights", self.pvals)
 
     def sample(self, rng: Any, size: Any = None) -> Any:
