@@ -79,11 +79,33 @@ def type_inputs(textures: TextureSet, layout: Layout, hidden: Iterable[Any] = ()
             noise[i] = draws if name not in concealed else -1
             draws += 1
         elif name != BACKGROUND and name not in concealed:
-            thing = _class_named(name, layout)
+            thing = _class_named(name, layout.types)
             for t, entity in enumerate(layout.types):
                 columns[t, i], constants[t, i] = _source(entity, thing, layout)
             constants[:, i] = np.where(constants[:, i] > 0, (1 - textures.shift[i]) * textures.scale[i], 0.0)
     return TypeInputs(columns, constants, noise, draws)
+
+
+def entity_values(inputs: Sequence[str], entity: Entity) -> np.ndarray:
+    """What an entity gives to inputs, float64 ``[input]``: nan for factors that it lacks, 0 for background and noise.
+
+    Raises:
+        SegarError: an input is neither known here nor a factor of the entity.
+    """
+    values = np.zeros(len(inputs))
+    for i, name in enumerate(inputs):
+        if name == BACKGROUND or is_noise(name):
+            continue
+        thing = _class_named(name, (type(entity),), entity.factors)
+        if issubclass(thing, Entity):
+            values[i] = isinstance(entity, thing)
+            continue
+        held = next((f for f in entity.factors if issubclass(f, thing)), None)
+        if not thing.width:
+            values[i] = held is not None
+        else:
+            values[i] = np.nan if held is None else float(entity[held])
+    return values
 
 
 def name_of_input(thing: Any) -> str:
@@ -106,13 +128,11 @@ def _source(entity: type[Entity], thing: type, layout: Layout) -> tuple[int, flo
     return (layout.columns[held], 0.0) if held.width else (-1, 1.0)
 
 
-def _class_named(name: str, layout: Layout) -> type:
-    """The factor or entity type called so: one of the layout's or of their parents, else any that is defined."""
-    nearby: Sequence[type] = [
-        *(parent for entity in layout.types for factor in entity.declared for parent in factor.__mro__),
-        *(parent for entity in layout.types for parent in entity.__mro__),
-    ]
-    known = [c for c in (*nearby, *concrete_factors(), *_entity_types()) if issubclass(c, (Factor, Entity))]
+def _class_named(name: str, types: Sequence[type[Entity]], factors: Iterable[type[Factor]] = ()) -> type:
+    """The factor or entity type called so: among these and their parents, else any that is defined."""
+    nearby = [*factors, *(factor for entity in types for factor in entity.declared), *types]
+    known = [parent for cls in nearby for parent in cls.__mro__ if issubclass(parent, (Factor, Entity))]
+    known += [*concrete_factors(), *_entity_types()]
     for found in known:
         if found.__name__ == name:
             if issubclass(found, Factor) and found.width > 1:
@@ -120,9 +140,8 @@ def _class_named(name: str, layout: Layout) -> type:
                     f"the texture input '{name}' has two components; a texture can only show single numbers"
                 )
             return found
-    raise SegarError(
-        f"the texture input '{name}' is neither a factor nor an entity type.{did_you_mean(name, (c.__name__ for c in known))}"
-    )
+    names = (cls.__name__ for cls in known)
+    raise SegarError(f"the texture input '{name}' is neither a factor nor an entity type.{did_you_mean(name, names)}")
 
 
 def _entity_types() -> list[type[Entity]]:

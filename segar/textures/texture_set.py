@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from segar.archives import ArchiveFormat
+from segar.entities import Entity
 from segar.errors import SegarError, did_you_mean
-from segar.textures.inputs import BACKGROUND, is_noise, name_of_input
+from segar.textures.inputs import BACKGROUND, entity_values, is_noise, name_of_input
 
 FORMAT = ArchiveFormat("segar-textures", 1, "textures", "texture file", SegarError)
 SQUASHES = ("tanh", "clip")
@@ -86,6 +87,10 @@ class TextureSet:
     def shows(self, factor: Any) -> bool:
         """Whether the factor or entity type (a class or its name) is among the inputs."""
         return name_of_input(factor) in self.inputs
+
+    def values(self, entity: Entity) -> np.ndarray:
+        """Values of the inputs for an entity such as ``GolfBall({Mass: 2.0})``, float64 ``[input]``; nan: it lacks that."""
+        return entity_values(self.inputs, entity)
 
     def features(self, values: Any) -> np.ndarray:
         """Features of values of the inputs, float64 ``[..., input]`` both; nan, a factor that is absent, becomes 0."""

@@ -1,0 +1,73 @@
+"""Values of the inputs of textures, drawn from a product of marginals: what textures are trained and measured on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from segar.errors import SegarError, did_you_mean
+from segar.families import TASK_LEVELS, families, family
+from segar.noise import DiscreteRangeNoise, Noise, UniformNoise
+from segar.textures.inputs import BACKGROUND, NOISE_CLIP, is_noise
+
+Laws = Mapping[str, Noise]
+
+# The paper's product of uniform marginals. The ranges hold what the named families draw (charges and magnetisms of the
+# hard objects are +-1 +- 0.4) and, where these hold a factor fixed, what experiments vary it over (masses of 0.3 to 3).
+UNIFORM: Laws = {
+    "Heat": UniformNoise(0.0, 1.0),
+    "Friction": UniformNoise(0.0, 1.0),
+    "Charge": UniformNoise(-2.0, 2.0),
+    "Magnetism": UniformNoise(-2.0, 2.0),
+    "Density": UniformNoise(0.0, 2.0),
+    "StoredEnergy": UniformNoise(-1.0, 1.0),
+    "Mass": UniformNoise(0.1, 3.0),
+    "Alive": DiscreteRangeNoise(0, 1),
+    "Consumes": DiscreteRangeNoise(0, 1),
+    "GoalTile": DiscreteRangeNoise(0, 1),
+}
+
+
+@cache
+def family_laws() -> Laws:
+    """What the named level distributions draw each factor of ``UNIFORM`` from: the mixture over all their entities."""
+    from segar.marginals import mix
+
+    parts: dict[str, list[tuple[Noise, float]]] = {}
+    for name in (*families(), *TASK_LEVELS):
+        for entity, laws in family(name).marginals().items():
+            for factor, law in laws.items():
+                if entity not in ("parameters", "global_friction") and factor.__name__ in UNIFORM:
+                    parts.setdefault(factor.__name__, []).append((law, 1.0))
+    return {name: mix(found) for name, found in parts.items()}
+
+
+def product_of_marginals(inputs: Sequence[str], n: int, rng: np.random.Generator, laws: Laws = UNIFORM) -> np.ndarray:
+    """Values of n things, float64 ``[n, input]``, each input drawn independently of the others.
+
+    ``TextureSet.features`` turns them into features. The background is 0, noise is N(0, 1) clipped to [-1, 1].
+
+    Args:
+        inputs: as in :class:`segar.textures.TextureSet`.
+        laws: what the inputs that are neither background nor noise are drawn from.
+
+    Raises:
+        SegarError: there is no law for an input.
+    """
+    drawn: list[Any] = []
+    for name in inputs:
+        if name == BACKGROUND:
+            drawn.append(np.zeros(n))
+        elif is_noise(name):
+            drawn.append(np.clip(rng.standard_normal(n), -NOISE_CLIP, NOISE_CLIP))
+        elif name in laws:
+            drawn.append(np.asarray(laws[name].sample(rng, n), dtype=float))
+        else:
+            raise SegarError(
+                f"no law says how to draw the input '{name}'; give laws=UNIFORM | {{'{name}': UniformNoise(...)}}."
+                f"{did_you_mean(name, laws)}"
+            )
+    return np.stack(drawn, axis=-1)
