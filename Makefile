@@ -19,7 +19,7 @@ STAMP := $(VENV)/.installed
 # modules of the dependencies takes longer than the rest of the installation.
 LOADED := torch, torchrl, torchrl.objectives, tensordict, mlflow, alembic.command, sqlalchemy.orm, hydra, \
 	hydra_plugins.hydra_joblib_launcher.joblib_launcher, numba, scipy.stats, gymnasium.vector, ot, pandas, pyarrow.parquet, \
-	matplotlib.pyplot, rich.progress, pytest, xdist, hypothesis
+	matplotlib.pyplot, rich.progress, pygame, imageio.v2, imageio_ffmpeg, moviepy, minari, h5py, pytest, xdist, hypothesis
 
 .DEFAULT_GOAL := help
 .PHONY: help setup test test-slow lint bench reproduce-paper dashboard clean

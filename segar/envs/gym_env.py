@@ -11,28 +11,30 @@ from gymnasium.vector import AutoresetMode
 from segar.envs.factors_view import SingleFactors, SingleResults
 from segar.envs.vector import VectorEnv
 from segar.errors import SegarError, did_you_mean
-from segar.observations.pixels import Pixels
+from segar.rendering.camera import RENDER_MODES, Camera, ending_of
+from segar.rendering.view import View
 from segar.tasks.task import Task
-
-RENDER_RESOLUTION = 256
 
 
 class Env(gymnasium.Env):
     """A single environment; arguments and ``info`` are those of :class:`VectorEnv`, without the batch axis.
 
-    ``reset(options={"level": i})`` chooses the level. ``render_mode="rgb_array"`` draws a frame of 256 x 256 pixels.
+    ``reset(options={"level": i})`` chooses the level. With ``render_mode="rgb_array"``, :meth:`render` gives a picture for
+    people; with "human", a window shows one after every step. ``view`` says how they look.
     """
 
-    metadata = {"render_modes": ["rgb_array"], "render_fps": 20}  # noqa: RUF012 - gymnasium's attribute
+    metadata = {"render_modes": RENDER_MODES, "render_fps": 20}  # noqa: RUF012 - gymnasium's attribute
 
-    def __init__(self, levels: Any, *, render_mode: str | None = None, **options: Any) -> None:
-        if render_mode not in (None, "rgb_array"):
-            raise SegarError(f"no render_mode '{render_mode}'.{did_you_mean(str(render_mode), ('rgb_array',))}")
+    def __init__(
+        self, levels: Any, *, render_mode: str | None = None, view: View | None = None, **options: Any
+    ) -> None:
         self._batch = VectorEnv(levels, 1, autoreset_mode=AutoresetMode.DISABLED, **options)
         self.render_mode = render_mode
         self.observation_space = self._batch.single_observation_space
         self.action_space = self._batch.single_action_space
-        self._camera = Pixels(RENDER_RESOLUTION).bind(levels, 1) if render_mode else None
+        self.metadata = {**type(self).metadata, "render_fps": self._batch.metadata["render_fps"]}
+        self._camera = Camera(self._batch, render_mode, view) if render_mode is not None else None
+        self._ending: str | None = None  # None before the first reset
 
     @property
     def levels(self) -> Any:
@@ -52,22 +54,39 @@ class Env(gymnasium.Env):
                 f"reset: unknown option '{next(iter(options))}'.{did_you_mean(next(iter(options)), ['level'])}"
             )
         observations, info = self._batch.reset(seed=seed, options=batch_options)
+        self._look("")
         return observations[0], _single(info)
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict]:
         """Advance by one step; see :meth:`VectorEnv.step`."""
-        observations, reward, terminated, truncated, info = self._batch.step(np.asarray(action, np.float32)[None])
-        return observations[0], float(reward[0]), bool(terminated[0]), bool(truncated[0]), _single(info)
+        observations, rewards, ends, time_outs, batch_info = self._batch.step(np.asarray(action, np.float32)[None])
+        terminated, truncated, info = bool(ends[0]), bool(time_outs[0]), _single(batch_info)
+        self._look(ending_of(info, terminated, truncated))
+        return observations[0], float(rewards[0]), terminated, truncated, info
 
     def render(self) -> np.ndarray | None:
-        """A frame, uint8 ``(256, 256, 3)``, or None without a render mode."""
+        """A frame, uint8 ``view.shape``; None without a render mode, and for 'human', where a window shows it.
+
+        Raises:
+            SegarError: there was no reset before, or no window can be opened.
+        """
         if self._camera is None:
             return None
-        state = self._batch.state().state
-        frame = np.empty((1, RENDER_RESOLUTION, RENDER_RESOLUTION, 3), np.uint8)
-        self._camera.begin(state.values, state.level, np.ones(1, np.bool_))
-        self._camera.write(state.values, state.level, frame, np.zeros(1, np.int64))
-        return frame[0]
+        if self._ending is None:
+            raise SegarError("call reset() before render()")
+        frames = self._camera.render([self._ending])
+        return frames[0] if frames is not None else None
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self._camera is not None:
+            self._camera.close()
+
+    def _look(self, ending: str) -> None:
+        """Remember how the episode ended, and show it where somebody looks on."""
+        self._ending = ending
+        if self.render_mode == "human":
+            self.render()
 
 
 def _single(info: dict[str, Any]) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from segar.errors import ActionError, LevelError, SegarError, did_you_mean
 from segar.factors import Factor
 from segar.observations.pixels import Pixels
 from segar.observations.state import StateVector
+from segar.rendering.camera import RENDER_MODES, Camera, steps_per_second
 from segar.simulator import Outcome, Simulator, State, run_in_threads
 from segar.tasks.find import task_of
 from segar.tasks.task import Task
@@ -26,6 +27,7 @@ from segar.world import ARENA, World
 
 if TYPE_CHECKING:
     from segar.levels import Levels
+    from segar.rendering.view import View
 
 MAX_BUFFERS = 4  # observation arrays that are kept for use again
 UNSHARED = 3  # reference count of an array that only the list of buffers, the loop and getrefcount hold
@@ -55,12 +57,19 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         copy: whether arrays that ``step`` returns are the caller's to keep; otherwise later steps overwrite them.
         max_steps, sub_steps: override the task's.
         world: rules; those of the levels' distribution where it is None.
+        render_mode: None, 'rgb_array' (:meth:`render` gives a frame of each environment, drawn for people) or 'human'
+            (a window shows them).
+        view: a :class:`segar.rendering.View`: size of the frames, labels, hints.
 
     Raises:
         SegarError: an option is unknown or out of range. RuleError, ConflictError: the world cannot be built.
     """
 
-    metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.SAME_STEP}  # noqa: RUF012 - gymnasium's attribute
+    metadata = {  # noqa: RUF012 - gymnasium's attribute
+        "render_modes": RENDER_MODES,
+        "render_fps": 20,
+        "autoreset_mode": AutoresetMode.SAME_STEP,
+    }
 
     def __init__(
         self,
@@ -76,6 +85,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         max_steps: int | None = None,
         sub_steps: int | None = None,
         world: World | None = None,
+        render_mode: str | None = None,
+        view: View | None = None,
     ) -> None:
         if num_envs < 1:
             raise SegarError(f"num_envs must be at least 1, not {num_envs}")
@@ -118,6 +129,9 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             np.zeros(num_envs, np.int64),
             _fresh_seed() if seed is None else _checked_seed(seed),
         )
+        self.render_mode = render_mode
+        self._camera = Camera(self, render_mode, view) if render_mode is not None else None
+        self.metadata["render_fps"] = steps_per_second(self)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict]:
         """Start new episodes; return observations and info.
@@ -148,6 +162,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self._release()
         self._begin(np.flatnonzero(mask), chosen)
         observations = self._observe(self._rows, self._output())
+        if self.render_mode == "human":
+            self.render()
         return observations, self._info(np.zeros(self.num_envs, np.bool_), np.zeros(self.num_envs, np.bool_))
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict]:
@@ -173,6 +189,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         reward = out.reward.copy() if self.copy else out.reward
         terminated, success, death = out.terminated.copy(), out.success.copy(), out.death.copy()
         observations = self._observe(self._rows, self._output())
+        if self.render_mode == "human":
+            self.render()
         if self.autoreset_mode is AutoresetMode.DISABLED or count == 0:
             return observations, reward, terminated, truncated, self._info(success, death)
         ended = self._ended[:count].copy()
@@ -181,6 +199,23 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self._observe(ended, observations)
         success[ended] = death[ended] = False
         return observations, reward, terminated, truncated, {**self._info(success, death), **final}
+
+    def render(self) -> tuple[np.ndarray, ...] | None:
+        """A frame of each environment, uint8; None without a render mode, and for 'human', where a window shows them.
+
+        Raises:
+            SegarError: there was no reset before, or no window can be opened.
+        """
+        if self._camera is None:
+            return None
+        if not self._started:
+            raise SegarError("call reset() before render()")
+        return self._camera.render()
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Close the window, if there is one."""
+        if self._camera is not None:
+            self._camera.close()
 
     def state(self) -> Snapshot:
         """A copy of everything that decides how the episodes go on."""

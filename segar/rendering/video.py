@@ -1,0 +1,110 @@
+"""Videos and GIFs of what happens in an environment."""
+
+from __future__ import annotations
+
+import os
+import uuid
+from collections.abc import Callable, Iterable, Iterator
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from segar.errors import SegarError, did_you_mean
+from segar.extras import need
+from segar.rendering.camera import side_by_side
+
+FORMATS = (".mp4", ".gif")
+FRAMES_PER_SECOND = 20  # where the environment does not say
+
+
+def record(
+    env: Any,
+    path: str | PathLike[str],
+    policy: Callable[[Any, dict[str, Any]], Any] | None = None,
+    *,
+    seed: int | None = 0,
+    steps: int | None = None,
+    fps: float | None = None,
+) -> int:
+    """Play an episode, film it into ``path``, and return how many frames it has.
+
+    Args:
+        env: a Gymnasium environment, single or vectorised, made with ``render_mode="rgb_array"``. Several environments
+            are shown side by side.
+        path: what ends in .mp4 or .gif. A file there is replaced only by a complete one.
+        policy: function of observation and info that gives an action (of all environments); uniform where it is None.
+        seed: of the environment and of the uniform policy.
+        steps: how many to film at most; by default one episode, of a vector environment 100 steps.
+        fps: frames per second; by default in time with the simulation.
+
+    Raises:
+        SegarError: the environment gives no frames, the format is not known, imageio is not installed, or the file
+            cannot be written.
+    """
+    if env.render_mode != "rgb_array":
+        raise SegarError(f"record needs an environment with render_mode='rgb_array'; this one's is {env.render_mode!r}")
+    rate = env.metadata.get("render_fps", FRAMES_PER_SECOND) if fps is None else fps
+    return write_video(path, _frames(env, policy, seed, steps), float(rate))
+
+
+def write_video(path: str | PathLike[str], frames: Iterable[np.ndarray], fps: float = FRAMES_PER_SECOND) -> int:
+    """Write frames, uint8 ``(height, width, 3)``, of even height and width for mp4; return how many there were.
+
+    Raises:
+        SegarError: there are no frames, the format is not known, imageio is not installed, or the file cannot be
+            written.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in FORMATS:
+        raise SegarError(f"a video is .mp4 or .gif, not '{path.name}'.{did_you_mean(path.suffix, FORMATS)}")
+    need("writing videos", "imageio", "imageio_ffmpeg")
+    import imageio.v2 as imageio
+
+    options: dict[str, Any] = {"loop": 0, "duration": 1000 / fps}
+    if path.suffix.lower() == ".mp4":
+        options = {"fps": fps, "codec": "libx264", "quality": 8, "macro_block_size": 2}
+    beside = path.with_name(f".{uuid.uuid4().hex[:12]}{path.suffix.lower()}")  # the suffix tells the format
+    count = 0
+    try:
+        writer: Any = imageio.get_writer(beside, mode="I", **options)
+        with writer:
+            for frame in frames:
+                writer.append_data(frame)
+                count += 1
+        if count:
+            os.replace(beside, path)
+    except OSError as said:
+        raise SegarError(f"the video cannot be written to {path}: {said.strerror or said}") from said
+    finally:
+        beside.unlink(missing_ok=True)
+    if not count:
+        raise SegarError(f"the video {path} would have no frames")
+    return count
+
+
+def _frames(env: Any, policy: Any, seed: int | None, steps: int | None) -> Iterator[np.ndarray]:
+    """Frames from the reset to the end of an episode."""
+    is_batch = isinstance(env, gymnasium.vector.VectorEnv)
+    choose = policy or _uniform(env.action_space, seed)
+    limit = steps if steps is not None else 100 if is_batch else float("inf")
+    observation, info = env.reset(seed=seed)
+    yield _frame(env, is_batch)
+    taken = 0
+    while taken < limit:
+        observation, _, terminated, truncated, info = env.step(choose(observation, info))
+        yield _frame(env, is_batch)
+        taken += 1
+        if not is_batch and (terminated or truncated):
+            return
+
+
+def _frame(env: Any, is_batch: bool) -> np.ndarray:
+    return side_by_side(env.render()) if is_batch else env.render()
+
+
+def _uniform(space: Any, seed: int | None) -> Callable[[Any, dict[str, Any]], np.ndarray]:
+    rng = np.random.default_rng(seed)
+    return lambda observation, info: rng.uniform(space.low, space.high).astype(space.dtype)
