@@ -12,8 +12,8 @@ from segar.factors import Factor
 from segar.levels import Levels
 from segar.metrics.embedding import embed, frames
 from segar.metrics.points import Spread, require_levels
-from segar.metrics.transport import pot
 from segar.metrics.wasserstein import MISMATCH, Mode, cost_function
+from segar.pot import pot
 
 SAFE_EXPONENT = 500.0  # exp(-500) is a float64 above 0: below, the kernel exp(-C / eps) may be used as it is
 SINKHORN_ITERATIONS = 20_000

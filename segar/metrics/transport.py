@@ -3,32 +3,17 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Iterator
 from itertools import permutations
-from types import ModuleType
 
 import numpy as np
 
 from segar.errors import SegarError
 from segar.metrics.points import PointSets
+from segar.pot import TRANSPORT_STEPS, pot
 
 FEW_MATCHINGS = 24
 """Up to so many ways to match two sets, all are tried at once over all pairs of levels; beyond, scipy solves each pair."""
-
-EMD_ITERATIONS = 10_000_000  # POT's own 100 000 are too few for some 500 x 200 problems
-
-
-def pot() -> ModuleType:
-    """The Python Optimal Transport library, without its torch, jax, cupy and tensorflow back ends.
-
-    POT imports whatever of these is installed, which costs seconds; numpy is all that is used here.
-    """
-    for backend in ("PYTORCH", "JAX", "CUPY", "TENSORFLOW"):
-        os.environ.setdefault(f"POT_BACKEND_DISABLE_{backend}", "1")
-    import ot
-
-    return ot
 
 
 def emd(cost: np.ndarray, weights_a: np.ndarray | None = None, weights_b: np.ndarray | None = None) -> float:
@@ -43,7 +28,7 @@ def emd(cost: np.ndarray, weights_a: np.ndarray | None = None, weights_b: np.nda
     b = np.full(m, 1 / m) if weights_b is None else weights_b
     if n == 1 or m == 1:  # there is only one plan
         return float(a @ cost @ b)
-    value, log = pot().emd2(a, b, np.ascontiguousarray(cost), numItermax=EMD_ITERATIONS, log=True)
+    value, log = pot().emd2(a, b, np.ascontiguousarray(cost), numItermax=TRANSPORT_STEPS, log=True)
     if log["warning"] is not None:
         raise SegarError(f"optimal transport of {n} x {m} levels did not converge: {log['warning']}")
     return float(max(value, 0.0))
@@ -55,7 +40,7 @@ def plan_of(cost: np.ndarray) -> np.ndarray:
     if n == 1 or m == 1:
         return np.full((n, m), 1 / (n * m))
     plan, log = pot().emd(
-        np.full(n, 1 / n), np.full(m, 1 / m), np.ascontiguousarray(cost), numItermax=EMD_ITERATIONS, log=True
+        np.full(n, 1 / n), np.full(m, 1 / m), np.ascontiguousarray(cost), numItermax=TRANSPORT_STEPS, log=True
     )
     if log["warning"] is not None:
         raise SegarError(f"optimal transport of {n} x {m} levels did not converge: {log['warning']}")

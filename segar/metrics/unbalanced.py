@@ -12,8 +12,9 @@ from segar.errors import LevelError, SegarError, did_you_mean
 from segar.factors import Factor
 from segar.levels import Levels
 from segar.metrics.points import Spread
-from segar.metrics.transport import EMD_ITERATIONS, plan_of, pot
+from segar.metrics.transport import plan_of
 from segar.metrics.wasserstein import Mode, cost_function
+from segar.pot import TRANSPORT_STEPS, pot
 
 KL_ITERATIONS = 500  # between two looks at the duality gap
 KL_ROUNDS = 40
@@ -105,7 +106,7 @@ def w2_partial(
     else:
         n, m = cost.shape
         plan = pot().partial.partial_wasserstein(
-            np.full(n, 1 / n), np.full(m, 1 / m), cost, m=mass, numItermax=EMD_ITERATIONS
+            np.full(n, 1 / n), np.full(m, 1 / m), cost, m=mass, numItermax=TRANSPORT_STEPS
         )
     return _result(plan, float((plan * cost).sum()) / mass)
 

@@ -44,7 +44,8 @@ from segar.metrics.points import (
     weighed_factors,
     weighed_parameters,
 )
-from segar.metrics.transport import balanced_costs, emd, matching_costs, pot, sliced_costs
+from segar.metrics.transport import balanced_costs, emd, matching_costs, sliced_costs
+from segar.pot import pot
 
 Mode = Literal["exact", "reference", "paper"]
 

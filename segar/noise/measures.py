@@ -25,9 +25,6 @@ KS_TOLERANCE = 1e-6  # to which the Kolmogorov-Smirnov distance is bounded
 KS_CELLS = 200_000  # that are looked at, at most, to bound it
 PLANE_NODES = 8  # of quadrature per cell and axis of a grid on the plane
 MISSING_MASS = 1e-6  # that quadrature may miss before a law counts as having mass on lines
-TRANSPORT_PAIRS = 4_000_000  # of atoms of two laws on the plane, between which transport is solved exactly
-TRANSPORT_STEPS = 10_000_000  # of the network simplex, at most
-ASSIGNMENT_POINTS = 1024  # per law, where two laws on the plane have no closed form
 
 
 def as_noise(value: Any) -> Noise:
@@ -77,36 +74,21 @@ def entropy(law: Noise) -> float:
 
 def w2(a: Noise, b: Noise) -> float:
     """Wasserstein-2 distance of two laws, both on the line or both on the plane."""
-    _check_same_width(a, b)
-    if a == b:
-        return 0.0
-    for law, other in ((a, b), (b, a)):
-        if isinstance(law, Deterministic):
-            return float(np.sqrt(np.sum(other.var + (other.mean - np.asarray(law.value)) ** 2)))
-    if a.width == 2:
-        return _w2_plane(a, b)
-    if isinstance(a, GaussianNoise) and isinstance(b, GaussianNoise) and a.clip is None and b.clip is None:
-        return math.hypot(a.loc - b.loc, a.std - b.std)
-    if isinstance(a, UniformNoise) and isinstance(b, UniformNoise):
-        return math.hypot(a.mean - b.mean, (a.high - a.low - b.high + b.low) / math.sqrt(12))
-    return _w2_line(a, b, NODES)
+    return w2_estimate(a, b).value
 
 
 def w2_estimate(a: Noise, b: Noise) -> Estimate:
-    """``w2`` and its error.
-
-    Zero where there is a closed form or laws are atoms; for integrals on the line what half as many nodes would change;
-    for laws on the plane that are matched by draws the sum of the distances between two sets of draws of each law,
-    which exceeds the distances of draws to their law, and so by the triangle inequality the error (both in the mean).
-    """
-    value = w2(a, b)
-    if a == b or any(isinstance(law, Deterministic) for law in (a, b)):
-        return Estimate(value)
+    """``w2`` and its error: 0 where there is a closed form or laws are atoms; for integrals on the line what half as many
+    nodes would change; for other laws on the plane a bound, see :func:`segar.noise.plane_transport.w2_plane`."""
+    _check_same_width(a, b)
+    exact = _w2_closed(a, b)
+    if exact is not None:
+        return Estimate(exact)
     if a.width == 2:
-        return Estimate(value, _w2_error_plane(a, b))
-    kinds = {type(a), type(b)}
-    if kinds == {UniformNoise} or (kinds == {GaussianNoise} and a.clip is None and b.clip is None):  # type: ignore[attr-defined]
-        return Estimate(value)
+        from segar.noise.plane_transport import w2_plane
+
+        return w2_plane(a, b)
+    value = _w2_line(a, b, NODES)
     discrete = isinstance(a, DiscreteNoise) and isinstance(b, DiscreteNoise)
     return Estimate(value, 0.0 if discrete else abs(value - _w2_line(a, b, NODES // 2)))
 
@@ -178,69 +160,41 @@ def _is_made_of_boxes(law: Noise) -> bool:
     return parts is not None and all(isinstance(part, (UniformNoise, DiscreteNoise)) for part in parts)
 
 
+def _w2_closed(a: Noise, b: Noise) -> float | None:
+    """The distance where it has a closed form on the line and on the plane alike, None elsewhere."""
+    if a == b:
+        return 0.0
+    for law, other in ((a, b), (b, a)):
+        values, masses = law.atoms
+        if len(values) == 1 and masses[0] == 1.0:  # all of the other law goes to one point
+            return float(np.sqrt(np.sum(other.var + (other.mean - values[0]) ** 2)))
+    if isinstance(a, GaussianNoise) and isinstance(b, GaussianNoise) and a.clip is None and b.clip is None:
+        return math.hypot(a.loc - b.loc, a.std - b.std)
+    if isinstance(a, UniformNoise) and isinstance(b, UniformNoise):
+        return math.hypot(a.mean - b.mean, (a.high - a.low - b.high + b.low) / math.sqrt(12))
+    (base, scale, shift), (same, factor, move) = _origin(a), _origin(b)
+    if base == same and scale * factor > 0:  # stretching and shifting is the gradient of a convex function
+        apart = shift - move + ((scale - factor) * np.asarray(base.mean) if scale != factor else 0.0)
+        return float(np.sqrt(np.sum(apart**2 + ((scale - factor) ** 2 * base.var if scale != factor else 0.0))))
+    return None
+
+
+def _origin(law: Noise) -> tuple[Noise, float, np.ndarray]:
+    """The law, scale and shift that an affine image is made of; of another law, itself."""
+    from segar.noise.transforms import Affine
+
+    scale, shift = 1.0, np.zeros(())
+    while isinstance(law, Affine):
+        scale, shift = scale * law.scale, shift + scale * np.asarray(law.shift)
+        law = law.law
+    return law, scale, shift
+
+
 def _w2_line(a: Noise, b: Noise, nodes: int) -> float:
     """The integral of the squared difference of the quantile functions; one node where both are steps."""
     discrete = isinstance(a, DiscreteNoise) and isinstance(b, DiscreteNoise)
     q, weight = _quantile_nodes(a, b, nodes=1 if discrete else nodes)
     return math.sqrt(float(weight @ (a.icdf(q) - b.icdf(q)) ** 2))
-
-
-def _w2_plane(a: Noise, b: Noise) -> float:
-    from segar.noise.locations import GaussianNoise2D
-
-    if isinstance(a, GaussianNoise2D) and isinstance(b, GaussianNoise2D) and a.clip is None and b.clip is None:
-        return _w2_gaussians(a, b)
-    first, second = getattr(a, "components", None), getattr(b, "components", None)
-    if first is not None and second is not None:
-        return math.hypot(*(w2(x, y) for x, y in zip(first, second, strict=True)))
-    if _few_atoms(a, b):
-        return _w2_of_atoms(a, b)
-    return _w2_by_assignment(a, b)
-
-
-def _w2_error_plane(a: Noise, b: Noise) -> float:
-    from segar.noise.locations import GaussianNoise2D
-
-    gaussian = all(isinstance(law, GaussianNoise2D) and law.clip is None for law in (a, b))
-    parts = [getattr(law, "components", None) for law in (a, b)]
-    if parts[0] is not None and parts[1] is not None:
-        return math.hypot(*(w2_estimate(x, y).error for x, y in zip(*parts, strict=True)))
-    if gaussian or _few_atoms(a, b):
-        return 0.0
-    return sum(_w2_by_assignment(law, law, seeds=(0, 1)) for law in (a, b))
-
-
-def _few_atoms(a: Noise, b: Noise) -> bool:
-    atoms = isinstance(a, DiscreteNoise) and isinstance(b, DiscreteNoise)
-    return atoms and len(a.atoms[0]) * len(b.atoms[0]) <= TRANSPORT_PAIRS
-
-
-def _w2_of_atoms(a: Noise, b: Noise) -> float:
-    """Optimal transport between atoms, exact."""
-    import ot  # POT is loaded on first use
-
-    (x, p), (y, q) = a.atoms, b.atoms
-    cost = ((x[:, None] - y[None]) ** 2).sum(axis=-1)
-    return math.sqrt(max(float(ot.emd2(p / p.sum(), q / q.sum(), cost, numItermax=TRANSPORT_STEPS)), 0.0))  # type: ignore[arg-type]
-
-
-def _w2_gaussians(a: Any, b: Any) -> float:
-    """Closed form (Dowson and Landau 1982): |m1-m2|^2 + tr(A + B - 2 (B^1/2 A B^1/2)^1/2)."""
-    first, second = np.array(a.cov), np.array(b.cov)
-    values, vectors = np.linalg.eigh(second)
-    root = (vectors * np.sqrt(np.clip(values, 0, None))) @ vectors.T
-    cross = np.sqrt(np.clip(np.linalg.eigvalsh(root @ first @ root), 0, None)).sum()
-    square = np.sum((np.array(a.loc) - np.array(b.loc)) ** 2) + np.trace(first) + np.trace(second) - 2 * cross
-    return math.sqrt(max(float(square), 0.0))
-
-
-def _w2_by_assignment(a: Noise, b: Noise, seeds: tuple[int, int] = (0, 0)) -> float:
-    """Optimal matching of 1024 seeded draws of each law: too large by a few hundredths of the laws' spread."""
-    from scipy.optimize import linear_sum_assignment
-
-    x, y = (law.sample(np.random.default_rng(s), ASSIGNMENT_POINTS) for law, s in zip((a, b), seeds, strict=True))
-    cost = ((x[:, None] - y[None]) ** 2).sum(axis=-1)
-    return math.sqrt(float(cost[linear_sum_assignment(cost)].mean()))
 
 
 def _ks_plane(a: Noise, b: Noise) -> float:
