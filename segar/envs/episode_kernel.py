@@ -5,17 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from segar.counter_kernel import GOLDEN, mix, uniform
+
 _options = {"nogil": True, "cache": True, "error_model": "numpy", "_nrt": False}
-GOLDEN = 0x9E3779B97F4A7C15
-
-
-@njit(**_options)
-def mix(z):
-    """SplitMix64's output function: a well mixed uint64 from a uint64."""
-    z = z + np.uint64(GOLDEN)
-    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return z ^ (z >> np.uint64(31))
 
 
 @njit(**_options)
@@ -29,7 +21,7 @@ def begin(rows, seed, chosen, level_values, values, level, key, tick, contacts, 
         k = mix(np.uint64(seed) + mix(np.uint64(e) * np.uint64(GOLDEN) + np.uint64(episodes[e])))
         at = chosen[e]
         if at < 0:
-            at = np.int64(np.float64(k >> np.uint64(11)) * (1.0 / 9007199254740992.0) * len(level_values))
+            at = np.int64(uniform(k) * len(level_values))
         level[e] = at
         for i in range(values.shape[1]):
             for c in range(values.shape[2]):

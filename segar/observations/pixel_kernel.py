@@ -1,27 +1,74 @@
-"""The compiled kernel of the pixel observation: paint static backgrounds, copy them, stamp what moves.
+"""The compiled kernel of the pixel observations: paint static backgrounds, copy them, stamp what moves.
 
-A frame is ``uint8[3 * resolution**2]``, rows from the top, RGB interleaved. World coordinates become pixels as in 2022:
-``px = rint((x - lo) res / (hi - lo))`` and ``py = res - rint((y - lo) res / (hi - lo))``. Every environment is drawn by
-itself, so a frame does not depend on the batch that it is part of.
+A frame is the bytes of a :class:`segar.observations.canvas.Canvas`. World coordinates become pixels as in 2022:
+``px = rint((x + walls) scale)`` and ``py = resolution - rint((y + walls) scale)``. What a thing looks like is a pattern that
+repeats: row r of it, ``texels[env, entity, plane, r]``, is so long that most spans of a disc are one copy out of it. A solid
+colour is a pattern of one pixel. Every environment is drawn by itself, so a frame does not depend on its batch.
 """
 
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numba import njit
 
+from segar.engine.layout import Layout, holds
+from segar.entities import Entity
+from segar.factors import Factor, Floor, Mobile, Order, Position, Size, Visible
+from segar.observations.memory import clear_bytes, copy_bytes
 from segar.shapes import CIRCLE, HULL
 
-ARENA_LOW = -1.0
-ARENA_WIDTH = 2.0
+if TYPE_CHECKING:
+    from segar.levels import Levels
 
-# Columns of ``columns[type]``: where a type keeps what the kernel reads; -1 where it lacks the factor.
-POSITION, SIZE, VISIBLE, ORDER, MOBILE, TINT = range(6)
+# Columns of ``Scene.columns[type]``: where a type keeps what the kernel reads; -1 where it lacks the factor.
+POSITION, SIZE, VISIBLE, ORDER, MOBILE = range(5)
+DRAWN: tuple[type[Factor], ...] = (Position, Size, Visible, Order, Mobile)  # in that order
+RUN = 48  # [pixels] a row of a pattern gives this many in one copy, whatever its phase
 
 # Nothing here allocates, so numba's reference counting of arrays, which costs as much as the drawing, is off.
 _options = {"nogil": True, "cache": True, "error_model": "numpy", "_nrt": False}
+
+
+class Scene(NamedTuple):
+    """What the kernels know of a level set; the first five lead with the level and the entity."""
+
+    types: np.ndarray
+    kinds: np.ndarray
+    vertex_counts: np.ndarray
+    vertices: np.ndarray
+    edges: np.ndarray
+    """float64 ``[level, entity, k, 3]``; see :func:`edge_lines`."""
+    columns: np.ndarray
+    """int64 ``[type, 5]``, in the order of ``POSITION`` and so on."""
+    is_floor: np.ndarray
+    """bool ``[type]``: tiles, which are painted once per episode."""
+    spans: np.ndarray
+    """int32; see :func:`disc_spans`."""
+
+
+def scene_of(levels: Levels, resolution: int) -> Scene:
+    """The scene of a level set in frames of ``resolution`` pixels."""
+    types = levels.layout.types
+    columns = [[column_of(levels.layout, t, factor) for factor in DRAWN] for t in types]
+    return Scene(
+        levels.types,
+        levels.shape_kind,
+        levels.vertex_count,
+        levels.vertices,
+        edge_lines(levels.vertices, levels.vertex_count),
+        np.array(columns, np.int64),
+        np.array([Floor in t.declared for t in types]),
+        disc_spans(resolution),
+    )
+
+
+def column_of(layout: Layout, entity: type[Entity], factor: type[Factor]) -> int:
+    """The column in which an entity type holds a factor, -1 if it does not."""
+    held = holds(entity, factor)
+    return layout.columns[held] if held is not None else -1
 
 
 def disc_spans(resolution: int) -> np.ndarray:
@@ -57,61 +104,45 @@ def edge_lines(vertices: np.ndarray, counts: np.ndarray) -> np.ndarray:
 
 
 @njit(**_options)
-def paint_backgrounds(
-    values, level, mask, types, kinds, vertex_counts, vertices, edges, columns, is_floor, tints, spans, floor_words,
-    background_words, backgrounds, chosen,
-):  # fmt: skip
-    """Paint the floor and its tiles for each environment in ``mask``: highest Order first, so the lowest is on top."""
-    words = background_words.shape[1]
-    for env in range(values.shape[0]):
-        if not mask[env]:
-            continue
-        for k in range(words):
-            background_words[env, k] = floor_words[k]
-        n = sort_by_order(values, env, types, level[env], columns, is_floor, True, chosen)
+def paint_backgrounds(values, level, rows, scene, canvas, texels, floor, floors, backgrounds, chosen):
+    """Paint floor ``floor[env]`` and the tiles of environments ``rows``: highest Order first, so the lowest is on top."""
+    for r in range(len(rows)):
+        env = rows[r]
+        size = backgrounds.shape[1]
+        copy_bytes(backgrounds, env * size, floors, floor[env] * size, size)
+        n = sort_by_order(values, env, level[env], scene, True, chosen)
         for k in range(n - 1, -1, -1):
-            stamp(
-                values, env, level[env], chosen[k], types, kinds, vertex_counts, vertices, edges, columns, tints, spans,
-                True, backgrounds,
-            )  # fmt: skip
+            stamp(values, env, level[env], chosen[k], scene, canvas, True, texels, backgrounds)
 
 
 @njit(**_options)
-def draw_frames(
-    values, level, rows, types, kinds, vertex_counts, vertices, edges, columns, is_floor, tints, spans,
-    background_words, frame_words, frames, chosen,
-):  # fmt: skip
+def draw_frames(values, level, rows, scene, canvas, texels, backgrounds, frames, chosen):
     """Copy each environment's background into ``frames[rows]`` and stamp its objects: highest Order on top."""
-    words = background_words.shape[1]
-    for row in range(len(rows)):
-        env = rows[row]
-        # A loop over 64-bit words: numba turns a slice assignment into something 30 times slower.
-        for k in range(words):
-            frame_words[env, k] = background_words[env, k]
-        n = sort_by_order(values, env, types, level[env], columns, is_floor, False, chosen)
+    for r in range(len(rows)):
+        env = rows[r]
+        size = backgrounds.shape[1]
+        copy_bytes(frames, env * size, backgrounds, env * size, size)
+        n = sort_by_order(values, env, level[env], scene, False, chosen)
         for k in range(n):
-            stamp(
-                values, env, level[env], chosen[k], types, kinds, vertex_counts, vertices, edges, columns, tints, spans,
-                False, frames,
-            )  # fmt: skip
+            stamp(values, env, level[env], chosen[k], scene, canvas, False, texels, frames)
 
 
 # Below, arrays are passed whole with indices: a view of one row costs more than what is done with it.
 
 
 @njit(**_options)
-def sort_by_order(values, env, types, level, columns, is_floor, floor, chosen):
+def sort_by_order(values, env, level, scene, floor, chosen):
     """Collect the visible tiles (``floor``) or objects of a level in ascending Order, ties by slot; return how many."""
     n = 0
-    for entity in range(types.shape[1]):
-        kind = types[level, entity]
-        if kind < 0 or is_floor[kind] != floor or columns[kind, POSITION] < 0:
+    for entity in range(scene.types.shape[1]):
+        kind = scene.types[level, entity]
+        if kind < 0 or scene.is_floor[kind] != floor or scene.columns[kind, POSITION] < 0:
             continue
-        if columns[kind, VISIBLE] >= 0 and not values[env, entity, columns[kind, VISIBLE]] > 0.0:
+        if scene.columns[kind, VISIBLE] >= 0 and not values[env, entity, scene.columns[kind, VISIBLE]] > 0.0:
             continue
-        order = order_of(values, env, entity, columns[kind, ORDER])
+        order = order_of(values, env, level, entity, scene)
         k = n
-        while k > 0 and order_of(values, env, chosen[k - 1], columns[types[level, chosen[k - 1]], ORDER]) > order:
+        while k > 0 and order_of(values, env, level, chosen[k - 1], scene) > order:
             chosen[k] = chosen[k - 1]
             k -= 1
         chosen[k] = entity
@@ -120,107 +151,130 @@ def sort_by_order(values, env, types, level, columns, is_floor, floor, chosen):
 
 
 @njit(**_options)
-def order_of(values, env, entity, column):
+def order_of(values, env, level, entity, scene):
+    column = scene.columns[scene.types[level, entity], ORDER]
     return values[env, entity, column] if column >= 0 else 0.0
 
 
 @njit(**_options)
-def stamp(
-    values, env, level, entity, types, kinds, vertex_counts, vertices, edges, columns, tints, spans, is_tile, frames
-):
+def stamp(values, env, level, entity, scene, canvas, is_tile, texels, frames):
     """Draw one entity, if it has a finite place; tiles always have an outline, others if they are mobile."""
-    kind = types[level, entity]
-    x = values[env, entity, columns[kind, POSITION]]
-    y = values[env, entity, columns[kind, POSITION] + 1]
+    kind = scene.types[level, entity]
+    x = values[env, entity, scene.columns[kind, POSITION]]
+    y = values[env, entity, scene.columns[kind, POSITION] + 1]
     if not (math.isfinite(x) and math.isfinite(y)):
         return
     outlined = is_tile
-    if not is_tile and columns[kind, MOBILE] >= 0:
-        outlined = values[env, entity, columns[kind, MOBILE]] > 0.0
-    blend = 0.0
-    if columns[kind, TINT] >= 0:
-        low, high = tints[kind, 2, 0], tints[kind, 2, 1]
-        blend = min(max((values[env, entity, columns[kind, TINT]] - low) / (high - low), 0.0), 1.0)
-    red = np.uint8(np.rint(tints[kind, 0, 0] + blend * (tints[kind, 1, 0] - tints[kind, 0, 0])))
-    green = np.uint8(np.rint(tints[kind, 0, 1] + blend * (tints[kind, 1, 1] - tints[kind, 0, 1])))
-    blue = np.uint8(np.rint(tints[kind, 0, 2] + blend * (tints[kind, 1, 2] - tints[kind, 0, 2])))
-    if kinds[level, entity] == CIRCLE:
-        diameter = values[env, entity, columns[kind, SIZE]]
+    if not is_tile and scene.columns[kind, MOBILE] >= 0:
+        outlined = values[env, entity, scene.columns[kind, MOBILE]] > 0.0
+    if scene.kinds[level, entity] == CIRCLE:
+        diameter = values[env, entity, scene.columns[kind, SIZE]]
         if diameter >= 0.0:
-            stamp_disc(x, y, diameter / 2, red, green, blue, outlined, spans, frames, env)
-    elif kinds[level, entity] == HULL:
-        stamp_hull(
-            x,
-            y,
-            vertices,
-            edges,
-            vertex_counts,
-            level,
-            entity,
-            red,
-            green,
-            blue,
-            outlined,
-            spans.shape[0] - 1,
-            frames,
-            env,
-        )
+            stamp_disc(env, entity, x, y, diameter / 2, outlined, scene, canvas, texels, frames)
+    elif scene.kinds[level, entity] == HULL:
+        stamp_hull(env, level, entity, x, y, outlined, scene, canvas, texels, frames)
 
 
 @njit(**_options)
-def stamp_disc(x, y, radius, red, green, blue, outlined, spans, frames, env):
-    resolution = spans.shape[0] - 1
-    scale = resolution / ARENA_WIDTH
-    cx = int(np.rint(min(max((x - ARENA_LOW) * scale, -4.0 * resolution), 4.0 * resolution)))
-    cy = resolution - int(np.rint(min(max((y - ARENA_LOW) * scale, -4.0 * resolution), 4.0 * resolution)))
-    r = int(np.rint(min(radius * scale, float(resolution))))
-    for row in range(max(cy - r, 0), min(cy + r, resolution - 1) + 1):
-        outer = spans[r, abs(row - cy), 0]
-        if outlined:
-            inner = spans[r, abs(row - cy), 1]
-            fill(frames, env, row, cx - outer, cx + outer, np.uint8(0), np.uint8(0), np.uint8(0), resolution)
-            fill(frames, env, row, cx - inner, cx + inner, red, green, blue, resolution)
-        else:
-            fill(frames, env, row, cx - outer, cx + outer, red, green, blue, resolution)
+def stamp_disc(env, entity, x, y, radius, outlined, scene, canvas, texels, frames):
+    cx, cy = column_at(x, canvas), canvas.resolution - column_at(y, canvas)
+    r = int(np.rint(min(radius * canvas.scale, float(canvas.resolution))))
+    first_row = max(cy - r, 0)
+    period = texels.shape[3]
+    r0 = (first_row - cy) % period
+    for row in range(first_row, min(cy + r, canvas.resolution - 1) + 1):
+        outer = scene.spans[r, abs(row - cy), 0]
+        inner = scene.spans[r, abs(row - cy), 1] if outlined else outer
+        stamp_row(env, entity, row, cx - outer, cx + outer, cx - inner, cx + inner, cx, r0, canvas, texels, frames)
+        r0 = r0 + 1 if r0 + 1 < period else 0
 
 
 @njit(**_options)
-def fill(frames, env, row, first, last, red, green, blue, resolution):
-    """Colour the pixels ``first`` to ``last`` of a row, as far as they are in the frame."""
-    first = max(first, 0)
-    at = 3 * (row * resolution + first)
-    for _ in range(first, min(last, resolution - 1) + 1):
-        frames[env, at] = red
-        frames[env, at + 1] = green
-        frames[env, at + 2] = blue
-        at += 3
+def column_at(x, canvas):
+    """The column of a coordinate, or the distance of its row from the bottom; far outside, somewhere outside."""
+    limit = 4.0 * canvas.resolution
+    return int(np.rint(min(max((x + canvas.walls) * canvas.scale, -limit), limit)))
 
 
 @njit(**_options)
-def stamp_hull(
-    x, y, vertices, edges, vertex_counts, level, entity, red, green, blue, outlined, resolution, frames, env
-):
+def stamp_row(env, entity, row, first, last, inner_first, inner_last, cx, r0, canvas, texels, frames):
+    """Fill the columns ``first`` to ``last`` of a row, black but for the pattern's row ``r0`` from ``inner_first`` to
+    ``inner_last``; column ``cx`` has the pattern's first pixel."""
+    first, last = max(first, 0), min(last, canvas.resolution - 1)
+    inner_first, inner_last = max(inner_first, 0), min(inner_last, canvas.resolution - 1)
+    if first > last:
+        return
+    period = texels.shape[3]
+    at = ((inner_first - cx) % period) * canvas.texel
+    run = texels.shape[4] - (period - 1) * canvas.texel
+    for plane in range(canvas.planes):
+        start = ((env * canvas.planes + plane) * canvas.resolution + row) * canvas.resolution
+        if first < inner_first or inner_last < last:
+            clear_bytes(frames, (start + first) * canvas.texel, (last - first + 1) * canvas.texel)
+        to = (start + inner_first) * canvas.texel
+        source = (((env * texels.shape[1] + entity) * canvas.planes + plane) * period + r0) * texels.shape[4] + at
+        left = (inner_last - inner_first + 1) * canvas.texel
+        while left > 0:
+            copy_bytes(frames, to, texels, source, min(left, run))
+            to += run
+            left -= run
+
+
+@njit(**_options)
+def stamp_hull(env, level, entity, x, y, outlined, scene, canvas, texels, frames):
     """Fill the pixels whose world point lies in a convex polygon; those within one pixel of an edge are its outline."""
-    scale = resolution / ARENA_WIDTH
     left, right, bottom, top = np.inf, -np.inf, np.inf, -np.inf
-    for k in range(vertex_counts[level, entity]):
-        left, right = min(left, vertices[level, entity, k, 0]), max(right, vertices[level, entity, k, 0])
-        bottom, top = min(bottom, vertices[level, entity, k, 1]), max(top, vertices[level, entity, k, 1])
-    edge = float(resolution)
-    first_column = int(min(max(np.ceil((x + left - ARENA_LOW) * scale), 0.0), edge))
-    last_column = int(min(max(np.floor((x + right - ARENA_LOW) * scale), -1.0), edge - 1.0))
-    first_row = int(min(max(np.ceil(resolution - (y + top - ARENA_LOW) * scale), 0.0), edge))
-    last_row = int(min(max(np.floor(resolution - (y + bottom - ARENA_LOW) * scale), -1.0), edge - 1.0))
+    for k in range(scene.vertex_counts[level, entity]):
+        left, right = min(left, scene.vertices[level, entity, k, 0]), max(right, scene.vertices[level, entity, k, 0])
+        bottom, top = min(bottom, scene.vertices[level, entity, k, 1]), max(top, scene.vertices[level, entity, k, 1])
+    resolution, scale, edge = canvas.resolution, canvas.scale, float(canvas.resolution)
+    first = int(min(max(np.ceil((x + left + canvas.walls) * scale), 0.0), edge))
+    last = int(min(max(np.floor((x + right + canvas.walls) * scale), -1.0), edge - 1.0))
+    first_row = int(min(max(np.ceil(resolution - (y + top + canvas.walls) * scale), 0.0), edge))
+    last_row = int(min(max(np.floor(resolution - (y + bottom + canvas.walls) * scale), -1.0), edge - 1.0))
+    cx, cy = column_at(x, canvas), resolution - column_at(y, canvas)
     for row in range(first_row, last_row + 1):
-        py = (resolution - row) / scale + ARENA_LOW - y
-        for column in range(first_column, last_column + 1):
-            px = column / scale + ARENA_LOW - x
-            depth = np.inf
-            for k in range(vertex_counts[level, entity]):
-                d = edges[level, entity, k, 0] * px + edges[level, entity, k, 1] * py + edges[level, entity, k, 2]
-                depth = min(depth, d)
-            depth *= scale
-            if depth >= 1.0 or (depth >= 0.0 and not outlined):
-                fill(frames, env, row, column, column, red, green, blue, resolution)
-            elif depth >= 0.0:
-                fill(frames, env, row, column, column, np.uint8(0), np.uint8(0), np.uint8(0), resolution)
+        py = (resolution - row) / scale - canvas.walls - y
+        a, b = hull_span(level, entity, x, py, 0.0, first, last, scene, canvas)
+        if a > b:
+            continue
+        c, d = hull_span(level, entity, x, py, 1.0, a, b, scene, canvas) if outlined else (a, b)
+        stamp_row(env, entity, row, a, b, c, d, cx, (row - cy) % texels.shape[3], canvas, texels, frames)
+
+
+@njit(**_options)
+def hull_span(level, entity, x, py, depth, first, last, scene, canvas):
+    """First and last of the columns ``first`` to ``last`` whose pixels lie at least ``depth`` pixels within a hull.
+
+    Each edge bounds the columns on one side. Division finds the bound to a rounding; the distance itself decides, so
+    that the span holds exactly the pixels for which all distances are large enough.
+    """
+    for k in range(scene.vertex_counts[level, entity]):
+        a, rest = scene.edges[level, entity, k, 0], scene.edges[level, entity, k, 1] * py
+        c = scene.edges[level, entity, k, 2]
+        if a == 0.0:
+            if (rest + c) * canvas.scale < depth:
+                return first, first - 1
+            continue
+        bound = ((depth / canvas.scale - c - rest) / a + x + canvas.walls) * canvas.scale
+        if a > 0.0:
+            at = int(min(max(np.ceil(bound), float(first)), float(last + 1)))
+            while at > first and depth_at(at - 1, x, a, rest, c, canvas) >= depth:
+                at -= 1
+            while at <= last and depth_at(at, x, a, rest, c, canvas) < depth:
+                at += 1
+            first = at
+        else:
+            at = int(max(min(np.floor(bound), float(last)), float(first - 1)))
+            while at < last and depth_at(at + 1, x, a, rest, c, canvas) >= depth:
+                at += 1
+            while at >= first and depth_at(at, x, a, rest, c, canvas) < depth:
+                at -= 1
+            last = at
+    return first, last
+
+
+@njit(**_options)
+def depth_at(column, x, a, rest, c, canvas):
+    """How far inside an edge the pixel of a column lies, in pixels."""
+    return (a * (column / canvas.scale - canvas.walls - x) + rest + c) * canvas.scale

@@ -6,23 +6,26 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-import gymnasium
 import numpy as np
 
-from segar.engine.layout import Layout, holds
 from segar.entities import Entity
-from segar.errors import SegarError
-from segar.factors import Factor, Floor, Mobile, Order, Position, Size, Visible
-from segar.observations import pixel_kernel
+from segar.factors import Factor, Floor, Shape
+from segar.observations import tint_kernel
+from segar.observations.canvas import LUMA, Channels, canvas_for, check_frame, frame_space
 from segar.observations.colours import COLOURS, FLOOR, Colour, colour_of
+from segar.observations.drawing import Drawing
+from segar.observations.pixel_kernel import DRAWN, column_of
 
 if TYPE_CHECKING:
     from segar.levels import Levels
 
+OUTLINES: tuple[type[Factor], ...] = (*DRAWN, Shape, Floor)
+"""What decides where things are drawn, how large and over what, whatever they look like."""
+
 
 @dataclass(frozen=True)
 class Pixels:
-    """RGB frames, uint8 ``[resolution, resolution, 3]``, seen from above with y pointing up.
+    """Frames, uint8 ``[resolution, resolution, 3]``, of the arena from above with y pointing up, in solid colours.
 
     Tiles form the background: they are painted when an episode starts, and neither their place nor their look changes
     within it. Objects are drawn in every frame where they are, as large as they are, if they are visible; their colour
@@ -32,20 +35,28 @@ class Pixels:
     Args:
         resolution: side of the frame in pixels, a multiple of 4 from 32 to 256.
         colours: entity type to its colour, beside the built-in ones; a type without one takes its nearest ancestor's.
+        grey: whether frames show the luma of the colours alone, one number per pixel.
+        channels: whether the axis of the colours is the "last" or the "first" of a frame.
 
     Raises:
-        SegarError: the resolution is not one of these.
+        SegarError: the resolution or the channels are not one of these.
     """
 
     resolution: int = 64
     colours: Mapping[type[Entity], Colour] = field(default_factory=dict)
+    grey: bool = False
+    channels: Channels = "last"
 
     def __post_init__(self) -> None:
-        if self.resolution % 4 or not 32 <= self.resolution <= 256:  # a frame must be whole 64-bit words
-            raise SegarError(f"Pixels: resolution must be a multiple of 4 from 32 to 256, not {self.resolution!r}")
+        check_frame("Pixels", self.resolution, self.channels)
+
+    def shows(self, factor: type[Factor]) -> bool:
+        """Whether frames may depend on the factor: on what decides outlines, or on what blends a colour."""
+        blending = {c.factor for c in {**COLOURS, **self.colours}.values() if c.factor is not None}
+        return issubclass(factor, (*OUTLINES, *blending))
 
     def bind(self, levels: Levels, num_envs: int) -> BoundPixels:
-        """The observation at work: holds one background per environment (``3 * resolution**2`` bytes each)."""
+        """The observation at work: holds one background per environment, as large as a frame."""
         return BoundPixels(self, levels, num_envs)
 
 
@@ -53,70 +64,35 @@ class BoundPixels:
     """:class:`Pixels` in one environment; see :class:`segar.observations.protocol.BoundObservation`."""
 
     def __init__(self, pixels: Pixels, levels: Levels, num_envs: int) -> None:
-        side = pixels.resolution
-        self.space = gymnasium.spaces.Box(0, 255, (side, side, 3), np.uint8)
+        self.space = frame_space(pixels.resolution, pixels.grey, pixels.channels)
+        canvas = canvas_for(pixels.resolution, pixels.grey, pixels.channels, levels)
+        self._drawing = Drawing(canvas, levels, num_envs, np.array(FLOOR, np.uint8)[None, None, None])
         types = levels.layout.types
-        self._scene = (
+        colours = [colour_of(t, {**COLOURS, **pixels.colours}) for t in types]
+        columns = [
+            column_of(levels.layout, t, c.factor) if c.factor is not None else -1
+            for t, c in zip(types, colours, strict=True)
+        ]
+        tints = [(c.low, c.high or c.low, (*c.span, 0.0)) for c in colours]
+        self._blends = np.full((num_envs, levels.types.shape[1]), np.nan)
+        self._tints = (
             levels.types,
-            levels.shape_kind,
-            levels.vertex_count,
-            levels.vertices,
-            pixel_kernel.edge_lines(levels.vertices, levels.vertex_count),
-            _columns(levels.layout, pixels),
             np.array([Floor in t.declared for t in types]),
-            _tints(levels.layout, pixels),
-            pixel_kernel.disc_spans(side),
+            np.array(columns, np.int64),
+            np.array(tints, np.float64),
+            np.array(LUMA if pixels.grey else (0, 0, 0), np.int64),
+            self._blends,
+            self._drawing.texels,
         )
-        self._floor = np.tile(np.array(FLOOR, np.uint8), side * side).view(np.uint64)
-        self._backgrounds = np.zeros((num_envs, 3 * side * side), np.uint8)
 
     def begin(self, values: np.ndarray, level: np.ndarray, mask: np.ndarray) -> None:
         """Paint the backgrounds of the environments where ``mask`` is true from their states and levels."""
-        pixel_kernel.paint_backgrounds(
-            values,
-            level,
-            mask,
-            *self._scene,
-            self._floor,
-            self._backgrounds.view(np.uint64),
-            self._backgrounds,
-            np.empty(self._scene[0].shape[1], np.int64),
-        )
+        rows = np.flatnonzero(mask)
+        self._blends[rows] = np.nan
+        tint_kernel.tint_things(values, level, rows, True, *self._tints)
+        self._drawing.paint(values, level, rows)
 
     def write(self, values: np.ndarray, level: np.ndarray, out: np.ndarray, rows: np.ndarray) -> None:
         """Draw the frames of environments ``rows`` (int64) into ``out``, uint8 ``[env, *space.shape]``, contiguous."""
-        frames = out.reshape(len(out), -1)
-        pixel_kernel.draw_frames(
-            values,
-            level,
-            rows,
-            *self._scene,
-            self._backgrounds.view(np.uint64),
-            frames.view(np.uint64),
-            frames,
-            np.empty(self._scene[0].shape[1], np.int64),
-        )
-
-
-def _columns(layout: Layout, pixels: Pixels) -> np.ndarray:
-    """Columns that the kernel reads, int64 ``[type, 6]`` in the order of ``pixel_kernel.POSITION`` and so on."""
-    colours = {**COLOURS, **pixels.colours}
-
-    def column(entity: type[Entity], factor: type[Factor] | None) -> int:
-        held = holds(entity, factor) if factor is not None else None
-        return layout.columns[held] if held is not None else -1
-
-    read: tuple[type[Factor], ...] = (Position, Size, Visible, Order, Mobile)
-    return np.array(
-        [[*(column(t, f) for f in read), column(t, colour_of(t, colours).factor)] for t in layout.types], np.int64
-    )
-
-
-def _tints(layout: Layout, pixels: Pixels) -> np.ndarray:
-    """Low colour, high colour and span of each type, float64 ``[type, 3, 3]``."""
-    colours = {**COLOURS, **pixels.colours}
-    tints = np.zeros((len(layout.types), 3, 3))
-    for row, entity in zip(tints, layout.types, strict=True):
-        colour = colour_of(entity, colours)
-        row[0], row[1], row[2, :2] = colour.low, colour.high or colour.low, colour.span
-    return tints
+        tint_kernel.tint_things(values, level, rows, False, *self._tints)
+        self._drawing.draw(values, level, out, rows)

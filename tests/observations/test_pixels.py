@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import pytest
 
-from segar.engine.layout import Layout, Slot
 from segar.entities import (
     Ball,
     Bumper,
     Charger,
     CueBall,
     Damper,
-    FireTile,
-    GlobalFriction,
     GoalTile,
     GolfBall,
     Hole,
@@ -24,114 +19,27 @@ from segar.entities import (
     SandTile,
 )
 from segar.errors import FactorError, SegarError
-from segar.factors import Charge, Floor, Magnetism, Mobile, Order, Position, Size, Visible
+from segar.factors import Charge, Magnetism, Mobile, Order, Position, Size, Visible
 from segar.observations.colours import COLOURS, FLOOR, Colour, colour_of
 from segar.observations.pixels import Pixels
 from segar.observations.protocol import BoundObservation, Observation
-from segar.shapes import CIRCLE, HULL, RandomConvexHull
-
-ANYTHING = (Charger, Magnet, Bumper, Damper, Ball, SandTile, MagmaTile, Hole, FireTile)
-
-
-@dataclass
-class Scene:
-    """The arrays of a level set that a renderer reads."""
-
-    layout: Layout
-    types: np.ndarray
-    shape_kind: np.ndarray
-    vertex_count: np.ndarray
-    vertices: np.ndarray
-    values: np.ndarray
+from tests.observations.plain_renderer import Look, draw_plainly
+from tests.observations.scenes import ANYTHING, Scene, draw, put, scene
 
 
-def scene(*slots: tuple[type, ...], n: int = 1, seed: int = 0, hulls: bool = True) -> Scene:
-    """``n`` random levels with one entity per tuple of types; things may lie anywhere, partly outside the arena."""
-    rng = np.random.default_rng(seed)
-    layout = Layout((*(Slot(f"thing{i}", s) for i, s in enumerate(slots)), Slot("global_friction", (GlobalFriction,))))
-    shape = (n, len(layout.slots))
-    found = Scene(layout, np.full(shape, -1, np.int16), np.zeros(shape, np.int8), np.zeros(shape, np.int16),
-                  np.zeros((*shape, 30, 2)), np.full((*shape, layout.width), np.nan))  # fmt: skip
-    for i, e in np.ndindex(shape):
-        kind = layout.slots[e].types[rng.integers(len(layout.slots[e].types))]
-        found.types[i, e] = layout.types.index(kind)
-        for factor, value in kind.declared.items():
-            if factor.width:
-                column = layout.columns[factor]
-                found.values[i, e, column : column + factor.width] = value
-        if kind is GlobalFriction:
-            continue
-        found.shape_kind[i, e] = HULL if hulls and Floor in kind.declared and kind is not GoalTile else CIRCLE
-        if found.shape_kind[i, e] == HULL:
-            hull = RandomConvexHull(0.3).sample(rng, 1)[0]
-            found.vertices[i, e, : len(hull)], found.vertex_count[i, e] = hull, len(hull)
-        put(found, i, e, Position, rng.uniform(-1.1, 1.1, 2))
-        put(found, i, e, Size, rng.uniform(0.02, 0.5))
-        put(found, i, e, Order, rng.integers(-2, 4))
-        if Mobile in kind.declared:
-            put(found, i, e, Mobile, rng.integers(2))
-    return found
+def solid(scene: Scene, level: int) -> Look:
+    """Every thing in its colour."""
 
-
-def put(scene: Scene, level: int, entity: int, factor: type, value: object) -> None:
-    column = scene.layout.columns[factor]
-    scene.values[level, entity, column : column + factor.width] = value
-
-
-def draw(scene: Scene, pixels: Pixels | None = None) -> np.ndarray:
-    """One frame per level."""
-    pixels = pixels or Pixels()
-    n = len(scene.values)
-    bound = pixels.bind(scene, n)
-    frames = np.zeros((n, *bound.space.shape), np.uint8)
-    bound.begin(scene.values, np.arange(n), np.ones(n, bool))
-    bound.write(scene.values, np.arange(n), frames, np.arange(n))
-    return frames
-
-
-def draw_plainly(scene: Scene, level: int, resolution: int = 64) -> np.ndarray:
-    """The same frame by masks over all pixels."""
-    frame = np.empty((resolution, resolution, 3), np.uint8)
-    frame[:] = FLOOR
-    rows, columns = np.mgrid[:resolution, :resolution]
-    values, layout = scene.values[level], scene.layout
-    read = {f: lambda e, f=f: values[e, layout.columns[f]] for f in layout.factors}
-    things = [e for e in range(len(values)) if layout.types[scene.types[level, e]] is not GlobalFriction]
-    things = sorted((e for e in things if read[Visible](e) > 0), key=lambda e: read[Order](e))
-    is_tile = {e: Floor in layout.types[scene.types[level, e]].declared for e in things}
-    for e in [e for e in reversed(things) if is_tile[e]] + [e for e in things if not is_tile[e]]:
-        x, y = values[e, layout.columns[Position] :][:2]
-        if scene.shape_kind[level, e] == CIRCLE:
-            px = np.rint((x + 1) * resolution / 2)
-            py = resolution - np.rint((y + 1) * resolution / 2)
-            r = np.rint(read[Size](e) / 2 * resolution / 2)
-
-            def within(rows, columns, px=px, py=py, r=r):
-                return (columns - px) ** 2 + (rows - py) ** 2 <= r * (r + 1)
-
-            filled = within(rows, columns)
-            inner = filled.copy()
-            for dy, dx in ((0, 1), (0, -1), (1, 0), (-1, 0)):
-                inner &= within(rows + dy, columns + dx)
-        else:
-            corners = scene.vertices[level, e, : scene.vertex_count[level, e]]
-            edges = np.roll(corners, -1, axis=0) - corners
-            wx, wy = columns / (resolution / 2) - 1.0 - x, (resolution - rows) / (resolution / 2) - 1.0 - y
-            depth = np.min(
-                [(ex * (wy - ay) - ey * (wx - ax)) / np.sqrt(ex * ex + ey * ey)
-                 for (ax, ay), (ex, ey) in zip(corners, edges, strict=True)], axis=0
-            )  # fmt: skip
-            filled, inner = depth >= 0, depth * (resolution / 2) >= 1
-        colour = colour_of(layout.types[scene.types[level, e]])
+    def look(e: int, row: int, column: int) -> np.ndarray:
+        colour = colour_of(scene.layout.types[scene.types[level, e]])
         rgb = np.array(colour.low, float)
         if colour.factor is not None:
             low, high = colour.span
-            rgb += np.clip((read[colour.factor](e) - low) / (high - low), 0, 1) * (np.array(colour.high) - rgb)
-        outlined = is_tile[e] or read[Mobile](e) > 0
-        frame[filled] = 0 if outlined else np.rint(rgb)
-        if outlined:
-            frame[inner] = np.rint(rgb)
-    return frame
+            value = scene.values[level, e, scene.layout.columns[colour.factor]]
+            rgb += np.clip((value - low) / (high - low), 0, 1) * (np.array(colour.high) - rgb)
+        return np.rint(rgb)
+
+    return look
 
 
 @pytest.mark.parametrize("resolution", [32, 64, 100])
@@ -139,7 +47,8 @@ def test_frames_equal_those_of_a_plain_renderer(resolution):
     levels = scene((GolfBall,), (GoalTile,), *[ANYTHING] * 5, n=60, seed=resolution)
     frames = draw(levels, Pixels(resolution=resolution))
     for level in range(60):
-        np.testing.assert_array_equal(frames[level], draw_plainly(levels, level, resolution))
+        plain = draw_plainly(levels, level, solid(levels, level), np.full((resolution, resolution, 3), FLOOR, np.uint8))
+        np.testing.assert_array_equal(frames[level], plain)
 
 
 def test_a_frame_does_not_depend_on_its_batch():
