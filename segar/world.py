@@ -12,7 +12,7 @@ from segar.factors import Velocity
 from segar.rule import Rule, as_rule
 from segar.rules import DEFAULT_RULES, bounce, collide, is_solid, speed_limit
 
-ARENA = 1.0  # [m] distance of the walls from the middle of the arena that distributions and pixels know
+ARENA = 1.0  # [m] distance of the walls from the middle of the arena that distributions know
 
 
 @dataclass(frozen=True, init=False)
@@ -28,8 +28,8 @@ class World:
         on_contact: rules that note a contact: on two bodies that touch, in both orders, or on one body and the ``Wall``
             that it touches. They see the state in which the bodies meet; what they set holds after the exchange.
 
-        walls: distance of the arena's walls from its middle [m]. Level distributions place things in an arena of 1, and
-            pixels show one; in another, levels are made by hand (:meth:`segar.Levels.from_entities`).
+        walls: distance of the arena's walls from its middle [m]. Level distributions place things in an arena of 1;
+            in another, levels are made by hand (:meth:`segar.Levels.from_entities`).
 
     Raises:
         RuleError: a rule cannot be understood, stands in its sequence twice, or does not suit its place.

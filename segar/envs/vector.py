@@ -19,11 +19,12 @@ from segar.errors import ActionError, LevelError, SegarError, did_you_mean
 from segar.factors import Factor
 from segar.observations.pixels import Pixels
 from segar.observations.state import StateVector
+from segar.observations.textured import TexturedPixels
 from segar.rendering.camera import RENDER_MODES, Camera, steps_per_second
 from segar.simulator import Outcome, Simulator, State, run_in_threads
 from segar.tasks.find import task_of
 from segar.tasks.task import Task
-from segar.world import ARENA, World
+from segar.world import World
 
 if TYPE_CHECKING:
     from segar.levels import Levels
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
 
 MAX_BUFFERS = 4  # observation arrays that are kept for use again
 UNSHARED = 3  # reference count of an array that only the list of buffers, the loop and getrefcount hold
-OBSERVATIONS = {"state": StateVector, "rgb": Pixels}
+OBSERVATIONS = {"state": StateVector, "rgb": Pixels, "textures": TexturedPixels}
 
 
 class VectorEnv(gymnasium.vector.VectorEnv):
@@ -49,7 +50,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
     Args:
         levels: the level set.
         num_envs: number of environments.
-        observation: 'state', 'rgb', or an :class:`segar.observations.protocol.Observation`.
+        observation: 'state', 'rgb', 'textures', or an :class:`segar.observations.protocol.Observation`.
         task: the task; the one that the levels name where it is None, and PuttPutt where they name none.
         seed: seeds the draw of levels and the randomness in rules; fresh entropy where it is None.
         num_threads: threads over the batch; results do not depend on it.
@@ -101,11 +102,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
         self.simulator = Simulator(world or world_of(levels), levels.layout, self.task, num_threads)
         observation = make_observation(observation)
-        if isinstance(observation, Pixels) and self.simulator.world.walls != ARENA:
-            raise SegarError(
-                f"pixels show an arena with walls at {ARENA} m; these stand at {self.simulator.world.walls} m"
-            )
-        self.observation = observation.bind(levels, num_envs)
+        self.observation = observation.bind(replace(levels, world=self.simulator.world), num_envs)
         self.single_observation_space = self.observation.space
         self.single_action_space = gymnasium.spaces.Box(
             np.array(self.task.action_low, np.float32), np.array(self.task.action_high, np.float32), dtype=np.float32
@@ -383,7 +380,7 @@ def make_observation(observation: Any) -> Any:
             raise SegarError(f"no observation is called '{observation}'.{did_you_mean(observation, OBSERVATIONS)}")
         return OBSERVATIONS[observation]()
     if not hasattr(observation, "bind"):
-        raise SegarError(f"observation must be 'state', 'rgb' or an object with bind(), not {observation!r}")
+        raise SegarError(f"observation must be 'state', 'rgb', 'textures' or an object with bind(), not {observation!r}")
     return observation
 
 

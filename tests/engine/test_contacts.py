@@ -162,7 +162,7 @@ def test_walls_stand_at_a_distance(walls):
         World(walls=walls)
 
 
-def test_pixels_show_the_usual_arena_only():
-    levels = segar.family("empty-easy").sample(2, seed=0)
-    with pytest.raises(SegarError, match=r"pixels show an arena with walls at 1.0 m; these stand at 2.0 m"):
-        segar.envs.VectorEnv(levels, 2, observation="rgb", world=World(walls=2.0))
+def test_pixels_show_the_arena_from_wall_to_wall():
+    levels = Levels.from_entities([[GolfBall({Position: [1.5, 0.0]}), GoalTile({Position: [-1.5, 0.0]})]])
+    frame, _ = segar.envs.VectorEnv(levels, 1, observation="rgb", world=World(walls=2.0)).reset()
+    assert frame[0, 32, 56].tolist() == [255, 255, 255] and frame[0, 32, 8].tolist() == [0, 0, 255]
