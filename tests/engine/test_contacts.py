@@ -7,7 +7,7 @@ import pytest
 
 import segar
 from segar.entities import Ball, GoalTile, GolfBall
-from segar.errors import RuleError, SegarError
+from segar.errors import RuleError
 from segar.factors import ID, Alive, Charge, Done, Mass, Mobile, Position, Shape, Size, StoredEnergy, Velocity
 from segar.levels import Levels
 from segar.rules import move
