@@ -52,7 +52,7 @@ class TaskConfig:
 
 @dataclass(frozen=True)
 class ObservationConfig:
-    """What the agent sees: ``state``, ``rgb``, or ``module:attribute``."""
+    """What the agent sees: ``state``, ``rgb``, ``textures``, or ``module:attribute``."""
 
     name: str = "state"
     options: Mapping[str, Any] = field(default_factory=dict)  # keyword arguments, where a class or function is named

@@ -9,11 +9,10 @@ from typing import Any
 from experiments.config import LevelsConfig, RunConfig
 from experiments.construct import import_object
 from experiments.errors import ConfigError
+from segar.envs.vector import OBSERVATIONS
 from segar.errors import SegarError, did_you_mean
 from segar.families import family
 from segar.tasks.find import TASKS
-
-OBSERVATIONS = ("state", "rgb")  # what VectorEnv knows by name
 
 
 def make_levels(config: LevelsConfig) -> tuple[Any, Any]:
@@ -52,13 +51,12 @@ def environment_options(config: RunConfig) -> dict[str, Any]:
 
 def _find(name: str, options: Mapping[str, Any], group: str) -> Any:
     """What a name of ``group`` stands for, called with ``options`` where it is a function or class."""
-    if group == "observation" and name in OBSERVATIONS:
-        return name
-    known = TASKS if group == "task" else {}
+    known: Mapping[str, Any] = TASKS if group == "task" else OBSERVATIONS
     if name not in known and ":" not in name:
-        names = [*known, *(OBSERVATIONS if group == "observation" else ())]
-        raise ConfigError(f"{group}.name: no {group} is called '{name}'.{did_you_mean(name, names)}")
-    found = import_object(known.get(name, name), f"{group}.name")
+        raise ConfigError(f"{group}.name: no {group} is called '{name}'.{did_you_mean(name, known)}")
+    found = known.get(name, name)
+    if isinstance(found, str):
+        found = import_object(found, f"{group}.name")
     if not callable(found):
         return found
     known_options = inspect.signature(found).parameters

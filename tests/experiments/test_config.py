@@ -17,6 +17,7 @@ from experiments.worlds import environment_options, make_levels
 from segar.envs import VectorEnv
 from segar.errors import PlacementError
 from segar.families import TASK_LEVELS
+from segar.observations.textured import TexturedPixels
 from segar.tasks.find import TASKS
 
 OWN_MODULE = """
@@ -183,3 +184,12 @@ def command(cwd, *arguments):
         capture_output=True,
         text=True,
     )
+
+
+def test_a_named_observation_takes_options():
+    config = compose(
+        ["observation=textures", "+observation.options.textures=five", "+observation.options.hidden=[Mass]"]
+    )
+    seen = environment_options(config)["observation"]
+    assert isinstance(seen, TexturedPixels) and len(seen.texture_set) == 5
+    assert seen.shows(segar.Charge) and not seen.shows(segar.Mass)
