@@ -32,8 +32,8 @@ class Training:
         floor_contrast: how many times as much it should be between the floor and a thing.
     """
 
-    steps: int = 2000
-    batch: int = 512
+    steps: int = 3000
+    batch: int = 1024
     learning_rate: float = 1e-2
     samples: int = 200_000
     noise_weight: float = 0.5

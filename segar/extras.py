@@ -14,6 +14,7 @@ EXTRAS = {
     "minari": "datasets",
     "h5py": "datasets",
     "pyarrow": "datasets",
+    "safetensors": "filters",
 }
 
 

@@ -1,6 +1,21 @@
 """Textures: patterns that show factors, as sets of models whose differences can be measured."""
 
+from segar.textures.filter_bank import FilterBank
+from segar.textures.filter_textures import filter_textures
 from segar.textures.inputs import BACKGROUND, NOISE, TypeInputs, type_inputs
+from segar.textures.read_out import linear_read_out
+from segar.textures.samples import product_of_marginals
 from segar.textures.texture_set import TextureSet, shipped_sets
 
-__all__ = ["BACKGROUND", "NOISE", "TextureSet", "TypeInputs", "shipped_sets", "type_inputs"]
+__all__ = [
+    "BACKGROUND",
+    "NOISE",
+    "FilterBank",
+    "TextureSet",
+    "TypeInputs",
+    "filter_textures",
+    "linear_read_out",
+    "product_of_marginals",
+    "shipped_sets",
+    "type_inputs",
+]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from segar.entities import (
@@ -19,9 +21,10 @@ from segar.entities import (
     SandTile,
     Tile,
 )
+from segar.errors import SegarError
 from segar.factors import Alive, Charge, Density, Friction, Heat, Magnetism, Mass
-from segar.textures.inputs import BACKGROUND
-from segar.textures.samples import UNIFORM
+from segar.textures.inputs import BACKGROUND, is_noise
+from segar.textures.samples import UNIFORM, Laws
 from segar.textures.texture_set import TextureSet
 
 # Those of 2022, and two by which a goal is told from a hole, and from a tile of the same heat and friction.
@@ -35,8 +38,8 @@ INPUTS = (
 # The feature 0 of these is their default, so that a thing whose mass is hidden looks like one of 1 kg.
 CENTRED = {"Mass": 1.0, "Density": 1.0}
 
-# Each kind of thing, tiles where all are hot and rough, and extremes of the factors.
-LOOKS: tuple[Entity, ...] = (
+# Each kind of thing, and tiles where all are hot and rough.
+KINDS: tuple[Entity, ...] = (
     *(
         GolfBall(),
         GoalTile(),
@@ -50,18 +53,28 @@ LOOKS: tuple[Entity, ...] = (
         FireTile(),
         Hole(),
     ),
-    *(Magnet({Magnetism: 1.0}), Charger({Charge: 2.0})),
+    Magnet({Magnetism: 1.0}),
     *(kind({Heat: 0.7, Friction: 0.7}) for kind in (Tile, GoalTile, Hole)),
+)
+EXTREMES: tuple[Entity, ...] = (
     *(Ball({Mass: 0.3}), Ball({Mass: 3.0}), Ball({Density: 0.0}), Ball({Density: 2.0}), Ball({Alive: False})),
+    Charger({Charge: 2.0}),
 )
 
 
-def units() -> tuple[np.ndarray, np.ndarray]:
-    """Shift and scale of ``INPUTS``, float64 ``[input]``: features are in standard deviations of the uniform marginals."""
-    spreads = [UNIFORM[name].var ** 0.5 if name in UNIFORM else 1.0 for name in INPUTS]
-    return np.array([CENTRED.get(name, 0.0) for name in INPUTS]), 1.0 / np.array(spreads)
+def units(inputs: Sequence[str] = INPUTS, laws: Laws = UNIFORM) -> tuple[np.ndarray, np.ndarray]:
+    """Shift and scale of inputs, float64 ``[input]`` each: a feature is in standard deviations of its law.
+
+    Raises:
+        SegarError: there is no law for an input.
+    """
+    for name in inputs:
+        if name not in laws and name != BACKGROUND and not is_noise(name):
+            raise SegarError(f"no law says how much the input '{name}' varies; known: {', '.join(laws)}")
+    spreads = [float(laws[name].var) ** 0.5 if name in laws else 1.0 for name in inputs]
+    return np.array([CENTRED.get(name, 0.0) for name in inputs]), 1.0 / np.array(spreads)
 
 
-def looks(textures: TextureSet) -> np.ndarray:
-    """Features of the floor and of ``LOOKS`` without noise, float64 ``[1 + looks, input]``."""
-    return np.stack([textures.background(), *(textures.features(textures.values(look)) for look in LOOKS)])
+def looks(textures: TextureSet, things: Sequence[Entity] = KINDS + EXTREMES) -> np.ndarray:
+    """Features of the floor and of things without noise, float64 ``[1 + thing, input]``."""
+    return np.stack([textures.background(), *(textures.features(textures.values(thing)) for thing in things)])

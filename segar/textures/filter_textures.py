@@ -1,0 +1,188 @@
+"""The paper's second renderer: filters of an image network, clustered, one cluster for each factor.
+
+The filters of a bank, each of norm 1, are clustered by k-means into as many clusters as there are inputs. What an input
+looks like is pieced together from the filters of its cluster.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from segar.errors import SegarError
+from segar.textures.filter_bank import FilterBank
+from segar.textures.inputs import BACKGROUND, NOISE, is_noise
+from segar.textures.samples import UNIFORM, Laws
+from segar.textures.standard import INPUTS, units
+from segar.textures.texture_set import TextureSet
+
+KMEANS_ITERATIONS = 50
+KMEANS_STARTS = 20
+CELLS = 2  # the period is so many cells wide
+LARGEST_CELL = 4  # [pixels] so that a period is not larger than the smallest things in a picture of 64 pixels
+# Root mean square of what one standard deviation of an input adds before tanh. More is easier to see, less is easier to
+# read out. The floor is nothing else; what is rare or tells things apart may be strong.
+AMPLITUDE = 0.4
+AMPLITUDES = {BACKGROUND: 1.2, "Charge": 0.6, "Magnetism": 0.6, "StoredEnergy": 0.6, "Consumes": 0.5, "GoalTile": 0.55}
+AMPLITUDES |= {"Alive": 0.25, NOISE: 0.3}
+
+
+def filter_textures(
+    name: str,
+    bank: FilterBank,
+    seeds: Iterable[int] = (0,),
+    *,
+    baseline: FilterClusters | None = None,
+    inputs: Sequence[str] = INPUTS,
+    laws: Laws = UNIFORM,
+) -> TextureSet:
+    """Textures from a bank of filters, a model per seed.
+
+    A seed chooses the start of k-means, which cluster belongs to which input, and which filters stand for a cluster. The
+    clusters of the second and later models are aligned to those of ``baseline``, by default to the first model's.
+
+    Args:
+        inputs, laws: what is shown, and the laws that say how much each varies.
+
+    Raises:
+        SegarError: there are too few filters for the inputs, or no law for one; ``baseline`` has filters of another size.
+    """
+    models, seeds = [], tuple(seeds)
+    for seed in seeds:
+        rng = np.random.default_rng(seed)
+        clusters = cluster_filters(bank, len(inputs), rng)
+        clusters = clusters if baseline is None else aligned(clusters, baseline)
+        baseline = clusters if baseline is None else baseline
+        models.append(filter_weights(filter_patterns(clusters, rng), inputs))
+    origin = {"renderer": "filters", "bank": bank.name, "filters": len(bank), "seeds": list(seeds)}
+    return texture_set(name, models, inputs, laws, **origin)
+
+
+def texture_set(
+    name: str, models: Sequence[np.ndarray], inputs: Sequence[str] = INPUTS, laws: Laws = UNIFORM, **origin: Any
+) -> TextureSet:
+    """The set of models that :func:`filter_weights` made, without bias; ``origin`` tells people how."""
+    weights = np.stack(models)
+    bias = np.zeros((len(weights), *weights.shape[2:]))
+    return TextureSet(name, tuple(inputs), weights, bias, *units(inputs, laws), origin=origin)
+
+
+def filter_weights(patterns: np.ndarray, inputs: Sequence[str] = INPUTS) -> np.ndarray:
+    """Weights of a model whose inputs look like these patterns, float64 ``[input, P, P, 3]`` both."""
+    kinds = [NOISE if is_noise(name) else name for name in inputs]
+    return patterns * np.array([AMPLITUDES.get(kind, AMPLITUDE) for kind in kinds])[:, None, None, None]
+
+
+@dataclass(frozen=True, eq=False)
+class FilterClusters:
+    """A bank dealt into clusters, the first for the first input and so on.
+
+    Attributes:
+        filters: normalised, float64 ``[filter, k, k, 3]``.
+        labels: int64 ``[filter]``, the cluster of each.
+        count: how many clusters.
+    """
+
+    filters: np.ndarray
+    labels: np.ndarray
+    count: int
+
+    def members(self, cluster: int) -> np.ndarray:
+        """The filters of a cluster, float64 ``[filter, k, k, 3]``."""
+        return self.filters[self.labels == cluster]
+
+    def reordered(self, order: Sequence[int] | np.ndarray) -> FilterClusters:
+        """The same clusters, the first of which is now number ``order[0]`` and so on."""
+        place = np.empty(self.count, np.int64)
+        place[np.asarray(order)] = np.arange(self.count)
+        return FilterClusters(self.filters, place[self.labels], self.count)
+
+
+def cluster_filters(bank: FilterBank, count: int, rng: np.random.Generator) -> FilterClusters:
+    """The bank in ``count`` clusters by k-means, the best of some starts; in random order, as clusters have none.
+
+    Raises:
+        SegarError: the bank has fewer filters than clusters, or too many are alike.
+    """
+    from scipy.cluster.vq import ClusterError, kmeans2
+
+    if len(bank) < count:
+        raise SegarError(f"{bank!r} cannot be dealt into {count} clusters; take a larger bank or fewer inputs")
+    filters = bank.normalised()
+    points = filters.reshape(len(filters), -1)
+    best, labels = np.inf, None
+    for _ in range(KMEANS_STARTS):
+        start = points[rng.choice(len(points), count, replace=False)]
+        try:
+            centres, found = kmeans2(points, start, iter=KMEANS_ITERATIONS, minit="matrix", missing="raise")
+        except ClusterError:  # a cluster lost its last member: another start
+            continue
+        inertia = float(((points - centres[found]) ** 2).sum())
+        if inertia < best and len(np.unique(found)) == count:
+            best, labels = inertia, found
+    if labels is None:
+        raise SegarError(f"{bank!r} cannot be dealt into {count} clusters: too many of its filters are alike")
+    return FilterClusters(filters, labels.astype(np.int64), count).reordered(rng.permutation(count))
+
+
+def cluster_costs(a: FilterClusters, b: FilterClusters) -> np.ndarray:
+    """Squared Wasserstein-2 distances between the clusters of a and those of b, as sets of filters, ``[cluster, cluster]``.
+
+    The squared distance of two filters is the mean over their pixels and channels, so that it is 2 for unlike ones.
+
+    Raises:
+        SegarError: filters have different sizes.
+    """
+    from scipy.spatial.distance import cdist
+
+    from segar.metrics.transport import emd
+
+    if a.filters.shape[1:] != b.filters.shape[1:]:
+        raise SegarError(
+            f"filters of {a.filters.shape[1]} pixels cannot be compared with filters of {b.filters.shape[1]} pixels"
+        )
+    per_pixel = a.filters[0].size
+    points_a, points_b = (c.filters.reshape(len(c.filters), -1) for c in (a, b))
+    between = cdist(points_a, points_b, "sqeuclidean") / per_pixel
+    return np.array(
+        [[emd(between[np.ix_(a.labels == i, b.labels == j)]) for j in range(b.count)] for i in range(a.count)]
+    )
+
+
+def aligned(clusters: FilterClusters, baseline: FilterClusters) -> FilterClusters:
+    """The clusters in the order in which they are nearest to those of ``baseline``, by assignment (the Hungarian method).
+
+    Raises:
+        SegarError: there are not as many of them, or filters have different sizes.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    if clusters.count != baseline.count:
+        raise SegarError(f"{clusters.count} clusters cannot be aligned to {baseline.count}")
+    _, order = linear_sum_assignment(cluster_costs(baseline, clusters))
+    return clusters.reordered(order)
+
+
+def filter_patterns(clusters: FilterClusters, rng: np.random.Generator) -> np.ndarray:
+    """What each cluster looks like, float64 ``[cluster, P, P, 3]`` with a root mean square of 1.
+
+    A transposed convolution over 2 x 2 cells, each with a member of the cluster that ``rng`` picks, on a field that
+    repeats. Filters wider than a cell overlap. The patterns are then made orthogonal, changing them as little as possible
+    (Loewdin 1950), so that one factor's can be told from the others'.
+    """
+    size = clusters.filters.shape[1]
+    stride = min(size, LARGEST_CELL)
+    period = CELLS * stride
+    patterns = np.zeros((clusters.count, period, period, 3))
+    reach = np.arange(size)
+    for cluster in range(clusters.count):
+        members = clusters.members(cluster)
+        for cell in range(CELLS**2):
+            rows, columns = (reach + stride * (cell // CELLS)) % period, (reach + stride * (cell % CELLS)) % period
+            np.add.at(patterns[cluster], np.ix_(rows, columns), members[rng.integers(len(members))])
+    patterns /= np.sqrt((patterns**2).mean(axis=(1, 2, 3), keepdims=True))
+    left, _, right = np.linalg.svd(patterns.reshape(clusters.count, -1), full_matrices=False)
+    return (left @ right).reshape(patterns.shape) * np.sqrt(patterns[0].size)
