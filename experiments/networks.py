@@ -75,16 +75,16 @@ class MLP(nn.Module):
 
 
 class Impala(nn.Module):
-    """Pixels uint8 [n, height, width, 3] -> representation [n, 256]: IMPALA's residual CNN, channels 16, 32, 32.
+    """Pixels uint8 [n, height, width, depth] -> representation [n, 256]: IMPALA's residual CNN, channels 16, 32, 32.
 
     Each block: 3x3 convolution, 3x3 max-pool of stride 2, two residual units (Espeholt et al. 2018).
     """
 
     width = 256
 
-    def __init__(self, height: int, width: int, channels: tuple[int, ...] = (16, 32, 32)) -> None:
+    def __init__(self, height: int, width: int, depth: int = 3, channels: tuple[int, ...] = (16, 32, 32)) -> None:
         super().__init__()
-        sizes = (3, *channels)
+        sizes = (depth, *channels)
         self.blocks = nn.Sequential(*(_ImpalaBlock(a, b) for a, b in pairwise(sizes)))
         for _ in channels:
             height, width = (height + 1) // 2, (width + 1) // 2
@@ -146,7 +146,7 @@ def make_encoder(config: PPOConfig, observation_shape: tuple[int, ...]) -> MLP |
             f"algorithm.encoder: '{config.encoder}' cannot read observations of shape {observation_shape}; {fix}"
         )
     if fitting == "impala":
-        return Impala(observation_shape[0], observation_shape[1])
+        return Impala(*observation_shape)
     return MLP(observation_shape[0], config.widths)
 
 

@@ -6,6 +6,7 @@ import subprocess
 import sys
 
 import pytest
+import torch
 
 import segar
 from experiments.config import PPOConfig, RunConfig, as_data, run_config
@@ -121,6 +122,12 @@ def test_levels_that_cannot_be_placed_are_told(own_module):
 def test_an_encoder_that_cannot_read_the_observation_is_refused(encoder, shape):
     with pytest.raises(ConfigError, match=rf"algorithm.encoder: '{encoder}' cannot read"):
         make_encoder(PPOConfig(encoder=encoder), shape)
+
+
+@pytest.mark.parametrize("depth", [1, 3, 12])
+def test_the_pixel_encoder_reads_frames_of_any_depth(depth):
+    encoder = make_encoder(PPOConfig(), (64, 64, depth))
+    assert encoder(torch.zeros((2, 64, 64, depth), dtype=torch.uint8)).shape == (2, encoder.width)
 
 
 @pytest.mark.parametrize("family", segar.families())
