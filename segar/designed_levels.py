@@ -11,6 +11,7 @@ from typing import Literal
 
 import numpy as np
 
+from segar.arguments import require_distribution, require_levels
 from segar.content import content_hash
 from segar.distribution import LevelDistribution
 from segar.errors import LevelError, did_you_mean
@@ -70,9 +71,11 @@ def design(
 
     Raises:
         LevelError: an option is missing, of the wrong kind, or another kind's; there are not enough levels of one sort in
-            the pool; or the target is out of reach, and the message names the range that was reached.
+            the pool; the nuisance factors do not vary; or the target is out of reach, and the message names the range
+            that was reached.
         PlacementError: as for ``dist.sample``.
     """
+    require_distribution("design", dist)
     _check_kind(kind, nuisance, test, target, tolerance)
     if isinstance(n, bool) or not isinstance(n, (int, np.integer)) or n < 1:
         raise LevelError(f"design: the number of levels must be a whole number above 0, not {n!r}")
@@ -104,12 +107,16 @@ def _check_kind(
         raise LevelError(f"design: unknown kind '{kind}'.{did_you_mean(str(kind), KINDS)}")
     if (kind == "nuisance_only") != bool(nuisance):
         raise LevelError("design: kind='nuisance_only' needs nuisance=[factors], and no other kind takes it")
-    if any(not (isinstance(f, type) and issubclass(f, Factor) and f.width) for f in nuisance):
+    if isinstance(nuisance, (str, type)) or any(
+        not (isinstance(f, type) and issubclass(f, Factor) and f.width) for f in nuisance
+    ):
         raise LevelError(f"design: nuisance must be factors that are numbers, such as [Order, Mass], not {nuisance!r}")
     if (kind == "target") != (test is not None and target is not None) or (
         kind != "target" and (test, target, tolerance) != (None,) * 3
     ):
         raise LevelError("design: kind='target' needs test=levels and target=distance, and no other kind takes them")
+    if test is not None:
+        require_levels("design", test)
     if target is not None and not (0 < target < np.inf and (tolerance is None or 0 < tolerance < np.inf)):
         raise LevelError(f"design: target and tolerance must be positive numbers, not {target!r} and {tolerance!r}")
 
@@ -145,13 +152,16 @@ def _nuisance_only(levels: Levels, place: int, n: int, nuisance: Sequence[type[F
             f" {n} are needed. Take a larger pool, or another seed"
         )
     varied, made = levels[lenders[:n]], one[[0] * n]
-    values, sampled = made.values.copy(), made.sampled_values.copy()
+    columns: list[int] = []
     for factor in nuisance:
         if factor not in levels.layout.columns:
             raise LevelError(f"design: no entity of {levels.distribution} has the nuisance factor {factor.__name__}")
-        columns = slice(levels.layout.columns[factor], levels.layout.columns[factor] + factor.width)
-        values[..., columns], sampled[..., columns] = varied.values[..., columns], varied.sampled_values[..., columns]
+        columns += range(levels.layout.columns[factor], levels.layout.columns[factor] + factor.width)
     names = ", ".join(factor.__name__ for factor in nuisance)
+    if n > 1 and not _differ(varied.sampled_values[..., columns]):
+        raise LevelError(f"design: {names} is the same in the {n} levels that would lend it: nothing would vary")
+    values, sampled = made.values.copy(), made.sampled_values.copy()
+    values[..., columns], sampled[..., columns] = varied.values[..., columns], varied.sampled_values[..., columns]
     origin = levels.provenance
     provenance = dataclasses.replace(
         origin,
@@ -161,6 +171,11 @@ def _nuisance_only(levels: Levels, place: int, n: int, nuisance: Sequence[type[F
     )
     made = dataclasses.replace(made, values=values, sampled_values=sampled, provenance=provenance)
     return made.without_overlaps() if {Position, Size} & set(nuisance) else made
+
+
+def _differ(values: np.ndarray) -> bool:
+    """Whether levels differ in some value, float64 ``[levels, entities, columns]``, nan where there is none."""
+    return not np.array_equal(values, np.broadcast_to(values[:1], values.shape), equal_nan=True)
 
 
 def _at_target(

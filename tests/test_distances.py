@@ -305,14 +305,14 @@ def test_tests_repeat_and_work_on_levels_with_all_kinds_of_entities():
         (lambda a: w2_unbalanced(a, a, reach=1.0, divergence="lk"), "unknown divergence 'lk'. Did you mean 'kl'"),
         (lambda a: w2_partial(a, a, mass=1.5), "mass must lie in"),
         (lambda a: w2_sliced(a, a, rng=rng(), projections=1), "at least 2 projections, not 1"),
-        (lambda a: w2_sliced(a, "b", rng=rng()), "w2_sliced compares two level sets"),
+        (lambda a: w2_sliced(a, "b", rng=rng()), "w2_sliced takes level sets"),
         (lambda a: w2_entropic(a, a, regularisation=-1.0), "regularisation must be a positive number"),
         (lambda a: w2_entropic(a, a, "exat"), "w2_entropic: unknown mode 'exat'"),
         (lambda a: energy_test(a, a, rng=rng(), resamples=3), "at least 19 resamples, not 3"),
         (lambda a: mmd_test(a, a, rng=rng(), bandwidth=0.0), "bandwidth must be a positive number"),
         (lambda a: classifier_test(a, a, rng=rng()), "at least 8 levels in each set"),
         (lambda a: w2_debiased(a, a, rng=rng(), repeats=1), "at least 2 repeats"),
-        (lambda a: decompose(a, None), "decompose compares two level sets"),
+        (lambda a: decompose(a, None), "decompose takes level sets"),
     ],
 )
 def test_wrong_options_are_named(call, message):

@@ -133,7 +133,7 @@ def test_equal_levels_have_no_entropy():
         (lambda a: sample_entropy(a), "occurs more than 3 times among these 3"),
         (lambda a: effective_number(a, order=-1.0), "order must be a finite number of at least 0"),
         (lambda a: coverage(a, a.distribution), "coverage of a distribution draws levels"),
-        (lambda a: coverage(a, "b"), "coverage of a distribution draws levels"),
+        (lambda a: coverage(a, "b", rng=rng()), "coverage needs a level distribution .* not a str"),
         (lambda a: representativeness(a, a.distribution, rng=rng(), resamples=5), "at least 19 resamples, not 5"),
     ],
 )

@@ -272,7 +272,7 @@ def test_distances_ask_for_level_sets():
     law = segar.family("empty-easy")
     levels = law.sample(2, seed=0, split="train")
     with pytest.raises(
-        LevelError, match=r"w2 compares two level sets .segar.Levels.; a LevelDistribution is not supported"
+        LevelError, match=r"w2 takes level sets .segar.Levels.; a LevelDistribution is not supported"
     ):
         w2(levels, law)
     with pytest.raises(LevelError, match="at least 2 resamples, not 1"):

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from segar.arguments import require_generator
 from segar.engine.layout import Layout
 from segar.errors import SegarError
 from segar.hardness.rollouts import Starts, make_starts, play, scripted, trace, uniform_actions
@@ -95,6 +96,7 @@ def influence(
     Raises:
         SegarError: horizon, plays or nudge make no sense.
     """
+    require_generator("influence", rng)
     starts = make_starts(levels, task, seed)
     if not 1 <= horizon <= starts.task.max_steps or plays < 1 or not 0 < nudge <= 1:
         raise SegarError(

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from segar.archives import ArchiveFormat
+from segar.arguments import require_generator
 from segar.envs.vector import VectorEnv
 from segar.errors import SegarError
 from segar.hardness.rollouts import Episodes, Player, Starts, make_starts, open_loop, play, scripted
@@ -107,6 +108,7 @@ def plan(
     Raises:
         SegarError: samples or iterations are too few, or the levels do not fit the task.
     """
+    require_generator("plan", rng)
     if samples < 8 or iterations < 1:
         raise SegarError(
             f"the search needs at least 8 samples and 1 iteration, not {samples} samples and {iterations} iterations"

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from segar.arguments import require_generator
 from segar.errors import SegarError
 from segar.hardness.planner import BATCH, Plan, plan, scripted_episodes
 from segar.hardness.rollouts import Episodes, Starts, make_starts, play, uniform_actions
@@ -102,6 +103,7 @@ def hardness(
     Raises:
         SegarError: plays, samples or iterations are too few, or the levels do not fit the task.
     """
+    require_generator("hardness", rng)
     if plays < 1:
         raise SegarError(f"hardness needs at least 1 random play per level, not {plays}")
     starts = make_starts(levels, task, seed, num_threads)

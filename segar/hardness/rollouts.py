@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from segar.arguments import require_levels
 from segar.envs.factors_view import Factors
 from segar.envs.vector import VectorEnv
 from segar.errors import SegarError
@@ -68,6 +69,9 @@ def make_starts(levels: Levels, task: Task | None = None, seed: int = 0, num_thr
     Raises:
         SegarError: there are no levels, or they do not fit the task.
     """
+    require_levels("hardness", levels)
+    if task is not None and not isinstance(task, Task):
+        raise SegarError(f"hardness: task must be a segar.Task such as segar.puttputt(), not {task!r}")
     env = VectorEnv(levels, max(len(levels), 1), task=task, seed=seed, num_threads=num_threads)
     env.reset(options={"levels": np.arange(len(levels))})
     return Starts(levels, env.task, env.simulator, env.state().state, seed)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from segar.arguments import require_factors, require_generator, require_levels
 from segar.errors import LevelError, SegarError
 from segar.factors import Factor, Position
 from segar.hardness.planner import Plan
@@ -42,6 +43,9 @@ def dynamics_distances(
         LevelError: the two sets have different layouts, or lack one of the factors.
         SegarError: sequences or horizon make no sense.
     """
+    require_levels("dynamics_distances", a, b)
+    require_generator("dynamics_distances", rng)
+    require_factors("dynamics_distances", factors, a, b)
     if a.layout != b.layout:
         raise LevelError("dynamics_distances: these level sets have different entities; compare sets of one layout")
     columns = []
@@ -92,6 +96,9 @@ def policy_similarity_of_states(
         SegarError: as :func:`policy_similarity`.
     """
     _check(a, b, gamma)
+    for side, plan, k in (("i", a, i), ("j", b, j)):
+        if not -len(plan.steps) <= k < len(plan.steps):
+            raise SegarError(f"policy_similarity_of_states: {side} is {k}, and there are {len(plan.steps)} levels")
     x, y = (plan.actions[k, : plan.steps[k]] for plan, k in ((a, i), (b, j)))
     nothing = np.zeros((1, x.shape[1]), np.float32)
     cost = _apart(np.concatenate([x, nothing]), np.concatenate([y, nothing]))
@@ -123,6 +130,11 @@ def _apart(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def _check(a: Plan | Episodes, b: Plan | Episodes, gamma: float) -> None:
+    for one in (a, b):
+        if not isinstance(one, (Plan, Episodes)):
+            raise SegarError(
+                f"policy_similarity compares plans, or episodes of a script; a {type(one).__name__} is neither"
+            )
     if not 0 <= gamma < 1:
         raise SegarError(f"gamma must be at least 0 and less than 1, not {gamma}")
     if a.actions.shape[-1] != b.actions.shape[-1]:

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from segar.arguments import require_distribution, require_generator, require_levels
 from segar.errors import LevelError
 from segar.factors import Factor
 from segar.levels import Levels
-from segar.metrics.points import Spread, require_levels, spread
+from segar.metrics.points import Spread, spread
 from segar.metrics.transport import emd
 from segar.metrics.wasserstein import Mode, cost_function
 
@@ -75,6 +76,8 @@ def same_distribution_floor(
     Raises:
         LevelError: as :func:`segar.metrics.w2`, or too few repeats.
     """
+    require_distribution("same_distribution_floor", law)
+    require_generator("same_distribution_floor", rng)
     return _floor(_distances((law, n), (law, m), mode, rng, repeats, mismatch, scale, factors))
 
 
@@ -99,6 +102,7 @@ def w2_debiased(
         LevelError: as :func:`segar.metrics.w2`; or levels do not know their distribution, as those from files.
     """
     require_levels("w2_debiased", a, b)
+    require_generator("w2_debiased", rng)
     for levels in (a, b):
         if levels.distribution is None:
             raise LevelError(

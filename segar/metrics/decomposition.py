@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from segar.arguments import require_factors, require_levels, require_units
 from segar.factors import Factor
 from segar.levels import Levels
 from segar.metrics.points import (
     PointSets,
     Spread,
     entity_types,
-    require_levels,
     scaled_parameters,
     scaled_state,
     spread,
@@ -75,6 +75,8 @@ def decompose(
     Arguments and errors are those of :func:`segar.metrics.w2`.
     """
     require_levels("decompose", a, b)
+    require_factors("decompose", factors, a, b)
+    require_units("decompose", scale)
     types = entity_types(a, b)
     unit = spread(a, b) if scale is None else scale
     costs = exact_costs(a, b, types, unit, mismatch, factors)

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from segar.arguments import require_factors
 from segar.entities import Entity
 from segar.errors import LevelError
 from segar.factors import Factor
@@ -154,6 +155,7 @@ def factor_marginals(what: str, a: Any, b: Any, factors: Sequence[type[Factor]] 
     Of a sample against a sample, the states that episodes start in count; against a law, states as drawn.
     """
     sides = [_Side(what, one, as_drawn=not (isinstance(a, Levels) and isinstance(b, Levels))) for one in (a, b)]
+    require_factors(what, factors, a, b)
     types = list(dict.fromkeys(t for side in sides for t in side.types()))
     found = []
     for entity in types:

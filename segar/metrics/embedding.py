@@ -6,13 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from segar.arguments import require_factors, require_levels, require_units
 from segar.factors import Factor
 from segar.levels import Levels
 from segar.metrics.points import (
     PointSets,
     Spread,
     entity_types,
-    require_levels,
     scaled_parameters,
     scaled_state,
     spread,
@@ -51,6 +51,8 @@ def embed(
         LevelError: one of the sets is not a level set.
     """
     require_levels("embed", *sets)
+    require_factors("embed", factors, *sets)
+    require_units("embed", scale)
     unit = spread(*sets) if scale is None else scale
     columns: list[list[np.ndarray]] = [[] for _ in sets]
     for entity in entity_types(*sets):

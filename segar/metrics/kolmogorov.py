@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from segar.arguments import require_generator
 from segar.errors import LevelError
 from segar.factors import Factor
 from segar.levels import Levels
@@ -125,6 +126,7 @@ def ks_report(
     Raises:
         LevelError: as :func:`ks`; or both are distributions, whose distance has no error to report.
     """
+    require_generator("ks_report", rng)
     if resamples < 19 or not 0 < confidence < 1:
         raise LevelError(
             f"ks_report needs at least 19 resamples, not {resamples}, and a confidence between 0 and 1, not {confidence}"
@@ -150,7 +152,12 @@ def dkw_band(n: int, confidence: float = 0.95) -> float:
     """Half width of the band around an empirical distribution function that contains the true one at all x at once.
 
     sqrt(ln(2 / (1 - confidence)) / 2n), for n independent values of any law (Massart 1990).
+
+    Raises:
+        LevelError: n is below 1, or the confidence outside (0, 1).
     """
+    if not (n >= 1 and 0 < confidence < 1):
+        raise LevelError(f"dkw_band needs at least 1 value and a confidence between 0 and 1, not {n} and {confidence}")
     return float(np.sqrt(np.log(2 / (1 - confidence)) / (2 * n)))
 
 

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from segar.arguments import require_generator, require_levels
 from segar.errors import LevelError, SegarError
 from segar.factors import Factor
 from segar.levels import Levels
 from segar.metrics.embedding import embed, frames
-from segar.metrics.points import Spread, require_levels
+from segar.metrics.points import Spread
 from segar.metrics.wasserstein import MISMATCH, Mode, cost_function
 from segar.pot import pot
 
@@ -71,6 +72,7 @@ def w2_sliced(
     Source: Bonneel et al. 2015.
     """
     require_levels("w2_sliced", a, b)
+    require_generator("w2_sliced", rng)
     if projections < 2:
         raise LevelError(f"w2_sliced needs at least 2 projections, not {projections}")
     x, y = embed(a, b, scale=scale, mismatch=mismatch, factors=factors)

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from segar.arguments import require_distribution
 from segar.entities import Entity, GlobalFriction
-from segar.errors import LevelError
 from segar.factors import Acceleration, Alive, Density, Done, Drag, Factor, Order, Size, Visible
 from segar.levels import Levels
 from segar.parameters import Parameter
@@ -45,16 +45,6 @@ class PointSets:
         levels = np.flatnonzero(self.counts == count)
         first = np.concatenate(([0], np.cumsum(self.counts)))[levels]
         return levels, self.points[first[:, None] + np.arange(count)]
-
-
-def require_levels(what: str, *sets: object) -> None:
-    """Raise :class:`LevelError` in the name of the function ``what`` unless all are level sets."""
-    for levels in sets:
-        if not isinstance(levels, Levels):
-            raise LevelError(
-                f"{what} compares two level sets (segar.Levels); a {type(levels).__name__} is not supported. A"
-                " distribution can be compared through levels drawn from it: distribution.sample(n, seed=0, split='test')"
-            )
 
 
 def entity_types(*sets: Levels) -> list[type[Entity]]:
@@ -162,6 +152,8 @@ def spread(*sets: Levels | LevelDistribution) -> Spread:
     """
     moments = []
     for one in sets:
+        if not isinstance(one, Levels):
+            require_distribution("spread", one)
         # A type too rare for the law's sample is measured on the levels themselves.
         moments.append({**_moments(one), **law_moments(one)} if isinstance(one, Levels) else _moments_of(one))
     found: Spread = {}

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from segar.arguments import require_distribution, require_factors, require_generator, require_levels, require_units
 from segar.errors import LevelError
 from segar.factors import Factor
 from segar.levels import Levels
 from segar.metrics.kolmogorov import FactorKS, ks_report
-from segar.metrics.points import Spread, entity_types, require_levels, spread
+from segar.metrics.points import Spread, entity_types, spread
 from segar.metrics.transport import emd
 from segar.metrics.wasserstein import MISMATCH, exact_costs
 
@@ -77,6 +78,8 @@ def representativeness(
     Raises:
         LevelError: as :func:`segar.metrics.ks_report`.
     """
+    require_levels("representativeness", levels)
+    require_distribution("representativeness", law)
     report = ks_report(levels, law, rng=rng, resamples=resamples, factors=factors)
     n = len(levels)
     stand_in = law.sample(LAW_SAMPLE, seed=int(rng.integers(2**62)), split=LAW_SPLIT)
@@ -117,10 +120,14 @@ def coverage(
         LevelError: not a level set, or a distribution without ``rng``.
     """
     if not isinstance(of, Levels):
-        if rng is None or not hasattr(of, "sample"):
+        if rng is None:
             raise LevelError("coverage of a distribution draws levels from it: coverage(levels, distribution, rng=...)")
+        require_distribution("coverage", of)
+        require_generator("coverage", rng)
         of = of.sample(sample, seed=int(rng.integers(2**62)), split=LAW_SPLIT)
     require_levels("coverage", levels, of)
+    require_factors("coverage", factors, levels, of)
+    require_units("coverage", scale)
     unit = spread(levels, of) if scale is None else scale
     costs = exact_costs(of, levels, entity_types(of, levels), unit, mismatch, factors)
     nearest = np.sqrt(costs.min(axis=1))
@@ -149,6 +156,8 @@ def effective_number(
         LevelError: not a level set, or a negative order.
     """
     require_levels("effective_number", levels)
+    require_factors("effective_number", factors, levels)
+    require_units("effective_number", scale)
     if not 0 <= order < np.inf:
         raise LevelError(f"effective_number: the order must be a finite number of at least 0, not {order!r}")
     unit = spread(levels) if scale is None else scale

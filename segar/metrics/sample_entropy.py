@@ -8,11 +8,12 @@ from typing import Literal
 
 import numpy as np
 
+from segar.arguments import require_factors, require_levels
 from segar.entities import GlobalFriction
 from segar.errors import LevelError, did_you_mean
 from segar.factors import Factor
 from segar.levels import Levels
-from segar.metrics.points import relevant_factors, require_levels
+from segar.metrics.points import relevant_factors
 
 NEIGHBOUR = 3  # k of the nearest-neighbour estimate: low bias, and a variance near that of larger k
 FEWEST = 10  # values from which the density of one factor is estimated
@@ -62,6 +63,7 @@ def sample_entropy(
         LevelError: not a level set, an unknown method, or no kind of level (``joint``) that occurs often enough.
     """
     require_levels("sample_entropy", levels)
+    require_factors("sample_entropy", factors, levels)
     if method not in ("joint", "mean_field"):
         raise LevelError(
             f"sample_entropy: unknown method '{method}'.{did_you_mean(str(method), ('joint', 'mean_field'))}"

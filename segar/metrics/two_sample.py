@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from segar.arguments import require_generator, require_levels
 from segar.errors import LevelError
 from segar.factors import Factor
 from segar.levels import Levels
 from segar.metrics.embedding import embed
-from segar.metrics.points import Spread, require_levels
+from segar.metrics.points import Spread
 
 FEATURES = 200  # random Fourier features of the classifier
 RIDGE = 1e-2  # weight of the squared coefficients against the mean loss
@@ -56,7 +57,7 @@ def energy_test(
     Raises:
         LevelError: not two level sets.
     """
-    vectors = _pooled("energy_test", a, b, scale, factors)
+    vectors = _pooled("energy_test", a, b, rng, scale, factors)
     return _permutation_test("energy", -_distances(vectors), len(a), rng, resamples)
 
 
@@ -75,7 +76,7 @@ def mmd_test(
     k(x, y) = exp(-|x - y|^2 / 2 h^2) on levels as vectors (Gretton et al. 2012, biased estimate); ``bandwidth`` h is the
     median distance of all levels by default. Other arguments and errors are those of :func:`energy_test`.
     """
-    distances = _distances(_pooled("mmd_test", a, b, scale, factors))
+    distances = _distances(_pooled("mmd_test", a, b, rng, scale, factors))
     h = _median(distances) if bandwidth is None else bandwidth
     if not 0 < h < np.inf:
         raise LevelError(f"mmd_test: the bandwidth must be a positive number, not {bandwidth!r}")
@@ -102,7 +103,7 @@ def classifier_test(
     """
     from scipy import stats
 
-    vectors = _pooled("classifier_test", a, b, scale, factors)
+    vectors = _pooled("classifier_test", a, b, rng, scale, factors)
     if min(len(a), len(b)) < FEWEST:
         raise LevelError(f"classifier_test needs at least {FEWEST} levels in each set, not {len(a)} and {len(b)}")
     learn = np.zeros(len(vectors), dtype=bool)
@@ -119,9 +120,15 @@ def classifier_test(
 
 
 def _pooled(
-    what: str, a: Levels, b: Levels, scale: Spread | None, factors: Sequence[type[Factor]] | None
+    what: str,
+    a: Levels,
+    b: Levels,
+    rng: np.random.Generator,
+    scale: Spread | None,
+    factors: Sequence[type[Factor]] | None,
 ) -> np.ndarray:
     require_levels(what, a, b)
+    require_generator(what, rng)
     return np.concatenate(embed(a, b, scale=scale, factors=factors))
 
 

@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 
+from segar.arguments import require_factors, require_generator, require_levels, require_units
 from segar.entities import Entity
 from segar.errors import LevelError, did_you_mean
 from segar.factors import (
@@ -37,7 +38,6 @@ from segar.metrics.points import (
     Spread,
     entity_types,
     gather,
-    require_levels,
     scaled_parameters,
     scaled_state,
     spread,
@@ -146,6 +146,7 @@ def w2_report(
 
     Arguments and errors are those of :func:`w2`; ``resamples`` (at least 2) counts both bootstrap draws and random deals.
     """
+    require_generator("w2_report", rng)
     if resamples < 2:
         raise LevelError(f"w2_report needs at least 2 resamples, not {resamples}")
     cost = cost_function("w2_report", a, b, mode, mismatch, scale, factors)
@@ -192,6 +193,8 @@ def cost_function(
         raise LevelError(f"{what}: unknown mode '{mode}'.{did_you_mean(str(mode), ('exact', 'reference', 'paper'))}")
     if mode != "exact" and (scale is not None or factors is not None):
         raise LevelError(f"{what}: mode='{mode}' takes neither scale nor factors; they belong to mode='exact'")
+    require_factors(what, factors, a, b)
+    require_units(what, scale)
     if mismatch is None:
         mismatch = MISMATCH if mode == "exact" else REFERENCE_MISMATCH
     if not 0 <= mismatch < np.inf:

@@ -93,5 +93,7 @@ def test_discounts_and_actions_that_make_no_sense_are_refused():
     plan = played([[0.5, 0.0]])
     with pytest.raises(SegarError, match="gamma must be at least 0 and less than 1, not 1"):
         policy_similarity(plan, plan, gamma=1)
+    with pytest.raises(SegarError, match="j is 1, and there are 1 levels"):
+        policy_similarity_of_states(plan, plan, 0, 1)
     with pytest.raises(SegarError, match="actions of 2 and of 1 numbers"):
         policy_similarity(plan, dataclasses.replace(plan, actions=plan.actions[..., :1]))

@@ -1,0 +1,101 @@
+"""What is not a level set, a distribution, a generator, a list of factors or units is refused in the measure's name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import segar
+from segar import Mass, Position, SegarError, hardness, metrics
+
+RNG = np.random.default_rng(0)
+
+MEASURES: dict[str, Callable[..., Any]] = {
+    "w2": lambda a, **options: metrics.w2(a, a, **options),
+    "decompose": lambda a, **options: metrics.decompose(a, a, **options),
+    "embed": lambda a, **options: metrics.embed(a, a, **options),
+    "ks": lambda a, **options: metrics.ks(a, a, **options),
+    "coverage": lambda a, **options: metrics.coverage(a, a, **options),
+    "effective_number": lambda a, **options: metrics.effective_number(a, **options),
+    "sample_entropy": lambda a, **options: metrics.sample_entropy(a, "mean_field", **options),
+}
+DRAWING: dict[str, Callable[..., Any]] = {
+    "w2_report": lambda a, rng: metrics.w2_report(a, a, rng=rng),
+    "w2_debiased": lambda a, rng: metrics.w2_debiased(a, a, rng=rng),
+    "same_distribution_floor": lambda a, rng: metrics.same_distribution_floor(a.distribution, 2, 2, rng=rng),
+    "w2_sliced": lambda a, rng: metrics.w2_sliced(a, a, rng=rng),
+    "ks_report": lambda a, rng: metrics.ks_report(a, a, rng=rng),
+    "energy_test": lambda a, rng: metrics.energy_test(a, a, rng=rng),
+    "mmd_test": lambda a, rng: metrics.mmd_test(a, a, rng=rng),
+    "classifier_test": lambda a, rng: metrics.classifier_test(a, a, rng=rng),
+    "coverage": lambda a, rng: metrics.coverage(a, a.distribution, rng=rng),
+    "hardness": lambda a, rng: hardness.hardness(a, rng=rng),
+    "plan": lambda a, rng: hardness.plan(a, rng=rng),
+    "influence": lambda a, rng: hardness.influence(a, rng=rng),
+    "dynamics_distances": lambda a, rng: hardness.dynamics_distances(a, a, rng=rng),
+}
+
+
+def levels() -> segar.Levels:
+    return segar.family("empty-hard").sample(10, seed=0)
+
+
+@pytest.mark.parametrize("name", MEASURES)
+@pytest.mark.parametrize(
+    ("factors", "message"),
+    [
+        (Position, r"factors must be a list of factor classes such as \[Position\], not <class"),
+        (["Position"], "factors are classes such as segar.Position, not 'Position'"),
+        ([segar.Vector], "no entity here has the factor Vector. Known: .*Mass"),
+    ],
+)
+def test_factors_that_are_no_list_of_factors_are_refused_in_the_name_of_the_measure(name, factors, message):
+    with pytest.raises(SegarError, match=f"{name}: {message}"):
+        MEASURES[name](levels(), factors=factors)
+
+
+@pytest.mark.parametrize("name", ["w2", "decompose", "embed", "coverage", "effective_number"])
+def test_a_number_is_no_unit_of_each_factor(name):
+    with pytest.raises(SegarError, match=rf"{name}: scale must map .* as segar.metrics.spread\(a, b\) does, not 2.0"):
+        MEASURES[name](levels(), scale=2.0)
+
+
+@pytest.mark.parametrize("name", DRAWING)
+def test_a_seed_is_no_generator(name):
+    with pytest.raises(SegarError, match=rf"{name}: rng must be a generator such as np.random.default_rng\(0\), not 0"):
+        DRAWING[name](levels(), 0)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (
+            lambda a: metrics.same_distribution_floor(a, 2, 2, rng=RNG),
+            "same_distribution_floor needs a level distribution",
+        ),
+        (lambda a: metrics.representativeness(a, a, rng=RNG), "representativeness needs a level distribution"),
+        (lambda a: metrics.representativeness(a.distribution, a, rng=RNG), "representativeness takes level sets"),
+        (lambda a: metrics.spread(a, 3), "spread needs a level distribution .* not a int"),
+        (lambda a: metrics.dkw_band(0), "at least 1 value and a confidence between 0 and 1, not 0 and 0.95"),
+        (lambda a: metrics.dkw_band(10, 95), "not 10 and 95"),
+        (lambda a: segar.design(a, 5), "design needs a level distribution"),
+        (
+            lambda a: segar.design(a.distribution, 5, "target", test=a.distribution, target=1.0),
+            "design takes level sets",
+        ),
+        (lambda a: segar.design(a.distribution, 5, "nuisance_only", nuisance=Mass), "nuisance must be factors"),
+        (
+            lambda a: segar.design(a.distribution, 5, "nuisance_only", nuisance=[Mass]),
+            "Mass is the same in the 5 levels",
+        ),
+        (lambda a: hardness.plan("levels.npz", rng=RNG), "hardness takes level sets .* a str is not supported"),
+        (lambda a: hardness.plan(a, "puttputt", rng=RNG), r"such as segar.puttputt\(\), not 'puttputt'"),
+        (lambda a: hardness.policy_similarity(a, a), "a Levels is neither"),
+    ],
+)
+def test_what_is_of_the_wrong_kind_is_named(call, message):
+    with pytest.raises(SegarError, match=message):
+        call(levels())
