@@ -32,7 +32,7 @@ GRID = 512  # steps of probability at which the curve of two laws is taken
 ROUNDING = 1e-12  # that two computations of one probability may differ by
 
 Curve = tuple[np.ndarray, np.ndarray]
-"""F and G at the same points, each float64 ``[points]``, beginning anywhere and ending in (1, 1)."""
+"""F and G at the same points in ascending order, each float64 ``[points]``, beginning anywhere and ending in (1, 1)."""
 
 
 @dataclass(frozen=True)
@@ -110,12 +110,19 @@ class SampleAgainstLaw:
         return rank, g, np.maximum(g - np.asarray(self.law.pmf(at), dtype=float), 0.0)
 
     def _curve(self, part: slice) -> Curve:
-        """Both functions at a part's values and just before them: between these F is constant and G monotonic."""
+        """Both functions just before a part's values and at them: between these F is constant and G monotonic."""
         rank, g, before = self._law_at_values
-        places, times = np.unique(rank[part], return_counts=True)
-        f = times.cumsum() / times.sum()
-        f = np.concatenate([f, f - times / times.sum(), [1.0]])
-        return f, np.concatenate([g[places], before[places], [1.0]])
+        ranks = np.sort(rank[part])
+        last = np.flatnonzero(np.append(ranks[1:] != ranks[:-1], True))  # of each distinct value
+        places, f = ranks[last], (last + 1) / len(ranks)
+        f = np.stack([np.append(0.0, f[:-1]), f], axis=1).ravel()
+        return np.append(f, 1.0), np.append(np.stack([before[places], g[places]], axis=1), 1.0)
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether the law and all of the sample are one and the same number."""
+        _, g, before = self._law_at_values
+        return len(g) == 1 and before[0] == 0.0 and g[0] == 1.0
 
     def largest_difference(self) -> float:
         f, g = self.curve()
@@ -238,20 +245,3 @@ def _marginal(name: str, a: Values, b: Values) -> Marginal:
 
 def _without_rounding(value: float) -> float:
     return 0.0 if value < ROUNDING else min(value, 1.0)
-
-
-def edge(points: np.ndarray) -> np.ndarray:
-    """The vertices of the hull of ``points [n, 2]`` that maximise some p x - q y with p, q >= 0 (monotone chain)."""
-    points = points[np.lexsort((points[:, 1], -points[:, 0]))]
-    lowest = np.minimum.accumulate(points[:, 1])
-    points = points[np.append(True, points[1:, 1] < lowest[:-1])]  # further left and not lower: never better
-    chain: list[tuple[float, float]] = []
-    for point in points.tolist():
-        while len(chain) > 1 and _turns_inwards(chain[-2], chain[-1], point):
-            chain.pop()
-        chain.append(point)
-    return np.array(chain)
-
-
-def _turns_inwards(a: Sequence[float], b: Sequence[float], c: Sequence[float]) -> bool:
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]) >= 0.0

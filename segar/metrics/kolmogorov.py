@@ -13,13 +13,14 @@ from segar.errors import LevelError
 from segar.factors import Factor
 from segar.levels import Levels
 from segar.metrics.distribution_functions import (
+    Curve,
     Dealt,
     Marginal,
     SampleAgainstLaw,
     TwoSamples,
-    edge,
     factor_marginals,
 )
+from segar.metrics.joint_kernel import largest_difference
 
 if TYPE_CHECKING:
     from segar.distribution import LevelDistribution
@@ -199,23 +200,17 @@ def _drawn(
     """Joint statistics of level sets that are drawn from the law, each as large as ``a``."""
     n = len(a)
     pool = law.sample(n * resamples, seed=int(rng.integers(2**62)), split=MONTE_CARLO_SPLIT)
-    marginals = factor_marginals("ks_report", pool, law, factors)
+    # A constant that is what the law says adds a factor of one to both products.
+    marginals = [m for m in factor_marginals("ks_report", pool, law, factors) if not m.is_constant]
     return [_joint(one) for one in zip(*(m.parts(n, resamples) for m in marginals), strict=True)]
 
 
 def _joint(marginals: Sequence[Marginal | Dealt]) -> float:
-    curves = [m.curve() for m in marginals]
-    return max(_largest_difference(curves), _largest_difference([(g, f) for f, g in curves]))
+    return joint_difference([m.curve() for m in marginals])
 
 
-def _largest_difference(curves: Sequence[tuple[np.ndarray, np.ndarray]]) -> float:
-    """max over x of prod_j F_j(x_j) - prod_j G_j(x_j), exactly, for curves ``(F_j, G_j)``.
-
-    For any choice in the factors still to come, the difference is p P - q Q with p, q >= 0, linear in the products (P, Q)
-    so far. So of all (P, Q), only those on the edge of their convex hull towards large P and small Q can win.
-    """
-    products = np.array([[1.0, 1.0]])
-    for f, g in curves:
-        steps = edge(np.stack([f, g], axis=1))
-        products = edge((products[:, None, :] * steps[None, :, :]).reshape(-1, 2))
-    return float((products[:, 0] - products[:, 1]).max())
+def joint_difference(curves: Sequence[Curve]) -> float:
+    """The largest difference of the products of the functions of ``curves``, each ascending in both; in [0, 1]."""
+    f, g = (np.concatenate([np.ones(1), *(curve[k] for curve in curves)]) for k in range(2))
+    ends = np.cumsum([1, *(len(curve[0]) for curve in curves)])
+    return float(max(largest_difference(f, g, ends), largest_difference(g, f, ends)))
