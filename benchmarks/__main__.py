@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 
+from benchmarks.drawing import drawing
 from benchmarks.environments import environments, resets, single, startup
 from benchmarks.measure import header, load, machine
 from benchmarks.scaling import bodies, threads
@@ -12,6 +13,7 @@ from benchmarks.yardsticks import against_pymunk, handwritten
 REPEATS = 7
 PARTS = {
     "environments": environments,
+    "drawing": drawing,
     "handwritten": handwritten,
     "pymunk": against_pymunk,
     "threads": threads,

@@ -1,0 +1,114 @@
+"""Frames: drawn alone and with physics, beside a kernel written by hand, in all forms; and painting when episodes start."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+import segar
+from benchmarks.environments import NUM_ENVS, random_actions
+from benchmarks.handwritten_drawing import BODIES, Album, bodies, columns
+from benchmarks.measure import Row, in_turns, timed
+from segar.observations.pixels import Pixels
+from segar.observations.textured import TexturedPixels
+
+FAMILY = "objectsx3-hard"
+LEVELS = 200
+FRAMES = 10  # per environment and measurement
+STEPS = 16
+WARM_UP = 30  # steps until things are where play takes them
+FORMS = {
+    "solid colours": Pixels(),
+    "grey": TexturedPixels(grey=True),
+    "channels first": TexturedPixels(channels="first"),
+    "following factors": TexturedPixels(follow=True),
+}
+
+
+def drawing(repeats: int) -> Iterator[Row]:
+    """Textured frames of 64 x 64 x 3 in millions per core-second, and what starting episodes costs."""
+    env = played(TexturedPixels())
+    yield from against_handwritten(env, 3 * repeats)
+    actions = random_actions(STEPS)
+    rolls = timed(lambda: [env.step(action) for action in actions], repeats, time.process_time)
+    rates = [NUM_ENVS * STEPS / s / 1e6 for s in rolls]
+    yield Row(f"VectorEnv {FAMILY} textures", rates, "M/s", at_least=0.2, note="physics, frames, resets")
+    for name, observation in FORMS.items():
+        yield Row(f"frames {FAMILY}, {name}", frame_rates(played(observation), repeats), "M/s")
+    for family in (FAMILY, "tilesx3-hard"):
+        seconds = timed(starting(family), repeats, time.process_time)
+        yield Row(f"paint {NUM_ENVS} new levels of {family}", [s * 1e3 for s in seconds], "ms", at_most=100)
+
+
+def played(observation: Any) -> segar.envs.VectorEnv:
+    """Environments in the middle of play."""
+    levels = segar.family(FAMILY).sample(LEVELS, seed=0)
+    env = segar.envs.VectorEnv(levels, NUM_ENVS, observation=observation, seed=0)
+    env.reset()
+    for action in random_actions(WARM_UP):
+        env.step(action)
+    return env
+
+
+def against_handwritten(env: segar.envs.VectorEnv, repeats: int) -> Iterator[Row]:
+    """The same frames, drawn by the pixel kernel and by one that knows this world."""
+    state, frames, rows = env.state().state, np.zeros((NUM_ENVS, 64, 64, 3), np.uint8), np.arange(NUM_ENVS)
+    album = album_of(env)
+
+    def mine() -> None:
+        for _ in range(FRAMES):
+            env.observation.write(state.values, state.level, frames, rows)
+
+    def by_hand() -> None:
+        for _ in range(FRAMES):
+            album.draw(state.values, frames)
+
+    seconds = in_turns([mine, by_hand], repeats, time.process_time)
+    million = NUM_ENVS * FRAMES / 1e6
+    yield Row(f"frames {FAMILY}, textures", [million / s for s in seconds[0]], "M/s", at_least=0.3)
+    yield Row(f"frames {FAMILY}, textures, hand-written", [million / s for s in seconds[1]], "M/s")
+    yield Row("  generated / hand-written", [b / a for a, b in zip(*seconds, strict=True)], at_least=0.7)
+
+
+def album_of(env: segar.envs.VectorEnv) -> Album:
+    """The backgrounds and patterns that the observation of ``env`` holds, for the kernel written by hand."""
+    drawn: Any = env.observation
+    state, rows = env.state().state, np.arange(env.num_envs)
+    (x, size, _), frames = columns(env.levels), np.zeros((env.num_envs, 64, 64, 3), np.uint8)
+    nowhere = state.values.copy()
+    nowhere[:, bodies(env.levels), x] = np.nan
+    drawn.write(nowhere, state.level, frames, rows)
+    backgrounds, patches = frames.copy(), np.zeros((env.num_envs, BODIES, 3, 3, 3), np.uint8)
+    for body, slot in enumerate(bodies(env.levels)):
+        alone = nowhere.copy()
+        alone[:, slot, x : x + 2], alone[:, slot, size] = 0.0, 0.5
+        drawn.write(alone, state.level, frames, rows)
+        patches[:, body] = frames[:, 32:35, 32:35]
+    return Album.of(env.levels, backgrounds, patches)
+
+
+def frame_rates(env: segar.envs.VectorEnv, repeats: int) -> list[float]:
+    """Millions of frames per core-second."""
+    state, rows = env.state().state, np.arange(NUM_ENVS)
+    frames = np.zeros((NUM_ENVS, *env.single_observation_space.shape), np.uint8)  # type: ignore[misc]
+
+    def draw() -> None:
+        for _ in range(FRAMES):
+            env.observation.write(state.values, state.level, frames, rows)
+
+    return [NUM_ENVS * FRAMES / s / 1e6 for s in timed(draw, repeats, time.process_time)]
+
+
+def starting(family: str) -> Any:
+    """A call that makes the patterns and backgrounds of environments that all start on a level of their own."""
+    levels = segar.family(family).sample(NUM_ENVS, seed=0)
+    bound, level, everywhere = TexturedPixels().bind(levels, NUM_ENVS), np.arange(NUM_ENVS), np.ones(NUM_ENVS, np.bool_)
+
+    def start() -> None:
+        bound.start(level.astype(np.uint64), level, everywhere)
+        bound.begin(levels.values, level, everywhere)
+
+    return start
