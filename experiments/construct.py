@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib
 import types
 import typing
 from collections.abc import Mapping
@@ -11,6 +10,7 @@ from typing import Any, TypeVar
 
 from experiments.errors import ConfigError
 from segar.errors import SegarError, did_you_mean
+from segar.named import named_object
 
 T = TypeVar("T")
 
@@ -40,18 +40,10 @@ def path_of(place: str, name: Any) -> str:
 
 def import_object(name: str, place: str) -> Any:
     """The object that ``module:attribute`` names; raises :class:`ConfigError` that names ``place``."""
-    module_name, _, attribute = name.partition(":")
-    if not module_name or not attribute:
-        raise ConfigError(f"{place}: '{name}' does not name a Python object; write module:attribute")
     try:
-        found = importlib.import_module(module_name)
-    except (ImportError, SegarError) as error:
-        raise ConfigError(f"{place}: cannot import '{name}': {error}") from error
-    for part in attribute.split("."):
-        if not hasattr(found, part):
-            raise ConfigError(f"{place}: '{module_name}' has no '{part}'.{did_you_mean(part, vars(found))}")
-        found = getattr(found, part)
-    return found
+        return named_object(name)
+    except SegarError as error:
+        raise ConfigError(f"{place}: {error}") from error
 
 
 def _convert(value: Any, hint: Any, path: str) -> Any:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import importlib
 import inspect
 import json
 import math
@@ -14,7 +13,8 @@ from segar.distribution import LevelDistribution
 from segar.errors import SegarError
 from segar.families import family
 from segar.levels import Levels
-from segar.tasks.find import find_task, task_of
+from segar.named import named_object
+from segar.tasks.find import make_task, task_of
 from segar.tasks.task import Task
 
 NAME_HELP = "a level family, or 'module:attribute': a LevelDistribution of your own or a function that makes one"
@@ -24,13 +24,9 @@ FILE_HELP = "a level file, as `segar sample` and Levels.save write it"
 
 def find_distribution(name: str) -> LevelDistribution:
     """A named family, or one of the user's own; raises :class:`SegarError`."""
-    module, _, attribute = name.partition(":")
-    if not attribute:
+    if ":" not in name:
         return family(name)
-    try:
-        found = getattr(importlib.import_module(module), attribute, None)
-    except ImportError as error:
-        raise SegarError(f"the distribution '{name}' cannot be imported: {error}") from error
+    found = named_object(name)
     if inspect.isfunction(found):
         found = found()
     if not isinstance(found, LevelDistribution):
@@ -40,10 +36,7 @@ def find_distribution(name: str) -> LevelDistribution:
 
 def task_named(name: str | None, levels: Levels) -> Task:
     """The task of that name with its default options, or the one that the levels are for."""
-    if name is None:
-        return task_of(levels)
-    found = find_task(name)
-    return found if isinstance(found, Task) else found()
+    return task_of(levels) if name is None else make_task(name)
 
 
 def command(

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import importlib
+import inspect
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from segar.errors import LevelError, SegarError, did_you_mean
+from segar.named import named_object
 from segar.tasks.task import Task
 
 if TYPE_CHECKING:
@@ -21,18 +22,26 @@ def find_task(name: str) -> Callable[..., Task] | Task:
     Raises:
         SegarError: there is no such task; the message says the nearest name.
     """
-    module, _, attribute = TASKS.get(name, name).partition(":")
-    if not attribute:
+    if name not in TASKS and ":" not in name:
         raise SegarError(
             f"no task is called '{name}'.{did_you_mean(name, TASKS)} One of your own is 'module:attribute'"
         )
-    try:
-        found: Any = importlib.import_module(module)
-    except ImportError as error:
-        raise SegarError(f"the task '{name}' cannot be imported: {error}") from error
-    if not hasattr(found, attribute):
-        raise SegarError(f"'{module}' has no '{attribute}'.{did_you_mean(attribute, vars(found))}")
-    return getattr(found, attribute)
+    return named_object(TASKS.get(name, name))
+
+
+def make_task(name: str) -> Task:
+    """The task of that name with its default options.
+
+    Raises:
+        SegarError: there is no such task, or what ``module:attribute`` names is neither a task nor a function that makes
+            one.
+    """
+    found: Any = find_task(name)
+    if inspect.isfunction(found):
+        found = found()
+    if not isinstance(found, Task):
+        raise SegarError(f"'{name}' is no segar.Task, nor a function that makes one, but {found!r}")
+    return found
 
 
 def task_of(levels: Levels) -> Task:
@@ -44,5 +53,4 @@ def task_of(levels: Levels) -> Task:
     name = levels.task or "puttputt"
     if name not in TASKS and levels.distribution is None:
         raise LevelError(f"these levels were saved for the task '{name}', which a level file does not hold; give task=")
-    found = find_task(name)
-    return found if isinstance(found, Task) else found()
+    return make_task(name)

@@ -98,7 +98,7 @@ def test_a_wrong_setting_is_named_with_the_nearest_right_one(override, says):
         ),
         ("levels.train=own_levels:iec", "levels.train: 'own_levels' has no 'iec'. Did you mean 'ice'?"),
         ("levels.train=own_levels:number", "levels.train: 'own_levels:number' is no level distribution"),
-        ("levels.train=own_lvls:ice", "levels.train: cannot import 'own_lvls:ice'"),
+        ("levels.train=own_lvls:ice", "levels.train: 'own_lvls:ice' cannot be imported"),
         ("task.name=putput", "task.name: no task is called 'putput'. Did you mean 'puttputt'?"),
         ("+task.options.rewrd=linear", "task.options: puttputt has no 'rewrd'. Did you mean 'reward'?"),
         ("+task.options.reward=linaer", "Did you mean 'linear'?"),

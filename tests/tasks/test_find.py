@@ -10,7 +10,7 @@ import pytest
 import segar
 from segar import GoalTile, GolfBall, LevelDistribution, LevelError, Levels, SegarError
 from segar.envs import VectorEnv
-from segar.tasks.find import TASKS, find_task, task_of
+from segar.tasks.find import TASKS, find_task, make_task, task_of
 
 mine = dataclasses.replace(segar.puttputt("linear"), name="mine")
 NUMBERS = [(GolfBall, 1), (GoalTile, 1)]
@@ -62,13 +62,14 @@ def test_a_file_names_a_task_but_brings_no_code(tmp_path):
     ("name", "said"),
     [
         ("biliards", r"no task is called 'biliards'. Did you mean 'billiards'\? One of your own is 'module:attribute'"),
-        ("no.such.module:task", "the task 'no.such.module:task' cannot be imported: No module named 'no'"),
+        ("no.such.module:task", "'no.such.module:task' cannot be imported: No module named 'no'"),
+        ("segar:GolfBall", "'segar:GolfBall' is no segar.Task, nor a function that makes one, but <class"),
         ("segar.tasks.puttputt:putput", "'segar.tasks.puttputt' has no 'putput'. Did you mean 'puttputt'"),
     ],
 )
 def test_a_task_that_is_not_found_gets_the_nearest_name(name, said):
     with pytest.raises(SegarError, match=said):
-        find_task(name)
+        make_task(name)
 
 
 def test_a_distribution_takes_a_name_not_a_task():
