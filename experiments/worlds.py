@@ -9,9 +9,9 @@ from typing import Any
 from experiments.config import LevelsConfig, RunConfig
 from experiments.construct import import_object
 from experiments.errors import ConfigError
-from segar.envs.vector import OBSERVATIONS
 from segar.errors import SegarError, did_you_mean
 from segar.families import family
+from segar.observations.find import OBSERVATIONS
 from segar.tasks.find import TASKS
 
 

@@ -16,9 +16,10 @@ from segar.engine import device, device_contacts
 from segar.engine.cache import cache_folder, is_compiled, kernel_path
 from segar.engine.kernel import KernelSource, generate
 from segar.envs.registration import REWARDS
-from segar.envs.vector import OBSERVATIONS, VectorEnv, world_of
+from segar.envs.vector import VectorEnv, world_of
 from segar.families import TASK_LEVELS, families
 from segar.levels import Levels
+from segar.observations.find import OBSERVATIONS
 from segar.rule import Rule
 from segar.simulator import Outcome, Simulator, State
 from segar.tasks.find import task_of

@@ -11,6 +11,7 @@ from gymnasium.vector import AutoresetMode
 from segar.envs.factors_view import SingleFactors, SingleResults
 from segar.envs.vector import VectorEnv
 from segar.errors import SegarError, did_you_mean
+from segar.observations.arrays import map_leaves
 from segar.rendering.camera import RENDER_MODES, Camera, ending_of
 from segar.rendering.view import View
 from segar.tasks.task import Task
@@ -44,7 +45,7 @@ class Env(gymnasium.Env):
     def task(self) -> Task:
         return self._batch.task
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict]:
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict]:
         """Start an episode on a level drawn uniformly, or on ``options["level"]``."""
         super().reset(seed=seed)
         options = dict(options or {})
@@ -55,14 +56,14 @@ class Env(gymnasium.Env):
             )
         observations, info = self._batch.reset(seed=seed, options=batch_options)
         self._look("")
-        return observations[0], _single(info)
+        return _first(observations), _single(info)
 
-    def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict]:
+    def step(self, action: np.ndarray) -> tuple[Any, float, bool, bool, dict]:
         """Advance by one step; see :meth:`VectorEnv.step`."""
         observations, rewards, ends, time_outs, batch_info = self._batch.step(np.asarray(action, np.float32)[None])
         terminated, truncated, info = bool(ends[0]), bool(time_outs[0]), _single(batch_info)
         self._look(ending_of(info, terminated, truncated))
-        return observations[0], float(rewards[0]), terminated, truncated, info
+        return _first(observations), float(rewards[0]), terminated, truncated, info
 
     def render(self) -> np.ndarray | None:
         """A frame, uint8 ``view.shape``; None without a render mode, and for 'human', where a window shows it.
@@ -87,6 +88,11 @@ class Env(gymnasium.Env):
         self._ending = ending
         if self.render_mode == "human":
             self.render()
+
+
+def _first(observations: Any) -> Any:
+    """The observation of the only environment."""
+    return map_leaves(lambda array: array[0], observations)
 
 
 def _single(info: dict[str, Any]) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 FORMAT = ArchiveFormat("segar-snapshot", 1, "a snapshot", "snapshot", SegarError)
 STATE_ARRAYS = ("values", "level", "key", "tick", "contacts", "gave_up")
 EPISODE_ARRAYS = ("returns", "lengths", "episodes")
+MEMORY = "memory/"  # before the names of what observations remember
 
 
 @dataclass
@@ -31,6 +32,7 @@ class Snapshot:
         lengths: int64 ``(num_envs,)``, its steps so far.
         episodes: int64 ``(num_envs,)``, episodes that were started.
         seed: decides, with environment and number of the episode, on which level the next one starts.
+        memory: what observations show of the past, such as a frame stack, by name; empty where they show none.
     """
 
     state: State
@@ -38,6 +40,7 @@ class Snapshot:
     lengths: np.ndarray
     episodes: np.ndarray
     seed: int
+    memory: dict[str, np.ndarray] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.returns)
@@ -58,7 +61,8 @@ class Snapshot:
         if not len(rows):
             raise SegarError(f"snapshot[{index!r}] names no environment")
         state = State(**{name: getattr(self.state, name)[rows] for name in STATE_ARRAYS})
-        return replace(self, state=state, **{name: getattr(self, name)[rows] for name in EPISODE_ARRAYS})
+        memory = {name: array[rows] for name, array in self.memory.items()}
+        return replace(self, state=state, memory=memory, **{name: getattr(self, name)[rows] for name in EPISODE_ARRAYS})
 
     def copy(self) -> Snapshot:
         return self[:]
@@ -73,7 +77,8 @@ class Snapshot:
         """
         arrays = {name: getattr(self.state, name) for name in STATE_ARRAYS}
         arrays |= {name: getattr(self, name) for name in EPISODE_ARRAYS}
-        FORMAT.write(Path(path), arrays, {"seed": self.seed})
+        arrays |= {f"{MEMORY}{name}": array for name, array in self.memory.items()}
+        FORMAT.write(Path(path), arrays, {"seed": self.seed, "memory": list(self.memory)})
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Snapshot:
@@ -83,8 +88,14 @@ class Snapshot:
             SegarError: the file is no snapshot, is incomplete, or was written by a newer version.
         """
         arrays, metadata = FORMAT.read(Path(path), (*STATE_ARRAYS, *EPISODE_ARRAYS))
-        state = State(**{name: arrays[name] for name in STATE_ARRAYS})
-        return cls(state, **{name: arrays[name] for name in EPISODE_ARRAYS}, seed=int(metadata["seed"]))
+        names = metadata.get("memory", ())  # which arrays these are, only the description says
+        kept, _ = FORMAT.read(Path(path), [f"{MEMORY}{name}" for name in names]) if names else ({}, {})
+        return cls(
+            State(**{name: arrays[name] for name in STATE_ARRAYS}),
+            **{name: arrays[name] for name in EPISODE_ARRAYS},
+            seed=int(metadata["seed"]),
+            memory={name: kept[f"{MEMORY}{name}"] for name in names},
+        )
 
     def check_fits(self, levels: Levels, num_envs: int) -> None:
         """Raise :class:`SegarError` unless ``num_envs`` environments on ``levels`` can go on from here.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import weakref
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -13,13 +12,13 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
 from segar.envs import episode_kernel
+from segar.envs.buffers import Buffers
 from segar.envs.factors_view import Factors, Results
 from segar.envs.snapshots import Snapshot
 from segar.errors import ActionError, LevelError, SegarError, did_you_mean
 from segar.factors import Factor
-from segar.observations.pixels import Pixels
-from segar.observations.state import StateVector
-from segar.observations.textured import TexturedPixels
+from segar.observations.arrays import leaves
+from segar.observations.find import for_task, make_observation
 from segar.rendering.camera import RENDER_MODES, Camera, steps_per_second
 from segar.simulator import Outcome, Simulator, State, run_in_threads
 from segar.tasks.find import task_of
@@ -29,10 +28,6 @@ from segar.world import World
 if TYPE_CHECKING:
     from segar.levels import Levels
     from segar.rendering.view import View
-
-MAX_BUFFERS = 4  # observation arrays that are kept for use again
-UNSHARED = 3  # reference count of an array that only the list of buffers, the loop and getrefcount hold
-OBSERVATIONS = {"state": StateVector, "rgb": Pixels, "textures": TexturedPixels}
 
 
 class VectorEnv(gymnasium.vector.VectorEnv):
@@ -50,7 +45,9 @@ class VectorEnv(gymnasium.vector.VectorEnv):
     Args:
         levels: the level set.
         num_envs: number of environments.
-        observation: 'state', 'rgb', 'textures', or an :class:`segar.observations.protocol.Observation`.
+        observation: a name in :data:`segar.observations.find.OBSERVATIONS` such as 'state', 'rgb' or 'textures', an
+            :class:`segar.observations.protocol.Observation`, or a tuple or dict of these, which makes tuples or dicts
+            of arrays.
         task: the task; the one that the levels name where it is None, and PuttPutt where they name none.
         seed: seeds the draw of levels and the randomness in rules; fresh entropy where it is None.
         num_threads: threads over the batch; results do not depend on it.
@@ -101,22 +98,23 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             raise SegarError("autoreset_mode NEXT_STEP is not offered; use SAME_STEP or DISABLED")
         self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
         self.simulator = Simulator(world or world_of(levels), levels.layout, self.task, num_threads)
-        observation = make_observation(observation)
+        observation = for_task(make_observation(observation), self.task)
         self.observation = observation.bind(replace(levels, world=self.simulator.world), num_envs)
+        self._start, self._advance, self._memory, self._recall, kept = (
+            getattr(self.observation, name, None) for name in ("start", "advance", "memory", "recall", "kept")
+        )
         self.single_observation_space = self.observation.space
         self.single_action_space = gymnasium.spaces.Box(
             np.array(self.task.action_low, np.float32), np.array(self.task.action_high, np.float32), dtype=np.float32
         )
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._shape = (num_envs, *self.observation.space.shape)
         self._action_shape = (num_envs, len(self.task.action_low))
         self._rows = np.arange(num_envs)
         self._ended = np.empty(num_envs, np.int64)
         self._any_level = np.full(num_envs, -1)
         self._outcome = Outcome.empty(num_envs)
-        self._buffers: list[np.ndarray] = []
-        self._final_buffers: list[tuple[np.ndarray, np.ndarray]] = []
+        self._buffers = Buffers(self.single_observation_space, num_envs, copy, kept)
         self._held: weakref.ref[Factors] | None = None
         self._started = False
         self._now = Snapshot(
@@ -130,7 +128,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self._camera = Camera(self, render_mode, view) if render_mode is not None else None
         self.metadata["render_fps"] = steps_per_second(self)
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict]:
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict]:
         """Start new episodes; return observations and info.
 
         Args:
@@ -158,12 +156,12 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self._started = True
         self._release()
         self._begin(np.flatnonzero(mask), chosen)
-        observations = self._observe(self._rows, self._output())
+        observations = self._observe(self._rows, self._buffers.output())
         if self.render_mode == "human":
             self.render()
         return observations, self._info(np.zeros(self.num_envs, np.bool_), np.zeros(self.num_envs, np.bool_))
 
-    def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict]:
+    def step(self, actions: np.ndarray) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray, dict]:
         """Advance all environments by one step; actions beyond the range are clipped.
 
         Args:
@@ -179,13 +177,15 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self._release()
         now, out = self._now, self._outcome
         self.simulator.act(now.state, self.levels, actions, out)
+        if self._advance is not None:
+            self._advance(actions)
         truncated = np.empty(self.num_envs, np.bool_)
         count = episode_kernel.account(
             out.reward, out.terminated, self.task.max_steps, now.returns, now.lengths, truncated, self._ended
         )
         reward = out.reward.copy() if self.copy else out.reward
         terminated, success, death = out.terminated.copy(), out.success.copy(), out.death.copy()
-        observations = self._observe(self._rows, self._output())
+        observations = self._observe(self._rows, self._buffers.output())
         if self.render_mode == "human":
             self.render()
         if self.autoreset_mode is AutoresetMode.DISABLED or count == 0:
@@ -215,24 +215,35 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             self._camera.close()
 
     def state(self) -> Snapshot:
-        """A copy of everything that decides how the episodes go on."""
-        return self._now.copy()
+        """A copy of everything that decides how the episodes go on, and of the past that observations show."""
+        memory = self._memory() if self._memory is not None else {}
+        return replace(self._now.copy(), memory=memory)
 
-    def restore(self, snapshot: Snapshot) -> np.ndarray:
+    def restore(self, snapshot: Snapshot) -> Any:
         """Go on from a snapshot of ``num_envs`` environments on these levels; return the observations.
 
+        What observations show of the past is in the snapshot. What it does not hold, because its environment observed
+        something else, is as if the episode had started now.
+
         Raises:
-            SegarError: the snapshot is of another number of environments, or of other levels.
+            SegarError: the snapshot is of another number of environments, or of other levels, or holds the past of
+                another observation.
         """
         snapshot.check_fits(self.levels, self.num_envs)
         self._release()
-        self._now = snapshot.copy()
+        if self._start is not None:
+            self._start(snapshot.state.key, snapshot.state.level, np.ones(self.num_envs, np.bool_))
+        if self._recall is not None:
+            self._recall(snapshot.memory)
+        self._now = replace(snapshot, memory={}).copy()
         self._started = True
         self.observation.begin(self._now.state.values, self._now.state.level, np.ones(self.num_envs, np.bool_))
-        return self._observe(self._rows, self._output())
+        return self._observe(self._rows, self._buffers.output())
 
-    def intervene(self, entity: str, factor: type[Factor], value: Any, where: np.ndarray | None = None) -> np.ndarray:
+    def intervene(self, entity: str, factor: type[Factor], value: Any, where: np.ndarray | None = None) -> Any:
         """Set a factor of one entity in the environments where ``where`` (bool, all if None); return observations.
+
+        What observations show of the past stays as it is.
 
         Raises:
             LevelError: no entity of that name, or it has no such factor in a chosen environment.
@@ -248,7 +259,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self._release()
         part[mask] = factor.check(value)
         self.observation.begin(self._now.state.values, self._now.state.level, mask)
-        return self._observe(self._rows, self._output())
+        return self._observe(self._rows, self._buffers.output())
 
     def _begin(self, rows: np.ndarray, chosen: np.ndarray | None = None) -> None:
         """Start episodes in these rows, on the chosen levels or on ones drawn uniformly."""
@@ -260,32 +271,14 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         )  # fmt: skip
         mask = np.zeros(self.num_envs, np.bool_)
         mask[rows] = True
+        if self._start is not None:
+            self._start(state.key, state.level, mask)
         self.observation.begin(state.values, state.level, mask)
 
-    def _observe(self, rows: np.ndarray, out: np.ndarray) -> np.ndarray:
+    def _observe(self, rows: np.ndarray, out: Any) -> Any:
         values, level, write = self._now.state.values, self._now.state.level, self.observation.write
         run_in_threads(lambda a, b: write(values, level, out, rows[a:b]), len(rows), self.simulator.num_threads)
         return out
-
-    def _output(self) -> np.ndarray:
-        """An array for observations that nobody else holds: fresh memory costs as much as drawing into it."""
-        for buffer in self._buffers:
-            if not self.copy or sys.getrefcount(buffer) == UNSHARED:
-                return buffer
-        fresh = np.empty(self._shape, self.single_observation_space.dtype)
-        self._buffers = [*self._buffers[-(MAX_BUFFERS - 1) :], fresh]
-        return self._buffers[-1]
-
-    def _final_output(self, rows: np.ndarray) -> np.ndarray:
-        """An array for final observations, zero but for ``rows``, that nobody else holds."""
-        for index, (buffer, filled) in enumerate(self._final_buffers):
-            if sys.getrefcount(buffer) == UNSHARED:
-                buffer[filled] = 0
-                self._final_buffers[index] = (buffer, rows)
-                return buffer
-        fresh = (np.zeros(self._shape, self.single_observation_space.dtype), rows)
-        self._final_buffers = [*self._final_buffers[-(MAX_BUFFERS - 1) :], fresh]
-        return fresh[0]
 
     def _info(self, success: np.ndarray, death: np.ndarray) -> dict[str, Any]:
         now = self._now
@@ -303,13 +296,14 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             "results": Results(self.task.results, factors),
         }
 
-    def _final(self, observations: np.ndarray, ended: np.ndarray, success: np.ndarray, death: np.ndarray) -> dict:
+    def _final(self, observations: Any, ended: np.ndarray, success: np.ndarray, death: np.ndarray) -> dict:
         """The last observations and info of episodes that ended, in full-sized arrays with a mask."""
         now = self._now
         mask = np.zeros(self.num_envs, np.bool_)
         mask[ended] = True
-        final_obs = self._final_output(ended)
-        final_obs[ended] = observations[ended]
+        final_obs = self._buffers.final_output(ended)
+        for last, array in zip(leaves(final_obs), leaves(observations), strict=True):
+            last[ended] = array[ended]
         arrays = {
             "level": now.state.level,
             "return": now.returns,
@@ -371,17 +365,6 @@ def world_of(levels: Levels) -> World:
             " does not hold; give them: Levels.load(path, world=segar.World(rules=...))"
         )
     return levels.world or World()
-
-
-def make_observation(observation: Any) -> Any:
-    """An observation from its name, or the observation itself; raises :class:`SegarError`."""
-    if isinstance(observation, str):
-        if observation not in OBSERVATIONS:
-            raise SegarError(f"no observation is called '{observation}'.{did_you_mean(observation, OBSERVATIONS)}")
-        return OBSERVATIONS[observation]()
-    if not hasattr(observation, "bind"):
-        raise SegarError(f"observation must be 'state', 'rgb', 'textures' or an object with bind(), not {observation!r}")
-    return observation
 
 
 def _fresh_seed() -> int:

@@ -5,7 +5,8 @@ holds caches for one environment. Everything an observation reads is the batch o
 
 Most observations show the present state and need :class:`Observation` and :class:`BoundObservation` alone. What may
 be added is optional, and an environment calls it only where it is there: :meth:`Starts.start` for what is chosen once
-per episode, :class:`Remembers` for what shows the past, :class:`KnowsTask` for what depends on the task.
+per episode, :class:`Remembers` for what shows the past, :class:`Keeps` for what has its observations at hand anyhow,
+:class:`KnowsTask` for what depends on the task, and ``members``, a tuple of the observations that one is made of.
 """
 
 from __future__ import annotations
@@ -80,6 +81,15 @@ class Remembers(Starts, Protocol):
     def recall(self, memory: Mapping[str, np.ndarray]) -> None:
         """Remember what :meth:`memory` gave; called after :meth:`start`, before ``begin``."""
         ...
+
+
+@runtime_checkable
+class Keeps(Protocol):
+    """A bound observation that keeps its observations up to date in arrays of its own."""
+
+    kept: Any
+    """Arrays ``[env, *space.shape]`` as ``write`` takes them, for environments that may overwrite what they returned: if
+    they are its ``out``, there is nothing to copy. None where there are none."""
 
 
 @runtime_checkable

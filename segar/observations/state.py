@@ -1,15 +1,21 @@
-"""State vectors: the factors of all things in fixed places, float32."""
+"""State observations: the factors of things in fixed places, float32."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Literal
 
 import gymnasium
 import numpy as np
 
-from segar.factors import Acceleration, Density, Done, Drag, Factor, InfiniteEnergy, Order, Position, Visible
+from segar.entities import Entity
+from segar.errors import SegarError, did_you_mean
+from segar.factors import Acceleration, Density, Done, Drag, Factor, InfiniteEnergy, Order, Visible
 from segar.observations import state_kernel
+from segar.observations.factor_names import factors_of
+from segar.observations.state_places import FORMS, MASKS, lay_out
+from segar.observations.state_scales import shift_and_scale
 
 if TYPE_CHECKING:
     from segar.levels import Levels
@@ -17,26 +23,93 @@ if TYPE_CHECKING:
 HIDDEN: tuple[type[Factor], ...] = (Acceleration, Drag, Density, Done, InfiniteEnergy, Order, Visible)
 """Not shown unless asked for: they follow from others, concern drawing, or no rule reads them."""
 FACTOR_LIMIT = 1e6  # values beyond are clipped, so that observations stay finite
+MISSING_2022 = -1000.0  # what the implementation of 2022 puts where an entity lacks a factor
 
 
 @dataclass(frozen=True)
 class StateVector:
-    """A float32 vector: per slot its factors, and one number per type where the level decides the type.
+    """The factors of things in fixed places, float32: one after the other, or as a table ``[slots, features]``.
 
-    The length depends on the distribution alone. Where an entity is absent or lacks a factor of its slot, the number
-    is 0; the type numbers (1 for the type that fills the slot) tell this from a true 0. What is invisible to pixels
-    (Invisiball's ball, what is dead or swallowed) is shown like everything else, unless it is not to be seen.
+    Its shape depends on the distribution alone. Unless other ``entities`` are chosen, each slot that can hold a thing
+    has its place, in the order of ``info["factors"].entities``. As a vector, a slot shows the factors that its types
+    have; as a table, all slots have the same columns. Where the level decides the type, there is one number per type,
+    1 for the one that fills the slot. What is invisible to pixels (Invisiball's ball, what is dead or swallowed) is
+    shown like everything else, unless it is not to be seen.
 
     Args:
-        hidden: factors that are not shown. Factors of the user's own are shown.
-        sees_invisible: whether things are shown that are not Visible; otherwise their numbers are 0.
+        entities: what is shown, in this order: names of slots, entity types (sub-classes included) or names of types.
+            In a slot that other types may fill, too, these are missing. All things where it is None.
+        factors: what is shown of them, in this order: factors or their names, sub-classes included. All but the hidden
+            ones, the user's own among them, where it is None.
+        hidden: factors or names, sub-classes included, that are not shown; ``HIDDEN`` where both are None.
+        form: "vector" or "table".
+        slots: rows of the table; those that the levels do not need are missing. As many as needed where it is None.
+        types: whether type numbers are shown; None for those slots (of a table: all, if there are such) whose type
+            the level decides.
+        missing: the number where an entity is absent, or lacks the factor; ``MISSING_2022`` is that of 2022.
+        mask: how it is marked which numbers are not missing: None for not at all; "numbers" for one number each (1 if
+            it is there) after all numbers of the vector or of the row; "dict" for observations ``{"state", "mask"}``
+            of equal shapes.
+        normalise: whether numbers are measured from the prior's mean in units of its spread; see
+            :mod:`segar.observations.state_scales`.
+        sees_invisible: whether things are shown that are not Visible; otherwise their numbers are missing.
+
+    Raises:
+        SegarError: an option is unknown, or a factor is no factor or has no number.
     """
 
-    hidden: tuple[type[Factor], ...] = HIDDEN
+    entities: Sequence[str | type[Entity]] | None = None
+    factors: Sequence[str | type[Factor]] | None = None
+    hidden: Sequence[str | type[Factor]] | None = None
+    form: Literal["vector", "table"] = "vector"
+    slots: int | None = None
+    types: bool | None = None
+    missing: float = 0.0
+    mask: Literal["numbers", "dict"] | None = None
+    normalise: bool = False
     sees_invisible: bool = True
 
+    def __post_init__(self) -> None:
+        for option, known in (("form", FORMS), ("mask", MASKS)):
+            value = getattr(self, option)
+            if value not in known:
+                names = [str(k) for k in known]
+                raise SegarError(f"StateVector has no {option} {value!r}.{did_you_mean(str(value), names)}")
+        if self.slots is not None and (self.form != "table" or self.slots < 1):
+            raise SegarError(
+                f"StateVector: slots are the rows of a table, at least 1; not {self.slots} of a {self.form}"
+            )
+        if not np.isfinite(self.missing):
+            raise SegarError(f"StateVector: missing must be a finite number, not {self.missing!r}; mask= marks it")
+        _ = self.chosen_factors, self.hidden_factors  # raise for what is no factor
+
+    def shows(self, factor: type[Factor]) -> bool:
+        """Whether the vector changes with the factor's values, of the entities shown that have it."""
+        return self.has_number_of(factor) or (factor is Visible and not self.sees_invisible)
+
+    def has_number_of(self, factor: type[Factor]) -> bool:
+        """Whether the factor's values are among the numbers, of the entities shown that have it."""
+        chosen = self.chosen_factors is None or issubclass(factor, self.chosen_factors)
+        return factor.width > 0 and chosen and not issubclass(factor, self.hidden_factors)
+
+    @property
+    def chosen_factors(self) -> tuple[type[Factor], ...] | None:
+        """The classes of ``factors``; None stands for all."""
+        return None if self.factors is None else factors_of("StateVector: factors", self.factors)
+
+    @property
+    def hidden_factors(self) -> tuple[type[Factor], ...]:
+        """The classes of what is not shown though it might be chosen."""
+        if self.hidden is None:
+            return HIDDEN if self.factors is None else ()
+        return factors_of("StateVector: hidden", self.hidden)
+
     def bind(self, levels: Levels, num_envs: int) -> BoundStateVector:
-        """The observation at work on these levels."""
+        """The observation at work on these levels.
+
+        Raises:
+            LevelError: they lack a chosen entity or factor, or, to be normalised, know no distribution.
+        """
         return BoundStateVector(self, levels)
 
 
@@ -44,33 +117,28 @@ class BoundStateVector:
     """:class:`StateVector` in one environment; ``names`` says what each number is, e.g. ``golfball.Position.x``."""
 
     def __init__(self, state: StateVector, levels: Levels) -> None:
-        layout = levels.layout
-        reads: list[tuple[int, int, int, int]] = []  # (slot, column, place in the vector, column that must be true)
-        type_reads: list[tuple[int, int, int]] = []  # (place in the vector, slot, type)
-        self.names: list[str] = []
-        for index, slot in enumerate(layout.slots):
-            if not slot.may_have(Position):
-                continue  # an abstract entity such as the floor
-            needs = -1 if state.sees_invisible else layout.columns.get(Visible, -1)
-            for factor in layout.factors:
-                if factor in state.hidden or not any(factor in t.declared for t in slot.types):
-                    continue
-                for component in range(factor.width):
-                    reads.append((index, layout.columns[factor] + component, len(self.names), needs))
-                    suffix = f".{'xy'[component]}" if factor.width == 2 else ""
-                    self.names.append(f"{slot.name}.{factor.__name__}{suffix}")
-            if slot.optional or len(slot.types) > 1:
-                for kind in slot.types:
-                    type_reads.append((len(self.names), index, layout.types.index(kind)))
-                    self.names.append(f"{slot.name}.is_{kind.__name__}")
-        self._reads = np.array(reads, np.int64).reshape(-1, 4)
-        self._type_reads = np.array(type_reads, np.int64).reshape(-1, 3)
-        self._types = levels.types
-        self.space = gymnasium.spaces.Box(-FACTOR_LIMIT, FACTOR_LIMIT, (len(self.names),), np.float32)
+        self._places = lay_out(state, levels.layout)
+        self.names = self._places.names
+        self._shift, self._scale = np.zeros(0), np.zeros(0)
+        if state.normalise:
+            self._shift, self._scale = shift_and_scale(self._places, levels)
+        self._types, self._missing, self._mask = levels.types, float(state.missing), state.mask
+        box = gymnasium.spaces.Box(-FACTOR_LIMIT, FACTOR_LIMIT, self._places.shape, np.float32)
+        self.space: gymnasium.Space = box
+        if state.mask == "dict":
+            self.space = gymnasium.spaces.Dict(
+                {"state": box, "mask": gymnasium.spaces.Box(0, 1, box.shape, np.float32)}
+            )
 
     def begin(self, values: np.ndarray, level: np.ndarray, mask: np.ndarray) -> None:
         """Nothing to prepare."""
 
-    def write(self, values: np.ndarray, level: np.ndarray, out: np.ndarray, rows: np.ndarray) -> None:
-        """Fill ``out[rows]``, float32 ``[env, length]``."""
-        state_kernel.gather(values, level, rows, self._types, self._reads, self._type_reads, FACTOR_LIMIT, out)
+    def write(self, values: np.ndarray, level: np.ndarray, out: Any, rows: np.ndarray) -> None:
+        """Fill ``out[rows]``, float32 ``[env, *space.shape]``, or both arrays of ``{"state", "mask"}``."""
+        state, mask = (out["state"], out["mask"]) if self._mask == "dict" else (out, out)
+        places = self._places
+        state_kernel.gather(
+            values, level, rows, self._types, places.reads, places.type_reads, places.seen, self._shift, self._scale,
+            self._missing, FACTOR_LIMIT, state.reshape(len(state), -1), mask.reshape(len(mask), -1),
+            self._mask is not None,
+        )  # fmt: skip

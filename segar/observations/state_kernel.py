@@ -8,20 +8,35 @@ _options = {"nogil": True, "cache": True, "error_model": "numpy", "_nrt": False}
 
 
 @njit(**_options)
-def gather(values, level, rows, types, reads, type_reads, limit, out):
-    """Fill ``out[rows]``: entry k is column ``reads[k, 1]`` of slot ``reads[k, 0]``, nan as 0; then the type numbers.
+def gather(values, level, rows, types, reads, type_reads, seen, shift, scale, missing, limit, out, mask, is_masked):
+    """Fill ``out[rows]``: entry ``reads[k, 2]`` is column ``reads[k, 1]`` of slot ``reads[k, 0]``; then the type numbers.
 
-    Where ``reads[k, 3]`` is a column, not -1, the entry is 0 where that column holds false.
-    Entry ``type_reads[k, 0]`` is 1 where the type ``type_reads[k, 2]`` fills slot ``type_reads[k, 1]``.
+    What is nan there is missing. So is everything of slot -1, of an entity whose type ``seen[slot, type]`` excludes
+    (all are seen where ``seen`` is empty), and of one whose column ``reads[k, 3]``, if it is not -1, holds false.
+    Values are shifted and scaled (not at all where ``shift`` is empty). Entry ``type_reads[k, 0]`` is 1 where the type
+    ``type_reads[k, 2]`` fills slot ``type_reads[k, 1]``. Entries ``reads[k, 4]`` and ``type_reads[k, 3]`` of ``mask``,
+    if there is one, are 1 where the number is not missing.
     """
     for row in range(len(rows)):
         env = rows[row]
         for k in range(reads.shape[0]):
-            value = values[env, reads[k, 0], reads[k, 1]]
-            value = 0.0 if value != value else value
-            if reads[k, 3] >= 0 and values[env, reads[k, 0], reads[k, 3]] == 0.0:
-                value = 0.0
+            slot = reads[k, 0]
+            value = values[env, slot, reads[k, 1]]
+            if reads[k, 3] >= 0 and values[env, slot, reads[k, 3]] == 0.0:
+                value = float("nan")
+            if len(seen) and (slot < 0 or not seen[slot, types[level[env], slot]]):
+                value = float("nan")
+            there = value == value
+            if len(shift):
+                value = (value - shift[k]) * scale[k]
+            value = value if there else missing
             value = limit if value > limit else value
             out[env, reads[k, 2]] = -limit if value < -limit else value
+            if is_masked:
+                mask[env, reads[k, 4]] = there
         for k in range(type_reads.shape[0]):
-            out[env, type_reads[k, 0]] = types[level[env], type_reads[k, 1]] == type_reads[k, 2]
+            slot = type_reads[k, 1]
+            kind = types[level[env], slot] if slot >= 0 else -1
+            out[env, type_reads[k, 0]] = kind == type_reads[k, 2]
+            if is_masked:
+                mask[env, type_reads[k, 3]] = kind >= 0 and (len(seen) == 0 or seen[slot, kind])

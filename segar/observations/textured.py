@@ -14,6 +14,7 @@ from segar.factors import Factor, Floor
 from segar.observations import texture_kernel
 from segar.observations.canvas import LUMA, Channels, canvas_for, check_frame, frame_space
 from segar.observations.drawing import Drawing
+from segar.observations.memories import remembered
 from segar.observations.pixels import OUTLINES
 from segar.textures import TextureSet, type_inputs
 from segar.textures.inputs import name_of_input
@@ -157,8 +158,10 @@ class BoundTexturedPixels:
 
     def recall(self, memory: Mapping[str, np.ndarray]) -> None:
         """Make the next patterns from these features instead of the state's."""
-        self._features[:] = memory["features"]
-        self._recalled = True
+        features = remembered(memory, "features", self._features)
+        if features is not None:
+            self._features[:] = features
+            self._recalled = True
 
     def _scratch(self) -> np.ndarray:
         return np.empty(self._loom.bias.shape[1])

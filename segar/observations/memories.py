@@ -1,0 +1,27 @@
+"""What a snapshot holds for an observation: looked up by name, and of the right shape."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from segar.errors import SegarError
+
+
+def remembered(memory: Mapping[str, np.ndarray], name: str, like: np.ndarray) -> np.ndarray | None:
+    """The memory of this name, or None where the snapshot is of an environment that did not keep it.
+
+    Raises:
+        SegarError: it has not the shape and dtype of ``like``: another observation kept it.
+    """
+    if name not in memory:
+        return None
+    found = memory[name]
+    if found.shape != like.shape or found.dtype != like.dtype:
+        raise SegarError(
+            f"this snapshot was taken under another observation: its '{name}' is {found.dtype} {found.shape[1:]} per"
+            f" environment, and here it is {like.dtype} {like.shape[1:]}; make the environment with that observation, or"
+            " drop what it remembers: replace(snapshot, memory={})"
+        )
+    return found
