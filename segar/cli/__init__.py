@@ -1,4 +1,4 @@
-"""The command ``segar``: sample and describe levels, measure distances and hardness, compile and show kernels."""
+"""The command ``segar``: levels, their distances and hardness, kernels, pictures, a game, recordings."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import sys
 from collections.abc import Sequence
 from typing import NoReturn
 
-from segar.cli import hardness, kernels, levels
+from segar.cli import gallery, hardness, kernels, levels, play, record
 from segar.errors import SegarError
 from segar.version import __version__
 
@@ -46,4 +46,7 @@ def make_parser() -> argparse.ArgumentParser:
     levels.add_commands(commands)
     hardness.add_commands(commands)
     kernels.add_commands(commands)
+    gallery.add_commands(commands)
+    play.add_commands(commands)
+    record.add_commands(commands)
     return parser

@@ -87,6 +87,10 @@ class Painter:
         edge, walls = OVERSAMPLING * self.view.size * MARGIN, self._walls
         return edge + (float(place[0]) + walls) * self._scale, edge + (walls - float(place[1])) * self._scale
 
+    def _width(self, pixels: float) -> int:
+        """A width of a line, at least one pixel: pygame takes no width for no outline."""
+        return max(round(pixels * self._unit), 1)
+
     def _draw_floor(self, scene: Scene) -> None:
         self._walls = scene.walls
         self._big.fill(WALL)
@@ -114,9 +118,9 @@ class Painter:
         self._draw_ground(figure)
         if issubclass(figure.entity, GoalTile):
             for share in (0.68, 0.36):
-                pygame.draw.polygon(self._big, WHITE, self._outline(figure, share), round(2.5 * unit))
+                pygame.draw.polygon(self._big, WHITE, self._outline(figure, share), self._width(2.5))
             pygame.draw.circle(self._big, WHITE, self._at(figure.place), 2.5 * unit)
-        pygame.draw.polygon(self._big, BLACK, self._outline(figure), round(1.5 * unit))
+        pygame.draw.polygon(self._big, BLACK, self._outline(figure), self._width(1.5))
 
     def _draw_ground(self, figure: Figure) -> None:
         """Dots, the denser the rougher the ground; waves, the denser the hotter it is."""
@@ -173,14 +177,14 @@ class Painter:
         if figure.is_visible:
             pygame.draw.polygon(self._big, figure.colour if figure.is_alive else GREY, outline)
             if figure.is_mobile:
-                pygame.draw.polygon(self._big, BLACK, outline, round(2.5 * unit))
+                pygame.draw.polygon(self._big, BLACK, outline, self._width(2.5))
             else:
-                pygame.draw.polygon(self._big, BLACK, outline, round(unit))
+                pygame.draw.polygon(self._big, BLACK, outline, self._width(1))
                 marks.bolts(self._big, centre, radius - 4.5 * unit, 1.8 * unit, BLACK)
         else:
             self._draw_unseen(figure, outline)
         if figure.is_agent:
-            pygame.draw.polygon(self._big, AGENT, self._grown(figure, 3.5 * unit), round(1.8 * unit))
+            pygame.draw.polygon(self._big, AGENT, self._grown(figure, 3.5 * unit), self._width(1.8))
         if figure.is_alive:
             self._draw_signs(figure, centre, radius)
         else:

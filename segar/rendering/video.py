@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import os
-import uuid
 from collections.abc import Callable, Iterable, Iterator
+from itertools import chain
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ import numpy as np
 from segar.errors import SegarError, did_you_mean
 from segar.extras import need
 from segar.rendering.camera import side_by_side
+from segar.replacing import replacing
 
 FORMATS = (".mp4", ".gif")
 FRAMES_PER_SECOND = 20  # where the environment does not say
@@ -26,6 +26,7 @@ def record(
     policy: Callable[[Any, dict[str, Any]], Any] | None = None,
     *,
     seed: int | None = 0,
+    options: dict[str, Any] | None = None,
     steps: int | None = None,
     fps: float | None = None,
 ) -> int:
@@ -37,6 +38,7 @@ def record(
         path: what ends in .mp4 or .gif. A file there is replaced only by a complete one.
         policy: function of observation and info that gives an action (of all environments); uniform where it is None.
         seed: of the environment and of the uniform policy.
+        options: for the reset, such as ``{"level": 3}``.
         steps: how many to film at most; by default one episode, of a vector environment 100 steps.
         fps: frames per second; by default in time with the simulation.
 
@@ -47,7 +49,7 @@ def record(
     if env.render_mode != "rgb_array":
         raise SegarError(f"record needs an environment with render_mode='rgb_array'; this one's is {env.render_mode!r}")
     rate = env.metadata.get("render_fps", FRAMES_PER_SECOND) if fps is None else fps
-    return write_video(path, _frames(env, policy, seed, steps), float(rate))
+    return write_video(path, _frames(env, policy, seed, options, steps), float(rate))
 
 
 def write_video(path: str | PathLike[str], frames: Iterable[np.ndarray], fps: float = FRAMES_PER_SECOND) -> int:
@@ -66,31 +68,28 @@ def write_video(path: str | PathLike[str], frames: Iterable[np.ndarray], fps: fl
     options: dict[str, Any] = {"loop": 0, "duration": 1000 / fps}
     if path.suffix.lower() == ".mp4":
         options = {"fps": fps, "codec": "libx264", "quality": 8, "macro_block_size": 2}
-    beside = path.with_name(f".{uuid.uuid4().hex[:12]}{path.suffix.lower()}")  # the suffix tells the format
-    count = 0
-    try:
+    frames = iter(frames)
+    first = next(frames, None)
+    if first is None:
+        raise SegarError(f"the video {path} would have no frames")
+    with replacing(path, "the video") as beside:
         writer: Any = imageio.get_writer(beside, mode="I", **options)
         with writer:
-            for frame in frames:
+            count = 0
+            for frame in chain([first], frames):
                 writer.append_data(frame)
                 count += 1
-        if count:
-            os.replace(beside, path)
-    except OSError as said:
-        raise SegarError(f"the video cannot be written to {path}: {said.strerror or said}") from said
-    finally:
-        beside.unlink(missing_ok=True)
-    if not count:
-        raise SegarError(f"the video {path} would have no frames")
     return count
 
 
-def _frames(env: Any, policy: Any, seed: int | None, steps: int | None) -> Iterator[np.ndarray]:
+def _frames(
+    env: Any, policy: Any, seed: int | None, options: dict[str, Any] | None, steps: int | None
+) -> Iterator[np.ndarray]:
     """Frames from the reset to the end of an episode."""
     is_batch = isinstance(env, gymnasium.vector.VectorEnv)
     choose = policy or _uniform(env.action_space, seed)
     limit = steps if steps is not None else 100 if is_batch else float("inf")
-    observation, info = env.reset(seed=seed)
+    observation, info = env.reset(seed=seed, options=options)
     yield _frame(env, is_batch)
     taken = 0
     while taken < limit:

@@ -1,0 +1,46 @@
+"""``segar play``: hit the ball with the mouse."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from segar.cli.arguments import NAME_HELP, TASK_HELP, at_least, find_distribution, task_named
+from segar.extras import need_pygame
+from segar.rendering.view import View
+
+
+def add_commands(commands: Any) -> None:
+    """Add ``play`` to the sub-commands of a parser."""
+    purpose = "play levels with the mouse"
+    playing = commands.add_parser("play", help=purpose, description="Play levels with the mouse.")
+    playing.add_argument("name", metavar="family", help=NAME_HELP)
+    playing.add_argument("-n", "--number", type=at_least(1), default=100, help="of levels (default: %(default)s)")
+    playing.add_argument("--seed", type=at_least(0), default=0, help="of the levels (default: %(default)s)")
+    playing.add_argument("--split", default="train", help="such as train or test (default: %(default)s)")
+    playing.add_argument("--level", type=at_least(0), default=0, help="to begin with (default: %(default)s)")
+    playing.add_argument("--task", help=TASK_HELP)
+    playing.add_argument("--size", type=at_least(64), default=720, help="of the arena [px] (default: %(default)s)")
+    playing.add_argument("--speed", type=float, default=1.0, help="of time, 0.5 for slow motion (default: %(default)s)")
+    playing.add_argument(
+        "--steps", type=at_least(1), default=600, help="time limit; agents have 100 (default: %(default)s)"
+    )
+    playing.set_defaults(run=play)
+
+
+def play(chosen: argparse.Namespace) -> None:
+    """``segar play``."""
+    need_pygame("playing")
+    from segar.rendering.game import Game
+
+    levels = find_distribution(chosen.name).sample(chosen.number, chosen.seed, chosen.split)
+    game = Game(
+        levels,
+        task_named(chosen.task, levels),
+        level=chosen.level,
+        seed=chosen.seed,
+        speed=chosen.speed,
+        max_steps=chosen.steps,
+        view=View(size=chosen.size),
+    )
+    print(game.run())

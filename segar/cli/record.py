@@ -1,0 +1,100 @@
+"""``segar record``: episodes into a dataset with frames and true factors, or one episode into a video."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from segar.cli.arguments import NAME_HELP, TASK_HELP, at_least, command, find_distribution, print_json, task_named
+from segar.datasets import check_replay, record, to_minari
+from segar.datasets.rollouts import Policy
+from segar.envs.gym_env import Env
+from segar.errors import SegarError, did_you_mean
+from segar.levels import Levels
+from segar.rendering import View, video
+from segar.tasks.task import Task
+
+POLICIES = ("uniform", "script")
+
+
+def add_commands(commands: Any) -> None:
+    """Add ``record`` to the sub-commands of a parser."""
+    made = command(
+        commands, "record", run, "record episodes: a dataset with frames and factors, or a video of one episode"
+    )
+    made.add_argument("name", metavar="family", help=NAME_HELP)
+    made.add_argument("-o", "--output", required=True, metavar="PLACE", help="a folder; or a file, .mp4 or .gif")
+    made.add_argument("-n", "--number", type=at_least(1), default=100, help="of levels (default: %(default)s)")
+    made.add_argument("--episodes", type=at_least(1), default=100, help="of the dataset (default: %(default)s)")
+    made.add_argument("--seed", type=at_least(0), default=0, help="of levels and episodes (default: %(default)s)")
+    made.add_argument("--split", default="train", help="such as train or test (default: %(default)s)")
+    made.add_argument("--policy", choices=POLICIES, default="uniform", help="who plays (default: %(default)s)")
+    made.add_argument("--observation", choices=("rgb", "state"), default="rgb", help="(default: %(default)s)")
+    made.add_argument("--task", help=TASK_HELP)
+    made.add_argument("--shard", type=at_least(1), default=64, help="episodes per file (default: %(default)s)")
+    made.add_argument("--minari", metavar="ID", help="also write a Minari dataset, e.g. segar/empty-hard-v0")
+    made.add_argument("--check", action="store_true", help="play all again and compare")
+    made.add_argument("--level", type=at_least(0), default=0, help="of the video (default: %(default)s)")
+    made.add_argument("--size", type=at_least(64), default=512, help="of the video's arena [px] (default: %(default)s)")
+
+
+def run(chosen: argparse.Namespace) -> None:
+    """``segar record``."""
+    levels = find_distribution(chosen.name).sample(chosen.number, chosen.seed, chosen.split)
+    task = task_named(chosen.task, levels)
+    if Path(chosen.output).suffix.lower() in video.FORMATS:
+        film(chosen, levels, task)
+        return
+    dataset = record(
+        chosen.output,
+        levels,
+        scripted(task) if chosen.policy == "script" else None,
+        episodes=chosen.episodes,
+        observation=chosen.observation,
+        task=task,
+        seed=chosen.seed,
+        episodes_per_shard=chosen.shard,
+        policy_name=chosen.policy,
+        progress=None if chosen.json else show_progress,
+    )
+    answer = {"folder": chosen.output, "episodes": len(dataset), "steps": dataset.steps, "frames": dataset.rows}
+    answer["shards"] = len(dataset.manifest.shards)
+    if chosen.check:
+        answer["steps_replayed"] = check_replay(dataset, task=task)
+    if chosen.minari:
+        answer["minari"] = to_minari(dataset, chosen.minari).id
+    print_json(answer) if chosen.json else print(", ".join(f"{name} {value}" for name, value in answer.items()))
+
+
+def film(chosen: argparse.Namespace, levels: Levels, task: Task) -> None:
+    """Record one episode as people see it."""
+    level = chosen.level % len(levels)
+    env = Env(levels, task=task, seed=chosen.seed, render_mode="rgb_array", view=View(size=chosen.size))
+    rng = np.random.default_rng(chosen.seed)
+    policy = scripted(task) if chosen.policy == "script" else None
+    play = None if policy is None else lambda observation, info: policy(observation, info, rng)
+    frames = video.record(env, chosen.output, play, seed=chosen.seed, options={"level": level})
+    answer = {"file": chosen.output, "level": level, "frames": frames, "frames_per_second": env.metadata["render_fps"]}
+    print_json(answer) if chosen.json else print(f"{chosen.output}: {frames} frames of level {level}")
+
+
+def scripted(task: Task) -> Policy:
+    """The scripted player of a task as a policy; raises :class:`SegarError` where there is none."""
+    if task.demo_actions is None:
+        raise SegarError(f"task {task.name} has no scripted player.{did_you_mean('uniform', POLICIES)}")
+    return partial(_follow_script, task.demo_actions)
+
+
+def _follow_script(script: Any, observations: Any, info: dict[str, Any], rng: np.random.Generator) -> np.ndarray:
+    return script(info["factors"])
+
+
+def show_progress(done: int, shards: int) -> None:
+    """A line that is written over."""
+    if sys.stderr.isatty():
+        print(f"\r{done} of {shards} shards", end="\n" if done == shards else "", file=sys.stderr, flush=True)

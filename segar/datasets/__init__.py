@@ -1,0 +1,11 @@
+"""Recorded episodes: frames, true factors and actions, for offline learning and for the study of representations."""
+
+from segar.datasets.dataset import Dataset
+from segar.datasets.manifest import Manifest, Settings
+from segar.datasets.minari_export import to_minari
+from segar.datasets.recording import record
+from segar.datasets.replay import check_replay
+from segar.datasets.rollouts import Rollouts
+from segar.datasets.shards import Episode, Shard
+
+__all__ = ["Dataset", "Episode", "Manifest", "Rollouts", "Settings", "Shard", "check_replay", "record", "to_minari"]

@@ -1,0 +1,157 @@
+"""The manifest of a dataset: what it is made of, which shards there are, and their hashes."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from segar.errors import SegarError
+from segar.replacing import replacing
+from segar.version import __version__
+
+FORMAT, FORMAT_VERSION = "segar-dataset", 1
+MANIFEST, LEVELS = "manifest.json", "levels.npz"
+READ_AT_ONCE = 1 << 20  # [byte]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """All that decides what a dataset holds. One that was begun can only go on with the same ones.
+
+    Attributes:
+        levels: hash of the level set; ``number_of_levels`` in it.
+        kernel: hash of the compiled rules, the task and the layout of entities.
+        task: its name; ``max_steps`` and ``sub_steps`` are the limits in force.
+        observation, policy: in words.
+        seed: of the episodes.
+        episodes: how many, ``episodes_per_shard`` of them in each file but the last.
+    """
+
+    levels: str
+    number_of_levels: int
+    kernel: str
+    task: str
+    max_steps: int
+    sub_steps: int
+    observation: str
+    policy: str
+    seed: int
+    episodes: int
+    episodes_per_shard: int
+
+    @property
+    def shards(self) -> int:
+        """How many there shall be."""
+        return math.ceil(self.episodes / self.episodes_per_shard)
+
+    def episodes_of(self, shard: int) -> range:
+        """The numbers of the episodes in a shard."""
+        first = shard * self.episodes_per_shard
+        return range(first, min(first + self.episodes_per_shard, self.episodes))
+
+
+@dataclass(frozen=True)
+class ShardEntry:
+    """A shard that is written: its seed, its rows, and name -> SHA-256 of its files."""
+
+    seed: int
+    rows: int
+    files: dict[str, str]
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """What a dataset is.
+
+    Attributes:
+        settings: see :class:`Settings`.
+        columns: of the tables, in order: name, entity, factor, component ('', 'x' or 'y') and unit of each factor.
+        arrays: name -> shape and type of the observation's arrays, without the axis of the rows.
+        shards: number of the shard -> entry.
+        version: of SEGAR, when the dataset was begun.
+    """
+
+    settings: Settings
+    columns: list[dict[str, str]]
+    arrays: dict[str, dict[str, Any]]
+    shards: dict[int, ShardEntry] = field(default_factory=dict)
+    version: str = __version__
+
+    @property
+    def is_complete(self) -> bool:
+        return len(self.shards) == self.settings.shards
+
+    def with_shard(self, number: int, entry: ShardEntry) -> Manifest:
+        return replace(self, shards=dict(sorted({**self.shards, number: entry}.items())))
+
+    def write(self, folder: Path) -> None:
+        """Replace the manifest in a folder; raises :class:`SegarError`."""
+        content = {"format": FORMAT, "format_version": FORMAT_VERSION, **asdict(self)}
+        with replacing(folder / MANIFEST, "the manifest") as beside:
+            beside.write_text(json.dumps(content, indent=1) + "\n")
+
+    @classmethod
+    def read(cls, folder: Path) -> Manifest:
+        """The manifest in a folder.
+
+        Raises:
+            SegarError: there is none, it is damaged, or a newer SEGAR wrote it.
+        """
+        path = folder / MANIFEST
+        if not path.is_file():
+            raise SegarError(f"{folder} holds no dataset: there is no {MANIFEST}")
+        try:
+            content: dict[str, Any] = json.loads(path.read_text())
+            if content["format"] != FORMAT:
+                raise SegarError(f"{path} is not the manifest of a dataset but of a {content['format']}")
+            if content["format_version"] > FORMAT_VERSION:
+                raise SegarError(
+                    f"{path} was written by a newer SEGAR ({content['version']}); this one cannot read format"
+                    f" {content['format_version']}"
+                )
+            shards = {int(number): ShardEntry(**entry) for number, entry in content["shards"].items()}
+            settings = Settings(**content["settings"])
+            return cls(settings, content["columns"], content["arrays"], shards, content["version"])
+        except (json.JSONDecodeError, KeyError, TypeError, ValueError) as said:
+            if isinstance(said, SegarError):
+                raise
+            raise SegarError(f"{path} is damaged: {said!r}") from said
+
+
+def check_same_settings(begun: Settings, asked: Settings, folder: Path) -> None:
+    """Raise :class:`SegarError` that names each setting in which a dataset differs from what is asked for."""
+    old, new = asdict(begun), asdict(asked)
+    differing = [f"{name} ({old[name]!r} there, {new[name]!r} asked for)" for name in old if old[name] != new[name]]
+    if differing:
+        raise SegarError(
+            f"{folder} holds a dataset with other settings: {'; '.join(differing)}. Ask for the same ones, or record into"
+            " another folder"
+        )
+
+
+def sha256(path: Path) -> str:
+    """SHA-256 of a file, in hexadecimal digits."""
+    found = hashlib.sha256()
+    with open(path, "rb") as file:
+        while block := file.read(READ_AT_ONCE):
+            found.update(block)
+    return found.hexdigest()
+
+
+def check_files(folder: Path, number: int, files: Mapping[str, str]) -> None:
+    """Raise :class:`SegarError` unless the files of a shard are there and have these hashes."""
+    for name, expected in files.items():
+        path = folder / name
+        if not path.is_file():
+            raise SegarError(
+                f"shard {number} of {folder} is incomplete: there is no {name}; record again to restore it"
+            )
+        if sha256(path) != expected:
+            raise SegarError(
+                f"shard {number} of {folder} is damaged: {name} has another hash; record again to restore it"
+            )

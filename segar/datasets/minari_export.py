@@ -1,0 +1,165 @@
+"""Datasets for offline reinforcement learning in Minari's form."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import uuid
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.envs.registration import EnvSpec
+
+from segar.datasets.dataset import Dataset
+from segar.datasets.rollouts import from_leaves
+from segar.datasets.shards import Episode
+from segar.envs.registration import REWARDS
+from segar.envs.vector import VectorEnv
+from segar.errors import SegarError
+from segar.extras import need
+from segar.families import family
+from segar.tasks.find import TASKS
+
+ROOT = "MINARI_DATASETS_PATH"  # the variable in which Minari looks for its folder
+UNFINISHED = ".segar-writing-"
+
+
+def to_minari(
+    dataset: Dataset,
+    dataset_id: str,
+    *,
+    observation: Any = None,
+    author: str = "SEGAR",
+    author_email: str = "",
+    description: str | None = None,
+) -> Any:
+    """Write a recorded dataset as a Minari dataset, shard by shard, and return it (a ``minari.MinariDataset``).
+
+    Episodes keep their order. Observations are stored as they are, not as JPEG. ``infos`` holds the true factors,
+    ``infos["Mass"]`` float64 ``(T + 1, entities)``, and ``level``, ``success`` and ``death``, also ``(T + 1,)``. The
+    environment can be recovered where the levels are those of a Gymnasium id.
+
+    Args:
+        dataset_id: ``name-v0``, or ``group/name-v0``; where Minari keeps its datasets (``MINARI_DATASETS_PATH``).
+        observation: the one that was recorded, unless it was 'rgb' or 'state', to tell the observation space.
+        author, author_email, description: for Minari's metadata.
+
+    Raises:
+        SegarError: Minari is not installed, or there is a dataset of that name.
+    """
+    need("writing Minari datasets", "minari", "h5py", "pyarrow")
+    import minari
+    from minari.storage import get_dataset_path
+
+    target = Path(get_dataset_path(dataset_id))
+    if target.exists():
+        raise SegarError(
+            f"there is a Minari dataset '{dataset_id}' already, in {target}; choose another name or version"
+        )
+    settings = dataset.manifest.settings
+    env = VectorEnv(dataset.levels, 1, observation=observation or settings.observation, **_task_options(dataset))
+    words = f"{settings.episodes} episodes of {settings.task} on {dataset.levels!r}, played by {settings.policy}"
+    shards = iter(dataset)
+    with _unfinished(Path(get_dataset_path())) as root, warnings.catch_warnings():
+        # Minari advises to name an environment for evaluation and more; that is the caller's affair.
+        warnings.filterwarnings("ignore", category=UserWarning, module="minari")
+        made = minari.create_dataset_from_buffers(
+            dataset_id,
+            _buffers(next(shards).episodes(), env),
+            env=_spec_of(dataset),
+            observation_space=env.single_observation_space,
+            action_space=env.single_action_space,
+            algorithm_name=settings.policy,
+            author=author,
+            author_email=author_email,
+            description=description or words,
+            jpeg_encoding=False,
+        )
+        for shard in shards:
+            made.update_dataset_from_buffer(_buffers(shard.episodes(), env))
+        target.parent.mkdir(parents=True, exist_ok=True)
+        os.replace(root / dataset_id, target)
+    _list_group(dataset_id.rpartition("/")[0])
+    return minari.load_dataset(dataset_id)
+
+
+def _list_group(group: str) -> None:
+    """Have Minari list the group of a dataset."""
+    from minari.namespace import create_namespace, list_local_namespaces
+
+    if group and group not in list_local_namespaces():
+        create_namespace(group)
+
+
+def _task_options(dataset: Dataset) -> dict[str, Any]:
+    settings = dataset.manifest.settings
+    return {"max_steps": settings.max_steps, "sub_steps": settings.sub_steps}
+
+
+def _buffers(episodes: Iterator[Episode], env: VectorEnv) -> list[Any]:
+    """Episodes as Minari takes them."""
+    from minari.data_collector import EpisodeBuffer
+
+    return [
+        EpisodeBuffer(
+            seed=None,
+            options={"level": episode.level, "seed": np.uint64(episode.seed), "environment": episode.environment},
+            observations=from_leaves(episode.observations, env.single_observation_space),
+            actions=episode.actions,  # type: ignore[arg-type]
+            rewards=episode.rewards,  # type: ignore[arg-type]
+            terminations=episode.terminated,  # type: ignore[arg-type]
+            truncations=episode.truncated,  # type: ignore[arg-type]
+            infos=_infos(episode),
+        )
+        for episode in episodes
+    ]
+
+
+def _infos(episode: Episode) -> dict[str, np.ndarray]:
+    """What Minari keeps beside the observations: one value for the reset, one after each step."""
+    before = np.zeros(1, np.bool_)
+    return {
+        **episode.factors,
+        "level": np.full(len(episode) + 1, episode.level),
+        "success": np.concatenate([before, episode.success]),
+        "death": np.concatenate([before, episode.death]),
+    }
+
+
+def _spec_of(dataset: Dataset) -> EnvSpec | None:
+    """The Gymnasium environment of these levels, if an id names their family, task and observation."""
+    origin, settings = dataset.levels.provenance, dataset.manifest.settings
+    versions = {f"puttputt-{reward}": version for version, reward in REWARDS.items()}
+    version = "v0" if origin.name in TASKS else versions.get(settings.task, "")
+    id_ = f"Segar-{origin.name}-{settings.observation}-{version}"
+    n = len(dataset.levels)
+    if id_ not in gymnasium.registry or not np.array_equal(origin.indices, np.arange(n)):
+        return None
+    if origin.distribution != family(str(origin.name)).hash:
+        return None
+    spec = gymnasium.spec(id_)
+    options = {"num_levels": n, "seed": origin.seed, "split": origin.split, **_task_options(dataset)}
+    return EnvSpec(
+        id_, entry_point=spec.entry_point, vector_entry_point=spec.vector_entry_point, kwargs={**spec.kwargs, **options}
+    )
+
+
+@contextmanager
+def _unfinished(root: Path) -> Iterator[Path]:
+    """A folder within Minari's that Minari takes for its own, until the block ends; then it is removed."""
+    inside, before = root / f"{UNFINISHED}{uuid.uuid4().hex[:12]}", os.environ.get(ROOT)
+    inside.mkdir(parents=True)
+    os.environ[ROOT] = str(inside)
+    try:
+        yield inside
+    finally:
+        if before is None:
+            del os.environ[ROOT]
+        else:
+            os.environ[ROOT] = before
+        shutil.rmtree(inside, ignore_errors=True)

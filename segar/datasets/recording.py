@@ -1,0 +1,171 @@
+"""Record what policies do: shard by shard, so that a recording that was killed goes on where it stopped."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from functools import partial
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from segar.datasets.dataset import Dataset
+from segar.datasets.in_words import in_words
+from segar.datasets.manifest import (
+    LEVELS,
+    MANIFEST,
+    Manifest,
+    Settings,
+    ShardEntry,
+    check_files,
+    check_same_settings,
+)
+from segar.datasets.rollouts import Policy, leaves, play, uniform
+from segar.datasets.shards import factor_columns, write_shard
+from segar.envs.vector import VectorEnv
+from segar.errors import SegarError
+from segar.extras import need
+from segar.levels import LEVEL_ARRAYS, Levels
+from segar.replacing import remove_unfinished
+from segar.tasks.task import Task
+from segar.world import World
+
+HASH_DIGITS = 16
+UNIFORM = "uniform"
+
+
+def record(
+    folder: str | PathLike[str],
+    levels: Levels,
+    policy: Policy | None = None,
+    *,
+    episodes: int = 100,
+    observation: Any = "rgb",
+    task: Task | None = None,
+    seed: int = 0,
+    episodes_per_shard: int = 64,
+    policy_name: str | None = None,
+    max_steps: int | None = None,
+    sub_steps: int | None = None,
+    world: World | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Dataset:
+    """Record episodes with all that was seen and all true factors into a folder, and return the dataset.
+
+    Episode i plays level ``i % len(levels)``. A shard depends on the settings and its number alone, so a recording that
+    was killed goes on with the shards that are missing, to the same bits; shards that are damaged are recorded again.
+
+    Args:
+        folder: where to; made if it is not there. What is recorded there already is kept.
+        levels: what is played; they are saved in the folder, too.
+        policy: function of the batch of observations, ``info`` (with ``info["factors"]``) and a random generator, that
+            gives actions, float32 ``(episodes of the shard, n)``; uniform where it is None.
+        episodes: how many, ``episodes_per_shard`` of them in one file, played side by side.
+        observation, task, max_steps, sub_steps, world: as :class:`segar.envs.VectorEnv` takes them.
+        seed: of the randomness in rules, observations and policy.
+        policy_name: for the manifest; else what the policy is called.
+        progress: called with the number of shards that are there and of all.
+
+    Raises:
+        SegarError: pyarrow is not installed, the folder holds something else, or a recording with other settings (the
+            message names them), or a file cannot be written.
+    """
+    need("recording", "pyarrow")
+    if episodes < 1 or episodes_per_shard < 1:
+        raise SegarError(f"episodes and episodes_per_shard must be at least 1, not {episodes} and {episodes_per_shard}")
+    options = {"observation": observation, "task": task, "max_steps": max_steps, "sub_steps": sub_steps, "world": world}
+    make_env = partial(VectorEnv, levels, seed=seed, autoreset_mode="Disabled", **options)
+    one = make_env(1)
+    settings = Settings(
+        levels=hash_of_levels(levels),
+        number_of_levels=len(levels),
+        kernel=hash_of_kernel(one),
+        task=one.task.name,
+        max_steps=one.task.max_steps,
+        sub_steps=one.task.sub_steps,
+        observation=observation if isinstance(observation, str) else in_words(observation),
+        policy=policy_name or (UNIFORM if policy is None else in_words(policy)),
+        seed=seed,
+        episodes=episodes,
+        episodes_per_shard=episodes_per_shard,
+    )
+    folder = Path(folder)
+    manifest = _begun(folder, settings, levels, one)
+    for number in range(settings.shards):
+        if not _is_whole(folder, number, manifest):
+            entry = _record_shard(folder, number, settings, levels, make_env, policy)
+            manifest = manifest.with_shard(number, entry)
+            manifest.write(folder)
+        if progress is not None:
+            progress(number + 1, settings.shards)
+    return Dataset.load(folder, world or levels.world)
+
+
+def seed_of_shard(seed: int, number: int) -> int:
+    """The seed of the environments of a shard."""
+    return int(np.random.SeedSequence([seed, number]).generate_state(1, np.uint64)[0])
+
+
+def hash_of_levels(levels: Levels) -> str:
+    """Sixteen hexadecimal digits that change with any value of any level."""
+    found = hashlib.sha256(repr(levels.layout.names).encode())
+    for name in LEVEL_ARRAYS:
+        array = np.ascontiguousarray(getattr(levels, name))
+        found.update(f"{name} {array.dtype} {array.shape}".encode())
+        found.update(array.tobytes())
+    return found.hexdigest()[:HASH_DIGITS]
+
+
+def hash_of_kernel(env: VectorEnv) -> str:
+    """Sixteen hexadecimal digits that change with rules, task and layout."""
+    return hashlib.sha256(env.simulator.source.text.encode()).hexdigest()[:HASH_DIGITS]
+
+
+def _begun(folder: Path, settings: Settings, levels: Levels, env: VectorEnv) -> Manifest:
+    """The manifest of a recording that was begun before, or is begun now."""
+    if (folder / MANIFEST).exists():
+        manifest = Manifest.read(folder)
+        check_same_settings(manifest.settings, settings, folder)
+        remove_unfinished(folder)
+        return manifest
+    folder.mkdir(parents=True, exist_ok=True)
+    remove_unfinished(folder)
+    there = [path.name for path in folder.iterdir() if path.name != LEVELS]
+    if there:
+        raise SegarError(f"{folder} is not empty and holds no dataset: there is {sorted(there)[0]}")
+    levels.save(folder / LEVELS)
+    observations, _ = env.reset(seed=0)
+    arrays = {name: {"shape": list(a.shape[1:]), "dtype": str(a.dtype)} for name, a in leaves(observations).items()}
+    manifest = Manifest(settings, factor_columns(levels.layout), arrays)
+    manifest.write(folder)
+    return manifest
+
+
+def _record_shard(
+    folder: Path,
+    number: int,
+    settings: Settings,
+    levels: Levels,
+    make_env: Callable[[int], VectorEnv],
+    policy: Policy | None,
+) -> ShardEntry:
+    """Play the episodes of a shard and write them."""
+    numbers = np.array(settings.episodes_of(number))
+    env, seed = make_env(len(numbers)), seed_of_shard(settings.seed, number)
+    choose = policy or partial(uniform, space=env.action_space)
+    rng = np.random.default_rng([settings.seed, number])
+    rollouts = play(env, numbers % len(levels), int(numbers[0]), seed, choose, rng)
+    return write_shard(folder, number, rollouts, seed, levels.layout)
+
+
+def _is_whole(folder: Path, number: int, manifest: Manifest) -> bool:
+    """Whether a shard is there, as the manifest says."""
+    if number not in manifest.shards:
+        return False
+    try:
+        check_files(folder, number, manifest.shards[number].files)
+    except SegarError:
+        return False  # it is recorded again, to the same bits
+    return True

@@ -1,0 +1,93 @@
+"""Play recorded actions again, and compare: a dataset is what it says it is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from segar.datasets.dataset import Dataset
+from segar.datasets.recording import hash_of_kernel
+from segar.datasets.rollouts import Rollouts, play
+from segar.datasets.shards import TRUTHS, Shard
+from segar.envs.vector import VectorEnv
+from segar.errors import SegarError
+from segar.observations.find import OBSERVATIONS
+from segar.tasks.task import Task
+from segar.world import World
+
+
+def check_replay(
+    dataset: Dataset, *, observation: Any = None, task: Task | None = None, world: World | None = None
+) -> int:
+    """Play the recorded actions on the recorded levels, and return how many steps came out the same, to the bit.
+
+    Args:
+        observation: the one that was recorded. By default the one that the manifest names, if that is 'rgb' or 'state';
+            else observations are not compared.
+        task, world: those of the recording, if they are not the levels' own.
+
+    Raises:
+        SegarError: rules, task or layout are not those of the recording, or something came out differently; the message
+            says in which episode and step, and what.
+    """
+    settings = dataset.manifest.settings
+    if observation is None and settings.observation in OBSERVATIONS:
+        observation = settings.observation
+    for shard in dataset:
+        starts = np.flatnonzero(shard.rollouts.step == 0)
+        env = VectorEnv(
+            dataset.levels,
+            len(starts),
+            observation=observation or "state",
+            task=task,
+            autoreset_mode="Disabled",
+            max_steps=settings.max_steps,
+            sub_steps=settings.sub_steps,
+            world=world,
+        )
+        if hash_of_kernel(env) != settings.kernel:
+            raise SegarError(
+                f"{dataset.folder} was recorded with other rules, another task ({settings.task}) or another SEGAR"
+                f" ({dataset.manifest.version}); give task= and world= as they were"
+            )
+        first = int(shard.rollouts.episode[0])
+        actions = _recorded_actions(shard.rollouts, starts, env.single_action_space.shape[0])  # type: ignore[index]
+        again = play(env, shard.rollouts.level[starts], first, shard.seed, actions, np.random.default_rng(0))
+        _compare(shard, again, observation is not None)
+    return dataset.steps
+
+
+def _recorded_actions(rollouts: Rollouts, starts: np.ndarray, size: int) -> Any:
+    """A policy that does what was recorded, and nothing once an episode is over."""
+    padded = np.zeros((int(rollouts.step.max()) + 1, len(starts), size), np.float32)
+    padded[rollouts.step, rollouts.episode - rollouts.episode[0]] = np.nan_to_num(rollouts.action)
+    steps = iter(padded)
+    return lambda observations, info, rng: next(steps)
+
+
+def _compare(shard: Shard, again: Rollouts, with_observations: bool) -> None:
+    """Raise :class:`SegarError` at the first row that differs."""
+    recorded = shard.rollouts
+    if len(recorded) != len(again) or not np.array_equal(recorded.step, again.step):
+        raise SegarError(f"shard {shard.number}: episodes have other lengths when they are played again")
+    for name in ("reward", *TRUTHS):
+        _same(recorded, name, getattr(recorded, name), getattr(again, name))
+    for slot, entity in enumerate(shard.entities):
+        for factor, column in shard.layout.columns.items():
+            part = np.s_[:, slot, column : column + factor.width]
+            _same(recorded, f"{factor.__name__} of '{entity}'", recorded.values[part], again.values[part])
+    seen: Mapping[str, np.ndarray] = recorded.observations if with_observations else {}
+    for name, array in seen.items():
+        _same(recorded, name, array, again.observations[name])
+
+
+def _same(rollouts: Rollouts, name: str, recorded: np.ndarray, again: np.ndarray) -> None:
+    equal = recorded == again
+    if recorded.dtype.kind == "f":
+        equal |= np.isnan(recorded) & np.isnan(again)
+    rows = np.flatnonzero(~equal.reshape(len(equal), -1).all(axis=1))
+    if len(rows):
+        where = f"episode {rollouts.episode[rows[0]]}, step {rollouts.step[rows[0]]}"
+        raise SegarError(f"{where}: {name} comes out differently when the actions are played again")
