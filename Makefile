@@ -3,6 +3,7 @@
 #   make test                     the tests (make test-slow: the long ones)
 #   make reproduce-paper          the paper's experiment and figures; SCALE=smoke|quick|standard|paper, ARGS="seed=1 ..."
 #   make dashboard                MLflow's pages over the results, on 127.0.0.1
+#   make renderings               the paper's pictures of tasks and visual features; ARGS="--output DIR"
 #   make bench                    speed of the engine on this machine
 #   make lint                     ruff and pyright
 #   make clean                    caches and build products; keeps .venv and all results
@@ -22,7 +23,7 @@ LOADED := torch, torchrl, torchrl.objectives, tensordict, mlflow, alembic.comman
 	matplotlib.pyplot, rich.progress, pygame, imageio.v2, imageio_ffmpeg, moviepy, minari, h5py, pytest, xdist, hypothesis
 
 .DEFAULT_GOAL := help
-.PHONY: help setup test test-slow lint bench reproduce-paper dashboard clean
+.PHONY: help setup test test-slow lint bench reproduce-paper renderings dashboard clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -57,6 +58,9 @@ bench: $(STAMP)
 
 reproduce-paper: $(STAMP)
 	$(PY) -m experiments.reproduce scale=$(SCALE) $(ARGS)
+
+renderings: $(STAMP)
+	$(PY) -m analysis.renderings $(ARGS)
 
 dashboard: $(STAMP)
 	$(PY) -m experiments.dashboard $(ARGS)
