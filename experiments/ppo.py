@@ -20,7 +20,7 @@ from torchrl.objectives import ClipPPOLoss
 from torchrl.objectives.value.functional import generalized_advantage_estimate
 
 from experiments.config import PPOConfig
-from experiments.errors import TrainingError
+from experiments.errors import ConfigError, TrainingError
 from experiments.networks import Actor, SquashedNormal, initialize, make_encoder, make_head
 from experiments.snapshots import as_tensors, from_tensors
 from segar.envs.torchrl_env import TorchRLEnv
@@ -81,6 +81,8 @@ class PPO:
     def __init__(self, config: PPOConfig, env: TorchRLEnv, frames: int, seed: int) -> None:
         self.config, self.env, self.budget = config, env, frames
         self.rng = torch.Generator().manual_seed(seed)
+        if env.observation_key is None:
+            raise ConfigError("observation: PPO reads one array, not a tuple or dict; choose one part, or stack it")
         shape, actions = env.observation_spec[env.observation_key].shape[1:], env.action_spec.shape[-1]
         self.policy = self.make_policy(config, tuple(shape), actions)
         self.policy.initialize(self.rng)

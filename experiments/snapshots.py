@@ -12,7 +12,7 @@ T = TypeVar("T")
 
 
 def as_tensors(snapshot: Any) -> dict[str, Any]:
-    """A snapshot (a dataclass of arrays, numbers and such dataclasses) as nested dicts of tensors and numbers."""
+    """A snapshot (a dataclass of arrays, numbers, dicts of these and such dataclasses) as nested dicts of tensors and numbers."""
     return {field.name: _plain(getattr(snapshot, field.name)) for field in dataclasses.fields(snapshot)}
 
 
@@ -24,11 +24,19 @@ def from_tensors(template: T, data: dict[str, Any]) -> T:
         if dataclasses.is_dataclass(old):
             changes[field.name] = from_tensors(old, new)
         else:
-            changes[field.name] = new.numpy().copy() if isinstance(new, torch.Tensor) else new
+            changes[field.name] = _arrays(new)
     return dataclasses.replace(template, **changes)  # type: ignore[type-var]
+
+
+def _arrays(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _arrays(part) for name, part in value.items()}
+    return value.numpy().copy() if isinstance(value, torch.Tensor) else value
 
 
 def _plain(value: Any) -> Any:
     if dataclasses.is_dataclass(value):
         return as_tensors(value)
+    if isinstance(value, dict):
+        return {name: _plain(part) for name, part in value.items()}
     return torch.from_numpy(value.copy()) if isinstance(value, np.ndarray) else value

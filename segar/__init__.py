@@ -62,6 +62,14 @@ from segar.families import families, family
 from segar.levels import Levels
 from segar.noise import *  # noqa: F403
 from segar.noise import __all__ as _noise_names
+from segar.observations.actions import PreviousActions
+from segar.observations.multi import Multi
+from segar.observations.one_of import OneOf
+from segar.observations.pixels import Pixels
+from segar.observations.stack import Stack
+from segar.observations.state import StateVector
+from segar.observations.state_presets import AllObjects, AllState, AllTiles, ObjectState, TileState
+from segar.observations.textured import TexturedPixels
 from segar.parameters import (
     FloorFriction,
     Framerate,
@@ -105,6 +113,9 @@ from segar.world import World
 __all__ = [
     *_entity_names,
     *_noise_names,
+    "AllObjects",
+    "AllState",
+    "AllTiles",
     "DEFAULT_RULES",
     "ID",
     "Acceleration",
@@ -149,10 +160,15 @@ __all__ = [
     "MinMass",
     "MinVelocity",
     "Mobile",
+    "Multi",
+    "ObjectState",
+    "OneOf",
     "Order",
     "Parameter",
+    "Pixels",
     "PlacementError",
     "Position",
+    "PreviousActions",
     "Prior",
     "PriorError",
     "RandomConvexHull",
@@ -166,10 +182,14 @@ __all__ = [
     "Simulator",
     "Size",
     "Square",
+    "Stack",
     "State",
+    "StateVector",
     "StoredEnergy",
     "Task",
     "Text",
+    "TexturedPixels",
+    "TileState",
     "Triangle",
     "Tuple",
     "Vector",

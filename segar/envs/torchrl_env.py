@@ -29,15 +29,17 @@ EPISODE_KEYS = {
 class TorchRLEnv(EnvBase):
     """A batch of environments with batch size ``[num_envs]``.
 
-    Entries of a step: the observation under ``"observation"`` (float32 ``[num_envs, d]``) or ``"pixels"`` (uint8
-    ``[num_envs, 64, 64, 3]``); ``"reward"`` float32, ``"done"``, ``"terminated"``, ``"truncated"`` bool; and about
+    Entries of a step: the observation, under ``"pixels"`` if it is a frame (uint8, e.g. ``[num_envs, 64, 64, 3]``), else
+    under ``"observation"`` (float32, e.g. ``[num_envs, d]``), a dict's parts under their names, a tuple's under
+    ``("observation", "0")`` and so on; ``"reward"`` float32, ``"done"``, ``"terminated"``, ``"truncated"`` bool; and about
     the running episode ``"level"`` (index in ``levels``), ``"return"`` (all rewards so far), ``"length"``,
     ``"success"``, ``"death"``; all of these ``[num_envs, 1]``. Nothing is reset by a step, so that a finished
     episode's last observation stays readable; ``reset`` honours TorchRL's ``"_reset"`` mask, and takes
     ``levels=`` (int array ``[num_envs]``) to choose the levels that start. Tensors share the memory of the engine's
     arrays, which later steps do not overwrite. Actions: float32 ``[num_envs, 2]`` in [-1, 1].
 
-    Arguments are those of :class:`segar.envs.VectorEnv`, which also says what it raises.
+    Arguments are those of :class:`segar.envs.VectorEnv`, which also says what it raises; and :class:`SegarError` if a part
+    of the observation is named like another entry. ``observation_key`` is the key of an observation of one array, else None.
 
     >>> env = TorchRLEnv(segar.family("empty-hard").sample(10, seed=0), num_envs=64, seed=0)
     >>> env.rollout(30)["next", "reward"].shape
@@ -49,9 +51,14 @@ class TorchRLEnv(EnvBase):
         self.vector_env = VectorEnv(
             levels, num_envs, observation=observation, autoreset_mode=AutoresetMode.DISABLED, copy=True, **options
         )
-        self.observation_key, observation_spec = _observation_spec(self.vector_env.observation_space)
+        space = self.vector_env.single_observation_space
+        self.observation_key = _key_of(space) if isinstance(space, spaces.Box) else None
+        seen = _named(space)
+        for name in seen.keys() & {*EPISODE_KEYS, "action", "reward", "done", "terminated", "truncated"}:
+            raise SegarError(f"TorchRLEnv: an observation's part cannot be called '{name}', as another entry is")
         self.observation_spec = Composite(
-            {self.observation_key: observation_spec, **{key: _column(num_envs, t) for key, t in EPISODE_KEYS.items()}},
+            {key: _spec(part, num_envs) for key, part in seen.items()}
+            | {key: _column(num_envs, t) for key, t in EPISODE_KEYS.items()},
             shape=self.batch_size,
         )
         self.action_spec = _bounded(self.vector_env.action_space, torch.float32)
@@ -98,14 +105,14 @@ class TorchRLEnv(EnvBase):
 
     def _tensordict(
         self,
-        observation: np.ndarray,
+        observation: Any,
         terminated: np.ndarray,
         truncated: np.ndarray,
         info: dict[str, Any],
         reward: np.ndarray | None = None,
     ) -> TensorDict:
         entries = {
-            self.observation_key: torch.from_numpy(observation),
+            **_tensors(observation, self.num_envs),
             "terminated": torch.from_numpy(terminated)[:, None],
             "truncated": torch.from_numpy(truncated)[:, None],
             "done": torch.from_numpy(terminated | truncated)[:, None],
@@ -127,12 +134,41 @@ class TorchRLEnv(EnvBase):
         self.vector_env.close()
 
 
-def _observation_spec(space: spaces.Space) -> tuple[str, Bounded | Unbounded]:
-    if not isinstance(space, spaces.Box):
-        raise SegarError(f"TorchRLEnv takes observations that are one array; this environment's are {space}.")
+def _named(observation: Any) -> dict[str, Any]:
+    """The entries of an observation, or of its space, by key."""
+    if isinstance(observation, (dict, spaces.Dict)):
+        return dict(observation.items())
+    return {"observation" if isinstance(observation, (tuple, spaces.Tuple)) else _key_of(observation): observation}
+
+
+def _key_of(array: np.ndarray | spaces.Box) -> str:
+    return "pixels" if array.dtype == np.uint8 else "observation"
+
+
+def _parts(observation: Any) -> dict[str, Any]:
+    """The parts of a tuple or dict, or of its space, by key."""
+    if isinstance(observation, (dict, spaces.Dict)):
+        return dict(observation.items())
+    return {str(k): part for k, part in enumerate(observation)}
+
+
+def _spec(space: spaces.Space, num_envs: int) -> Any:
+    if isinstance(space, (spaces.Dict, spaces.Tuple)):
+        return Composite({key: _spec(part, num_envs) for key, part in _parts(space).items()}, shape=torch.Size([num_envs]))
+    assert isinstance(space, spaces.Box)
     if space.dtype == np.uint8:
-        return "pixels", _bounded(space, torch.uint8)
-    return "observation", Unbounded(shape=torch.Size(space.shape), dtype=torch.float32)
+        return _bounded(space, torch.uint8).expand(num_envs, *space.shape)
+    return Unbounded(shape=torch.Size((num_envs, *space.shape)), dtype=torch.float32)
+
+
+def _tensors(observation: Any, num_envs: int) -> dict[str, Any]:
+    return {key: _tensor(part, num_envs) for key, part in _named(observation).items()}
+
+
+def _tensor(part: Any, num_envs: int) -> Any:
+    if isinstance(part, np.ndarray):
+        return torch.from_numpy(part)
+    return TensorDict({key: _tensor(p, num_envs) for key, p in _parts(part).items()}, batch_size=[num_envs])
 
 
 def _bounded(space: Any, dtype: torch.dtype) -> Bounded:

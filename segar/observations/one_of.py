@@ -22,7 +22,7 @@ PER = ("episode", "level")
 
 
 @dataclass(frozen=True)
-class Choice:
+class OneOf:
     """One of several observations of equal spaces, drawn for each episode or for each level.
 
     Per episode, the draw belongs to the episode: it depends on the environments' seed, the environment and the number
@@ -50,16 +50,16 @@ class Choice:
 
         object.__setattr__(self, "family", tuple(make_observation(member) for member in self.family))
         if not self.family:
-            raise SegarError("Choice: a family needs at least one observation")
+            raise SegarError("OneOf: a family needs at least one observation")
         if self.per not in PER:
             raise SegarError(
-                f"Choice: per must be 'episode' or 'level', not {self.per!r}.{did_you_mean(str(self.per), PER)}"
+                f"OneOf: per must be 'episode' or 'level', not {self.per!r}.{did_you_mean(str(self.per), PER)}"
             )
         weights = np.asarray([1.0] * len(self.family) if self.weights is None else self.weights, float)
         sane = np.isfinite(weights).all() and (weights >= 0).all() and weights.sum() > 0
         if weights.shape != (len(self.family),) or not sane:
             raise SegarError(
-                f"Choice: weights must be {len(self.family)} numbers, one for each observation, none negative and not all"
+                f"OneOf: weights must be {len(self.family)} numbers, one for each observation, none negative and not all"
                 f" zero; not {self.weights!r}"
             )
 
@@ -78,36 +78,36 @@ class Choice:
         """Whether any of them does."""
         return any(member.shows(factor) for member in self.family)
 
-    def for_task(self, task: Task) -> Choice:
+    def for_task(self, task: Task) -> OneOf:
         """Each of them in environments of this task."""
         from segar.observations.find import for_task
 
         return replace(self, family=[for_task(member, task) for member in self.family])
 
-    def bind(self, levels: Levels, num_envs: int) -> BoundChoice:
+    def bind(self, levels: Levels, num_envs: int) -> BoundOneOf:
         """The observations at work; raises :class:`SegarError` if their spaces differ."""
-        return BoundChoice(self, levels, num_envs)
+        return BoundOneOf(self, levels, num_envs)
 
 
-class BoundChoice(Members):
-    """:class:`Choice` in one environment; ``chosen`` (int64 ``[env]``) says which member each environment shows."""
+class BoundOneOf(Members):
+    """:class:`OneOf` in one environment; ``chosen`` (int64 ``[env]``) says which member each environment shows."""
 
-    def __init__(self, choice: Choice, levels: Levels, num_envs: int) -> None:
-        members = [member.bind(levels, num_envs) for member in choice.family]
+    def __init__(self, one_of: OneOf, levels: Levels, num_envs: int) -> None:
+        members = [member.bind(levels, num_envs) for member in one_of.family]
         super().__init__(members, [str(k) for k in range(len(members))])
         self.space: gymnasium.Space = members[0].space
         for k, member in enumerate(members):
             if member.space != self.space:
                 raise SegarError(
-                    f"Choice: the spaces of its observations must be equal; the first one's is {self.space}, and number"
+                    f"OneOf: the spaces of its observations must be equal; the first one's is {self.space}, and number"
                     f" {k}'s is {member.space}"
                 )
-        self._edges, self._seed = choice.edges[:-1], choice.seed
+        self._edges, self._seed = one_of.edges[:-1], one_of.seed
         self._of_level = None
-        if choice.per == "level":
+        if one_of.per == "level":
             origin = levels.provenance
             self._of_level = self._draw(
-                stream_key("observation", "level", choice.seed, origin.distribution, origin.seed, origin.split),
+                stream_key("observation", "level", one_of.seed, origin.distribution, origin.seed, origin.split),
                 origin.indices,
             )
         self.chosen = np.zeros(num_envs, np.int64)
