@@ -125,7 +125,8 @@ def _find(address: dict[str, Any], classes: Iterable[type], kind: str, path: str
         )
     raise LevelError(
         f"{path} holds the {kind} '{address['name']}', which is not defined; import {address['module']}, or define it,"
-        f" before loading.{did_you_mean(address['name'], [c.__name__ for c in classes])}"
+        f" before loading (on the command line: --world {address['module']}:...)."
+        f"{did_you_mean(address['name'], [c.__name__ for c in classes])}"
     )
 
 

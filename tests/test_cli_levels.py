@@ -122,6 +122,46 @@ def test_hardness_says_who_solves_what_and_writes_a_plan_that_replays(capsys, le
     assert json.loads(shown(capsys, *arguments, "--json"))["oracle_return"] == np.mean(plan.returns)
 
 
+def test_levels_with_entities_and_rules_of_ones_own_are_measured_in_the_world_that_is_named(tmp_path):
+    (tmp_path / "lab.py").write_text(
+        "import segar\n"
+        "class Puck(segar.Ball): ...\n"
+        "rules = (segar.move,)\n"
+        "numbers = [(segar.GolfBall, 1), (segar.GoalTile, 1), (Puck, 1)]\n"
+        "anywhere = [segar.Prior(segar.Position, segar.RandomUniformLocation())]\n"
+        "dist = segar.LevelDistribution(numbers, anywhere).with_rules(rules)\n"
+        "def make(): return dist\n"
+    )
+
+    def segar_command(*arguments: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run([sys.executable, "-m", "segar", *arguments], cwd=tmp_path, capture_output=True, text=True)
+
+    assert segar_command("sample", "lab:dist", "-n", "3", "-o", "own.npz").returncode == 0
+    play = ("hardness", "own.npz", "--plays", "1", "--samples", "8", "--iterations", "1", "--json")
+    for refused in (("distance", "own.npz", "own.npz"), play):
+        found = segar_command(*refused)
+        assert (
+            found.returncode == 2
+            and "import lab, or define it, before loading (on the command line: --world lab:...)" in found.stderr
+        )
+    assert (
+        json.loads(segar_command("distance", "own.npz", "own.npz", "--world", "lab:make", "--json").stdout)["w2"] == 0.0
+    )
+    answers = [json.loads(segar_command(*play, "--world", f"lab:{name}").stdout) for name in ("dist", "rules")]
+    assert answers[0]["levels"] == 3 and answers[0] == answers[1]
+
+
+def test_rules_that_a_level_file_only_names_are_asked_for(capsys, tmp_path):
+    free = segar.family("empty-hard").with_rules([segar.move])
+    free.sample(2).save(tmp_path / "free.npz")
+    assert cli.main(["hardness", str(tmp_path / "free.npz")]) == 2
+    assert (
+        "these levels have rules of their own" in (said := capsys.readouterr().err) and "give them by --world" in said
+    )
+    assert cli.main(["hardness", str(tmp_path / "free.npz"), "--world", "segar:GolfBall"]) == 2
+    assert "'segar:GolfBall' is no World, LevelDistribution or list of rules" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -133,6 +173,8 @@ def test_hardness_says_who_solves_what_and_writes_a_plan_that_replays(capsys, le
         (["describe", "empty-hard", "-o", "figure.pgn"], "png, pdf or svg, not 'figure.pgn'. Did you mean '.png'?"),
         (["hardness", "nothing.npz"], "there is no level file nothing.npz"),
         (["hardness", "{easy}", "--task", "putput"], "no task is called 'putput'. Did you mean 'puttputt'?"),
+        (["hardness", "{easy}", "--task", "os:path"], "'os:path' is no segar.Task, nor a function that makes one"),
+        (["hardness", "{easy}", "--world", "no_such:world"], "'no_such:world' cannot be imported: No module named"),
         (["hardness", "{easy}", "--task", "billiards"], "choose the task that these levels are for"),
     ],
 )

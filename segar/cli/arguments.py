@@ -16,9 +16,14 @@ from segar.levels import Levels
 from segar.named import named_object
 from segar.tasks.find import make_task, task_of
 from segar.tasks.task import Task
+from segar.world import World
 
 NAME_HELP = "a level family, or 'module:attribute': a LevelDistribution of your own or a function that makes one"
 TASK_HELP = "puttputt, billiards, invisiball, or 'module:attribute'; by default what the levels name"
+WORLD_HELP = (
+    "rules of your own, which level files do not hold: 'module:attribute' of a World, a LevelDistribution, a list of rules,"
+    " or a function that makes one. Importing the module also defines the entities in it"
+)
 FILE_HELP = "a level file, as `segar sample` and Levels.save write it"
 
 
@@ -37,6 +42,25 @@ def find_distribution(name: str) -> LevelDistribution:
 def task_named(name: str | None, levels: Levels) -> Task:
     """The task of that name with its default options, or the one that the levels are for."""
     return task_of(levels) if name is None else make_task(name)
+
+
+def find_world(name: str) -> World:
+    """The world that ``module:attribute`` names; raises :class:`SegarError`."""
+    found = named_object(name)
+    if inspect.isfunction(found):
+        found = found()
+    if isinstance(found, LevelDistribution):
+        found = found.world or World()
+    if isinstance(found, (list, tuple)):
+        found = World(rules=found)
+    if not isinstance(found, World):
+        raise SegarError(f"'{name}' is no World, LevelDistribution or list of rules, but {found!r}")
+    return found
+
+
+def load_levels(path: str, world: str | None) -> Levels:
+    """The levels in a file, in the world of that name, or in the one of the default rules."""
+    return Levels.load(path, None if world is None else find_world(world))
 
 
 def command(

@@ -8,8 +8,18 @@ from typing import Any
 
 import numpy as np
 
-from segar.cli.arguments import FILE_HELP, TASK_HELP, at_least, command, print_json, table, task_named
-from segar.levels import Levels
+from segar.cli.arguments import (
+    FILE_HELP,
+    TASK_HELP,
+    WORLD_HELP,
+    at_least,
+    command,
+    load_levels,
+    print_json,
+    table,
+    task_named,
+)
+from segar.errors import LevelError
 
 
 def add_commands(commands: Any) -> None:
@@ -17,6 +27,7 @@ def add_commands(commands: Any) -> None:
     hard = command(commands, "hardness", hardness, "say how hard levels are, without training")
     hard.add_argument("levels", metavar="LEVELS", help=FILE_HELP)
     hard.add_argument("--task", help=TASK_HELP)
+    hard.add_argument("--world", help=WORLD_HELP)
     hard.add_argument("--seed", type=at_least(0), default=0, help="of random policy and search (default: %(default)s)")
     hard.add_argument("--plays", type=at_least(1), default=100, help="random episodes per level (default: %(default)s)")
     hard.add_argument(
@@ -36,7 +47,10 @@ def hardness(chosen: argparse.Namespace) -> None:
     """``segar hardness``."""
     from segar import hardness as measures
 
-    levels = Levels.load(chosen.levels)
+    levels = load_levels(chosen.levels, chosen.world)
+    if levels.world is None and levels.provenance.rules:
+        rules = ", ".join(levels.provenance.rules)
+        raise LevelError(f"{chosen.levels}: these levels have rules of their own ({rules}); give them by --world")
     task, rng = task_named(chosen.task, levels), np.random.default_rng(chosen.seed)
     found = measures.hardness(
         levels,

@@ -8,10 +8,19 @@ from typing import Any
 import numpy as np
 
 from segar import metrics
-from segar.cli.arguments import FILE_HELP, NAME_HELP, at_least, command, find_distribution, print_json, table
+from segar.cli.arguments import (
+    FILE_HELP,
+    NAME_HELP,
+    WORLD_HELP,
+    at_least,
+    command,
+    find_distribution,
+    load_levels,
+    print_json,
+    table,
+)
 from segar.distribution import LevelDistribution
 from segar.errors import PriorError
-from segar.levels import Levels
 from segar.noise import Deterministic, Noise
 
 MODES = ("exact", "reference", "paper")
@@ -33,6 +42,7 @@ def add_commands(commands: Any) -> None:
     comparing.add_argument(
         "--resamples", type=at_least(19), metavar="N", help="also test for one law by N random deals, at least 19"
     )
+    comparing.add_argument("--world", help=WORLD_HELP)
     comparing.add_argument("--seed", type=at_least(0), default=0, help="of the deals (default: %(default)s)")
 
     describing = command(commands, "describe", describe, "show the laws of all factors of a level distribution")
@@ -52,7 +62,7 @@ def sample(chosen: argparse.Namespace) -> None:
 
 def distance(chosen: argparse.Namespace) -> None:
     """``segar distance``."""
-    a, b = Levels.load(chosen.a), Levels.load(chosen.b)
+    a, b = (load_levels(path, chosen.world) for path in (chosen.a, chosen.b))
     by_factor = metrics.ks_by_factor(a, b)
     answer: dict[str, Any] = {"a": chosen.a, "b": chosen.b, "levels": [len(a), len(b)], "mode": chosen.mode}
     answer |= {"w2": metrics.w2(a, b, chosen.mode), "ks": metrics.ks(a, b)}
