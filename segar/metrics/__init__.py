@@ -16,6 +16,7 @@ from segar.metrics.representativeness import (
 from segar.metrics.sample_entropy import SampleEntropy, sample_entropy
 from segar.metrics.two_sample import TwoSampleTest, classifier_test, energy_test, mmd_test
 from segar.metrics.unbalanced import UnbalancedW2, w2_partial, w2_unbalanced
+from segar.metrics.visual import VisualDistance, clustering_w2, visual_distance, visual_w2
 from segar.metrics.wasserstein import W2Report, w2, w2_report
 
 __all__ = [
@@ -31,8 +32,10 @@ __all__ = [
     "SlicedW2",
     "TwoSampleTest",
     "UnbalancedW2",
+    "VisualDistance",
     "W2Report",
     "classifier_test",
+    "clustering_w2",
     "coverage",
     "decompose",
     "dkw_band",
@@ -47,6 +50,8 @@ __all__ = [
     "same_distribution_floor",
     "sample_entropy",
     "spread",
+    "visual_distance",
+    "visual_w2",
     "w2",
     "w2_debiased",
     "w2_entropic",

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from segar.errors import SegarError, did_you_mean
-from segar.families import TASK_LEVELS, families, family
 from segar.noise import DiscreteRangeNoise, Noise, UniformNoise
 from segar.textures.inputs import BACKGROUND, NOISE_CLIP, is_noise
 
@@ -34,6 +33,7 @@ UNIFORM: Laws = {
 @cache
 def family_laws() -> Laws:
     """What the named level distributions draw each factor of ``UNIFORM`` from: the mixture over all their entities."""
+    from segar.families import TASK_LEVELS, families, family  # families stand above textures
     from segar.marginals import mix
 
     parts: dict[str, list[tuple[Noise, float]]] = {}
