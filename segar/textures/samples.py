@@ -27,6 +27,7 @@ UNIFORM: Laws = {
     "Alive": DiscreteRangeNoise(0, 1),
     "Consumes": DiscreteRangeNoise(0, 1),
     "GoalTile": DiscreteRangeNoise(0, 1),
+    "GolfBall": DiscreteRangeNoise(0, 1),
 }
 
 

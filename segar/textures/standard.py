@@ -27,11 +27,12 @@ from segar.textures.inputs import BACKGROUND, is_noise
 from segar.textures.samples import UNIFORM, Laws
 from segar.textures.texture_set import TextureSet
 
-# Those of 2022, and two by which a goal is told from a hole, and from a tile of the same heat and friction.
+# Those of 2022; two by which a goal is told from a hole, and from a tile of the same heat and friction; and one by which the
+# ball is told from an object of the same charge.
 INPUTS = (
     BACKGROUND,
     *("Heat", "Friction", "Charge", "Magnetism", "Density", "StoredEnergy", "Mass", "Alive"),
-    *("Consumes", "GoalTile"),
+    *("Consumes", "GoalTile", "GolfBall"),
     *("noise_1", "noise_2", "noise_3"),
 )
 
@@ -54,6 +55,7 @@ KINDS: tuple[Entity, ...] = (
         Hole(),
     ),
     Magnet({Magnetism: 1.0}),
+    Charger({Charge: 1.0}),
     *(kind({Heat: 0.7, Friction: 0.7}) for kind in (Tile, GoalTile, Hole)),
 )
 EXTREMES: tuple[Entity, ...] = (
