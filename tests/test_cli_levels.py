@@ -13,6 +13,7 @@ import pytest
 
 import segar
 from segar import cli
+from segar.cli import figures
 from segar.hardness import Plan, replay
 
 ROOT = Path(__file__).parents[1]
@@ -65,14 +66,49 @@ def test_describe_lists_every_marginal(capsys):
     said = json.loads(shown(capsys, "describe", "tilesx1-medium", "--json"))
     laws = segar.family("tilesx1-medium").marginals()
     expected = [(slot, factor.__name__, repr(law)) for slot in laws for factor, law in laws[slot].items()]
-    assert [(row["entity"], row["factor"], row["law"]) for row in said["marginals"]] == expected
+    rows = [(row["entity"], row["factor"], row["law"]) for row in said["marginals"]]
+    assert [row for row in rows if row[1] != "Shape"] == expected
+    shapes = [("golfball", "Circle(0.2)"), ("goal", "Circle(0.4)"), ("tile1", "RandomConvexHull(0.3)")]
+    assert [(entity, law) for entity, factor, law in rows if factor == "Shape"] == shapes
     (heat,) = (row for row in said["marginals"] if (row["entity"], row["factor"]) == ("tile1", "Heat"))
     assert (heat["mean"], heat["low"], heat["high"]) == pytest.approx((0.525, 0.5, 0.55))
     assert heat["sd"] == pytest.approx(0.05 / 12**0.5)
-    assert said["entities"]["tile1"] == {"types": ["SandTile", "MagmaTile", "Hole", "FireTile"], "optional": False}
+    types = ["SandTile", "MagmaTile", "Hole", "FireTile"]
+    equal = {"types": types, "probabilities": [0.25] * 4, "optional": False, "there": 1.0}
+    assert said["entities"]["tile1"] == equal
     text = shown(capsys, "describe", "tilesx1-medium")
-    assert text.count("\n") == len(expected) + 1 + 1 + len(said["entities"]) + 1
-    assert "UniformNoise(0.5, 0.55)" in text and "SandTile | MagmaTile | Hole | FireTile" in text
+    assert text.count("\n") == len(rows) + 1 + 1 + len(said["entities"]) + 1
+    assert "UniformNoise(0.5, 0.55)" in text and "SandTile 0.25 | MagmaTile 0.25 | Hole 0.25" in text
+
+
+def test_describe_shows_numbers_types_shapes_and_what_depends_on_something_else(capsys, tmp_path, monkeypatch):
+    (tmp_path / "crowd.py").write_text(
+        "import segar\n"
+        "def weight(size: segar.Size) -> float: return 25 * size**2\n"
+        "numbers = [(segar.GolfBall, 1), (segar.ThingFactory({segar.Charger: 0.3, segar.Magnet: 0.7}), 1)]\n"
+        "numbers += [(segar.Ball, segar.DiscreteRangeNoise(1, 4)), (segar.GoalTile, 1)]\n"
+        "priors = [segar.Prior(segar.Position, segar.RandomUniformLocation())]\n"
+        "priors += [segar.Prior(segar.Size, segar.UniformNoise(0.1, 0.2), entity_type=segar.Ball)]\n"
+        "heavy = segar.Dependent(segar.UniformNoise(0.9, 1.1), scale=weight)\n"
+        "priors += [segar.Prior(segar.Mass, heavy, entity_type=segar.Ball)]\n"
+        "priors += [segar.Prior(segar.Shape, segar.Choice([segar.Circle(0.2), segar.Square(0.2)]), entity_type=segar.Magnet)]\n"
+        "dist = segar.LevelDistribution(numbers, priors)\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    said = json.loads(shown(capsys, "describe", "crowd:dist", "-o", tmp_path / "figure.svg", "--json"))
+    assert [said["entities"][f"ball{k}"]["there"] for k in (1, 2, 3, 4)] == [1.0, 0.75, 0.5, 0.25]
+    assert said["entities"]["object1"]["probabilities"] == [0.3, 0.7]
+    rows = {(row["entity"], row["factor"]): row for row in said["marginals"]}
+    mass = rows["ball2", "Mass"]
+    assert mass["law"].startswith("depends on Size; drawn: Empirical(<")
+    assert mass["mean"] == pytest.approx(25 * (0.15**2 + 0.1**2 / 12), rel=0.02) and mass["low"] >= 0.9 * 25 * 0.1**2
+    assert rows["object1", "Shape"]["law"] == "Choice((Circle(0.2), Square(0.2)), (0.5, 0.5))"
+    assert "svg" in (tmp_path / "figure.svg").read_text()
+
+
+def test_names_in_a_row_that_count_on_are_said_by_their_ends():
+    assert figures.together(["cueball", *(f"ball{k}" for k in range(1, 11))]) == "cueball, ball1 to ball10"
+    assert figures.together(["ball1", "ball2", "ball4", "x9", "x10", "x11"]) == "ball1, ball2, ball4, x9 to x11"
 
 
 def test_a_law_that_says_nothing_but_its_draws_is_described_all_the_same(capsys, tmp_path, monkeypatch):

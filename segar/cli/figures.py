@@ -4,28 +4,39 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import textwrap
 import uuid
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from segar.cli.laws import Described, composition, described, is_constant, numbers
 from segar.distribution import LevelDistribution
 from segar.errors import PriorError, SegarError, did_you_mean
-from segar.noise import Deterministic, Noise
+from segar.factors import Position
+from segar.noise import Empirical, Noise
+from segar.shapes import BaseShape
 
 FORMATS = (".png", ".pdf", ".svg")
 COLUMNS = 4  # panels side by side
 PANEL = 2.6  # [inch]
+WIDTH = 40  # characters of a panel's title
 POINTS = 400  # of a density's curve
-DRAWS = 20_000  # from a law on the plane, for its picture
+DRAWS = 20_000  # from a law that says nothing else, for its picture
 BINS = 40
+OUTLINES = 5  # of a random shape
+PLANE_CELLS = 80  # along each side of the arena, so that the ends of the location priors lie on their edges
 TAIL = 1e-4  # probability at either end that is not worth showing
 BLUE, ORANGE = "#3b6ea5", "#d1702b"
 
 
 def draw_marginals(distribution: LevelDistribution, path: str, title: str) -> None:
-    """Draw every marginal of the distribution that is not constant, entities of equal laws together, into a file.
+    """Draw every marginal of the distribution that is not constant, entities of equal laws together, into a file: numbers
+    and types of entities, then factors and world parameters.
 
     Raises:
         SegarError: matplotlib is not installed, the format is not known, nothing varies, or the file cannot be written.
@@ -44,9 +55,9 @@ def draw_marginals(distribution: LevelDistribution, path: str, title: str) -> No
     lines = -(-len(panels) // columns)
     figure = Figure(figsize=(PANEL * columns, PANEL * lines + 0.4), layout="constrained")
     axes = figure.subplots(lines, columns, squeeze=False).ravel()
-    for axis, ((factor, law), entities) in zip(axes, panels.items(), strict=False):
-        _draw_plane(axis, law) if law.width == 2 else _draw_line(axis, law)
-        axis.set_title(f"{factor}\n{', '.join(entities)}", fontsize=8)
+    for axis, panel in zip(axes, panels, strict=False):
+        panel.draw(axis)
+        axis.set_title(f"{panel.title}\n{textwrap.fill(together(panel.entities), WIDTH)}", fontsize=8)
         axis.tick_params(labelsize=7)
     for axis in axes[len(panels) :]:
         axis.set_axis_off()
@@ -54,18 +65,86 @@ def draw_marginals(distribution: LevelDistribution, path: str, title: str) -> No
     _save(figure, target)
 
 
-def _panels(distribution: LevelDistribution) -> dict[tuple[str, Noise], list[str]]:
-    """(factor, law) -> the entities that have it."""
-    panels: dict[tuple[str, Noise], list[str]] = {}
-    for entity, laws in distribution.marginals().items():
-        for factor, law in laws.items():
-            if not isinstance(law, Deterministic):
-                panels.setdefault((factor.__name__, law), []).append(entity)
-    return panels
+def together(names: Sequence[str]) -> str:
+    """Names in a row, three or more that count on as ``"ball1 to ball10"``."""
+    runs: list[list[str]] = []
+    for name in names:
+        stem, digits = _numbered(name)
+        last = _numbered(runs[-1][-1]) if runs else ("", None)
+        if digits is not None and last[1] is not None and (stem, digits) == (last[0], last[1] + 1):
+            runs[-1].append(name)
+        else:
+            runs.append([name])
+    parts = [[f"{run[0]} to {run[-1]}"] if len(run) > 2 else run for run in runs]
+    return ", ".join(name for part in parts for name in part)
 
 
-def _draw_line(axis: Any, law: Noise) -> None:
+def _numbered(name: str) -> tuple[str, int | None]:
+    stem = name.rstrip("0123456789")
+    return stem, int(name[len(stem) :]) if stem != name else None
+
+
+@dataclass
+class _Panel:
+    """What one panel shows, and of which entities."""
+
+    title: str
+    entities: list[str]
+    draw: Callable[[Any], None]
+
+
+def _panels(distribution: LevelDistribution) -> list[_Panel]:
+    panels = [
+        _Panel("number", names, lambda axis, law=law: _draw_line(axis, law, "")) for names, law in numbers(distribution)
+    ]
+    alike: dict[Any, _Panel] = {}
+    for name, slot in composition(distribution).items():
+        kinds = tuple(zip(slot["types"], slot["probabilities"], strict=True))
+        if len(kinds) > 1:
+            draw = partial(_draw_names, names=slot["types"], masses=slot["probabilities"])
+            alike.setdefault(kinds, _Panel("type", [], draw)).entities.append(name)
+    for one in described(distribution):
+        if not is_constant(one.law):
+            title = one.factor.__name__ + (f" (depends on {', '.join(one.reads)})" if one.reads else "")
+            alike.setdefault((title, one.law), _Panel(title, [], _drawing(one))).entities.append(one.entity)
+    return panels + list(alike.values())
+
+
+def _drawing(one: Described) -> Callable[[Any], None]:
+    unit = f"[{one.factor.unit}]" if one.factor.unit else ""
+    if not isinstance(one.law, Noise):
+        return partial(_draw_shape, shape=one.law, unit=f"[{Position.unit}]")
+    if not one.law.width:
+        choice: Any = one.law
+        return partial(_draw_names, names=list(map(repr, choice.keys)), masses=choice.p)
+    return partial(_draw_plane if one.law.width == 2 else _draw_line, law=one.law, unit=unit)
+
+
+def _draw_names(axis: Any, names: Sequence[str], masses: Sequence[float]) -> None:
+    """Probabilities of things that are not numbers."""
+    for place, (name, mass) in enumerate(zip(names, masses, strict=True)):
+        axis.barh(place, mass, color=ORANGE, height=0.3)
+        axis.text(0.01 * max(masses), place - 0.2, name, fontsize=7)  # inside: long names leave the panel its width
+    axis.set_yticks([])
+    axis.set_xlim(0, 1.05 * max(masses))
+    axis.set_ylim(len(names) - 0.5, -0.7)
+    axis.set_xlabel("mass", fontsize=7, color=ORANGE)
+
+
+def _draw_shape(axis: Any, shape: BaseShape, unit: str) -> None:
+    """Some outlines of a random shape."""
+    for hull in shape.sample(np.random.default_rng(0), OUTLINES):
+        axis.plot(*np.concatenate([hull, hull[:1]]).T, color=BLUE, linewidth=0.8)
+    axis.set_aspect("equal")
+    axis.set_xlabel(f"{shape!r} {unit}", fontsize=7)
+
+
+def _draw_line(axis: Any, law: Noise, unit: str) -> None:
     """Density as a curve, atoms as stems on an axis of their own; draws, of a law that says no more."""
+    axis.set_xlabel(unit, fontsize=7)
+    if isinstance(law, Empirical) and len(law.atoms[0]) > BINS:
+        axis.hist(law.values, BINS, density=True, color=BLUE)
+        return
     try:
         low, high = law.icdf(np.array([TAIL, 1 - TAIL]))
     except PriorError:  # a law of one's own need not say its distribution function
@@ -79,6 +158,9 @@ def _draw_line(axis: Any, law: Noise) -> None:
         axis.fill_between(x, density, color=BLUE, alpha=0.3, linewidth=0)
         axis.plot(x, density, color=BLUE, linewidth=1)
         axis.set_ylim(bottom=0)
+        axis.set_ylabel("density", fontsize=7, color=BLUE)
+    elif np.array_equal(values, np.rint(values)):
+        axis.xaxis.get_major_locator().set_params(integer=True)
     if len(values):
         stems = axis.twinx() if density.any() else axis
         stems.vlines(values, 0, masses, color=ORANGE, linewidth=2)
@@ -86,15 +168,19 @@ def _draw_line(axis: Any, law: Noise) -> None:
         stems.set_ylim(0, 1.05 * masses.max())
         stems.tick_params(labelsize=7)
         stems.set_ylabel("mass", fontsize=7, color=ORANGE)
-    if density.any():
-        axis.set_ylabel("density", fontsize=7, color=BLUE)
 
 
-def _draw_plane(axis: Any, law: Noise) -> None:
-    """How often draws fall where, seen from above."""
-    x, y = np.asarray(law.sample(np.random.default_rng(0), DRAWS)).T
-    axis.hist2d(x, y, bins=BINS, range=[[-1, 1], [-1, 1]], cmap="Blues")
+def _draw_plane(axis: Any, law: Noise, unit: str) -> None:
+    """How much mass lies where in the arena, seen from above; of draws, where the law says no distribution function."""
+    lines = np.linspace(-1.0, 1.0, PLANE_CELLS + 1)
+    try:
+        below = np.asarray(law.cdf(np.stack(np.meshgrid(lines, lines, indexing="ij"), axis=-1)))
+        mass = np.diff(np.diff(below, axis=0), axis=1)
+    except PriorError:
+        mass = np.histogram2d(*np.asarray(law.sample(np.random.default_rng(0), DRAWS)).T, bins=[lines, lines])[0]
+    axis.pcolormesh(lines, lines, np.maximum(mass.T, 0.0), cmap="Blues", vmin=0.0, rasterized=True)
     axis.set_aspect("equal")
+    axis.set_xlabel(unit, fontsize=7)
 
 
 def _save(figure: Any, target: Path) -> None:

@@ -19,9 +19,7 @@ from segar.cli.arguments import (
     print_json,
     table,
 )
-from segar.distribution import LevelDistribution
-from segar.errors import PriorError
-from segar.noise import Deterministic, Noise
+from segar.cli.laws import composition, described
 
 MODES = ("exact", "reference", "paper")
 
@@ -82,43 +80,24 @@ def distance(chosen: argparse.Namespace) -> None:
 def describe(chosen: argparse.Namespace) -> None:
     """``segar describe``."""
     distribution = find_distribution(chosen.name)
-    rows = describe_laws(distribution)
+    rows, slots = [law.row() for law in described(distribution)], composition(distribution)
     if chosen.output:
         from segar.cli.figures import draw_marginals
 
         draw_marginals(distribution, chosen.output, chosen.name)
-    slots = {
-        slot.name: {"types": [t.__name__ for t in slot.types], "optional": slot.optional}
-        for slot in distribution.layout.slots
-    }
     if chosen.json:
         answer = {"name": chosen.name, "distribution": distribution.hash, "entities": slots, "marginals": rows}
         print_json(answer | ({"figure": chosen.output} if chosen.output else {}))
         return
-    entities = [(name, " | ".join(s["types"]), "maybe" if s["optional"] else "always") for name, s in slots.items()]
+    entities = [(name, " | ".join(_shares(slot)), slot["there"]) for name, slot in slots.items()]
     print(table(("entity", "types", "there"), entities))
     print("\n" + table(("entity", "factor", "law", "mean", "sd", "low", "high"), [list(row.values()) for row in rows]))
     if chosen.output:
         print(f"\n{chosen.output}: all marginals that are not constant")
 
 
-def describe_laws(distribution: LevelDistribution) -> list[dict[str, Any]]:
-    """One dictionary per entity and factor: law, mean, standard deviation and support; those of a law on the plane are
-    pairs. What a law of one's own does not say is None."""
-    return [
-        {"entity": entity, "factor": factor.__name__, "law": repr(law), **_numbers(law)}
-        for entity, laws in distribution.marginals().items()
-        for factor, law in laws.items()
-    ]
-
-
-def _numbers(law: Noise) -> dict[str, Any]:
-    try:
-        mean, deviation = np.asarray(law.mean, float), np.sqrt(np.asarray(law.var, float))
-        support = np.asarray(law.support, float).reshape(-1, 2)
-    except PriorError:  # a law of one's own need not say its distribution function
-        return dict.fromkeys(("mean", "sd", "low", "high"))
-    if isinstance(law, Deterministic):
-        deviation = np.zeros_like(mean)
-    found = {"mean": mean, "sd": deviation, "low": support[:, 0], "high": support[:, 1]}
-    return {name: value.tolist() if np.size(value) > 1 else float(np.ravel(value)[0]) for name, value in found.items()}
+def _shares(slot: dict[str, Any]) -> list[str]:
+    """The types of an entity, with their probabilities where there are several."""
+    if len(slot["types"]) == 1:
+        return slot["types"]
+    return [f"{name} {share:.3g}" for name, share in zip(slot["types"], slot["probabilities"], strict=True)]
