@@ -56,7 +56,7 @@ class Game:
         max_steps: of an episode; a person needs more than the task allows to agents, who act twenty times a second.
 
     Raises:
-        SegarError: the task has other actions, or there is nothing that they move.
+        SegarError: the task has other actions.
     """
 
     def __init__(
@@ -77,8 +77,6 @@ class Game:
             )
         self.view = view or View(size=720)
         self._stage = Stage(levels, self.env.simulator.world, self.env.task, self.view.colours)
-        if not self._stage.agents:
-            raise SegarError(f"task {self.env.task.name} moves nothing in these levels")
         self._painter = Painter(self.view)
         self.score, self.level, self.speed = Score(), level % len(levels), speed
         self.is_open = True

@@ -25,7 +25,7 @@ LINE_BACKGROUND, TEXT = (24, 25, 28), (236, 238, 242)
 BLACK, WHITE, GREY = (0, 0, 0), (255, 255, 255), (120, 120, 124)
 DEAD, AGENT, PUSH, BRAKE, SPEED = (230, 40, 40), (255, 240, 120), (190, 255, 60), (255, 170, 90), (255, 225, 60)
 CHARGE_HINT, MAGNET_HINT = (170, 215, 255), (255, 190, 240)
-HINTS = 22  # arrows across the arena
+FEWEST_HINTS, MOST_HINTS, HINT_ROOM = 8, 22, 16  # arrows across the arena, and pixels for each
 SECONDS = 0.12  # an arrow is as long as the way of so much time
 LONGEST_ARROW = 0.7  # [m]
 SLOWEST = 0.02  # [m/s] that has an arrow
@@ -60,9 +60,9 @@ class Painter:
         height, width, _ = view.shape
         picture = pygame.Surface((width, height))
         pygame.transform.smoothscale(big, (view.size, view.size), picture.subsurface((0, 0, view.size, view.size)))
-        if view.labels:
+        if view.labels and view.is_readable:
             self._write_labels(scene, picture)
-        if view.line:
+        if view.line_height:
             self._write_line(scene.line, picture)
         return picture
 
@@ -146,8 +146,9 @@ class Painter:
         layer = pygame.Surface(self._big.get_size(), pygame.SRCALPHA)
         sources = charge_sources(scene.figures) if scene.has_charges else []
         if sources:
-            step = 2 * scene.walls / HINTS
-            line = (np.arange(HINTS) + 0.5) * step - scene.walls
+            hints = min(max(self.view.size // HINT_ROOM, FEWEST_HINTS), MOST_HINTS)
+            step = 2 * scene.walls / hints
+            line = (np.arange(hints) + 0.5) * step - scene.walls
             points = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
             field = electric_field(sources, points)
             length = np.sqrt((field**2).sum(axis=1, keepdims=True))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import closing
 from itertools import chain
 from os import PathLike
 from pathlib import Path
@@ -74,7 +75,7 @@ def write_video(path: str | PathLike[str], frames: Iterable[np.ndarray], fps: fl
         raise SegarError(f"the video {path} would have no frames")
     with replacing(path, "the video") as beside:
         writer: Any = imageio.get_writer(beside, mode="I", **options)
-        with writer:
+        with closing(writer):  # its own `with` leaves ffmpeg running after an error
             count = 0
             for frame in chain([first], frames):
                 writer.append_data(frame)

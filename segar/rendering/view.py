@@ -10,6 +10,7 @@ from segar.errors import SegarError
 from segar.observations.colours import Colour
 
 SMALLEST, LARGEST = 64, 2048  # [px]
+READABLE = 192  # [px] smaller pictures have no room for text
 LINE_SHARE = 16  # the arena is so many times as high as the line below it
 
 
@@ -19,9 +20,9 @@ class View:
 
     Args:
         size: side of the arena in pixels, an even number from 64 to 2048.
-        labels: whether things have their names and factors written beside them.
+        labels: whether things have their names and factors written beside them, in pictures of at least 192 pixels.
         fields: whether faint arrows show where charges push and what magnets turn.
-        line: whether there is a line of text below the arena: step, return, level.
+        line: whether there is a line of text below the arena, of at least 192 pixels: step, return, level.
         colours: entity type to its colour, as :class:`segar.observations.pixels.Pixels` takes them.
 
     Raises:
@@ -41,7 +42,12 @@ class View:
     @property
     def line_height(self) -> int:
         """Height of the line below the arena [px], an even number."""
-        return 2 * (max(self.size // LINE_SHARE, 20) // 2) if self.line else 0
+        return 2 * (max(self.size // LINE_SHARE, 20) // 2) if self.line and self.is_readable else 0
+
+    @property
+    def is_readable(self) -> bool:
+        """Whether text has room."""
+        return self.size >= READABLE
 
     @property
     def shape(self) -> tuple[int, int, int]:
