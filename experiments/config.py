@@ -93,8 +93,9 @@ class PPOConfig(AlgorithmConfig):
     max_grad_norm: float = 10.0
     reward_transform: str = "none"  # what the learner sees of the reward r: r itself, or sqrt: sign(r) |r|^1/2
     reward_scale: float = 1.0  # times this
-    encoder: str = "auto"  # auto: impala for pixels, mlp for states
-    widths: tuple[int, ...] = (256, 256)  # of the MLP encoder; the last one is the representation's
+    encoder: str = "impala"  # the CNN that reads frames; mlp: frames are refused. Vectors are read by an MLP
+    widths: tuple[int, ...] = (256, 256)  # of that MLP; the last one is the representation's
+    precision: str = "auto"  # of the CNN: bf16, fp32; auto: bf16 where the processor is made for it
     head_width: int = 256  # of the hidden layer of each head; 0: heads are linear
     shared: bool = True  # one encoder for policy and value; otherwise one each
     initial_std: float = 1.0  # of the policy, before tanh
@@ -114,7 +115,8 @@ class PPOConfig(AlgorithmConfig):
         none_or_positive = self.clip_value is None or self.clip_value > 0
         require(none_or_positive, "algorithm.clip_value", self.clip_value, "more than 0, or null")
         require_known("algorithm.reward_transform", self.reward_transform, REWARD_TRANSFORMS)
-        require_known("algorithm.encoder", self.encoder, ENCODERS)
+        require_encoder("algorithm.encoder", self.encoder)
+        require_known("algorithm.precision", self.precision, PRECISIONS)
         positive = bool(self.widths) and min(self.widths) >= 1
         require(positive, "algorithm.widths", list(self.widths), "one or more numbers, each at least 1")
         room = self.max_log_std - self.min_log_std
@@ -123,7 +125,9 @@ class PPOConfig(AlgorithmConfig):
         require(self.minibatches <= most, "algorithm.minibatches", self.minibatches, f"at most half the batch, {most}")
 
 
-ENCODERS = ("auto", "mlp", "impala")
+# The CNNs that have a name: functions in experiments.encoders.
+CNNS = ("small", "nature", "impala", "impala_15")
+PRECISIONS = ("auto", "bf16", "fp32")
 REWARD_TRANSFORMS = ("none", "sqrt")
 
 
@@ -274,6 +278,12 @@ def require_known(place: str, name: str, names: Sequence[str]) -> None:
     """Raises :class:`ConfigError` that names the nearest of ``names``, unless ``name`` is one of them."""
     if name not in names:
         raise ConfigError(f"{place}: '{name}' is unknown.{did_you_mean(name, names)}")
+
+
+def require_encoder(place: str, name: str) -> None:
+    """Raises :class:`ConfigError` unless ``name`` is that of a CNN, ``mlp``, or ``module:function``."""
+    if ":" not in name:
+        require_known(place, name, (*CNNS, "mlp"))
 
 
 def require_seed(place: str, seed: int) -> None:

@@ -20,8 +20,9 @@ from torchrl.objectives import ClipPPOLoss
 from torchrl.objectives.value.functional import generalized_advantage_estimate
 
 from experiments.config import PPOConfig
+from experiments.encoders import initialize, make_encoder
 from experiments.errors import ConfigError, TrainingError
-from experiments.networks import Actor, SquashedNormal, initialize, make_encoder, make_head
+from experiments.policies import Actor, SquashedNormal, make_head
 from experiments.snapshots import as_tensors, from_tensors
 from segar.envs.torchrl_env import TorchRLEnv
 

@@ -6,13 +6,11 @@ import subprocess
 import sys
 
 import pytest
-import torch
 
 import segar
 from experiments.config import PPOConfig, RunConfig, as_data, run_config
 from experiments.entry import compose
 from experiments.errors import ConfigError
-from experiments.networks import make_encoder
 from experiments.run_folder import CHECKOUT
 from experiments.worlds import environment_options, make_levels
 from segar.envs import VectorEnv
@@ -116,18 +114,6 @@ def test_a_name_that_stands_for_nothing_is_told_with_the_nearest_one(own_module,
 def test_levels_that_cannot_be_placed_are_told(own_module):
     with pytest.raises(PlacementError, match=r"crowded.*(golfball|goal)"):
         make_levels(compose(["levels.train=own_levels:crowded"]).levels)
-
-
-@pytest.mark.parametrize(("encoder", "shape"), [("impala", (9,)), ("mlp", (64, 64, 3))])
-def test_an_encoder_that_cannot_read_the_observation_is_refused(encoder, shape):
-    with pytest.raises(ConfigError, match=rf"algorithm.encoder: '{encoder}' cannot read"):
-        make_encoder(PPOConfig(encoder=encoder), shape)
-
-
-@pytest.mark.parametrize("depth", [1, 3, 12])
-def test_the_pixel_encoder_reads_frames_of_any_depth(depth):
-    encoder = make_encoder(PPOConfig(), (64, 64, depth))
-    assert encoder(torch.zeros((2, 64, 64, depth), dtype=torch.uint8)).shape == (2, encoder.width)
 
 
 @pytest.mark.parametrize("family", segar.families())

@@ -12,7 +12,7 @@ from experiments.config import LevelsConfig, PPOConfig
 from experiments.entry import compose
 from experiments.errors import TrainingError
 from experiments.evaluate import play
-from experiments.networks import SquashedNormal
+from experiments.policies import SquashedNormal
 from experiments.ppo import PPO, Rollout, check_finite, learner_reward, make_batch
 from experiments.worlds import make_levels
 from segar import family

@@ -1,0 +1,121 @@
+"""Encoders: what their docstrings say of shapes and sizes, frames that are not copied, and bfloat16 that agrees."""
+
+import re
+
+import pytest
+import torch
+from torch import nn
+
+from experiments import encoders
+from experiments.config import CNNS, PPOConfig
+from experiments.encoders import MLP, FrameEncoder, initialize, make_encoder, precision_of
+from experiments.errors import ConfigError
+
+FRAMES = torch.randint(0, 256, (6, 64, 64, 3), dtype=torch.uint8, generator=torch.Generator().manual_seed(0))
+
+
+def encoder(name, precision="fp32", shape=(64, 64, 3), seed=0):
+    one = make_encoder(PPOConfig(encoder=name, precision=precision), shape)
+    initialize(one, torch.Generator().manual_seed(seed))
+    return one
+
+
+def parameters(module):
+    return sum(p.numel() for p in module.parameters())
+
+
+@pytest.mark.parametrize("name", CNNS)
+def test_a_cnn_has_as_many_parameters_as_its_docstring_says(name):
+    (stated,) = re.findall(r"64 x 64 x 3: ([\d ]+) parameters", getattr(encoders, name).__doc__)
+    assert parameters(encoder(name)) == int(stated.replace(" ", ""))
+
+
+def test_the_mlp_has_as_many_parameters_as_its_docstring_says():
+    assert "256 d + 66 048 parameters" in MLP.__doc__
+    assert parameters(MLP(9, (256, 256))) == 256 * 9 + 66_048
+
+
+@pytest.mark.parametrize("name", CNNS)
+def test_a_cnn_gives_256_float32_numbers_that_are_not_negative_whatever_stands_in_front(name):
+    one = encoder(name, "bf16")
+    flat = one(FRAMES)
+    assert flat.shape == (6, one.width) == (6, 256)
+    assert flat.dtype == torch.float32
+    assert flat.min() == 0.0
+    torch.testing.assert_close(one(FRAMES.unflatten(0, (2, 3))), flat.unflatten(0, (2, 3)))
+    torch.testing.assert_close(one(FRAMES[0]), one(FRAMES[:1])[0])
+
+
+@pytest.mark.parametrize("name", CNNS)
+def test_weights_are_glorot_uniform_and_biases_zero(name):
+    for layer in encoder(name).modules():
+        if isinstance(layer, nn.Conv2d | nn.Linear):
+            fan_in, fan_out = nn.init._calculate_fan_in_and_fan_out(layer.weight)
+            bound = (6 / (fan_in + fan_out)) ** 0.5
+            assert layer.weight.abs().max().item() <= bound
+            assert layer.weight.std().item() == pytest.approx(bound / 3**0.5, rel=0.1)
+            assert not layer.bias.any()
+
+
+@pytest.mark.parametrize("name", CNNS)
+def test_bfloat16_agrees_with_float32_and_its_weights_and_gradients_are_float32(name):
+    exact, fast = encoder(name, "fp32"), encoder(name, "bf16")
+    torch.testing.assert_close(fast(FRAMES), exact(FRAMES), atol=0.02, rtol=0.02)
+    directions = []
+    for one in (exact, fast):
+        one(FRAMES).square().sum().backward()
+        assert all(p.grad.dtype == torch.float32 for p in one.parameters())
+        directions.append(torch.cat([p.grad.flatten() for p in one.parameters()]))
+    assert torch.cosine_similarity(*directions, dim=0) > 0.98
+
+
+@pytest.mark.parametrize("precision", ["bf16", "fp32"])
+def test_frames_reach_the_cnn_with_channels_last_and_between_0_and_1(precision):
+    seen = []
+
+    class Look(nn.Module):
+        def forward(self, x):
+            seen.append(x)
+            return x.flatten(1)
+
+    one = FrameEncoder(Look(), precision_of(precision))
+    one(FRAMES)
+    assert seen[0].shape == (6, 3, 64, 64)
+    assert seen[0].is_contiguous(memory_format=torch.channels_last)
+    torch.testing.assert_close(seen[0].permute(0, 2, 3, 1).float(), FRAMES.float() / 255, atol=4e-3, rtol=0)
+
+
+@pytest.mark.parametrize("depth", [1, 3, 12])
+def test_frames_may_have_any_depth(depth):
+    frames = torch.zeros((2, 64, 64, depth), dtype=torch.uint8)
+    assert encoder("small", shape=(64, 64, depth))(frames).shape == (2, 256)
+
+
+def test_vectors_are_read_by_an_mlp_whatever_the_cnn():
+    for name in (*CNNS, "mlp"):
+        one = make_encoder(PPOConfig(encoder=name, widths=(32, 16)), (9,))
+        assert isinstance(one, MLP)
+        assert one(torch.zeros(5, 9)).shape == (5, one.width) == (5, 16)
+
+
+def own_cnn(height, width, depth):
+    return nn.Sequential(nn.Flatten(), nn.Linear(height * width * depth, 256))
+
+
+def test_a_cnn_of_your_own_is_named_by_its_place():
+    one = make_encoder(PPOConfig(encoder=f"{__name__}:own_cnn"), (8, 8, 1))
+    assert one(torch.zeros((2, 8, 8, 1), dtype=torch.uint8)).shape == (2, 256)
+
+
+@pytest.mark.parametrize(
+    ("name", "shape", "says"),
+    [
+        ("mlp", (64, 64, 3), r"'mlp' cannot read \[64, 64, 3\]; an MLP reads vectors"),
+        ("impala", (2, 3), r"'impala' cannot read \[2, 3\]; vectors are \[d\], frames \[height, width, depth\]"),
+        ("small", (20, 20, 3), "'small' cannot read 20 x 20 frames: .*[Kk]ernel size"),
+        ("nowhere:cnn", (64, 64, 3), "algorithm.encoder: 'nowhere:cnn' cannot be imported"),
+    ],
+)
+def test_an_encoder_that_cannot_read_the_observation_is_refused(name, shape, says):
+    with pytest.raises(ConfigError, match=says):
+        make_encoder(PPOConfig(encoder=name), shape)
