@@ -11,6 +11,7 @@ EXTRAS = {
     "pygame": "render",
     "imageio": "render",
     "imageio_ffmpeg": "render",
+    "PIL": "render",
     "minari": "datasets",
     "h5py": "datasets",
     "pyarrow": "datasets",

@@ -160,12 +160,12 @@ def save_png(picture: np.ndarray, path: str | PathLike[str], colours: int | None
         colours: how many the file may have, to make it smaller (2 to 256); None for all.
 
     Raises:
-        SegarError: the path does not end in .png, imageio is not installed, or the file cannot be written.
+        SegarError: the path does not end in .png, Pillow is not installed, or the file cannot be written.
     """
     path = Path(path)
     if path.suffix.lower() != ".png":
         raise SegarError(f"a sheet is a .png, not '{path.name}'.{did_you_mean(path.suffix, ['.png'])}")
-    need("writing pictures", "imageio")
+    need("writing pictures", "PIL")
     from PIL import Image
 
     image = Image.fromarray(picture)

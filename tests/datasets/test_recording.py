@@ -131,10 +131,29 @@ def test_a_recording_that_was_killed_goes_on_to_the_same_bits(tmp_path, levels):
     assert policy.calls <= 2 * 9 and seen == [(1, 3), (2, 3), (3, 3)]
     assert names_in(tmp_path / "killed") == names_in(tmp_path / "whole")
     for name in names_in(tmp_path / "whole"):
-        if name != "levels.npz":  # it holds the hour at which it was packed
-            assert (tmp_path / "killed" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes(), name
+        assert (tmp_path / "killed" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes(), name
     assert record(tmp_path / "killed", levels, policy, **OPTIONS).manifest == whole.manifest
     assert policy.calls <= 2 * 9  # nothing was left to record
+
+
+def test_a_recording_that_was_killed_before_its_first_shard_starts_anew(tmp_path, levels, monkeypatch):
+    (tmp_path / "levels.npz").write_bytes(b"levels without a manifest")
+    (tmp_path / ".writing-0123-manifest.json").write_bytes(b"{")
+    part = tmp_path / "part"
+
+    def save_half(file, **arrays):
+        part.write_bytes(b"")
+        file.write(b"half a file")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("segar.archives.np.savez_compressed", save_half)
+    with pytest.raises(KeyboardInterrupt):
+        record(tmp_path, levels, **OPTIONS)
+    monkeypatch.undo()
+    assert part.exists() and any(name.startswith(".levels.npz") for name in names_in(tmp_path))
+    part.unlink()
+    record(tmp_path, levels, **OPTIONS).check()
+    assert not [name for name in names_in(tmp_path) if name.startswith(".")]
 
 
 @pytest.mark.parametrize("suffix", ["parquet", "npz"])
