@@ -8,7 +8,7 @@ import hashlib
 import importlib.util
 import platform
 import subprocess
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -21,7 +21,8 @@ import segar
 LIBRARIES = (
     "segar", "torch", "torchrl", "tensordict", "numpy", "numba", "scipy", "gymnasium", "POT", "hydra-core", "mlflow-skinny",
 )  # fmt: skip
-LEARNING_MODULES = ("experiments.networks", "experiments.learner")  # besides the learner's own
+# They hold settings, which a configuration's hash is made of, and messages.
+NOT_LEARNING = ("experiments.config", "experiments.construct", "experiments.errors")
 
 
 def versions() -> dict[str, Any]:
@@ -69,19 +70,49 @@ def levels_hash(levels: Any) -> str:
 
 @cache
 def code_fingerprint(learner: str) -> str:
-    """Sixteen hexadecimal digits over the library, the networks and the module of ``learner`` (``module:Class``).
+    """Sixteen hexadecimal digits over the library, and over the module of ``learner`` (``module:Class``) and what it
+    imports of its own package and of ``experiments``.
 
     Comments, docstrings and layout do not change it.
     """
     library = sorted(Path(segar.__file__).resolve().parent.rglob("*.py"))
-    modules = [_source(name) for name in (*LEARNING_MODULES, learner.partition(":")[0])]
-    return _fingerprint((*library, *modules))
+    return _fingerprint((*library, *(path for _, path in sorted(learning_modules(learner.partition(":")[0]).items()))))
 
 
-def _source(module: str) -> Path:
-    spec = importlib.util.find_spec(module)
-    assert spec is not None and spec.origin is not None, f"{module} has no source file"
-    return Path(spec.origin)
+def learning_modules(module: str) -> dict[str, Path]:
+    """Name and file of ``module`` and of all modules that it imports, of its own package and of ``experiments``."""
+    packages = {module.partition(".")[0], "experiments"} - {"segar"}
+    found: dict[str, Path] = {}
+    waiting = [module]
+    while waiting:
+        name = waiting.pop()
+        path = _source(name) if name not in found and name not in NOT_LEARNING else None
+        if path is None:
+            continue
+        found[name] = path
+        waiting += [other for other in _imports(name, path) if other.partition(".")[0] in packages]
+    return found
+
+
+def _source(module: str) -> Path | None:
+    """The file of a module; None where the name is that of something in a module, or a package without code."""
+    try:
+        spec = importlib.util.find_spec(module)
+    except ModuleNotFoundError:
+        return None
+    return Path(spec.origin) if spec is not None and spec.origin is not None else None
+
+
+def _imports(module: str, path: Path) -> Iterator[str]:
+    """Absolute names of what a module imports, at its top or within; of ``from a import b`` both ``a`` and ``a.b``."""
+    package = module if path.name == "__init__.py" else module.rpartition(".")[0]
+    for node in ast.walk(ast.parse(path.read_bytes())):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            above = ".".join(package.split(".")[: len(package.split(".")) + 1 - node.level]) if node.level else ""
+            source = ".".join(part for part in (above, node.module) if part)
+            yield from (source, *(f"{source}.{alias.name}" for alias in node.names))
 
 
 def _fingerprint(paths: Iterable[Path]) -> str:
