@@ -153,12 +153,13 @@ class BoundStack(Members):
         if not self._is_frame:
             drawn = self._drawn.reshape(num_envs, outer, inner)
             stack_kernel.push(rows, drawn, self.kept.reshape(self._shape), self._fresh, self._pending)
-        elif self._frames is not None:
-            stack_kernel.push_pixels(rows, self._frames, self._fresh, self._pending, self._age, self._four_rgb)
+            return
+        notes = self._fresh, self._pending, self._age, np.empty(self._age.shape[1], np.int64)
+        if self._frames is not None:
+            stack_kernel.push_pixels(rows, self._frames, *notes, self._four_rgb)
         else:
             drawn, newest = self._words
-            words = _words(self.kept).reshape(num_envs, n, *drawn.shape[1:])
-            stack_kernel.push_planes(rows, drawn, newest, words, self._fresh, self._pending, self._age)
+            stack_kernel.push_planes(rows, drawn, newest, _words(self.kept).reshape(num_envs, n, *drawn.shape[1:]), *notes)
 
 
 def joined_axis(box: gymnasium.spaces.Box) -> int:

@@ -72,74 +72,113 @@ def push(rows, drawn, stack, fresh, pending):
 
 
 @njit(**_options)
-def push_pixels(rows, frames, fresh, pending, age, four_rgb):
-    """Like :func:`push` for frames whose pixels lie side by side; ``age[env, u]`` counts down until a unit is at rest."""
-    units, words = frames.newest_words.shape[1], frames.newest_words.shape[2]
-    n, channels = frames.bytes.shape[3], frames.bytes.shape[4]
+def push_pixels(rows, frames, fresh, pending, age, todo, four_rgb):
+    """Like :func:`push` for frames whose pixels lie side by side.
+
+    ``age[env, u]`` is the number of steps for which a unit still has to be moved, until all its frames are the newest;
+    ``todo`` is scratch, ``[u]``.
+    """
+    n = frames.bytes.shape[3]
     for r in range(len(rows)):
         env = rows[r]
-        for u in range(units):
-            changed = np.uint64(0)
-            for w in range(words):
-                changed |= frames.drawn_words[env, u, w] ^ frames.newest_words[env, u, w]
-            if fresh[env]:
-                for p in range(PIXELS):
-                    for k in range(n):
-                        for c in range(channels):
-                            frames.bytes[env, u, p, k, c] = frames.drawn_bytes[env, u, p, c]
-            if changed != 0:
-                for w in range(words):
-                    frames.newest_words[env, u, w] = frames.drawn_words[env, u, w]
-                age[env, u] = n
-            if fresh[env]:
+        moves = pending[env]
+        if fresh[env]:
+            for u in range(age.shape[1]):
+                fill_unit(frames, env, u)
                 age[env, u] = 0
-            if age[env, u] == 0:
-                continue
-            if pending[env] and four_rgb:
-                for p in range(PIXELS):
-                    frames.heads[env, u, p] = frames.next_heads[env, u, p]
-                    oldest = frames.tails[env, u, p] >> LAST_BYTE
-                    frames.tails[env, u, p] = oldest | (frames.colours[env, u, p] << BYTE_BITS)
-            else:
-                if pending[env]:
-                    for w in range(frames.words.shape[2]):
-                        frames.words[env, u, w] = frames.next_words[env, u, w]
-                for p in range(PIXELS):
-                    for c in range(channels):
-                        frames.bytes[env, u, p, n - 1, c] = frames.drawn_bytes[env, u, p, c]
-            if pending[env]:
-                age[env, u] -= 1
+        else:
+            for k in range(find_restless(frames.drawn_words, frames.newest_words, env, age, n, todo)):
+                if moves and four_rgb:
+                    move_four_rgb(frames, env, todo[k])
+                else:
+                    move_unit(frames, env, todo[k], moves)
+                if moves:
+                    age[env, todo[k]] -= 1
         fresh[env] = False
         pending[env] = False
 
 
 @njit(**_options)
-def push_planes(rows, drawn_words, newest_words, words, fresh, pending, age):
+def find_restless(drawn, newest, env, age, n, todo):
+    """List in ``todo`` the units that changed now or in the last ``n - 1`` steps; return how many."""
+    count = 0
+    for u in range(age.shape[1]):
+        changed = np.uint64(0)
+        for w in range(newest.shape[2]):
+            changed |= drawn[env, u, w] ^ newest[env, u, w]
+        if changed != 0:
+            age[env, u] = n
+        if age[env, u] > 0:
+            todo[count] = u
+            count += 1
+    return count
+
+
+@njit(**_options)
+def fill_unit(frames, env, u):
+    """Make all frames of a unit the drawn one."""
+    drawn, stack = frames.drawn_bytes, frames.bytes
+    note_newest(frames.drawn_words, frames.newest_words, env, u)
+    for p in range(PIXELS):
+        for k in range(stack.shape[3]):
+            for c in range(stack.shape[4]):
+                stack[env, u, p, k, c] = drawn[env, u, p, c]
+
+
+@njit(**_options)
+def move_unit(frames, env, u, pending):
+    """Move the frames of a unit by one place, if one is pending, and put in the drawn one."""
+    drawn, stack = frames.drawn_bytes, frames.bytes
+    note_newest(frames.drawn_words, frames.newest_words, env, u)
+    if pending:
+        words, following = frames.words, frames.next_words
+        for w in range(words.shape[2]):
+            words[env, u, w] = following[env, u, w]
+    for p in range(PIXELS):
+        for c in range(stack.shape[4]):
+            stack[env, u, p, stack.shape[3] - 1, c] = drawn[env, u, p, c]
+
+
+@njit(**_options)
+def move_four_rgb(frames, env, u):
+    """Like :func:`move_unit` for pixels of twelve bytes, as 8 and 4 of them."""
+    heads, next_heads, tails, colours = frames.heads, frames.next_heads, frames.tails, frames.colours
+    note_newest(frames.drawn_words, frames.newest_words, env, u)
+    for p in range(PIXELS):
+        heads[env, u, p] = next_heads[env, u, p]
+        tails[env, u, p] = (tails[env, u, p] >> LAST_BYTE) | (colours[env, u, p] << BYTE_BITS)
+
+
+@njit(**_options)
+def note_newest(drawn, newest, env, u):
+    """Remember what the newest frame of the stack is in this unit."""
+    for w in range(newest.shape[2]):
+        newest[env, u, w] = drawn[env, u, w]
+
+
+@njit(**_options)
+def push_planes(rows, drawn, newest, words, fresh, pending, age, todo):
     """Like :func:`push_pixels` for frames that lie one after the other: ``words[env, frame, u, w]``."""
-    n, units, width = words.shape[1], words.shape[2], words.shape[3]
+    n = words.shape[1]
     for r in range(len(rows)):
         env = rows[r]
-        for u in range(units):
-            changed = np.uint64(0)
-            for w in range(width):
-                changed |= drawn_words[env, u, w] ^ newest_words[env, u, w]
-            if changed != 0:
-                age[env, u] = n
-                for w in range(width):
-                    newest_words[env, u, w] = drawn_words[env, u, w]
-            if fresh[env]:
+        if fresh[env]:
+            for u in range(age.shape[1]):
+                note_newest(drawn, newest, env, u)
+                for k in range(n):
+                    for w in range(words.shape[3]):
+                        words[env, k, u, w] = drawn[env, u, w]
                 age[env, u] = 0
-                for k in range(n - 1):
-                    for w in range(width):
-                        words[env, k, u, w] = drawn_words[env, u, w]
-            elif age[env, u] == 0:
-                continue
-            elif pending[env]:
-                age[env, u] -= 1
-                for k in range(n - 1):
-                    for w in range(width):
-                        words[env, k, u, w] = words[env, k + 1, u, w]
-            for w in range(width):
-                words[env, n - 1, u, w] = drawn_words[env, u, w]
+        else:
+            for i in range(find_restless(drawn, newest, env, age, n, todo)):
+                u = todo[i]
+                note_newest(drawn, newest, env, u)
+                if pending[env]:
+                    for k in range(n - 1):
+                        for w in range(words.shape[3]):
+                            words[env, k, u, w] = words[env, k + 1, u, w]
+                    age[env, u] -= 1
+                for w in range(words.shape[3]):
+                    words[env, n - 1, u, w] = drawn[env, u, w]
         fresh[env] = False
         pending[env] = False

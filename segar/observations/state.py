@@ -119,9 +119,7 @@ class BoundStateVector:
     def __init__(self, state: StateVector, levels: Levels) -> None:
         self._places = lay_out(state, levels.layout)
         self.names = self._places.names
-        self._shift, self._scale = np.zeros(0), np.zeros(0)
-        if state.normalise:
-            self._shift, self._scale = shift_and_scale(self._places, levels)
+        self._shift, self._scale = shift_and_scale(self._places, levels) if state.normalise else (None, None)
         self._types, self._missing, self._mask = levels.types, float(state.missing), state.mask
         box = gymnasium.spaces.Box(-FACTOR_LIMIT, FACTOR_LIMIT, self._places.shape, np.float32)
         self.space: gymnasium.Space = box
@@ -136,9 +134,9 @@ class BoundStateVector:
     def write(self, values: np.ndarray, level: np.ndarray, out: Any, rows: np.ndarray) -> None:
         """Fill ``out[rows]``, float32 ``[env, *space.shape]``, or both arrays of ``{"state", "mask"}``."""
         state, mask = (out["state"], out["mask"]) if self._mask == "dict" else (out, out)
+        mask = mask.reshape(len(mask), -1) if self._mask is not None else None
         places = self._places
         state_kernel.gather(
             values, level, rows, self._types, places.reads, places.type_reads, places.seen, self._shift, self._scale,
-            self._missing, FACTOR_LIMIT, state.reshape(len(state), -1), mask.reshape(len(mask), -1),
-            self._mask is not None,
+            self._missing, FACTOR_LIMIT, state.reshape(len(state), -1), mask,
         )  # fmt: skip

@@ -29,7 +29,7 @@ class Places:
         names: what each number is, in C order.
         reads: int64 ``[k, 5]``: slot, column, place of the number, column that must be true or -1, place of its mask.
         type_reads: int64 ``[k, 4]``: place of the number, slot, type, place of its mask.
-        seen: bool ``[slot, type]``, which types are shown; empty where all are.
+        seen: bool ``[slot, type + 1]`` (the last for absent ones), which types are shown; None where all are.
         read_factors: what each of ``reads`` is: its factor and component.
     """
 
@@ -37,7 +37,7 @@ class Places:
     names: list[str]
     reads: np.ndarray
     type_reads: np.ndarray
-    seen: np.ndarray
+    seen: np.ndarray | None
     read_factors: list[tuple[type[Factor], int]]
 
 
@@ -114,7 +114,7 @@ def _lay_out_table(state: StateVector, draft: _Draft, chosen: dict[int, tuple[ty
     return rows
 
 
-def _places(state: StateVector, draft: _Draft, rows: int, seen: np.ndarray) -> Places:
+def _places(state: StateVector, draft: _Draft, rows: int, seen: np.ndarray | None) -> Places:
     layout, length = draft.layout, len(draft.names)
     needs = -1 if state.sees_invisible else layout.columns.get(Visible, -1)
     width = length // rows
@@ -133,7 +133,7 @@ def _places(state: StateVector, draft: _Draft, rows: int, seen: np.ndarray) -> P
     type_reads = [
         (place_of[at], slot, layout.types.index(kind), mask_of[at]) for at, (slot, kind) in draft.types.items()
     ]
-    if not len(seen) and any(read[0] == EMPTY for read in reads):
+    if seen is None and any(read[0] == EMPTY for read in reads):
         seen = np.ones((len(layout.slots), len(layout.types) + 1), np.bool_)
     return Places(
         shape if state.form == "table" else shape[1:],
@@ -196,10 +196,10 @@ def _chosen_factors(state: StateVector, layout: Layout) -> list[type[Factor]]:
     return [f for f in found if state.has_number_of(f)]
 
 
-def _seen(layout: Layout, chosen: dict[int, tuple[type[Entity], ...]]) -> np.ndarray:
-    """Which types are shown, bool ``[slot, type + 1]`` (the last for absent ones); empty where all are."""
+def _seen(layout: Layout, chosen: dict[int, tuple[type[Entity], ...]]) -> np.ndarray | None:
+    """Which types are shown; see :class:`Places`."""
     if all(set(kinds) == set(layout.slots[k].types) for k, kinds in chosen.items()):
-        return np.zeros((0, 0), np.bool_)
+        return None
     seen = np.zeros((len(layout.slots), len(layout.types) + 1), np.bool_)
     for index, kinds in chosen.items():
         seen[index, [layout.types.index(kind) for kind in kinds]] = True
