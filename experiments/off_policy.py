@@ -1,0 +1,169 @@
+"""What SAC's kind shares: steps go into a replay, and gradient steps on draws from it keep pace with them.
+
+A learner of this kind is a sub-class that says which policy acts and which loss it learns by.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from tensordict import TensorDict
+from torch import Tensor, nn
+from torchrl.objectives import SoftUpdate
+from torchrl.objectives.common import LossModule
+
+from experiments.config import REWARD_TRANSFORMS, AlgorithmConfig, require, require_known
+from experiments.errors import ConfigError
+from experiments.ppo import check_finite, episode_figures, learner_reward
+from experiments.replay import Replay
+from experiments.snapshots import as_tensors, from_tensors
+from segar.envs.torchrl_env import TorchRLEnv
+
+
+@dataclass(frozen=True)
+class OffPolicyConfig(AlgorithmConfig):
+    """How steps and gradient steps alternate, and what is remembered."""
+
+    name: str = "off_policy"
+    num_envs: int = 4
+    num_steps: int = 64  # per environment and iteration, which is what figures are averaged over
+    warmup: int = 1000  # environment steps with uniformly random actions, before anything is learned
+    steps_per_update: int = 1  # environment steps per gradient step
+    batch_size: int = 256
+    capacity: int = 100_000  # rows of the replay: steps, and last observations of episodes
+    learning_rate: float = 3e-4
+    gamma: float = 0.99
+    tau: float = 0.005  # share of the weights that enters the target networks after each gradient step
+    reward_transform: str = "none"  # what the learner sees of the reward r: r itself, or sqrt: sign(r) |r|^1/2
+    reward_scale: float = 1.0  # times this
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("num_steps", "steps_per_update", "batch_size"):
+            require(getattr(self, name) >= 1, f"algorithm.{name}", getattr(self, name), "at least 1")
+        for name in ("learning_rate", "reward_scale"):
+            require(getattr(self, name) > 0, f"algorithm.{name}", getattr(self, name), "more than 0")
+        require(0 <= self.gamma <= 1, "algorithm.gamma", self.gamma, "between 0 and 1")
+        require(0 < self.tau <= 0.5, "algorithm.tau", self.tau, "more than 0, and at most 0.5")
+        # Two steps of all environments, each with the last observations of its episodes: then one can be drawn.
+        least = 4 * self.num_envs
+        require(self.capacity >= least, "algorithm.capacity", self.capacity, f"at least {least}, 4 x num_envs")
+        require(
+            self.warmup >= 2 * self.num_envs, "algorithm.warmup", self.warmup, f"at least 2 x num_envs, {2 * self.num_envs}"
+        )
+        require_known("algorithm.reward_transform", self.reward_transform, REWARD_TRANSFORMS)
+
+
+class OffPolicy(ABC):
+    """The learner, see :class:`experiments.learner.Learner`."""
+
+    def __init__(self, config: Any, env: TorchRLEnv, frames: int, seed: int) -> None:
+        self.config, self.env = config, env
+        self.rng = torch.Generator().manual_seed(seed)
+        if env.observation_key is None:
+            raise ConfigError(
+                f"observation: {config.name} reads one array, not a tuple or dict; choose one part, or stack it"
+            )
+        self.shape = tuple(env.observation_spec[env.observation_key].shape[1:])
+        self.actions = env.action_spec.shape[-1]
+        self.policy: Any = self.make_policy(config, self.shape, self.actions)
+        self.loss = self.make_loss()
+        self.optimizer = torch.optim.Adam(self.loss.parameters(), lr=config.learning_rate, fused=True)
+        self.targets = [SoftUpdate(part, tau=config.tau) for part in self.loss.modules() if isinstance(part, LossModule)]
+        self.replay = Replay(config.capacity, config.num_envs, self.rng)
+        self.frames = 0
+        self.current: Any = env.reset()
+
+    @staticmethod
+    @abstractmethod
+    def make_policy(config: Any, observation_shape: tuple[int, ...], actions: int) -> nn.Module:
+        """The network that acts: ``forward(observation)`` gives ``loc``, ``scale``, each [n, actions]."""
+
+    @abstractmethod
+    def make_loss(self) -> LossModule:
+        """Draws the weights of the policy and of all else that learns, and returns the loss that owns them."""
+
+    def iterate(self) -> Mapping[str, float]:
+        """``num_steps`` steps in every environment, each followed by the gradient steps that are due."""
+        episodes, updates = [], []
+        for _ in range(self.config.num_steps):
+            after = self.step()
+            if after.get("done").any():
+                episodes.append(after)
+            updates += [self.update() for _ in range(self.due())]
+        figures = {**episode_figures(episodes), "updates": float(len(updates))}
+        if updates:
+            figures |= {name: float(torch.stack([u[name] for u in updates]).mean()) for name in updates[0]}
+        check_finite(figures, self.frames)
+        return figures
+
+    @torch.no_grad()
+    def step(self) -> Any:
+        """Steps every environment once, remembers the step, and starts new episodes where one ended."""
+        observation = self.current.get(self.env.observation_key)
+        if self.frames < self.config.warmup:  # uniform in the action; the largest of 2^24 numbers below 1 is finite
+            u = (2.0 * torch.rand(self.config.num_envs, self.actions, generator=self.rng) - 1.0).clamp(min=-NEAR_ONE).atanh()
+        else:
+            loc, scale = self.policy(observation)
+            u = loc + scale * torch.randn(loc.shape, generator=self.rng)
+        after = self.env.step(TensorDict({"action": u.tanh()}, self.env.batch_size)).get("next")
+        done, last = after.get("done"), after.get(self.env.observation_key)
+        self.replay.add(observation, u, after.get("reward"), after.get("terminated"), done, last)
+        self.current = self.env.reset(TensorDict({"_reset": done}, self.env.batch_size)) if done.any() else after
+        self.frames += len(u)
+        return after
+
+    def due(self) -> int:
+        """Gradient steps that the last step of the environments asks for."""
+        if self.frames < self.config.warmup:
+            return 0
+        per = self.config.steps_per_update
+        return self.frames // per - (self.frames - self.config.num_envs) // per
+
+    def update(self) -> dict[str, Tensor]:
+        """One gradient step on all losses; returns their figures."""
+        batch = self.replay.sample(self.config.batch_size)
+        batch["next", "reward"] = learner_reward(self.config, batch["next", "reward"])
+        figures = self.loss(batch)
+        losses = {name: value for name, value in figures.items() if name.startswith("loss_")}
+        self.optimizer.zero_grad()
+        torch.stack(list(losses.values())).sum().backward()
+        self.optimizer.step()
+        for target in self.targets:
+            target.step()
+        return {LOGGED[name]: value.detach() for name, value in figures.items() if name in LOGGED}
+
+    def state_dict(self) -> dict[str, Any]:
+        """All networks with their targets, optimiser, replay, generator, counter and the running episodes."""
+        return {
+            "loss": self.loss.state_dict(),
+            "optimizer": self.optimizer.state_dict(),
+            "replay": self.replay.state_dict(),
+            "rng": self.rng.get_state(),
+            "frames": self.frames,
+            "env": as_tensors(self.env.state()),
+        }
+
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
+        """Goes on from ``state``."""
+        self.loss.load_state_dict(state["loss"])
+        self.optimizer.load_state_dict(state["optimizer"])
+        self.replay.load_state_dict(state["replay"])
+        self.rng.set_state(state["rng"])
+        self.frames = state["frames"]
+        self.current = self.env.restore(from_tensors(self.env.state(), state["env"]))
+
+
+NEAR_ONE = 1.0 - 2.0**-23  # -1 itself would be an infinite pre-tanh action
+
+# What losses report under which name in metrics.
+LOGGED = {
+    "loss_actor": "loss/policy",
+    "loss_qvalue": "loss/value",
+    "alpha": "policy/temperature",
+    "entropy": "policy/entropy",
+}
