@@ -34,8 +34,8 @@ class Stack:
     shown; restored from a snapshot of an environment that kept no stack, all n are the present one. A frame is what has
     three axes of bytes, and its channels are the last axis unless the first one is shorter.
 
-    An environment made with ``copy=False`` returns the stack itself and touches but what moved in it; the others copy
-    it, n frames per step.
+    An environment made with ``copy=False`` returns the stack itself, which is not to be written into, and touches but what
+    changed in it; the others copy it, n frames per step.
 
     Args:
         observation: what is stacked, or its name; its space must be a box.

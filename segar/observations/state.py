@@ -41,7 +41,8 @@ class StateVector:
             In a slot that other types may fill, too, these are missing. All things where it is None.
         factors: what is shown of them, in this order: factors or their names, sub-classes included. All but the hidden
             ones, the user's own among them, where it is None.
-        hidden: factors or names, sub-classes included, that are not shown; ``HIDDEN`` where both are None.
+        hidden: factors or names, sub-classes included, that are not shown. Where no ``factors`` are chosen, those of
+            ``HIDDEN`` are not, either.
         form: "vector" or "table".
         slots: rows of the table; those that the levels do not need are missing. As many as needed where it is None.
         types: whether type numbers are shown; None for those slots (of a table: all, if there are such) whose type
@@ -60,7 +61,7 @@ class StateVector:
 
     entities: Sequence[str | type[Entity]] | None = None
     factors: Sequence[str | type[Factor]] | None = None
-    hidden: Sequence[str | type[Factor]] | None = None
+    hidden: Sequence[str | type[Factor]] = ()
     form: Literal["vector", "table"] = "vector"
     slots: int | None = None
     types: bool | None = None
@@ -100,9 +101,7 @@ class StateVector:
     @property
     def hidden_factors(self) -> tuple[type[Factor], ...]:
         """The classes of what is not shown though it might be chosen."""
-        if self.hidden is None:
-            return HIDDEN if self.factors is None else ()
-        return factors_of("StateVector: hidden", self.hidden)
+        return (HIDDEN if self.factors is None else ()) + factors_of("StateVector: hidden", self.hidden)
 
     def bind(self, levels: Levels, num_envs: int) -> BoundStateVector:
         """The observation at work on these levels.
