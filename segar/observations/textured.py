@@ -44,6 +44,7 @@ class TexturedPixels:
             not.) Otherwise patterns follow interventions alone.
         grey: whether frames show the luma of the colours alone, one number per pixel.
         channels: whether the axis of the colours is the "last" or the "first" of a frame.
+        seed: of the draws of noise and models; what is drawn per episode follows from the episode's seed, too.
 
     Raises:
         SegarError: an option is not one of these, there are no such textures, or something hidden is not an input.
@@ -57,6 +58,7 @@ class TexturedPixels:
     follow: bool = False
     grey: bool = False
     channels: Channels = "last"
+    seed: int = 0
 
     def __post_init__(self) -> None:
         check_frame("TexturedPixels", self.resolution, self.channels)
@@ -117,7 +119,7 @@ class BoundTexturedPixels:
         self.space = frame_space(pixels.resolution, pixels.grey, pixels.channels)
         canvas = canvas_for(pixels.resolution, pixels.grey, pixels.channels, levels)
         self._drawing = Drawing(canvas, levels, num_envs, floors)
-        self._level_keys = _keys_of(levels)
+        self._key, self._level_keys = _keys_of(levels, pixels.seed)
         self._noise = np.zeros((num_envs, entities, inputs.draws))
         self._features = np.zeros((num_envs, entities, len(textures.inputs)))
         self._recalled = False
@@ -125,7 +127,11 @@ class BoundTexturedPixels:
     def start(self, key: np.ndarray, level: np.ndarray, mask: np.ndarray) -> None:
         """Draw the noise and the models of the environments where ``mask`` is true."""
         rows = np.flatnonzero(mask)
-        keys = {"episode": key[rows], "level": self._level_keys[level[rows]], "never": np.zeros(len(rows), np.uint64)}
+        keys = {
+            "episode": key[rows] ^ self._key,
+            "level": self._level_keys[level[rows]],
+            "never": np.full(len(rows), self._key),
+        }
         texture_kernel.draw_noise(keys[self._options.noise], rows, self._noise)
         texture_kernel.draw_models(keys[self._options.model], rows, len(self._loom.bias), self._drawing.floor)
 
@@ -167,9 +173,9 @@ class BoundTexturedPixels:
         return np.empty(self._loom.bias.shape[1])
 
 
-def _keys_of(levels: Levels) -> np.ndarray:
-    """One key for each level, uint64 ``[level]``: it follows from where the level comes from, in whatever set it is."""
+def _keys_of(levels: Levels, seed: int) -> tuple[np.uint64, np.ndarray]:
+    """A key of the seed, and one for each level, uint64 ``[level]``, that it has in whatever set it is."""
     origin = levels.provenance
-    key = stream_key("textures", origin.distribution, origin.seed, origin.split)
+    of_split = stream_key("textures", seed, origin.distribution, origin.seed, origin.split)
     steps = origin.indices.astype(np.uint64) * np.uint64(texture_kernel.GOLDEN)
-    return np.uint64(key) + steps
+    return np.uint64(stream_key("textures", seed)), np.uint64(of_split) + steps

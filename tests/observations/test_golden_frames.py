@@ -24,7 +24,7 @@ GOLDEN_VERSION = 1
 GOLDEN = {
     "solid": "eeb56030bee0a1db",
     "solid, 128, grey, channels first": "00593a0e12acc658",
-    "textures": "c0aaa8ee9042a077",
+    "textures": "f745c086ee89b397",
     "textures, one": "6db13492a37ac5f0",
 }
 

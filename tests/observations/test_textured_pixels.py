@@ -97,6 +97,12 @@ def test_noise_changes_with_the_episode_only_where_it_is_asked_to(noise, changes
     assert differing.all() if changes else not differing.any()
 
 
+@pytest.mark.parametrize("noise", ["episode", "level", "never"])
+def test_another_seed_draws_other_noise(noise):
+    first, other = (draw(LEVELS, TexturedPixels(random_textures(), noise=noise, seed=seed), KEYS) for seed in (0, 1))
+    assert (first != other).any(axis=(1, 2, 3)).all()
+
+
 def test_noise_by_level_differs_between_levels_and_goes_with_a_level_into_other_sets():
     same = picked(LEVELS, [0] * 40, np.arange(40))
     by_level = draw(same, TexturedPixels(random_textures(), noise="level"))
