@@ -16,6 +16,7 @@ from segar.datasets.rollouts import Policy
 from segar.envs.gym_env import Env
 from segar.errors import SegarError, did_you_mean
 from segar.levels import Levels
+from segar.observations.find import OBSERVATIONS
 from segar.rendering import View, video
 from segar.tasks.task import Task
 
@@ -34,7 +35,7 @@ def add_commands(commands: Any) -> None:
     made.add_argument("--seed", type=at_least(0), default=0, help="of levels and episodes (default: %(default)s)")
     made.add_argument("--split", default="train", help="such as train or test (default: %(default)s)")
     made.add_argument("--policy", choices=POLICIES, default="uniform", help="who plays (default: %(default)s)")
-    made.add_argument("--observation", choices=("rgb", "state"), default="rgb", help="(default: %(default)s)")
+    made.add_argument("--observation", choices=list(OBSERVATIONS), default="rgb", help="(default: %(default)s)")
     made.add_argument("--task", help=TASK_HELP)
     made.add_argument("--shard", type=at_least(1), default=64, help="episodes per file (default: %(default)s)")
     made.add_argument("--minari", metavar="ID", help="also write a Minari dataset, e.g. segar/empty-hard-v0")

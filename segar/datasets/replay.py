@@ -78,9 +78,18 @@ def _compare(shard: Shard, again: Rollouts, with_observations: bool) -> None:
         for factor, column in shard.layout.columns.items():
             part = np.s_[:, slot, column : column + factor.width]
             _same(recorded, f"{factor.__name__} of '{entity}'", recorded.values[part], again.values[part])
-    seen: Mapping[str, np.ndarray] = recorded.observations if with_observations else {}
-    for name, array in seen.items():
+    if not with_observations:
+        return
+    there, here = (_forms(rollouts.observations) for rollouts in (recorded, again))
+    if there != here:
+        raise SegarError(f"this is not the observation that was recorded: its arrays are {here}, and there are {there}")
+    for name, array in recorded.observations.items():
         _same(recorded, name, array, again.observations[name])
+
+
+def _forms(observations: Mapping[str, np.ndarray]) -> dict[str, str]:
+    """Shape and type of each array, without the axis of the rows."""
+    return {name: f"{array.dtype}{list(array.shape[1:])}" for name, array in observations.items()}
 
 
 def _same(rollouts: Rollouts, name: str, recorded: np.ndarray, again: np.ndarray) -> None:

@@ -20,11 +20,12 @@ from segar.observations.textured import TexturedPixels
 from segar.rendering.scene import Stage
 from segar.rendering.view import View
 from segar.replacing import replacing
-from segar.textures import TextureSet, shipped_sets
+from segar.textures import shipped_sets
 
 PEOPLE, COLOURS = "for people", "solid colours"
 TILE = 128  # [px] side of one picture
 GAP, GROUP_GAP = 4, 14  # [px] between pictures, and between groups of them
+MOST_COLOURS = 256  # of a file that lists its colours
 RESOLUTION = 64  # of observations, which are shown enlarged
 PAPER, INK = (250, 250, 250), (20, 20, 22)
 TASK_ROW = ("puttputt", "billiards", "invisiball")  # in one row: each has one distribution
@@ -54,26 +55,6 @@ def contact_sheet(seed: int = 0, renderers: Mapping[str, Any] | None = None) -> 
         for row_names in names
     ]
     return sheet(rows, [[[name] for name in row_names] for row_names in names], [list(ways) for _ in DIFFICULTIES])
-
-
-def tasks_sheet(seed: int = 0, size: int = 256) -> np.ndarray:
-    """The three tasks, larger: for people with labels, and as agents see them (the paper's figure of tasks)."""
-    ways = {PEOPLE: View(size=size, line=False), **{t: way for t, way in default_renderers().items() if t != PEOPLE}}
-    rows = [[[Cell(family(name).sample(1, seed), way) for way in ways.values()]] for name in TASK_ROW]
-    return sheet(rows, [[[f"{name}, {title}" for title in ways]] for name in TASK_ROW], [], size)
-
-
-def features_sheet(name: str = "objectsx3-hard", seed: int = 0, models: int = 5) -> np.ndarray:
-    """One level for people, in solid colours, and in every set of textures that comes with SEGAR: one picture for each
-    of a set's first models (the paper's figures of visual features)."""
-    levels = family(name).sample(1, seed)
-    rows, names = [[[Cell(levels, people(TILE)), Cell(levels, Pixels(RESOLUTION))]]], [[[PEOPLE, COLOURS]]]
-    for title in shipped_sets():
-        textures = TextureSet.load(title)
-        shown = range(min(models, len(textures)))
-        rows.append([[Cell(levels, TexturedPixels(textures[k], RESOLUTION)) for k in shown]])
-        names.append([[f"{title} {k + 1}" if len(textures) > 1 else title for k in shown]])
-    return sheet(rows, names, [])
 
 
 def default_renderers() -> dict[str, Any]:
@@ -160,11 +141,14 @@ def save_png(picture: np.ndarray, path: str | PathLike[str], colours: int | None
         colours: how many the file may have, to make it smaller (2 to 256); None for all.
 
     Raises:
-        SegarError: the path does not end in .png, Pillow is not installed, or the file cannot be written.
+        SegarError: the path does not end in .png, it cannot have so many colours, Pillow is not installed, or the file
+            cannot be written.
     """
     path = Path(path)
     if path.suffix.lower() != ".png":
         raise SegarError(f"a sheet is a .png, not '{path.name}'.{did_you_mean(path.suffix, ['.png'])}")
+    if colours is not None and not 2 <= colours <= MOST_COLOURS:
+        raise SegarError(f"a file of few colours has 2 to {MOST_COLOURS} of them, not {colours}")
     need("writing pictures", "PIL")
     from PIL import Image
 

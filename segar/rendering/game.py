@@ -80,6 +80,7 @@ class Game:
         self._painter = Painter(self.view)
         self.score, self.level, self.speed = Score(), level % len(levels), speed
         self.is_open = True
+        self._compile()
         self._start()
 
     def handle(self, event: pygame.event.Event) -> None:
@@ -141,6 +142,11 @@ class Game:
             shown += 1
         window.close()
         return self.score
+
+    def _compile(self) -> None:
+        """Step once, so that nobody waits for a kernel at the first hit."""
+        self.env.reset()
+        self.env.step(np.zeros((1, 2), np.float32))
 
     def _start(self) -> None:
         self.env.reset(options={"levels": np.array([self.level])})

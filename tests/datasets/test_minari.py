@@ -54,6 +54,16 @@ def test_other_observations_have_their_spaces_and_no_id(tmp_path, levels, root):
     assert made[1].observations.dtype == np.uint8
 
 
+def test_dicts_of_observations_stay_dicts(tmp_path, levels, root):
+    eyes = {"left": Pixels(32), "right": "state"}
+    few = record(tmp_path / "data", levels, episodes=2, max_steps=3, observation=eyes)
+    kept = to_minari(few, "eyes-v0", observation=eyes)[1].observations
+    assert set(kept) == {"left", "right"}
+    episode = list(few.episodes())[1]
+    np.testing.assert_array_equal(kept["left"], episode.observations["observation.left"])
+    np.testing.assert_array_equal(kept["right"], episode.observations["observation.right"])
+
+
 def test_a_dataset_of_that_name_is_not_replaced(recorded, root):
     to_minari(recorded, NAME)
     with pytest.raises(segar.SegarError, match=f"there is a Minari dataset '{NAME}' already"):

@@ -13,8 +13,11 @@ import segar
 from segar.datasets import Dataset, Episode, check_replay, record
 from segar.datasets.in_words import in_words
 from segar.datasets.rollouts import from_leaves, leaves
+from segar.observations.colours import Colour
 from segar.observations.pixels import Pixels
+from segar.observations.stack import Stack
 from segar.observations.state import StateVector
+from segar.observations.textured import TexturedPixels
 from tests.datasets.folders import names_in
 
 OPTIONS = {"episodes": 7, "episodes_per_shard": 3, "max_steps": 9}
@@ -70,6 +73,29 @@ def test_chance_in_rules_is_played_again_as_well(tmp_path, trembling):
     with pytest.raises(segar.LevelError, match="rules of their own"):
         check_replay(Dataset.load(tmp_path / "data"))
     assert check_replay(Dataset.load(tmp_path / "data", world=trembling.world)) == dataset.steps
+
+
+@pytest.mark.parametrize(
+    ("observation", "shapes"),
+    [
+        ({"eye": Pixels(32), "body": "state"}, {"observation.eye": (32, 32, 3), "observation.body": (32,)}),
+        (TexturedPixels("one", 32), {"observation": (32, 32, 3)}),
+        (Stack(Pixels(32), 4), {"observation": (32, 32, 12)}),
+    ],
+    ids=["a dict", "textures that are drawn anew per episode", "a stack of frames"],
+)
+def test_composed_and_random_observations_are_played_again_as_well(tmp_path, levels, observation, shapes):
+    dataset = record(tmp_path / "data", levels, episodes=4, episodes_per_shard=3, max_steps=6, observation=observation)
+    episode = next(dataset.episodes())
+    assert {name: array.shape[1:] for name, array in episode.observations.items()} == shapes
+    assert check_replay(dataset, observation=observation) == dataset.steps
+    with pytest.raises(segar.SegarError, match="this is not the observation that was recorded: its arrays are"):
+        check_replay(dataset, observation="rgb")
+
+
+def test_a_replay_with_other_colours_says_where(recorded):
+    with pytest.raises(segar.SegarError, match="episode 0, step 0: observation comes out differently"):
+        check_replay(recorded, observation=Pixels(colours={segar.GolfBall: Colour((255, 0, 0))}))
 
 
 def test_a_replay_that_differs_says_where(tmp_path, recorded):

@@ -14,6 +14,7 @@ from segar import cli
 from segar.observations.pixels import Pixels
 from segar.rendering import View
 from segar.rendering.gallery import Cell, contact_sheet, default_renderers, draw_level, people, save_png, sheet
+from segar.rendering.legend import THINGS
 from segar.textures import shipped_sets
 
 LEVELS = segar.family("objectsx3-hard").sample(2, seed=0)
@@ -78,19 +79,47 @@ def test_a_picture_is_written_as_it_is_or_with_few_colours(tmp_path):
         save_png(picture, tmp_path / "sheet.jpg")
 
 
-def test_the_gallery_of_the_readme_is_small():
-    path = Path(__file__).parents[2] / "docs" / "images" / "gallery.png"
+@pytest.mark.parametrize("name", ["gallery", "signs"])
+def test_the_pictures_of_the_docs_are_small(name):
+    path = Path(__file__).parents[2] / "docs" / "images" / f"{name}.png"
     assert path.stat().st_size < 500_000 and imageio.imread(path).shape[0] > 500
 
 
 def test_the_command_draws_sheets(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("segar.cli.gallery.FIGURES", {"one.png": lambda seed: draw_level(LEVELS[seed], people(64), 64)})
     monkeypatch.setattr("segar.cli.gallery.contact_sheet", lambda seed: draw_level(LEVELS[seed], people(128)))
     assert cli.main(["gallery", "-o", str(tmp_path / "sheet.png"), "--json", "--seed", "1"]) == 0
-    assert json.loads(capsys.readouterr().out) == {str(tmp_path / "sheet.png"): [128, 128]}
-    assert cli.main(["gallery", "-o", str(tmp_path / "figures")]) == 0
-    assert capsys.readouterr().out == f"{tmp_path / 'figures' / 'one.png'}: 64 x 64 pixels\n"
-    assert imageio.imread(tmp_path / "figures" / "one.png").shape == (64, 64, 3)
+    assert json.loads(capsys.readouterr().out) == {"file": str(tmp_path / "sheet.png"), "width": 128, "height": 128}
+    assert cli.main(["gallery", "-o", str(tmp_path / "signs.png"), "--signs", "--colours", "64"]) == 0
+    assert capsys.readouterr().out == f"{tmp_path / 'signs.png'}: 768 x 816 pixels\n"
+    assert cli.main(["gallery", "-o", str(tmp_path / "signs.png"), "--signs", "--colours", "300"]) == 2
+    assert "2 to 256 of them, not 300" in capsys.readouterr().err
+
+
+def test_every_thing_of_the_legend_has_another_sign():
+    """Without its factor, a thing of the legend looks different."""
+    levels = segar.Levels.from_entities([THINGS])
+    env = segar.envs.VectorEnv(levels, 1, render_mode="rgb_array", view=View(labels=False, line=False), seed=0)
+    changes = {
+        ("golfball", segar.Velocity): (0, 0),
+        ("goal", segar.Heat): 0,
+        ("ball1", segar.Alive): True,
+        ("ball2", segar.Visible): True,
+        ("charger1", segar.Charge): 0,
+        ("charger2", segar.Magnetism): 0,
+        ("magnet", segar.Magnetism): 0,
+        ("bumper", segar.StoredEnergy): 0,
+        ("damper", segar.StoredEnergy): 0,
+        ("object", segar.Done): False,
+        ("sand", segar.Friction): 0,
+        ("magma", segar.Heat): 0,
+        ("fire", segar.Heat): 0,
+    }
+    for (entity, factor), value in changes.items():
+        env.reset()
+        (before,) = env.render()
+        env.intervene(entity, factor, value)
+        (after,) = env.render()
+        assert (before != after).any(axis=2).sum() > 30, f"{factor.__name__} of {entity}"
 
 
 def test_the_command_plays_the_levels_that_were_asked_for(capsys, monkeypatch):
