@@ -18,7 +18,8 @@ from benchmarks.measure import Row, in_turns
 from segar.envs import VectorEnv
 from segar.factors import Charge, Mobile, Position, Size, Velocity
 from segar.levels import Levels
-from segar.simulator import Outcome, Simulator, State, run_in_threads
+from segar.simulator import Outcome, Simulator, State
+from segar.threads import Team
 
 STEPS = 20
 SUB_STEPS = 5
@@ -45,7 +46,7 @@ def threads(repeats: int) -> Iterator[Row]:
         ("simulator", "objectsx3-hard", 8 * NUM_ENVS, None),
     ):
         rolls = [_roll(what, make_env(family, num_threads=n, num_envs=num_envs)) for n in (1, 2)]
-        bare = [partial(run_in_threads, burn_range, LONG, n) for n in (1, 2)]
+        bare = [partial(Team(n).do_range, burn_range, LONG) for n in (1, 2)]
         one, two, bare_one, bare_two = in_turns([*rolls, *bare], 5 * repeats, time.perf_counter)
         ratios = [a / b for a, b in zip(one, two, strict=True)]
         possible = statistics.median(a / b for a, b in zip(bare_one, bare_two, strict=True))

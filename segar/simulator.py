@@ -2,27 +2,27 @@
 
 from __future__ import annotations
 
-import os
-import threading
-from concurrent.futures import ThreadPoolExecutor
+import operator
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from segar.engine.cache import load_module
+from segar.engine.gather import Reads, no_reads
 from segar.engine.kernel import KernelSource, generate
 from segar.engine.layout import Layout
+from segar.engine.sharing import dismiss, make_ledger
 from segar.errors import ConflictError, SegarError
 from segar.tasks.puttputt import puttputt
 from segar.tasks.task import Task
+from segar.threads import Team
 from segar.world import World
 
 if TYPE_CHECKING:
     from segar.levels import Levels
 
-SMALL_BATCH = 16  # environments per thread below which a second thread costs more than it gives
+PART = 32  # environments that a thread takes at a time
 
 
 @dataclass
@@ -111,44 +111,57 @@ class Simulator:
         self.source: KernelSource = generate(self.layout, self.world, self.task.functions())
         self._module = load_module(self.source.text)
         self._statics: dict[int, tuple[Any, _Statics]] = {}
+        self._call: _Call | None = None
+        self.team = Team(self.num_threads)
 
     def step(self, state: State, levels: Levels, n: int = 1) -> None:
         """Advance every environment by ``n`` sub-steps, in place, without a task."""
         num_envs = len(state.level)
         self._run(state, levels, n, None, Outcome.empty(num_envs))
 
-    def act(self, state: State, levels: Levels, actions: np.ndarray, outcome: Outcome) -> None:
+    def act(
+        self,
+        state: State,
+        levels: Levels,
+        actions: np.ndarray,
+        outcome: Outcome,
+        reads: Reads | None = None,
+        seen: np.ndarray | None = None,
+    ) -> None:
         """One environment step of all environments, in place; ``outcome`` receives what the task says.
 
         Args:
             actions: float32 ``(num_envs, action size)``, finite; clipped to the task's range.
+            reads: what is written to ``seen`` (float32 ``(num_envs, ...)``, contiguous) about the states after the
+                step, while they are at hand.
 
         Raises:
             ConflictError: rules contradict each other in some state; the message names the environment.
         """
-        self._run(state, levels, self.task.sub_steps, actions, outcome)
+        self._run(state, levels, self.task.sub_steps, actions, outcome, reads, seen)
 
-    def _run(self, state: State, levels: Levels, n: int, actions: np.ndarray | None, outcome: Outcome) -> None:
-        s = self._static_arrays(levels)
-        num_envs = len(state.level)
-        err = np.zeros((num_envs, 5), np.int64)
-        with_task = actions is not None
-        if actions is None:
-            actions = np.zeros((num_envs, len(self.task.action_low)), np.float32)
-
-        def advance(start: int, stop: int) -> None:
-            entities, width = state.values.shape[1:]
-            scratch = np.zeros((entities, width)), np.zeros((entities, 2)), np.zeros(actions.shape[1])
-            lists = np.zeros(self.source.list_length, np.int64)
-            self._module.advance(
-                start, stop, n, with_task, state.values, state.level, s.bits, s.kind, s.count, s.vertex, s.hull_radius,
-                s.parameters, actions, state.key, state.tick, outcome.reward, outcome.terminated, outcome.success,
-                outcome.death, state.contacts, state.gave_up, err, *scratch, lists,
-            )  # fmt: skip
-
-        run_in_threads(advance, num_envs, self.num_threads)
-        if err[:, 0].any():
-            self._raise_conflict(err)
+    def _run(
+        self,
+        state: State,
+        levels: Levels,
+        n: int,
+        actions: np.ndarray | None,
+        outcome: Outcome,
+        reads: Reads | None = None,
+        seen: np.ndarray | None = None,
+    ) -> None:
+        given = (*vars(state).values(), *vars(outcome).values(), levels, reads)
+        asked = (n, actions is not None, 0 if seen is None else seen.size // len(seen))
+        call = self._call
+        if call is None or call.asked != asked or not all(map(operator.is_, call.given, given)):
+            call = self._call = _Call(self, given, asked)
+        if actions is not None:
+            call.actions[:] = actions
+        call.run(seen)
+        if call.errors[:, 0].any():
+            errors = call.errors.copy()
+            call.errors[:] = 0
+            self._raise_conflict(errors)
 
     def _raise_conflict(self, err: np.ndarray) -> None:
         env = int(np.flatnonzero(err[:, 0])[0])
@@ -181,38 +194,58 @@ class Simulator:
         return self._statics[key][1]
 
 
-_pools: dict[int, ThreadPoolExecutor] = {}
-_pool_lock = threading.Lock()
+class _Call:
+    """A call of the kernel on certain arrays: what it needs beside them lies ready for the next step.
 
-
-def run_in_threads(function: Any, count: int, num_threads: int) -> None:
-    """Call ``function(start, stop)`` over equal parts of ``range(count)``, in threads where there is enough to do.
-
-    The kernels release the interpreter lock, so plain threads run them side by side.
+    Args:
+        given: arrays of the state and of the outcome, levels, and what is read of the state or None.
+        asked: sub-steps, whether the task takes part, numbers that are seen per environment.
     """
-    parts = min(num_threads, max(1, count // SMALL_BATCH))
-    if parts == 1:
-        function(0, count)
-        return
-    bounds = [count * p // parts for p in range(parts + 1)]
-    futures = [_pool(num_threads).submit(function, a, b) for a, b in pairwise(bounds[1:])]
-    function(bounds[0], bounds[1])
-    for future in futures:
-        future.result()
 
+    def __init__(self, simulator: Simulator, given: tuple[Any, ...], asked: tuple[int, bool, int]) -> None:
+        self.given, self.asked = given, asked
+        *arrays, levels, reads = given
+        n, with_task, places = asked
+        values, level, key, tick, contacts, gave_up, *outcome = arrays
+        num_envs, entities, width = values.shape
+        size, list_length = len(simulator.task.action_low), simulator.source.list_length
+        s, rows, table = simulator._static_arrays(levels), np.arange(num_envs), reads or no_reads()
+        self._advance = simulator._module.advance
+        self._ledger = make_ledger(-(-num_envs // PART))
+        self._sheet = np.zeros(1, np.int64)  # address of what is seen
+        self._team = simulator.team if num_envs > PART else None
+        self.actions = np.zeros((num_envs, size), np.float32)
+        self.errors = np.zeros((num_envs, 5), np.int64)
 
-def _pool(num_threads: int) -> ThreadPoolExecutor:
-    with _pool_lock:
-        if num_threads not in _pools:
-            _pools[num_threads] = ThreadPoolExecutor(num_threads - 1, thread_name_prefix="segar")
-        return _pools[num_threads]
+        def bind() -> tuple[Any, ...]:
+            scratch = (
+                np.zeros((entities, width)),
+                np.zeros((entities, 2)),
+                np.zeros(size),
+                np.zeros(list_length, np.int64),
+            )
+            return (
+                PART, n, with_task, values, level, s.bits, s.kind, s.count, s.vertex, s.hull_radius, s.parameters,
+                self.actions, key, tick, *outcome, contacts, gave_up, self.errors, rows, table, places, self._sheet,
+                *scratch,
+            )  # fmt: skip
 
+        self._bind, self._mine = bind, bind()
 
-def _forget_pools() -> None:
-    """A forked child has none of its parent's threads: start new ones on first use."""
-    global _pool_lock
-    _pools.clear()
-    _pool_lock = threading.Lock()
+    def run(self, seen: np.ndarray | None) -> None:
+        """One call, by all threads."""
+        if seen is not None:
+            assert seen.flags.c_contiguous and seen.dtype == np.float32 and len(seen) == len(self.errors)
+            self._sheet[0] = seen.ctypes.data
+        if self._team is None:
+            self.do(True)
+        else:
+            self._team.do(self)
 
+    def do(self, owns: bool) -> None:
+        """See :class:`segar.threads.Work`."""
+        self._advance(self._ledger, owns, *(self._mine if owns else self._bind()))
 
-os.register_at_fork(after_in_child=_forget_pools)
+    def dismiss(self) -> None:
+        """See :class:`segar.threads.Work`."""
+        dismiss(self._ledger)

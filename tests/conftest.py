@@ -31,3 +31,11 @@ def pytest_terminal_summary(terminalreporter) -> None:
         terminalreporter.section(f"agreement with the simulator of 2022 ({folder()})")
         for line in summary.lines:
             terminalreporter.line(line)
+
+
+@pytest.fixture
+def eager_threads(monkeypatch) -> None:
+    """Worker threads join every call, however short."""
+    import segar.threads
+
+    monkeypatch.setattr(segar.threads, "WORTH_WAKING", -1.0)

@@ -7,13 +7,15 @@ so all level sets of a distribution share it.
 
 from __future__ import annotations
 
+import hashlib
 import inspect
 from dataclasses import dataclass, field
+from types import ModuleType
 
 import numpy as np
 
 from segar.effects import Differential
-from segar.engine import device, device_contacts
+from segar.engine import device, device_contacts, gather, sharing
 from segar.engine.checks import check_contact_rule, check_geometry, check_rule
 from segar.engine.contacts import COLLIDES, Contacts
 from segar.engine.layout import Layout
@@ -116,6 +118,9 @@ import math
 
 import numpy as np
 from numba import njit
+
+from segar.engine.gather import gather_range  # {_version_of(gather)}
+from segar.engine.sharing import finish_part, open_ledger, take_part  # {_version_of(sharing)}
 
 X = {columns.get(Position, 0)}
 VX = {columns.get(Velocity, 0)}
@@ -252,47 +257,61 @@ def _device_text() -> str:
     return text.replace("@njit\n", DECORATOR + "\n")
 
 
+def _version_of(imported: ModuleType) -> str:
+    """What a kernel imports is part of its machine code, so its name must change with it."""
+    return hashlib.sha256(inspect.getsource(imported).encode()).hexdigest()[:8]
+
+
 _ENTRY = '''ACTION_LOW = np.array({low})
 ACTION_HIGH = np.array({high})
 
 
 {decorator}
-def advance(start, stop, sub_steps, with_task, values, level, level_bits, level_kind, level_count, level_vertex,
+def advance(ledger, owns, part_length, sub_steps, with_task, values, level, level_bits, level_kind, level_count, level_vertex,
             level_hull_radius, level_parameters, actions, keys, ticks, reward, terminated, success, death, contacts,
-            gave_up, errors, W, U, A, L):
-    """Environments start..stop act, run sub-steps until the task ends, and are rewarded."""
+            gave_up, errors, rows, table, places, sheet, W, U, A, L):
+    """Environments act, run sub-steps until the task ends, are rewarded and seen: all whose part is mine."""
     for a in range(len(COLLIDERS)):
         L[ORDER_AT + a] = COLLIDERS[a]
-    for e in range(start, stop):
-        V, at, key, tick, err = values[e], level[e], keys[e], ticks[e], errors[e]
-        bits, kind, count = level_bits[at], level_kind[at], level_count[at]
-        vertex, hull_radius, P = level_vertex[at], level_hull_radius[at], level_parameters[at]
-        dt = 1.0 / P[{framerate}]
-        if with_task:
-            for c in range(len(ACTION_LOW)):
-                A[c] = min(max(np.float64(actions[e, c]), ACTION_LOW[c]), ACTION_HIGH[c])
-            act({state}, dt)
-        ended = False
-        for s in range(sub_steps):
-            stage_factors({state}, dt)
-            stage_velocity({state}, dt)
-            stage_limit({state}, dt)
-            find_rates({state}, dt)
-            stage_position({state}, dt)
-            advance_positions(V, U, bits, dt)
-            if {touch}:
-                hits, jammed = resolve(V, W, U, bits, kind, hull_radius, P, err, L, dt)
-                contacts[e] += hits
-                gave_up[e] += jammed
-            tick += 1
+    if owns:
+        open_ledger(ledger)
+    part = take_part(ledger, owns)
+    while part >= 0:
+        start, stop = part * part_length, min((part + 1) * part_length, len(level))
+        for e in range(start, stop):
+            V, at, key, tick, err = values[e], level[e], keys[e], ticks[e], errors[e]
+            bits, kind, count = level_bits[at], level_kind[at], level_count[at]
+            vertex, hull_radius, P = level_vertex[at], level_hull_radius[at], level_parameters[at]
+            dt = 1.0 / P[{framerate}]
             if with_task:
-                ended = terminated_of({state})
-                if ended:
-                    break
-        ticks[e] = tick
-        if with_task:
-            terminated[e] = ended
-            reward[e] = reward_of({state})
-            success[e] = success_of({state})
-            death[e] = death_of({state})
+                for c in range(len(ACTION_LOW)):
+                    A[c] = min(max(np.float64(actions[e, c]), ACTION_LOW[c]), ACTION_HIGH[c])
+                act({state}, dt)
+            ended = False
+            for s in range(sub_steps):
+                stage_factors({state}, dt)
+                stage_velocity({state}, dt)
+                stage_limit({state}, dt)
+                find_rates({state}, dt)
+                stage_position({state}, dt)
+                advance_positions(V, U, bits, dt)
+                if {touch}:
+                    hits, jammed = resolve(V, W, U, bits, kind, hull_radius, P, err, L, dt)
+                    contacts[e] += hits
+                    gave_up[e] += jammed
+                tick += 1
+                if with_task:
+                    ended = terminated_of({state})
+                    if ended:
+                        break
+            ticks[e] = tick
+            if with_task:
+                terminated[e] = ended
+                reward[e] = reward_of({state})
+                success[e] = success_of({state})
+                death[e] = death_of({state})
+        if places > 0:
+            gather_range(values, level, rows, start, stop, table, places, sheet[0])
+        finish_part(ledger)
+        part = take_part(ledger, owns)
 '''

@@ -20,9 +20,10 @@ from segar.factors import Factor
 from segar.observations.arrays import leaves
 from segar.observations.find import for_task, make_observation
 from segar.rendering.camera import RENDER_MODES, Camera, steps_per_second
-from segar.simulator import Outcome, Simulator, State, run_in_threads
+from segar.simulator import Outcome, Simulator, State
 from segar.tasks.find import task_of
 from segar.tasks.task import Task
+from segar.threads import Team
 from segar.world import World
 
 if TYPE_CHECKING:
@@ -103,6 +104,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self._start, self._advance, self._memory, self._recall, kept = (
             getattr(self.observation, name, None) for name in ("start", "advance", "memory", "recall", "kept")
         )
+        self._team = Team(num_threads)
+        self._reads = getattr(self.observation, "reads", None)  # the simulator writes these as it goes
         self.single_observation_space = self.observation.space
         self.single_action_space = gymnasium.spaces.Box(
             np.array(self.task.action_low, np.float32), np.array(self.task.action_high, np.float32), dtype=np.float32
@@ -176,7 +179,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         actions = self._checked_actions(actions)
         self._release()
         now, out = self._now, self._outcome
-        self.simulator.act(now.state, self.levels, actions, out)
+        observations = self._buffers.output()
+        self.simulator.act(now.state, self.levels, actions, out, self._reads, observations if self._reads else None)
         if self._advance is not None:
             self._advance(actions)
         truncated = np.empty(self.num_envs, np.bool_)
@@ -185,7 +189,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         )
         reward = out.reward.copy() if self.copy else out.reward
         terminated, success, death = out.terminated.copy(), out.success.copy(), out.death.copy()
-        observations = self._observe(self._rows, self._buffers.output())
+        if self._reads is None:
+            self._observe(self._rows, observations)
         if self.render_mode == "human":
             self.render()
         if self.autoreset_mode is AutoresetMode.DISABLED or count == 0:
@@ -277,7 +282,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
 
     def _observe(self, rows: np.ndarray, out: Any) -> Any:
         values, level, write = self._now.state.values, self._now.state.level, self.observation.write
-        run_in_threads(lambda a, b: write(values, level, out, rows[a:b]), len(rows), self.simulator.num_threads)
+        self._team.do_range(lambda a, b: write(values, level, out, rows[a:b]), len(rows))
         return out
 
     def _info(self, success: np.ndarray, death: np.ndarray) -> dict[str, Any]:

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, Literal
 import gymnasium
 import numpy as np
 
+from segar.engine.gather import Reads, gather
 from segar.entities import Entity
 from segar.errors import SegarError, did_you_mean
 from segar.factors import Acceleration, Density, Done, Drag, Factor, InfiniteEnergy, Order, Visible
-from segar.observations import state_kernel
 from segar.observations.factor_names import factors_of
 from segar.observations.state_places import FORMS, MASKS, lay_out
 from segar.observations.state_scales import shift_and_scale
@@ -120,6 +120,10 @@ class BoundStateVector:
         self.names = self._places.names
         self._shift, self._scale = shift_and_scale(self._places, levels) if state.normalise else (None, None)
         self._types, self._missing, self._mask = levels.types, float(state.missing), state.mask
+        self.reads: Reads | None = None  # what is shown, where it is shown as it is: the simulator may then write it
+        if self._places.seen is None and self._shift is None and self._mask is None:
+            places = self._places
+            self.reads = Reads(levels.types, places.reads, places.type_reads, self._missing, FACTOR_LIMIT)
         box = gymnasium.spaces.Box(-FACTOR_LIMIT, FACTOR_LIMIT, self._places.shape, np.float32)
         self.space: gymnasium.Space = box
         if state.mask == "dict":
@@ -135,7 +139,7 @@ class BoundStateVector:
         state, mask = (out["state"], out["mask"]) if self._mask == "dict" else (out, out)
         mask = mask.reshape(len(mask), -1) if self._mask is not None else None
         places = self._places
-        state_kernel.gather(
+        gather(
             values, level, rows, self._types, places.reads, places.type_reads, places.seen, self._shift, self._scale,
             self._missing, FACTOR_LIMIT, state.reshape(len(state), -1), mask,
         )  # fmt: skip

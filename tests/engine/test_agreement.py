@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, assume, given, settings
@@ -114,16 +116,14 @@ def test_worlds_without_a_contact_rule_agree(part):
     accept(compare(simulator, MIXED, random_states(MIXED, 30, np.random.default_rng(6), speed=3.0)))
 
 
-def test_a_step_depends_on_nothing_but_the_state_its_level_and_its_key(mixed):
+def test_a_step_depends_on_nothing_but_the_state_its_level_and_its_key(mixed, eager_threads):
     """Batch size, place in the batch and number of threads change no bit, random rules included."""
     simulator, levels = mixed
     whole = random_states(levels, 64, np.random.default_rng(7))
     turned = State(**{name: array[::-1].copy() for name, array in vars(whole).items()})
     one = State(**{name: array[5:6].copy() for name, array in vars(whole).items()})
     simulator.step(whole, levels, 5)
-    simulator.num_threads = 2
-    simulator.step(turned, levels, 5)
-    simulator.num_threads = 1
+    replace(simulator, num_threads=2).step(turned, levels, 5)
     simulator.step(one, levels, 5)
     assert np.array_equal(whole.values, turned.values[::-1], equal_nan=True)
     assert np.array_equal(whole.values[5], one.values[0], equal_nan=True)

@@ -20,7 +20,7 @@ def rewards(num_threads: int) -> np.ndarray:
     return np.stack([env.step(np.full((64, 2), 0.3, np.float32))[1] for _ in range(50)])
 
 
-def test_many_python_threads_may_step_their_own_environments_at_once() -> None:
+def test_many_python_threads_may_step_their_own_environments_at_once(eager_threads: None) -> None:
     results: list[np.ndarray] = []
     threads = [threading.Thread(target=lambda: results.append(rewards(2))) for _ in range(4)]
     for thread in threads:
@@ -33,9 +33,10 @@ def test_many_python_threads_may_step_their_own_environments_at_once() -> None:
 
 def test_a_forked_child_steps_as_its_parent() -> None:
     code = (
-        "import os, sys\n"
+        "import os, sys, segar.threads\n"
         f"sys.path.insert(0, {os.path.dirname(__file__)!r})\n"
         "from test_threads import rewards\n"
+        "segar.threads.WORTH_WAKING = -1.0\n"
         "expected = rewards(2)\n"
         "pid = os.fork()\n"
         "if pid == 0:\n"

@@ -34,7 +34,7 @@ def test_an_environment_does_the_same_in_a_batch_of_1_64_and_1024(observation: s
     assert same(one, many) and same(one, most)
 
 
-def test_two_threads_give_the_same_bits_as_one() -> None:
+def test_two_threads_give_the_same_bits_as_one(eager_threads: None) -> None:
     assert same(roll(VectorEnv(LEVELS, 64)), roll(VectorEnv(LEVELS, 64, num_threads=2)))
 
 

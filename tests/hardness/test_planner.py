@@ -113,7 +113,7 @@ def test_a_saved_plan_replays(tmp_path):
         Plan.load(tmp_path / "levels.npz")
 
 
-def test_plans_depend_on_the_generator_and_on_no_thread():
+def test_plans_depend_on_the_generator_and_on_no_thread(eager_threads):
     levels = segar.family("empty-hard").sample(4, seed=0)
     a, b, c = (
         plan(levels, rng=np.random.default_rng(g), samples=16, iterations=2, num_threads=n)

@@ -1,10 +1,43 @@
-"""The compiled kernel of the state observation."""
+"""Numbers read out of a batch of states into the rows of a float32 table, compiled: what state observations are."""
 
+# ruff: noqa: SIM102  numba decides `is not None` at compile time only where it stands alone
+# pyright: reportCallIssue=false
 from __future__ import annotations
 
-from numba import njit
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit, types
+from numba.extending import intrinsic
+from numba.np.arrayobj import make_array, populate_array
 
 _options = {"nogil": True, "cache": True, "error_model": "numpy", "_nrt": False}
+
+
+class Reads(NamedTuple):
+    """What :func:`gather` reads where all that is there is shown as it is: its arguments of these names."""
+
+    types: np.ndarray
+    reads: np.ndarray
+    type_reads: np.ndarray
+    missing: float
+    limit: float
+
+
+def no_reads() -> Reads:
+    """A table without columns."""
+    nothing = np.zeros((0, 0), np.int64)
+    return Reads(nothing, nothing, nothing, 0.0, 0.0)
+
+
+@njit(**_options)
+def gather_range(values, level, rows, start, stop, table, places, address):
+    """:func:`gather` for ``rows[start:stop]`` of the table of ``places`` columns that lies at a memory address."""
+    out = _table_at(address, len(level), places)
+    gather(
+        values, level, rows[start:stop], table.types, table.reads, table.type_reads, None, None, None, table.missing,
+        table.limit, out, None,
+    )  # fmt: skip
 
 
 @njit(**_options)
@@ -44,3 +77,22 @@ def gather(values, level, rows, types, reads, type_reads, seen, shift, scale, mi
                 if seen is not None:
                     there = there and seen[slot, kind]
                 mask[env, type_reads[k, 3]] = there
+
+
+@intrinsic
+def _table_at(_context, address, rows, columns):
+    """The float32 table, rows one after the other, that lies at a memory address."""
+    kind = types.Array(types.float32, 2, "C")
+
+    def generate(context, builder, signature, args):
+        address, rows, columns = (
+            context.cast(builder, a, t, types.intp) for a, t in zip(args, signature.args, strict=True)
+        )
+        table = make_array(kind)(context, builder)
+        pointer = builder.inttoptr(address, table.data.type)
+        size = context.get_constant(types.intp, 4)
+        strides = [builder.mul(columns, size), size]
+        populate_array(table, pointer, [rows, columns], strides, size, meminfo=None)
+        return table._getvalue()
+
+    return kind(address, rows, columns), generate

@@ -1,0 +1,156 @@
+"""Threads over the batch: workers that help whoever calls them, and never make a caller wait for their coming."""
+
+from __future__ import annotations
+
+import ctypes
+import itertools
+import os
+import threading
+import time
+from collections.abc import Callable
+from typing import Any, Protocol
+
+PARTS_EACH = 4  # of a range, so that nobody waits long for the last
+WORTH_WAKING = 100e-6  # [s] a call shorter than this is over before a sleeping worker comes
+
+
+class Work(Protocol):
+    """Something whose parts several threads can take, each part once."""
+
+    def do(self, owns: bool) -> None:
+        """Take parts and do them; the owner returns when all parts are done, others when none has been left for long.
+
+        What matters of it runs without the interpreter's lock.
+        """
+        ...
+
+    def dismiss(self) -> None:
+        """Let those who only wait for parts return at once."""
+        ...
+
+
+class Team:
+    """The caller and some workers, for work of one kind; all teams of the process share the workers.
+
+    Args:
+        num_threads: threads that take part, the caller among them.
+    """
+
+    def __init__(self, num_threads: int) -> None:
+        self._workers = _first_workers(num_threads - 1)
+        self._seconds = 0.0  # that the last work took
+
+    def do(self, work: Work) -> None:
+        """Do the work, with all workers that are awake for it; call the others where it lasts long enough."""
+        start = time.perf_counter()
+        for worker in self._workers:
+            if worker.at_work is not work and self._seconds > WORTH_WAKING:
+                worker.call(work)
+        work.do(True)
+        self._seconds = time.perf_counter() - start
+
+    def do_range(self, function: Callable[[int, int], Any], count: int) -> None:
+        """Call ``function(start, stop)`` over parts of ``range(count)``; an exception of any part is raised."""
+        if self._workers and self._seconds > WORTH_WAKING:
+            self.do(_RangeWork(function, count, min(count, PARTS_EACH * (1 + len(self._workers)))))
+            return
+        start = time.perf_counter()
+        function(0, count)
+        self._seconds = time.perf_counter() - start
+
+
+class _Worker:
+    """A thread that joins the work that it was called to last, and sleeps when there is none."""
+
+    def __init__(self) -> None:
+        self.at_work: Work | None = None
+        self._next: Work | None = None
+        self._called = threading.Event()
+        self._kept_off = -1  # the processor where it must not run
+        self._thread = threading.Thread(target=self._serve, name="segar", daemon=True)
+        self._thread.start()
+
+    def call(self, work: Work) -> None:
+        """Join this work as soon as possible."""
+        before, self._next = self.at_work, work
+        if before is not None:
+            before.dismiss()
+        self._keep_off(_processor())
+        self._called.set()
+
+    def _keep_off(self, processor: int) -> None:
+        """Run elsewhere: schedulers like to wake a thread beside its caller, where it would wait until all is done."""
+        if processor in (-1, self._kept_off):
+            return
+        elsewhere = os.sched_getaffinity(0) - {processor}
+        if elsewhere:
+            os.sched_setaffinity(self._thread.native_id or 0, elsewhere)
+        self._kept_off = processor
+
+    def _serve(self) -> None:
+        while True:
+            self._called.wait()
+            self._called.clear()
+            self.at_work, self._next = self._next, None
+            if self.at_work is not None:
+                self.at_work.do(False)
+            self.at_work = None
+
+
+class _RangeWork:
+    """``function(start, stop)`` over a range in equal parts."""
+
+    def __init__(self, function: Callable[[int, int], Any], count: int, parts: int) -> None:
+        self._function, self._count, self._parts = function, count, parts
+        self._next = itertools.count()
+        self._finished = threading.Semaphore(0)
+        self._errors: list[BaseException] = []
+
+    def do(self, owns: bool) -> None:
+        for part in self._next:
+            if part >= self._parts:
+                break
+            try:
+                self._function(self._count * part // self._parts, self._count * (part + 1) // self._parts)
+            except BaseException as error:
+                self._errors.append(error)
+            self._finished.release()
+        if owns:
+            for _ in range(self._parts):
+                self._finished.acquire()
+            if self._errors:
+                raise self._errors[0]
+
+    def dismiss(self) -> None:
+        """Nobody waits here but the owner."""
+
+
+def _find_processor() -> Callable[[], int]:
+    """The C library's function that says on which processor the calling thread runs; elsewhere one that says -1."""
+    try:
+        return ctypes.CDLL(None).sched_getcpu
+    except (AttributeError, OSError, TypeError):
+        return lambda: -1
+
+
+_processor = _find_processor()
+_workers: list[_Worker] = []
+_lock = threading.Lock()
+
+
+def _first_workers(count: int) -> list[_Worker]:
+    with _lock:
+        while len(_workers) < count:
+            _workers.append(_Worker())
+        return _workers[:count]
+
+
+def _forget_threads() -> None:
+    """A forked child has none of its parent's threads: start new ones on first use."""
+    global _lock
+    _workers.clear()
+    _lock = threading.Lock()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_forget_threads)
