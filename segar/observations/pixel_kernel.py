@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 POSITION, SIZE, VISIBLE, ORDER, MOBILE = range(5)
 DRAWN: tuple[type[Factor], ...] = (Position, Size, Visible, Order, Mobile)  # in that order
 RUN = 12  # [pixels] a row of a pattern gives this many in one copy, whatever its phase
+LEVEL_EDGE = 1e-6  # an edge whose normal has a smaller x runs along rows, and no estimate finds its columns
 
 # Nothing here allocates, so numba's reference counting of arrays, which costs as much as the drawing, is off.
 _options = {"nogil": True, "cache": True, "error_model": "numpy", "_nrt": False}
@@ -40,7 +41,7 @@ class Scene(NamedTuple):
     vertex_counts: np.ndarray
     vertices: np.ndarray
     edges: np.ndarray
-    """float64 ``[level, entity, k, 3]``; see :func:`edge_lines`."""
+    """float64 ``[level, entity, k, 4]``; see :func:`edge_lines`."""
     columns: np.ndarray
     """int64 ``[type, 5]``, in the order of ``POSITION`` and so on."""
     is_floor: np.ndarray
@@ -89,8 +90,8 @@ def disc_spans(resolution: int) -> np.ndarray:
 
 
 def edge_lines(vertices: np.ndarray, counts: np.ndarray) -> np.ndarray:
-    """Edges of convex counter-clockwise polygons as lines, float64 ``[..., k, 3]``: (a, b, c) with a x + b y + c the
-    distance from (x, y) to the line of edge k, positive inside.
+    """Edges of convex counter-clockwise polygons as lines, float64 ``[..., k, 4]``: (a, b, c, 1 / a) with a x + b y + c the
+    distance from (x, y) to the line of edge k, positive inside; 0 for 1 / a where the line nearly runs along a row.
 
     Args:
         vertices: float64 ``[..., k, 2]``; counts: int ``[...]``, how many of them count.
@@ -100,7 +101,10 @@ def edge_lines(vertices: np.ndarray, counts: np.ndarray) -> np.ndarray:
     step = np.take_along_axis(vertices, following[..., None], axis=-2) - vertices
     length = np.sqrt((step**2).sum(-1))
     normal = np.stack([-step[..., 1], step[..., 0]], axis=-1) / np.where(length > 0, length, 1.0)[..., None]
-    return np.concatenate([normal, -(normal * vertices).sum(-1, keepdims=True)], axis=-1)
+    distance = -(normal * vertices).sum(-1, keepdims=True)
+    inclined = np.abs(normal[..., :1]) > LEVEL_EDGE
+    inverse = np.divide(1.0, normal[..., :1], out=np.zeros_like(distance), where=inclined)
+    return np.concatenate([normal, distance, inverse], axis=-1)
 
 
 @njit(**_options)
@@ -246,26 +250,25 @@ def stamp_hull(env, level, entity, x, y, outlined, scene, canvas, texels, frames
 def hull_span(level, entity, x, py, depth, first, last, scene, canvas):
     """First and last of the columns ``first`` to ``last`` whose pixels lie at least ``depth`` pixels within a hull.
 
-    Each edge bounds the columns on one side. Division finds the bound to a rounding; the distance itself decides, so
+    Each edge bounds the columns on one side. An estimate finds the bound to a rounding; the distance itself decides, so
     that the span holds exactly the pixels for which all distances are large enough.
     """
+    within = depth / canvas.scale
     for k in range(scene.vertex_counts[level, entity]):
         a, rest = scene.edges[level, entity, k, 0], scene.edges[level, entity, k, 1] * py
-        c = scene.edges[level, entity, k, 2]
-        if a == 0.0:
-            if (rest + c) * canvas.scale < depth:
-                return first, first - 1
+        c, inverse = scene.edges[level, entity, k, 2], scene.edges[level, entity, k, 3]
+        bound = ((within - c - rest) * inverse + x + canvas.walls) * canvas.scale
+        if inverse != 0.0 and (bound < first - 1 if a > 0.0 else bound > last + 1):
             continue
-        bound = ((depth / canvas.scale - c - rest) / a + x + canvas.walls) * canvas.scale
-        if a > 0.0:
-            at = int(min(max(np.ceil(bound), float(first)), float(last + 1)))
+        if a >= 0.0:
+            at = int(min(max(np.ceil(bound), float(first)), float(last + 1))) if inverse != 0.0 else first
             while at > first and depth_at(at - 1, x, a, rest, c, canvas) >= depth:
                 at -= 1
             while at <= last and depth_at(at, x, a, rest, c, canvas) < depth:
                 at += 1
             first = at
         else:
-            at = int(max(min(np.floor(bound), float(last)), float(first - 1)))
+            at = int(max(min(np.floor(bound), float(last)), float(first - 1))) if inverse != 0.0 else last
             while at < last and depth_at(at + 1, x, a, rest, c, canvas) >= depth:
                 at += 1
             while at >= first and depth_at(at, x, a, rest, c, canvas) < depth:
