@@ -97,10 +97,11 @@ class PPOConfig(AlgorithmConfig):
     widths: tuple[int, ...] = (256, 256)  # of that MLP; the last one is the representation's
     precision: str = "auto"  # of the CNN: bf16, fp32; auto: bf16 where the processor is made for it
     head_width: int = 256  # of the hidden layer of each head; 0: heads are linear
-    shared: bool = True  # one encoder for policy and value; otherwise one each
+    shared: bool | None = True  # one encoder for policy and value, or one each; null: they share a CNN, but no MLP
     initial_std: float = 1.0  # of the policy, before tanh
     min_log_std: float = -3.0
     max_log_std: float = 2.0
+    device: str = "cpu"  # where networks compute: cpu, cuda, cuda:1
 
     def __post_init__(self) -> None:
         super().__post_init__()

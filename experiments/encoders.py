@@ -109,7 +109,8 @@ class FrameEncoder(nn.Module):
     """Frames uint8 [..., height, width, depth] -> representation float32 [..., 256], by a CNN.
 
     Args:
-        trunk: float [n, depth, height, width] -> [n, 256].
+        trunk: float [n, depth, height, width] -> [n, 256]. It gets numbers from 0 to 1, or, if it has a
+            :class:`FrameConv`, from 0 to 255.
         precision: what the trunk computes in; its weights are float32 either way.
     """
 
@@ -118,6 +119,7 @@ class FrameEncoder(nn.Module):
     def __init__(self, trunk: nn.Module, precision: torch.dtype = torch.float32) -> None:
         super().__init__()
         self.trunk, self.precision = trunk, precision
+        self.scale = None if any(isinstance(part, FrameConv) for part in trunk.modules()) else 1.0 / WHITE
         self.trunk.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
     def forward(self, frames: Tensor) -> Tensor:
@@ -125,10 +127,22 @@ class FrameEncoder(nn.Module):
         shape = frames.shape[:-3]
         frames = frames if len(shape) == 1 else frames.reshape(-1, *frames.shape[-3:])
         x = frames.permute(0, 3, 1, 2)  # a view: channels stay last in memory, as the convolutions like them
-        x = x.to(self.precision) * (1.0 / WHITE)
+        x = x.to(self.precision)
+        x = x if self.scale is None else x * self.scale
         with torch.autocast(x.device.type, self.precision, enabled=self.precision != torch.float32):
             representation = self.trunk(x)
         return representation.float().reshape(*shape, -1)
+
+
+class FrameConv(nn.Conv2d):
+    """A convolution of numbers from 0 to 255 that computes what another one would of numbers from 0 to 1.
+
+    It divides its weights instead of the pixels, which are many more, and exact in bfloat16 as they are.
+    """
+
+    def forward(self, input: Tensor) -> Tensor:  # torch's name
+        """As :class:`torch.nn.Conv2d`."""
+        return self._conv_forward(input, self.weight * (1.0 / WHITE), self.bias)
 
 
 def small(height: int, width: int, depth: int) -> nn.Sequential:
@@ -161,16 +175,15 @@ def impala_15(height: int, width: int, depth: int) -> nn.Sequential:
 
 
 def _plain_cnn(height: int, width: int, depth: int, channels: tuple[int, int, int]) -> nn.Sequential:
-    convolutions = []
-    inputs = depth
-    for outputs, size, stride in zip(channels, (8, 4, 3), (4, 2, 1), strict=True):
-        convolutions += [nn.Conv2d(inputs, outputs, size, stride), nn.ReLU(inplace=True)]
-        inputs = outputs
-    return _with_dense(nn.Sequential(*convolutions), height, width, depth)
+    first, second, third = channels
+    layers = (FrameConv(depth, first, 8, 4), nn.Conv2d(first, second, 4, 2), nn.Conv2d(second, third, 3))
+    convolutions = nn.Sequential(*(part for layer in layers for part in (layer, nn.ReLU(inplace=True))))
+    return _with_dense(convolutions, height, width, depth)
 
 
 def _residual_cnn(height: int, width: int, depth: int, channels: tuple[int, ...]) -> nn.Sequential:
     blocks = [_ResidualBlock(a, b) for a, b in pairwise((depth, *channels))]
+    blocks[0].entry = FrameConv(depth, channels[0], 3, padding=1)
     return _with_dense(nn.Sequential(*blocks, nn.ReLU()), height, width, depth)
 
 

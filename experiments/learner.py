@@ -14,7 +14,6 @@ import torch
 from torch import nn
 
 from experiments.config import AlgorithmConfig
-from segar.envs.torchrl_env import TorchRLEnv
 
 
 class Policy(Protocol):
@@ -35,8 +34,12 @@ class Learner(Protocol):
     policy: Any  # a Policy and an nn.Module
     frames: int  # environment steps so far
 
-    def __init__(self, config: AlgorithmConfig, env: TorchRLEnv, frames: int, seed: int) -> None:
-        """``env`` holds ``config.num_envs`` environments; ``frames`` is the budget that schedules refer to."""
+    def __init__(self, config: AlgorithmConfig, env: Any, frames: int, seed: int) -> None:
+        """``frames`` is the budget that schedules refer to.
+
+        ``env`` holds ``config.num_envs`` environments: a :class:`segar.envs.torchrl_env.TorchRLEnv`, or what the static
+        method ``make_env(levels, num_envs, **options)`` gives in a class that has one.
+        """
         ...
 
     @staticmethod

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -21,18 +20,20 @@ from torchrl.objectives.value.functional import generalized_advantage_estimate
 
 from experiments.config import PPOConfig
 from experiments.encoders import initialize, make_encoder
-from experiments.errors import ConfigError, TrainingError
+from experiments.errors import TrainingError
 from experiments.policies import Actor, SquashedNormal, make_head
-from experiments.snapshots import as_tensors, from_tensors
-from segar.envs.torchrl_env import TorchRLEnv
+from experiments.rollouts import Collector, Rollout, observation_shape
+from segar.envs.vector import VectorEnv
 
 
 class PPOPolicy(nn.Module):
     """Policy and value networks; ``shared`` says whether the value head reads the policy's representation."""
 
+    memory_width = 0
+
     def __init__(self, config: PPOConfig, observation_shape: tuple[int, ...], actions: int) -> None:
         super().__init__()
-        self.shared = config.shared
+        self.shared = is_shared(config, observation_shape)
         self.actor = Actor(config, observation_shape, actions)
         own = () if self.shared else (make_encoder(config, observation_shape),)
         self.value = nn.Sequential(*own, make_head(config, self.actor.encoder.width, 1))
@@ -48,51 +49,53 @@ class PPOPolicy(nn.Module):
         loc, scale, hidden = self.actor(observation)
         return loc, scale, self.value(hidden if self.shared else observation)
 
+    def step(self, observation: Tensor, memory: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        """See :class:`experiments.rollouts.StepPolicy`; there is no memory."""
+        return (*self(observation), memory)
+
     @torch.no_grad()
     def act(self, observation: np.ndarray, *, rng: torch.Generator | None) -> np.ndarray:
         """Actions float32 [n, actions]; sampled with ``rng``, deterministic where it is None."""
-        loc, scale, _ = self.actor(torch.from_numpy(observation))
-        u = loc if rng is None else loc + scale * torch.randn(loc.shape, generator=rng)
-        return u.tanh().numpy()
+        loc, scale, _ = self.actor(self.tensor(observation))
+        u = loc if rng is None else loc + scale * torch.randn(loc.shape, generator=rng).to(loc.device)
+        return u.tanh().cpu().numpy()
 
     @torch.no_grad()
     def represent(self, observation: np.ndarray) -> np.ndarray:
         """The representation phi, float32 [n, width]."""
-        return self.actor.encoder(torch.from_numpy(observation)).numpy()
+        return self.actor.encoder(self.tensor(observation)).cpu().numpy()
+
+    def tensor(self, observation: np.ndarray) -> Tensor:
+        """The observation where the weights are."""
+        return torch.from_numpy(observation).to(next(self.parameters()).device)
 
 
-@dataclass
-class Rollout:
-    """What one collection saw, time first: observation [T, N, ...]; all others [T, N, 1] but ``u``, loc, scale [T, N, 2]."""
-
-    observation: Tensor
-    u: Tensor  # pre-tanh actions
-    loc: Tensor
-    scale: Tensor
-    value: Tensor
-    next_value: Tensor  # of the same episode: of its last observation where the episode was truncated
-    reward: Tensor
-    terminated: Tensor
-    done: Tensor
+def is_shared(config: PPOConfig, observation_shape: tuple[int, ...]) -> bool:
+    """Whether policy and value share one encoder; where the configuration leaves it open, they share a CNN, no MLP."""
+    return len(observation_shape) == 3 if config.shared is None else config.shared
 
 
 class PPO:
     """The learner, see :class:`experiments.learner.Learner`."""
 
-    def __init__(self, config: PPOConfig, env: TorchRLEnv, frames: int, seed: int) -> None:
-        self.config, self.env, self.budget = config, env, frames
+    def __init__(self, config: PPOConfig, env: VectorEnv, frames: int, seed: int) -> None:
+        self.config, self.budget = config, frames
+        self.device = torch.device(config.device)
         self.rng = torch.Generator().manual_seed(seed)
-        if env.observation_key is None:
-            raise ConfigError("observation: PPO reads one array, not a tuple or dict; choose one part, or stack it")
-        shape, actions = env.observation_spec[env.observation_key].shape[1:], env.action_spec.shape[-1]
-        self.policy = self.make_policy(config, tuple(shape), actions)
+        self.policy = self.make_policy(config, observation_shape(env), env.action_space.shape[-1])
         self.policy.initialize(self.rng)
+        self.policy.to(self.device)
+        self.collector = Collector(env, self.policy, config.num_steps, self.device, self.rng)
         self.loss = make_loss(config, self.policy)
         self.optimizer = torch.optim.Adam(
             self.policy.parameters(), lr=config.learning_rate, eps=config.adam_eps, fused=True
         )
         self.frames = 0
-        self.current: Any = env.reset()
+
+    @staticmethod
+    def make_env(levels: Any, num_envs: int, **options: Any) -> VectorEnv:
+        """Environments that start the next episode by themselves, and whose arrays last until the next step."""
+        return VectorEnv(levels, num_envs, copy=False, **options)
 
     @staticmethod
     def make_policy(config: PPOConfig, observation_shape: tuple[int, ...], actions: int) -> PPOPolicy:
@@ -105,38 +108,9 @@ class PPO:
         self.frames += rollout.reward.numel()
         return {**figures, **self.learn(rollout)}
 
-    @torch.no_grad()
     def collect(self) -> tuple[Rollout, dict[str, float]]:
-        """Steps every environment ``num_steps`` times with sampled actions."""
-        steps, episodes = [], []
-        for t in range(self.config.num_steps):
-            observation = self.current.get(self.env.observation_key)
-            loc, scale, value = self.policy(observation)
-            u = loc + scale * torch.randn(loc.shape, generator=self.rng)
-            after = self.env.step(TensorDict({"action": u.tanh()}, self.env.batch_size)).get("next")
-            done = after.get("done")
-            steps.append((observation, u, loc, scale, value, after.get("reward"), after.get("terminated"), done))
-            self.current = after
-            if done.any():
-                episodes.append((t, after))
-                self.current = self.env.reset(TensorDict({"_reset": done}, self.env.batch_size))
-        observation, u, loc, scale, value, reward, terminated, done = map(torch.stack, zip(*steps, strict=True))
-        last = self.policy(self.current.get(self.env.observation_key))[2]
-        next_value = self.bootstrap(torch.cat([value[1:], last[None]]), episodes)
-        rollout = Rollout(observation, u, loc, scale, value, next_value, reward, terminated, done)
-        return rollout, episode_figures([after for _, after in episodes])
-
-    def bootstrap(self, next_value: Tensor, episodes: list[tuple[int, Any]]) -> Tensor:
-        """``next_value`` [T, N, 1] with the value of the last observation put in where an episode was truncated."""
-        if not episodes:
-            return next_value
-        times = torch.tensor([t for t, _ in episodes])
-        cut = torch.stack([after.get("truncated").squeeze(-1) for _, after in episodes])
-        final = torch.stack([after.get(self.env.observation_key) for _, after in episodes])
-        row, env = cut.nonzero(as_tuple=True)
-        if len(row):
-            next_value[times[row], env] = self.policy(final[row, env])[2]
-        return next_value
+        """Steps every environment ``num_steps`` times; also says how episodes ended."""
+        return self.collector.collect()
 
     def learn(self, rollout: Rollout) -> dict[str, float]:
         """Takes ``epochs x minibatches`` gradient steps on a rollout; returns the mean of the losses' figures."""
@@ -164,8 +138,11 @@ class PPO:
     def minibatches(self, batch: TensorDict) -> Iterator[TensorDict]:
         """Random disjoint parts of the batch, ``epochs`` times over."""
         for _ in range(self.config.epochs):
-            for rows in torch.randperm(len(batch), generator=self.rng).tensor_split(self.config.minibatches):
-                yield batch[rows]
+            order = torch.randperm(len(batch), generator=self.rng).to(self.device)
+            for rows in order.tensor_split(self.config.minibatches):
+                # As batch[rows], whose indexing takes four times as long for frames.
+                parts = {key: value.index_select(0, rows) for key, value in batch.items()}
+                yield TensorDict._new_unsafe(parts, batch_size=rows.shape)
 
     def state_dict(self) -> dict[str, Any]:
         """Optimiser, generator, frame counter and the running episodes; the weights are stored beside them."""
@@ -173,7 +150,7 @@ class PPO:
             "optimizer": self.optimizer.state_dict(),
             "rng": self.rng.get_state(),
             "frames": self.frames,
-            "env": as_tensors(self.env.state()),
+            **self.collector.state_dict(),
         }
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
@@ -181,7 +158,7 @@ class PPO:
         self.optimizer.load_state_dict(state["optimizer"])
         self.rng.set_state(state["rng"])
         self.frames = state["frames"]
-        self.current = self.env.restore(from_tensors(self.env.state(), state["env"]))
+        self.collector.load_state_dict(state)
 
 
 # What the loss reports under which name in metrics.
@@ -204,7 +181,7 @@ def make_loss(config: PPOConfig, policy: PPOPolicy) -> ClipPPOLoss:
         ),
     ]
     actor = ProbabilisticTensorDictSequential(*parts)
-    source = "hidden" if config.shared else "observation"
+    source = "hidden" if policy.shared else "observation"
     return ClipPPOLoss(
         actor,
         TensorDictModule(policy.value, in_keys=[source], out_keys=["state_value"]),

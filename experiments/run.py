@@ -99,10 +99,10 @@ def run(config: RunConfig, say: Callable[[str], None] = print) -> RunResult:
 
 def _carry_out(config: RunConfig, folder: Path, tracker: Tracker, say: Callable[[str], None]) -> dict[str, Any]:
     train, test = make_levels(config.levels)
-    env = TorchRLEnv(train, config.algorithm.num_envs, seed=config.seed, **environment_options(config))
-    learner: Learner = import_object(config.algorithm.learner, "algorithm")(
-        config.algorithm, env, config.scale.frames, config.seed
-    )
+    kind = import_object(config.algorithm.learner, "algorithm")
+    make_env = getattr(kind, "make_env", TorchRLEnv)
+    env = make_env(train, config.algorithm.num_envs, seed=config.seed, **environment_options(config))
+    learner: Learner = kind(config.algorithm, env, config.scale.frames, config.seed)
     history = History(tracker)
     hashes = {"train": levels_hash(train), "test": levels_hash(test)}
     seconds = _resume(config, folder, learner, history, hashes, say)

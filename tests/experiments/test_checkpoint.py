@@ -14,14 +14,13 @@ from experiments.errors import CheckpointError
 from experiments.ppo import PPO, PPOPolicy
 from experiments.run_folder import CHECKPOINT
 from experiments.worlds import make_levels
-from segar.envs.torchrl_env import TorchRLEnv
 
 CONFIG = RunConfig(algorithm=PPOConfig(num_envs=4, num_steps=4, widths=(8,), head_width=8))
 
 
 def learner(config=CONFIG, seed=0):
     train, _ = make_levels(config.levels)
-    return PPO(config.algorithm, TorchRLEnv(train, config.algorithm.num_envs, seed=seed), 1000, seed)
+    return PPO(config.algorithm, PPO.make_env(train, config.algorithm.num_envs, seed=seed), 1000, seed)
 
 
 @pytest.fixture
@@ -44,11 +43,11 @@ def test_a_learner_goes_on_from_a_checkpoint_as_if_nothing_had_happened(saved):
 
 def test_a_policy_can_be_filled_without_an_environment(saved):
     folder, one = saved
-    shape = tuple(one.current["observation"].shape[1:])
+    shape = one.collector.current.shape[1:]
     policy = PPO.make_policy(CONFIG.algorithm, shape, 2)
     assert load_policy(folder / CHECKPOINT, policy) == one.frames
-    assert (policy.act(one.current["observation"].numpy(), rng=None)
-            == one.policy.act(one.current["observation"].numpy(), rng=None)).all()  # fmt: skip
+    assert (policy.act(one.collector.current, rng=None)
+            == one.policy.act(one.collector.current, rng=None)).all()  # fmt: skip
 
 
 def test_where_there_is_no_checkpoint_there_is_nothing_to_resume(tmp_path):

@@ -10,8 +10,8 @@ from tensordict import TensorDict
 
 from experiments.config import LevelsConfig, PPOConfig
 from experiments.entry import compose
+from experiments.episodes import play
 from experiments.errors import TrainingError
-from experiments.evaluate import play
 from experiments.policies import SquashedNormal
 from experiments.ppo import PPO, Rollout, check_finite, learner_reward, make_batch
 from experiments.worlds import make_levels
@@ -26,7 +26,7 @@ LEVELS = family("empty-easy").sample(5, seed=0)
 
 
 def learner(config=SMALL, seed=0, levels=LEVELS, **env_options):
-    env = TorchRLEnv(levels, config.num_envs, seed=seed, **env_options)
+    env = PPO.make_env(levels, config.num_envs, seed=seed, **env_options)
     return PPO(config, env, 10_000, seed)
 
 
@@ -86,7 +86,16 @@ def random_rollout(steps=9, envs=4, seed=0):
     done = torch.rand(steps, envs, 1, generator=rng) < 0.4
     terminated = done & (torch.rand(steps, envs, 1, generator=rng) < 0.5)
     return Rollout(
-        numbers(3), numbers(2), numbers(2), numbers(2).exp(), numbers(1), numbers(1), numbers(1), terminated, done
+        observation=numbers(3),
+        u=numbers(2),
+        loc=numbers(2),
+        scale=numbers(2).exp(),
+        value=numbers(1),
+        next_value=numbers(1),
+        reward=numbers(1),
+        terminated=terminated,
+        done=done,
+        memory=torch.zeros(envs, 0),
     )
 
 
@@ -197,13 +206,13 @@ def test_both_configurations_run_on_pixels(name):
     one = learner(config, observation="rgb")
     figures = one.iterate()
     assert np.isfinite(list(figures.values())).all()
-    assert one.policy.represent(one.current["pixels"].numpy()).shape == (2, 256)
+    assert one.policy.represent(one.collector.current).shape == (2, 256)
 
 
 def test_ppo_learns():
     config = compose(["algorithm=ppo_fast"]).algorithm
     train, test = make_levels(LevelsConfig(train="empty-easy", count=50, test_count=50))
-    ppo = PPO(config, TorchRLEnv(train, config.num_envs, seed=0), 40_000, 0)
+    ppo = PPO(config, PPO.make_env(train, config.num_envs, seed=0), 40_000, 0)
 
     def test_return():
         rows = play(ppo.policy, test, np.arange(50), {}, rng=None, seed=0)
