@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 
 MOST = 255  # frames: they are counted in bytes
 CHUNK = 64  # environments that are drawn and then stacked: their frames stay in the processor's cache
+MOST_OF_A_PLANE = 64  # [bytes] that are moved together where the pixels of a frame do not lie side by side
 SPARE = 64  # [bytes] that the kernel may read beyond the end
 
 
@@ -97,11 +99,10 @@ class BoundStack(Members):
         outer = int(np.prod(box.shape[:axis], dtype=int))
         self._shape = (num_envs, outer, n, self._drawn[0].size // outer)
         self._fresh, self._pending = np.ones(num_envs, np.bool_), np.zeros(num_envs, np.bool_)
-        frame = self._drawn[0]
-        self._is_frame = frame.ndim == 3 and frame.dtype == np.uint8 and frame.size % (8 * frame.shape[axis]) == 0
+        frame, side_by_side = self._drawn[0], axis == 2
+        unit = stack_kernel.PIXELS * frame.shape[-1] if side_by_side else math.gcd(MOST_OF_A_PLANE, frame.size)
+        self._is_frame = frame.ndim == 3 and frame.dtype == np.uint8 and unit % 8 == 0 and frame.size % unit == 0
         if self._is_frame:
-            side_by_side = axis == 2
-            unit = stack_kernel.PIXELS * (frame.shape[2] if side_by_side else 1)
             self._age = np.zeros((num_envs, frame.size // unit), np.uint8)
             words = (num_envs, frame.size // unit, unit // 8)
             self._words = _words(self._drawn).reshape(words), _words(self._newest).reshape(words)
@@ -159,7 +160,9 @@ class BoundStack(Members):
             stack_kernel.push_pixels(rows, self._frames, *notes, self._four_rgb)
         else:
             drawn, newest = self._words
-            stack_kernel.push_planes(rows, drawn, newest, _words(self.kept).reshape(num_envs, n, *drawn.shape[1:]), *notes)
+            stack_kernel.push_planes(
+                rows, drawn, newest, _words(self.kept).reshape(num_envs, n, *drawn.shape[1:]), *notes
+            )
 
 
 def joined_axis(box: gymnasium.spaces.Box) -> int:
