@@ -20,7 +20,7 @@ from segar.shapes import area
 SMOOTH = [
     sn.GaussianNoise(0.0, 1.0),
     sn.UniformNoise(-1.0, 2.0),
-    sn.VonMises(0.0, 2.0),
+    sn.LogUniform(0.2, 3.0),
     sn.TruncatedGaussianNoise(0.0, 1.0, (-1.0, 2.0)),
     sn.Mixture([sn.GaussianNoise(-1.0, 0.2), sn.UniformNoise(0.0, 1.0)]),
     sn.GaussianNoise(0.0, 1.0, clip=(-1.0, 1.0)),
@@ -35,7 +35,7 @@ def test_what_has_a_closed_form_has_no_error():
         (sn.Empirical([1.0, 2.0]), sn.DiscreteRangeNoise(1, 3)),
         (sn.RandomTopLocation(), sn.RandomMiddleLocation()),
         (sn.GaussianNoise2D((0, 0), cov=[[1, 0.5], [0.5, 1]]), sn.GaussianNoise2D((0, 1), cov=[[1, 0.2], [0.2, 1]])),
-        (sn.VonMises(0.0, 1.0), sn.Deterministic(0.4)),
+        (sn.LogUniform(0.1, 1.0), sn.Deterministic(0.4)),
     ]
     for a, b in pairs:
         assert a.w2_estimate(b) == (a.w2(b), 0.0), (a, b)
@@ -58,7 +58,7 @@ def test_a_distance_of_laws_on_the_plane_without_closed_form_says_how_far_off_it
     there = sn.Mixture([sn.Affine(left, shift=(0.3, 0.4)), sn.Affine(right, shift=(0.3, 0.4))], [0.25, 0.75])
     estimate = here.w2_estimate(there)
     assert abs(estimate.value - 0.5) < 0.01 < estimate.error < 0.1  # a shift by 0.5
-    measured = sn.Empirical(here.sample(np.random.default_rng(0), 1000))
+    measured = sn.Empirical(here.sample(np.random.default_rng(0), 200))
     estimate, whole = measured.w2_estimate(there), measured.w2_estimate(here)
     assert abs(estimate.value - 0.5) <= estimate.error + whole.value  # the triangle inequality
     assert sn.RandomEdgeLocation().w2_estimate(sn.RandomUniformLocation()).error < 0.07

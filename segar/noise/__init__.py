@@ -1,6 +1,7 @@
 """Laws of chance for factors and locations: sampled, and asked for density, cdf, entropy and distances."""
 
 from segar.noise.angles import VonMises
+from segar.noise.circle import Wrapped
 from segar.noise.continuous import GaussianNoise, LogUniform, UniformNoise
 from segar.noise.discrete import Bernoulli, Choice, Deterministic, DiscreteRangeNoise, Empirical
 from segar.noise.law import Noise
@@ -53,4 +54,5 @@ __all__ = [
     "TruncatedGaussianNoise",
     "UniformNoise",
     "VonMises",
+    "Wrapped",
 ]

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from segar.errors import PriorError
-from segar.noise.law import Noise, finite, fraction
+from segar.noise.law import Noise, finite, fraction, gauss_legendre
 
 SIGMAS = 10  # pieces of one standard deviation, to either side of the mean, before the rest in one piece
 CDF_NODES = 16  # of Gauss-Legendre quadrature within a piece: errors below 1e-14
@@ -23,8 +23,8 @@ NEWTON_STEPS = 3  # that make it exact to rounding
 class VonMises(Noise):
     """An angle [rad] in ``[mean - pi, mean + pi]`` with density proportional to ``exp(kappa cos(x - mean))``.
 
-    The larger ``kappa`` (positive), the narrower; ``UniformNoise(-pi, pi)`` is the law with kappa 0. Mean, variance and
-    distances are those of the number, not of the direction: ``resultant`` is the length of the mean direction.
+    The larger ``kappa`` (positive), the narrower; ``UniformNoise(-pi, pi)`` is the law with kappa 0. Mean and variance
+    are those of the number, distances those on the circle; ``resultant`` is the length of the mean direction.
     ``loc`` is the parameter ``mean``.
     """
 
@@ -63,6 +63,10 @@ class VonMises(Noise):
     @property
     def mean(self) -> float:
         return self.loc
+
+    @property
+    def period(self) -> float:
+        return math.tau
 
     @property
     def resultant(self) -> float:
@@ -109,7 +113,7 @@ class VonMises(Noise):
         return np.clip(self._cumulated[piece] + self._mass(self._pieces[piece], z), 0.0, 1.0)
 
     def _mass(self, low: Any, high: np.ndarray) -> np.ndarray:
-        nodes, weights = np.polynomial.legendre.leggauss(CDF_NODES)
+        nodes, weights = gauss_legendre(CDF_NODES)
         half, middle = (high - low) / 2, (high + low) / 2
         return sum(w * self._density(middle + half * t) for t, w in zip(nodes, weights, strict=True)) * half
 

@@ -10,6 +10,7 @@ import dataclasses
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
+from functools import lru_cache
 from typing import Any, ClassVar
 
 import numpy as np
@@ -28,6 +29,13 @@ class Noise(ABC):
 
     width: ClassVar[int] = 1
     """1 for a law on the line, 2 on the plane, 0 for choices among things that are not numbers."""
+
+    @property
+    def period(self) -> float | None:
+        """After how much a number of the law comes round again, as angles do after 2 pi; None on the line.
+
+        Distances to a law with a period are those on the circle."""
+        return None
 
     @abstractmethod
     def sample(self, rng: Any, size: Any = None) -> Any:
@@ -103,13 +111,14 @@ class Noise(ABC):
         return entropy(self)
 
     def w2(self, other: Any) -> float:
-        """Wasserstein-2 distance to another law or to a constant."""
+        """Wasserstein-2 distance to another law or to a constant; on the circle for a law with a ``period``."""
         from segar.noise.measures import as_noise, w2
 
         return w2(self, as_noise(other))
 
     def ks(self, other: Any) -> float:
-        """Kolmogorov-Smirnov distance to another law or to a constant: the largest difference of the two ``cdf``."""
+        """Kolmogorov-Smirnov distance to another law or to a constant: the largest difference of the two ``cdf``; on the
+        circle Kuiper's, the largest difference of the masses of an arc."""
         from segar.noise.measures import as_noise, ks
 
         return ks(self, as_noise(other))
@@ -134,6 +143,12 @@ class Noise(ABC):
 def shape_of(size: Any) -> tuple[int, ...]:
     """The shape that a ``size`` argument means: None one draw, a number so many, else the shape itself."""
     return () if size is None else (int(size),) if isinstance(size, (int, np.integer)) else tuple(size)
+
+
+@lru_cache
+def gauss_legendre(nodes: int) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes and weights of Gauss-Legendre quadrature on [-1, 1]."""
+    return np.polynomial.legendre.leggauss(nodes)
 
 
 def fraction(q: Any) -> np.ndarray:

@@ -14,7 +14,7 @@ from segar.errors import PriorError
 from segar.estimates import Estimate
 from segar.noise.continuous import GaussianNoise, UniformNoise
 from segar.noise.discrete import Deterministic, DiscreteNoise
-from segar.noise.law import Noise
+from segar.noise.law import Noise, gauss_legendre
 
 NODES = 24  # of Gauss-Legendre quadrature per piece: errors below 1e-10 for Gaussian pieces one sigma wide
 BISECTIONS = 60  # of a piece, to find a quantile: exact to rounding
@@ -68,19 +68,23 @@ def entropy(law: Noise) -> float:
     if law.width == 2:
         return _entropy_plane(law)
     _check_width(law, 1)
-    x, weight = _nodes(law.pieces)
+    x, weight = quadrature(law.pieces)
     return float(entr(law.atoms[1]).sum() + weight @ entr(law.pdf(x)))
 
 
 def w2(a: Noise, b: Noise) -> float:
-    """Wasserstein-2 distance of two laws, both on the line or both on the plane."""
+    """Wasserstein-2 distance of two laws, both on the line, on one circle, or on the plane."""
     return w2_estimate(a, b).value
 
 
 def w2_estimate(a: Noise, b: Noise) -> Estimate:
-    """``w2`` and its error: 0 where there is a closed form or laws are atoms; for integrals on the line what half as many
-    nodes would change; for other laws on the plane a bound, see :func:`segar.noise.plane_transport.w2_plane`."""
-    _check_same_width(a, b)
+    """``w2`` and its error: 0 where there is a closed form or laws are atoms; for integrals what half as many nodes would
+    change; for other laws on the plane a bound, see :func:`segar.noise.plane_transport.w2_plane`."""
+    period = _period(a, b)
+    if period is not None:
+        from segar.noise.circle import w2_on_circle
+
+        return w2_on_circle(a, b, period)
     exact = _w2_closed(a, b)
     if exact is not None:
         return Estimate(exact)
@@ -94,49 +98,67 @@ def w2_estimate(a: Noise, b: Noise) -> Estimate:
 
 
 def ks(a: Noise, b: Noise) -> float:
-    """Kolmogorov-Smirnov distance: the supremum of ``|a.cdf - b.cdf|``, both on the line or both on the plane."""
-    _check_same_width(a, b)
+    """Kolmogorov-Smirnov distance: the supremum of ``|a.cdf - b.cdf|``, both on the line or both on the plane; on the
+    circle Kuiper's, see :mod:`segar.noise.circle`."""
+    period = _period(a, b)
+    if period is not None:
+        from segar.noise.circle import ks_on_circle
+
+        return ks_on_circle(a, b, period)
+    return _ks_plane(a, b) if a.width == 2 else ks_line(a, b)
+
+
+def ks_line(a: Noise, b: Noise) -> float:
+    """``ks`` of two laws on the line, their periods aside."""
+    return max(greatest_difference(a, b), greatest_difference(b, a))
+
+
+def ks_estimate(a: Noise, b: Noise) -> Estimate:
+    """``ks`` and a bound of its error, at most 1e-6 unless the difference is flat (on the line and on the circle)."""
+    period = _period(a, b)
+    if period is not None:
+        from segar.noise.circle import ks_estimate_on_circle
+
+        return ks_estimate_on_circle(a, b, period)
     if a.width == 2:
-        return _ks_plane(a, b)
-    x = _ks_candidates(a, b)
-    gap = np.abs(a.cdf(x) - b.cdf(x))
-    if isinstance(a, DiscreteNoise) and isinstance(b, DiscreteNoise):
-        return float(gap.max())
-    best = int(gap.argmax())
-    low, high = x[max(best - 1, 0)], x[min(best + 1, len(x) - 1)]
-    return max(float(gap[best]), _golden_maximum(lambda t: abs(float(a.cdf(t) - b.cdf(t))), low, high))
-
-
-def ks_estimate(a: Noise, b: Noise, tolerance: float = KS_TOLERANCE) -> Estimate:
-    """``ks`` and a bound of its error, at most ``tolerance`` unless the difference is flat (on the line).
-
-    Distribution functions rise, so between two points their difference is at most the greater one's value on the right
-    minus the other's on the left. Cells whose bound exceeds the best value by more than the tolerance are halved.
-    """
-    value = ks(a, b)
-    if a.width == 2:
+        value = _ks_plane(a, b)
         return Estimate(value, _ks_excess_plane(a, b, value))
+    sides = supremum(a, b), supremum(b, a)
+    value = max(side.value for side in sides)
+    return Estimate(value, max(side.value + side.error for side in sides) - value)
+
+
+def greatest_difference(a: Noise, b: Noise) -> float:
+    """The largest value of ``a.cdf - b.cdf`` that was found, on the line."""
+    x = _ks_candidates(a, b)
+    gap = a.cdf(x) - b.cdf(x)
+    best = int(gap.argmax())
+    if isinstance(a, DiscreteNoise) and isinstance(b, DiscreteNoise):
+        return max(float(gap[best]), 0.0)
+    low, high = x[max(best - 1, 0)], x[min(best + 1, len(x) - 1)]
+    return max(float(gap[best]), _golden_maximum(lambda t: float(a.cdf(t) - b.cdf(t)), low, high), 0.0)
+
+
+def supremum(a: Noise, b: Noise, tolerance: float = KS_TOLERANCE) -> Estimate:
+    """The supremum of ``a.cdf - b.cdf`` on the line, with a bound of its error.
+
+    Distribution functions rise, so between two points their difference is at most a's value on the right minus b's on
+    the left. Cells whose bound exceeds the best value by more than the tolerance are halved.
+    """
+    value, excess = greatest_difference(a, b), 0.0
     edges = np.unique(np.concatenate([[-np.inf], _ks_candidates(a, b), [np.inf]]))
     low, high = edges[:-1], edges[1:]
-    excess = 0.0
     for _ in range(BISECTIONS):
-        bound = _ks_bound(a, b, low, high)
+        bound = np.asarray(a.cdf(high)) - np.asarray(a.pmf(high)) - np.asarray(b.cdf(low))
         excess = max(0.0, float(bound.max()) - value)
         open_ = bound > value + tolerance
         if not open_.any() or open_.sum() > KS_CELLS:
             break
         low, high = low[open_], high[open_]
         middle = 0.5 * low + 0.5 * high
-        value = max(value, float(np.abs(a.cdf(middle) - b.cdf(middle)).max()))
+        value = max(value, float((a.cdf(middle) - b.cdf(middle)).max()))
         low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
     return Estimate(value, excess)
-
-
-def _ks_bound(a: Noise, b: Noise, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Upper bounds of the difference of two distribution functions on cells ``[low, high)``."""
-    right = [np.asarray(law.cdf(high)) - np.asarray(law.pmf(high)) for law in (a, b)]
-    left = [np.asarray(law.cdf(low)) for law in (a, b)]
-    return np.maximum(right[0] - left[1], right[1] - left[0])
 
 
 def _ks_excess_plane(a: Noise, b: Noise, value: float) -> float:
@@ -228,7 +250,7 @@ def _entropy_plane(law: Noise) -> float:
     from scipy.special import entr
 
     masses = law.atoms[1]
-    (x, wx), (y, wy) = (_nodes(line, PLANE_NODES) for line in law.grid)  # type: ignore[attr-defined]
+    (x, wx), (y, wy) = (quadrature(line, PLANE_NODES) for line in law.grid)  # type: ignore[attr-defined]
     density = law.pdf(np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1))
     missing = 1.0 - masses.sum() - wx @ density @ wy
     if abs(missing) > MISSING_MASS:
@@ -242,21 +264,27 @@ def _quantile_nodes(*laws: Noise, nodes: int = NODES) -> tuple[np.ndarray, np.nd
     for law in laws:
         p = np.asarray(law.cdf(law.pieces), dtype=float)
         levels += [p, p - law.pmf(law.pieces)]
-    q, weight = _nodes(np.unique(np.clip(np.concatenate(levels), 0.0, 1.0)), nodes)
+    q, weight = quadrature(np.unique(np.clip(np.concatenate(levels), 0.0, 1.0)), nodes)
     return np.clip(q, None, LAST_QUANTILE), weight
 
 
-def _nodes(edges: np.ndarray, nodes: int = NODES) -> tuple[np.ndarray, np.ndarray]:
+def quadrature(edges: np.ndarray, nodes: int = NODES) -> tuple[np.ndarray, np.ndarray]:
     """Gauss-Legendre nodes and weights on each interval between ascending ``edges``, flat."""
-    z, weight = np.polynomial.legendre.leggauss(nodes)
+    z, weight = gauss_legendre(nodes)
     half, middle = np.diff(edges) / 2, (edges[1:] + edges[:-1]) / 2
     return (middle[:, None] + half[:, None] * z).ravel(), (half[:, None] * weight).ravel()
 
 
-def _check_same_width(a: Noise, b: Noise) -> None:
+def _period(a: Noise, b: Noise) -> float | None:
+    """The period of two laws that can be compared, None on the line and on the plane."""
     if not a.width:
         _check_width(a, b.width)
     _check_width(b, a.width)
+    if a.period is b.period is None:
+        return None
+    from segar.noise.circle import common_period
+
+    return common_period(a, b)
 
 
 def _check_width(law: Noise, width: int) -> None:

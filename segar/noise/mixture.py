@@ -24,6 +24,10 @@ class MixtureNoise(Noise):
     def width(self) -> int:  # type: ignore[override]
         return self.laws[0].width
 
+    @property
+    def period(self) -> float | None:
+        return next((law.period for law in self.laws if law.period is not None), None)
+
     def sample(self, rng: Any, size: Any = None) -> Any:
         component = np.asarray(rng.choice(len(self.laws), size=size, p=self.weights))
         draws = np.stack([np.asarray(law.sample(rng, size), dtype=float) for law in self.laws])
@@ -88,6 +92,8 @@ class Mixture(MixtureNoise):
         laws = members(self, "laws", self.laws)
         if not laws or not all(isinstance(law, Noise) for law in laws) or len({law.width for law in laws}) != 1:
             raise PriorError(f"Mixture needs laws that are all on the line or all on the plane, not {laws!r}")
+        if len({law.period for law in laws} - {None}) > 1:
+            raise PriorError(f"Mixture needs laws that live on one circle, not {laws!r}")
         object.__setattr__(self, "laws", laws)
         object.__setattr__(self, "weights", probabilities(self, self.weights, len(laws)))
 
