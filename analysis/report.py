@@ -29,8 +29,8 @@ from experiments.config import TrackingConfig, as_data, require
 from experiments.construct import construct
 from experiments.entry import plain, run_command
 from experiments.errors import RunFolderError
+from experiments.mlflow_store import open_store
 from experiments.run_folder import CHECKOUT
-from experiments.tracking import open_store
 from segar.errors import did_you_mean
 
 TABLE = "gap_vs_w2.csv"

@@ -37,7 +37,7 @@ def replacing(path: Path) -> Iterator[Path]:
         beside.unlink(missing_ok=True)
 
 
-def write_bytes(path: Path, content: bytes) -> None:
+def write_bytes(path: Path, content: bytes | memoryview) -> None:
     """Replaces the file at ``path`` by ``content``; raises :class:`RunFolderError`."""
     with replacing(path) as beside:
         beside.write_bytes(content)

@@ -1,22 +1,29 @@
-"""Checkpoints: weights and what it takes to go on, as tensors and plain data, loaded without unpickling objects."""
+"""Checkpoints: weights and what it takes to go on, as tensors and plain data, loaded without unpickling objects.
+
+The newest one and the one before are kept. A newest one that is damaged (by a disk, by a copy that was cut off) is put
+aside, and the run goes on from the one before, and says so.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import io
+import os
 import pickle
-from collections.abc import Mapping
+import shutil
+import zipfile
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import torch
 from torch import nn
 
-from experiments.atomic import write_bytes
+from experiments.atomic import replacing, write_bytes
 from experiments.config import RunConfig
-from experiments.errors import CheckpointError
+from experiments.errors import CheckpointError, TrainingError
 from experiments.learner import Learner
-from experiments.run_folder import CHECKPOINT, CONFIG
+from experiments.run_folder import CHECKPOINT, CONFIG, DAMAGED, PREVIOUS
 from experiments.versions import code_fingerprint
 
 FORMAT = 1
@@ -24,11 +31,18 @@ TRAIN_ANEW = "restart=true trains anew"
 
 
 def save_checkpoint(folder: Path, config: RunConfig, learner: Learner, extra: Mapping[str, Any]) -> None:
-    """Replaces the run's checkpoint; raises :class:`RunFolderError` if it cannot be written, and keeps the old one.
+    """Writes the run's newest checkpoint; what was the newest becomes the one before.
+
+    At every moment, also when the process is killed in here, the folder holds a whole checkpoint.
 
     Args:
         extra: what else the run needs to go on; tensors, numbers, text, and dicts and lists of these.
+
+    Raises:
+        TrainingError: a weight is not finite; such a checkpoint would be of no use, and the old ones stay.
+        RunFolderError: it cannot be written; the old ones stay.
     """
+    _require_finite(learner)
     content = {
         "format": FORMAT,
         "config": config.hash(),
@@ -41,24 +55,73 @@ def save_checkpoint(folder: Path, config: RunConfig, learner: Learner, extra: Ma
     }
     buffer = io.BytesIO()  # a full disk would end torch.save's own writing with an error that names no cause
     torch.save(content, buffer)
-    write_bytes(folder / CHECKPOINT, buffer.getvalue())
+    path = folder / CHECKPOINT
+    if path.exists():
+        with replacing(folder / PREVIOUS) as beside:
+            _link(path, beside)
+    write_bytes(path, buffer.getbuffer())
 
 
-def resume_checkpoint(folder: Path, config: RunConfig, learner: Learner) -> dict[str, Any] | None:
+def resume_checkpoint(
+    folder: Path, config: RunConfig, learner: Learner, say: Callable[[str], None] = print
+) -> dict[str, Any] | None:
     """Puts the learner where the run's checkpoint was; returns its ``extra``, or None where there is no checkpoint.
 
+    A damaged newest checkpoint is renamed, ``say`` is told, and the one before counts.
+
     Raises:
-        CheckpointError: it was written by other code or for another network or configuration, or is damaged.
+        CheckpointError: it was written by other code or for another network or configuration, or is damaged and there
+            is none before it.
     """
-    path = folder / CHECKPOINT
-    if not path.exists():
+    found = newest_checkpoint(folder, say)
+    if found is None:
         return None
-    content = read_checkpoint(path)
+    path, content = found
     _require_equal(path, "configuration", content["config"], config.hash())
     _require_equal(path, "code", content["code"], code_fingerprint(config.algorithm.learner))
     _load_weights(path, learner.policy, content)
     learner.load_state_dict(content["learner"])
     return content["extra"]
+
+
+def newest_checkpoint(folder: Path, say: Callable[[str], None] = print) -> tuple[Path, dict[str, Any]] | None:
+    """The newest checkpoint of a run that can be read, and its content; None where there was never one.
+
+    A damaged newest one is renamed (it must not become the one before), and ``say`` is told.
+
+    Raises:
+        CheckpointError: there are only damaged ones.
+    """
+    newest, previous = folder / CHECKPOINT, folder / PREVIOUS
+    if not newest.exists() and not previous.exists():
+        return None
+    try:
+        return newest, read_checkpoint(newest)
+    except CheckpointError as error:
+        if not previous.exists():
+            raise
+        content = read_checkpoint(previous)  # raises: both are damaged
+        kept = ""
+        if newest.exists():
+            os.replace(newest, folder / DAMAGED)
+            kept = f" (kept as {DAMAGED})"
+        reason = str(error).removesuffix(f". {TRAIN_ANEW}")
+        say(f"{reason}{kept}. The one before is used, of {content['frames']:,} frames: {previous}")
+        return previous, content
+
+
+def load_newest_policy(folder: Path, policy: nn.Module, say: Callable[[str], None] = print) -> int:
+    """Fills ``policy`` with the newest weights of the run in ``folder``; returns the frames that they were trained for.
+
+    Raises:
+        CheckpointError: there is no checkpoint yet, all are damaged, or the weights belong to another network.
+    """
+    found = newest_checkpoint(folder, say)
+    if found is None:
+        raise CheckpointError(f"there is no checkpoint in {folder} yet")
+    path, content = found
+    _load_weights(path, policy, content)
+    return content["frames"]
 
 
 def load_policy(path: Path, policy: nn.Module) -> int:
@@ -75,10 +138,14 @@ def load_policy(path: Path, policy: nn.Module) -> int:
 def read_checkpoint(path: Path) -> dict[str, Any]:
     """The content of a checkpoint file; raises :class:`CheckpointError` if it is missing, damaged or of another format."""
     try:
+        with zipfile.ZipFile(path) as parts:  # torch does not look at the sums that it writes
+            odd = parts.testzip()
+        if odd is not None:
+            raise zipfile.BadZipFile(f"the sum over {odd} is wrong")
         content = torch.load(path, map_location="cpu", weights_only=True)
     except FileNotFoundError as error:
         raise CheckpointError(f"there is no checkpoint at {path}") from error
-    except (RuntimeError, ValueError, OSError, EOFError, pickle.UnpicklingError) as error:
+    except (RuntimeError, ValueError, OSError, EOFError, pickle.UnpicklingError, zipfile.BadZipFile) as error:
         raise CheckpointError(
             f"the checkpoint {path} is damaged or none of ours: {_first_line(error)}. {TRAIN_ANEW}"
         ) from error
@@ -94,6 +161,22 @@ def architecture(policy: nn.Module) -> str:
     """Sixteen hexadecimal digits over the names and shapes of all weights."""
     text = "\n".join(f"{name} {tuple(value.shape)}" for name, value in policy.state_dict().items())
     return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _link(path: Path, other: Path) -> None:
+    """Gives a file a second name, or makes a copy where the file system has no such names."""
+    try:
+        os.link(path, other)
+    except OSError:
+        shutil.copyfile(path, other)
+
+
+def _require_finite(learner: Learner) -> None:
+    for name, value in learner.policy.state_dict().items():
+        if value.is_floating_point() and not torch.isfinite(value).all():
+            raise TrainingError(
+                f"the weight '{name}' is not finite after {learner.frames} frames; lower algorithm.learning_rate"
+            )
 
 
 def _load_weights(path: Path, policy: nn.Module, content: Mapping[str, Any]) -> None:

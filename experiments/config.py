@@ -208,13 +208,16 @@ class RunConfig:
     seed: int = 0  # of training: weights, actions, order of levels
     root: str | None = None  # where run folders are made; None: runs/ of the checkout
     folder: str | None = None  # the run folder; None: named by its settings, under root
+    resume: bool = True  # go on with an unfinished run that the run folder holds; false: refuse to
     restart: bool = False  # throw away what the run folder holds
+    stale: str = "keep"  # a run by other code than today's: keep it if it is finished, or train it "anew"
     num_threads: int = 1  # of the engine
     checkpoint_interval: float = 60.0  # [s] between checkpoints
     progress: bool = True
 
     def __post_init__(self) -> None:
         require_seed("seed", self.seed)
+        require_known("stale", self.stale, ("keep", "anew"))
         require(self.num_threads >= 1, "num_threads", self.num_threads, "at least 1")
         require(self.checkpoint_interval >= 0, "checkpoint_interval", self.checkpoint_interval, "0 or more")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import signal
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -20,6 +21,7 @@ from experiments import runtime  # noqa: F401 - sets the environment before anyt
 from experiments.config import PPOConfig, RunConfig, as_data, run_config
 from experiments.errors import ConfigError
 from experiments.run_folder import CHECKOUT
+from experiments.signals import Stopped
 from segar.errors import SegarError, did_you_mean
 
 WITH_OPTIONS = ("task", "observation")  # groups whose ``options`` are the keyword arguments of what they name
@@ -36,9 +38,10 @@ def run_command(
     build: Callable[[DictConfig], Any] | None = None,
     settings: Mapping[str, Any] | None = None,
 ) -> None:
-    """Runs ``task`` with what the command line says, under Hydra (so ``--multirun`` works); exits with 1 on an error.
+    """Runs ``task`` with what the command line says, under Hydra (so ``--multirun`` works).
 
-    What a user can mend ends with one message. HYDRA_FULL_ERROR=1 shows where it came from.
+    Exits with 1 on an error, and what a user can mend ends with one message; HYDRA_FULL_ERROR=1 shows where it came
+    from. Exits with 128 + n where signal n stopped it, as the shell has it.
 
     Args:
         build: makes the argument of ``task`` from Hydra's result; None makes a :class:`RunConfig`.
@@ -66,8 +69,9 @@ def run_command(
         if full_error:
             raise
         sys.exit(f"error: {explain(error, settings)}")
-    except KeyboardInterrupt:
-        sys.exit("stopped; the same command goes on from the last checkpoint")
+    except KeyboardInterrupt as stop:
+        print(f"{stop or 'stopped'}. The same command goes on from the last checkpoint", file=sys.stderr)
+        sys.exit(128 + (stop.signal if isinstance(stop, Stopped) else signal.SIGINT))
     if problems:
         if full_error:
             raise problems[0]
@@ -117,7 +121,9 @@ def explain(error: Exception, settings: Mapping[str, Any] | None = None) -> str:
             return f"{unknown[1]} has no value yet; with a + before it, it gets one: +{unknown[1]}=..."
         return f"no setting is called '{unknown[1]}'.{did_you_mean(unknown[1], setting_names(settings))}"
     cause = f"\n{error.__cause__}" if error.__cause__ is not None else ""
-    return f"{error}{cause}" if isinstance(error, CompactHydraException) else str(error)
+    if isinstance(error, CompactHydraException):
+        return f"{error}{cause}"
+    return "\n".join([str(error), *getattr(error, "__notes__", ())])
 
 
 def setting_names(more: Mapping[str, Any] | None = None) -> list[str]:

@@ -2,11 +2,15 @@
 
 ``config.yaml``           the settings; ``read_config`` makes the :class:`RunConfig` again
 ``levels_train.npz``      the levels that were trained on; ``levels_test.npz`` those that were tested on
-``checkpoint/``           ``latest.pt``: weights, and what it takes to go on (tensors and plain data, nothing pickled)
+``checkpoint/``           ``latest.pt``: weights, and what it takes to go on (tensors and plain data, nothing pickled);
+                          ``previous.pt``: the one before it
 ``episodes.parquet``      one row per evaluation episode, see :data:`EPISODE_SCHEMA`
 ``metrics.parquet``       one row per figure and time, see :data:`METRIC_SCHEMA`
 ``versions.json``         libraries, commit, fingerprint of the code, content hashes of the level sets
 ``summary.json``          the final figures; written last, so it is there if and only if the run is finished
+``journal.jsonl``         when the run was started, stopped, went wrong (with the traceback), and finished
+``tracking.json``         how much of this MLflow has
+``evaluations/``          what ``python -m experiments.evaluate`` found out later
 """
 
 from __future__ import annotations
@@ -33,13 +37,20 @@ CHECKOUT = Path(__file__).resolve().parent.parent
 CONFIG = "config.yaml"
 LEVELS_TRAIN = "levels_train.npz"
 LEVELS_TEST = "levels_test.npz"
+JOURNAL = "journal.jsonl"
+CHECKPOINTS = "checkpoint"
 CHECKPOINT = "checkpoint/latest.pt"
+PREVIOUS = "checkpoint/previous.pt"
+DAMAGED = "checkpoint/damaged.pt"  # a newest checkpoint that could not be read
 EPISODES = "episodes.parquet"
 METRICS = "metrics.parquet"
+EVALUATIONS = "evaluations"
 VERSIONS = "versions.json"
 SUMMARY = "summary.json"
+MARK = "tracking.json"  # how much of the run MLflow has
 LOCK = ".lock"
 
+RESULTS = "results/"  # begins the names of further columns: what the task says of an episode's last state
 EPISODE_SCHEMA = pa.schema(
     [
         ("levels", pa.string()),  # "train" or "test"
@@ -82,22 +93,33 @@ def claim(config: RunConfig) -> Iterator[Path]:
     """The run's folder, made if need be, and locked against other processes inside the block.
 
     Raises:
-        RunFolderError: it holds another run, or something else, or another process is at it.
+        RunFolderError: it holds another run, or something else, or another process is at it, or ``config`` forbids to
+            go on with the run that it holds.
     """
     folder = folder_path(config)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        lock = open(folder / LOCK, "a")  # noqa: SIM115 - held open, hence locked, until the block ends
     except OSError as error:
         raise RunFolderError(f"cannot use the run folder {folder}: {error.strerror}") from error
-    with lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise RunFolderError(f"another process is running in {folder}; wait for it, or choose folder=...") from None
+    with lock(folder):
         _occupy(folder, config)
         remove_unfinished(folder)
         yield folder
+
+
+@contextmanager
+def lock(folder: Path) -> Iterator[None]:
+    """Keeps other processes from a run folder inside the block; raises :class:`RunFolderError` if one is at it."""
+    try:
+        file = open(folder / LOCK, "a")  # noqa: SIM115 - held open, hence locked, until the block ends
+    except OSError as error:
+        raise RunFolderError(f"cannot use the run folder {folder}: {error.strerror}") from error
+    with file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise RunFolderError(f"another process is running in {folder}; wait for it, or choose folder=...") from None
+        yield
 
 
 def _occupy(folder: Path, config: RunConfig) -> None:
@@ -105,8 +127,7 @@ def _occupy(folder: Path, config: RunConfig) -> None:
     if (folder / CONFIG).exists():
         there = read_config(folder)  # also before clearing: what is not a run of ours is not ours to remove
         if config.restart:
-            _clear(folder)
-            write_text(folder / CONFIG, yaml.safe_dump(as_data(config), sort_keys=False))
+            empty(folder, config)
             return
         differences = list(_differences(there.identity(), config.identity()))
         if differences:
@@ -114,12 +135,28 @@ def _occupy(folder: Path, config: RunConfig) -> None:
             raise RunFolderError(
                 f"{folder} holds another run: {shown}. Choose another folder=..., or throw that run away with restart=true"
             )
+        if not config.resume and not is_finished(folder):
+            raise RunFolderError(
+                f"{folder} holds this run, unfinished, and resume=false forbids to go on with it. Go on with resume=true, "
+                "throw it away with restart=true, or choose another folder=..."
+            )
         return
     foreign = sorted(p.name for p in folder.iterdir() if p.name != LOCK and not p.name.startswith(TEMPORARY))
     if foreign:
         raise RunFolderError(
             f"{folder} holds no run but is not empty: {', '.join(foreign[:3])}. Choose another folder=..."
         )
+    write_text(folder / CONFIG, yaml.safe_dump(as_data(config), sort_keys=False))
+
+
+def empty(folder: Path, config: RunConfig) -> None:
+    """Throws away the run in a folder, and nothing else that lies there, for one with these settings to begin."""
+    names = (SUMMARY, EPISODES, METRICS, VERSIONS, LEVELS_TRAIN, LEVELS_TEST, JOURNAL, MARK, CONFIG)
+    for name in names:  # the sign of completion first
+        (folder / name).unlink(missing_ok=True)
+    for part in (CHECKPOINTS, EVALUATIONS):
+        if (folder / part).exists():
+            shutil.rmtree(folder / part)
     write_text(folder / CONFIG, yaml.safe_dump(as_data(config), sort_keys=False))
 
 
@@ -131,15 +168,6 @@ def _differences(there: Mapping[str, Any], here: Mapping[str, Any], place: str =
             yield from _differences(a, b, f"{place}{key}.")
         elif a != b:
             yield f"{place}{key} is {a!r} there and {b!r} here"
-
-
-def _clear(folder: Path) -> None:
-    """Removes a run's files, and nothing else."""
-    names = (SUMMARY, EPISODES, METRICS, VERSIONS, LEVELS_TRAIN, LEVELS_TEST, CONFIG)  # the sign of completion first
-    for name in names:
-        (folder / name).unlink(missing_ok=True)
-    if (folder / CHECKPOINT).exists():
-        shutil.rmtree((folder / CHECKPOINT).parent)
 
 
 def read_config(folder: Path) -> RunConfig:
@@ -173,14 +201,22 @@ def read_episodes(folder: Path) -> pa.Table:
 
 
 def read_metrics(folder: Path) -> pa.Table:
-    """The figures over time, :data:`METRIC_SCHEMA`."""
-    return pq.read_table(Path(folder) / METRICS)
+    """The figures over time, :data:`METRIC_SCHEMA`; raises :class:`RunFolderError` if they are not readable."""
+    path = Path(folder) / METRICS
+    try:
+        return pq.read_table(path)
+    except (OSError, pa.ArrowInvalid) as error:
+        raise RunFolderError(f"cannot read the figures of a run from {path}: {error}") from error
 
 
 def write_rows(path: Path, rows: Sequence[Mapping[str, Any]], schema: pa.Schema) -> None:
-    """Replaces a table by ``rows``; raises :class:`RunFolderError`."""
+    """Replaces a table by ``rows``; columns beyond ``schema`` follow it. Raises :class:`RunFolderError`."""
+    table = pa.Table.from_pylist(list(rows), schema=schema)
+    more = [name for name in (rows[0] if rows else ()) if name not in schema.names]
+    for name in more:
+        table = table.append_column(name, pa.array([row[name] for row in rows]))
     with replacing(path) as beside:
-        pq.write_table(pa.Table.from_pylist(list(rows), schema=schema), os.fspath(beside))
+        pq.write_table(table, os.fspath(beside))
 
 
 def write_json(path: Path, data: Mapping[str, Any]) -> None:

@@ -124,6 +124,10 @@ def _run_job(work: Callable[[Any], Any], job: Job) -> Outcome:
         except Exception as problem:  # told to the user by the outcome; the other jobs go on
             traceback.print_exc()
             error = f"{type(problem).__name__}: {problem}"
+        except KeyboardInterrupt:  # it stopped on a signal, having saved what it needs to go on: so does this process
+            traceback.print_exc()
+            sys.stderr.flush()
+            os._exit(1)
     return Outcome(job, time.monotonic() - began, error, result)
 
 

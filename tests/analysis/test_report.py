@@ -160,7 +160,7 @@ def test_no_runs_and_no_finished_run_are_said(tmp_path):
 
 
 def test_mlflow_gets_the_figures_once(tmp_path):
-    from experiments.tracking import open_store
+    from experiments.mlflow_store import open_store
 
     write_grid(settings(tmp_path), counts=(1, 10))
     report = make_report(asked(tmp_path))

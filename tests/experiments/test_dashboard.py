@@ -33,7 +33,7 @@ def test_the_server_listens_on_this_machine_alone_with_one_worker(tmp_path):
 
 
 def test_it_looks_where_runs_write(tmp_path):
-    from experiments.tracking import store_uri
+    from experiments.mlflow_store import store_uri
 
     (tmp_path / "mlflow.db").touch()
     assert store_uri(TrackingConfig(), tmp_path) in server_command(DashboardConfig(root=str(tmp_path)))

@@ -11,15 +11,6 @@ import torch
 
 from experiments import run as run_module
 from experiments.atomic import write_text
-from experiments.checkpoint import read_checkpoint
-from experiments.config import (
-    EvaluationConfig,
-    LevelsConfig,
-    PPOConfig,
-    RunConfig,
-    ScaleConfig,
-    TrackingConfig,
-)
 from experiments.errors import CheckpointError, RunFolderError
 from experiments.ppo import PPO
 from experiments.run import run
@@ -37,6 +28,8 @@ from experiments.run_folder import (
     read_summary,
 )
 from experiments.worlds import make_levels
+from segar.tasks.puttputt import puttputt
+from tests.experiments.short_runs import ITERATIONS, figures, killed_after, short_run, weights
 
 FILES = {
     "config.yaml",
@@ -47,55 +40,15 @@ FILES = {
     "metrics.parquet",
     "versions.json",
     "summary.json",
+    "journal.jsonl",
     ".lock",
 }
-ITERATIONS = 4  # of 64 frames
 
 
 @pytest.fixture
 def config(tmp_path):
     """A run of four iterations."""
-    return RunConfig(
-        levels=LevelsConfig(train="empty-easy", count=2, test_count=3),
-        algorithm=PPOConfig(num_envs=8, num_steps=8, widths=(8,), head_width=0),
-        scale=ScaleConfig(frames=64 * ITERATIONS),
-        evaluation=EvaluationConfig(episodes=2, distances=("exact",)),
-        tracking=TrackingConfig(name="none"),
-        folder=str(tmp_path / "run"),
-        checkpoint_interval=0.0,
-        progress=False,
-    )
-
-
-class Killed(BaseException):
-    """What stops a run in these tests."""
-
-
-@contextmanager
-def killed_after(iterations, monkeypatch):
-    """Ends training abruptly before iteration ``iterations + 1``."""
-    left = iter(range(iterations))
-    iterate = PPO.iterate
-
-    def count_down(self):
-        if next(left, None) is None:
-            raise Killed
-        return iterate(self)
-
-    with monkeypatch.context() as patch:
-        patch.setattr(PPO, "iterate", count_down)
-        with pytest.raises(Killed):
-            yield
-
-
-def weights(folder):
-    return read_checkpoint(folder / CHECKPOINT)["policy"]
-
-
-def figures(folder):
-    """What a run logged, but for what the clock said."""
-    rows = read_metrics(folder).to_pylist()
-    return [(row["name"], row["frames"], row["value"]) for row in rows if row["name"] != "speed/frames_per_second"]
+    return short_run(tmp_path / "run")
 
 
 def test_a_run_leaves_all_files_and_can_be_read(config):
@@ -190,6 +143,36 @@ def test_restart_clears_no_folder_whose_settings_are_not_a_runs(config, tmp_path
 def test_two_processes_cannot_be_at_one_folder(config):
     with claim(config), pytest.raises(RunFolderError, match="another process is running in"), claim(config):
         pass
+
+
+def test_resume_can_be_forbidden(config, monkeypatch):
+    careful = dataclasses.replace(config, resume=False)
+    with killed_after(2, monkeypatch):
+        run(careful)
+    with pytest.raises(RunFolderError, match="holds this run, unfinished, and resume=false forbids to go on with it"):
+        run(careful)
+    assert run(config).trained
+    assert not run(careful).trained  # finished: there is nothing to go on with
+
+
+def test_a_finished_run_of_other_code_is_kept_unless_it_is_to_be_made_anew(config, monkeypatch):
+    run(config)
+    monkeypatch.setattr(run_module, "code_fingerprint", lambda _: "0123456789abcdef")
+    said = []
+    assert not run(config, said.append).trained
+    assert "finished before, nothing to do (by other code than this; stale=anew trains anew)" in said[-1]
+    assert run(dataclasses.replace(config, stale="anew"), said.append).trained
+    assert "is trained anew, because it was made by other code" in said[-2]
+    assert not run(dataclasses.replace(config, stale="anew"), said.append).trained
+
+
+def test_what_the_task_says_of_the_last_state_is_in_the_episodes(config):
+    episodes = read_episodes(run(config).folder).to_pandas()
+    assert [name for name in episodes if name.startswith("results/")] == [
+        f"results/{name}" for name in puttputt().results
+    ]
+    assert episodes["results/distance_to_goal"].between(0, 3).all()
+    assert episodes["results/velocity"].map(len).eq(2).all()
 
 
 def test_what_a_killed_process_left_half_written_is_removed(config, tmp_path):

@@ -1,18 +1,26 @@
-"""MLflow: a store that many processes may start at once, at one place whatever the working directory."""
+"""MLflow: a store that many processes may start at once, and that may go away without stopping or losing anything."""
 
-import dataclasses
+import contextlib
+import json
 import os
 import resource
 import socket
 import subprocess
 import sys
+import time
 
 import pytest
 
-from experiments.config import RunConfig, TrackingConfig
+from experiments import delivery as delivery_module
+from experiments.config import LevelsConfig, RunConfig, TrackingConfig
+from experiments.delivery import read_mark
 from experiments.errors import TrackingError
-from experiments.run_folder import CHECKOUT
-from experiments.tracking import NoTracker, open_store, start_tracking, store_uri
+from experiments.mlflow_store import is_remote, open_store, store_uri
+from experiments.run import run
+from experiments.run_folder import CHECKOUT, MARK, METRIC_SCHEMA, METRICS, read_metrics, write_rows
+from experiments.tracking import NoTracker, start_tracking
+from experiments.upload import UploadConfig, upload
+from tests.experiments.short_runs import before_iteration, killed_after, short_run
 
 START = """
 import sys
@@ -20,11 +28,9 @@ from pathlib import Path
 from experiments.config import RunConfig
 from experiments.tracking import start_tracking
 
-config = RunConfig(root=sys.argv[1], seed=int(sys.argv[2]))
-tracker = start_tracking(config, Path(sys.argv[1]) / sys.argv[2], {"seed": sys.argv[2]})
-for frames in range(5):
-    tracker.log({"episode/return": -frames}, frames)
-tracker.finish(finished=True)
+tracker = start_tracking(RunConfig(root=sys.argv[1], seed=int(sys.argv[2])), Path(sys.argv[1]) / sys.argv[2])
+tracker.begin([{"name": "episode/return", "frames": k, "seconds": 0.5 * k, "value": -k} for k in range(5)])
+tracker.finish("FINISHED")
 """
 
 
@@ -38,9 +44,10 @@ def store(tmp_path_factory):
         environment = {**os.environ, "PYTHONPATH": str(CHECKOUT)}
         command = [sys.executable, "-W", "ignore", "-c", START, str(root), str(number)]
         processes.append((cwd, subprocess.Popen(command, cwd=cwd, env=environment, stderr=subprocess.PIPE, text=True)))
-    for cwd, process in processes:
-        _, errors = process.communicate()
+    ended = [process.communicate()[1] for _, process in processes]
+    for (cwd, process), errors in zip(processes, ended, strict=True):
         assert process.returncode == 0, errors
+        assert "figures are left" not in errors
         assert list(cwd.iterdir()) == []  # no mlflow.db nor mlruns where the user happens to be
     return root
 
@@ -50,17 +57,30 @@ def runs(store):
     return client, client.search_runs([experiment])
 
 
+def run_in(store, folder):
+    client, found = runs(store)
+    (one,) = (run for run in found if run.data.tags["run_folder"] == str(folder))
+    return client, one
+
+
+def rows(*values):
+    return [
+        {"name": "episode/length", "frames": k, "seconds": k / 10, "value": value} for k, value in enumerate(values)
+    ]
+
+
 def test_first_starts_side_by_side_share_one_store(store):
     _, found = runs(store)
     assert sorted(run.data.tags["seed"] for run in found) == ["0", "1", "2", "3"]
     assert {run.info.status for run in found} == {"FINISHED"}
 
 
-def test_figures_arrive_with_their_frames(store):
-    client, found = runs(store)
-    history = client.get_metric_history(found[0].info.run_id, "episode/return")
+def test_figures_arrive_with_their_frames_and_times(store):
+    client, one = run_in(store, store / "0")
+    history = client.get_metric_history(one.info.run_id, "episode/return")
     assert [(point.step, point.value) for point in history] == [(k, -k) for k in range(5)]
-    assert found[0].data.params["algorithm.gamma"] == "0.999"
+    assert [point.timestamp - one.info.start_time for point in history] == [0, 500, 1000, 1500, 2000]
+    assert one.data.params["algorithm.gamma"] == "0.999"
 
 
 def test_artifacts_lie_beside_the_store(store):
@@ -69,40 +89,53 @@ def test_artifacts_lie_beside_the_store(store):
     assert store_uri(TrackingConfig(), store) == f"sqlite:///{store}/mlflow.db"
 
 
-def test_a_run_that_goes_on_is_the_same_run(store):
-    config = RunConfig(root=str(store), seed=0)
-    before = len(runs(store)[1])
-    tracker = start_tracking(config, store / "0", {"seed": "0"})
-    tracker.finish(finished=True)
-    assert len(runs(store)[1]) == before
+def test_a_run_that_goes_on_is_the_same_run_and_sends_nothing_twice(store):
+    sent = rows(7.0, 8.0, 9.0)
+    for part, status in ((sent[:2], "KILLED"), (sent, "FINISHED")):
+        tracker = start_tracking(RunConfig(root=str(store), seed=5), store / "5")
+        tracker.begin(part)
+        tracker.finish(status)
+    client, one = run_in(store, store / "5")
+    assert one.info.status == "FINISHED"
+    assert [point.value for point in client.get_metric_history(one.info.run_id, "episode/length")] == [7.0, 8.0, 9.0]
 
 
-def test_an_artifact_is_stored_with_the_run(store, tmp_path):
+def test_a_mark_that_was_not_written_leads_to_no_second_run_and_no_second_point(store):
+    config = RunConfig(root=str(store), seed=6)
+    tracker = start_tracking(config, store / "6")
+    before = (store / "6" / MARK).read_text()
+    tracker.begin(rows(7.0))
+    tracker.finish("FAILED")
+    (store / "6" / MARK).write_text(json.dumps({**json.loads(before), "run_id": None}))  # killed in between
+    tracker = start_tracking(config, store / "6")
+    tracker.begin(rows(7.0))
+    tracker.finish("FINISHED")
+    client, one = run_in(store, store / "6")
+    assert [point.value for point in client.get_metric_history(one.info.run_id, "episode/length")] == [7.0]
+
+
+def test_a_file_is_stored_with_the_run(store, tmp_path):
     (tmp_path / "summary.json").write_text("{}")
     tracker = start_tracking(RunConfig(root=str(store), seed=0), store / "0")
-    tracker.artifact(tmp_path / "summary.json")
-    tracker.finish(finished=False)
-    client, found = runs(store)
-    (run,) = (run for run in found if run.data.tags["run_folder"] == str(store / "0"))
-    assert run.info.status == "FAILED"
-    assert [file.path for file in client.list_artifacts(run.info.run_id)] == ["summary.json"]
+    tracker.finish("FAILED", [tmp_path / "summary.json"])
+    client, one = run_in(store, store / "0")
+    assert one.info.status == "FAILED"
+    assert [file.path for file in client.list_artifacts(one.info.run_id)] == ["summary.json"]
 
 
 def test_figures_are_sent_in_batches(store, monkeypatch):
-    config = dataclasses.replace(RunConfig(root=str(store), seed=0), tracking=TrackingConfig(interval=1000.0))
-    tracker = start_tracking(config, store / "0")
+    tracker = start_tracking(RunConfig(root=str(store), seed=7, tracking=TrackingConfig(interval=1000.0)), store / "7")
     sizes = []
-    log_batch = tracker.client.log_batch
+    log_batch = tracker.delivery.client.log_batch
 
     def count(run_id, metrics=(), **more):
         sizes.append(len(metrics))
         log_batch(run_id, metrics=metrics, **more)
 
-    monkeypatch.setattr(tracker.client, "log_batch", count)
-    for frames in range(150):
-        tracker.log({f"loss/{k}": 0.0 for k in range(10)}, frames)
+    monkeypatch.setattr(tracker.delivery.client, "log_batch", count)
+    tracker.begin(rows(*range(1500)))
     assert sizes == []
-    tracker.finish(finished=True)
+    tracker.finish("FINISHED")
     assert sizes == [1000, 500]
 
 
@@ -115,12 +148,15 @@ def test_telemetry_is_off_and_nothing_is_asked_of_the_network(store, monkeypatch
 
     monkeypatch.setattr(socket.socket, "connect", refuse)
     monkeypatch.setattr(socket, "getaddrinfo", refuse)
-    start_tracking(RunConfig(root=str(store), seed=0), store / "0").finish(finished=True)
+    tracker = start_tracking(RunConfig(root=str(store), seed=0), store / "0")
+    tracker.finish("FINISHED")
+    assert not tracker.missed
 
 
 @pytest.mark.parametrize("uri", ["sqlite:////proc/nowhere/mlflow.db", "nonsense://here"])
 def test_a_store_that_cannot_be_opened_is_told_with_the_way_out(tmp_path, uri):
     config = RunConfig(root=str(tmp_path), tracking=TrackingConfig(uri=uri))
+    assert not is_remote(uri)
     with pytest.raises(TrackingError, match=r"MLflow refuses: .*tracking=none runs without MLflow"):
         start_tracking(config, tmp_path / "run")
 
@@ -137,28 +173,158 @@ def test_a_disk_too_full_for_the_store_leaves_none_that_could_not_be_opened_late
     open_store(TrackingConfig(), tmp_path)
 
 
-def test_a_store_that_fails_while_training_stops_nothing_and_loses_nothing(store):
-    tracker = start_tracking(RunConfig(root=str(store), seed=0, tracking=TrackingConfig(interval=0.0)), store / "0")
-    client, tracker.client = tracker.client, Broken()
-    with pytest.warns(UserWarning, match="MLflow refuses: the disk is full"):
-        tracker.log({"episode/length": 7.0}, 1)
-    tracker.log({"episode/length": 8.0}, 2)  # it warns once
-    with pytest.raises(TrackingError, match="MLflow refuses: the disk is full"):
-        tracker.finish(finished=True)
-    tracker.client = client
-    tracker.finish(finished=True)
-    assert [point.value for point in client.get_metric_history(tracker.run_id, "episode/length")] == [7.0, 8.0]
-
-
-class Broken:
-    """A client of a store that has no room."""
-
-    def log_batch(self, *_, **__):
-        raise OSError("the disk is full")
-
-
 def test_without_tracking_there_is_no_store(tmp_path):
     tracker = start_tracking(RunConfig(root=str(tmp_path), tracking=TrackingConfig(name="none")), tmp_path)
     assert isinstance(tracker, NoTracker)
-    tracker.finish(finished=True)
+    tracker.finish("FINISHED")
     assert list(tmp_path.iterdir()) == []
+
+
+class Server:
+    """Stands for a tracking server, and for MLflow's client of it: answers while it is up, and keeps what it is told."""
+
+    def __init__(self):
+        self.up, self.calls, self.points, self.files, self.status = True, 0, [], [], None
+
+    def open(self, tracking, root):
+        self.answer()
+        return self, "0"
+
+    def answer(self):
+        self.calls += 1
+        if not self.up:
+            raise TrackingError("MLflow refuses: nobody is there")
+
+    def search_runs(self, *_, **__):
+        return []
+
+    def create_run(self, *_, **__):
+        self.answer()
+        return type("Run", (), {"info": type("Info", (), {"run_id": "7"})})
+
+    def log_batch(self, run_id, metrics=(), **_):
+        self.answer()
+        self.points += [(one.key, one.step, one.value) for one in metrics]
+
+    def log_artifact(self, run_id, path):
+        self.answer()
+        self.files.append(os.path.basename(path))
+
+    def update_run(self, run_id, status):
+        self.answer()
+        self.status = status
+
+    set_terminated = update_run
+
+
+@pytest.fixture
+def server(monkeypatch):
+    server = Server()
+    monkeypatch.setattr(delivery_module, "open_store", server.open)
+    return server
+
+
+REMOTE = TrackingConfig(uri="http://127.0.0.1:9", interval=0.0)
+
+
+def wait_for(holds, seconds=20.0):
+    """Waits for what another thread does."""
+    end = time.monotonic() + seconds
+    while not holds():
+        assert time.monotonic() < end, "waited in vain"
+        time.sleep(0.01)
+
+
+def points(folder):
+    return [(row["name"], row["frames"], row["value"]) for row in read_metrics(folder).to_pylist()]
+
+
+def test_a_run_tells_the_server_all_its_figures_while_it_runs(tmp_path, server, monkeypatch):
+    def look(_):
+        wait_for(lambda: any(step == 128 for _, step, _ in server.points))
+
+    with before_iteration(3, look, monkeypatch):
+        folder = run(short_run(tmp_path / "run", tracking=REMOTE)).folder
+    assert server.points == points(folder)
+    assert sorted(server.files) == ["episodes.parquet", "summary.json"]
+    assert server.status == "FINISHED"
+
+
+def test_a_server_that_goes_away_and_comes_back_misses_nothing(tmp_path, server, monkeypatch, capfd):
+    def go(_):
+        server.up, server.calls = False, 0
+
+    def miss(_):
+        wait_for(lambda: server.calls > 1)
+
+    def come(_):
+        server.up = True
+
+    events = zip((2, 3, 4), (go, miss, come), strict=True)
+    with contextlib.ExitStack() as stack:
+        for number, happens in events:
+            stack.enter_context(before_iteration(number, happens, monkeypatch))
+        folder = run(short_run(tmp_path / "run", tracking=REMOTE)).folder
+    assert server.points == points(folder)
+    said = capfd.readouterr().err
+    assert (
+        said.count("MLflow refuses: nobody is there. The run goes on; what MLflow misses is sent when it answers") == 1
+    )
+    assert said.count("MLflow at http://127.0.0.1:9 answers again, and has all figures") == 1
+
+
+def test_a_server_that_is_never_there_stops_nothing_and_gets_all_by_a_command_later(tmp_path, server, capfd):
+    server.up = False
+    folder = run(short_run(tmp_path / "runs" / "one", tracking=REMOTE)).folder
+    assert f"this sends them: python -m experiments.upload run={folder}" in capfd.readouterr().err
+    with pytest.raises(TrackingError, match="nobody is there"):
+        upload(UploadConfig(run=str(folder)))
+    server.up, said = True, []
+    upload(UploadConfig(root=str(tmp_path / "runs")), said.append)
+    assert server.points == points(folder)
+    assert server.status == "FINISHED"
+    assert said == [f"one: sent {len(points(folder))} figures to http://127.0.0.1:9"]
+    upload(UploadConfig(root=str(tmp_path / "runs")), said.append)
+    assert said[-1] == "one: MLflow has all of it"
+    assert len(server.points) == len(points(folder))
+
+
+def test_a_run_that_goes_on_sends_what_was_missed_before(tmp_path, server, monkeypatch):
+    config = short_run(tmp_path / "run", tracking=REMOTE)
+    server.up = False
+    with killed_after(2, monkeypatch):
+        run(config)
+    server.up = True
+    folder = run(config).folder
+    assert server.points == points(folder)
+
+
+def test_an_upload_of_many_names_those_that_fail_and_sends_the_others(tmp_path, server):
+    server.up = False
+    for number in (1, 2):
+        folder = run(
+            short_run(tmp_path / f"{number}", tracking=REMOTE, levels=LevelsConfig("empty-easy", count=number))
+        ).folder
+    mark = json.loads((folder / MARK).read_text()) if (folder / MARK).exists() else None
+    assert mark is None or mark["sent"] == 0
+    (folder / METRICS).write_bytes(b"not a table")
+    server.up, said = True, []
+    with pytest.raises(TrackingError, match="1 of 2 runs could not be sent"):
+        upload(UploadConfig(root=str(tmp_path)), said.append)
+    assert said[0].startswith("1: sent ")
+    assert "metrics.parquet" in said[1]
+    assert server.status == "FINISHED"
+
+
+def test_another_store_gets_the_whole_run(tmp_path, server):
+    folder = run(short_run(tmp_path / "run", tracking=REMOTE)).folder
+    there = read_mark(folder)
+    assert there is not None and there.sent == len(points(folder))
+    server.points = []
+    upload(UploadConfig(run=str(folder), uri="http://elsewhere:5000"))
+    assert server.points == points(folder)
+
+
+def test_rows_keep_their_order_and_their_types_in_the_folder(tmp_path):
+    write_rows(tmp_path / METRICS, rows(1.0, 2.0), METRIC_SCHEMA)
+    assert points(tmp_path) == [("episode/length", 0, 1.0), ("episode/length", 1, 2.0)]

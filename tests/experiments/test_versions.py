@@ -13,7 +13,9 @@ def package(tmp_path, monkeypatch):
     folder = tmp_path / "my_lab"
     folder.mkdir()
     (folder / "__init__.py").touch()
-    (folder / "mine.py").write_text("from experiments.ppo import PPO\nfrom . import parts\nfrom .sums import add as plus\n")
+    (folder / "mine.py").write_text(
+        "from experiments.ppo import PPO\nfrom . import parts\nfrom .sums import add as plus\n"
+    )
     for name in ("parts", "sums", "other"):
         (folder / f"{name}.py").write_text("add = max\n")
     monkeypatch.syspath_prepend(tmp_path)

@@ -10,6 +10,7 @@ import torch
 
 from experiments.config import RunConfig
 from experiments.learner import Policy
+from experiments.run_folder import RESULTS
 from experiments.worlds import environment_options
 from segar.envs.vector import VectorEnv
 
@@ -59,16 +60,22 @@ def _play_batch(policy, levels, indices, env_options, rng, seed) -> list[dict[st
     env = VectorEnv(levels, len(indices), seed=seed, **env_options)
     rows: list[dict[str, Any] | None] = [None] * len(indices)
     observation, _ = env.reset(seed=seed, options={"levels": indices})
+    if hasattr(policy, "begin"):
+        policy.begin(env)
     while None in rows:
         observation, reward, terminated, truncated, info = env.step(policy.act(observation, rng=rng))
         # An environment whose episode is over starts another one, which nobody records.
-        for i in np.flatnonzero(terminated | truncated).tolist():
-            rows[i] = rows[i] or _row(info["final_info"], i, reward[i])
+        new = [i for i in np.flatnonzero(terminated | truncated).tolist() if rows[i] is None]
+        if new:
+            final = info["final_info"]
+            said = {f"{RESULTS}{name}": np.asarray(values) for name, values in final["results"].items()}
+            for i in new:
+                rows[i] = _row(final, i, reward[i]) | {name: values[i].tolist() for name, values in said.items()}
     env.close()
     return [row for row in rows if row is not None]
 
 
-def _row(final: Mapping[str, np.ndarray], i: int, last_reward: float) -> dict[str, Any]:
+def _row(final: Mapping[str, Any], i: int, last_reward: float) -> dict[str, Any]:
     total = float(final["return"][i])
     return {
         "level": int(final["level"][i]),

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import torch
 
-from experiments import evaluate
+from experiments import episodes
 from experiments.config import EvaluationConfig, RunConfig
-from experiments.evaluate import distance_figures, evaluate_run, evaluation_figures, play
+from experiments.episodes import distance_figures, evaluate_run, evaluation_figures, play
 from segar import family
 from segar.envs import VectorEnv
 from segar.metrics import w2
@@ -49,7 +49,7 @@ def test_every_level_is_played_as_in_an_environment_of_its_own():
 
 def test_results_do_not_depend_on_the_batch(monkeypatch):
     whole = play(Linear(), LEVELS, np.arange(12), {}, rng=None, seed=0)
-    monkeypatch.setattr(evaluate, "BATCH", 5)
+    monkeypatch.setattr(episodes, "BATCH", 5)
     assert play(Linear(), LEVELS, np.arange(12), {}, rng=None, seed=0) == whole
 
 

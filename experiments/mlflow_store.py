@@ -1,0 +1,73 @@
+"""The MLflow store: where it is, and how it is opened, by many processes at once if need be."""
+
+from __future__ import annotations
+
+import fcntl
+import logging
+import os
+from pathlib import Path
+from typing import Any
+
+from experiments import runtime
+from experiments.atomic import replacing
+from experiments.config import TrackingConfig
+from experiments.errors import TrackingError
+
+STORE = "mlflow.db"  # under the root of the runs
+REMOTE = ("http", "https", "postgresql", "mysql", "mssql")  # addresses of what may come and go while runs are at work
+PATIENCE = {  # MLflow's own is minutes; whoever asks here tries again later anyway
+    "MLFLOW_HTTP_REQUEST_MAX_RETRIES": "1",
+    "MLFLOW_HTTP_REQUEST_TIMEOUT": "20",  # [s]
+}
+
+
+def store_uri(tracking: TrackingConfig, root: Path) -> str:
+    """The store's address: as configured, else SQLite under ``root``, whatever the working directory."""
+    return tracking.uri or f"sqlite:///{root / STORE}"
+
+
+def is_remote(uri: str) -> bool:
+    """Whether the store at this address is a server, which may be away for a while."""
+    return uri.partition("://")[0].partition("+")[0] in REMOTE
+
+
+def open_store(tracking: TrackingConfig, root: Path) -> tuple[Any, str]:
+    """An ``MlflowClient`` and the id of the experiment, both made if need be.
+
+    One process at a time creates the database: when several do, most of them crash.
+
+    Raises:
+        TrackingError: the store cannot be opened.
+    """
+    runtime.set_environment()
+    for name, value in PATIENCE.items():
+        os.environ.setdefault(name, value)
+    from mlflow import MlflowClient
+
+    logging.getLogger("urllib3.connectionpool").setLevel(logging.ERROR)  # it would tell of every single retry
+    root.mkdir(parents=True, exist_ok=True)
+    with open(root / ".mlflow.lock", "a") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if tracking.uri is None and not (root / STORE).exists():
+            with replacing(root / STORE) as beside:  # half a database could never be opened again
+                calling(MlflowClient, tracking_uri=f"sqlite:///{beside}")
+        client = calling(MlflowClient, tracking_uri=store_uri(tracking, root))
+        found = calling(client.get_experiment_by_name, tracking.experiment)
+        if found is not None:
+            return client, found.experiment_id
+        artifacts = (root / "mlflow-artifacts").as_uri() if tracking.uri is None else None
+        return client, calling(client.create_experiment, tracking.experiment, artifact_location=artifacts)
+
+
+def calling(function: Any, *arguments: Any, **options: Any) -> Any:
+    """The function's result; what MLflow, its database or the disk refuses becomes one :class:`TrackingError`."""
+    from mlflow.exceptions import MlflowException
+    from sqlalchemy.exc import SQLAlchemyError
+
+    try:
+        return function(*arguments, **options)
+    except (MlflowException, SQLAlchemyError, OSError) as error:
+        reason = (str(error).splitlines() or [type(error).__name__])[0]
+        raise TrackingError(
+            f"MLflow refuses: {reason}. The run folder has all figures; tracking=none runs without MLflow"
+        ) from error

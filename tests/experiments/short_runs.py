@@ -1,0 +1,86 @@
+"""Runs of a second, ways to end them, and what two of them have in common."""
+
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from experiments.checkpoint import read_checkpoint
+from experiments.config import EvaluationConfig, LevelsConfig, PPOConfig, RunConfig, ScaleConfig, TrackingConfig
+from experiments.ppo import PPO
+from experiments.run_folder import CHECKPOINT, read_metrics
+
+FRAMES = 64  # of an iteration
+ITERATIONS = 4
+# The same on the command line.
+COMMAND = (
+    "levels=empty-easy",
+    "levels.count=2",
+    "levels.test_count=3",
+    "algorithm=ppo",
+    "algorithm.num_envs=8",
+    "algorithm.num_steps=8",
+    "algorithm.widths=[8]",
+    "algorithm.head_width=0",
+    f"scale.frames={FRAMES * ITERATIONS}",
+    "evaluation.episodes=2",
+    "evaluation.distances=[exact]",
+    "checkpoint_interval=0",
+    "progress=false",
+)
+
+
+def short_run(folder: Path, **changes: Any) -> RunConfig:
+    """A run of four iterations, each with a checkpoint."""
+    settings = {
+        "levels": LevelsConfig(train="empty-easy", count=2, test_count=3),
+        "algorithm": PPOConfig(num_envs=8, num_steps=8, widths=(8,), head_width=0),
+        "scale": ScaleConfig(frames=FRAMES * ITERATIONS),
+        "evaluation": EvaluationConfig(episodes=2, distances=("exact",)),
+        "tracking": TrackingConfig(name="none"),
+        "folder": str(folder),
+        "checkpoint_interval": 0.0,
+        "progress": False,
+    }
+    return RunConfig(**{**settings, **changes})
+
+
+class Killed(BaseException):
+    """What stops a run in these tests."""
+
+
+@contextmanager
+def killed_after(iterations, monkeypatch):
+    """Ends training abruptly before iteration ``iterations + 1``."""
+    with before_iteration(iterations + 1, stop, monkeypatch), pytest.raises(Killed):
+        yield
+
+
+@contextmanager
+def before_iteration(number, happens, monkeypatch):
+    """Has ``happens(learner)`` happen before iteration ``number``, counted from 1, of runs in here."""
+    iterate = PPO.iterate
+
+    def look_first(self):
+        if self.frames == (number - 1) * FRAMES:
+            happens(self)
+        return iterate(self)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(PPO, "iterate", look_first)
+        yield
+
+
+def stop(_):
+    raise Killed
+
+
+def weights(folder):
+    return read_checkpoint(folder / CHECKPOINT)["policy"]
+
+
+def figures(folder):
+    """What a run logged, but for what the clock said."""
+    rows = read_metrics(folder).to_pylist()
+    return [(row["name"], row["frames"], row["value"]) for row in rows if row["name"] != "speed/frames_per_second"]

@@ -1,0 +1,260 @@
+"""Runs that are stopped, go wrong or are killed: what is left, what is said, and how they go on."""
+
+import errno
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+
+import pytest
+import torch
+
+from experiments.checkpoint import read_checkpoint
+from experiments.config import ScaleConfig
+from experiments.errors import CheckpointError, RunFolderError, TrainingError
+from experiments.journal import read_journal
+from experiments.ppo import PPO
+from experiments.run import run
+from experiments.run_folder import CHECKOUT, CHECKPOINT, DAMAGED, JOURNAL, PREVIOUS, is_finished, read_metrics
+from experiments.signals import Stopped
+from tests.experiments.short_runs import (
+    COMMAND,
+    FRAMES,
+    ITERATIONS,
+    before_iteration,
+    figures,
+    killed_after,
+    short_run,
+    weights,
+)
+
+
+def send(number):
+    return lambda _: os.kill(os.getpid(), number)
+
+
+def frames(folder, name=CHECKPOINT):
+    return read_checkpoint(folder / name)["frames"]
+
+
+def same_as_an_uninterrupted_run(folder, tmp_path):
+    whole = run(short_run(tmp_path / "uninterrupted")).folder
+    equal = all(torch.equal(value, weights(folder)[name]) for name, value in weights(whole).items())
+    return equal and figures(folder) == figures(whole)
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_run_that_is_stopped_finishes_its_iteration_and_saves_it(tmp_path, monkeypatch, capfd, number):
+    config = short_run(tmp_path / "run", checkpoint_interval=1000.0)
+    with before_iteration(2, send(number), monkeypatch), pytest.raises(Stopped) as stopped:
+        run(config)
+    name = signal.Signals(number).name
+    assert str(stopped.value) == f"stopped by {name} after 128 of 256 frames; the checkpoint is written"
+    assert f"{name}: writes a checkpoint after this iteration" in capfd.readouterr().err
+    assert frames(tmp_path / "run") == 2 * FRAMES
+    last = read_journal(tmp_path / "run")[-1]
+    assert (last["event"], last["during"], last["frames"]) == ("stopped", "training", 2 * FRAMES)
+    run(config)
+    assert same_as_an_uninterrupted_run(tmp_path / "run", tmp_path)
+
+
+def test_a_second_signal_stops_a_run_at_once(tmp_path, monkeypatch):
+    def twice(learner):
+        send(signal.SIGINT)(learner)
+        send(signal.SIGINT)(learner)
+
+    with before_iteration(2, twice, monkeypatch), pytest.raises(Stopped, match=r"^stopped by SIGINT\n"):
+        run(short_run(tmp_path / "run"))
+    assert frames(tmp_path / "run") == FRAMES
+
+
+@pytest.mark.parametrize("number", [signal.SIGUSR1, signal.SIGUSR2])
+def test_slurms_warning_makes_a_run_save_and_go_on(tmp_path, monkeypatch, number):
+    seen = []
+
+    def look(_):
+        seen.append(frames(tmp_path / "run"))
+
+    config = short_run(tmp_path / "run", checkpoint_interval=1000.0)
+    with before_iteration(2, send(number), monkeypatch), before_iteration(3, look, monkeypatch):
+        assert run(config).trained
+    assert seen == [2 * FRAMES]
+
+
+def test_who_handled_a_signal_before_is_asked_once_the_checkpoint_is_written(tmp_path, monkeypatch):
+    """As submitit, which puts the job back into the queue and ends the process."""
+
+    def requeue(number, frame):
+        asked.append((number, frames(tmp_path / "run")))
+        sys.exit(3)
+
+    asked = []
+    there = signal.signal(signal.SIGUSR2, requeue)
+    try:
+        with before_iteration(2, send(signal.SIGUSR2), monkeypatch), pytest.raises(SystemExit):
+            run(short_run(tmp_path / "run", checkpoint_interval=1000.0))
+        assert signal.getsignal(signal.SIGUSR2) is requeue
+    finally:
+        signal.signal(signal.SIGUSR2, there)
+    assert asked == [(signal.SIGUSR2, 2 * FRAMES)]
+    assert run(short_run(tmp_path / "run")).trained
+
+
+def test_signals_that_are_ignored_stay_ignored_and_handlers_are_given_back(tmp_path, monkeypatch):
+    there = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        with before_iteration(2, send(signal.SIGINT), monkeypatch):
+            assert run(short_run(tmp_path / "run")).trained
+        assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGINT, there)
+
+
+def test_a_run_in_another_thread_trains_without_watching_signals(tmp_path):
+    results = []
+    thread = threading.Thread(target=lambda: results.append(run(short_run(tmp_path / "run"))))
+    thread.start()
+    thread.join()
+    assert results[0].trained
+
+
+def test_the_command_says_why_it_stopped_and_ends_as_the_shell_has_it(tmp_path):
+    command = [sys.executable, "-m", "experiments.train", *COMMAND, "tracking=none", f"folder={tmp_path / 'run'}"]
+    command += ["scale.frames=100_000_000"]
+    environment = {**os.environ, "PYTHONPATH": str(CHECKOUT)}
+    process = subprocess.Popen(command, cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True)
+    while not (tmp_path / "run" / CHECKPOINT).exists():
+        assert process.poll() is None, process.communicate()
+    process.send_signal(signal.SIGTERM)
+    _, said = process.communicate(timeout=60)
+    assert process.returncode == 128 + signal.SIGTERM
+    assert "stopped by SIGTERM after" in said
+    assert "the checkpoint is written. The same command goes on from the last checkpoint" in said
+    assert "Traceback" not in said
+
+
+def test_a_loss_that_is_not_finite_ends_the_run_and_says_what_where_and_when(tmp_path, monkeypatch):
+    monkeypatch.setattr(PPO, "learn", lambda self, _: {"loss/value": float("nan") if self.frames > 2 * FRAMES else 0.5})
+    with pytest.raises(
+        TrainingError, match=r"loss/value became nan after 192 frames; lower algorithm\.learning_rate"
+    ) as told:
+        run(short_run(tmp_path / "run"))
+    assert told.value.__notes__ == [
+        f"This happened during training, after 192 frames; see {tmp_path / 'run' / JOURNAL}"
+    ]
+    last = read_journal(tmp_path / "run")[-1]
+    assert (last["event"], last["during"], last["frames"]) == ("failed", "training", 3 * FRAMES)
+    assert last["error"].startswith("TrainingError: loss/value became nan")
+    assert "training.py" in last["where"] and "in iterate" in last["where"]
+    assert frames(tmp_path / "run") == 2 * FRAMES
+    rows = read_metrics(tmp_path / "run").to_pylist()
+    assert [row["frames"] for row in rows if row["name"] == "loss/value"] == [64, 128, 192]
+
+
+def test_a_weight_that_is_not_finite_is_never_saved(tmp_path, monkeypatch):
+    def spoil(learner):
+        next(learner.policy.parameters()).data[0, 0] = torch.inf
+        monkeypatch.setattr(PPO, "learn", lambda *_: {})
+        monkeypatch.setattr(PPO, "collect", lambda _: (type("R", (), {"reward": torch.zeros(FRAMES)}), {}))
+
+    with (
+        before_iteration(3, spoil, monkeypatch),
+        pytest.raises(TrainingError, match=r"'actor\..*' is not finite after 192"),
+    ):
+        run(short_run(tmp_path / "run"))
+    assert frames(tmp_path / "run") == 2 * FRAMES
+
+
+def test_a_disk_that_is_full_is_told_and_costs_the_work_since_the_last_checkpoint_only(tmp_path, monkeypatch, capsys):
+    def fill(_):
+        def no_room(*_):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+        full.setattr("pathlib.Path.write_bytes", no_room)
+        full.setattr("experiments.journal.Path.open", no_room)
+
+    with (
+        monkeypatch.context() as full,
+        before_iteration(3, fill, monkeypatch),
+        pytest.raises(RunFolderError, match=r"cannot write .*latest\.pt: No space left on device; .* Make room"),
+    ):
+        run(short_run(tmp_path / "run"))
+    assert (
+        f"cannot write {tmp_path / 'run' / JOURNAL}: No space left on device; it would say: " in capsys.readouterr().err
+    )
+    assert frames(tmp_path / "run") == 2 * FRAMES
+    run(short_run(tmp_path / "run"))
+    assert same_as_an_uninterrupted_run(tmp_path / "run", tmp_path)
+
+
+def test_a_process_that_was_killed_is_found_by_the_next_one(tmp_path, monkeypatch):
+    with killed_after(2, monkeypatch):
+        run(short_run(tmp_path / "run"))
+    path = tmp_path / "run" / JOURNAL
+    begun, ended = path.read_text().splitlines()
+    assert json.loads(ended)["event"] == "failed"
+    path.write_text(f'{begun}\n{{"time": "cut off by a power c')  # what kill -9 leaves, at worst
+    said = []
+    run(short_run(tmp_path / "run"), said.append)
+    assert f"the process before this one ({os.getpid()} on " in said[0] and "ended without a word: killed" in said[0]
+    assert [entry["event"] for entry in read_journal(tmp_path / "run")] == ["started", "lost", "started", "finished"]
+
+
+def damage(path, how):
+    content = bytearray(path.read_bytes())
+    if how == "cut":
+        del content[len(content) // 2 :]
+    else:
+        content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+
+
+@pytest.mark.parametrize("how", ["cut", "one bit"])
+def test_a_damaged_newest_checkpoint_falls_back_to_the_one_before_and_says_so(tmp_path, monkeypatch, how):
+    folder = tmp_path / "run"
+    with killed_after(3, monkeypatch):
+        run(short_run(folder))
+    assert (frames(folder), frames(folder, PREVIOUS)) == (3 * FRAMES, 2 * FRAMES)
+    damage(folder / CHECKPOINT, how)
+    said = []
+    run(short_run(folder), said.append)
+    assert f"the checkpoint {folder / CHECKPOINT} is damaged or none of ours: " in said[0]
+    assert f"(kept as {DAMAGED}). The one before is used, of 128 frames: {folder / PREVIOUS}" in said[0]
+    assert "goes on from 128 of 256 frames" in said[1]
+    assert (folder / DAMAGED).exists()
+    assert same_as_an_uninterrupted_run(folder, tmp_path)
+
+
+def test_where_both_checkpoints_are_damaged_nothing_is_guessed(tmp_path, monkeypatch):
+    folder = tmp_path / "run"
+    with killed_after(3, monkeypatch):
+        run(short_run(folder))
+    damage(folder / CHECKPOINT, "cut")
+    damage(folder / PREVIOUS, "cut")
+    with pytest.raises(CheckpointError, match=r"previous\.pt is damaged or none of ours: .*restart=true trains anew"):
+        run(short_run(folder))
+    assert (folder / CHECKPOINT).exists()
+
+
+def test_a_run_that_stops_in_its_evaluation_is_evaluated_when_it_goes_on(tmp_path, monkeypatch):
+    with monkeypatch.context() as patch, pytest.raises(Stopped):
+        patch.setattr("experiments.run.evaluate_run", lambda *_: os.kill(os.getpid(), signal.SIGTERM))
+        run(short_run(tmp_path / "run"))
+    last = read_journal(tmp_path / "run")[-1]
+    assert (last["event"], last["during"]) == ("stopped", "evaluation")
+    assert not is_finished(tmp_path / "run")
+    run(short_run(tmp_path / "run"))
+    assert same_as_an_uninterrupted_run(tmp_path / "run", tmp_path)
+
+
+def test_frames_are_not_lost_when_a_run_of_one_iteration_is_stopped(tmp_path, monkeypatch):
+    config = short_run(tmp_path / "run", scale=ScaleConfig(frames=FRAMES))
+    with before_iteration(1, send(signal.SIGTERM), monkeypatch), pytest.raises(Stopped):
+        run(config)
+    assert frames(tmp_path / "run") == FRAMES
+    assert run(config).trained
+
+
+assert ITERATIONS == 4  # the numbers above are written out
