@@ -25,6 +25,7 @@ FORMS = {
     "grey": TexturedPixels(grey=True),
     "channels first": TexturedPixels(channels="first"),
     "following factors": TexturedPixels(follow=True),
+    "filters": TexturedPixels("baseline"),
 }
 
 
