@@ -26,12 +26,16 @@ class Factor:
     default: ClassVar[Any] = None
     unit: ClassVar[str] = ""
     bounds: ClassVar[tuple[float, float] | None] = None
+    period: ClassVar[float | None] = None
+    """After how much the number comes round again, as an angle does after 2 pi: distances take the shorter way round."""
 
-    def __init_subclass__(cls, default: Any = None, unit: str | None = None, bounds: Any = None, **rest: Any) -> None:
+    def __init_subclass__(
+        cls, default: Any = None, unit: str | None = None, bounds: Any = None, period: float | None = None, **rest: Any
+    ) -> None:
         if rest:
             raise FactorError(
                 f"factor {cls.__name__}: unknown option '{next(iter(rest))}'."
-                f"{did_you_mean(next(iter(rest)), ('default', 'unit', 'bounds'))}"
+                f"{did_you_mean(next(iter(rest)), ('default', 'unit', 'bounds', 'period'))}"
             )
         super().__init_subclass__()
         if unit is not None:
@@ -41,6 +45,12 @@ class Factor:
             if not low <= high:
                 raise FactorError(f"factor {cls.__name__}: bounds {bounds!r} are reversed")
             cls.bounds = (float(low), float(high))
+        if period is not None:
+            if cls.width != 1 or not 0 < period < np.inf:
+                raise FactorError(
+                    f"factor {cls.__name__}: a period is a positive number, and for factors of one number"
+                )
+            cls.period = float(period)
         if default is not None:
             cls.default = cls.check(default)
 

@@ -16,6 +16,7 @@ from segar.metrics.points import (
     entity_types,
     scaled_parameters,
     scaled_state,
+    shorter_way,
     spread,
     weighed_factors,
     weighed_parameters,
@@ -93,8 +94,8 @@ def decompose(
             parts[entity, factor] = float(squares[first:last].sum())
         parts[entity, None] = unmatched
     for p in weighed_parameters((a, b), unit, factors):
-        x, y = (scaled_parameters(levels, [p], unit).points[:, 0] for levels in (a, b))
-        parts[Parameter, p] = float(mass @ (x[i] - y[j]) ** 2)
+        x, y = (scaled_parameters(levels, [p], unit) for levels in (a, b))
+        parts[Parameter, p] = float(mass @ shorter_way(x.points[i] - y.points[j], x.periods)[:, 0] ** 2)
     each = plan * costs
     square = max(float(each.sum()), 0.0)
     return Decomposition(float(np.sqrt(square)), parts, each.sum(axis=1), each.sum(axis=0))
@@ -114,7 +115,7 @@ def _matched_squares(
     squares, unmatched = np.zeros(a.points.shape[1]), 0.0
     for level_a, level_b, weight in zip(i, j, mass, strict=True):
         x, y = a.points[first_a[level_a] : first_a[level_a + 1]], b.points[first_b[level_b] : first_b[level_b + 1]]
-        differences = (x[:, None] - y[None]) ** 2
+        differences = shorter_way(x[:, None] - y[None], a.periods) ** 2
         pairs = differences.sum(axis=-1)
         rows, columns = linear_sum_assignment(np.minimum(pairs, 2 * mismatch**2))
         kept = pairs[rows, columns] < 2 * mismatch**2

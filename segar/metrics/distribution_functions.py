@@ -19,13 +19,15 @@ from segar.metrics.laws import component, count_law, factor_law, law_types, para
 from segar.metrics.points import (
     PointSets,
     all_parameters,
+    cut,
     entity_types,
     gather,
     gather_parameters,
     gather_state,
     relevant_factors,
 )
-from segar.noise import Noise
+from segar.noise import Noise, Wrapped
+from segar.noise.measures import ks_line
 from segar.parameters import Parameter
 
 GRID = 512  # steps of probability at which the curve of two laws is taken
@@ -150,7 +152,7 @@ class LawAgainstLaw:
         return np.append(self.a.cdf(at), 1.0), np.append(self.b.cdf(at), 1.0)
 
     def largest_difference(self) -> float:
-        return 0.0 if self.a == self.b else _without_rounding(self.a.ks(self.b))
+        return 0.0 if self.a == self.b else _without_rounding(ks_line(self.a, self.b))
 
 
 Marginal = TwoSamples | SampleAgainstLaw | LawAgainstLaw
@@ -217,18 +219,22 @@ class _Side:
 
     def values(self, entity: type[Entity], factor: type[Factor]) -> Values:
         if not isinstance(self.one, Levels):
-            return factor_law(self.one, entity, factor)
+            return _cut_law(factor_law(self.one, entity, factor), factor)
         found: PointSets = (
             gather(self.one, [entity], [factor], self.one.sampled_values)
             if self.as_drawn
             else gather_state(self.one, entity, [factor])
         )
-        return found.points, np.repeat(np.arange(len(self.one)), found.counts)
+        return cut(found.points, factor), np.repeat(np.arange(len(self.one)), found.counts)
 
     def parameter(self, parameter: type[Parameter]) -> Values:
         if not isinstance(self.one, Levels):
-            return parameter_law(self.one, parameter)
-        return gather_parameters(self.one, [parameter]).points[:, 0], np.arange(len(self.one))
+            return _cut_law(parameter_law(self.one, parameter), parameter)
+        return cut(gather_parameters(self.one, [parameter]).points[:, 0], parameter), np.arange(len(self.one))
+
+
+def _cut_law(law: Noise, factor: type[Factor]) -> Noise:
+    return law if factor.period is None else Wrapped(law, factor.period)
 
 
 def _axis(values: Values, axis: int) -> Values:

@@ -37,7 +37,8 @@ def embed(
     Per entity type, a level is a bag of as many points as any level has entities of the type: the relevant factors in
     units of their spread. Missing ones stand at the centre of the type's points, ``mismatch`` away along an axis of
     their own. A type of which levels have one at most is its point itself; of others, the bag is its sorted projections
-    on at least 50 directions that make up orthonormal frames. World parameters follow.
+    on at least 50 directions that make up orthonormal frames. World parameters follow. A factor with a ``period`` is two
+    coordinates, a place on a circle of that length: what is far round the circle is nearer here, by up to 36 %.
 
     So the squared Euclidean distance of two vectors is a sum over types of sliced squared Wasserstein-2 distances times
     their dimension. For types with one entity in each level it is what ``w2(mode="exact")`` takes for the distance of
@@ -57,10 +58,10 @@ def embed(
     columns: list[list[np.ndarray]] = [[] for _ in sets]
     for entity in entity_types(*sets):
         read = weighed_factors(entity, unit, factors)
-        _append(columns, _bags([scaled_state(levels, entity, read, unit) for levels in sets], mismatch))
+        _append(columns, _bags([_unrolled(scaled_state(levels, entity, read, unit)) for levels in sets], mismatch))
     varied = weighed_parameters(sets, unit, factors)
     if varied:
-        _append(columns, [scaled_parameters(levels, varied, unit).points for levels in sets])
+        _append(columns, [_unrolled(scaled_parameters(levels, varied, unit)).points for levels in sets])
     return [np.concatenate([np.zeros((len(s), 0)), *found], axis=1) for s, found in zip(sets, columns, strict=True)]
 
 
@@ -77,6 +78,20 @@ def frames(dimension: int, at_least: int, rng: np.random.Generator) -> np.ndarra
         q, r = np.linalg.qr(rng.standard_normal((dimension, dimension)))
         made.append(q * np.sign(np.diag(r)))
     return np.concatenate(made, axis=1)
+
+
+def _unrolled(sets: PointSets) -> PointSets:
+    """Points whose components with a period have become two each: the place on a circle of that length."""
+    if sets.periods is None:
+        return sets
+    columns = []
+    for column, period in zip(sets.points.T, sets.periods, strict=True):
+        if np.isinf(period):
+            columns.append(column)
+        else:
+            angle = 2 * np.pi / period * column
+            columns += [period / (2 * np.pi) * np.cos(angle), period / (2 * np.pi) * np.sin(angle)]
+    return PointSets(sets.counts, np.stack(columns, axis=1))
 
 
 def _bags(bags: Sequence[PointSets], mismatch: float) -> list[np.ndarray]:

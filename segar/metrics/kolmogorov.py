@@ -85,7 +85,7 @@ def ks(a: Side, b: Side, *, factors: Sequence[type[Factor]] | None = None) -> fl
     ``ks(train, test)`` compares samples by their states that episodes start in; ``ks(train, dist)`` a sample as drawn
     (before overlaps were removed) with the known laws of its factors, also exactly; ``ks(dist_a, dist_b)`` the laws with
     each other, the joint supremum over a grid of 1/512 in probability. What placement adds (``min_distance``,
-    overlaps) is in no law.
+    overlaps) is in no law. A factor with a ``period`` is cut at plus and minus half of it.
 
     Args:
         factors: count these factors and no others (numbers of entities count always).

@@ -13,6 +13,7 @@ from segar.arguments import require_distribution
 from segar.entities import Entity, GlobalFriction
 from segar.factors import Acceleration, Alive, Density, Done, Drag, Factor, Order, Size, Visible
 from segar.levels import Levels
+from segar.noise.circle import wrap
 from segar.parameters import Parameter
 from segar.shapes import HULL
 
@@ -39,6 +40,8 @@ class PointSets:
 
     counts: np.ndarray
     points: np.ndarray
+    periods: np.ndarray | None = None
+    """Of each component, float64 ``[dimension]``, infinite where it is not one that comes round; None where none is."""
 
     def with_count(self, count: int) -> tuple[np.ndarray, np.ndarray]:
         """Indices of the levels with ``count`` points, int ``[m]``, and these points, float64 ``[m, count, dimension]``."""
@@ -123,15 +126,42 @@ def gather_parameters(levels: Levels, parameters: Sequence[type[Parameter]]) -> 
 
 def scaled_state(levels: Levels, entity: type[Entity], factors: Sequence[type[Factor]], scale: Spread) -> PointSets:
     """As :func:`gather_state`, in units of the factors' spread."""
-    unit = np.repeat([scale[entity, f] for f in factors], [f.width for f in factors])
+    unit = np.array([scale[entity, f] for f in factors])
+    widths = [f.width for f in factors]
     found = gather_state(levels, entity, factors)
-    return PointSets(found.counts, found.points / unit)
+    periods = scaled_periods(factors, unit)
+    return PointSets(
+        found.counts, found.points / np.repeat(unit, widths), None if periods is None else np.repeat(periods, widths)
+    )
 
 
 def scaled_parameters(levels: Levels, parameters: Sequence[type[Parameter]], scale: Spread) -> PointSets:
     """As :func:`gather_parameters`, in units of the parameters' spread."""
     found = gather_parameters(levels, parameters)
-    return PointSets(found.counts, found.points / np.array([scale[Parameter, p] for p in parameters]))
+    unit = np.array([scale[Parameter, p] for p in parameters])
+    return PointSets(found.counts, found.points / unit, scaled_periods(parameters, unit))
+
+
+def scaled_periods(factors: Sequence[type[Factor]], unit: np.ndarray) -> np.ndarray | None:
+    """Periods in these units, float64 ``[factors]``, infinite where there is none; None where all are."""
+    if all(f.period is None for f in factors):
+        return None
+    return np.array([np.inf if f.period is None else f.period for f in factors]) / unit
+
+
+def cut(values: np.ndarray, factor: type[Factor]) -> np.ndarray:
+    """Numbers of a factor that comes round, as numbers between minus and plus half its period; others as they are."""
+    return values if factor.period is None else wrap(values, factor.period)
+
+
+def shorter_way(difference: np.ndarray, periods: np.ndarray | None) -> np.ndarray:
+    """Differences, components on the last axis, along the shorter way round where a component has a period."""
+    if periods is None:
+        return difference
+    finite = np.isfinite(periods)
+    difference = difference.copy()
+    difference[..., finite] -= periods[finite] * np.rint(difference[..., finite] / periods[finite])
+    return difference
 
 
 def all_parameters(*sets: Levels) -> list[type[Parameter]]:
@@ -159,7 +189,7 @@ def spread(*sets: Levels | LevelDistribution) -> Spread:
     found: Spread = {}
     for key in dict.fromkeys(key for known in moments for key in known):
         means, variances = (np.stack(values) for values in zip(*(m[key] for m in moments if key in m), strict=True))
-        variance = variances.mean(axis=0) + means.var(axis=0)
+        variance = variances.mean(axis=0) + _mean_and_variance(means, key[1].period)[1]
         # What is constant may differ in its last bit after arithmetic; that is no spread.
         variance[variance <= (1e-9 * np.abs(means).max(axis=0)) ** 2] = 0.0
         found[key] = float(np.sqrt(variance.mean()))
@@ -190,8 +220,17 @@ def _moments(levels: Levels) -> Moments:
     for entity, factors, points in groups:
         edges = np.cumsum([0] + [f.width for f in factors])
         for factor, i, j in zip(factors, edges[:-1], edges[1:], strict=True):
-            found[entity, factor] = points[:, i:j].mean(axis=0), points[:, i:j].var(axis=0)
+            found[entity, factor] = _mean_and_variance(points[:, i:j], factor.period)
     return found
+
+
+def _mean_and_variance(values: np.ndarray, period: float | None) -> tuple[np.ndarray, np.ndarray]:
+    """Of each column; on the circle the mean direction, and the mean square of the ways from it."""
+    if period is None:
+        return values.mean(axis=0), values.var(axis=0)
+    turn = 2 * np.pi / period
+    mean = np.arctan2(np.sin(values * turn).mean(axis=0), np.cos(values * turn).mean(axis=0)) / turn
+    return mean, (wrap(values - mean, period) ** 2).mean(axis=0)
 
 
 def _polygon_areas(vertices: np.ndarray, counts: np.ndarray) -> np.ndarray:

@@ -13,7 +13,7 @@ from segar.entities import GlobalFriction
 from segar.errors import LevelError, did_you_mean
 from segar.factors import Factor
 from segar.levels import Levels
-from segar.metrics.points import relevant_factors
+from segar.metrics.points import cut, relevant_factors
 
 NEIGHBOUR = 3  # k of the nearest-neighbour estimate: low bias, and a variance near that of larger k
 FEWEST = 10  # values from which the density of one factor is estimated
@@ -82,10 +82,10 @@ def _columns(levels: Levels, factors: Sequence[type[Factor]] | None) -> tuple[np
         kinds = [k for k in kinds if not issubclass(k, GlobalFriction)]
         for factor in dict.fromkeys(f for kind in kinds for f in relevant_factors(kind, factors)):
             column = layout.columns[factor]
-            found.append(levels.sampled_values[:, slot, column : column + factor.width])
+            found.append(cut(levels.sampled_values[:, slot, column : column + factor.width], factor))
             slots += [slot] * factor.width
     chosen = [k for k, p in enumerate(layout.parameters) if factors is None or p in factors]
-    found.append(levels.parameters[:, chosen])
+    found += [cut(levels.parameters[:, [k]], layout.parameters[k]) for k in chosen]
     slots += [len(layout.slots) - 1] * len(chosen)
     return np.concatenate(found, axis=1), np.array(slots, dtype=int)
 

@@ -9,7 +9,7 @@ from itertools import permutations
 import numpy as np
 
 from segar.errors import SegarError
-from segar.metrics.points import PointSets
+from segar.metrics.points import PointSets, shorter_way
 from segar.pot import TRANSPORT_STEPS, pot
 
 FEW_MATCHINGS = 24
@@ -66,7 +66,7 @@ def matching_costs(a: PointSets, b: PointSets, mismatch: float) -> np.ndarray:
     costs = np.empty((len(a.counts), len(b.counts)))
     for levels_a, points_a, levels_b, points_b in same_counts(a, b):
         k, m = points_a.shape[1], points_b.shape[1]
-        pairs = np.minimum(_squared_distances(points_a, points_b), 2 * mismatch**2)
+        pairs = np.minimum(_squared_distances(points_a, points_b, a.periods), 2 * mismatch**2)
         costs[np.ix_(levels_a, levels_b)] = _best_matchings(pairs) + mismatch**2 * abs(k - m)
     return costs
 
@@ -82,9 +82,9 @@ def balanced_costs(a: PointSets, b: PointSets, absent: float) -> np.ndarray:
         if min(k, m) == 0:
             block = np.full((len(levels_a), len(levels_b)), 0.0 if k == m else absent)
         elif k == m:
-            block = _best_matchings(_squared_distances(points_a, points_b)) / k
+            block = _best_matchings(_squared_distances(points_a, points_b, a.periods)) / k
         else:
-            block = np.array([[emd(pair) for pair in row] for row in _squared_distances(points_a, points_b)])
+            block = np.array([[emd(pair) for pair in row] for row in _squared_distances(points_a, points_b, a.periods)])
         costs[np.ix_(levels_a, levels_b)] = block
     return costs
 
@@ -117,14 +117,20 @@ def sliced_costs(a: PointSets, b: PointSets, projections: np.ndarray, absent: fl
     return costs
 
 
-def _squared_distances(points_a: np.ndarray, points_b: np.ndarray) -> np.ndarray:
-    """``|x - y|^2`` for all pairs of levels and of their points, float64 ``[n, m, points of a, points of b]``."""
+def _squared_distances(points_a: np.ndarray, points_b: np.ndarray, periods: np.ndarray | None) -> np.ndarray:
+    """``|x - y|^2`` for all pairs of levels and of their points, float64 ``[n, m, points of a, points of b]``; the shorter
+    way round in components that have a period."""
     from scipy.spatial.distance import cdist
 
     (n, k, d), (m, j, _) = points_a.shape, points_b.shape
     if d == 0 or k == 0 or j == 0:
         return np.zeros((n, m, k, j))
-    flat = cdist(points_a.reshape(n * k, d), points_b.reshape(m * j, d), "sqeuclidean")
+    x, y = points_a.reshape(n * k, d), points_b.reshape(m * j, d)
+    straight = np.ones(d, bool) if periods is None else np.isinf(periods)
+    flat = cdist(x[:, straight], y[:, straight], "sqeuclidean") if straight.any() else np.zeros((n * k, m * j))
+    for c in np.flatnonzero(~straight):
+        assert periods is not None
+        flat += shorter_way((x[:, None, c] - y[None, :, c])[..., None], periods[c : c + 1])[..., 0] ** 2
     return flat.reshape(n, k, m, j).transpose(0, 2, 1, 3)
 
 

@@ -104,8 +104,9 @@ def w2(
         the squared Euclidean distance of its relevant factors in units of their spread, and each entity left over costs
         ``mismatch`` squared (:func:`segar.metrics.transport.matching_costs`). So counts may differ, and two entities of
         different types cost two mismatches. Read from the states that episodes start in, world parameters included;
-        flags, render order and derived factors are left out (``segar.metrics.points.IRRELEVANT``). It is a metric for a
-        fixed ``scale``, hence among sets that carry one distribution.
+        flags, render order and derived factors are left out (``segar.metrics.points.IRRELEVANT``); along a factor with a
+        ``period`` the shorter way round counts. It is a metric for a fixed ``scale``, hence among sets that carry one
+        distribution.
     ``reference``: as the 2022 implementation: entities fall into two types only, objects and tiles, by the factors that
         they have; all factors as sampled, unscaled, render order and flags included; the squared sliced distance over 50
         projections of seed 0. Different counts: both sides are uniform measures. None on one side: ``mismatch`` squared.
