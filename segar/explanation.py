@@ -52,13 +52,15 @@ def explain(plan: Plan, priors: tuple[Prior, ...], entity: Any, factor: type[Fac
     Raises:
         PriorError: there is no such entity, it may be of several types, or it lacks the factor.
     """
-    if isinstance(factor, type) and issubclass(factor, Parameter):
+    if not (isinstance(factor, type) and issubclass(factor, Factor)):
+        raise PriorError(f"explain(entity, factor) takes a factor class such as segar.Mass, not {factor!r}")
+    if issubclass(factor, Parameter):
         return _explain_parameter(plan, priors, factor)
     kind, slot = _find(plan.layout, entity)
-    held = holds(kind, factor) if isinstance(factor, type) and issubclass(factor, Factor) else None
+    held = holds(kind, factor)
     if held is None:
-        name = getattr(factor, "__name__", str(factor))
-        raise PriorError(f"{kind.__name__} has no {name}.{did_you_mean(name, [f.__name__ for f in kind.declared])}")
+        near = did_you_mean(factor.__name__, [f.__name__ for f in kind.declared])
+        raise PriorError(f"{kind.__name__} has no {factor.__name__}.{near}")
     subject = f"{held.__name__} of {kind.__name__}" + (f" '{entity}'" if isinstance(entity, str) else "")
     counting = ranked(priors, kind, held)
     candidates = tuple(_candidates(priors, counting, kind, held))

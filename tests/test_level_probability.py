@@ -333,6 +333,7 @@ def test_parameters_and_fixed_places_are_explained_too():
         ("object1", Size, "'object1' may be one of Charger, Magnet"),
         (SandTile, Size, "no SandTile is in numbers"),
         (GoalTile, Mass, "GoalTile has no Mass"),
+        ("golfball", "Mass", "takes a factor class such as segar.Mass, not 'Mass'"),
     ],
 )
 def test_a_question_that_has_no_answer_is_refused(entity, factor, message):
