@@ -17,7 +17,11 @@ from experiments.config import AlgorithmConfig
 
 
 class Policy(Protocol):
-    """A network that acts; also an ``nn.Module``, so that its weights can be stored."""
+    """A network that acts; also an ``nn.Module``, so that its weights can be stored.
+
+    One with a memory, or one that must know more than it observes, has a method ``begin(env)``, too: evaluation calls it
+    when the episodes of a batch start in a :class:`segar.envs.VectorEnv`.
+    """
 
     def act(self, observation: np.ndarray, *, rng: torch.Generator | None) -> np.ndarray:
         """Actions float32 [n, 2] for observations [n, ...]; sampled with ``rng``, deterministic where it is None."""

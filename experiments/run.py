@@ -66,7 +66,7 @@ def run(config: RunConfig, say: Callable[[str], None] = print) -> RunResult:
             message says what to do.
         Stopped: a signal stopped it; the same call goes on from there.
     """
-    runtime.set_process_defaults()
+    runtime.set_process_defaults(config.num_threads)
     with claim(config) as folder, watch_signals() as signals:
         if config.stale == "anew" and (folder / VERSIONS).exists() and not _is_by_this_code(config, folder):
             say(f"{config.label()}: is trained anew, because it was made by other code")

@@ -1,0 +1,83 @@
+"""Anchors: agents between which scores are normalised play as evaluation lets them, and the order is as it must be."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import torch
+
+import segar
+from experiments.anchors import IdleAgent, Oracle, RandomAgent, ScriptedAgent, find_anchors, normalised_score
+from experiments.episodes import play
+from segar.errors import SegarError
+from segar.hardness import plan
+
+LEVELS = segar.family("empty-hard").sample(12, seed=0)
+TWICE = np.tile(np.arange(12), 2)
+
+
+def mean_return(agent, rng=None):
+    rows = play(agent, LEVELS, TWICE, {}, rng=rng, seed=0)
+    assert [row["level"] for row in rows] == TWICE.tolist()
+    return np.mean([row["return"] for row in rows]), np.mean([row["success"] for row in rows])
+
+
+def test_the_oracle_plays_its_plan_and_beats_the_script_which_beats_chance():
+    found = plan(LEVELS, rng=np.random.default_rng(0), samples=32, iterations=3)
+    oracle, solved = mean_return(Oracle(found))
+    assert solved == 1.0
+    assert oracle == pytest.approx(found.returns.mean(), rel=1e-6)
+    script, _ = mean_return(ScriptedAgent())
+    random, _ = mean_return(RandomAgent())
+    assert oracle >= script > random
+
+
+def test_a_random_agent_acts_uniformly_and_repeats_itself_with_the_same_generator():
+    agent = RandomAgent(seed=3)
+    agent.begin(segar.envs.VectorEnv(LEVELS, 5000, seed=0))
+    actions = agent.act(None, rng=None)
+    assert actions.shape == (5000, 2)
+    assert actions.dtype == np.float32
+    for low, high in ((-1.0, -0.5), (-0.5, 0.0), (0.0, 0.5), (0.5, 1.0)):
+        assert np.mean((actions >= low) & (actions < high)) == pytest.approx(0.25, abs=0.02)
+    drawn = [agent.act(None, rng=torch.Generator().manual_seed(1)) for _ in range(2)]
+    np.testing.assert_array_equal(*drawn)
+    assert not np.array_equal(agent.act(None, rng=None), actions)
+
+
+def test_an_idle_agent_does_not_move():
+    agent = IdleAgent()
+    env = segar.envs.VectorEnv(LEVELS, 4, seed=0)
+    agent.begin(env)
+    before, _ = env.reset()
+    after, *_ = env.step(agent.act(before, rng=None))
+    np.testing.assert_array_equal(before, after)
+
+
+def test_the_random_agent_scores_0_and_the_oracle_1():
+    anchors = find_anchors(LEVELS, rng=np.random.default_rng(0), plays=50, samples=32, iterations=3)
+    assert anchors.normalised(anchors.random) == 0.0
+    assert anchors.normalised(anchors.oracle) == 1.0
+    by_evaluation, _ = mean_return(RandomAgent())
+    assert anchors.normalised(by_evaluation) == pytest.approx(0.0, abs=0.15)
+    script, _ = mean_return(ScriptedAgent())
+    assert 0.9 < anchors.normalised(script) <= 1.0
+
+
+def test_scores_are_normalised_entry_by_entry_and_are_nan_where_nothing_can_be_won():
+    np.testing.assert_allclose(normalised_score([-10.0, -5.5, -1.0, -19.0], -10.0, -1.0), [0.0, 0.5, 1.0, -1.0])
+    assert np.isnan(normalised_score(-3.0, -2.0, -2.0))
+
+
+def test_an_oracle_refuses_levels_that_its_plan_is_not_for():
+    found = plan(LEVELS[:3], rng=np.random.default_rng(0), samples=8, iterations=1)
+    with pytest.raises(
+        SegarError, match="this plan is for 3 levels of the task puttputt-squared, not for 12 of puttputt-squared"
+    ):
+        play(Oracle(found), LEVELS, np.arange(12), {}, rng=None, seed=0)
+
+
+def test_a_script_refuses_a_task_that_has_none():
+    env = segar.envs.VectorEnv(LEVELS, 2, task=dataclasses.replace(segar.puttputt(), demo_actions=None), seed=0)
+    with pytest.raises(SegarError, match="the task puttputt-squared has no scripted player; use the oracle"):
+        ScriptedAgent().begin(env)

@@ -1,0 +1,38 @@
+"""What a process is told before it computes: sleeping threads, as many as asked for, and a heap that keeps its memory."""
+
+import json
+import subprocess
+import sys
+
+SCRIPT = """
+import json, resource
+from experiments import runtime
+runtime.set_process_defaults(2)
+import torch
+def faults():
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+    for _ in range(20):
+        torch.ones(8 << 20)
+    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before
+faults()  # the heap grows to what is needed
+print(json.dumps({"faults": faults(), "threads": torch.get_num_threads()}))
+"""
+
+
+def test_a_process_keeps_its_memory_and_has_the_threads_that_were_asked_for():
+    """A tensor of 32 MB is 8192 pages; returned to the system after each use, all of them would fault again."""
+    done = subprocess.run([sys.executable, "-c", SCRIPT], capture_output=True, text=True, check=True)
+    said = json.loads(done.stdout.splitlines()[-1])
+    assert said["threads"] == 2
+    assert said["faults"] < 1000
+
+
+def test_threads_of_openmp_sleep_unless_the_user_says_otherwise():
+    ask = "import os; from experiments import runtime; print(os.environ['OMP_WAIT_POLICY'])"
+
+    def policy(**environment):
+        done = subprocess.run([sys.executable, "-c", ask], capture_output=True, text=True, check=True, env=environment)
+        return done.stdout.strip()
+
+    assert policy() == "passive"
+    assert policy(OMP_WAIT_POLICY="active") == "active"
