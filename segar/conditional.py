@@ -1,4 +1,4 @@
-"""Laws that depend on other factors of the same entity: scaled and shifted by typed functions of them."""
+"""Laws that depend on other factors, of the same entity or of another one: scaled and shifted by typed functions of them."""
 
 from __future__ import annotations
 
@@ -27,12 +27,15 @@ class Dependent:
     """The law of ``shift + scale * x`` where x follows ``law``, and shift or scale depend on the entity.
 
     ``Prior(Mass, Dependent(UniformNoise(0.9, 1.1), scale=weight))`` with ``def weight(size: Size) -> float: ...`` makes
-    larger things heavier. For another law in another case, condition priors on relations instead.
+    larger things heavier. ``Prior(Charge, Dependent(GaussianNoise(0, 0.1), shift=opposite, of="golfball"))`` with
+    ``def opposite(q: Charge) -> float: ...`` lets charges follow that of one thing. For another law in another case,
+    condition priors on relations instead.
 
     Args:
         law: on the line.
         shift, scale: a number, or a typed function of numeric factors of one entity, written as rules are. What it
             reads is drawn first. The scale must never be zero, which is checked where it is drawn.
+        of: name of the entity whose factors are read, one that is in every level; None for the entity itself.
 
     Raises:
         PriorError: the law is not on the line, or a function reads anything but factors of one entity.
@@ -41,10 +44,13 @@ class Dependent:
     law: Noise
     shift: Any = 0.0
     scale: Any = 1.0
+    of: str | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.law, Noise) or self.law.width != 1:
             raise PriorError(f"Dependent needs a law on the line, not {self.law!r}")
+        if self.of is not None and not isinstance(self.of, str):
+            raise PriorError(f"Dependent: of must be the name of an entity, such as 'golfball', not {self.of!r}")
         for name in ("shift", "scale"):
             object.__setattr__(self, name, _expression(name, getattr(self, name)))
 
@@ -71,13 +77,15 @@ class Dependent:
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Dependent):
             return NotImplemented
-        return self.law == other.law and self.shift is other.shift and self.scale is other.scale  # one object if equal
+        same = self.shift is other.shift and self.scale is other.scale  # expressions are one object if equal
+        return same and self.law == other.law and self.of == other.of
 
     def __hash__(self) -> int:
-        return hash((self.law, id(self.shift), id(self.scale)))
+        return hash((self.law, id(self.shift), id(self.scale), self.of))
 
     def __repr__(self) -> str:
         parts = [f"{name}={_shown(symbol)}" for name, symbol in (("shift", self.shift), ("scale", self.scale))]
+        parts += [] if self.of is None else [f"of={self.of!r}"]
         return f"Dependent({self.law!r}, {', '.join(parts)})"
 
 

@@ -19,11 +19,12 @@ def dependence(plan: Plan, block: Any, slot: int, law: Any, rows: np.ndarray) ->
     for another law."""
     if not isinstance(law, Dependent):
         return None
+    source = slot if law.of is None else plan.layout.names.index(law.of)
     shift, scale = np.empty(len(rows)), np.empty(len(rows))
-    kinds = block.types[rows, slot]
+    kinds = block.types[rows, source]
     for kind in np.unique(kinds):
         mine = kinds == kind
-        values, entity = block.sampled_values[rows[mine], slot], plan.layout.types[kind]
+        values, entity = block.sampled_values[rows[mine], source], plan.layout.types[kind]
 
         def read(
             factor: type[Factor], part: int, values: np.ndarray = values, entity: type[Entity] = entity

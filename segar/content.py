@@ -56,7 +56,8 @@ def describe(value: Any, with_classes: bool = True) -> Any:
     if isinstance(value, Prior):
         return ["Prior", *(inner(getattr(value, f.name)) for f in dataclasses.fields(value))]
     if isinstance(value, Dependent):
-        return ["Dependent", inner(value.law), inner(value.shift), inner(value.scale)]
+        entity = [] if value.of is None else [value.of]
+        return ["Dependent", inner(value.law), inner(value.shift), inner(value.scale), *entity]
     if isinstance(value, Relation):
         return ["Relation", inner(value.truth)]
     if isinstance(value, Symbol):

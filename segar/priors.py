@@ -163,9 +163,12 @@ def factors_read(prior: Prior) -> frozenset[type[Factor]]:
     return frozenset(symbol.args[1] for symbol in symbols if symbol.op == "load")
 
 
-def factors_needed(prior: Prior) -> frozenset[type[Factor]]:
-    """The numeric factors that must be drawn before the prior: those that its relation or its law reads."""
-    return factors_read(prior) | (prior.value.reads if isinstance(prior.value, Dependent) else frozenset())
+def factors_needed(prior: Prior) -> frozenset[tuple[str | None, type[Factor]]]:
+    """The numeric factors that must be drawn before the prior, those that its relation or its law reads: pairs of the name
+    of an entity, None for the prior's own, and a factor."""
+    own = {(None, factor) for factor in factors_read(prior)}
+    law = prior.value
+    return frozenset(own | ({(law.of, factor) for factor in law.reads} if isinstance(law, Dependent) else set()))
 
 
 def relation_holds(prior: Prior, entity: type[Entity], read: Callable[[type[Factor], int], float]) -> bool:

@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from segar.conditional import Dependent
 from segar.engine.layout import Layout, holds
 from segar.entities import Entity, GlobalFriction
-from segar.errors import PlacementError, PriorError
+from segar.errors import PlacementError, PriorError, did_you_mean
 from segar.factors import Factor, Order, Position, Shape, Size
 from segar.noise import Choice, Noise
 from segar.parameters import Parameter
@@ -101,7 +100,7 @@ def make_plan(
         layout,
         tuple(groups),
         templates,
-        _in_order(_draws(layout, groups, priors)),
+        _in_order(layout, _draws(layout, groups, priors)),
         outlines,
         fixed_positions,
         np.array([p.default if isinstance(v, Noise) else v for p, v in zip(layout.parameters, constants, strict=True)]),
@@ -148,7 +147,7 @@ def _draws(layout: Layout, groups: Sequence[Group], priors: Sequence[Prior]) -> 
             for factor in (f for f in entity.declared if f.width):
                 found = ranked(priors, entity, factor)
                 if any(p.is_random or factors_read(p) for p in found):
-                    _check_reads(entity, found, priors)
+                    _check_reads(layout, entity, found, priors)
                     alike = factor, tuple(map(id, found))
                     candidates[alike] = found
                     types.setdefault(alike, []).append(place)
@@ -159,39 +158,54 @@ def _draws(layout: Layout, groups: Sequence[Group], priors: Sequence[Prior]) -> 
     return draws
 
 
-def _check_reads(entity: type[Entity], candidates: Sequence[Prior], priors: Sequence[Prior]) -> None:
-    """Raise :class:`PriorError` if a law depends on factors that the entity lacks, or that are known too late."""
+def _check_reads(layout: Layout, entity: type[Entity], candidates: Sequence[Prior], priors: Sequence[Prior]) -> None:
+    """Raise :class:`PriorError` if a law depends on factors that its entity lacks, or that are known too late."""
     for prior in candidates:
-        for factor in factors_needed(prior):
-            held = holds(entity, factor)
-            if held is None and isinstance(prior.value, Dependent) and factor in prior.value.reads:
-                raise PriorError(
-                    f"{prior}: its law reads {factor.__name__}, which {entity.__name__} lacks; give the prior an"
-                    " entity_type that has it"
-                )
-            if held is Size and not ranked(priors, entity, Size) and isinstance(_shape(entity, priors), Choice):
-                raise PriorError(
-                    f"{prior} reads Size, which for {entity.__name__} is that of a shape that is chosen later; give"
-                    " Size a prior of its own"
-                )
+        in_relation = factors_read(prior)
+        for name, factor in factors_needed(prior):
+            for owner in (entity,) if name is None else _types_of(layout, name, prior):
+                held = holds(owner, factor)
+                if held is None and (name is not None or factor not in in_relation):
+                    advice = "" if name else "; give the prior an entity_type that has it"
+                    raise PriorError(f"{prior}: its law reads {factor.__name__}, which {owner.__name__} lacks{advice}")
+                if held is Size and not ranked(priors, owner, Size) and isinstance(_shape(owner, priors), Choice):
+                    raise PriorError(
+                        f"{prior} reads Size, which for {owner.__name__} is that of a shape that is chosen later; give"
+                        " Size a prior of its own"
+                    )
 
 
-def _in_order(draws: list[Draw]) -> tuple[Draw, ...]:
+def _types_of(layout: Layout, name: str, prior: Prior) -> tuple[type[Entity], ...]:
+    """The types that the entity of that name may have; raises :class:`PriorError` if it may be absent."""
+    if name not in layout.names:
+        raise PriorError(f"{prior}: there is no entity '{name}'.{did_you_mean(name, layout.names)}")
+    slot = layout.slots[layout.names.index(name)]
+    if slot.optional:
+        raise PriorError(f"{prior}: its law reads '{name}', which not every level has")
+    return slot.types
+
+
+def _in_order(layout: Layout, draws: list[Draw]) -> tuple[Draw, ...]:
     """The draws such that what a conditional prior reads is drawn before it."""
-    graph: dict[type[Factor], set[type[Factor]]] = {draw.factor: set() for draw in draws}
+    graph: dict[tuple[int, type[Factor]], set[tuple[int, type[Factor]]]] = {(d.slot, d.factor): set() for d in draws}
     for draw in draws:
         for prior in draw.priors:
-            for read in factors_needed(prior):
+            for name, read in factors_needed(prior):
                 if issubclass(read, (Position, Order)):
                     what = "relation" if read in factors_read(prior) else "law"
                     raise PriorError(f"{prior}: its {what} reads {read.__name__}, which is drawn last")
-                graph[draw.factor] |= {f for f in graph if issubclass(f, read)}
+                slot = draw.slot if name is None else layout.names.index(name)
+                graph[draw.slot, draw.factor] |= {
+                    node for node in graph if node[0] == slot and issubclass(node[1], read)
+                }
     try:
         order = list(TopologicalSorter(graph).static_order())
     except CycleError as error:
-        names = " -> ".join(f.__name__ for f in error.args[1])
+        nodes = error.args[1]
+        several = len({slot for slot, _ in nodes}) > 1
+        names = " -> ".join((f"{layout.names[s]}." if several else "") + f.__name__ for s, f in nodes)
         raise PriorError(f"conditional priors need each other's factors: {names}") from None
-    return tuple(sorted(draws, key=lambda draw: order.index(draw.factor)))
+    return tuple(sorted(draws, key=lambda draw: order.index((draw.slot, draw.factor))))
 
 
 def _outlines(layout: Layout, priors: Sequence[Prior]) -> tuple[Outline, ...]:

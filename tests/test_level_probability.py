@@ -43,6 +43,7 @@ from segar import (
     Tile,
     UniformNoise,
 )
+from segar.content import content_hash
 
 ANYWHERE = Prior(Position, RandomUniformLocation())
 
@@ -208,6 +209,69 @@ def test_a_law_may_depend_on_another_factor_of_the_entity():
     assert abs(np.corrcoef(size, noise)[0, 1]) < 0.07
     assert np.array_equal(CONDITIONAL.sample(7).sampled_values, levels[:7].sampled_values, equal_nan=True)
     assert Mass not in CONDITIONAL.marginals()["ball1"]
+
+
+def opposite(q: Charge) -> float:
+    return -q
+
+
+def follow() -> LevelDistribution:
+    """Charged things whose charges are about minus the golf ball's."""
+    law = Dependent(GaussianNoise(0.0, 0.1), shift=opposite, of=golfball)
+    priors = [
+        ANYWHERE,
+        Prior(Charge, UniformNoise(1.0, 2.0), entity_type=GolfBall),
+        Prior(Charge, law, entity_type=Charger),
+    ]
+    return LevelDistribution([(Charger, 2), (GolfBall, 1), (GoalTile, 1)], priors)
+
+
+def test_a_law_may_depend_on_a_factor_of_another_entity():
+    dist = follow()
+    levels = dist.sample(2000)
+    ball = column(levels, levels.layout.slot_index("golfball"), Charge)
+    apart = np.stack([column(levels, slot, Charge) + ball for slot in (0, 1)])
+    assert np.abs(apart).max() < 0.5 and apart.std() == pytest.approx(0.1, rel=0.05)
+    assert abs(np.corrcoef(apart)[0, 1]) < 0.08 > abs(np.corrcoef(apart[0], ball)[0, 1])
+    assert Charge not in dist.marginals()["charger1"] and "of='golfball'" in str(dist.explain(Charger, Charge))
+    rest = dist.log_prob(levels) - stats.norm(0, 0.1).logpdf(apart).sum(axis=0)
+    assert np.ptp(rest) < 1e-9  # places, ranks and the golf ball's charge are equally probable wherever they are
+
+
+def test_a_dependence_on_another_entity_is_part_of_the_distribution():
+    laws = [Dependent(UniformNoise(0, 1), opposite, of=name) for name in (None, "a", "b")]
+    assert len({content_hash(law) for law in laws}) == 3
+    assert laws[1] != laws[2] and laws[1] == Dependent(UniformNoise(0, 1), opposite, of="a")
+
+
+@pytest.mark.parametrize(
+    ("numbers", "priors", "message"),
+    [
+        (
+            [(Charger, 1)],
+            [],
+            r"there is no entity 'golfball'.*Did you mean|there is no entity 'golfball'. Known: charger",
+        ),
+        ([(Charger, 1), (GolfBall, segar.DiscreteRangeNoise(0, 1))], [], "reads 'golfball', which not every level has"),
+        (
+            [(Charger, 1), (GolfBall, 1)],
+            [Prior(Charge, Dependent(UniformNoise(0, 1), opposite, of="charger"), entity_type=GolfBall)],
+            r"need each other's factors: \w+.Charge -> \w+.Charge -> \w+.Charge",
+        ),
+    ],
+)
+def test_an_entity_that_cannot_be_read_is_named(numbers, priors, message):
+    law = Dependent(GaussianNoise(0.0, 0.1), shift=opposite, of="golfball")
+    with pytest.raises(PriorError, match=message):
+        LevelDistribution(numbers, [ANYWHERE, Prior(Charge, law, entity_type=Charger), *priors])
+
+
+def test_an_entity_that_lacks_what_is_read_is_named():
+    law = Dependent(GaussianNoise(0.0, 0.1), shift=opposite, of="goal")
+    with pytest.raises(PriorError, match="its law reads Charge, which GoalTile lacks"):
+        LevelDistribution([(Charger, 1), (GoalTile, 1)], [ANYWHERE, Prior(Charge, law, entity_type=Charger)])
+    with pytest.raises(PriorError, match="of must be the name of an entity, such as 'golfball', not <class"):
+        Dependent(GaussianNoise(0.0, 0.1), shift=opposite, of=GolfBall)
 
 
 def test_the_density_of_a_dependent_law_is_stretched_with_it_and_its_atoms_are_not():

@@ -103,7 +103,8 @@ def _conditional(distribution: LevelDistribution) -> dict[str, list[Described]]:
         column = plan.layout.columns[factor]
         values = levels.sampled_values[:, slots, column : column + factor.width].reshape(-1, factor.width)
         values = values[~np.isnan(values[:, 0])]
-        reads = sorted({f.__name__ for _, priors in parts for prior in priors for f in factors_needed(prior)})
+        needed = {one for _, priors in parts for prior in priors for one in factors_needed(prior)}
+        reads = sorted(f.__name__ if owner is None else f"{owner}.{f.__name__}" for owner, f in needed)
         law = Empirical(values if factor.width == 2 else values[:, 0])
         for slot in slots:
             name = plan.layout.names[slot]
