@@ -217,7 +217,7 @@ def opposite(q: Charge) -> float:
 
 def follow() -> LevelDistribution:
     """Charged things whose charges are about minus the golf ball's."""
-    law = Dependent(GaussianNoise(0.0, 0.1), shift=opposite, of=golfball)
+    law = Dependent(GaussianNoise(0.0, 0.1), shift=opposite, of="golfball")
     priors = [
         ANYWHERE,
         Prior(Charge, UniformNoise(1.0, 2.0), entity_type=GolfBall),
