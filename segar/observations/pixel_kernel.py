@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 # Columns of ``Scene.columns[type]``: where a type keeps what the kernel reads; -1 where it lacks the factor.
 POSITION, SIZE, VISIBLE, ORDER, MOBILE = range(5)
 DRAWN: tuple[type[Factor], ...] = (Position, Size, Visible, Order, Mobile)  # in that order
-RUN = 12  # [pixels] a row of a pattern gives this many in one copy, whatever its phase
+RUN = 8  # [pixels] a row of a pattern gives this many in one copy, whatever its phase
 LEVEL_EDGE = 1e-6  # an edge whose normal has a smaller x runs along rows, and no estimate finds its columns
 
 # Nothing here allocates, so numba's reference counting of arrays, which costs as much as the drawing, is off.
