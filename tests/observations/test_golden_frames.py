@@ -25,7 +25,7 @@ GOLDEN = {
     "solid": "eeb56030bee0a1db",
     "solid, 128, grey, channels first": "00593a0e12acc658",
     "textures": "f745c086ee89b397",
-    "textures, one": "6db13492a37ac5f0",
+    "textures, one": "3ad0df768e53a73b",
 }
 
 
