@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import re
 import signal
@@ -11,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import hydra
+import yaml
 from hydra.core.config_store import ConfigStore
 from hydra.core.hydra_config import HydraConfig
 from hydra.errors import CompactHydraException, MissingConfigException
@@ -19,6 +21,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from experiments import runtime  # noqa: F401 - sets the environment before anything heavy is imported
 from experiments.config import PPOConfig, RunConfig, as_data, run_config
+from experiments.construct import construct, import_object
 from experiments.errors import ConfigError
 from experiments.run_folder import CHECKOUT
 from experiments.signals import Stopped
@@ -47,7 +50,7 @@ def run_command(
         build: makes the argument of ``task`` from Hydra's result; None makes a :class:`RunConfig`.
         settings: defaults beyond those of a :class:`RunConfig`, known to Hydra as ``base_<config_name>``.
     """
-    register_defaults()
+    register_defaults(sys.argv[1:])
     if settings is not None:
         ConfigStore.instance().store(name=f"base_{config_name}", node=dict(settings))
 
@@ -78,9 +81,45 @@ def run_command(
         sys.exit(f"error: {explain(problems[0], settings)}")
 
 
+def run_simple_command(task: Callable[[Any], Any], settings: type, about: str | None) -> None:
+    """Runs ``task`` with a dataclass of ``settings`` that the command line states as ``name=value``, values as in YAML.
+
+    For commands that have no groups of settings and no sweeps. Exits with 1 and one message where a user can mend it.
+    """
+    arguments = sys.argv[1:]
+    fields = dataclasses.fields(settings)
+    if {"-h", "--help"} & {*arguments}:
+        defaults = {f.name: "required" if f.default is dataclasses.MISSING else f"default: {f.default}" for f in fields}
+        print(f"{(about or '').strip()}\n\n" + "\n".join(f"  {name}=...  ({note})" for name, note in defaults.items()))
+        return
+    try:
+        config = construct(settings, parse_settings(arguments), "")
+        task(config)
+    except SegarError as error:
+        if os.environ.get("HYDRA_FULL_ERROR") == "1":
+            raise
+        sys.exit(f"error: {explain(error)}")
+    except KeyboardInterrupt:
+        sys.exit(128 + signal.SIGINT)
+
+
+def parse_settings(arguments: Sequence[str]) -> dict[str, Any]:
+    """Names and values of ``name=value``; raises :class:`ConfigError` for anything else."""
+    data: dict[str, Any] = {}
+    for argument in arguments:
+        name, equals, value = argument.partition("=")
+        if not equals or not name.isidentifier():
+            raise ConfigError(f"'{argument}' is no setting; settings are given as name=value")
+        try:
+            data[name] = yaml.safe_load(value)
+        except yaml.YAMLError as error:
+            raise ConfigError(f"{name}: '{value}' cannot be read: {error}") from error
+    return data
+
+
 def compose(overrides: Sequence[str] = (), config_name: str = "config") -> RunConfig:
     """The settings that overrides state, as a command line would; raises :class:`SegarError`."""
-    register_defaults()
+    register_defaults(overrides)
     try:
         with hydra.initialize_config_dir(str(conf_dir()), version_base="1.3"):
             return build_run(hydra.compose(config_name, list(overrides)))
@@ -100,12 +139,21 @@ def plain(config: DictConfig) -> dict[str, Any]:
     return {str(key): value for key, value in data.items()}
 
 
-def register_defaults() -> None:
-    """Tells Hydra the defaults, which live in the dataclasses, as plain data: it knows their names, we check the rest."""
+def register_defaults(overrides: Sequence[str] = ()) -> None:
+    """Tells Hydra the defaults, which live in the dataclasses, as plain data: it knows their names, we check the rest.
+
+    A file of ``conf/algorithm/`` whose ``type`` is ``package.module:Class`` finds that class's as ``base_module``. Only
+    those that ``overrides`` speak of are imported, as most import torch.
+    """
     store = ConfigStore.instance()
     defaults = as_data(RunConfig())
     store.store(name="base_config", node={key: v for key, v in defaults.items() if key != "algorithm"})
     store.store(group="algorithm", name="base_ppo", node=defaults["algorithm"])
+    for file in sorted((conf_dir() / "algorithm").glob("*.yaml")):
+        kind = (yaml.safe_load(file.read_text()) or {}).get("type")
+        if kind is not None and any(file.stem in override for override in overrides):
+            module = kind.partition(":")[0].rpartition(".")[2]
+            store.store(group="algorithm", name=f"base_{module}", node=as_data(import_object(kind, f"{file}: type")()))
 
 
 def explain(error: Exception, settings: Mapping[str, Any] | None = None) -> str:

@@ -10,18 +10,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import torch
-from tensordict import TensorDict
 from torch import Tensor, nn
 from torchrl.objectives import SoftUpdate
 from torchrl.objectives.common import LossModule
 
 from experiments.config import REWARD_TRANSFORMS, AlgorithmConfig, require, require_known
-from experiments.errors import ConfigError
-from experiments.ppo import check_finite, episode_figures, learner_reward
+from experiments.ppo import check_finite, learner_reward
 from experiments.replay import Replay
+from experiments.rollouts import figures_at_end, mean_figures, observation_shape
 from experiments.snapshots import as_tensors, from_tensors
-from segar.envs.torchrl_env import TorchRLEnv
+from segar.envs.vector import VectorEnv
 
 
 @dataclass(frozen=True)
@@ -40,6 +40,7 @@ class OffPolicyConfig(AlgorithmConfig):
     tau: float = 0.005  # share of the weights that enters the target networks after each gradient step
     reward_transform: str = "none"  # what the learner sees of the reward r: r itself, or sqrt: sign(r) |r|^1/2
     reward_scale: float = 1.0  # times this
+    device: str = "cpu"  # where networks and replay live: cpu, cuda, cuda:1
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -53,7 +54,10 @@ class OffPolicyConfig(AlgorithmConfig):
         least = 4 * self.num_envs
         require(self.capacity >= least, "algorithm.capacity", self.capacity, f"at least {least}, 4 x num_envs")
         require(
-            self.warmup >= 2 * self.num_envs, "algorithm.warmup", self.warmup, f"at least 2 x num_envs, {2 * self.num_envs}"
+            self.warmup >= 2 * self.num_envs,
+            "algorithm.warmup",
+            self.warmup,
+            f"at least 2 x num_envs, {2 * self.num_envs}",
         )
         require_known("algorithm.reward_transform", self.reward_transform, REWARD_TRANSFORMS)
 
@@ -61,22 +65,24 @@ class OffPolicyConfig(AlgorithmConfig):
 class OffPolicy(ABC):
     """The learner, see :class:`experiments.learner.Learner`."""
 
-    def __init__(self, config: Any, env: TorchRLEnv, frames: int, seed: int) -> None:
-        self.config, self.env = config, env
-        self.rng = torch.Generator().manual_seed(seed)
-        if env.observation_key is None:
-            raise ConfigError(
-                f"observation: {config.name} reads one array, not a tuple or dict; choose one part, or stack it"
-            )
-        self.shape = tuple(env.observation_spec[env.observation_key].shape[1:])
-        self.actions = env.action_spec.shape[-1]
+    def __init__(self, config: Any, env: VectorEnv, frames: int, seed: int) -> None:
+        self.config, self.env, self.device = config, env, torch.device(config.device)
+        self.rng = torch.Generator().manual_seed(seed)  # of the processor, so that devices draw alike
+        self.shape, self.actions = observation_shape(env), env.action_space.shape[-1]
         self.policy: Any = self.make_policy(config, self.shape, self.actions)
         self.loss = self.make_loss()
         self.optimizer = torch.optim.Adam(self.loss.parameters(), lr=config.learning_rate, fused=True)
-        self.targets = [SoftUpdate(part, tau=config.tau) for part in self.loss.modules() if isinstance(part, LossModule)]
-        self.replay = Replay(config.capacity, config.num_envs, self.rng)
+        self.targets = [
+            SoftUpdate(part, tau=config.tau) for part in self.loss.modules() if isinstance(part, LossModule)
+        ]
+        self.replay = Replay(config.capacity, config.num_envs, self.rng, self.device)
         self.frames = 0
-        self.current: Any = env.reset()
+        self.current, _ = env.reset()
+
+    @staticmethod
+    def make_env(levels: Any, num_envs: int, **options: Any) -> VectorEnv:
+        """Environments that start the next episode by themselves."""
+        return VectorEnv(levels, num_envs, **options)
 
     @staticmethod
     @abstractmethod
@@ -89,33 +95,39 @@ class OffPolicy(ABC):
 
     def iterate(self) -> Mapping[str, float]:
         """``num_steps`` steps in every environment, each followed by the gradient steps that are due."""
-        episodes, updates = [], []
+        ended: list[Mapping[str, np.ndarray]] = []
+        updates: list[dict[str, Tensor]] = []
         for _ in range(self.config.num_steps):
-            after = self.step()
-            if after.get("done").any():
-                episodes.append(after)
+            info = self.step()
+            if "_final_info" in info:
+                ended.append(figures_at_end(info))
             updates += [self.update() for _ in range(self.due())]
-        figures = {**episode_figures(episodes), "updates": float(len(updates))}
+        figures = {**mean_figures(ended), "updates": float(len(updates))}
         if updates:
             figures |= {name: float(torch.stack([u[name] for u in updates]).mean()) for name in updates[0]}
         check_finite(figures, self.frames)
         return figures
 
     @torch.no_grad()
-    def step(self) -> Any:
-        """Steps every environment once, remembers the step, and starts new episodes where one ended."""
-        observation = self.current.get(self.env.observation_key)
-        if self.frames < self.config.warmup:  # uniform in the action; the largest of 2^24 numbers below 1 is finite
-            u = (2.0 * torch.rand(self.config.num_envs, self.actions, generator=self.rng) - 1.0).clamp(min=-NEAR_ONE).atanh()
+    def step(self) -> Mapping[str, Any]:
+        """Steps every environment once and remembers the step; returns what the environments say about it."""
+        before, noise_shape = self.current, (self.config.num_envs, self.actions)
+        if self.frames < self.config.warmup:  # uniform actions
+            u = (2.0 * torch.rand(noise_shape, generator=self.rng) - 1.0).clamp(min=-NEAR_ONE).atanh()
         else:
-            loc, scale = self.policy(observation)
-            u = loc + scale * torch.randn(loc.shape, generator=self.rng)
-        after = self.env.step(TensorDict({"action": u.tanh()}, self.env.batch_size)).get("next")
-        done, last = after.get("done"), after.get(self.env.observation_key)
-        self.replay.add(observation, u, after.get("reward"), after.get("terminated"), done, last)
-        self.current = self.env.reset(TensorDict({"_reset": done}, self.env.batch_size)) if done.any() else after
+            loc, scale = self.policy(torch.from_numpy(before).to(self.device))
+            u = loc.cpu() + scale.cpu() * torch.randn(noise_shape, generator=self.rng)
+        self.current, reward, terminated, truncated, info = self.env.step(u.tanh().numpy())
+        done = terminated | truncated
+        last = info.get("final_obs", self.current)
+        self.replay.add(
+            torch.from_numpy(before),
+            u,
+            *(torch.from_numpy(array)[:, None] for array in (reward.astype(np.float32), terminated, done)),
+            last=torch.from_numpy(last),
+        )
         self.frames += len(u)
-        return after
+        return info
 
     def due(self) -> int:
         """Gradient steps that the last step of the environments asks for."""

@@ -28,14 +28,15 @@ class Replay:
     the next observation. Steps of a truncated episode have one too: the last observation, which no action followed.
 
     Args:
-        rng: draws the samples.
+        rng: draws the samples; a generator of the processor.
+        device: where the rows are kept.
     """
 
-    def __init__(self, capacity: int, num_envs: int, rng: torch.Generator) -> None:
-        self.capacity, self.num_envs = capacity, num_envs
-        self.sampler = StepSampler(capacity)
+    def __init__(self, capacity: int, num_envs: int, rng: torch.Generator, device: torch.device | str = "cpu") -> None:
+        self.capacity, self.num_envs, self.device = capacity, num_envs, device
+        self.sampler = StepSampler(capacity, device)
         self.buffer = TensorDictReplayBuffer(
-            storage=LazyTensorStorage(capacity), sampler=self.sampler, generator=rng
+            storage=LazyTensorStorage(capacity, device=device), sampler=self.sampler, generator=rng
         )
         self.written = 0  # rows, the overwritten ones included
         self.packed: dict[int, Tensor] = {}  # compressed frames by chunk, as long as no row of theirs has changed
@@ -73,7 +74,7 @@ class Replay:
             "done": torch.cat([done, torch.ones(len(ended), 1, dtype=torch.bool)]),
             "successor": torch.cat([following % self.capacity, torch.full((len(ended),), -1)]),
         }
-        written = self.buffer.extend(TensorDict(entries, [rows]))
+        written = self.buffer.extend(TensorDict(entries, [rows])).cpu()
         self.sampler.wrote(written, steps, done.flatten())
         for chunk in {int(row) // CHUNK for row in written}:
             self.packed.pop(chunk, None)
@@ -96,7 +97,7 @@ class Replay:
         if not self.written:
             return {"written": 0}
         rows = self.buffer.storage.get(slice(0, min(self.written, self.capacity)))
-        observation = rows["observation"]
+        observation = rows["observation"].cpu()
         frames = observation.dtype == torch.uint8
         return {
             "written": self.written,
@@ -105,7 +106,7 @@ class Replay:
             "waiting": self.sampler.waiting.clone(),
             "observation": self._pack(observation) if frames else observation.clone(),
             "shape": list(observation.shape),
-            "rows": {key: rows[key].clone() for key in ("u", "reward", "terminated", "done", "successor")},
+            "rows": {key: rows[key].cpu().clone() for key in ("u", "reward", "terminated", "done", "successor")},
         }
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
@@ -136,7 +137,8 @@ class Replay:
 class StepSampler(Sampler):
     """Draws among the rows that are steps and whose next observation is stored."""
 
-    def __init__(self, capacity: int) -> None:
+    def __init__(self, capacity: int, device: torch.device | str) -> None:
+        self.device = device
         self.complete = torch.zeros(capacity, dtype=torch.bool)
         self.waiting = torch.zeros(0, dtype=torch.int64)  # rows whose next observation comes with the next step
 
@@ -150,7 +152,7 @@ class StepSampler(Sampler):
     def sample(self, storage: Any, batch_size: int) -> tuple[Tensor, dict]:
         """Indices [batch_size] into the storage, with replacement."""
         rows = self.complete.nonzero().flatten()
-        return rows[torch.randint(len(rows), (batch_size,), generator=self._rng)], {}
+        return rows[torch.randint(len(rows), (batch_size,), generator=self._rng)].to(self.device), {}
 
     def forget(self) -> None:
         """Starts anew."""

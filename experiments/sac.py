@@ -88,17 +88,13 @@ class SACPolicy(nn.Module):
         """``loc`` and ``scale`` of the pre-tanh action."""
         return self.actor(observation)
 
-    @torch.no_grad()
     def act(self, observation: np.ndarray, *, rng: torch.Generator | None) -> np.ndarray:
         """Actions float32 [n, actions]; sampled with ``rng``, deterministic where it is None."""
-        loc, scale = self(torch.from_numpy(observation))
-        u = loc if rng is None else loc + scale * torch.randn(loc.shape, generator=rng)
-        return u.tanh().numpy()
+        return actions_of(self, observation, rng)
 
-    @torch.no_grad()
     def represent(self, observation: np.ndarray) -> np.ndarray:
         """The representation phi, float32 [n, width]."""
-        return self.actor.trunk(torch.from_numpy(observation)).numpy()
+        return representation_of(self.actor.trunk, observation)
 
 
 class SAC(OffPolicy):
@@ -111,31 +107,55 @@ class SAC(OffPolicy):
 
     def make_loss(self) -> SACLoss:
         """TorchRL's loss, over the policy and two critics."""
-        critics = [Critic(self.config, self.shape[0], self.actions) for _ in range(2)]
+        critics: list[nn.Module] = [Critic(self.config, self.shape[0], self.actions) for _ in range(2)]
         for network in (self.policy, *critics):
             initialize(network, self.rng)
-        return make_sac_loss(self.config, self.policy.actor, critics, "observation", self.rng)
+            network.to(self.device)
+        return make_sac_loss(self.config, self.policy.actor, critics, self.rng)
+
+
+@torch.no_grad()
+def actions_of(policy: nn.Module, observation: np.ndarray, rng: torch.Generator | None) -> np.ndarray:
+    """Actions float32 [n, actions]; sampled with ``rng``, deterministic where it is None."""
+    loc, scale = policy(torch.from_numpy(observation).to(_device(policy)))
+    u = loc if rng is None else loc + scale * torch.randn(loc.shape, generator=rng).to(loc.device)
+    return u.tanh().cpu().numpy()
+
+
+@torch.no_grad()
+def representation_of(encoder: nn.Module, observation: np.ndarray) -> np.ndarray:
+    """The encoder's output, float32 [n, width]."""
+    return encoder(torch.from_numpy(observation).to(_device(encoder))).cpu().numpy()
+
+
+def _device(module: nn.Module) -> torch.device:
+    return next(module.parameters()).device
 
 
 def make_sac_loss(
-    config: SACConfig, actor: nn.Module, critics: list[Any], features: str, rng: torch.Generator
+    config: SACConfig,
+    actor: nn.Module,
+    critics: list[nn.Module],
+    rng: torch.Generator,
+    actor_sees: str = "observation",
+    critics_see: str = "observation",
 ) -> SACLoss:
-    """TorchRL's loss on batches that hold ``features``, ``u`` and what came ``next``.
+    """TorchRL's loss on batches of what actor and critics see, ``u``, and the same ``next`` with reward and end.
 
     Args:
-        actor: features -> ``loc``, ``scale``.
-        critics: each features, ``u`` -> value; they need not agree.
+        actor: what it sees -> ``loc``, ``scale``.
+        critics: each what it sees, ``u`` -> value; of one architecture, with weights of their own.
         rng: draws the actions that losses look at.
     """
     parts: list[Any] = [
-        TensorDictModule(actor, in_keys=[features], out_keys=["loc", "scale"]),
+        TensorDictModule(actor, in_keys=[actor_sees], out_keys=["loc", "scale"]),
         ProbabilisticTensorDictModule(
             in_keys=["loc", "scale"], out_keys=["u"], distribution_class=_drawing_from(rng), return_log_prob=True
         ),
     ]
     loss = SACLoss(
         ProbabilisticTensorDictSequential(*parts),
-        [TensorDictModule(one, in_keys=[features, "u"], out_keys=["state_action_value"]) for one in critics],
+        [TensorDictModule(one, in_keys=[critics_see, "u"], out_keys=["state_action_value"]) for one in critics],
         num_qvalue_nets=len(critics),
         loss_function="l2",
         alpha_init=config.temperature,

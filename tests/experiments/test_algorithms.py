@@ -1,0 +1,99 @@
+"""What holds for every algorithm: runs repeat bit for bit, go on from checkpoints bit for bit, and owe nothing to torch's
+global generator."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import torch
+
+from experiments.checkpoint import load_policy, resume_checkpoint, save_checkpoint
+from experiments.config import LevelsConfig, ObservationConfig, RunConfig, ScaleConfig
+from experiments.construct import import_object
+from experiments.entry import compose
+from experiments.run_folder import CHECKPOINT
+from experiments.worlds import make_levels
+
+FEW = {"warmup": 8, "num_steps": 6, "batch_size": 6, "capacity": 64, "widths": (8,)}
+SOME = {"num_steps": 8, "encoder": "small", "widths": (8,), "minibatches": 2, "auxiliary_minibatches": 2}
+TINY = {
+    "sac": ("state", FEW),
+    "drq": ("rgb", FEW),
+    "drq_2022": ("rgb", FEW),
+    "curl": ("rgb", SOME),
+    "curl_original": ("rgb", SOME),
+    "spr": ("rgb", SOME),
+    "spr_original": ("rgb", SOME),
+}
+
+
+def tiny(name):
+    """The run of an algorithm as it stands in conf/, with a budget of seconds."""
+    observation, changes = TINY[name]
+    algorithm = dataclasses.replace(compose([f"algorithm={name}"]).algorithm, num_envs=3, **changes)
+    return RunConfig(
+        levels=LevelsConfig(train="empty-easy", count=3, test_count=1),
+        observation=ObservationConfig(name=observation),
+        algorithm=algorithm,
+        scale=ScaleConfig(frames=200),
+    )
+
+
+def learner(config, seed=0):
+    cls = import_object(config.algorithm.learner, "algorithm")
+    train, _ = make_levels(config.levels)
+    env = cls.make_env(train, config.algorithm.num_envs, seed=seed, observation=config.observation.name)
+    return cls(config.algorithm, env, config.scale.frames, seed)
+
+
+def weights(one):
+    return torch.cat([value.detach().double().flatten() for value in one.policy.state_dict().values()])
+
+
+@pytest.fixture(params=TINY)
+def config(request):
+    return tiny(request.param)
+
+
+def test_equal_seeds_give_equal_weights_whatever_torchs_generator_does_and_others_others(config):
+    def trained(seed, global_seed):
+        torch.manual_seed(global_seed)
+        one = learner(config, seed)
+        figures = [one.iterate() for _ in range(3)]
+        return weights(one), figures
+
+    (a, figures), (b, again), (c, _) = trained(0, 1), trained(0, 2), trained(1, 1)
+    assert torch.equal(a, b) and figures == again
+    assert not torch.equal(a, c)
+    assert np.isfinite([value for one in figures for value in one.values()]).all()
+
+
+def test_a_run_goes_on_from_a_checkpoint_bit_for_bit(config, tmp_path):
+    one = learner(config)
+    for _ in range(3):
+        one.iterate()
+    save_checkpoint(tmp_path, config, one, {})
+    other = learner(config, seed=7)
+    other.iterate()  # what it knows is forgotten
+    assert resume_checkpoint(tmp_path, config, other) == {}
+    assert other.frames == one.frames
+    for _ in range(3):
+        assert one.iterate() == other.iterate()
+    assert torch.equal(weights(one), weights(other))
+
+
+def test_a_policy_acts_and_represents_and_can_be_filled_without_an_environment(config, tmp_path):
+    one = learner(config)
+    one.iterate()
+    save_checkpoint(tmp_path, config, one, {})
+    env = type(one).make_env(make_levels(config.levels)[0], 5, seed=0, observation=config.observation.name)
+    observation, _ = env.reset()
+    policy = type(one).make_policy(config.algorithm, observation.shape[1:], 2)
+    assert load_policy(tmp_path / CHECKPOINT, policy) == one.frames
+    actions = policy.act(observation, rng=None)
+    assert actions.shape == (5, 2) and actions.dtype == np.float32 and (abs(actions) <= 1).all()
+    assert (actions == one.policy.act(observation, rng=None)).all()
+    draws = [policy.act(observation, rng=torch.Generator().manual_seed(seed)) for seed in (0, 0, 1)]
+    assert (draws[0] == draws[1]).all() and (draws[0] != draws[2]).any()
+    assert policy.represent(observation).shape[0] == 5
+    assert np.isfinite(policy.represent(observation)).all()

@@ -1,0 +1,262 @@
+"""SAC and DrQ: targets by hand, who gets which gradient, and steps that are those of the plain environment."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import torch
+from tensordict import TensorDict
+from torch.nn import functional as F
+
+from experiments.drq import DrQ, DrQConfig, DrQPolicy, cnn_2022
+from experiments.encoders import make_encoder
+from experiments.errors import ConfigError
+from experiments.sac import SAC, SACConfig, SACPolicy
+from segar import family
+from segar.envs.vector import VectorEnv
+from segar.tasks.puttputt import puttputt
+
+LEVELS = family("empty-easy").sample(5, seed=0)
+SMALL = SACConfig(num_envs=3, num_steps=10, warmup=12, batch_size=8, capacity=200, widths=(16, 8), gamma=0.9)
+FRAMES = DrQConfig(num_envs=3, num_steps=6, warmup=12, batch_size=4, capacity=200, widths=(8,), precision="fp32")
+
+
+def learner(config=SMALL, seed=0, frames=10_000, **options):
+    cls = DrQ if isinstance(config, DrQConfig) else SAC
+    observation = "rgb" if isinstance(config, DrQConfig) else "state"
+    return cls(
+        config, cls.make_env(LEVELS, config.num_envs, seed=seed, observation=observation, **options), frames, seed
+    )
+
+
+def toy_batch(width, n=3, seed=1):
+    """A step that goes on, one that is truncated, one that is terminated."""
+    rng = torch.Generator().manual_seed(seed)
+    after = {
+        "observation": torch.randn(n, width, generator=rng),
+        "reward": torch.randn(n, 1, generator=rng),
+        "done": torch.tensor([[False], [True], [True]]),
+        "terminated": torch.tensor([[False], [False], [True]]),
+    }
+    before = {"observation": torch.randn(n, width, generator=rng), "u": torch.randn(n, 2, generator=rng)}
+    return TensorDict({**before, "next": TensorDict(after, [n])}, [n])
+
+
+def critic_by_hand(weights, k, observation, u):
+    x = torch.cat([observation, u.tanh()], -1)
+    for layer in ("0", "2"):
+        part = weights["module", "trunk", "layers", layer]
+        x = F.relu(F.linear(x, part["weight"][k], part["bias"][k]))
+    return F.linear(x, weights["module", "value", "weight"][k], weights["module", "value", "bias"][k])
+
+
+def test_critics_learn_towards_targets_that_are_those_of_their_definition():
+    """r + gamma (min Q'(s', a') - alpha log pi(a'|s')), but r alone where the step terminated."""
+    one = learner()
+    for _ in range(3):
+        one.iterate()  # so that targets differ from critics
+    batch = toy_batch(one.shape[0])
+    draws = torch.Generator().manual_seed(0)
+    draws.set_state(one.rng.get_state())
+    figures = one.loss(batch)
+
+    loc, scale = one.policy(batch["next", "observation"])
+    noise = torch.randn(3, 2, generator=draws)
+    u = loc + scale * noise
+    density = torch.distributions.Normal(loc, scale).log_prob(u) - torch.log(1 - u.tanh() ** 2)
+    slow, quick = one.loss.target_qvalue_network_params, one.loss.qvalue_network_params
+    ahead = torch.minimum(*(critic_by_hand(slow, k, batch["next", "observation"], u) for k in range(2)))
+    soft = ahead - one.loss.log_alpha.exp() * density.sum(-1, keepdim=True)
+    goes_on = torch.tensor([[1.0], [1.0], [0.0]])
+    target = batch["next", "reward"] + one.config.gamma * goes_on * soft
+    errors = [critic_by_hand(quick, k, batch["observation"], batch["u"]) - target for k in range(2)]
+    expected = sum((error**2).mean() for error in errors)
+    torch.testing.assert_close(figures["loss_qvalue"], expected, rtol=1e-4, atol=1e-6)
+
+
+def test_a_terminated_step_looks_at_nothing_beyond_it_and_a_truncated_one_does():
+    one = learner()
+    values = []
+    for row, change in ((0, 0.0), (0, 5.0), (1, 5.0), (2, 5.0)):
+        batch = toy_batch(one.shape[0])
+        batch["next", "observation"][row] += change
+        one.rng.manual_seed(0)
+        values.append(one.loss(batch)["loss_qvalue"].item())
+    unchanged, goes_on, truncated, terminated = values
+    assert goes_on != unchanged and truncated != unchanged
+    assert terminated == unchanged
+
+
+def test_the_policys_loss_is_that_of_its_definition_and_moves_no_critic():
+    one = learner()
+    batch = toy_batch(one.shape[0])
+    draws = torch.Generator().manual_seed(0)
+    draws.set_state(one.rng.get_state())
+    figures = one.loss(batch)
+    torch.randn(3, 2, generator=draws)  # the actions of the next step
+    loc, scale = one.policy(batch["observation"])
+    u = loc + scale * torch.randn(3, 2, generator=draws)
+    density = (torch.distributions.Normal(loc, scale).log_prob(u) - torch.log(1 - u.tanh() ** 2)).sum(-1, keepdim=True)
+    worse = torch.minimum(
+        *(critic_by_hand(one.loss.qvalue_network_params, k, batch["observation"], u) for k in range(2))
+    )
+    expected = (one.config.temperature * density - worse).mean()
+    torch.testing.assert_close(figures["loss_actor"], expected, rtol=1e-4, atol=1e-6)
+
+    figures["loss_actor"].backward()
+    assert all(p.grad is not None for p in one.policy.parameters())
+    assert all(p.grad is None for p in one.loss.qvalue_network_params.values(True, True))
+
+
+def test_the_temperature_falls_while_the_policy_is_noisier_than_asked_for():
+    one = learner()
+    batch = toy_batch(one.shape[0])
+    for target, sign in ((-50.0, 1.0), (50.0, -1.0)):
+        config = dataclasses.replace(SMALL, target_entropy=target)
+        one = learner(config)
+        one.loss(batch.clone())["loss_alpha"].backward()
+        assert one.loss.log_alpha.grad.sign().item() == sign
+
+
+@pytest.mark.parametrize("config", [SMALL, FRAMES])
+def test_target_networks_are_the_moving_average_of_networks(config):
+    one = learner(dataclasses.replace(config, tau=0.25))
+    while len(one.replay) < 8:
+        one.step()
+    pairs = [(name.removeprefix("target_"), name) for part in one.targets for name in part._target_names]
+    for loss, (source, target) in zip([t.loss_module for t in one.targets], pairs, strict=True):
+        expected = getattr(loss, target).clone()
+        for _ in range(3):
+            one.update()
+            expected = expected.apply(lambda slow, quick: torch.lerp(slow, quick, 0.25), getattr(loss, source).detach())
+        for key, value in getattr(loss, target).items(True, True):
+            torch.testing.assert_close(value, expected[key])
+            assert not torch.equal(value, getattr(loss, source)[key])
+
+
+def test_what_is_remembered_is_what_a_plain_environment_does(monkeypatch):
+    """Episodes of seven steps: the replay knows last observations, and which episodes were cut and which ended."""
+    task = puttputt(max_steps=7)
+    one = learner(dataclasses.replace(SMALL, warmup=1000), task=task)
+    plain = VectorEnv(LEVELS, 3, seed=0, observation="state", task=task)
+    taken = []
+    step = one.env.step
+    monkeypatch.setattr(one.env, "step", lambda actions: taken.append(actions) or step(actions))
+    observation, _ = plain.reset()
+    made, truncations = set(), 0
+    for _ in range(40):
+        one.step()
+        after, reward, terminated, truncated, info = plain.step(taken[-1])
+        done = terminated | truncated
+        following = np.where(done[:, None], info.get("final_obs", after), after)
+        rows = (observation, following, taken[-1], reward.astype(np.float32), terminated, done)
+        made |= {tuple(entry.tobytes() for entry in row) for row in zip(*rows, strict=True)}
+        truncations += int(truncated.sum())
+        observation = after
+    batch = one.replay.sample(3000)
+    after = [batch["next", key].squeeze(-1).numpy() for key in ("reward", "terminated", "done")]
+    rows = (batch["observation"].numpy(), batch["next", "observation"].numpy(), batch["u"].tanh().numpy(), *after)
+    drawn = {tuple(entry.tobytes() for entry in row) for row in zip(*rows, strict=True)}
+    assert drawn <= made and len(drawn) == len(one.replay) > 100
+    assert truncations > 10
+
+
+def test_random_actions_before_learning_are_uniform_and_finite():
+    one = learner(dataclasses.replace(SMALL, warmup=1200, num_envs=100, capacity=4000))
+    for _ in range(12):
+        one.step()
+    u = one.replay.sample(20_000)["u"]
+    assert torch.isfinite(u).all()
+    shares = torch.histc(u.tanh(), 10, -1.0, 1.0) / u.numel()
+    torch.testing.assert_close(shares, torch.full((10,), 0.1), atol=0.02, rtol=0)
+    assert one.due() == 100 and one.frames == 1200
+
+
+@pytest.mark.parametrize(("per", "expected"), [(1, 9), (2, 5), (3, 3), (100, 0)])
+def test_gradient_steps_keep_pace_with_environment_steps(per, expected):
+    one = learner(dataclasses.replace(SMALL, steps_per_update=per, warmup=12, num_steps=6))
+    assert one.iterate()["updates"] == expected  # of 18 steps, the last 9 of which are learned from
+
+
+def test_losses_reach_exactly_whom_they_should_behind_a_cnn():
+    """The critics' loss trains the CNN; the policy's and the temperature's do not; nothing trains targets."""
+    one = learner(FRAMES)
+    while len(one.replay) < 4:
+        one.step()
+    heads = one.loss.heads
+    parts = {
+        "cnn": list(one.loss.encoder_params.values(True, True)),
+        "policy": list(heads.actor_network_params.values(True, True)),
+        "critics": list(heads.qvalue_network_params.values(True, True)),
+        "temperature": [heads.log_alpha],
+        "targets": [
+            *one.loss.target_encoder_params.values(True, True),
+            *heads.target_qvalue_network_params.values(True, True),
+        ],
+    }
+    expected = {"loss_qvalue": {"cnn", "critics"}, "loss_actor": {"policy"}, "loss_alpha": {"temperature"}}
+    for loss, reached in expected.items():
+        one.loss.zero_grad(set_to_none=True)
+        one.loss(one.replay.sample(4))[loss].backward()
+        moved = {name for name, weights in parts.items() if any(w.grad is not None and w.grad.any() for w in weights)}
+        assert moved == reached, loss
+    assert {id(w) for w in one.policy.parameters()} == {id(w) for name in ("cnn", "policy") for w in parts[name]}
+    learned = {id(w) for group in one.optimizer.param_groups for w in group["params"]}
+    assert learned == {id(w) for name, weights in parts.items() if name != "targets" for w in weights}
+
+
+def test_what_follows_is_seen_by_the_slow_cnn_for_critics_and_by_the_quick_one_for_the_policy(monkeypatch):
+    monkeypatch.setattr("experiments.drq.random_shift", lambda frames, pixels, rng: frames)
+    one = learner(FRAMES)
+    for _ in range(3):
+        one.iterate()
+    batch = one.replay.sample(4)
+    encoded = one.loss.encoded(batch)
+    slow = make_encoder(FRAMES, one.shape)
+    slow.load_state_dict({".".join(k[1:]): v for k, v in one.loss.target_encoder_params.items(True, True)})
+    torch.testing.assert_close(encoded["seen"], one.policy.encoder(batch["observation"]))
+    torch.testing.assert_close(encoded["features"], encoded["seen"])
+    torch.testing.assert_close(encoded["next", "seen"], one.policy.encoder(batch["next", "observation"]))
+    torch.testing.assert_close(encoded["next", "features"], slow(batch["next", "observation"]))
+    assert not torch.equal(encoded["next", "features"], encoded["next", "seen"])
+
+
+def test_frames_before_and_after_a_step_are_shifted_by_draws_of_their_own(monkeypatch):
+    shifted = []
+    monkeypatch.setattr("experiments.drq.random_shift", lambda frames, pixels, rng: shifted.append(pixels) or frames)
+    one = learner(FRAMES)
+    while not one.due():
+        one.step()
+    one.update()
+    assert shifted == [FRAMES.shift] * 2
+
+
+def test_the_cnn_of_2022_has_the_size_that_its_description_says():
+    cnn = cnn_2022(64, 64, 3)
+    assert sum(p.numel() for p in cnn.parameters()) == 388_416
+    config = dataclasses.replace(FRAMES, encoder="experiments.drq:cnn_2022")
+    assert DrQPolicy(config, (64, 64, 3), 2).represent(np.zeros((2, 64, 64, 3), np.uint8)).shape == (2, 4096)
+
+
+def test_observations_that_an_algorithm_cannot_read_are_refused_with_the_one_that_can():
+    with pytest.raises(ConfigError, match=r"sac reads vectors, not .*\[64, 64, 3\]; algorithm=drq reads frames"):
+        SACPolicy(SMALL, (64, 64, 3), 2)
+    with pytest.raises(ConfigError, match=r"drq reads frames, not .*\[9\]; algorithm=sac reads vectors"):
+        DrQPolicy(FRAMES, (9,), 2)
+
+
+@pytest.mark.parametrize(
+    ("setting", "value", "wanted"),
+    [
+        ("capacity", 11, "at least 12, 4 x num_envs"),
+        ("warmup", 5, "at least 2 x num_envs, 6"),
+        ("tau", 0.0, "more than 0, and at most 0.5"),
+        ("gamma", 1.5, "between 0 and 1"),
+        ("widths", (), "one or more numbers"),
+        ("steps_per_update", 0, "at least 1"),
+        ("temperature", 0.0, "more than 0"),
+    ],
+)
+def test_settings_that_make_no_sense_are_refused_by_name(setting, value, wanted):
+    with pytest.raises(ConfigError, match=rf"algorithm\.{setting}: .*{wanted}"):
+        dataclasses.replace(SMALL, **{setting: value})
