@@ -12,7 +12,7 @@ T = TypeVar("T")
 
 
 def as_tensors(snapshot: Any) -> dict[str, Any]:
-    """A snapshot (a dataclass of arrays, numbers, dicts of these and such dataclasses) as nested dicts of tensors and numbers."""
+    """A snapshot (a dataclass of arrays, numbers, dicts and such dataclasses) as nested dicts of tensors and numbers."""
     return {field.name: _plain(getattr(snapshot, field.name)) for field in dataclasses.fields(snapshot)}
 
 
