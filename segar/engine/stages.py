@@ -7,23 +7,19 @@ is therefore written to a second buffer ``W`` and copied when the stage is over;
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable
-from itertools import pairwise
 
 from segar.effects import Aggregate, Differential, SetFactor
 from segar.engine.applications import Application, application_symbols, bind_tree
+from segar.engine.disputes import Takes, check_static, find_disputed, read_across
 from segar.engine.emit import Writer, bind
 from segar.engine.gates import Gate, find_gate
 from segar.engine.layout import Slot, holds
 from segar.engine.loops import VARIABLES, both, condition, match_test, over_group, share
-from segar.engine.spec import Group, Matcher, Needs, leaves_of, needs_of, outcomes_of, relation_mask, settle, symbols_of
-from segar.engine.symbols import walk
+from segar.engine.spec import Group, Matcher, Needs, needs_of, outcomes_of, relation_mask, settle
 from segar.engine.trace import Branch, Leaf, Outcome, Tree
-from segar.errors import ConflictError, RuleError
-from segar.factors import Factor, Floor, Order, Position, Size
+from segar.errors import RuleError
+from segar.factors import Factor, Floor, Position
 from segar.rule import Rule
-
-Takes = Callable[[Rule, Outcome], bool]
 
 
 class Stage:
@@ -50,7 +46,7 @@ class Stage:
                 if any(o.argument == target and takes(rule, o) for o in outcomes_of(rule.tree)):
                     self.applications.append(Application(rule, number, target, needs))
         self.groups = self._indistinct_groups(self.applications)
-        self.shared = self._read_across()
+        self.shared = read_across(matcher, self.groups, self.applications)
         self.list_length = 0
         self.gates = self._find_gates()
 
@@ -117,8 +113,8 @@ class Stage:
 
     def _write_target(self, w: Writer, group: Group, mine: list[tuple[Application, int]]) -> list:
         factors = self._factors(group, mine)
-        self._check_static(group, mine)
-        self.disputed = self._find_disputed(group, mine)
+        check_static(group, mine, self.takes)
+        self.disputed = find_disputed(self.matcher, group, mine, self.takes)
         for column, (_, width, kinds) in factors.items():
             if Aggregate in kinds:
                 w.line(f"agg_{column} = False")
@@ -344,67 +340,6 @@ class Stage:
                     entry[2].add(outcome.kind)
         return found
 
-    def _check_static(self, group: Group, mine: list[tuple[Application, int]]) -> None:
-        """Raise where two rules on single entities always set one factor and neither is more specific."""
-        setters = defaultdict(list)
-        for a, _ in mine:
-            if len(a.needs) == 1 and a.rule.relation is None and not isinstance(a.rule.tree, Branch):
-                for o in a.rule.tree.outcomes:
-                    if o.kind is SetFactor and self.takes(a.rule, o):
-                        setters[(o.factor, a.rule.priority)].append((a, o))
-        for (factor, _), found in setters.items():
-            for (a, first), (b, second) in pairwise(found):
-                # Symbols are interned: the same expression is the same object.
-                if any(p is not q for p, q in zip(first.components, second.components, strict=True)):
-                    raise ConflictError(
-                        f"{a.rule.where} and {b.rule.where} both always set {factor.__name__} of"
-                        f" {group.types[0].__name__}, and neither is more specific; remove one, add a relation, or give"
-                        " one a priority"
-                    )
-
-    def _find_disputed(self, group: Group, mine: list[tuple[Application, int]]) -> set[int]:
-        """Columns on which outcomes of equal priority can meet: of two rules, of one over several partners, or of one
-        that speaks twice."""
-        most: dict[tuple[int, int], int] = defaultdict(int)
-        for a, _ in mine:
-            said: dict[int, int] = defaultdict(int)
-            for leaf in leaves_of(a.rule.tree):
-                columns = [
-                    self.matcher.column(group, o.factor)
-                    for o in leaf.outcomes
-                    if o.argument == a.target and o.kind is SetFactor and self.takes(a.rule, o)
-                ]
-                for column in columns:
-                    said[column] = max(said[column], columns.count(column) * len(a.needs))
-            for column, count in said.items():
-                most[column, a.rule.priority] += count
-        return {column for (column, _), count in most.items() if count > 1}
-
-    def _read_across(self) -> set[type[Factor]]:
-        """Factors that some rule reads on an entity that is not its target."""
-        shared: set[type[Factor]] = set()
-        for a in self.applications:
-            if not self._has_partners(a):
-                continue
-            symbols = symbols_of(a.rule.tree)
-            if a.rule.relation is not None:
-                symbols += walk(a.rule.relation.truth)
-            for symbol in symbols:
-                if symbol.op == "load" and symbol.args[0] != a.target:
-                    shared |= _family(symbol.args[1])
-                if symbol.op == "relation" and isinstance(symbol.args[0], str):
-                    shared |= {Position, Order, Size}
-        return shared
-
-    def _has_partners(self, a: Application) -> bool:
-        """Whether some entity can be another argument of the rule beside a target."""
-        targets = [g for g in self.groups if self.matcher.match(g, a.needs[a.target]) is not None]
-        for other, need in enumerate(a.needs):
-            partners = [g for g in self.groups if self.matcher.match(g, need) is not None]
-            if other != a.target and any(t is not p or not t.is_single for t in targets for p in partners):
-                return True
-        return False
-
     def _asks_topmost(self, a: Application, group: Group) -> bool:
         return any(
             s.op == "relation" and s.args[0] in ("is_on", "contains") and a.variables[s.args[1]] == "i"
@@ -417,11 +352,3 @@ class Stage:
             return False
         truth = settle(self.matcher, bind(a.rule.relation.truth, a.variables, a.number), groups)
         return truth.op == "const" and not truth.args[0]
-
-
-def _family(factor: type[Factor]) -> set[type[Factor]]:
-    return _descendants(factor) | {b for b in factor.__mro__ if issubclass(b, Factor)}
-
-
-def _descendants(factor: type[Factor]) -> set[type[Factor]]:
-    return {factor}.union(*map(_descendants, factor.__subclasses__()))
