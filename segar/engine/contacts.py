@@ -25,7 +25,7 @@ COLLIDES = Needs((Collides, Position, Velocity), None)
 
 @dataclass(frozen=True)
 class Contacts:
-    """The functions that ``device.py`` calls by name while it resolves contacts."""
+    """The functions that ``device_contacts.py`` calls by name while it resolves contacts."""
 
     source: Source
     world: World
