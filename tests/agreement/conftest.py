@@ -15,7 +15,8 @@ from tests.agreement.summary import lines
 def replays() -> dict[str, list[Verdict]]:
     """Verdicts of all trajectories, by file."""
     verdicts = {path.stem: replay(path, world_in) for path in sorted(Path(folder()).glob("*.npz"))}
-    lines[:] = [line for family, found in verdicts.items() for line in _report(family, found)]
+    rows = [line for family, found in verdicts.items() for line in _report(family, found)]
+    lines[:] = [f"agreement with the simulator of 2022 ({folder()})", *rows] if rows else []
     return verdicts
 
 

@@ -1,4 +1,5 @@
-"""What the agreement tests found, for the end of pytest's report; with several workers it comes from one of them."""
+"""What the agreement tests found, for the end of pytest's report; with several workers it comes from one of them. The first
+line is the heading."""
 
 from __future__ import annotations
 
