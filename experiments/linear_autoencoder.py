@@ -29,6 +29,7 @@ class Training:
             ``LOOKS`` of :mod:`segar.textures.standard`, whatever their noise.
         texture_contrast, colour_contrast: what it should be: root mean square over pixels, and of the mean colour, in
             units in which black is -1 and white 1.
+        calm: weight of the mean square of what noise changes, in these units.
         floor_contrast: how many times as much it should be between the floor and a thing.
     """
 
@@ -41,6 +42,7 @@ class Training:
     texture_contrast: float = 0.6
     colour_contrast: float = 0.35
     floor_contrast: float = 1.6
+    calm: float = 0.3
 
 
 def train_set(name: str, seeds: range, training: Training) -> TextureSet:
@@ -73,10 +75,12 @@ def train_model(seed: int, training: Training) -> tuple[np.ndarray, np.ndarray]:
         x = torch.tensor(masked(pool[rng.integers(len(pool), size=training.batch)], rng))
         y = torch.tanh(x @ weights + spread_bias)
         error = (importance * (y @ inverse + offset - x) ** 2).mean()
-        noisy = torch.tensor(with_noise(clean, of_noise, rng))
-        shortfall = contrast_shortfall(torch.tanh(noisy @ weights + spread_bias), training)
+        plain, noisy = (
+            torch.tanh(torch.tensor(x) @ weights + spread_bias) for x in (clean, with_noise(clean, of_noise, rng))
+        )
+        shortfall, change = contrast_shortfall(noisy, training), ((noisy - plain) ** 2).mean()
         optimizer.zero_grad()
-        (error + training.contrast * shortfall).backward()
+        (error + training.contrast * shortfall + training.calm * change).backward()
         optimizer.step()
         schedule.step()
     final = folded(encoder).detach().reshape(count, 3, STRIDE, STRIDE).permute(0, 2, 3, 1).numpy()

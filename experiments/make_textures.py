@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from experiments.filter_sets import filter_sets
 from experiments.linear_autoencoder import Training, train_set
 from segar.textures import TextureSet
 from segar.textures.inputs import is_noise
@@ -21,6 +22,7 @@ from segar.textures.samples import UNIFORM, family_laws
 from segar.textures.texture_set import DATA
 
 # Sets share no seed, so that one can be trained on and another be tested on.
+FILTER_SETS = ("baseline", "close", "far")
 LINEAR_SETS = {"one": range(1), "five": range(1, 6), "twenty": range(6, 26)}
 ROW = "| {:14} | {:>6} | {:>18} | {:>18} |"
 
@@ -30,16 +32,19 @@ def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(
         prog="python -m experiments.make_textures", description="Make the sets of textures that come with SEGAR."
     )
-    parser.add_argument("sets", nargs="*", choices=[*LINEAR_SETS, []], help="sets to make; all by default")
+    parser.add_argument(
+        "sets", nargs="*", choices=[*LINEAR_SETS, *FILTER_SETS, []], help="sets to make; all by default"
+    )
     parser.add_argument("--into", type=Path, default=DATA, help="folder to write to")
     parser.add_argument("--only-table", action="store_true", help="make nothing, measure what is there")
     chosen = parser.parse_args(arguments)
     torch.set_num_threads(1)  # the models are small, and threads would only wait for each other
-    for name in chosen.sets or LINEAR_SETS:
+    for name in chosen.sets or (*LINEAR_SETS, *FILTER_SETS):
         path = chosen.into / f"{name}.npz"
         if not chosen.only_table:
             chosen.into.mkdir(parents=True, exist_ok=True)
-            train_set(name, LINEAR_SETS[name], Training()).save(path)
+            made = filter_sets()[name] if name in FILTER_SETS else train_set(name, LINEAR_SETS[name], Training())
+            made.save(path)
         print(f"\n{table(TextureSet.load(path))}", flush=True)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from segar.errors import SegarError, did_you_mean
 from segar.metrics.transport import emd
 from segar.noise import GaussianNoise
-from segar.textures.filter_textures import FilterClusters, cluster_costs
+from segar.textures.filter_clusters import FilterClusters, cluster_costs
 from segar.textures.inputs import BACKGROUND, NOISE_CLIP, is_noise
 from segar.textures.samples import UNIFORM, Laws, product_of_marginals
 from segar.textures.texture_set import TextureSet
@@ -264,7 +264,7 @@ def _frechet(x: np.ndarray, y: np.ndarray) -> float:
     The trace of (C C')^(1/2) is the sum of the singular values of the product of the symmetric roots.
     """
     means = x.mean(axis=0), y.mean(axis=0)
-    first, second = (_root(np.cov(points, rowvar=False)) for points in (x, y))
+    first, second = (_root(np.atleast_2d(np.cov(points, rowvar=False))) for points in (x, y))
     overlap = np.linalg.svd(first @ second, compute_uv=False).sum()
     square = ((means[0] - means[1]) ** 2).sum() + (first**2).sum() + (second**2).sum() - 2 * overlap
     return float(np.sqrt(max(square, 0.0)))

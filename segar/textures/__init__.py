@@ -1,7 +1,7 @@
 """Textures: patterns that show factors, as sets of models whose differences can be measured."""
 
 from segar.textures.filter_bank import FilterBank
-from segar.textures.filter_textures import filter_textures
+from segar.textures.filter_clusters import filter_textures
 from segar.textures.inputs import BACKGROUND, NOISE, TypeInputs, type_inputs
 from segar.textures.read_out import linear_read_out
 from segar.textures.samples import product_of_marginals

@@ -28,7 +28,7 @@ class FilterBank:
     filters: np.ndarray
 
     def __post_init__(self) -> None:
-        filters = np.ascontiguousarray(self.filters, dtype=np.float32)
+        filters = np.array(self.filters, dtype=np.float32, order="C")
         if filters.ndim != 4 or filters.shape[1] != 3 or filters.shape[2] != filters.shape[3]:
             raise SegarError(f"filters '{self.name}' must have the shape [filter, 3, k, k], not {list(filters.shape)}")
         if not np.isfinite(filters).all() or not filters.any(axis=(1, 2, 3)).all():
@@ -106,7 +106,7 @@ class FilterBank:
         kind = rng.permutation(np.arange(count) % 3)
         along = np.cos(orientation)[:, None, None] * x + np.sin(orientation)[:, None, None] * y
         wave = envelope * np.cos(2 * np.pi * along / wavelength[:, None, None] + phase[:, None, None])
-        plain = rng.uniform(0.3, 1.0, count) * np.where(kind == 0, 2.0, 1.0)
+        plain = rng.uniform(0.3, 1.0, count) * np.where(kind == 0, 2.0, 1.4)
         grey = np.full((count, 3), 3**-0.5) * np.sign(np.cos(hue))[:, None]
         lightness = rng.uniform(-0.7, 0.7, (count, 1))
         colour = _opponent(hue) + lightness * np.full(3, 3**-0.5)

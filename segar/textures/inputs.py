@@ -100,7 +100,7 @@ def entity_values(inputs: Sequence[str], entity: Entity) -> np.ndarray:
         if issubclass(thing, Entity):
             values[i] = isinstance(entity, thing)
             continue
-        held = next((f for f in entity.factors if issubclass(f, thing)), None)
+        held = thing if thing in entity.factors else next((f for f in entity.factors if issubclass(f, thing)), None)
         if not thing.width:
             values[i] = held is not None
         else:

@@ -62,7 +62,7 @@ class TextureSet:
         set_ = object.__setattr__
         set_(self, "inputs", tuple(name_of_input(i) for i in self.inputs))
         for field, dtype in (("weights", np.float32), ("bias", np.float32), ("shift", float), ("scale", float)):
-            array = np.ascontiguousarray(getattr(self, field), dtype=dtype)
+            array = np.array(getattr(self, field), dtype=dtype, order="C")
             array.setflags(write=False)
             set_(self, field, array)
         _check(self)

@@ -25,9 +25,9 @@ CELLS = 2  # the period is so many cells wide
 LARGEST_CELL = 4  # [pixels] so that a period is not larger than the smallest things in a picture of 64 pixels
 # Root mean square of what one standard deviation of an input adds before tanh. More is easier to see, less is easier to
 # read out. The floor is nothing else; what is rare or tells things apart may be strong.
-AMPLITUDE = 0.4
-AMPLITUDES = {BACKGROUND: 1.2, "Charge": 0.6, "Magnetism": 0.6, "StoredEnergy": 0.6, "Consumes": 0.5, "GoalTile": 0.55}
-AMPLITUDES |= {"Alive": 0.25, NOISE: 0.3}
+AMPLITUDE = 0.36
+AMPLITUDES = {BACKGROUND: 1.2, "Charge": 0.55, "Magnetism": 0.55, "StoredEnergy": 0.55, "Alive": 0.28, NOISE: 0.28}
+AMPLITUDES |= {"Consumes": 0.4, "GoalTile": 0.45, "GolfBall": 0.45}
 
 
 def filter_textures(
@@ -101,8 +101,13 @@ class FilterClusters:
         return FilterClusters(self.filters, place[self.labels], self.count)
 
 
-def cluster_filters(bank: FilterBank, count: int, rng: np.random.Generator) -> FilterClusters:
+def cluster_filters(
+    bank: FilterBank, count: int, rng: np.random.Generator, near: FilterClusters | None = None
+) -> FilterClusters:
     """The bank in ``count`` clusters by k-means, the best of some starts; in random order, as clusters have none.
+
+    Args:
+        near: clusters of another bank; k-means then starts at their centres, or as near to them as no cluster gets empty.
 
     Raises:
         SegarError: the bank has fewer filters than clusters, or too many are alike.
@@ -114,8 +119,11 @@ def cluster_filters(bank: FilterBank, count: int, rng: np.random.Generator) -> F
     filters = bank.normalised()
     points = filters.reshape(len(filters), -1)
     best, labels = np.inf, None
-    for _ in range(KMEANS_STARTS):
+    for k in range(KMEANS_STARTS):
         start = points[rng.choice(len(points), count, replace=False)]
+        if near is not None:
+            centres = np.stack([near.members(cluster).mean(axis=0).ravel() for cluster in range(count)])
+            start = centres + k / KMEANS_STARTS * (start - centres)
         try:
             centres, found = kmeans2(points, start, iter=KMEANS_ITERATIONS, minit="matrix", missing="raise")
         except ClusterError:  # a cluster lost its last member: another start
@@ -123,6 +131,8 @@ def cluster_filters(bank: FilterBank, count: int, rng: np.random.Generator) -> F
         inertia = float(((points - centres[found]) ** 2).sum())
         if inertia < best and len(np.unique(found)) == count:
             best, labels = inertia, found
+            if near is not None:
+                break
     if labels is None:
         raise SegarError(f"{bank!r} cannot be dealt into {count} clusters: too many of its filters are alike")
     return FilterClusters(filters, labels.astype(np.int64), count).reordered(rng.permutation(count))
@@ -169,20 +179,26 @@ def aligned(clusters: FilterClusters, baseline: FilterClusters) -> FilterCluster
 def filter_patterns(clusters: FilterClusters, rng: np.random.Generator) -> np.ndarray:
     """What each cluster looks like, float64 ``[cluster, P, P, 3]`` with a root mean square of 1.
 
-    A transposed convolution over 2 x 2 cells, each with a member of the cluster that ``rng`` picks, on a field that
-    repeats. Filters wider than a cell overlap. The patterns are then made orthogonal, changing them as little as possible
-    (Loewdin 1950), so that one factor's can be told from the others'.
+    A transposed convolution over 2 x 2 cells, each with one member of the cluster, on a field that repeats. Filters wider
+    than a cell overlap. ``rng`` draws what each cell looks for, and the member most like that is taken: where clusters
+    change little, so do patterns. But for their mean colours, of which there are only three independent ones, patterns are
+    then made orthogonal, changing them as little as possible (Loewdin 1950), so that one factor's can be told from the
+    others'.
     """
     size = clusters.filters.shape[1]
     stride = min(size, LARGEST_CELL)
     period = CELLS * stride
     patterns = np.zeros((clusters.count, period, period, 3))
     reach = np.arange(size)
+    sought = rng.standard_normal((CELLS**2, *clusters.filters.shape[1:]))
     for cluster in range(clusters.count):
         members = clusters.members(cluster)
-        for cell in range(CELLS**2):
+        taken = np.tensordot(members, sought, axes=([1, 2, 3], [1, 2, 3])).argmax(axis=0)
+        for cell, member in enumerate(taken):
             rows, columns = (reach + stride * (cell // CELLS)) % period, (reach + stride * (cell % CELLS)) % period
-            np.add.at(patterns[cluster], np.ix_(rows, columns), members[rng.integers(len(members))])
+            np.add.at(patterns[cluster], np.ix_(rows, columns), members[member])
     patterns /= np.sqrt((patterns**2).mean(axis=(1, 2, 3), keepdims=True))
-    left, _, right = np.linalg.svd(patterns.reshape(clusters.count, -1), full_matrices=False)
-    return (left @ right).reshape(patterns.shape) * np.sqrt(patterns[0].size)
+    colours = patterns.mean(axis=(1, 2), keepdims=True)
+    left, _, right = np.linalg.svd((patterns - colours).reshape(clusters.count, -1), full_matrices=False)
+    waves = (left @ right).reshape(patterns.shape) * np.sqrt(patterns[0].size)
+    return colours + waves * np.sqrt(1.0 - (colours**2).mean(axis=(1, 2, 3), keepdims=True))

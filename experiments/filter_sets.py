@@ -1,0 +1,133 @@
+"""The sets of textures from our own bank of filters: a baseline, and variants that are close to it and far from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from experiments.linear_autoencoder import untrained
+from segar.entities import Object
+from segar.metrics import visual_w2
+from segar.textures import FilterBank, TextureSet, linear_read_out
+from segar.textures.filter_clusters import (
+    FilterClusters,
+    aligned,
+    cluster_filters,
+    filter_patterns,
+    filter_weights,
+    texture_set,
+)
+from segar.textures.inputs import is_noise
+from segar.textures.standard import INPUTS, KINDS, looks
+
+ASSOCIATIONS = 2000  # ways to deal clusters to inputs that are tried for the baseline
+BASELINES = range(30)
+VARIANTS = range(1000, 1200)
+LEAST_REDRAWN = 0.15  # share of the bank; with less, variants equal the baseline
+MODELS = 5  # in each set of variants
+READ_OUT = 0.955  # of each factor, at least
+# What makes a difference, as root mean squares over pixels and of the mean colour, where black is -1 and white 1.
+TEXTURE_CONTRAST, COLOUR_CONTRAST = 0.4, 0.2
+FLOOR = 0  # comes first among the looks
+LIKENESS = 1.3  # of things among each other, at most so many times the baseline's
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A model by its seed: its weights, its distance from the baseline, and how alike its things are."""
+
+    seed: int
+    weights: np.ndarray
+    distance: float
+    likeness: float
+
+
+@cache
+def filter_sets() -> dict[str, TextureSet]:
+    """The sets ``baseline``, ``close`` and ``far``; the same at every call.
+
+    The baseline is the one of its seeds whose things differ most clearly, each with the best of many ways to deal clusters
+    to inputs. In a variant a random share of the bank is drawn anew and clustered; if its seed is odd, k-means starts
+    elsewhere, and cells look for other filters. Its clusters are aligned to the baseline's. Of all variants that can be
+    read and whose things differ, those nearest to the baseline by ``visual_w2`` are close, and the farthest are far.
+    """
+    candidates = sorted((baseline_candidate(seed) for seed in BASELINES), key=lambda found: found[0].likeness)
+    chosen, clusters = next(found for found in candidates if is_readable(found[0].weights))
+    baseline = texture_set("baseline", [chosen.weights], seeds=[chosen.seed], bank="gabor")
+    variants = [variant(seed, chosen.seed, clusters, baseline) for seed in VARIANTS]
+    by_distance = sorted(variants, key=lambda one: one.distance)
+    sets = {"baseline": baseline}
+    for name, order in (("close", by_distance), ("far", by_distance[::-1])):
+        taken = _first_good(order, LIKENESS * chosen.likeness)
+        sets[name] = texture_set(
+            name,
+            [one.weights for one in taken],
+            bank="gabor",
+            seeds=[one.seed for one in taken],
+            distances=[round(one.distance, 4) for one in taken],
+            candidates=len(VARIANTS),
+        )
+    return sets
+
+
+def baseline_candidate(seed: int) -> tuple[Variant, FilterClusters]:
+    """A model of a bank of its own, and its clusters in the order of the inputs."""
+    rng = np.random.default_rng(seed)
+    clusters = cluster_filters(FilterBank.built_in(rng), len(INPUTS), rng)
+    patterns = filter_patterns(clusters, np.random.default_rng(seed))
+    orders = [rng.permutation(len(INPUTS)) for _ in range(ASSOCIATIONS)]
+    best = min(orders, key=lambda order: likeness(filter_weights(patterns[order])))
+    weights = filter_weights(patterns[best])
+    return Variant(seed, weights, 0.0, likeness(weights)), clusters.reordered(best)
+
+
+def variant(seed: int, bank_seed: int, clusters: FilterClusters, baseline: TextureSet) -> Variant:
+    """A model whose clusters are aligned to those of the baseline."""
+    rng = np.random.default_rng(seed)
+    kept, fresh = FilterBank.built_in(np.random.default_rng(bank_seed)).filters, FilterBank.built_in(rng).filters
+    redrawn = rng.random(len(kept)) < rng.uniform(LEAST_REDRAWN, 1.0)
+    bank = FilterBank("gabor", np.where(redrawn[:, None, None, None], fresh, kept))
+    like = seed % 2 == 0
+    own = aligned(cluster_filters(bank, len(INPUTS), rng, clusters if like else None), clusters)
+    weights = filter_weights(filter_patterns(own, np.random.default_rng(bank_seed) if like else rng))
+    return Variant(seed, weights, visual_w2(baseline, texture_set("variant", [weights])), likeness(weights))
+
+
+def likeness(weights: np.ndarray) -> float:
+    """How much alike the floor and kinds of things are under a model: a sum over pairs, least where all differ clearly."""
+    textures = np.tanh(np.tensordot(_kinds(), weights, axes=1))
+    first, second = np.triu_indices(len(textures), 1)
+    difference = textures[first] - textures[second]
+    whole = (difference**2).mean(axis=(1, 2, 3))
+    colour = (difference.mean(axis=(1, 2)) ** 2).mean(axis=1)
+    # What lies on the floor must stand out. And what makes objects unlike tiles makes them like each other, so it must not
+    # win by the number of such pairs.
+    on_floor, is_object = first == FLOOR, np.array([False, *(isinstance(kind, Object) for kind in KINDS)])
+    clear = np.where(on_floor, 4.0, 1.0)
+    alike = np.exp(-whole / (clear * TEXTURE_CONTRAST**2)) + np.exp(-colour / (clear * COLOUR_CONTRAST**2))
+    return float(alike @ np.where(on_floor | (is_object[first] & is_object[second]), 4.0, 1.0))
+
+
+def is_readable(weights: np.ndarray) -> bool:
+    """Whether every factor can be read from the textures of a model."""
+    read = linear_read_out(texture_set("candidate", [weights]), rng=np.random.default_rng(0))
+    return min(share for name, share in read.items() if not is_noise(name)) >= READ_OUT
+
+
+@cache
+def _kinds() -> np.ndarray:
+    return looks(untrained(), KINDS)
+
+
+def _first_good(order: list[Variant], most_alike: float) -> list[Variant]:
+    """The first variants whose factors can all be read and whose things differ."""
+    taken: list[Variant] = []
+    for one in order:
+        if one.likeness > most_alike or not is_readable(one.weights):
+            continue
+        taken.append(one)
+        if len(taken) == MODELS:
+            return taken
+    raise ValueError(f"only {len(taken)} of {len(order)} variants can be read and told apart; raise VARIANTS")

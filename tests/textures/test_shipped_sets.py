@@ -1,0 +1,87 @@
+"""The shipped sets: what they show can be read by a linear map, what is hidden cannot, and things can be told apart."""
+
+import numpy as np
+import pytest
+
+from segar.textures import TextureSet, linear_read_out, product_of_marginals, shipped_sets
+from segar.textures.inputs import is_noise
+from segar.textures.samples import UNIFORM, family_laws
+from segar.textures.standard import INPUTS, KINDS, looks
+from segar.textures.texture_set import DATA
+
+SIZES = {"one": 1, "five": 5, "twenty": 20, "baseline": 1, "close": 5, "far": 5}
+MODELS = [(name, model) for name, count in SIZES.items() for model in range(count)]
+FACTORS = [name for name in INPUTS if name in UNIFORM]
+LAWS = {"uniform": UNIFORM, "families": {**UNIFORM, **family_laws()}}
+
+
+@pytest.mark.parametrize("laws", LAWS)
+@pytest.mark.parametrize(("name", "model"), MODELS)
+def test_each_shown_factor_can_be_read_by_a_linear_map(name, model, laws):
+    read = linear_read_out(TextureSet.load(name), model, rng=np.random.default_rng(17), laws=LAWS[laws])
+    low = {factor: share for factor, share in read.items() if not is_noise(factor) and share < 0.95}
+    assert not low
+    assert {factor for factor in read if not is_noise(factor)} >= (
+        {"Charge", "Heat"} if laws == "families" else set(FACTORS)
+    )
+
+
+@pytest.mark.parametrize("hidden", [FACTORS[::2], FACTORS[1::2]], ids=["even", "odd"])
+@pytest.mark.parametrize(("name", "model"), MODELS)
+def test_no_hidden_factor_can_be_read_and_all_others_still_can(name, model, hidden):
+    read = linear_read_out(TextureSet.load(name), model, rng=np.random.default_rng(18), hidden=hidden)
+    assert max(read[factor] for factor in hidden) <= 0.02
+    assert min(read[factor] for factor in FACTORS if factor not in hidden) >= 0.95
+
+
+@pytest.mark.parametrize(("name", "model"), MODELS)
+def test_things_can_be_told_apart_whatever_their_noise(name, model):
+    textures, rng = TextureSet.load(name), np.random.default_rng(19)
+    plain = looks(textures, KINDS)
+    noise = np.array([is_noise(i) for i in textures.inputs])
+    noisy = np.repeat(plain[None, 1:], 40, axis=0)
+    drawn = product_of_marginals([i for i in textures.inputs if is_noise(i)], 40 * len(KINDS), rng)
+    noisy[..., noise] = drawn.reshape(40, len(KINDS), -1) * textures.scale[noise]
+    seen, known = (textures.patches(f, model).astype(float) for f in (noisy, plain))
+    distances = np.sqrt(((seen[:, :, None] - known) ** 2).mean(axis=(3, 4, 5)))  # in grey levels
+    assert (distances.argmin(axis=-1) == np.arange(1, len(known))).mean() > 0.98
+    assert distances[:, :, 0].mean(axis=0).min() > 40  # nothing is like the floor
+
+
+def test_all_factors_of_the_renderers_of_2022_are_shown():
+    for name in shipped_sets():
+        textures = TextureSet.load(name)
+        assert textures.inputs == INPUTS and len(textures) == SIZES[name] and textures.name == name
+        assert set(textures.inputs) >= {
+            "Heat",
+            "Friction",
+            "Charge",
+            "Magnetism",
+            "Density",
+            "StoredEnergy",
+            "Mass",
+            "Alive",
+        }
+
+
+def test_the_geometry_of_the_auto_encoder_is_the_papers():
+    assert {TextureSet.load(name).period for name in ("one", "five", "twenty")} == {3}
+
+
+def test_no_two_models_are_alike():
+    for pair in (("one", "five", "twenty"), ("baseline", "close", "far")):
+        weights = np.concatenate([TextureSet.load(name).weights for name in pair])
+        flat = weights.reshape(len(weights), -1)
+        differences = np.sqrt(((flat[:, None] - flat[None]) ** 2).mean(axis=-1))
+        assert differences[np.triu_indices(len(flat), 1)].min() > 0.1
+
+
+def test_the_shipped_sets_are_small():
+    assert sum(path.stat().st_size for path in DATA.glob("*.npz")) < 300_000
+
+
+def test_the_uniform_ranges_hold_what_the_families_draw():
+    for factor, law in family_laws().items():
+        low, high = UNIFORM[factor].support
+        drawn = law.sample(np.random.default_rng(0), 20_000)
+        assert np.mean((drawn < low) | (drawn > high)) < 0.005, factor
