@@ -2,6 +2,7 @@
 #
 #   make test                     the tests (make test-slow: the long ones)
 #   make reproduce-paper          the paper's experiment and figures; SCALE=smoke|quick|standard|paper, ARGS="seed=1 ..."
+#   make sweep                    a small sweep, side by side, and its table; SWEEP=demo, or one of your own in conf/sweep/
 #   make dashboard                MLflow's pages over the results, on 127.0.0.1
 #   make renderings               the paper's pictures of tasks and visual features; ARGS="--output DIR"
 #   make bench                    speed of the engine on this machine
@@ -10,12 +11,15 @@
 
 PYTHON ?= python3
 SCALE ?= quick
+SWEEP ?= demo
 ARGS ?=
 
 VENV := .venv
 PY := $(VENV)/bin/python
 # Written last, so that it exists only after an installation that went through.
 STAMP := $(VENV)/.installed
+# With the extra that only `make test-slow` needs: Ray, 300 MB.
+CLUSTER_STAMP := $(VENV)/.installed-cluster
 # Imported once after installing: that shows that they load, and compiles what they use. Letting pip compile all 16,000
 # modules of the dependencies takes longer than the rest of the installation.
 LOADED := torch, torchrl, torchrl.objectives, tensordict, mlflow, alembic.command, sqlalchemy.orm, hydra, \
@@ -23,7 +27,7 @@ LOADED := torch, torchrl, torchrl.objectives, tensordict, mlflow, alembic.comman
 	matplotlib.pyplot, rich.progress, pygame, imageio.v2, imageio_ffmpeg, moviepy, minari, h5py, pytest, xdist, hypothesis
 
 .DEFAULT_GOAL := help
-.PHONY: help setup test test-slow lint bench reproduce-paper renderings dashboard clean
+.PHONY: help setup test test-slow lint bench reproduce-paper sweep renderings dashboard clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -42,10 +46,15 @@ $(STAMP): pyproject.toml constraints.txt
 	@env -u PYTHONDONTWRITEBYTECODE MLFLOW_DISABLE_TELEMETRY=true $(PY) -c "import $(LOADED)"
 	@touch $@
 
+$(CLUSTER_STAMP): $(STAMP)
+	@$(PY) -m pip install --quiet --disable-pip-version-check --no-compile \
+		--constraint constraints.txt --editable ".[train,analysis,ui,dev,cluster]"
+	@touch $@
+
 test: $(STAMP)
 	$(PY) -m pytest -q -n 2 --dist loadfile $(ARGS)
 
-test-slow: $(STAMP)
+test-slow: $(CLUSTER_STAMP)
 	$(PY) -m pytest -q -m slow $(ARGS)
 
 lint: $(STAMP)
@@ -58,6 +67,10 @@ bench: $(STAMP)
 
 reproduce-paper: $(STAMP)
 	$(PY) -m experiments.reproduce scale=$(SCALE) $(ARGS)
+
+sweep: $(STAMP)
+	$(PY) -m experiments.train +sweep=$(SWEEP) $(ARGS)
+	$(PY) -m experiments.results sweep=$(SWEEP) $(filter root=%,$(ARGS))
 
 renderings: $(STAMP)
 	$(PY) -m analysis.renderings $(ARGS)

@@ -30,12 +30,24 @@ def construct(cls: type[T], data: Mapping[str, Any], place: str, **ready: Any) -
                 f"no setting is called '{path}'.{did_you_mean(path, [path_of(place, f) for f in fields])}"
             )
         values[name] = _convert(value, hints[name], path)
+    for name, field in fields.items():
+        if name not in values and field.default is field.default_factory is dataclasses.MISSING:
+            raise ConfigError(f"{path_of(place, name)}: it has no default; give one as {path_of(place, name)}=...")
     return cls(**values)
 
 
 def path_of(place: str, name: Any) -> str:
     """The dotted path of the setting ``name`` in the group ``place``, which may be empty."""
     return f"{place}.{name}" if place else str(name)
+
+
+def flat(data: Mapping[str, Any], place: str = "") -> dict[str, Any]:
+    """Nested groups of settings as one mapping of dotted names."""
+    found: dict[str, Any] = {}
+    for key, value in data.items():
+        name = path_of(place, key)
+        found |= flat(value, name) if isinstance(value, Mapping) else {name: value}
+    return found
 
 
 def import_object(name: str, place: str) -> Any:

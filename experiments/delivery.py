@@ -18,6 +18,7 @@ from typing import Any
 
 from experiments.cells import cell_of
 from experiments.config import RunConfig
+from experiments.construct import flat
 from experiments.mlflow_store import calling, open_store, store_uri
 from experiments.run_folder import EPISODES, MARK, SUMMARY, runs_root, write_json
 
@@ -115,7 +116,7 @@ class Delivery:
         found = client.search_runs([experiment], wanted, max_results=1)
         run = found[0] if found else client.create_run(experiment, self.mark.begun, tags, self.config.label())
         run_id = run.info.run_id
-        parameters = [Param(k, str(v)[:VALUE_LENGTH]) for k, v in _flat(self.config.identity())]
+        parameters = [Param(k, str(v)[:VALUE_LENGTH]) for k, v in flat(self.config.identity()).items()]
         client.log_batch(run_id, params=parameters, tags=[RunTag(k, v) for k, v in tags.items()])
         return run_id
 
@@ -145,12 +146,3 @@ def read_mark(folder: Path) -> Mark | None:
     """How much of the run in ``folder`` has been delivered; None where nobody has begun to."""
     path = folder / MARK
     return Mark(**json.loads(path.read_text())) if path.exists() else None
-
-
-def _flat(data: Mapping[str, Any], place: str = "") -> list[tuple[str, Any]]:
-    """Dotted names and values of nested settings."""
-    pairs = []
-    for key, value in data.items():
-        name = f"{place}{key}"
-        pairs += _flat(value, f"{name}.") if isinstance(value, Mapping) else [(name, value)]
-    return pairs

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import torch
 
 from experiments.config import RunConfig
-from experiments.learner import Policy
 from experiments.run_folder import RESULTS
 from experiments.worlds import environment_options
 from segar.envs.vector import VectorEnv
@@ -19,7 +18,15 @@ BATCH = 512  # episodes that are played at once
 QUANTITIES = ("return", "return_ref", "length", "success", "death")
 
 
-def evaluate_run(policy: Policy, config: RunConfig, train: Any, test: Any) -> list[dict[str, Any]]:
+class Player(Protocol):
+    """Whoever acts: a policy, see :class:`experiments.learner.Policy`, or an agent of :mod:`experiments.anchors`."""
+
+    def act(self, observation: np.ndarray, *, rng: torch.Generator | None) -> np.ndarray:
+        """Actions float32 [n, 2] for observations [n, ...]; sampled with ``rng``, deterministic where it is None."""
+        ...
+
+
+def evaluate_run(policy: Player, config: RunConfig, train: Any, test: Any) -> list[dict[str, Any]]:
     """Episodes on all training levels (each equally often, ``evaluation.episodes`` in all at least) and on each test
     level once, with deterministic and with sampled actions; rows as in ``run_folder.EPISODE_SCHEMA``."""
     rounds = -(-config.evaluation.episodes // len(train))
@@ -36,7 +43,7 @@ def evaluate_run(policy: Policy, config: RunConfig, train: Any, test: Any) -> li
 
 
 def play(
-    policy: Policy,
+    policy: Player,
     levels: Any,
     indices: np.ndarray,
     env_options: Mapping[str, Any],

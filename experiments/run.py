@@ -13,7 +13,7 @@ from experiments.config import RunConfig
 from experiments.construct import import_object
 from experiments.delivery import files_of
 from experiments.episodes import distance_figures, evaluate_run, evaluation_figures
-from experiments.errors import RunFolderError, TrainingError
+from experiments.errors import ConfigError, RunFolderError, TrainingError
 from experiments.journal import Journal
 from experiments.learner import Learner
 from experiments.run_folder import (
@@ -37,6 +37,7 @@ from experiments.training import Training
 from experiments.versions import code_fingerprint, levels_hash, versions
 from experiments.worlds import environment_options, make_levels
 from segar.envs.torchrl_env import TorchRLEnv
+from segar.errors import RuleError
 
 SHOWN = {  # in the closing lines: what it is called there
     "evaluation/train/return/deterministic": "return on training levels",
@@ -103,8 +104,7 @@ def _carry_out(
 ) -> dict[str, Any]:
     train, test = make_levels(config.levels)
     kind = import_object(config.algorithm.learner, "algorithm")
-    make_env = getattr(kind, "make_env", TorchRLEnv)
-    env = make_env(train, config.algorithm.num_envs, seed=config.seed, **environment_options(config))
+    env = _make_environment(kind, config, train)
     learner: Learner = kind(config.algorithm, env, config.scale.frames, config.seed)
     training = Training(config, folder, learner, journal, signals)
     hashes = {"train": levels_hash(train), "test": levels_hash(test)}
@@ -132,6 +132,18 @@ def _carry_out(
     write_json(folder / SUMMARY, summary)
     env.close()
     return summary
+
+
+def _make_environment(kind: Any, config: RunConfig, train: Any) -> Any:
+    make_env = getattr(kind, "make_env", TorchRLEnv)
+    try:
+        return make_env(train, config.algorithm.num_envs, seed=config.seed, **environment_options(config))
+    except RuleError as error:
+        if train.task in (None, config.task.name):
+            raise
+        raise ConfigError(
+            f"task: the levels of {config.levels.train} are for task={train.task}, and {config.task.name} does not fit: {error}"
+        ) from error
 
 
 def _is_by_this_code(config: RunConfig, folder: Path) -> bool:

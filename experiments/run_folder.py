@@ -19,6 +19,7 @@ import fcntl
 import json
 import os
 import shutil
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -49,6 +50,7 @@ VERSIONS = "versions.json"
 SUMMARY = "summary.json"
 MARK = "tracking.json"  # how much of the run MLflow has
 LOCK = ".lock"
+LOCK_ATTEMPTS, LOCK_PAUSE = 5, 0.1  # [s] in all, what a glance of another process at the lock may last
 
 RESULTS = "results/"  # begins the names of further columns: what the task says of an episode's last state
 EPISODE_SCHEMA = pa.schema(
@@ -115,11 +117,31 @@ def lock(folder: Path) -> Iterator[None]:
     except OSError as error:
         raise RunFolderError(f"cannot use the run folder {folder}: {error.strerror}") from error
     with file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise RunFolderError(f"another process is running in {folder}; wait for it, or choose folder=...") from None
+        for attempt in range(LOCK_ATTEMPTS):
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError:
+                if attempt + 1 == LOCK_ATTEMPTS:
+                    raise RunFolderError(
+                        f"another process is at work in {folder}; wait for it, or choose folder=..."
+                    ) from None
+                time.sleep(LOCK_PAUSE)
         yield
+
+
+def is_locked(folder: Path) -> bool:
+    """Whether a process is at work in a run folder."""
+    try:
+        with lock(folder):
+            return False
+    except RunFolderError:
+        return True
+
+
+def run_folders(root: Path) -> list[Path]:
+    """The run folders directly under ``root``."""
+    return sorted(path.parent for path in root.glob(f"*/{CONFIG}"))
 
 
 def _occupy(folder: Path, config: RunConfig) -> None:

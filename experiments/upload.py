@@ -10,15 +10,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from omegaconf import DictConfig
-
-from experiments.config import as_data
-from experiments.construct import construct
 from experiments.delivery import Delivery, files_of
-from experiments.entry import plain, run_command
+from experiments.entry import run_simple_command
 from experiments.errors import RunFolderError, TrackingError
 from experiments.journal import read_journal
-from experiments.run_folder import CHECKOUT, CONFIG, METRICS, lock, read_config, read_metrics
+from experiments.run_folder import CHECKOUT, METRICS, lock, read_config, read_metrics, run_folders
 
 STATUS = {"finished": "FINISHED", "failed": "FAILED"}  # of a run whose journal ends so; all others were cut off
 
@@ -79,20 +75,10 @@ def upload_run(folder: Path, uri: str | None = None) -> str:
     return f"sent {len(rows) - before} figures to {delivery.mark.store}"
 
 
-def run_folders(root: Path) -> list[Path]:
-    """The run folders directly under ``root``."""
-    return sorted(path.parent for path in root.glob(f"*/{CONFIG}"))
-
-
 def absolute(path: str) -> Path:
     """The path from the root of the file system."""
     return Path(path).expanduser().resolve()
 
 
-def build(config: DictConfig) -> UploadConfig:
-    """Hydra's result as settings."""
-    return construct(UploadConfig, plain(config), "")
-
-
 if __name__ == "__main__":
-    run_command(upload, "upload", build, as_data(UploadConfig()))
+    run_simple_command(upload, UploadConfig, __doc__)

@@ -141,7 +141,7 @@ def test_restart_clears_no_folder_whose_settings_are_not_a_runs(config, tmp_path
 
 
 def test_two_processes_cannot_be_at_one_folder(config):
-    with claim(config), pytest.raises(RunFolderError, match="another process is running in"), claim(config):
+    with claim(config), pytest.raises(RunFolderError, match="another process is at work in"), claim(config):
         pass
 
 

@@ -1,0 +1,77 @@
+"""What became of runs, as a table: ``python -m experiments.results``, or ``sweep=NAME`` for those of one sweep.
+
+One line per run: the settings in which these runs differ, how far it is, and what it achieved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from experiments.config import RunConfig
+from experiments.construct import flat
+from experiments.entry import run_simple_command
+from experiments.errors import RunFolderError
+from experiments.journal import read_journal
+from experiments.run_folder import CHECKOUT, is_finished, is_locked, read_config, read_summary, run_folders
+from segar.cli.arguments import table
+
+FIGURES = {  # of a summary: what it is called in the table
+    "evaluation/train/return/deterministic": "train return",
+    "evaluation/test/return/deterministic": "test return",
+    "evaluation/gap/deterministic": "gap",
+    "evaluation/test/success/deterministic": "test success",
+}
+ALWAYS = ("levels.train", "algorithm.name")  # settings that are told even where all runs have the same
+DERIVED = ("algorithm.type",)  # settings that say nothing that another one does not
+
+
+@dataclass(frozen=True)
+class ResultsConfig:
+    """Which runs."""
+
+    root: str | None = None  # the folder that holds the run folders; None: runs/ of the checkout
+    sweep: str | None = None  # those with this tracking.sweep; None: all
+
+
+def results(config: ResultsConfig, say: Callable[[str], None] = print) -> None:
+    """Prints the table; raises :class:`RunFolderError` if there is no such run."""
+    root = Path(config.root).expanduser().resolve() if config.root else CHECKOUT / "runs"
+    found = [(folder, read_config(folder)) for folder in run_folders(root)]
+    chosen = [(folder, run) for folder, run in found if config.sweep in (None, run.tracking.sweep)]
+    if not chosen:
+        sweeps = sorted({run.tracking.sweep for _, run in found if run.tracking.sweep})
+        known = f"; there are the sweeps {', '.join(sweeps)}" if sweeps else ""
+        raise RunFolderError(
+            f"there is no run{f' of the sweep {config.sweep}' if config.sweep else ''} in {root}{known}"
+        )
+    say(as_table(chosen))
+
+
+def as_table(runs: Sequence[tuple[Path, RunConfig]]) -> str:
+    """One line per run folder and its settings."""
+    settings = [flat(run.identity()) for _, run in runs]
+    names = [name for name in dict.fromkeys(name for one in settings for name in one) if name not in DERIVED]
+    varied = [name for name in names if name in ALWAYS or len({str(one.get(name)) for one in settings}) > 1]
+    rows = []
+    for (folder, _), one in zip(runs, settings, strict=True):
+        summary = read_summary(folder) if is_finished(folder) else {}
+        rows.append([*(one.get(name) for name in varied), state_of(folder), *(summary.get(key) for key in FIGURES)])
+    return table([*varied, "state", *FIGURES.values()], rows)
+
+
+def state_of(folder: Path) -> str:
+    """How a run stands: finished, at work, stopped or failed (after so many frames), or cut off."""
+    if is_finished(folder):
+        return "finished"
+    if is_locked(folder):
+        return "at work"
+    journal = read_journal(folder)
+    last = journal[-1] if journal else {"event": "not begun"}
+    word = "cut off" if last["event"] in ("started", "lost") else last["event"]
+    return f"{word} after {last['frames']:,} frames" if last.get("frames") else word
+
+
+if __name__ == "__main__":
+    run_simple_command(results, ResultsConfig, __doc__)

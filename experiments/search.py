@@ -1,0 +1,188 @@
+"""A search for good hyper-parameters with Optuna: ``python -m experiments.search search=ppo_fast search.trials=20``.
+
+Every trial is an ordinary run (or one per seed), with its run folder, its place in MLflow and its checkpoints. What was
+tried lies in an SQLite file under ``searches/`` of the runs' root: the same command goes on from there, and a trial that
+was cut off is tried again and goes on from its checkpoint. ``conf/search.yaml`` gives trials validation levels of their
+own, so that the test levels of a final run have decided nothing.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import optuna
+from omegaconf import DictConfig
+from optuna.trial import FrozenTrial, Trial, TrialState
+
+from experiments.config import RunConfig, as_data, require, require_known, require_seed, run_config
+from experiments.construct import construct
+from experiments.entry import plain, run_command
+from experiments.errors import ConfigError, TrainingError
+from experiments.run_folder import lock, runs_root
+from experiments.search_space import Dimension, dimensions, with_values
+from experiments.sweep import Job, Outcome, run_jobs
+from experiments.train import train
+from segar.cli.arguments import table
+from segar.errors import did_you_mean
+
+SHOWN = 5  # trials in the closing table
+ERROR = "error"  # what a trial that went wrong remembers; one that was cut off remembers nothing
+
+
+@dataclass(frozen=True)
+class SearchConfig:
+    """What is searched, how long, and what counts."""
+
+    space: Mapping[str, Any] = field(default_factory=dict)  # see experiments.search_space
+    trials: int = 20  # in all, those of earlier calls included
+    processes: int = 1  # runs at a time
+    seeds: int = 1  # runs per trial, of which the mean counts; from ``seed`` upwards
+    metric: str = "evaluation/test/return/deterministic"  # a final figure of a run
+    direction: str = "maximize"
+    sampler_seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name in ("trials", "processes", "seeds"):
+            require(getattr(self, name) >= 1, f"search.{name}", getattr(self, name), "at least 1")
+        require_known("search.direction", self.direction, ("maximize", "minimize"))
+        require_seed("search.sampler_seed", self.sampler_seed)
+        dimensions(self.space)
+
+
+@dataclass(frozen=True)
+class Search:
+    """A search: the settings that all trials share, what is searched, and who carries out a run."""
+
+    run: RunConfig
+    config: SearchConfig
+    work: Callable[[RunConfig], Mapping[str, float]] = train  # importable by name
+
+    @property
+    def space(self) -> dict[str, Dimension]:
+        """The settings that vary."""
+        return dimensions(self.config.space)
+
+    @property
+    def name(self) -> str:
+        """Names what it is about, with a hash of all that decides the trials; their number does not."""
+        asked = as_data(self.config)
+        decisive = {key: asked[key] for key in ("space", "seeds", "metric", "direction")}
+        text = json.dumps([self.run.identity(), decisive], sort_keys=True)
+        digest = hashlib.sha256(text.encode()).hexdigest()[:8]
+        return f"{self.run.levels.train}-{self.run.algorithm.name}-{digest}".replace(":", "_")
+
+
+def search(asked: Search) -> optuna.Study:
+    """Tries settings until enough trials are through, and prints the best.
+
+    Raises:
+        ConfigError: a setting of the space does not exist, or there is none.
+        RunFolderError: another process is at the same search.
+        TrainingError: no trial went through.
+    """
+    require(bool(asked.space), "search.space", {}, "one setting or more; search=ppo_fast has some")
+    with_values(asked.run, {name: dimension.example for name, dimension in asked.space.items()})  # before anything runs
+    folder = runs_root(asked.run) / "searches" / asked.name
+    folder.mkdir(parents=True, exist_ok=True)
+    with lock(folder):
+        study = open_study(f"sqlite:///{folder / 'trials.db'}", asked)
+        left = asked.config.trials - sum(map(is_through, study.get_trials(deepcopy=False)))
+        print(f"{asked.name}: {left} of {asked.config.trials} trials to do; logs: {folder / 'logs'}", flush=True)
+        while left > 0:
+            trials = [study.ask() for _ in range(min(left, max(asked.config.processes // asked.config.seeds, 1)))]
+            jobs = {trial.number: jobs_of(asked, trial, folder / "logs") for trial in trials}
+            outcomes = run_jobs([job for some in jobs.values() for job in some], asked.work, asked.config.processes)
+            for trial in trials:
+                tell(study, trial, [one for one in outcomes if one.job in jobs[trial.number]], asked.config)
+            left -= len(trials)
+    print(report(study, asked), flush=True)
+    return study
+
+
+def open_study(storage: str, asked: Search) -> optuna.Study:
+    """The study in this storage, made if need be. Trials that were cut off are up again."""
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    sampler = optuna.samplers.TPESampler(seed=asked.config.sampler_seed, constant_liar=asked.config.processes > 1)
+    study = optuna.create_study(
+        study_name=asked.name,
+        storage=storage,
+        direction="maximize" if asked.config.direction == "maximize" else "minimize",
+        load_if_exists=True,
+        sampler=sampler,
+    )
+    for trial in study.get_trials(states=(TrialState.RUNNING,)):  # nobody is at them: this process holds the lock
+        study.tell(trial.number, state=TrialState.FAIL)
+        study.enqueue_trial(trial.params)
+    return study
+
+
+def is_through(trial: FrozenTrial) -> bool:
+    """Whether a trial came to an end, good or bad."""
+    return trial.state is TrialState.COMPLETE or ERROR in trial.user_attrs
+
+
+def jobs_of(asked: Search, trial: Trial, logs: Any) -> list[Job]:
+    """The runs of a trial."""
+    values = {name: dimension.suggest(trial, name) for name, dimension in asked.space.items()}
+    run = dataclasses.replace(with_values(asked.run, values), folder=None)
+    runs = [dataclasses.replace(run, seed=run.seed + k) for k in range(asked.config.seeds)]
+    return [
+        Job(f"trial-{trial.number}-s{one.seed}", one, logs / f"trial-{trial.number}-s{one.seed}.log") for one in runs
+    ]
+
+
+def tell(study: optuna.Study, trial: Trial, outcomes: Sequence[Outcome], config: SearchConfig) -> None:
+    """Tells the study what a trial came to, and prints it; raises :class:`ConfigError` if runs have no such figure."""
+    wrong = next((outcome for outcome in outcomes if outcome.error is not None), None)
+    if wrong is not None:
+        trial.set_user_attr(ERROR, wrong.error)
+        study.tell(trial, state=TrialState.FAIL)
+        print(f"trial {trial.number}: FAILED: {wrong.error} (log: {wrong.job.log})", flush=True)
+        return
+    figures = [outcome.result for outcome in outcomes]
+    if config.metric not in figures[0]:
+        raise ConfigError(f"search.metric: runs have no '{config.metric}'.{did_you_mean(config.metric, figures[0])}")
+    value = sum(each[config.metric] for each in figures) / len(figures)
+    study.tell(trial, value)
+    settings = ", ".join(f"{name.rpartition('.')[2]} {in_short(setting)}" for name, setting in trial.params.items())
+    print(f"trial {trial.number}: {value:.4g} with {settings}", flush=True)
+
+
+def report(study: optuna.Study, asked: Search) -> str:
+    """The best trials, and the command that trains with the best one; raises :class:`TrainingError` if there is none."""
+    found = [(trial.value, trial) for trial in study.get_trials(deepcopy=False) if trial.value is not None]
+    if not found:
+        raise TrainingError("no trial of the search went through; see the logs above")
+    found.sort(key=lambda pair: pair[0], reverse=asked.config.direction == "maximize")
+    best = found[0][1].params
+    rows = [[trial.number, value, *map(in_short, trial.params.values())] for value, trial in found[:SHOWN]]
+    run = asked.run
+    groups = f"levels={run.levels.train} observation={run.observation.name} algorithm={run.algorithm.name}"
+    settings = " ".join(f"{name}={in_short(value)}" for name, value in best.items())
+    return "\n".join(
+        [
+            table(["trial", asked.config.metric, *best], rows),
+            f"train with the best: python -m experiments.train {groups} {settings}",
+        ]
+    )
+
+
+def in_short(value: Any) -> str:
+    """A parameter of Optuna's as on the command line; text holds a choice as JSON."""
+    return json.dumps(json.loads(value), separators=(",", ":")) if isinstance(value, str) else f"{value:.4g}"
+
+
+def build(config: DictConfig) -> Search:
+    """Hydra's result as settings."""
+    data = plain(config)
+    asked = construct(SearchConfig, data.pop("search"), "search")
+    return Search(run_config(data), asked)
+
+
+if __name__ == "__main__":
+    run_command(search, "search", build, {"search": as_data(SearchConfig())})

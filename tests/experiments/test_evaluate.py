@@ -1,0 +1,174 @@
+"""Evaluation of a run folder on any levels: what is played, what is written, what is refused."""
+
+import json
+import os
+import subprocess
+import sys
+
+import imageio.v2 as imageio
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+import segar
+from experiments.anchors import find_anchors
+from experiments.config import ObservationConfig
+from experiments.entry import run_simple_command
+from experiments.errors import CheckpointError, ConfigError, RunFolderError
+from experiments.evaluate import EvaluateConfig
+from experiments.evaluation import choose_levels, evaluate
+from experiments.run import run
+from experiments.run_folder import CHECKOUT, CHECKPOINT, PREVIOUS, read_episodes, read_summary
+from tests.experiments.short_runs import short_run
+
+QUICK = {"scores": False, "videos": "none"}
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory):
+    """The folder of a finished run on two levels of empty-easy."""
+    return run(short_run(tmp_path_factory.mktemp("trained") / "run")).folder
+
+
+def test_a_runs_own_test_levels_give_what_it_found_at_its_end(trained):
+    found = evaluate(EvaluateConfig(str(trained), **QUICK))
+    episodes = read_episodes(trained).to_pandas()
+    mine = episodes[(episodes.levels == "test") & (episodes.action_mode == "deterministic")]
+    rows = [row for row in found.episodes if row["action_mode"] == "deterministic"]
+    assert [row["return"] for row in rows] == mine["return"].tolist()
+    assert found.summary["players"]["deterministic"]["return"] == pytest.approx(mine["return"].mean())
+    assert found.summary["frames"] == read_summary(trained)["frames"]
+
+
+def test_any_levels_can_be_played_and_everything_is_written(trained, tmp_path):
+    said = []
+    config = EvaluateConfig(str(trained), levels="empty-medium", n=5, seed=3, episodes=2, videos="gif")
+    found = evaluate(config, said.append)
+    assert found.folder == trained / "evaluations" / "empty-medium-test-n5-s3"
+    assert {path.name for path in found.folder.iterdir()} == {
+        "episodes.parquet", "summary.json", "levels.npz", "best.gif", "median.gif", "worst.gif",
+    }  # fmt: skip
+    table = pq.read_table(found.folder / "episodes.parquet").to_pandas()
+    assert table.groupby("action_mode").size().to_dict() == {"deterministic": 5, "sampled": 10}
+    assert set(table["levels"]) == {"empty-medium"}
+    levels = segar.Levels.load(found.folder / "levels.npz")
+    wanted = segar.family("empty-medium").sample(5, seed=3, split="test")
+    assert np.array_equal(levels.values, wanted.values, equal_nan=True)
+    assert json.loads((found.folder / "summary.json").read_text()) == found.summary
+    assert "run after 256 frames, on 5 levels of empty-medium (split test, seed 3):" in said[0]
+    for name in ("deterministic", "sampled", "no-op", "random", "oracle"):
+        assert name in said[0]
+
+
+def test_scores_lie_between_chance_and_the_oracle_on_the_same_levels(trained):
+    found = evaluate(EvaluateConfig(str(trained), levels="empty-easy", n=4, seed=1, videos="none"))
+    levels = segar.family("empty-easy").sample(4, seed=1, split="test")
+    anchors = find_anchors(levels, rng=np.random.default_rng(1))
+    for player in found.summary["players"].values():
+        assert player["score"] == pytest.approx(anchors.normalised(player["return"]))
+    assert found.summary["anchors"]["oracle"] > found.summary["anchors"]["random"]
+
+
+def test_a_film_shows_the_episode_that_was_counted(trained):
+    found = evaluate(EvaluateConfig(str(trained), n=3, scores=False, videos="gif", modes=("deterministic",)))
+    for name, (level, _) in choose_levels(found.episodes).items():
+        (row,) = (row for row in found.episodes if row["level"] == level)
+        frames = imageio.mimread(found.folder / f"{name}.gif", memtest=False)
+        # One before the first step and one after each; what stands still is stored once.
+        assert 2 <= len(frames) <= row["length"] + 1
+
+
+def test_best_median_and_worst_are_chosen_by_the_mean_return_of_a_level():
+    returns = {0: (-5.0, -1.0), 1: (-2.0, -2.0), 2: (-9.0, -9.0), 3: (0.0, -8.0), 4: (-1.0, -1.0)}
+    rows = [{"level": level, "return": value} for level, values in returns.items() for value in values]
+    assert choose_levels(rows) == {"best": (4, -1.0), "median": (0, -3.0), "worst": (2, -9.0)}
+    assert choose_levels(rows[:2]) == {"best": (0, -3.0), "median": (0, -3.0), "worst": (0, -3.0)}
+
+
+def test_a_level_file_is_played(trained, tmp_path):
+    segar.family("empty-easy").sample(4, seed=9).save(tmp_path / "mine.npz")
+    found = evaluate(EvaluateConfig(str(trained), levels=str(tmp_path / "mine.npz"), n=2, **QUICK))
+    assert found.folder.name == "mine-n2"
+    assert {row["level"] for row in found.episodes} == {0, 1}
+
+
+def test_levels_that_the_agent_cannot_observe_are_refused_and_pixels_fit_all(trained, tmp_path):
+    with pytest.raises(
+        ConfigError, match=r"the agent of run observes arrays of shape \(\d+,\); in these levels 'state' gives"
+    ):
+        evaluate(EvaluateConfig(str(trained), levels="objectsx1-easy", **QUICK))
+    algorithm = short_run(tmp_path).algorithm
+    seeing = short_run(tmp_path / "seeing", observation=ObservationConfig("rgb"), algorithm=algorithm)
+    found = evaluate(EvaluateConfig(str(run(seeing).folder), levels="tilesx3-easy", n=2, **QUICK))
+    assert len(found.episodes) == 4
+
+
+@pytest.mark.parametrize(
+    ("settings", "error", "says"),
+    [
+        (
+            {"levels": "empty-hrad"},
+            ConfigError,
+            "levels: there is no level family 'empty-hrad'. Did you mean 'empty-hard'?",
+        ),
+        ({"levels": "nowhere.npz"}, segar.SegarError, "nowhere.npz"),
+        ({"n": 50}, ConfigError, "n: test has 3 levels, not 50"),
+    ],
+)
+def test_what_is_not_there_is_named(trained, settings, error, says):
+    with pytest.raises(error) as told:
+        evaluate(EvaluateConfig(str(trained), **settings))
+    assert says in str(told.value)
+
+
+def test_a_folder_that_holds_no_run_or_no_weights_is_refused(tmp_path, trained):
+    with pytest.raises(RunFolderError, match="cannot read the settings of a run from"):
+        evaluate(EvaluateConfig(str(tmp_path)))
+    (tmp_path / "config.yaml").write_bytes((trained / "config.yaml").read_bytes())
+    with pytest.raises(CheckpointError, match="there is no checkpoint in"):
+        evaluate(EvaluateConfig(str(tmp_path), levels="empty-easy"))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["run=here", "lvels=empty-easy"], "error: no setting is called 'lvels'. Did you mean 'levels'?"),
+        ([], "error: run: it has no default; give one as run=..."),
+        (["run"], "error: 'run' is no setting; settings are given as name=value"),
+        (["run=here", "modes=[sample]"], "error: modes: 'sample' is unknown. Did you mean 'sampled'?"),
+        (["run=here", "videos=avi"], "error: videos: 'avi' is unknown. Known: gif, mp4, none."),
+        (["run=here", "n=0"], "error: n: 0 is not allowed; it must be at least 1"),
+        (["run=here", "levels={a"], "error: levels: '{a' cannot be read: "),
+    ],
+)
+def test_the_command_tells_mistakes_in_one_message(monkeypatch, arguments, says):
+    monkeypatch.setattr(sys, "argv", ["evaluate", *arguments])
+    with pytest.raises(SystemExit) as told:
+        run_simple_command(pytest.fail, EvaluateConfig, "")
+    assert str(told.value.code).startswith(says)
+
+
+def test_help_names_all_settings(monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["evaluate", "--help"])
+    run_simple_command(pytest.fail, EvaluateConfig, "What it is for.")
+    said = capsys.readouterr().out
+    assert said.startswith("What it is for.") and "run=...  (required)" in said and "split=...  (default: test)" in said
+
+
+def test_the_command_plays_and_prints_a_table(trained, tmp_path):
+    command = [sys.executable, "-m", "experiments.evaluate", f"run={trained}", "n=2", "scores=false", "videos=none"]
+    environment = {**os.environ, "PYTHONPATH": str(CHECKOUT)}
+    done = subprocess.run([*command, "modes=[sampled]"], cwd=tmp_path, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "run after 256 frames, on its own 2 test levels:" in done.stdout
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_damaged_newest_checkpoint_is_told_and_the_one_before_is_played(tmp_path):
+    folder = run(short_run(tmp_path / "run")).folder
+    assert (folder / PREVIOUS).exists()
+    (folder / CHECKPOINT).write_bytes(b"")
+    said = []
+    found = evaluate(EvaluateConfig(str(folder), **QUICK), said.append)
+    assert "is damaged or none of ours" in said[0] and "The one before is used, of 192 frames" in said[0]
+    assert found.summary["frames"] == 192

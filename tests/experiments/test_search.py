@@ -1,0 +1,116 @@
+"""The search over hyper-parameters: it goes on where it stopped, survives runs that fail, and names mistakes."""
+
+import json
+
+import hydra
+import pytest
+from optuna.trial import TrialState
+
+from experiments.config import PPOConfig, RunConfig
+from experiments.entry import conf_dir, register_defaults
+from experiments.errors import ConfigError, TrainingError
+from experiments.search import Search, SearchConfig, build, search
+from experiments.search_space import dimensions, with_values
+
+SPACE = {
+    "algorithm": {
+        "learning_rate": {"low": 1e-4, "high": 1e-2, "log": True},
+        "epochs": {"low": 1, "high": 8, "whole": True},
+        "widths": {"choices": [[8], [16, 16]]},
+    },
+    "seed": {"choices": [3]},
+}
+
+
+def pretend_to_train(config):
+    """Stands for training: the best learning rate is 1e-3; a trial of one epoch goes wrong."""
+    if config.algorithm.epochs == 1:
+        raise TrainingError("loss/value became nan")
+    with open(f"{config.root}/trained", "a") as stream:
+        stream.write(json.dumps([config.algorithm.learning_rate, config.algorithm.epochs, config.seed]) + "\n")
+    return {"score": -abs(config.algorithm.learning_rate - 1e-3) - config.seed, "loss": 0.5}
+
+
+def asked(root, space=SPACE, **changes):
+    settings = {"space": space, "trials": 3, "metric": "score", "sampler_seed": 1, **changes}
+    return Search(RunConfig(algorithm=PPOConfig(), root=str(root)), SearchConfig(**settings), pretend_to_train)
+
+
+@pytest.fixture(scope="module")
+def searched(tmp_path_factory):
+    """A search of six trials, begun with three of them and cut off in a fourth; its folder and both studies."""
+    root = tmp_path_factory.mktemp("searched")
+    first = search(asked(root))
+    cut_off = first.ask()
+    for name, dimension in dimensions(SPACE).items():
+        dimension.suggest(cut_off, name)
+    return root, cut_off.params, search(asked(root, trials=6))
+
+
+def test_a_search_goes_on_where_it_stopped_and_tries_again_what_was_cut_off(searched):
+    root, cut_off, study = searched
+    trials = study.get_trials()
+    assert len(trials) == 7
+    assert trials[3].state is TrialState.FAIL and "error" not in trials[3].user_attrs
+    assert trials[4].params == cut_off
+    (folder,) = (root / "searches").iterdir()
+    assert len(list((folder / "logs").iterdir())) == 6
+
+
+def test_a_trial_whose_run_fails_is_told_and_the_others_go_on(searched):
+    _, _, study = searched
+    for trial in study.get_trials():
+        if trial.params["algorithm.epochs"] == 1:
+            assert trial.state is TrialState.FAIL
+        elif "error" not in trial.user_attrs and trial.number != 3:
+            assert trial.value == pytest.approx(-abs(trial.params["algorithm.learning_rate"] - 1e-3) - 3)
+
+
+def test_values_lie_in_the_space_and_reach_the_runs(searched):
+    root, _, study = searched
+    ran = [json.loads(line) for line in (root / "trained").read_text().splitlines()]
+    told = [trial.params for trial in study.get_trials() if trial.state is TrialState.COMPLETE]
+    assert ran == [[one["algorithm.learning_rate"], one["algorithm.epochs"], 3] for one in told]
+    assert all(1e-4 <= rate <= 1e-2 and epochs in range(1, 9) for rate, epochs, _ in ran)
+
+
+def test_a_finished_search_prints_the_best_and_the_command_that_trains_with_it(searched, capsys):
+    root, _, study = searched
+    search(asked(root, trials=6))
+    said = capsys.readouterr().out
+    assert "0 of 6 trials to do" in said
+    best = study.best_trial.params["algorithm.learning_rate"]
+    command = said.splitlines()[-1]
+    assert "python -m experiments.train levels=empty-hard observation=state algorithm=ppo " in command
+    assert f"algorithm.learning_rate={best:.4g}" in command and "algorithm.widths=[" in command
+
+
+@pytest.mark.parametrize(
+    ("space", "says"),
+    [
+        ({}, "search.space: {} is not allowed; it must be one setting or more; search=ppo_fast has some"),
+        ({"algorithm": {"lr": {"low": 0.1, "high": 1}}}, "no setting is called 'algorithm.lr'."),
+        ({"algorithm": {"gamma": 3}}, "search.space.algorithm.gamma: 3 must say low and high, or choices"),
+        ({"algorithm": {"gamma": {"low": 1.0, "high": 0.5}}}, "search.space.algorithm.gamma: "),
+        ({"algorithm": {"gamma": {"low": 0.0, "high": 0.5, "log": True}}}, "must be above 0, where log is true"),
+        ({"algorithm": {"gamma": {"low": 0.0, "hihg": 0.5}}}, "Did you mean 'search.space.algorithm.gamma.high'?"),
+        ({"algorithm": {"gamma": {"low": 2.0, "high": 3.0}}}, "algorithm.gamma: 2.0 is not allowed"),
+    ],
+)
+def test_a_wrong_space_is_named_before_anything_is_trained(tmp_path, space, says):
+    with pytest.raises(ConfigError) as told:
+        search(asked(tmp_path, space=space))
+    assert says in str(told.value)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_every_shipped_space_names_settings_of_its_algorithm():
+    names = sorted(path.stem for path in (conf_dir() / "search").glob("*.yaml"))
+    assert {"ppo", "ppo_fast", "sac", "drq", "curl", "spr"} <= {*names}
+    for name in names:
+        register_defaults([name])
+        with hydra.initialize_config_dir(str(conf_dir()), version_base="1.3"):
+            made = build(hydra.compose("search", [f"search={name}"]))
+        assert made.space
+        assert made.run.levels.test_seed != RunConfig().levels.test_seed
+        with_values(made.run, {key: dimension.example for key, dimension in made.space.items()})
