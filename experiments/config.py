@@ -93,6 +93,7 @@ class PPOConfig(AlgorithmConfig):
     max_grad_norm: float = 10.0
     reward_transform: str = "none"  # what the learner sees of the reward r: r itself, or sqrt: sign(r) |r|^1/2
     reward_scale: float = 1.0  # times this
+    reward_normalise: bool = False  # and divided by the standard deviation of discounted returns so far
     encoder: str = "impala"  # the CNN that reads frames; mlp: frames are refused. Vectors are read by an MLP
     widths: tuple[int, ...] = (256, 256)  # of that MLP; the last one is the representation's
     precision: str = "auto"  # of the CNN: bf16, fp32; auto: bf16 where the processor is made for it

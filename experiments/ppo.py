@@ -7,12 +7,12 @@ A truncated episode bootstraps from the value of its last observation, a termina
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import torch
-from tensordict import TensorDict
+from tensordict import TensorDict, TensorDictBase
 from tensordict.nn import ProbabilisticTensorDictModule, ProbabilisticTensorDictSequential, TensorDictModule
 from torch import Tensor, nn
 from torchrl.objectives import ClipPPOLoss
@@ -22,6 +22,7 @@ from experiments.config import PPOConfig
 from experiments.encoders import initialize, make_encoder
 from experiments.errors import TrainingError
 from experiments.policies import Actor, SquashedNormal, make_head
+from experiments.rewards import ReturnScale, learner_reward
 from experiments.rollouts import Collector, Rollout, observation_shape
 from segar.envs.vector import VectorEnv
 
@@ -86,10 +87,11 @@ class PPO:
         self.policy.initialize(self.rng)
         self.policy.to(self.device)
         self.collector = Collector(env, self.policy, config.num_steps, self.device, self.rng)
-        self.loss = make_loss(config, self.policy)
+        self.loss = self.make_loss()
         self.optimizer = torch.optim.Adam(
             self.policy.parameters(), lr=config.learning_rate, eps=config.adam_eps, fused=True
         )
+        self.scale = ReturnScale(env.num_envs, config.gamma) if config.reward_normalise else None
         self.frames = 0
 
     @staticmethod
@@ -115,13 +117,13 @@ class PPO:
     def learn(self, rollout: Rollout) -> dict[str, float]:
         """Takes ``epochs x minibatches`` gradient steps on a rollout; returns the mean of the losses' figures."""
         config = self.config
-        batch = make_batch(config, rollout)
+        batch = self.make_batch(rollout)
         rate = config.learning_rate * (max(1.0 - self.frames / self.budget, 0.0) if config.anneal else 1.0)
         for group in self.optimizer.param_groups:
             group["lr"] = rate
         totals: dict[str, Tensor] = {}
         for minibatch in self.minibatches(batch):
-            figures = self.loss(minibatch)
+            figures = self.losses(minibatch)
             loss = torch.stack([value for name, value in figures.items() if name.startswith("loss_")]).sum()
             self.optimizer.zero_grad()
             loss.backward()
@@ -135,8 +137,28 @@ class PPO:
         check_finite(means, self.frames)
         return means
 
+    def make_loss(self) -> ClipPPOLoss:
+        """TorchRL's clipped loss; with a shared encoder its critic is the value head alone, so the encoder runs once."""
+        policy = self.policy
+        encode = TensorDictModule(policy.actor, in_keys=["observation"], out_keys=["loc", "scale", "hidden"])
+        source = "hidden" if policy.shared else "observation"
+        critic = TensorDictModule(policy.value, in_keys=[source], out_keys=["state_value"])
+        return clipped_loss(self.config, (encode,), critic)
+
+    def losses(self, minibatch: TensorDict) -> TensorDictBase:
+        """The loss's figures; those that are called ``loss_...`` add up to what is minimised."""
+        return self.loss(minibatch)
+
+    def make_batch(self, rollout: Rollout) -> TensorDict:
+        """What the loss reads, [T, N]."""
+        reward = learner_reward(self.config, rollout.reward)
+        if self.scale is not None:
+            reward = self.scale(reward, rollout.done)
+        return make_batch(self.config, rollout, reward)
+
     def minibatches(self, batch: TensorDict) -> Iterator[TensorDict]:
-        """Random disjoint parts of the batch, ``epochs`` times over."""
+        """Random disjoint parts of the steps in a batch [T, N], ``epochs`` times over."""
+        batch = batch.flatten()
         for _ in range(self.config.epochs):
             order = torch.randperm(len(batch), generator=self.rng).to(self.device)
             for rows in order.tensor_split(self.config.minibatches):
@@ -151,6 +173,7 @@ class PPO:
             "rng": self.rng.get_state(),
             "frames": self.frames,
             **self.collector.state_dict(),
+            **({} if self.scale is None else {"scale": self.scale.state_dict()}),
         }
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
@@ -159,6 +182,8 @@ class PPO:
         self.rng.set_state(state["rng"])
         self.frames = state["frames"]
         self.collector.load_state_dict(state)
+        if self.scale is not None:
+            self.scale.load_state_dict(state["scale"])
 
 
 # What the loss reports under which name in metrics.
@@ -172,22 +197,22 @@ LOGGED = {
 }
 
 
-def make_loss(config: PPOConfig, policy: PPOPolicy) -> ClipPPOLoss:
-    """TorchRL's clipped loss; with a shared encoder its critic is the value head alone, so the encoder runs once."""
-    parts: list[Any] = [
-        TensorDictModule(policy.actor, in_keys=["observation"], out_keys=["loc", "scale", "hidden"]),
-        ProbabilisticTensorDictModule(
-            in_keys=["loc", "scale"], out_keys=["u"], distribution_class=SquashedNormal, return_log_prob=True
-        ),
-    ]
-    actor = ProbabilisticTensorDictSequential(*parts)
-    source = "hidden" if policy.shared else "observation"
+def clipped_loss(config: PPOConfig, network: Sequence[Any], critic: TensorDictModule) -> ClipPPOLoss:
+    """TorchRL's clipped loss.
+
+    Args:
+        network: modules that write ``loc`` and ``scale`` of the policy.
+        critic: writes ``state_value``; it may read what the network wrote.
+    """
+    law = ProbabilisticTensorDictModule(
+        in_keys=["loc", "scale"], out_keys=["u"], distribution_class=SquashedNormal, return_log_prob=True
+    )
     return ClipPPOLoss(
-        actor,
-        TensorDictModule(policy.value, in_keys=[source], out_keys=["state_value"]),
+        ProbabilisticTensorDictSequential(*network, law),
+        critic,
         clip_epsilon=config.clip,
         clip_value=config.clip_value,
-        entropy_bonus=config.entropy_coef > 0,  # computing it for nothing would cost a fifth of the update
+        entropy_bonus=config.entropy_coef > 0,
         entropy_coeff=config.entropy_coef,
         critic_coeff=0.5 * config.critic_coef,
         loss_critic_type="l2",
@@ -198,14 +223,14 @@ def make_loss(config: PPOConfig, policy: PPOPolicy) -> ClipPPOLoss:
 
 
 @torch.no_grad()
-def make_batch(config: PPOConfig, rollout: Rollout) -> TensorDict:
-    """The rollout with advantages and value targets, flattened to [T * N]."""
+def make_batch(config: PPOConfig, rollout: Rollout, reward: Tensor) -> TensorDict:
+    """The rollout with advantages and value targets, [T, N]; ``reward`` is what the learner sees of rewards."""
     advantage, target = generalized_advantage_estimate(
         config.gamma,
         config.gae_lambda,
         rollout.value,
         rollout.next_value,
-        learner_reward(config, rollout.reward),
+        reward,
         rollout.done,
         rollout.terminated,
         time_dim=0,
@@ -219,16 +244,7 @@ def make_batch(config: PPOConfig, rollout: Rollout) -> TensorDict:
         "advantage": advantage,
         "value_target": target,
     }
-    size = rollout.reward.numel()
-    return TensorDict({key: value.flatten(0, 1) for key, value in entries.items()}, [size])
-
-
-def learner_reward(config: PPOConfig, reward: Tensor) -> Tensor:
-    """The reward that the learner sees; returns and evaluations always count the task's own."""
-    if config.reward_transform == "sqrt":
-        # Near the goal -d^2 is almost flat, and a death of -100 swamps all else; the root mends both.
-        reward = reward.sign() * reward.abs().sqrt()
-    return reward * config.reward_scale
+    return TensorDict(entries, rollout.reward.shape[:2])
 
 
 def episode_figures(ended: list[Any]) -> dict[str, float]:

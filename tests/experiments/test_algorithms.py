@@ -15,8 +15,13 @@ from experiments.run_folder import CHECKPOINT
 from experiments.worlds import make_levels
 
 FEW = {"warmup": 8, "num_steps": 6, "batch_size": 6, "capacity": 64, "widths": (8,)}
-SOME = {"num_steps": 8, "encoder": "small", "widths": (8,), "minibatches": 2, "auxiliary_minibatches": 2}
+PLAIN = {"num_steps": 8, "encoder": "small", "widths": (8,), "minibatches": 2}
+SOME = {**PLAIN, "auxiliary_minibatches": 2}
 TINY = {
+    "ppo": ("rgb", PLAIN),
+    "ppo_fast": ("rgb", PLAIN),
+    "ppo_procgen": ("rgb", PLAIN),
+    "ppo_recurrent": ("rgb", {**PLAIN, "core_width": 8}),
     "sac": ("state", FEW),
     "drq": ("rgb", FEW),
     "drq_2022": ("rgb", FEW),
@@ -48,6 +53,13 @@ def learner(config, seed=0):
 
 def weights(one):
     return torch.cat([value.detach().double().flatten() for value in one.policy.state_dict().values()])
+
+
+def act(policy, env, observation, rng=None):
+    """What a policy does first."""
+    if hasattr(policy, "begin"):
+        policy.begin(env)
+    return policy.act(observation, rng=rng)
 
 
 @pytest.fixture(params=TINY)
@@ -90,10 +102,10 @@ def test_a_policy_acts_and_represents_and_can_be_filled_without_an_environment(c
     observation, _ = env.reset()
     policy = type(one).make_policy(config.algorithm, observation.shape[1:], 2)
     assert load_policy(tmp_path / CHECKPOINT, policy) == one.frames
-    actions = policy.act(observation, rng=None)
+    actions = act(policy, env, observation)
     assert actions.shape == (5, 2) and actions.dtype == np.float32 and (abs(actions) <= 1).all()
-    assert (actions == one.policy.act(observation, rng=None)).all()
-    draws = [policy.act(observation, rng=torch.Generator().manual_seed(seed)) for seed in (0, 0, 1)]
+    assert (actions == act(one.policy, env, observation)).all()
+    draws = [act(policy, env, observation, torch.Generator().manual_seed(seed)) for seed in (0, 0, 1)]
     assert (draws[0] == draws[1]).all() and (draws[0] != draws[2]).any()
     assert policy.represent(observation).shape[0] == 5
     assert np.isfinite(policy.represent(observation)).all()

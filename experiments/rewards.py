@@ -1,0 +1,73 @@
+"""What the learner sees of the task's rewards; returns and evaluations always count the task's own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+import torch
+from torch import Tensor
+
+LARGEST = 10.0  # normalised rewards are clipped to this, as in OpenAI's baselines
+
+
+class RewardSettings(Protocol):
+    """The settings of an algorithm that decide what it sees of rewards."""
+
+    @property
+    def reward_transform(self) -> str:
+        """'none', or 'sqrt': sign(r) |r|^1/2."""
+        ...
+
+    @property
+    def reward_scale(self) -> float:
+        """A factor, after the transform."""
+        ...
+
+
+def learner_reward(config: RewardSettings, reward: Tensor) -> Tensor:
+    """The reward that the learner sees, of any shape."""
+    if config.reward_transform == "sqrt":
+        # Near the goal -d^2 is almost flat, and a death of -100 swamps all else; the root mends both.
+        reward = reward.sign() * reward.abs().sqrt()
+    return reward * config.reward_scale
+
+
+class ReturnScale:
+    """Divides rewards by the standard deviation of the discounted returns so far, as Procgen's baselines do.
+
+    Args:
+        num_envs: environments, whose rewards come in parallel.
+        gamma: the discount.
+    """
+
+    def __init__(self, num_envs: int, gamma: float) -> None:
+        self.gamma = gamma
+        self.returns = torch.zeros(num_envs, 1, dtype=torch.float64)  # of the running episodes until now, discounted
+        self.count, self.mean, self.squares = 0, 0.0, 0.0  # of all returns at all steps; Welford's sums
+
+    def __call__(self, reward: Tensor, done: Tensor) -> Tensor:
+        """Scaled rewards, of the shape and dtype of ``reward`` [T, N, 1]; ``done`` says where episodes end."""
+        seen = []
+        for now, ends in zip(reward.double().cpu(), done.cpu(), strict=True):
+            self.returns = self.returns * self.gamma + now
+            seen.append(self.returns)
+            self.returns = self.returns.masked_fill(ends, 0.0)
+        self._count(torch.stack(seen))
+        return (reward / max(self.squares / self.count, 1e-8) ** 0.5).clamp(-LARGEST, LARGEST)
+
+    def _count(self, values: Tensor) -> None:
+        new, mean = values.numel(), float(values.mean())
+        total, shift = self.count + new, mean - self.mean
+        self.squares += float((values - mean).square().sum()) + shift**2 * self.count * new / total
+        self.mean += shift * new / total
+        self.count = total
+
+    def state_dict(self) -> dict[str, Any]:
+        """All that it has seen."""
+        return {"returns": self.returns, "count": self.count, "mean": self.mean, "squares": self.squares}
+
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
+        """Goes on from ``state``."""
+        self.returns, self.count = state["returns"], state["count"]
+        self.mean, self.squares = state["mean"], state["squares"]

@@ -1,0 +1,98 @@
+"""PPO with a memory: it learns from what it remembered while it acted, forgets between episodes, and can tell a story apart."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import torch
+from tensordict import TensorDict
+from torchrl.modules import set_recurrent_mode
+
+from experiments.encoders import MLP
+from experiments.errors import ConfigError
+from experiments.recurrent_ppo import RecurrentPolicy, RecurrentPPO, RecurrentPPOConfig
+from segar import family
+from segar.envs import VectorEnv
+from segar.tasks.puttputt import puttputt
+
+SMALL = RecurrentPPOConfig(num_envs=8, num_steps=12, widths=(16,), core_width=8, head_width=0, minibatches=2)
+LEVELS = family("empty-easy").sample(5, seed=0)
+
+
+def learner(config=SMALL):
+    env = RecurrentPPO.make_env(LEVELS, config.num_envs, seed=0, task=puttputt(max_steps=5))
+    return RecurrentPPO(config, env, 10_000, 0)
+
+
+@pytest.mark.parametrize("core", ["gru", "lstm"])
+def test_sequences_give_what_the_steps_of_their_collection_gave(core):
+    """Episodes of at most 5 steps begin and end within rollouts of 12, and go on from one into the next."""
+    one = learner(dataclasses.replace(SMALL, core=core))
+    ends = 0
+    for _ in range(3):
+        rollout, _ = one.collect()
+        batch = one.make_batch(rollout)
+        rows = TensorDict({key: value.transpose(0, 1) for key, value in batch.items()}, [8, 12])
+        with set_recurrent_mode(True), torch.no_grad():
+            law = one.loss.actor_network.get_dist(rows)
+            value = one.policy.value(rows["hidden"])
+        for seen, again in (
+            (rollout.loc, law.base_dist.loc),
+            (rollout.scale, law.base_dist.scale),
+            (rollout.value, value),
+        ):
+            torch.testing.assert_close(again.transpose(0, 1), seen, atol=1e-5, rtol=1e-5)
+        ends += int(rollout.done.sum())
+    assert ends > 20
+    assert rollout.memory.abs().min() > 0
+
+
+@pytest.mark.parametrize("core", ["gru", "lstm"])
+def test_nothing_is_remembered_from_the_episode_before(core):
+    one = learner(dataclasses.replace(SMALL, core=core))
+    rollout, _ = one.collect()
+    forgotten = torch.zeros(8, one.policy.memory_width)
+    begins = rollout.done[:-1, :, 0].nonzero()
+    assert len(begins) > 5
+    for t, env in begins.tolist():
+        with torch.no_grad():
+            loc, _, value, _ = one.policy.step(rollout.observation[t + 1], forgotten)
+        torch.testing.assert_close(loc[env], rollout.loc[t + 1, env])
+        torch.testing.assert_close(value[env], rollout.value[t + 1, env])
+
+
+def test_acting_is_stepping_with_a_memory_that_begin_empties():
+    policy = learner().policy
+    env = VectorEnv(LEVELS, 3, seed=0)
+    observations = [env.reset()[0]] + [env.step(np.full((3, 2), 0.3))[0] for _ in range(3)]
+    played = []
+    for _ in range(2):
+        policy.begin(env)
+        played.append([policy.act(observation, rng=None) for observation in observations])
+    np.testing.assert_array_equal(*played)
+    memory = torch.zeros(3, policy.memory_width)
+    for observation, action in zip(observations, played[0], strict=True):
+        with torch.no_grad():
+            loc, _, _, memory = policy.step(torch.from_numpy(observation), memory)
+        np.testing.assert_array_equal(loc.tanh(), action)
+    policy.begin(env)
+    assert not np.array_equal(policy.act(observations[-1], rng=None), played[0][-1])
+
+
+@pytest.mark.parametrize(("core", "gates"), [("gru", 3), ("lstm", 4)])
+def test_the_core_has_as_many_parameters_as_the_docstring_says(core, gates):
+    assert "3 (GRU) or 4 (LSTM) times w (w + phi + 2)" in RecurrentPolicy.__doc__
+    policy = RecurrentPPO.make_policy(dataclasses.replace(SMALL, core=core), (9,), 2)
+    assert isinstance(policy.encoder, MLP)
+    assert sum(p.numel() for p in policy.core.parameters()) == gates * 8 * (8 + 16 + 2)
+
+
+def test_what_cannot_be_is_refused():
+    for changes, says in (
+        ({"core": "gro"}, "algorithm.core: 'gro' is unknown. Did you mean 'gru'?"),
+        ({"minibatches": 9}, "algorithm.minibatches: 9 is not allowed; it must be at most num_envs, 8"),
+        ({"shared": False}, "algorithm.shared: False is not allowed"),
+    ):
+        with pytest.raises(ConfigError) as caught:
+            dataclasses.replace(SMALL, **changes)
+        assert says in str(caught.value)
