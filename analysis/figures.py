@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from analysis import style
-from analysis.statistics import Line, NotAvailable, correlate, fit_line
+from analysis.stats.correlation import Line, NotAvailable, correlate, fit_line
 from analysis.tables import column, select
 from analysis.words import in_short, in_words
 from experiments.atomic import replacing

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.statistics import (
+from analysis.stats.correlation import (
     Correlation,
     Line,
     NotAvailable,

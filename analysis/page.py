@@ -8,7 +8,7 @@ from typing import Any
 import pandas as pd
 
 from analysis.gap import Found, correlation_rows, line_in_words
-from analysis.statistics import NotAvailable
+from analysis.stats.correlation import NotAvailable
 from analysis.words import number, signed
 
 CORRELATION_HEAD = ("gap against", "runs", "Pearson r", "95 %", "p", "Spearman ρ", "95 %", "p")

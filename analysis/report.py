@@ -20,7 +20,7 @@ from omegaconf import DictConfig
 from analysis.figures import gap_against_w2, gap_by_family, save_figure
 from analysis.gap import gap_statistics, log_n_statistics
 from analysis.page import page
-from analysis.statistics import Correlation, NotAvailable
+from analysis.stats.correlation import Correlation, NotAvailable
 from analysis.tables import Grid, Missing, Run, find_runs, missing_cells, read_runs, select
 from analysis.words import in_words
 from experiments.atomic import replacing, write_text

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from analysis.statistics import Correlation, NotAvailable
+from analysis.stats.correlation import Correlation, NotAvailable
 
 
 def in_words(found: Correlation | NotAvailable) -> str:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from analysis.statistics import (
+from analysis.stats.correlation import (
     Correlation,
     Line,
     NotAvailable,
