@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import uuid
 import zipfile
 import zlib
 from collections.abc import Iterable, Mapping
@@ -15,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from segar.errors import SegarError
+from segar.replacing import replacing
 from segar.version import __version__
 
 
@@ -47,18 +46,8 @@ class ArchiveFormat:
         head = {"format": self.name, "format_version": self.version, "version": __version__}
         text = json.dumps(head | dict(metadata), indent=1).encode()
         contents: dict[str, Any] = {**arrays, "metadata": np.frombuffer(text, dtype=np.uint8)}
-        beside = path.with_name(f".{path.name}.{uuid.uuid4().hex[:12]}.tmp")
-        try:
-            with open(beside, "wb") as file:
-                np.savez_compressed(file, **contents)
-                file.flush()
-                os.fsync(file.fileno())
-            os.replace(beside, path)
-        except OSError as said:
-            beside.unlink(missing_ok=True)
-            raise self.error(
-                f"{self.contents} cannot be written to {path}: {said.strerror or said}; nothing was changed"
-            ) from said
+        with replacing(path, self.contents, self.error) as beside, open(beside, "wb") as file:
+            np.savez_compressed(file, **contents)
 
     def read(self, path: Path, names: Iterable[str]) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
         """The arrays of these names, and the description.

@@ -61,8 +61,7 @@ def design(
     ``target``: levels whose distance ``w2(levels, test, mode=mode)`` is within ``tolerance`` of ``target``.
 
     Args:
-        n: how many levels.
-        seed, split: as for ``dist.sample``; the choice at random depends on them and on nothing else.
+        n, seed, split: as for ``dist.sample``; the choice at random depends on them and on nothing else.
         pool: how many levels to pick from; by default 20 n, at least 1,000.
         nuisance: ``nuisance_only``: factors that vary, e.g. ``[Order, Mass]``; of all entities that have them. If Position
             or Size varies, things are moved out of each other as in any level.
@@ -77,13 +76,9 @@ def design(
     """
     require_distribution("design", dist)
     _check_kind(kind, nuisance, test, target, tolerance)
-    if isinstance(n, bool) or not isinstance(n, (int, np.integer)) or n < 1:
-        raise LevelError(f"design: the number of levels must be a whole number above 0, not {n!r}")
+    size = _pool_size(n, None if kind == "iid" else pool)
     if kind == "iid":
         return dist.sample(n, seed=seed, split=split)
-    size = max(POOL_PER_LEVEL * n, SMALLEST_POOL) if pool is None else pool
-    if size < n:
-        raise LevelError(f"design: {n} levels cannot be picked from a pool of {size}")
     levels = dist.sample(size, seed=seed, split=split)
     rng = np.random.default_rng(int(content_hash([DESIGN_SPLIT, dist.hash, int(seed), split]), 16))
     if kind == "clustered":
@@ -94,6 +89,16 @@ def design(
         return _nuisance_only(levels, int(rng.integers(size)), n, nuisance)
     assert test is not None and target is not None
     return _at_target(levels, n, test, target, 0.01 * target if tolerance is None else tolerance, mode, rng)
+
+
+def _pool_size(n: int, pool: int | None) -> int:
+    """How many levels ``n`` are picked from."""
+    if isinstance(n, bool) or not isinstance(n, (int, np.integer)) or n < 1:
+        raise LevelError(f"design: the number of levels must be a whole number above 0, not {n!r}")
+    size = max(POOL_PER_LEVEL * n, SMALLEST_POOL) if pool is None else pool
+    if size < n:
+        raise LevelError(f"design: {n} levels cannot be picked from a pool of {size}")
+    return size
 
 
 def _check_kind(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import uuid
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from segar.errors import SegarError
@@ -14,28 +14,40 @@ UNFINISHED = ".writing-"  # how the names of unfinished files begin
 
 
 @contextmanager
-def replacing(path: Path, what: str) -> Iterator[Path]:
+def replacing(
+    path: Path,
+    what: str,
+    error: type[SegarError] = SegarError,
+    advice: str = "nothing was changed",
+    folder: bool = False,
+) -> Iterator[Path]:
     """A path beside ``path``, with the same suffix, to write to; it takes the place of ``path`` if the block ends well.
 
     Args:
         what: it is, for the message: "the video".
+        advice: how the message ends.
+        folder: make the folder of ``path`` if it is not there.
 
     Raises:
-        SegarError: the system refuses, for example because the disk is full; what was at ``path`` is untouched.
+        error: the system refuses, for example because the disk is full; what was at ``path`` is untouched.
     """
+    # Never the same name twice: libraries keep connections to a database by its name, also to one that failed.
     beside = path.with_name(f"{UNFINISHED}{uuid.uuid4().hex[:12]}-{path.name}")
     try:
+        if folder:
+            path.parent.mkdir(parents=True, exist_ok=True)
         yield beside
         with open(beside, "rb+") as written:
             os.fsync(written.fileno())
         os.replace(beside, path)
     except OSError as said:
-        raise SegarError(f"{what} cannot be written to {path}: {said.strerror or said}; nothing was changed") from said
+        raise error(f"{what} cannot be written to {path}: {said.strerror or said}; {advice}") from said
     finally:
-        beside.unlink(missing_ok=True)
+        with suppress(NotADirectoryError):  # what should be its folder is a file
+            beside.unlink(missing_ok=True)
 
 
 def remove_unfinished(folder: Path) -> None:
-    """Remove what a killed process left half written in a folder."""
-    for path in folder.glob(f"{UNFINISHED}*"):
+    """Remove what a killed process left half written in a folder and the folders in it."""
+    for path in folder.rglob(f"{UNFINISHED}*"):
         path.unlink(missing_ok=True)

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
-import os
 import textwrap
-import uuid
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -19,6 +17,7 @@ from segar.distribution import LevelDistribution
 from segar.errors import PriorError, SegarError, did_you_mean
 from segar.factors import Position
 from segar.noise import Empirical, Noise
+from segar.replacing import replacing
 from segar.shapes import BaseShape
 
 FORMATS = (".png", ".pdf", ".svg")
@@ -62,7 +61,8 @@ def draw_marginals(distribution: LevelDistribution, path: str, title: str) -> No
     for axis in axes[len(panels) :]:
         axis.set_axis_off()
     figure.suptitle(f"{title}: marginals that are not constant", fontsize=10)
-    _save(figure, target)
+    with replacing(target, "the figure") as beside:
+        figure.savefig(beside, format=target.suffix[1:].lower(), dpi=150)
 
 
 def together(names: Sequence[str]) -> str:
@@ -181,14 +181,3 @@ def _draw_plane(axis: Any, law: Noise, unit: str) -> None:
     axis.pcolormesh(lines, lines, np.maximum(mass.T, 0.0), cmap="Blues", vmin=0.0, rasterized=True)
     axis.set_aspect("equal")
     axis.set_xlabel(unit, fontsize=7)
-
-
-def _save(figure: Any, target: Path) -> None:
-    """Write beside the target, then rename: nothing is half-written."""
-    beside = target.with_name(f".{target.name}.{uuid.uuid4().hex[:12]}.tmp")
-    try:
-        figure.savefig(beside, format=target.suffix[1:].lower(), dpi=150)
-        os.replace(beside, target)
-    except OSError as said:
-        beside.unlink(missing_ok=True)
-        raise SegarError(f"the figure cannot be written to {target}: {said.strerror or said}") from said

@@ -128,10 +128,10 @@ def _begun(folder: Path, settings: Settings, levels: Levels, env: VectorEnv) -> 
     if (folder / MANIFEST).exists():
         manifest = Manifest.read(folder)
         check_same_settings(manifest.settings, settings, folder)
-        _clear(folder)
+        remove_unfinished(folder)
         return manifest
     folder.mkdir(parents=True, exist_ok=True)
-    _clear(folder)
+    remove_unfinished(folder)
     there = [path.name for path in folder.iterdir() if path.name != LEVELS]
     if there:
         raise SegarError(f"{folder} is not empty and holds no dataset: there is {sorted(there)[0]}")
@@ -141,13 +141,6 @@ def _begun(folder: Path, settings: Settings, levels: Levels, env: VectorEnv) -> 
     manifest = Manifest(settings, factor_columns(levels.layout), arrays)
     manifest.write(folder)
     return manifest
-
-
-def _clear(folder: Path) -> None:
-    """Remove what a recording that was killed left half written."""
-    remove_unfinished(folder)
-    for path in folder.glob(f".{LEVELS}.*.tmp"):  # as Levels.save calls it
-        path.unlink(missing_ok=True)
 
 
 def _record_shard(

@@ -9,11 +9,10 @@ import hashlib
 import importlib.util
 import os
 import sys
-import tempfile
 from pathlib import Path
 from types import ModuleType
 
-from segar.errors import SegarError
+from segar.replacing import replacing
 
 _loaded: dict[str, ModuleType] = {}
 
@@ -63,17 +62,17 @@ def is_compiled(path: Path) -> bool:
 
 
 def _write_if_new(path: Path, text: str) -> None:
+    # Numba's index is keyed by the file's time of change, so only what was damaged or edited is written again.
+    if _holds(path, text):
+        return
+    with replacing(
+        path, "the kernel", advice="set SEGAR_CACHE_DIR to a folder that can be written", folder=True
+    ) as beside:
+        beside.write_text(text)
+
+
+def _holds(path: Path, text: str) -> bool:
     try:
-        # Numba's index is keyed by the file's time of change, so only what was damaged or edited is written again.
-        if path.exists() and path.read_text() == text:
-            return
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, beside = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
-        with os.fdopen(handle, "w") as file:
-            file.write(text)
-        os.replace(beside, path)
-    except OSError as error:
-        raise SegarError(
-            f"cannot write the compiled kernel to {path.parent}: {error.strerror}."
-            " Set SEGAR_CACHE_DIR to a folder that can be written"
-        ) from error
+        return path.read_text() == text
+    except (OSError, UnicodeDecodeError):  # what is not there, or cannot be read, is written
+        return False

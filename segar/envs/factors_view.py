@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,30 @@ from segar.entities import Entity
 from segar.errors import LevelError, SegarError, did_you_mean
 
 
-class Factors(Mapping[str, np.ndarray]):
+class OnAccess(Mapping[str, Any]):
+    """Named values that are computed when they are asked for; a sub-class sets ``_names`` and says how."""
+
+    _names: Collection[str]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._names
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+    def __eq__(self, other: object) -> bool:
+        return same_factors(self, other)
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({', '.join(self._names)})"
+
+
+class Factors(OnAccess):
     """Factor name to float64 ``(num_envs, entities)``, vectors ``(num_envs, entities, 2)``; nan where one is lacking.
 
     It belongs to the step that returned it: if it is still held when the next step begins, it keeps a copy of its own.
@@ -20,7 +43,7 @@ class Factors(Mapping[str, np.ndarray]):
 
     def __init__(self, layout: Layout, values: np.ndarray, rows: np.ndarray | None = None, num_envs: int = 0) -> None:
         self._layout, self._values, self._rows, self._num_envs = layout, values, rows, num_envs
-        self._columns = layout.by_name
+        self._names = self._columns = layout.by_name
 
     @property
     def entities(self) -> tuple[str, ...]:
@@ -46,84 +69,39 @@ class Factors(Mapping[str, np.ndarray]):
             part = full
         return part.copy() if factor.width == 2 else part[:, :, 0].copy()
 
-    def __contains__(self, name: object) -> bool:
-        return name in self._columns
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._columns)
-
-    def __len__(self) -> int:
-        return len(self._columns)
-
-    def __eq__(self, other: object) -> bool:
-        return same_factors(self, other)
-
-    __hash__ = None  # type: ignore[assignment]
-
-    def __repr__(self) -> str:
-        return f"Factors({', '.join(self._columns)})"
-
     def keep(self) -> None:
         """Take a copy of the state, since the batch is about to change."""
         self._values = self._values.copy()
 
 
-class Results(Mapping[str, Any]):
+class Results(OnAccess):
     """What a task says of the state that ``factors`` hold: name to array ``(num_envs, ...)``, computed on access."""
 
     def __init__(self, functions: Mapping[str, Callable[[Factors], np.ndarray]], factors: Factors) -> None:
-        self._functions, self._factors = functions, factors
+        self._functions, self._factors, self._names = functions, factors, functions
 
     def __getitem__(self, name: str) -> Any:
         if name not in self._functions:
             raise SegarError(f"this task has no result '{name}'.{did_you_mean(name, self._functions)}")
         return self._functions[name](self._factors)
 
-    def __contains__(self, name: object) -> bool:
-        return name in self._functions
 
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._functions)
-
-    def __len__(self) -> int:
-        return len(self._functions)
-
-    def __eq__(self, other: object) -> bool:
-        return same_factors(self, other)
-
-    __hash__ = None  # type: ignore[assignment]
-
-    def __repr__(self) -> str:
-        return f"Results({', '.join(self._functions)})"
-
-
-class SingleResults(Mapping[str, Any]):
+class SingleResults(OnAccess):
     """The results of a batch of one: numbers and truths, or arrays where a result is one; see :class:`Results`."""
 
     def __init__(self, batch: Results) -> None:
-        self._batch = batch
+        self._batch = self._names = batch
 
     def __getitem__(self, name: str) -> Any:
         value = np.asarray(self._batch[name])[0]
         return value.item() if value.ndim == 0 else value
 
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._batch)
 
-    def __len__(self) -> int:
-        return len(self._batch)
-
-    def __eq__(self, other: object) -> bool:
-        return same_factors(self, other)
-
-    __hash__ = None  # type: ignore[assignment]
-
-
-class SingleFactors(Mapping[str, np.ndarray]):
+class SingleFactors(OnAccess):
     """The factors of a batch of one: float64 ``(entities,)`` or ``(entities, 2)``; see :class:`Factors`."""
 
     def __init__(self, batch: Factors) -> None:
-        self._batch = batch
+        self._batch = self._names = batch
 
     @property
     def entities(self) -> tuple[str, ...]:
@@ -136,17 +114,6 @@ class SingleFactors(Mapping[str, np.ndarray]):
 
     def __getitem__(self, name: str) -> np.ndarray:
         return self._batch[name][0]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._batch)
-
-    def __len__(self) -> int:
-        return len(self._batch)
-
-    def __eq__(self, other: object) -> bool:
-        return same_factors(self, other)
-
-    __hash__ = None  # type: ignore[assignment]
 
 
 def same_factors(a: Mapping[str, Any], b: object) -> bool:

@@ -154,7 +154,9 @@ def _parts(observation: Any) -> dict[str, Any]:
 
 def _spec(space: spaces.Space, num_envs: int) -> Any:
     if isinstance(space, (spaces.Dict, spaces.Tuple)):
-        return Composite({key: _spec(part, num_envs) for key, part in _parts(space).items()}, shape=torch.Size([num_envs]))
+        return Composite(
+            {key: _spec(part, num_envs) for key, part in _parts(space).items()}, shape=torch.Size([num_envs])
+        )
     assert isinstance(space, spaces.Box)
     if space.dtype == np.uint8:
         return _bounded(space, torch.uint8).expand(num_envs, *space.shape)

@@ -109,16 +109,25 @@ def plan(
         SegarError: samples or iterations are too few, or the levels do not fit the task.
     """
     require_generator("plan", rng)
+    require_search(samples, iterations)
+    return search(make_starts(levels, task, seed, num_threads), rng, samples, iterations)
+
+
+def require_search(samples: int, iterations: int) -> None:
+    """Raise :class:`SegarError` unless the search is large enough to be one."""
     if samples < 8 or iterations < 1:
         raise SegarError(
             f"the search needs at least 8 samples and 1 iteration, not {samples} samples and {iterations} iterations"
         )
-    starts = make_starts(levels, task, seed, num_threads)
+
+
+def search(starts: Starts, rng: np.random.Generator, samples: int, iterations: int) -> Plan:
+    """The best episode from each of the starts; see :func:`plan`."""
     block = max(1, BATCH // samples)
-    rows = np.arange(len(levels))
+    rows = np.arange(len(starts.levels))
     found = [_search(starts, rows[i : i + block], rng, samples, iterations) for i in range(0, len(rows), block)]
     arrays = {name: np.concatenate([getattr(best, name) for best, _ in found]) for name in PLAN_ARRAYS}
-    return Plan(**arrays, task=starts.task.name, seed=seed, rollouts=sum(count for _, count in found))
+    return Plan(**arrays, task=starts.task.name, seed=starts.seed, rollouts=sum(count for _, count in found))
 
 
 def replay(levels: Levels, certificate: Plan, task: Task | None = None) -> np.ndarray:

@@ -9,7 +9,7 @@ import numpy as np
 
 from segar.arguments import require_generator
 from segar.errors import SegarError
-from segar.hardness.planner import BATCH, Plan, plan, scripted_episodes
+from segar.hardness.planner import BATCH, Plan, require_search, scripted_episodes, search
 from segar.hardness.rollouts import Episodes, Starts, make_starts, play, uniform_actions
 from segar.levels import Levels
 from segar.tasks.task import Task
@@ -106,6 +106,7 @@ def hardness(
     require_generator("hardness", rng)
     if plays < 1:
         raise SegarError(f"hardness needs at least 1 random play per level, not {plays}")
+    require_search(samples, iterations)
     starts = make_starts(levels, task, seed, num_threads)
     solved, returns = random_episodes(starts, plays, rng)
     low, high = wilson_interval(solved.mean(axis=1), plays)
@@ -117,7 +118,7 @@ def hardness(
         random_high=high,
         random_return=returns.mean(axis=1),
         scripted=scripted_episodes(starts),
-        oracle=plan(levels, task, rng=rng, samples=samples, iterations=iterations, seed=seed, num_threads=num_threads),
+        oracle=search(starts, rng, samples, iterations),
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,8 +17,46 @@ from segar.noise.law import Noise, finite, fraction, interval
 SIGMAS = 10  # a Gaussian is integrated this far to either side: beyond lies a mass of 1e-23
 
 
+class GaussianBetween(Noise):
+    """A Gaussian and two ends, which may be infinite; its sub-classes say what becomes of the mass beyond them."""
+
+    loc: float
+    std: float
+
+    @property
+    @abstractmethod
+    def support(self) -> tuple[float, float]: ...
+
+    @property
+    @abstractmethod
+    def _moments(self) -> tuple[float, float]:
+        """Mean and variance of (x - loc) / std."""
+
+    @property
+    def mean(self) -> float:
+        return self.loc + self.std * self._moments[0]
+
+    @property
+    def var(self) -> float:
+        return self.std**2 * self._moments[1]
+
+    @property
+    def _z(self) -> tuple[float, float]:
+        """The ends in standard deviations from ``loc``."""
+        return (self.support[0] - self.loc) / self.std, (self.support[1] - self.loc) / self.std
+
+    def _set_gaussian(self, mean: float, std: float) -> None:
+        finite(self, mean=mean, std=std)
+        if not std > 0:
+            raise PriorError(
+                f"{type(self).__name__}: std must be positive, not {std!r}; for a constant give the value itself"
+            )
+        object.__setattr__(self, "loc", float(mean))
+        object.__setattr__(self, "std", float(std))
+
+
 @dataclass(frozen=True, init=False, repr=False)
-class GaussianNoise(Noise):
+class GaussianNoise(GaussianBetween):
     """Gaussian with ``mean`` and standard deviation ``std``; ``clip=(low, high)`` moves draws outside to the ends.
 
     A clipped Gaussian has an atom at each end. ``loc`` is the parameter ``mean``; the property ``mean`` is the mean of
@@ -29,11 +68,7 @@ class GaussianNoise(Noise):
     clip: tuple[float, float] | None
 
     def __init__(self, mean: float = 0.0, std: float = 0.1, clip: Sequence[float] | None = None) -> None:
-        finite(self, mean=mean, std=std)
-        if not std > 0:
-            raise PriorError(f"GaussianNoise: std must be positive, not {std!r}; for a constant give the value itself")
-        object.__setattr__(self, "loc", float(mean))
-        object.__setattr__(self, "std", float(std))
+        self._set_gaussian(mean, std)
         object.__setattr__(self, "clip", None if clip is None else interval(self, "clip", clip))
 
     def sample(self, rng: Any, size: Any = None) -> Any:
@@ -43,38 +78,30 @@ class GaussianNoise(Noise):
     def cdf(self, x: Any) -> Any:
         from scipy.special import ndtr
 
-        low, high = self._ends
+        low, high = self.support
         x = np.asarray(x, dtype=float)
         p = ndtr((x - self.loc) / self.std)
         return np.where(x < low, 0.0, np.where(x >= high, 1.0, p))[()]
 
     def pdf(self, x: Any) -> Any:
-        low, high = self._ends
+        low, high = self.support
         x = np.asarray(x, dtype=float)
         return np.where((x > low) & (x < high), gauss((x - self.loc) / self.std) / self.std, 0.0)[()]
 
     def icdf(self, q: Any) -> Any:
         from scipy.special import ndtri
 
-        return np.clip(self.loc + self.std * ndtri(np.asarray(q, dtype=float)), *self._ends)[()]
-
-    @property
-    def mean(self) -> float:
-        return self.loc + self.std * self._moments[0]
-
-    @property
-    def var(self) -> float:
-        return self.std**2 * self._moments[1]
+        return np.clip(self.loc + self.std * ndtri(np.asarray(q, dtype=float)), *self.support)[()]
 
     @property
     def support(self) -> tuple[float, float]:
-        return self._ends
+        return self.clip or (-math.inf, math.inf)
 
     @property
     def atoms(self) -> tuple[np.ndarray, np.ndarray]:
         from scipy.special import ndtr
 
-        low, high = self._ends
+        low, high = self.support
         masses = {x: float(ndtr(side)) for x, side in ((low, self._z[0]), (high, -self._z[1])) if math.isfinite(x)}
         if low == high:
             masses = {low: 1.0}
@@ -83,7 +110,7 @@ class GaussianNoise(Noise):
     @property
     def pieces(self) -> np.ndarray:
         grid = self.loc + self.std * np.arange(-SIGMAS, SIGMAS + 1.0)
-        return np.unique(np.clip(grid, *self._ends))
+        return np.unique(np.clip(grid, *self.support))
 
     def entropy(self) -> float:
         from scipy.special import entr
@@ -91,15 +118,6 @@ class GaussianNoise(Noise):
         inside, _, second = self._inside
         density = inside * math.log(self.std * math.sqrt(2 * math.pi)) + second / 2
         return float(density + entr(self.atoms[1]).sum())
-
-    @property
-    def _ends(self) -> tuple[float, float]:
-        return self.clip or (-math.inf, math.inf)
-
-    @property
-    def _z(self) -> tuple[float, float]:
-        """The clip's ends in standard deviations from ``loc``."""
-        return (self._ends[0] - self.loc) / self.std, (self._ends[1] - self.loc) / self.std
 
     @cached_property
     def _inside(self) -> tuple[float, float, float]:
@@ -114,8 +132,7 @@ class GaussianNoise(Noise):
         return inside, float(gauss(a) - gauss(b)), inside - edge[1] + edge[0]
 
     @cached_property
-    def _moments(self) -> tuple[float, float]:
-        """Mean and variance of (x - loc) / std."""
+    def _moments(self) -> tuple[float, float]:  # type: ignore[override]
         _, first, second = self._inside
         z = (self.atoms[0] - self.loc) / self.std
         mean = first + float(z @ self.atoms[1])

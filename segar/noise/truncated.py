@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 
 from segar.errors import PriorError
-from segar.noise.continuous import SIGMAS, gauss
-from segar.noise.law import Noise, finite, fraction, interval
+from segar.noise.continuous import SIGMAS, GaussianBetween, gauss
+from segar.noise.law import fraction, interval
 
 PANELS = 24  # into which the line is cut for integrals, at most
 TAIL = 46.0  # an exponential tail is integrated over this many of its scales: beyond lies a mass of 1e-20
 
 
 @dataclass(frozen=True, init=False, repr=False)
-class TruncatedGaussianNoise(Noise):
+class TruncatedGaussianNoise(GaussianBetween):
     """Gaussian with ``mean`` and standard deviation ``std`` given that it lies in ``truncate=(low, high)``.
 
     ``loc`` is the parameter ``mean``; the property ``mean`` is the mean of the law. An end may be infinite. It is drawn
@@ -30,12 +30,8 @@ class TruncatedGaussianNoise(Noise):
     truncate: tuple[float, float]
 
     def __init__(self, mean: float, std: float, truncate: Any) -> None:
-        finite(self, mean=mean, std=std)
-        if not std > 0:
-            raise PriorError(f"TruncatedGaussianNoise: std must be positive, not {std!r}")
+        self._set_gaussian(mean, std)
         low, high = interval(self, "truncate", truncate)
-        object.__setattr__(self, "loc", float(mean))
-        object.__setattr__(self, "std", float(std))
         object.__setattr__(self, "truncate", (low, high))
         if not self._mass > 0:
             raise PriorError(f"{self!r}: no mass lies in ({low:g}, {high:g}); widen the interval, or move the mean")
@@ -61,14 +57,6 @@ class TruncatedGaussianNoise(Noise):
         return np.clip(self.loc + self.std * z, *self.truncate)[()]
 
     @property
-    def mean(self) -> float:
-        return self.loc + self.std * self._moments[0]
-
-    @property
-    def var(self) -> float:
-        return self.std**2 * self._moments[1]
-
-    @property
     def support(self) -> tuple[float, float]:
         return self.truncate
 
@@ -87,19 +75,13 @@ class TruncatedGaussianNoise(Noise):
         mean, var = self._moments
         return math.log(self.std * math.sqrt(2 * math.pi)) + math.log(self._mass) + (var + mean**2) / 2
 
-    @property
-    def _z(self) -> tuple[float, float]:
-        """The ends in standard deviations from ``loc``."""
-        return (self.truncate[0] - self.loc) / self.std, (self.truncate[1] - self.loc) / self.std
-
     @cached_property
     def _mass(self) -> float:
         """Mass of the whole Gaussian between the ends."""
         return float(self._mass_between(*self._z))
 
     @cached_property
-    def _moments(self) -> tuple[float, float]:
-        """Mean and variance of (x - loc) / std."""
+    def _moments(self) -> tuple[float, float]:  # type: ignore[override]
         low, high = self._z
         if max(abs(low), abs(high)) < math.inf or min(abs(low), abs(high)) > SIGMAS / 2:
             from segar.noise.measures import moments  # the closed form loses digits in tails and in narrow intervals

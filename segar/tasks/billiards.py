@@ -60,30 +60,8 @@ def billiards(
         kick = Vector(action[0], action[1]) * impulse
         return SetFactor[Velocity](cue[Velocity], cue[Velocity] + kick / cue[Mass])
 
-    def take_off(ball: Ball) -> SetFactor[Alive]:
-        return SetFactor[Alive](ball[Alive], False) if ball[Done] else None
-
-    def nearness(ball: Ball, pocket: Best[Hole]) -> float:
-        d = (ball[Position] - pocket[Position]).norm() / ARENA_DIAGONAL
-        return -(d * d)
-
-    def has_fallen(ball: Ball) -> float:
-        return 1.0 if ball[Done] and ball[Alive] else 0.0
-
     def penalty(cue: CueBall) -> float:
         return 0.0 if cue[Alive] else -death_penalty
-
-    def is_lost(cue: CueBall) -> bool:
-        return cue[Done] or not cue[Alive]
-
-    def is_clear(ball: Every[Ball]) -> bool:
-        return ball[Done] or not ball[Alive]
-
-    def has_cleared(cue: CueBall, ball: Every[Ball]) -> bool:
-        return cue[Alive] and not cue[Done] and (ball[Done] or not ball[Alive])
-
-    def has_died(cue: CueBall) -> bool:
-        return not cue[Alive]
 
     return Task(
         f"billiards-{reward}",
@@ -97,6 +75,35 @@ def billiards(
         results=RESULTS,
         demo_actions=partial(demo_actions, impulse=impulse),
     )
+
+
+def take_off(ball: Ball) -> SetFactor[Alive]:
+    return SetFactor[Alive](ball[Alive], False) if ball[Done] else None
+
+
+def nearness(ball: Ball, pocket: Best[Hole]) -> float:
+    d = (ball[Position] - pocket[Position]).norm() / ARENA_DIAGONAL
+    return -(d * d)
+
+
+def has_fallen(ball: Ball) -> float:
+    return 1.0 if ball[Done] and ball[Alive] else 0.0
+
+
+def is_lost(cue: CueBall) -> bool:
+    return cue[Done] or not cue[Alive]
+
+
+def is_clear(ball: Every[Ball]) -> bool:
+    return ball[Done] or not ball[Alive]
+
+
+def has_cleared(cue: CueBall, ball: Every[Ball]) -> bool:
+    return cue[Alive] and not cue[Done] and (ball[Done] or not ball[Alive])
+
+
+def has_died(cue: CueBall) -> bool:
+    return not cue[Alive]
 
 
 def demo_actions(factors: Factors, impulse: float = IMPULSE) -> np.ndarray:

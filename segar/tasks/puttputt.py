@@ -35,7 +35,7 @@ def puttputt(
     max_steps: int = 100,
     sub_steps: int = 5,
 ) -> Task:
-    """The task of the paper's families.
+    """The task of the paper's families. It reports the distance to the goal, and the ball's motion, mass and life.
 
     Args:
         reward: 'squared' is -d^2 (v0), 'linear' is -d (v1), where d is the distance of ball and goal as a share of the
@@ -45,14 +45,11 @@ def puttputt(
         goal_speed: speed [m/s] above which the ball rolls over the goal without having arrived; None for no limit.
         death_penalty: subtracted in the step in which the ball dies.
 
-    Its results are the distance to the goal and the ball's velocity, acceleration, mass and life.
-
     Raises:
         SegarError: unknown reward.
     """
     if reward not in ("squared", "linear"):
         raise SegarError(f"puttputt has no reward '{reward}'.{did_you_mean(reward, ('squared', 'linear'))}")
-    squared = reward == "squared"
 
     def push(ball: GolfBall, action: Action) -> SetFactor[Velocity]:
         if ball[Mass] == 0:
@@ -62,7 +59,7 @@ def puttputt(
 
     def distance_reward(ball: GolfBall, goal: GoalTile) -> float:
         d = distance(ball, goal)
-        near = -(d * d) if squared else -d
+        near = -(d * d) if reward == "squared" else -d
         return near if ball[Alive] else near - death_penalty
 
     def is_at_goal(ball: GolfBall, goal: GoalTile) -> bool:
@@ -74,9 +71,6 @@ def puttputt(
 
     def has_arrived(ball: GolfBall, goal: GoalTile) -> bool:
         return ball[Alive] and not ball[Done] and is_at_goal(ball, goal)
-
-    def has_died(ball: GolfBall) -> bool:
-        return not ball[Alive]
 
     return Task(
         f"puttputt-{reward}",
@@ -90,6 +84,10 @@ def puttputt(
         results=RESULTS,
         demo_actions=partial(demo_actions, impulse=impulse),
     )
+
+
+def has_died(ball: GolfBall) -> bool:
+    return not ball[Alive]
 
 
 def demo_actions(factors: Factors, impulse: float = IMPULSE) -> np.ndarray:

@@ -1,5 +1,6 @@
 """Textures: patterns that show factors, as sets of models whose differences can be measured."""
 
+from segar.textures.contrast import look_distances
 from segar.textures.filter_bank import FilterBank
 from segar.textures.filter_clusters import filter_textures
 from segar.textures.inputs import BACKGROUND, NOISE, TypeInputs, type_inputs
@@ -15,6 +16,7 @@ __all__ = [
     "TypeInputs",
     "filter_textures",
     "linear_read_out",
+    "look_distances",
     "product_of_marginals",
     "shipped_sets",
     "type_inputs",

@@ -25,9 +25,9 @@ CELLS = 2  # the period is so many cells wide
 LARGEST_CELL = 4  # [pixels] so that a period is not larger than the smallest things in a picture of 64 pixels
 # Root mean square of what one standard deviation of an input adds before tanh. More is easier to see, less is easier to
 # read out. The floor is nothing else; what is rare or tells things apart may be strong.
-AMPLITUDE = 0.36
-AMPLITUDES = {BACKGROUND: 1.2, "Charge": 0.55, "Magnetism": 0.55, "StoredEnergy": 0.55, "Alive": 0.28, NOISE: 0.28}
-AMPLITUDES |= {"Consumes": 0.4, "GoalTile": 0.45, "GolfBall": 0.45}
+AMPLITUDE = 0.32
+AMPLITUDES = {BACKGROUND: 1.2, "Charge": 0.48, "Magnetism": 0.48, "StoredEnergy": 0.48, "Alive": 0.25, NOISE: 0.25}
+AMPLITUDES |= {"Consumes": 0.35, "GoalTile": 0.4, "GolfBall": 0.4}
 
 
 def filter_textures(

@@ -91,7 +91,7 @@ def test_an_edited_or_damaged_kernel_file_is_written_again(folder, monkeypatch):
 def test_a_cache_that_cannot_be_written_says_what_to_do(tmp_path, monkeypatch):
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("SEGAR_CACHE_DIR", str(tmp_path / "file" / "kernels"))
-    with pytest.raises(SegarError, match=r"cannot write the compiled kernel .* Set SEGAR_CACHE_DIR to a folder that"):
+    with pytest.raises(SegarError, match=r"the kernel cannot be written to .*; set SEGAR_CACHE_DIR to a folder that"):
         load_module("answer = 44\n")
 
 
