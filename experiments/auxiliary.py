@@ -8,7 +8,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import torch
 from tensordict import TensorDict
@@ -21,8 +21,10 @@ from experiments.config import PPOConfig, require
 from experiments.encoders import initialize
 from experiments.errors import ConfigError
 from experiments.ppo import PPO, PPOPolicy, check_finite
-from experiments.rollouts import Rollout, observation_shape
+from experiments.rollouts import Rollout, action_size, observation_shape
 from segar.envs.vector import VectorEnv
+
+M = TypeVar("M", bound=nn.Module)
 
 
 @dataclass(frozen=True)
@@ -67,8 +69,8 @@ class Auxiliary(ABC):
         self.ppo = PPO(config, env, frames, seed)
         self.policy, self.rng = self.ppo.policy, self.ppo.rng
         self.encoder: Any = self.policy.actor.encoder
-        self.loss = self.make_loss(env.action_space.shape[-1])
-        self.targets = SoftUpdate(self.loss, tau=config.tau) if config.tau < 1 else None
+        self.loss: Any = self.make_loss(action_size(env))
+        self.targets: Any = SoftUpdate(self.loss, tau=config.tau) if config.tau < 1 else None
         known = {id(weight) for weight in self.encoder.parameters()}
         own = [weight for weight in self.loss.parameters() if id(weight) not in known]
         self.weights = [*self.encoder.parameters(), *own]
@@ -133,7 +135,7 @@ class Auxiliary(ABC):
             frames = random_intensity(frames, config.intensity, self.rng)
         return frames
 
-    def drawn(self, module: nn.Module) -> nn.Module:
+    def drawn(self, module: M) -> M:
         """The module with fresh weights, where the policy is."""
         initialize(module, self.rng)
         return module.to(self.ppo.device)

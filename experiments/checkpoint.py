@@ -59,7 +59,7 @@ def save_checkpoint(folder: Path, config: RunConfig, learner: Learner, extra: Ma
     if path.exists():
         with replacing(folder / PREVIOUS) as beside:
             _link(path, beside)
-    write_bytes(path, buffer.getbuffer())
+    write_bytes(path, buffer.getvalue())
 
 
 def resume_checkpoint(

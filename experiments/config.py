@@ -212,7 +212,9 @@ class RunConfig:
     resume: bool = True  # go on with an unfinished run that the run folder holds; false: refuse to
     restart: bool = False  # throw away what the run folder holds
     stale: str = "keep"  # a run by other code than today's: keep it if it is finished, or train it "anew"
-    num_threads: int = 1  # of the engine and of torch; weights depend on it in their last bits, as sums have another order
+    num_threads: int = (
+        1  # of the engine and of torch; weights depend on it in their last bits, as sums have another order
+    )
     checkpoint_interval: float = 60.0  # [s] between checkpoints
     progress: bool = True
 

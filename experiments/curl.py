@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import torch
 from tensordict import TensorDict, TensorDictBase, TensorDictParams
@@ -65,7 +65,7 @@ class CURLLoss(LossModule):
         distinct: whether targets have weights of their own, which somebody moves; otherwise they are the encoder's.
     """
 
-    network: TensorDictModule
+    network: Any
     network_params: TensorDictParams
     target_network_params: TensorDictParams
 
@@ -77,15 +77,14 @@ class CURLLoss(LossModule):
 
     def forward(self, tensordict: TensorDictBase) -> TensorDict:
         """``loss`` [nats] and ``accuracy``, the share of queries whose own key is the nearest, of ``query`` and ``key``."""
-        queries = self.codes(tensordict["query"], self.network_params)
-        with torch.no_grad():
-            keys = self.codes(tensordict["key"], self.target_network_params)
+        queries = self.codes(tensordict["query"])
+        with torch.no_grad(), self.target_network_params.to_module(self.network, preserve_module_state=False):
+            keys = self.codes(tensordict["key"])
         scores = self.similarity(queries) @ keys.T
         own = torch.arange(len(scores), device=scores.device)
         accuracy = (scores.detach().argmax(-1) == own).float().mean()
         return TensorDict({"loss": F.cross_entropy(scores, own), "accuracy": accuracy})
 
-    def codes(self, frames: Tensor, weights: TensorDictParams) -> Tensor:
-        """What is compared [n, d], by the networks with these weights."""
-        with weights.to_module(self.network):
-            return self.network(TensorDict({"frames": frames}, [len(frames)]))["code"]
+    def codes(self, frames: Tensor) -> Tensor:
+        """What is compared [n, d], by the networks as they are."""
+        return self.network(TensorDict({"frames": frames}, [len(frames)]))["code"]

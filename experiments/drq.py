@@ -7,7 +7,7 @@ at what comes next for the target critics. Frames are shifted anew, each by its 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
@@ -98,7 +98,7 @@ class DrQ(OffPolicy):
     def make_loss(self) -> DrQLoss:
         """The loss over CNN, policy and two critics."""
         width = features_of(self.policy.encoder, self.shape)
-        critics = [ProjectedCritic(self.config, width, self.actions) for _ in range(2)]
+        critics: list[nn.Module] = [ProjectedCritic(self.config, width, self.actions) for _ in range(2)]
         for network in (self.policy, *critics):
             initialize(network, self.rng)
             network.to(self.device)
@@ -117,7 +117,8 @@ class DrQLoss(LossModule):
         rng: draws the shifts.
     """
 
-    encoder: TensorDictModule
+    heads: Any
+    encoder: Any
     encoder_params: TensorDictParams
     target_encoder_params: TensorDictParams
 
@@ -159,7 +160,7 @@ class DrQLoss(LossModule):
 
     def encode(self, frames: Tensor, weights: TensorDictParams) -> Tensor:
         """Representations [n, width] by the CNN with these weights."""
-        with weights.to_module(self.encoder):
+        with weights.to_module(self.encoder, preserve_module_state=False):
             return self.encoder(TensorDict({"observation": frames}, [len(frames)]))["features"]
 
 

@@ -52,7 +52,7 @@ def run_command(
     """
     register_defaults(sys.argv[1:])
     if settings is not None:
-        ConfigStore.instance().store(name=f"base_{config_name}", node=dict(settings))
+        register_settings(config_name, settings)
 
     problems: list[SegarError] = []
 
@@ -154,6 +154,11 @@ def register_defaults(overrides: Sequence[str] = ()) -> None:
         if kind is not None and any(file.stem in override for override in overrides):
             module = kind.partition(":")[0].rpartition(".")[2]
             store.store(group="algorithm", name=f"base_{module}", node=as_data(import_object(kind, f"{file}: type")()))
+
+
+def register_settings(config_name: str, settings: Mapping[str, Any]) -> None:
+    """Tells Hydra the defaults of a command's own settings, as ``base_<config_name>``."""
+    ConfigStore.instance().store(name=f"base_{config_name}", node=dict(settings))
 
 
 def explain(error: Exception, settings: Mapping[str, Any] | None = None) -> str:

@@ -8,6 +8,8 @@ import numpy as np
 import torch
 from torch.nn import functional
 
+from experiments.texture_bars import shortfalls
+from segar.errors import SegarError
 from segar.textures import TextureSet
 from segar.textures.inputs import is_noise
 from segar.textures.samples import UNIFORM, family_laws, product_of_marginals
@@ -22,6 +24,7 @@ class Training:
     """How a model is trained.
 
     Attributes:
+        attempts: how often a seed is begun anew until its model meets the bars of :mod:`experiments.texture_bars`.
         steps, batch: of Adam, whose ``learning_rate`` falls along a cosine to 0.
         samples: things from the product of marginals, from which batches are drawn.
         noise_weight: of noise in the error of reconstruction; factors have 1.
@@ -33,6 +36,7 @@ class Training:
         floor_contrast: how many times as much it should be between the floor and a thing.
     """
 
+    attempts: int = 5
     steps: int = 3000
     batch: int = 1024
     learning_rate: float = 1e-2
@@ -46,20 +50,36 @@ class Training:
 
 
 def train_set(name: str, seeds: range, training: Training) -> TextureSet:
-    """A set with one model per seed."""
-    models = [train_model(seed, training) for seed in seeds]
-    weights, bias = (np.stack(parts) for parts in zip(*models, strict=True))
-    origin = {"renderer": "linear auto-encoder", "seeds": list(seeds), **asdict(training)}
-    return TextureSet(name, INPUTS, weights, bias, *units(), origin=origin)
+    """A set with one model per seed, the first of its attempts that meets the bars.
+
+    Raises:
+        SegarError: no attempt does. What each lacks is printed.
+    """
+    weights, bias, attempts = zip(*(_good_model(seed, training) for seed in seeds), strict=True)
+    origin = {"renderer": "linear auto-encoder", "seeds": list(seeds), "attempts": list(attempts), **asdict(training)}
+    return TextureSet(name, INPUTS, np.stack(weights), np.stack(bias), *units(), origin=origin)
 
 
-def train_model(seed: int, training: Training) -> tuple[np.ndarray, np.ndarray]:
-    """Weights ``[input, 3, 3, 3]`` and bias ``[3, 3, 3]`` of a model; the same for the same seed.
+def _good_model(seed: int, training: Training) -> tuple[np.ndarray, np.ndarray, int]:
+    """Weights and bias of a model that meets the bars, and which attempt of the seed it was."""
+    for attempt in range(training.attempts):
+        weights, bias = train_model(seed, training, attempt)
+        candidate = TextureSet("candidate", INPUTS, weights[None], bias[None], *units(), origin={"seeds": [seed]})
+        missing = shortfalls(candidate)
+        print(f"seed {seed}, attempt {attempt}: {'; '.join(missing) or 'meets the bars'}", flush=True)
+        if not missing:
+            return weights, bias, attempt
+    raise SegarError(f"seed {seed}: none of {training.attempts} attempts meets the bars; train for more steps")
+
+
+def train_model(seed: int, training: Training, attempt: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """Weights ``[input, 3, 3, 3]`` and bias ``[3, 3, 3]`` of a model; the same for the same seed and attempt.
 
     Encoder: a transposed convolution of stride 3 on a field that is constant, so that its output repeats every 3 pixels,
     and tanh. Decoder: a convolution of stride 3. Both are trained to reconstruct the features.
     """
-    rng, generator = np.random.default_rng(seed), torch.Generator().manual_seed(seed)
+    rng = np.random.default_rng((seed, attempt))
+    generator = torch.Generator().manual_seed(int(rng.integers(2**62)))
     count, room = len(INPUTS), 3 * STRIDE**2
     kernels = [0.1 * torch.randn(count, 3, KERNEL, KERNEL, generator=generator, dtype=torch.float64) for _ in range(2)]
     encoder, decoder = (kernel.requires_grad_() for kernel in kernels)

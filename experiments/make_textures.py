@@ -1,5 +1,7 @@
 """Make the sets of textures that come with SEGAR, and say how well factors can be read from them.
 
+A set with a model below the bars of :mod:`experiments.texture_bars` is not written, and the message names model and factor.
+
 python -m experiments.make_textures                     # all sets, into segar/textures/data
 python -m experiments.make_textures one --into /tmp     # one of them, elsewhere
 python -m experiments.make_textures --only-table        # of the sets that are there
@@ -15,6 +17,7 @@ import torch
 
 from experiments.filter_sets import filter_sets
 from experiments.linear_autoencoder import Training, train_set
+from experiments.texture_bars import refuse_below_bars
 from segar.textures import TextureSet
 from segar.textures.inputs import is_noise
 from segar.textures.read_out import linear_read_out
@@ -44,8 +47,11 @@ def main(arguments: list[str] | None = None) -> None:
         if not chosen.only_table:
             chosen.into.mkdir(parents=True, exist_ok=True)
             made = filter_sets()[name] if name in FILTER_SETS else train_set(name, LINEAR_SETS[name], Training())
+            refuse_below_bars(made)
             made.save(path)
-        print(f"\n{table(TextureSet.load(path))}", flush=True)
+        found = TextureSet.load(path)
+        print(f"\n{table(found)}", flush=True)
+        refuse_below_bars(found)
 
 
 def table(textures: TextureSet) -> str:

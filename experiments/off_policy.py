@@ -19,7 +19,7 @@ from torchrl.objectives.common import LossModule
 from experiments.config import REWARD_TRANSFORMS, AlgorithmConfig, require, require_known
 from experiments.ppo import check_finite, learner_reward
 from experiments.replay import Replay
-from experiments.rollouts import figures_at_end, mean_figures, observation_shape
+from experiments.rollouts import action_size, figures_at_end, mean_figures, observation_shape
 from experiments.snapshots import as_tensors, from_tensors
 from segar.envs.vector import VectorEnv
 
@@ -68,9 +68,9 @@ class OffPolicy(ABC):
     def __init__(self, config: Any, env: VectorEnv, frames: int, seed: int) -> None:
         self.config, self.env, self.device = config, env, torch.device(config.device)
         self.rng = torch.Generator().manual_seed(seed)  # of the processor, so that devices draw alike
-        self.shape, self.actions = observation_shape(env), env.action_space.shape[-1]
+        self.shape, self.actions = observation_shape(env), action_size(env)
         self.policy: Any = self.make_policy(config, self.shape, self.actions)
-        self.loss = self.make_loss()
+        self.loss: Any = self.make_loss()
         self.optimizer = torch.optim.Adam(self.loss.parameters(), lr=config.learning_rate, fused=True)
         self.targets = [
             SoftUpdate(part, tau=config.tau) for part in self.loss.modules() if isinstance(part, LossModule)

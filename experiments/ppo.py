@@ -23,7 +23,7 @@ from experiments.encoders import initialize, make_encoder
 from experiments.errors import TrainingError
 from experiments.policies import Actor, SquashedNormal, make_head
 from experiments.rewards import ReturnScale, learner_reward
-from experiments.rollouts import Collector, Rollout, observation_shape
+from experiments.rollouts import Collector, Rollout, action_size, observation_shape
 from segar.envs.vector import VectorEnv
 
 
@@ -83,7 +83,7 @@ class PPO:
         self.config, self.budget = config, frames
         self.device = torch.device(config.device)
         self.rng = torch.Generator().manual_seed(seed)
-        self.policy = self.make_policy(config, observation_shape(env), env.action_space.shape[-1])
+        self.policy: Any = self.make_policy(config, observation_shape(env), action_size(env))
         self.policy.initialize(self.rng)
         self.policy.to(self.device)
         self.collector = Collector(env, self.policy, config.num_steps, self.device, self.rng)
@@ -158,12 +158,12 @@ class PPO:
 
     def minibatches(self, batch: TensorDict) -> Iterator[TensorDict]:
         """Random disjoint parts of the steps in a batch [T, N], ``epochs`` times over."""
-        batch = batch.flatten()
+        flat: Any = batch.flatten()
         for _ in range(self.config.epochs):
-            order = torch.randperm(len(batch), generator=self.rng).to(self.device)
+            order = torch.randperm(len(flat), generator=self.rng).to(self.device)
             for rows in order.tensor_split(self.config.minibatches):
                 # As batch[rows], whose indexing takes four times as long for frames.
-                parts = {key: value.index_select(0, rows) for key, value in batch.items()}
+                parts = {key: value.index_select(0, rows) for key, value in flat.items()}
                 yield TensorDict._new_unsafe(parts, batch_size=rows.shape)
 
     def state_dict(self) -> dict[str, Any]:
@@ -207,8 +207,9 @@ def clipped_loss(config: PPOConfig, network: Sequence[Any], critic: TensorDictMo
     law = ProbabilisticTensorDictModule(
         in_keys=["loc", "scale"], out_keys=["u"], distribution_class=SquashedNormal, return_log_prob=True
     )
+    parts: list[Any] = [*network, law]
     return ClipPPOLoss(
-        ProbabilisticTensorDictSequential(*network, law),
+        ProbabilisticTensorDictSequential(*parts),
         critic,
         clip_epsilon=config.clip,
         clip_value=config.clip_value,

@@ -64,7 +64,7 @@ class RecurrentPolicy(nn.Module):
         super().__init__()
         self.states = STATES[config.core]
         self.memory_width = len(self.states) * config.core_width
-        self.encoder = make_encoder(config, observation_shape, config.device)
+        self.encoder = make_encoder(config, observation_shape)
         self.core = CORES[config.core](
             self.encoder.width,
             config.core_width,
@@ -87,7 +87,7 @@ class RecurrentPolicy(nn.Module):
         """Draws all weights; those of the core are uniform within 1 / sqrt(width), as torch has them."""
         initialize(self, rng)
         nn.init.constant_(self.log_std[-1].bias, self.initial_log_std)  # type: ignore[arg-type]
-        bound = self.cells.hidden_size**-0.5  # type: ignore[operator]
+        bound = int(self.cells.hidden_size) ** -0.5  # type: ignore[arg-type]
         for weights in self.cells.parameters():
             nn.init.uniform_(weights, -bound, bound, generator=rng)
 
@@ -133,7 +133,7 @@ class RecurrentPPO(PPO):
 
     def make_loss(self) -> ClipPPOLoss:
         """TorchRL's clipped loss of sequences; its critic reads what the core made of the frames, as the policy does."""
-        policy = self.policy
+        policy: Any = self.policy
         encode = TensorDictModule(policy.encoder, in_keys=["observation"], out_keys=["phi"])
         heads = TensorDictModule(policy.heads, in_keys=["hidden"], out_keys=["loc", "scale"])
         critic = TensorDictModule(policy.value, in_keys=["hidden"], out_keys=["state_value"])

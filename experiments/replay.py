@@ -96,7 +96,8 @@ class Replay:
         """The rows as tensors; frames are compressed."""
         if not self.written:
             return {"written": 0}
-        rows = self.buffer.storage.get(slice(0, min(self.written, self.capacity)))
+        storage: Any = self.buffer.storage
+        rows = storage.get(slice(0, min(self.written, self.capacity)))
         observation = rows["observation"].cpu()
         frames = observation.dtype == torch.uint8
         return {
@@ -181,12 +182,14 @@ def pack_frames(frames: Tensor, stride: int) -> Tensor:
     """Frames uint8 [n, ...] as compressed bytes uint8 [m]; frames that lie ``stride`` apart should be alike."""
     changes = frames.clone()
     changes[stride:] ^= frames[:-stride]
-    return torch.from_numpy(np.frombuffer(zlib.compress(changes.numpy(), LEVEL), dtype=np.uint8).copy())
+    return torch.from_numpy(np.frombuffer(zlib.compress(changes.numpy().tobytes(), LEVEL), dtype=np.uint8).copy())
 
 
 def unpack_frames(packed: Tensor, shape: list[int], stride: int) -> Tensor:
     """The frames uint8 [n, *shape] that :func:`pack_frames` was given."""
-    frames = torch.from_numpy(np.frombuffer(zlib.decompress(packed.numpy()), dtype=np.uint8).copy()).view(-1, *shape)
+    frames = torch.from_numpy(np.frombuffer(zlib.decompress(packed.numpy().tobytes()), dtype=np.uint8).copy()).view(
+        -1, *shape
+    )
     for start in range(stride, len(frames), stride):
         block = frames[start : start + stride]
         block ^= frames[start - stride : start - stride + len(block)]

@@ -24,6 +24,13 @@ def observation_shape(env: VectorEnv) -> tuple[int, ...]:
     return space.shape
 
 
+def action_size(env: VectorEnv) -> int:
+    """How many numbers an action has."""
+    shape = env.single_action_space.shape
+    assert shape is not None  # a Box has one
+    return shape[0]
+
+
 class StepPolicy(Protocol):
     """What collects: a policy with values, and with a memory, which is empty for policies that have none."""
 
@@ -71,10 +78,11 @@ class Collector:
         self, env: VectorEnv, policy: StepPolicy, num_steps: int, device: torch.device, rng: torch.Generator
     ) -> None:
         self.env, self.policy, self.num_steps, self.device, self.rng = env, policy, num_steps, device, rng
-        size, actions = (num_steps, env.num_envs), env.action_space.shape[-1]
+        size, actions = (num_steps, env.num_envs), action_size(env)
         self.current, _ = env.reset()
         self.memory = torch.zeros((env.num_envs, policy.memory_width), device=device)
         frames = torch.from_numpy(self.current)
+        self.pinned = frames.clone().pin_memory() if device.type == "cuda" else None
         self.observation = torch.empty((num_steps, *frames.shape), dtype=frames.dtype, device=device)
         self.u, self.loc, self.scale = (torch.empty((*size, actions), device=device) for _ in range(3))
         self.value = torch.empty((num_steps + 1, env.num_envs, 1), device=device)
@@ -89,7 +97,7 @@ class Collector:
         ended: list[Mapping[str, np.ndarray]] = []
         cut: list[tuple[int, np.ndarray, Tensor, Tensor]] = []  # time, environments, last observations, memory
         for t in range(self.num_steps):
-            self.observation[t].copy_(torch.from_numpy(self.current))
+            self.upload(self.observation[t])
             loc, scale, value, memory = policy.step(self.observation[t], memory)
             u = torch.add(loc, scale * noise[t], out=self.u[t])
             self.loc[t], self.scale[t], self.value[t] = loc, scale, value
@@ -106,6 +114,15 @@ class Collector:
         self.memory = memory
         self.value[-1] = policy.step(torch.from_numpy(self.current).to(self.device), memory)[2]
         return self.rollout(self.bootstrap(cut), first_memory), mean_figures(ended)
+
+    def upload(self, place: Tensor) -> None:
+        """Copies the current observations to a place in the rollout."""
+        current = torch.from_numpy(self.current)
+        if (
+            self.pinned is not None
+        ):  # what lies in pinned memory goes to the GPU while the processor does something else
+            current = self.pinned.copy_(current)
+        place.copy_(current, non_blocking=True)
 
     def bootstrap(self, cut: list[tuple[int, np.ndarray, Tensor, Tensor]]) -> Tensor:
         """The values that follow [T, N, 1]; where an episode was truncated, that of its last observation."""

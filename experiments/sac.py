@@ -5,7 +5,6 @@ Critics look ahead from every step but those that terminated: a truncated episod
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -177,5 +176,5 @@ class _SeededNormal(SquashedNormal):
         return self.base_dist.loc + self.base_dist.scale * noise.to(self.base_dist.loc.device)
 
 
-def _drawing_from(rng: torch.Generator) -> Callable[[Tensor, Tensor], SquashedNormal]:
+def _drawing_from(rng: torch.Generator) -> Any:
     return lambda loc, scale: _SeededNormal(loc, scale, rng)

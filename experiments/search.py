@@ -177,6 +177,9 @@ def in_short(value: Any) -> str:
     return json.dumps(json.loads(value), separators=(",", ":")) if isinstance(value, str) else f"{value:.4g}"
 
 
+SETTINGS = {"search": as_data(SearchConfig())}  # and their defaults
+
+
 def build(config: DictConfig) -> Search:
     """Hydra's result as settings."""
     data = plain(config)
@@ -185,4 +188,4 @@ def build(config: DictConfig) -> Search:
 
 
 if __name__ == "__main__":
-    run_command(search, "search", build, {"search": as_data(SearchConfig())})
+    run_command(search, "search", build, SETTINGS)

@@ -96,7 +96,7 @@ class SPRLoss(LossModule):
         distinct: whether targets have weights of their own, which somebody moves; otherwise they are the encoder's.
     """
 
-    network: TensorDictModule
+    network: Any
     network_params: TensorDictParams
     target_network_params: TensorDictParams
 
@@ -109,10 +109,9 @@ class SPRLoss(LossModule):
     def forward(self, tensordict: TensorDictBase) -> TensorDict:
         """``loss``, and ``cosine`` between foretold and seen, of what :meth:`SPR.batches` yields."""
         horizon = tensordict["action"].shape[1]
-        with self.network_params.to_module(self.network):
-            projected: Any = self.network.module
-            foretold = projected.model.foretell(projected.encoder(tensordict["first"]), tensordict["action"])
-        with torch.no_grad(), self.target_network_params.to_module(self.network):
+        online = self.network.module
+        foretold = online.model.foretell(online.encoder(tensordict["first"]), tensordict["action"])
+        with torch.no_grad(), self.target_network_params.to_module(self.network, preserve_module_state=False):
             frames = tensordict["following"].flatten(0, 1)
             seen = self.network(TensorDict({"frames": frames}, [len(frames)]))["code"].unflatten(0, (-1, horizon))
         cosine = F.cosine_similarity(foretold, seen, dim=-1)

@@ -31,7 +31,7 @@ THE_ONLY_MATPLOTLIB_FILE = "segar/cli/figures.py"
 FOLDERS_WITH_AN_EXTRA = {"segar/rendering/": "render", "segar/datasets/": "datasets", "segar/textures/": "filters"}
 
 # The extras of pyproject.toml that a package may count on, besides the core dependencies.
-EXTRAS = {"segar": (), "experiments": ("train", "ui"), "analysis": ("train", "analysis")}
+EXTRAS = {"segar": (), "experiments": ("train", "ui", "search"), "analysis": ("train", "analysis")}
 
 
 def test_importing_segar_loads_nothing_heavy():

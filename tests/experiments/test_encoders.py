@@ -8,7 +8,7 @@ from torch import nn
 
 from experiments import encoders
 from experiments.config import CNNS, PPOConfig
-from experiments.encoders import MLP, FrameEncoder, initialize, make_encoder, precision_of
+from experiments.encoders import MLP, FrameEncoder, initialize, make_encoder
 from experiments.errors import ConfigError
 
 FRAMES = torch.randint(0, 256, (6, 64, 64, 3), dtype=torch.uint8, generator=torch.Generator().manual_seed(0))
@@ -78,7 +78,7 @@ def test_frames_reach_the_cnn_with_channels_last_and_between_0_and_1(precision):
             seen.append(x)
             return x.flatten(1)
 
-    one = FrameEncoder(Look(), precision_of(precision))
+    one = FrameEncoder(Look(), precision)
     one(FRAMES)
     assert seen[0].shape == (6, 3, 64, 64)
     assert seen[0].is_contiguous(memory_format=torch.channels_last)

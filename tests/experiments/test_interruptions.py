@@ -178,7 +178,9 @@ def test_a_disk_that_is_full_is_told_and_costs_the_work_since_the_last_checkpoin
     with (
         monkeypatch.context() as full,
         before_iteration(3, fill, monkeypatch),
-        pytest.raises(RunFolderError, match=r"cannot write .*latest\.pt: No space left on device; .* Make room"),
+        pytest.raises(
+            RunFolderError, match=r"latest\.pt cannot be written to .*latest\.pt: No space left on device; .* Make room"
+        ),
     ):
         run(short_run(tmp_path / "run"))
     assert (

@@ -110,7 +110,7 @@ def test_slurm_is_asked_for_an_array_with_a_warning_before_the_end(tmp_path):
     text = (tmp_path / "submitted.sh").read_text()
     for line in (
         "--partition=cpu",
-        "--array=0-1%64",
+        "--array=0-1%2",
         "--time=240",
         "--cpus-per-task=2",
         "--mem=8GB",

@@ -193,7 +193,9 @@ def test_a_full_disk_leaves_the_old_file_and_says_so(tmp_path, monkeypatch, call
         monkeypatch.setattr("pathlib.Path.write_bytes", no_room)
     else:
         monkeypatch.setattr(os, call, no_room)
-    with pytest.raises(RunFolderError, match=r"cannot write .*summary\.json: No space left on device; what was there"):
+    with pytest.raises(
+        RunFolderError, match=r"summary\.json cannot be written to .*: No space left on device; what was there"
+    ):
         write_text(target, "new")
     assert [p.name for p in tmp_path.iterdir()] == ["summary.json"]
     assert target.read_text() == "old"
@@ -217,7 +219,7 @@ def test_a_run_without_room_for_its_checkpoint_loses_nothing_and_goes_on_later(c
     before = checkpoint.read_bytes()
     with files_no_larger_than(len(before) - 1), pytest.raises(RunFolderError) as caught:
         run(config)
-    assert f"cannot write {checkpoint}: File too large; what was there before is untouched" in str(caught.value)
+    assert f"cannot be written to {checkpoint}: File too large; what was there before is untouched" in str(caught.value)
     assert checkpoint.read_bytes() == before
     assert run(config).trained
 

@@ -7,9 +7,9 @@ import pytest
 from optuna.trial import TrialState
 
 from experiments.config import PPOConfig, RunConfig
-from experiments.entry import conf_dir, register_defaults
+from experiments.entry import conf_dir, register_defaults, register_settings
 from experiments.errors import ConfigError, TrainingError
-from experiments.search import Search, SearchConfig, build, search
+from experiments.search import SETTINGS, Search, SearchConfig, build, search
 from experiments.search_space import dimensions, with_values
 
 SPACE = {
@@ -109,6 +109,7 @@ def test_every_shipped_space_names_settings_of_its_algorithm():
     assert {"ppo", "ppo_fast", "sac", "drq", "curl", "spr"} <= {*names}
     for name in names:
         register_defaults([name])
+        register_settings("search", SETTINGS)
         with hydra.initialize_config_dir(str(conf_dir()), version_base="1.3"):
             made = build(hydra.compose("search", [f"search={name}"]))
         assert made.space

@@ -28,6 +28,7 @@ FILES = {
     "metrics.parquet",
     "versions.json",
     "summary.json",
+    "journal.jsonl",
     ".lock",
 }
 
@@ -54,7 +55,7 @@ def test_a_run_from_another_working_directory_leaves_its_folder_and_nothing_else
     done = command(elsewhere, *TINY, "seed=3", f"root={tmp_path / 'runs'}")
     assert done.returncode == 0, done.stderr
     (folder,) = (path for path in (tmp_path / "runs").iterdir() if path.name.startswith("empty-easy"))
-    assert {path.name for path in folder.iterdir()} == FILES
+    assert {path.name for path in folder.iterdir()} == FILES | {"tracking.json"}
     assert read_config(folder).seed == 3
     assert read_summary(folder)["frames"] == 256
     assert f"run folder                  {folder}" in done.stdout

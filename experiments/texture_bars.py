@@ -1,0 +1,87 @@
+"""What a model of textures must be able to show before it is shipped, with a margin over what the tests ask."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from segar.entities import Entity
+from segar.errors import SegarError
+from segar.textures import TextureSet, linear_read_out, look_distances
+from segar.textures.inputs import is_noise
+from segar.textures.samples import UNIFORM, family_laws
+from segar.textures.standard import KINDS
+
+READ_OUT = 0.957  # least R^2 of a factor that is shown, on held-out things; the tests ask for 0.95
+HIDDEN = 0.015  # largest R^2 of a factor that is hidden; the tests allow 0.02
+TOLD_APART = 0.99  # least share of things that are told from all others, whatever their noise; the tests ask for 0.98
+FLOOR = 60.0  # [grey levels] least difference between a thing and the floor; the tests ask for 40
+
+
+def refuse_below_bars(textures: TextureSet) -> None:
+    """Let a set pass whose models all meet the bars.
+
+    Raises:
+        SegarError: one does not; it names the models, and the factors and things in question.
+    """
+    seeds = textures.origin.get("seeds", range(len(textures)))
+    found = [
+        f"model {model} (seed {seed}): {shortfall}"
+        for model, seed in enumerate(seeds)
+        for shortfall in shortfalls(textures, model)
+    ]
+    if found:
+        raise SegarError(
+            f"textures '{textures.name}' must not be shipped:\n  "
+            + "\n  ".join(found)
+            + "\nTrain longer, or from another seed."
+        )
+
+
+def shortfalls(textures: TextureSet, model: int = 0) -> list[str]:
+    """What a model does not show as it must, in words; empty if it meets the bars."""
+    return [*_unread(textures, model), *_unhidden(textures, model), *_confused(textures, model)]
+
+
+def _unread(textures: TextureSet, model: int) -> list[str]:
+    laws = {"uniform": UNIFORM, "families'": {**UNIFORM, **family_laws()}}
+    return [
+        f"{name} is read with an R^2 of {share:.3f} under the {which} marginals, below {READ_OUT}"
+        for which, law in laws.items()
+        for name, share in linear_read_out(textures, model, rng=np.random.default_rng(0), laws=law).items()
+        if not is_noise(name) and share < READ_OUT
+    ]
+
+
+def _unhidden(textures: TextureSet, model: int) -> list[str]:
+    factors = [name for name in textures.inputs if name in UNIFORM]
+    found = []
+    for hidden in (factors[::2], factors[1::2]):
+        read = linear_read_out(textures, model, rng=np.random.default_rng(1), hidden=hidden)
+        for name in hidden:
+            if read[name] > HIDDEN:
+                found.append(f"{name} is hidden, and read with an R^2 of {read[name]:.3f}, above {HIDDEN}")
+    return found
+
+
+def _confused(textures: TextureSet, model: int) -> list[str]:
+    distances = look_distances(textures, model, rng=np.random.default_rng(2))
+    nearest, itself = distances.argmin(axis=-1), np.arange(1, 1 + len(KINDS))
+    found = []
+    if (nearest == itself).mean() < TOLD_APART:
+        draw, thing = np.nonzero(nearest != itself)
+        names = ["the floor", *map(_named, KINDS)]
+        pairs = sorted({f"{names[k + 1]} for {names[nearest[d, k]]}" for d, k in zip(draw, thing, strict=True)})
+        share = (nearest == itself).mean()
+        found.append(f"{share:.1%} of things are told apart, below {TOLD_APART:.0%}; taken are {', '.join(pairs)}")
+    to_floor = distances[:, :, 0].mean(axis=0)
+    if to_floor.min() < FLOOR:
+        thing = _named(KINDS[to_floor.argmin()])
+        found.append(f"{thing} differs by {to_floor.min():.0f} grey levels from the floor, less than {FLOOR:.0f}")
+    return found
+
+
+def _named(thing: Entity) -> str:
+    """The type of a kind, and the number by which it differs from others of its type."""
+    same = [k for k, kind in enumerate(KINDS) if type(kind) is type(thing)]
+    number = [k for k in same if KINDS[k] is thing][0]
+    return type(thing).__name__ + (f" (kind {number})" if len(same) > 1 else "")
