@@ -33,6 +33,22 @@ def begin(rows, seed, chosen, level_values, values, level, key, tick, contacts, 
 
 
 @njit(**_options)
+def note_last(ended, level, lengths, contacts, gave_up, returns, success, death, counts, sums, flags):
+    """Write what the episodes of environments ``ended`` came to into arrays of all environments, which are 0 elsewhere.
+
+    ``counts`` int64 [4, N] receives level, lengths, contacts and gave_up; ``sums`` float64 [N] the returns; ``flags``
+    bool [4, N] success, death, and twice which environments ended. Their success and death are taken back.
+    """
+    for r in range(len(ended)):
+        e = ended[r]
+        counts[0, e], counts[1, e], counts[2, e], counts[3, e] = level[e], lengths[e], contacts[e], gave_up[e]
+        sums[e] = returns[e]
+        flags[0, e], flags[1, e] = success[e], death[e]
+        flags[2, e] = flags[3, e] = True
+        success[e] = death[e] = False
+
+
+@njit(**_options)
 def account(reward, terminated, max_steps, returns, lengths, truncated, ended):
     """Count one step; mark what is out of time; list the environments whose episode ended and return how many."""
     n = 0
