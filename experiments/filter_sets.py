@@ -49,8 +49,9 @@ def filter_sets() -> dict[str, TextureSet]:
 
     The baseline is the one of its seeds whose things differ most clearly, each with the best of many ways to deal clusters
     to inputs. In a variant a random share of the bank is drawn anew and clustered; if its seed is odd, k-means starts
-    elsewhere, and cells look for other filters. Its clusters are aligned to the baseline's. Of all variants that meet the
-    bars of :mod:`experiments.texture_bars` and whose things differ, those nearest to the baseline by ``visual_w2`` are close, and the farthest are far.
+    elsewhere, and cells look for other filters. Its clusters are aligned to the baseline's. Of all variants that meet
+    the bars of :mod:`experiments.texture_bars` and whose things differ, those nearest to the baseline by ``visual_w2``
+    are close, and the farthest are far.
     """
     candidates = sorted((baseline_candidate(seed) for seed in BASELINES), key=lambda found: found[0].likeness)
     chosen, clusters = next(found for found in candidates if _is_good(found[0].weights))

@@ -13,7 +13,7 @@ from segar.observations.canvas import Canvas, pixels_as_bytes
 if TYPE_CHECKING:
     from segar.levels import Levels
 
-RENDERER_VERSION = 1
+RENDERER_VERSION = 2
 """Raised whenever a frame of some state becomes another one; ``tests/observations/test_golden_frames.py`` watches it."""
 
 

@@ -23,7 +23,7 @@ def look_distances(
     things: Sequence[Entity] = KINDS,
     draws: int = DRAWS,
 ) -> np.ndarray:
-    """How far each thing, with noise of its own, is from the floor and from each thing without noise: ``[draw, thing, 1 + thing]``.
+    """How far each thing, with noise, is from the floor and from each thing without noise, ``[draw, thing, 1 + thing]``.
 
     The distance of two textures is the root mean square of the difference of their pixels, in grey levels (0 to 255). Column
     0 is the floor. A thing can be told in a draw if it is nearest to itself, in the column one after its own number.
