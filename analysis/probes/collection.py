@@ -1,0 +1,226 @@
+"""Frames for probes: a fixed number of them, of all relevant factors, each with what is true at that very moment."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from analysis.probes.pairs import NAME_OF_TYPE, Column, Frames
+from experiments.anchors import RandomAgent
+from experiments.evaluate import OWN
+from experiments.evaluation import load_agent
+from experiments.run_folder import read_config
+from experiments.worlds import environment_options, find_distribution
+from segar.entities import GlobalFriction
+from segar.envs.vector import VectorEnv
+from segar.errors import LevelError
+from segar.factors import Factor
+from segar.levels import Levels
+from segar.metrics.laws import component
+from segar.metrics.points import relevant_factors
+from segar.noise import Choice, Noise
+
+FRAMES = 5000
+ENVS = 64  # episodes that are played at once
+SCOUTS, SCOUT_STEPS, SCOUT_SEED = 256, 100, 0  # random play in which it shows what varies, and what changes
+PAPER_FACTORS = ("Charge", "Magnetism", "Position.x", "Position.y", "Friction")  # of the 20 x 5 matrix of 2022
+
+
+def collect_run(
+    folder: Path | str,
+    levels: str | Levels = "test",
+    *,
+    frames: int = FRAMES,
+    num_envs: int = ENVS,
+    mode: str = "deterministic",
+    seed: int = 0,
+) -> tuple[Any, Frames]:
+    """The policy of a run, and the frames that it sees on levels.
+
+    Args:
+        folder: the run's.
+        levels: "train" or "test" for the run's own, or a level set.
+        mode: "deterministic" or "sampled" actions.
+
+    Raises:
+        SegarError: there is no such run, or no weights in it, or its agent cannot observe these levels.
+    """
+    folder = Path(folder).expanduser().resolve()
+    trained = read_config(folder)
+    source = trained.levels.train if levels == "train" else trained.levels.test_distribution
+    distribution = find_distribution(source, "levels")
+    if isinstance(levels, str):
+        if levels not in OWN:
+            raise LevelError(f"levels must be 'train', 'test' or a level set, not '{levels}'")
+        levels = dataclasses.replace(Levels.load(folder / OWN[levels]), world=distribution.world)
+    policy, _ = load_agent(folder, trained, levels, lambda line: None)
+    options = environment_options(trained)
+    rng = torch.Generator().manual_seed(seed) if mode == "sampled" else None
+    columns = varying_columns(distribution, {"task": options["task"]})
+    found = collect(policy, levels, columns, options, frames=frames, num_envs=num_envs, rng=rng, seed=seed)
+    return policy, found
+
+
+def collect(
+    agent: Any,
+    levels: Levels,
+    columns: Sequence[Column],
+    options: Mapping[str, Any],
+    *,
+    frames: int = FRAMES,
+    num_envs: int = ENVS,
+    rng: torch.Generator | None = None,
+    seed: int = 0,
+) -> Frames:
+    """Exactly ``frames`` frames of episodes that ``agent`` plays, level after level, as often as it takes.
+
+    An agent that solves its levels in five steps gives as many frames as one that never does: it plays more episodes.
+
+    Args:
+        columns: which factors, see :func:`varying_columns`.
+        options: of :class:`segar.envs.VectorEnv`.
+        num_envs: episodes at once; at least that many are begun.
+        rng: of sampled actions; None plays the deterministic policy.
+        seed: of the environments, and of the order of levels.
+    """
+    if frames < 1:
+        raise LevelError(f"frames must be at least 1, not {frames}")
+    env = VectorEnv(levels, num_envs, seed=seed, **options)
+    order = np.random.default_rng(seed)
+    waves, have, begun, queue = [], 0, 0, np.zeros(0, np.int64)
+    while have < frames:
+        while len(queue) < num_envs:
+            queue = np.concatenate([queue, order.permutation(len(levels))])
+        chosen, queue = queue[:num_envs], queue[num_envs:]
+        wave = play_wave(agent, env, chosen, columns, rng, frames - have, begun)
+        have, begun = have + len(wave), begun + num_envs
+        waves.append(wave)
+    env.close()
+    arrays = {
+        f.name: np.concatenate([getattr(wave, f.name) for wave in waves])[:frames]
+        for f in dataclasses.fields(Frames)
+        if f.name != "columns"
+    }
+    return Frames(columns=tuple(columns), **arrays)
+
+
+def play_wave(
+    agent: Any,
+    env: VectorEnv,
+    chosen: NDArray[np.int64],
+    columns: Sequence[Column],
+    rng: torch.Generator | None,
+    enough: int,
+    first_episode: int,
+) -> Frames:
+    """One episode of each environment, on the ``chosen`` levels, until all are over or there are ``enough`` frames."""
+    observation, _ = env.reset(options={"levels": chosen})
+    if hasattr(agent, "begin"):
+        agent.begin(env)
+    running = np.ones(env.num_envs, np.bool_)
+    values = read_columns(env, columns)
+    parts: list[dict[str, Any]] = []
+    step = have = 0
+    while running.any() and have < enough:
+        rows = np.flatnonzero(running)
+        seen = np.array(observation[rows])
+        observation, _, terminated, truncated, _ = env.step(agent.act(observation, rng=rng))
+        # Where an episode ended, this is the first state of the next one already: "late" means what it meant in 2022.
+        later = read_columns(env, columns)
+        parts.append(
+            {
+                "observation": seen,
+                "factors": values[rows],
+                "late": later[rows],
+                "episode": first_episode + rows,
+                "level": chosen[rows],
+                "step": np.full(len(rows), step),
+            }
+        )
+        running &= ~(terminated | truncated)
+        values, step, have = later, step + 1, have + len(rows)
+    arrays = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    return Frames(columns=tuple(columns), **arrays)
+
+
+def read_columns(env: VectorEnv, columns: Sequence[Column]) -> NDArray[np.float64]:
+    """The true factors of all environments, float64 ``[num_envs, k]``."""
+    state, levels = env.state().state, env.levels
+    out = np.empty((env.num_envs, len(columns)))
+    for k, column in enumerate(columns):
+        if column.slot == "world":
+            names = [parameter.__name__ for parameter in levels.layout.parameters]
+            out[:, k] = levels.parameters[state.level, names.index(column.factor)]
+            continue
+        slot = levels.layout.slot_index(column.slot)
+        if column.factor == NAME_OF_TYPE:
+            kind = levels.types[state.level, slot]
+            out[:, k] = np.where(kind < 0, np.nan, kind)
+        else:
+            name, _, axis = column.factor.partition(".")
+            first = levels.layout.by_name[name][1]
+            out[:, k] = state.values[:, slot, first + (axis == "y")]
+    return out
+
+
+def varying_columns(distribution: Any, options: Mapping[str, Any] | None = None) -> tuple[Column, ...]:
+    """Every factor, type and world parameter that varies under a level distribution: the same set for any sample of it.
+
+    Found out by random play on 256 of its levels: what differs there between two states counts, and what never changed
+    within an episode is static. What only tells how things are drawn, or follows from others, is left out, as distances
+    between level sets leave it out (:data:`segar.metrics.points.IRRELEVANT`).
+    """
+    levels = distribution.sample(SCOUTS, seed=SCOUT_SEED, split="train")
+    known = all_columns(distribution, levels)
+    options = {**(options or {}), "observation": "state"}
+    found = collect(RandomAgent(SCOUT_SEED), levels, known, options, frames=SCOUTS * SCOUT_STEPS, num_envs=SCOUTS)
+    varied = []
+    for k, column in enumerate(known):
+        x = found.factors[:, k]
+        there = np.isfinite(x)
+        if not there.any() or np.ptp(x[there]) == 0:
+            continue
+        first = np.full(found.episode.max() + 1, np.nan)
+        first[found.episode[found.step == 0]] = x[found.step == 0]
+        static = np.array_equal(x, first[found.episode], equal_nan=True)
+        varied.append(dataclasses.replace(column, is_static=static))
+    return tuple(varied)
+
+
+def all_columns(distribution: Any, levels: Levels) -> list[Column]:
+    """Every relevant factor component of every slot, the type where several may fill a slot, and world parameters."""
+    laws = distribution.marginals()
+    columns = []
+    for slot in levels.layout.slots:
+        if all(issubclass(kind, GlobalFriction) for kind in slot.types):
+            continue
+        if len(slot.types) > 1:
+            columns.append(Column(slot.name, NAME_OF_TYPE, True, law=type_law(distribution, levels, slot.name)))
+        factors = dict.fromkeys(factor for kind in slot.types for factor in relevant_factors(kind))
+        for factor in factors:
+            law = laws.get(slot.name, {}).get(factor)
+            columns += [Column(slot.name, name, law=part) for name, part in components(factor, law)]
+    for parameter in levels.layout.parameters:
+        columns.append(Column("world", parameter.__name__, law=laws["parameters"].get(parameter)))
+    return columns
+
+
+def components(factor: type[Factor], law: Noise | None) -> list[tuple[str, Noise | None]]:
+    """Name and law of each number of a factor."""
+    if factor.width == 1:
+        return [(factor.__name__, law)]
+    return [(f"{factor.__name__}.{axis}", law and component(law, k)) for k, axis in enumerate("xy")]
+
+
+def type_law(distribution: Any, levels: Levels, name: str) -> Noise:
+    """The law of the number of the type that fills a slot, given that it is filled."""
+    for group in distribution._plan.groups:
+        if name in [levels.layout.names[slot] for slot in group.slots]:
+            return Choice([float(kind) for kind in group.types], list(group.probabilities))
+    raise LevelError(f"no entry of numbers fills '{name}'")

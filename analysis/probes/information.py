@@ -1,0 +1,221 @@
+"""How much a representation knows of the factors: MINE and its accuracy, InfoNCE, SMILE."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Literal, get_args
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from analysis.probes.critics import (
+    CriticSettings,
+    PaperSettings,
+    accuracy_of_all_pairs,
+    infonce_value,
+    jsd_value,
+    marginal_pairs,
+    smile_value,
+    torch_rng,
+    train_distance_critic,
+    train_paper_critic,
+)
+from analysis.probes.pairs import Pairs, episode_folds, standardised, standardised_representation
+from analysis.stats.estimate import Estimate, mean_of_replicates
+from segar.errors import SegarError, did_you_mean
+
+Marginal = Literal["joint", "paper"]
+Bound = Literal["jsd", "infonce", "smile"]
+CHANCE = 0.5
+REPLICATES = 5
+FOLDS = 2
+SMILE_CLIP = 5.0
+MISSING_2022 = -1000.0
+BLOCK = 256  # held-out pairs among which a bound is taken; InfoNCE is at most its logarithm, 5.5 nats
+
+
+@dataclass(frozen=True)
+class Score:
+    """One replicate: the critic's accuracy (chance is 0.5), and the value of the bound [nats]."""
+
+    accuracy: float
+    value: float
+
+
+def mine_accuracy(
+    representation: Any,
+    factors: Any,
+    rng: np.random.Generator,
+    marginal: Marginal = "joint",
+    *,
+    episode: Any = None,
+    folds: int = FOLDS,
+) -> float:
+    """How well a critic tells pairs (phi, z) that belong together from pairs that do not, from 0 to 1; 0.5 is chance.
+
+    (share of joint pairs with T > 0 + share of marginal pairs with T < 0) / 2 of critics that maximise MINE's
+    Jensen-Shannon bound (Hjelm et al. 2019). Cross-fitted: every pair is scored by a critic that did not see its fold.
+
+    Args:
+        representation: float ``[N, d]``.
+        factors: float ``[N, k]``; may have nan, which is read as "not there".
+        marginal: "joint" pairs phi with the z of another row, which makes p(phi) p(z), and uses a critic that compares
+            embeddings. "paper" is the 2022 code's: every column of phi and of z is shuffled by itself, so that what is
+            measured is any dependence among all columns, also within phi, by a critic on their concatenation.
+        episode: int ``[N]``; marginal pairs are of two episodes, and no episode is split. None: rows are independent.
+
+    Raises:
+        SegarError: nothing varies, or there are too few pairs or episodes.
+    """
+    x, z, group = _prepared(representation, factors, episode)
+    return _cross_fitted(x, z, group, rng, marginal, "jsd", folds, None).accuracy
+
+
+def estimate_information(
+    pairs: Pairs,
+    rng: np.random.Generator,
+    *,
+    bound: Bound = "jsd",
+    marginal: Marginal = "joint",
+    replicates: int = REPLICATES,
+    folds: int = FOLDS,
+    settings: CriticSettings | PaperSettings | None = None,
+) -> tuple[Estimate, Estimate]:
+    """Accuracy and value of a bound on the information between phi and all factors, means of replicates with intervals.
+
+    ``p`` is that of chance, one-sided, over replicates of critic and folds, not of frames. InfoNCE has no accuracy: it
+    does not care where the zero of T lies.
+
+    Args:
+        bound: "jsd" (MINE's, at most 2 log 2 nats), "infonce" (at most log 256 nats) or "smile" (clip 5). The critic
+            of SMILE is trained as that of "jsd", as its authors do.
+        marginal: see :func:`mine_accuracy`; "paper" knows "jsd" alone.
+
+    Raises:
+        SegarError: as :func:`mine_accuracy`, or an argument is unknown.
+    """
+    x, z, group = _prepared(pairs.representation, pairs.factors, pairs.episode, pairs)
+    found = [_cross_fitted(x, z, group, rng, marginal, bound, folds, settings) for _ in range(replicates)]
+    accuracy = mean_of_replicates([one.accuracy for one in found], CHANCE)
+    if bound == "infonce":
+        accuracy = Estimate.missing(replicates, "InfoNCE does not care where the zero of T lies")
+    return accuracy, mean_of_replicates([one.value for one in found], 0.0)
+
+
+def mine_of_2022(
+    train: Pairs, test: Pairs, rng: np.random.Generator, *, settings: PaperSettings | None = None, joint: bool = False
+) -> tuple[float, float]:
+    """Accuracies as the paper plots them: (on the very pairs that the critic was fitted on, on those of test levels).
+
+    Nothing is standardised, what is missing is -1000, and only those columns of z remain that vary among the training
+    pairs. ``joint``: permute rows of z jointly, which is all that it takes to make the marginal right.
+
+    Raises:
+        SegarError: no factor varies, or there are fewer training pairs than a batch of 64.
+    """
+    generator = torch_rng(rng)
+    keep = np.ptp(np.where(np.isnan(train.factors), MISSING_2022, train.factors), axis=0) > 0
+    if not keep.any():
+        raise SegarError("no factor varies among the training pairs")
+    shuffle = partial(_shuffled_rows if joint else _shuffled_columns, rng=generator)
+    sets = [
+        (
+            torch.as_tensor(pairs.representation, dtype=torch.float32),
+            torch.as_tensor(np.where(np.isnan(z := pairs.factors[:, keep]), MISSING_2022, z), dtype=torch.float32),
+        )
+        for pairs in (train, test)
+    ]
+    critic = train_paper_critic(*sets[0], shuffle, settings or PaperSettings(), generator)
+    with torch.no_grad():
+        first, second = (_accuracy_of_rows(critic(x, z), critic(*shuffle(x, z))) for x, z in sets)
+    return first, second
+
+
+def _prepared(
+    representation: Any, factors: Any, episode: Any, pairs: Pairs | None = None
+) -> tuple[Tensor, Tensor, NDArray[np.int64]]:
+    """Standardised tensors [N, d] and [N, m], and groups int [N]."""
+    x, z = np.asarray(representation, np.float64), np.asarray(factors, np.float64)
+    x, z = (column[:, None] if column.ndim == 1 else column for column in (x, z))
+    if len(x) != len(z):
+        raise SegarError(f"there are {len(x)} representations but factors of {len(z)} frames")
+    if len(x) < 2 * FOLDS:
+        raise SegarError(f"{len(x)} pairs are too few; at least {2 * FOLDS} are needed")
+    if not np.isfinite(x).all():
+        raise SegarError("the representation holds values that are not finite")
+    group = np.arange(len(x)) if episode is None else np.asarray(episode, np.int64)
+    seen = standardised(z, pairs.columns if pairs is not None else None)
+    return torch.from_numpy(standardised_representation(x)), torch.from_numpy(seen), group
+
+
+def _cross_fitted(
+    x: Tensor,
+    z: Tensor,
+    group: NDArray[np.int64],
+    rng: np.random.Generator,
+    marginal: str,
+    bound: str,
+    folds: int,
+    settings: CriticSettings | PaperSettings | None,
+) -> Score:
+    for what, name, known in (("marginal", marginal, Marginal), ("bound", bound, Bound)):
+        if name not in get_args(known):
+            raise SegarError(f"{what} '{name}' is unknown.{did_you_mean(name, get_args(known))}")
+    if marginal == "paper" and bound != "jsd":
+        raise SegarError(f"bound '{bound}' needs marginal='joint'; the paper's critic knows 'jsd' alone")
+    wanted = PaperSettings if marginal == "paper" else CriticSettings
+    if settings is not None and not isinstance(settings, wanted):
+        raise SegarError(f"marginal='{marginal}' takes {wanted.__name__}, not {type(settings).__name__}")
+    fit: Callable[..., Score] = _paper_fold if marginal == "paper" else partial(_joint_fold, bound=bound)
+    parts = episode_folds(group, folds, rng)
+    scores, sizes = [], []
+    for k, held_out in enumerate(parts):
+        rest = np.concatenate([part for j, part in enumerate(parts) if j != k])
+        scores.append(fit(x, z, torch.from_numpy(group), rest, held_out, torch_rng(rng), settings or wanted()))
+        sizes.append(len(held_out))
+    accuracy, value = (np.average([getattr(s, name) for s in scores], weights=sizes) for name in ("accuracy", "value"))
+    return Score(float(accuracy), float(value))
+
+
+def _joint_fold(x, z, group, rest, held_out, rng, settings, bound) -> Score:
+    objective = infonce_value if bound == "infonce" else jsd_value
+    critic = train_distance_critic(x[rest], z[rest], group[rest], objective, settings, rng)
+    x, z, group = x[held_out], z[held_out], group[held_out]
+    right, wrong = accuracy_of_all_pairs(critic, x, z, group)
+    value = {"jsd": jsd_value, "infonce": infonce_value, "smile": partial(smile_value, clip=SMILE_CLIP)}[bound]
+    values = []
+    with torch.no_grad():
+        order = torch.randperm(len(x), generator=rng)
+        for rows in order[: max(len(x) // BLOCK, 1) * BLOCK].split(BLOCK):
+            values.append(float(value(critic(x[rows], z[rows]), marginal_pairs(group[rows]))))
+    return Score((right + wrong) / 2, float(np.mean(values)))
+
+
+def _paper_fold(x, z, group, rest, held_out, rng, settings) -> Score:
+    shuffle = partial(_shuffled_columns, rng=rng)
+    critic = train_paper_critic(x[rest], z[rest], shuffle, settings, rng)
+    x, z = x[held_out], z[held_out]
+    with torch.no_grad():
+        joint, other = critic(x, z), critic(*shuffle(x, z))
+        softplus = torch.nn.functional.softplus
+        value = 2 * np.log(2) - softplus(-joint).mean() - softplus(other).mean()
+    return Score(_accuracy_of_rows(joint, other), float(value))
+
+
+def _accuracy_of_rows(joint: Tensor, marginal: Tensor) -> float:
+    return float(((joint > 0).float().mean() + (marginal < 0).float().mean()) / 2)
+
+
+def _shuffled_columns(x: Tensor, z: Tensor, rng: torch.Generator) -> tuple[Tensor, Tensor]:
+    """Every column permuted by itself, as in 2022."""
+    x, z = (torch.stack([c[torch.randperm(len(c), generator=rng)] for c in part.T], 1) for part in (x, z))
+    return x, z
+
+
+def _shuffled_rows(x: Tensor, z: Tensor, rng: torch.Generator) -> tuple[Tensor, Tensor]:
+    """Rows of z permuted jointly."""
+    return x, z[torch.randperm(len(z), generator=rng)]

@@ -1,0 +1,166 @@
+"""Pairs of representation and true factors, frame by frame, with the episodes that they come from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from segar.errors import LevelError, did_you_mean
+from segar.noise import Noise
+
+BATCH = 512  # observations that are represented at once
+NAME_OF_TYPE = "type"
+
+
+@dataclass(frozen=True)
+class Column:
+    """One number of the true state: which it is, and what is known of it before any frame is seen.
+
+    ``law`` is that of its first value in an episode, given that the slot holds something that has it; None where it
+    has no law of its own. ``is_static``: it stays what it was at the beginning of the episode.
+    """
+
+    slot: str  # name of the entity's slot, or "world"
+    factor: str  # "Position.x", "Mass", "type", or a world parameter
+    is_category: bool = False
+    is_static: bool = False
+    law: Noise | None = None
+
+    @property
+    def name(self) -> str:
+        """E.g. ``golfball.Position.x``."""
+        return f"{self.slot}.{self.factor}"
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """``N`` frames: what a network makes of each, and what is true of it at the same time.
+
+    Attributes:
+        representation: float32 ``[N, d]``.
+        factors: float64 ``[N, k]``; nan where an entity is absent or lacks the factor; numbers of types for categories.
+        columns: what the ``k`` factors are.
+        episode: int ``[N]``; frames of one episode depend on each other, so splits and intervals go by episodes.
+        level: int ``[N]``, index in the level set.
+        step: int ``[N]``, steps since the episode began.
+    """
+
+    representation: NDArray[np.float32]
+    factors: NDArray[np.float64]
+    columns: tuple[Column, ...]
+    episode: NDArray[np.int64]
+    level: NDArray[np.int64]
+    step: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.factors)
+
+    def take(self, rows: Any) -> Pairs:
+        """The frames at an index array or mask."""
+        parts = {name: getattr(self, name)[rows] for name in ("representation", "factors", "episode", "level", "step")}
+        return replace(self, **parts)
+
+    def only(self, columns: Sequence[int]) -> Pairs:
+        """The factors at these places alone."""
+        chosen = list(columns)
+        return replace(self, factors=self.factors[:, chosen], columns=tuple(self.columns[k] for k in chosen))
+
+    def place(self, name: str) -> int:
+        """The place of a column; raises :class:`LevelError` if there is none of that name."""
+        names = [column.name for column in self.columns]
+        if name not in names:
+            raise LevelError(f"no factor is called '{name}'.{did_you_mean(name, names)}")
+        return names.index(name)
+
+    def with_representation(self, representation: Any) -> Pairs:
+        """The same frames, represented otherwise; ``[N, d]``."""
+        return replace(self, representation=np.asarray(representation, np.float32))
+
+
+@dataclass(frozen=True)
+class Frames:
+    """``N`` frames as an agent saw them, and what was true of them; see :class:`Pairs`.
+
+    ``late`` holds the factors one step later, float64 ``[N, k]``: after the last step of an episode they are those of
+    the next episode's first state. The code of 2022 paired frames with these.
+    """
+
+    observation: NDArray[Any]
+    factors: NDArray[np.float64]
+    late: NDArray[np.float64]
+    columns: tuple[Column, ...]
+    episode: NDArray[np.int64]
+    level: NDArray[np.int64]
+    step: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.factors)
+
+    def pairs(self, represent: Callable[[NDArray[Any]], NDArray[Any]], alignment: str = "same") -> Pairs:
+        """What ``represent`` makes of the observations ``[n, ...]``, beside the factors.
+
+        Args:
+            alignment: "same": factors of the state that was observed; "late": of the next one, as in 2022.
+        """
+        if alignment not in ("same", "late"):
+            raise LevelError(f"alignment must be 'same' or 'late', not '{alignment}'")
+        parts = [represent(self.observation[i : i + BATCH]) for i in range(0, len(self), BATCH)]
+        phi = np.concatenate([np.asarray(part, np.float32).reshape(len(part), -1) for part in parts])
+        factors = self.factors if alignment == "same" else self.late
+        return Pairs(phi, factors, self.columns, self.episode, self.level, self.step)
+
+
+def episode_folds(episode: NDArray[np.int64], folds: int, rng: np.random.Generator) -> list[NDArray[np.int64]]:
+    """Disjoint index arrays that together hold all frames, no episode in two of them; sizes as even as whole episodes allow.
+
+    Raises:
+        LevelError: there are fewer episodes than folds.
+    """
+    names, place, size = np.unique(episode, return_inverse=True, return_counts=True)
+    if len(names) < folds:
+        raise LevelError(
+            f"{folds} folds need at least {folds} episodes, not {len(names)}; collect more frames, or from more"
+            " environments at once"
+        )
+    order = rng.permutation(len(names))
+    order = order[np.argsort(-size[order], kind="stable")]
+    fold_of, filled = np.empty(len(names), np.int64), np.zeros(folds)
+    for one in order:  # the longest first, each into the emptiest fold
+        fold_of[one] = filled.argmin()
+        filled[fold_of[one]] += size[one]
+    return [np.flatnonzero(fold_of[place] == fold) for fold in range(folds)]
+
+
+def standardised(factors: NDArray[np.float64], columns: Sequence[Column] | None = None) -> NDArray[np.float32]:
+    """Factors ``[N, k]`` as a critic can read them, ``[N, m]``.
+
+    Numbers lie around 0 with spread 1, 0 where they are missing; categories become one column each; a column of zeros
+    and ones says where a number is there, if it is not always; columns that do not vary are left out.
+    """
+    parts = []
+    for k in range(factors.shape[1]):
+        x = factors[:, k]
+        there = np.isfinite(x)
+        if not there.any():
+            continue
+        if not there.all():
+            parts.append(there.astype(float))
+        if columns is not None and columns[k].is_category:
+            parts.extend((x == value).astype(float) for value in np.unique(x[there]))
+        else:
+            parts.append(np.where(there, x - x[there].mean(), 0.0))
+    varied = [part for part in parts if part.std() > 1e-9]  # what rounding leaves of a constant is no variation
+    if not varied:
+        raise LevelError("no factor varies in these frames: there is nothing to be known about them")
+    return np.stack([(part - part.mean()) / part.std() for part in varied], axis=1).astype(np.float32)
+
+
+def standardised_representation(x: NDArray[Any]) -> NDArray[np.float32]:
+    """``[N, d]`` around 0 with spread 1 in every column; columns that do not vary are 0."""
+    x = np.asarray(x, np.float64)
+    spread = x.std(axis=0)
+    return ((x - x.mean(axis=0)) / np.where(spread > 1e-9, spread, np.inf)).astype(np.float32)
