@@ -24,7 +24,7 @@ class Training:
     """How a model is trained.
 
     Attributes:
-        attempts: how often a seed is begun anew until its model meets the bars of :mod:`experiments.texture_bars`.
+        most_attempts: how often a seed is begun anew until its model meets the bars of :mod:`experiments.texture_bars`.
         steps, batch: of Adam, whose ``learning_rate`` falls along a cosine to 0.
         samples: things from the product of marginals, from which batches are drawn.
         noise_weight: of noise in the error of reconstruction; factors have 1.
@@ -36,7 +36,7 @@ class Training:
         floor_contrast: how many times as much it should be between the floor and a thing.
     """
 
-    attempts: int = 5
+    most_attempts: int = 5
     steps: int = 3000
     batch: int = 1024
     learning_rate: float = 1e-2
@@ -62,14 +62,14 @@ def train_set(name: str, seeds: range, training: Training) -> TextureSet:
 
 def _good_model(seed: int, training: Training) -> tuple[np.ndarray, np.ndarray, int]:
     """Weights and bias of a model that meets the bars, and which attempt of the seed it was."""
-    for attempt in range(training.attempts):
+    for attempt in range(training.most_attempts):
         weights, bias = train_model(seed, training, attempt)
         candidate = TextureSet("candidate", INPUTS, weights[None], bias[None], *units(), origin={"seeds": [seed]})
         missing = shortfalls(candidate)
         print(f"seed {seed}, attempt {attempt}: {'; '.join(missing) or 'meets the bars'}", flush=True)
         if not missing:
             return weights, bias, attempt
-    raise SegarError(f"seed {seed}: none of {training.attempts} attempts meets the bars; train for more steps")
+    raise SegarError(f"seed {seed}: none of {training.most_attempts} attempts meets the bars; train for more steps")
 
 
 def train_model(seed: int, training: Training, attempt: int = 0) -> tuple[np.ndarray, np.ndarray]:

@@ -52,7 +52,7 @@ def test_a_floor_like_the_things_on_it_is_refused():
 
 def test_a_training_that_is_too_short_says_so_after_all_its_attempts(capsys):
     with pytest.raises(SegarError, match="seed 3: none of 2 attempts meets the bars; train for more steps"):
-        train_set("short", range(3, 4), Training(steps=3, samples=2000, attempts=2))
+        train_set("short", range(3, 4), Training(steps=3, samples=2000, most_attempts=2))
     assert "seed 3, attempt 1: " in capsys.readouterr().out
 
 
