@@ -27,10 +27,14 @@ class LevelsConfig:
     test: str | None = None  # None: the same as train; another one makes the test out of distribution
     count: int = 10  # training levels
     seed: int = 0  # which training levels; a smaller count takes the first ones
+    design: str = "iid"  # how the training levels are picked from their distribution: a kind of segar.design
+    variation: str = ""  # of both distributions: a name in experiments.variations, or ``module:function``
+    test_variation: str | None = None  # None: the same
     test_count: int = 100
     test_seed: int = 0  # which test levels; they never meet training levels, whatever the seeds
 
     def __post_init__(self) -> None:
+        require_known("levels.design", self.design, DESIGNS)
         require(self.count >= 1, "levels.count", self.count, "at least 1")
         require(self.test_count >= 1, "levels.test_count", self.test_count, "at least 1")
         require_seed("levels.seed", self.seed)
@@ -40,6 +44,9 @@ class LevelsConfig:
     def test_distribution(self) -> str:
         """The distribution that test levels come from."""
         return self.test or self.train
+
+
+DESIGNS = ("iid", "clustered", "covering", "nuisance_only")  # those of segar.design that need no test levels
 
 
 @dataclass(frozen=True)
@@ -137,7 +144,7 @@ REWARD_TRANSFORMS = ("none", "sqrt")
 class ScaleConfig:
     """How much is run: the frames of a training run, and the cells of the reproduction."""
 
-    name: str = "quick"
+    name: str = "single"
     frames: int = 200_000
     families: tuple[str, ...] = ("empty", "objectsx1", "tilesx1")
     difficulties: tuple[str, ...] = ("easy", "medium", "hard")
@@ -238,6 +245,8 @@ class RunConfig:
     def label(self) -> str:
         """The run's name, e.g. ``empty-hard-n10-state-ppo_fast-s1-3f9a12cd``."""
         levels = self.levels.train if self.levels.test is None else f"{self.levels.train}-to-{self.levels.test}"
+        special = (self.levels.variation, self.levels.design if self.levels.design != "iid" else "")
+        levels = "-".join((levels, *(name for name in special if name)))
         parts = (levels, f"n{self.levels.count}", self.observation.name, self.algorithm.name, f"s{self.seed}")
         return "-".join((*("".join(c if c.isalnum() or c in "_-." else "_" for c in p) for p in parts), self.hash()))
 

@@ -8,12 +8,14 @@ import re
 import signal
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
 import hydra
 import yaml
 from hydra.core.config_store import ConfigStore
+from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.errors import CompactHydraException, MissingConfigException
 from hydra.types import RunMode
@@ -120,8 +122,9 @@ def parse_settings(arguments: Sequence[str]) -> dict[str, Any]:
 def compose(overrides: Sequence[str] = (), config_name: str = "config") -> RunConfig:
     """The settings that overrides state, as a command line would; raises :class:`SegarError`."""
     register_defaults(overrides)
+    within = GlobalHydra.instance().is_initialized()  # a command is at work, on the same files
     try:
-        with hydra.initialize_config_dir(str(conf_dir()), version_base="1.3"):
+        with nullcontext() if within else hydra.initialize_config_dir(str(conf_dir()), version_base="1.3"):
             return build_run(hydra.compose(config_name, list(overrides)))
     except CompactHydraException as error:
         raise ConfigError(explain(error)) from error

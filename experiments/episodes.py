@@ -117,7 +117,27 @@ def evaluation_figures(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
 
 
 def distance_figures(train: Any, test: Any, modes: Sequence[Any]) -> dict[str, float]:
-    """Wasserstein-2 between training and test levels in each mode: ``w2/reference``, ``w2/exact``."""
-    from segar.metrics import w2
+    """How far test levels are from training levels: Wasserstein-2 in each mode, e.g. ``w2/exact``, and ``ks``, the
+    Kolmogorov-Smirnov statistic of all factors together."""
+    from segar.metrics import ks, w2
 
-    return {f"w2/{mode}": float(w2(train, test, mode=mode)) for mode in modes}
+    return {**{f"w2/{mode}": float(w2(train, test, mode=mode)) for mode in modes}, "ks": float(ks(train, test))}
+
+
+def diversity_figures(train: Any, test: Any) -> dict[str, float]:
+    """How diverse training levels are, as ``diversity/<what>``.
+
+    ``effective_number``: how many levels without any likeness they are worth. ``entropy``: of their law, in nats, factor
+    by factor, from the share of values that ``entropy_left_out`` does not count. ``radius``: how far the worst served
+    test level is from the nearest of them, in standard deviations.
+    """
+    from segar.metrics import coverage, effective_number, sample_entropy
+
+    entropy = sample_entropy(train, "mean_field")
+    found = {
+        "effective_number": effective_number(train),
+        "entropy": entropy.value,
+        "entropy_left_out": entropy.left_out,
+        "radius": coverage(train, test).radius,
+    }
+    return {f"diversity/{name}": float(value) for name, value in found.items()}

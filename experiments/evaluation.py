@@ -31,7 +31,7 @@ from experiments.run_folder import (
     write_json,
     write_rows,
 )
-from experiments.worlds import environment_options, find_distribution
+from experiments.worlds import distribution_of, environment_options, find_distribution
 from segar.cli.arguments import load_levels, table
 from segar.envs.vector import VectorEnv
 from segar.levels import Levels
@@ -91,8 +91,7 @@ def find_levels(config: EvaluateConfig, folder: Path, trained: RunConfig) -> Lev
             raise RunFolderError(f"the run in {folder} has no levels yet: there is no {path.name}")
         levels = Levels.load(path)
         if levels.provenance.rules:  # which a file does not hold; the run's distribution does
-            drawn_from = trained.levels.train if name == "train" else trained.levels.test_distribution
-            levels = dataclasses.replace(levels, world=find_distribution(drawn_from, "levels").world)
+            levels = dataclasses.replace(levels, world=distribution_of(trained.levels, name).world)
     else:
         levels = load_levels(str(Path(name).expanduser()), config.world)
     if config.n is not None and config.n > len(levels):
@@ -123,7 +122,7 @@ def load_agent(folder: Path, trained: RunConfig, levels: Levels, say: Callable[[
 def shape_in(levels: Levels, trained: RunConfig) -> tuple[int, ...]:
     """The shape of what the run's agent observes in these levels."""
     if levels.provenance.rules and levels.world is None:
-        levels = dataclasses.replace(levels, world=find_distribution(trained.levels.train, "levels").world)
+        levels = dataclasses.replace(levels, world=distribution_of(trained.levels, "train").world)
     return observation_shape(VectorEnv(levels, 1, seed=0, **environment_options(trained)))
 
 

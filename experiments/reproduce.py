@@ -1,7 +1,8 @@
-"""The paper's experiment, from training to the figure: ``python -m experiments.reproduce scale=quick``.
+"""The paper's experiments, from training to tables and report: ``python -m experiments.reproduce scale=quick``.
 
-Trains the cells (families x difficulties x numbers of training levels) that are not finished yet, a few side by side,
-then has ``analysis.report`` draw the figure. Killed, it goes on where it stopped when it is started again.
+Every file of ``conf/experiment/`` is an experiment: a grid of runs, other levels that the agents are tested on, a study that
+needs no training. Runs that several experiments need are trained once; what is finished is found by the hash of its
+settings, and what was cut off goes on. First a plan is printed, at last where the tables and the report are.
 """
 
 from __future__ import annotations
@@ -11,70 +12,124 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import yaml
 from omegaconf import DictConfig
 
-from experiments.cells import cell_of, design_hash, paper_cells, paper_seeds
+from experiments.cells import design_hash, paper_cells, paper_seeds
 from experiments.config import RunConfig, require, run_config
-from experiments.entry import plain, run_command
-from experiments.errors import TrainingError
-from experiments.run_folder import CHECKOUT, folder_path, is_finished, runs_root
+from experiments.display import Display
+from experiments.entry import conf_dir, plain, run_command
+from experiments.errors import ConfigError, TrainingError
+from experiments.experiment import Experiment, chosen_names, experiment_at
+from experiments.planning import (
+    STUDY_SECONDS,
+    Plan,
+    StudyWork,
+    as_data_of,
+    as_text,
+    in_minutes,
+    is_study_done,
+    make_plan,
+    measure_speeds,
+)
+from experiments.run_folder import CHECKOUT, runs_root, write_json
 from experiments.sweep import Job, Outcome, run_jobs
 from experiments.train import train
+from experiments.transfers import RunWork, evaluate_transfer
+
+PLAN = "plan.json"
+Work = RunWork | StudyWork
 
 
 @dataclass(frozen=True)
 class ReproduceConfig:
-    """The reproduction: a run whose levels and seed are those of each cell in turn, and how many run side by side."""
+    """What is run: the settings that all runs share, which experiments, and how many runs side by side."""
 
     run: RunConfig = field(default_factory=RunConfig)
     processes: int = 0  # 0: one per core
+    experiments: tuple[str, ...] = ()  # none: all of this scale
+    grids: Mapping[str, Any] = field(default_factory=dict)  # of each experiment, as its file says
+    dry_run: bool = False  # print the plan, and run nothing
+    report: bool = True  # have analysis.report draw the main figure
 
     def __post_init__(self) -> None:
         require(self.processes >= 0, "processes", self.processes, "0 or more")
+        chosen_names(self.experiments, list(self.grids))
 
     @property
     def name(self) -> str:
-        """Names the experiment and its settings, e.g. ``paper-quick-3f9a12cd``."""
-        return f"paper-{self.run.scale.name}-{design_hash(paper_cells(self.run)[0])}"
+        """Names scale and settings, e.g. ``quick-3f9a12cd``."""
+        return f"{self.run.scale.name}-{design_hash(paper_cells(self.run)[0])}"
 
     @property
     def folder(self) -> Path:
-        """Where report and logs go."""
-        return runs_root(self.run) / "reports" / self.name
+        """Where tables, report and logs go."""
+        return runs_root(self.run) / "results" / self.name
+
+    def at_scale(self) -> list[Experiment]:
+        """The experiments that were asked for, at this scale; raises :class:`ConfigError` if one is wrong, or none is left."""
+        found = []
+        for name in chosen_names(self.experiments, list(self.grids)):
+            experiment = experiment_at(name, self.grids[name], self.run.scale.name)
+            if experiment is not None:
+                found.append(experiment)
+            elif self.experiments:
+                raise ConfigError(
+                    f"experiments: {name} has no scale '{self.run.scale.name}'; it has "
+                    f"{', '.join(self.grids[name].get('scales', {})) or 'none'}"
+                )
+        if not found:
+            raise ConfigError(f"scale.name: no experiment has a scale '{self.run.scale.name}'")
+        return found
 
 
 def reproduce(
     config: ReproduceConfig,
-    work: Callable[[RunConfig], Any] = train,
-    draw: Callable[[ReproduceConfig, Sequence[RunConfig]], bool] | None = None,
+    work: Callable[[Work], Any] | None = None,
+    finish: Callable[[ReproduceConfig, Plan], bool] | None = None,
 ) -> None:
-    """Trains what is not trained yet, draws the figure, and says where everything is.
+    """Does what is not done yet, writes the tables, and says where everything is.
 
     Args:
-        work: trains one cell, in another process; importable by name.
-        draw: makes the report and returns whether it could; None: :func:`report`.
+        work: does one piece of work, in another process; importable by name. None: :func:`carry_out`.
+        finish: makes tables and report, and returns whether it could; None: :func:`tables_and_report`.
 
     Raises:
-        TrainingError: some cells failed; the others are finished and in the figure.
+        TrainingError: some runs failed; the others are finished and in the tables.
     """
-    cells = paper_cells(with_sweep_tag(config))
-    waiting = [cell for cell in cells if cell.restart or not is_finished(folder_path(cell))]
-    processes = min(config.processes or cores(), max(len(waiting), 1))
-    print(plan(config, cells, waiting, processes), flush=True)
-    outcomes = train_cells(config, waiting, processes, work)
-    failed = [outcome for outcome in outcomes if outcome.error is not None]
-    reported = (draw or report)(config, cells)
-    if failed or not reported:
-        raise TrainingError(failures(failed, len(cells), reported))
+    plan = make_plan(config.at_scale(), with_sweep_tag(config), config.folder)
+    speeds = measure_speeds(runs_root(config.run))
+    processes = config.processes or cores()
+    print(as_text(plan, speeds, processes, config.run.scale), flush=True)
+    print(f"Runs: {runs_root(config.run)}\nTables, report, logs: {config.folder}", flush=True)
+    if config.dry_run:
+        return
+    waiting: dict[str, tuple[Work, float]] = {
+        one.run.label(): (one, speeds.seconds(one)) for one in plan.runs if one.run.restart or not one.is_done()
+    }
+    waiting |= {one.name: (one, STUDY_SECONDS) for one in plan.studies if not is_study_done(one)}
+    write_plan(config, plan)
+    failed = do_all(config, waiting, processes, work or carry_out)
+    finished = (finish or tables_and_report)(config, plan)
+    if failed or not finished:
+        raise TrainingError(failures(failed, len(waiting), finished))
+
+
+def write_plan(config: ReproduceConfig, plan: Plan) -> None:
+    """Leaves the plan where the tables are made from it."""
+    config.folder.mkdir(parents=True, exist_ok=True)
+    tracking = dataclasses.asdict(config.run.tracking)
+    about = {"name": config.name, "scale": config.run.scale.name, "runs": str(runs_root(config.run))}
+    write_json(config.folder / PLAN, {**about, "tracking": tracking, "experiments": as_data_of(plan)})
 
 
 def with_sweep_tag(config: ReproduceConfig) -> RunConfig:
-    """The run's settings, with the experiment's name as MLflow tag unless another is given."""
+    """The run's settings, with the reproduction's name as MLflow tag unless another is given."""
     tracking = dataclasses.replace(config.run.tracking, sweep=config.run.tracking.sweep or config.name)
     return dataclasses.replace(config.run, tracking=tracking)
 
@@ -84,56 +139,84 @@ def cores() -> int:
     return len(os.sched_getaffinity(0))
 
 
-def plan(config: ReproduceConfig, cells: Sequence[RunConfig], waiting: Sequence[RunConfig], processes: int) -> str:
-    """What is going to happen."""
-    run = config.run
-    done = len(cells) - len(waiting)
-    lines = [
-        f"{config.name}: {len(cells)} cells, {run.algorithm.name} on {run.observation.name}, "
-        f"{run.scale.frames:,} frames each; {done} finished before, {len(waiting)} to train, {processes} at a time."
-    ]
-    if waiting:
-        lines += [f"Run folders: {runs_root(run)}", f"Logs:        {config.folder / 'logs'}"]
-    return "\n".join(lines)
+def carry_out(work: Work) -> dict[str, float]:
+    """Trains, or goes on, and tests the agent where it was not tested yet; or runs a study. Returns final figures."""
+    if isinstance(work, StudyWork):
+        run_study(work)
+        return {}
+    figures = train(work.run)
+    for transfer in work.transfers:
+        if not transfer.is_done(work.run):
+            evaluate_transfer(work.run, transfer)
+    return figures
 
 
-def train_cells(
-    config: ReproduceConfig, waiting: Sequence[RunConfig], processes: int, work: Callable[[RunConfig], Any]
+def run_study(study: StudyWork) -> None:
+    """Has a module of analysis do what needs no training; raises :class:`TrainingError` if it fails."""
+    study.out.mkdir(parents=True, exist_ok=True)
+    options = [part for key, value in study.options for part in (f"--{key}", value)]
+    command = [sys.executable, "-m", study.module, "--output", str(study.out), *options]
+    done = subprocess.run(command, cwd=CHECKOUT)
+    if done.returncode:
+        raise TrainingError(f"{study.module} ended with {done.returncode}")
+    write_json(study.mark, study.asked())
+
+
+def do_all(
+    config: ReproduceConfig, waiting: Mapping[str, tuple[Work, float]], processes: int, work: Callable[[Work], Any]
 ) -> list[Outcome]:
-    """Trains cells side by side and tells of each as it ends, with the time that the rest will take."""
+    """Does the work side by side and tells of each piece as it ends; returns what failed."""
     logs = config.folder / "logs"
-    jobs = [Job(cell.label(), cell, logs / f"{cell.label()}.log") for cell in waiting]
-    durations: list[float] = []
+    jobs = {name: Job(name, one, logs / f"{name}.log") for name, (one, _) in waiting.items()}
+    weights = {name: seconds for name, (_, seconds) in waiting.items()}
+    began = time.monotonic()
 
-    def tell(outcome: Outcome) -> None:
-        durations.append(outcome.seconds)
-        left = (len(jobs) - len(durations)) * sum(durations) / len(durations) / processes
-        after = f"about {in_minutes(left)} left" if len(durations) < len(jobs) else "all done"
-        print(f"[{len(durations)}/{len(jobs)}] {ending(outcome)}; {after}", flush=True)
+    def line(outcome: Outcome) -> str:
+        share, spent = display.share_left(), time.monotonic() - began
+        left = f"about {in_minutes(spent * share / (1 - share))} left" if share else "all done"
+        return f"{ending(outcome)}; {left}"
 
-    return run_jobs(jobs, work, processes, tell)
+    display = Display(jobs, weights, line)
+    with display.shown():
+        outcomes = run_jobs(list(jobs.values()), work, max(min(processes, len(jobs)), 1), display.end)
+    return [outcome for outcome in outcomes if outcome.error is not None]
 
 
 def ending(outcome: Outcome) -> str:
-    """How a cell ended, in one line."""
-    cell, took = cell_of(outcome.job.argument), in_minutes(outcome.seconds)
+    """How a piece of work ended, in one line."""
+    name, took = outcome.job.name, in_minutes(outcome.seconds)
     if outcome.error is not None:
-        return f"{cell}: FAILED after {took}: {outcome.error} (log: {outcome.job.log})"
+        return f"{name}: FAILED after {took}: {outcome.error} (log: {outcome.job.log})"
     figures = outcome.result or {}
     shown = {"gap": "evaluation/gap/deterministic", "test success": "evaluation/test/success/deterministic"}
-    return ", ".join([f"{cell}: {took}", *(f"{k} {figures[v]:.2f}" for k, v in shown.items() if v in figures)])
+    return ", ".join([f"{name}: {took}", *(f"{k} {figures[v]:.2f}" for k, v in shown.items() if v in figures)])
 
 
-def report(config: ReproduceConfig, cells: Sequence[RunConfig]) -> bool:
-    """Has the analysis read the runs and write the report; returns whether it did.
+def tables_and_report(config: ReproduceConfig, plan: Plan) -> bool:
+    """Has the analysis make the tables, and the report of the main grid if it is there; returns whether it could.
 
-    A process of its own, because experiments does not import analysis: what trains must not depend on what draws.
+    Processes of their own, because experiments does not import analysis: what trains must not depend on what draws.
     """
+    began = time.monotonic()
+    done = run_module("analysis.collect", {"results": config.folder})
+    main = {cell.label() for cell in paper_cells(config.run)}
+    if done and config.report and main <= {one.run.label() for one in plan.runs}:
+        done = run_module("analysis.report", report_settings(config))
+    if done:
+        print(f"Tables and report took {in_minutes(time.monotonic() - began)}. Figures and curves in the browser:")
+        print(
+            f"  {sys.executable} -m experiments.dashboard root={quoted(runs_root(config.run))}    (or: make dashboard)"
+        )
+    return done
+
+
+def report_settings(config: ReproduceConfig) -> dict[str, Any]:
+    """What the report of the main grid is told."""
     scale, run = config.run.scale, config.run
-    settings = {
+    return {
         "runs": runs_root(run),
         "out": config.folder,
-        "design": design_hash(cells[0]),
+        "design": design_hash(paper_cells(run)[0]),
         "families": scale.families,
         "difficulties": scale.difficulties,
         "counts": scale.counts,
@@ -143,14 +226,13 @@ def report(config: ReproduceConfig, cells: Sequence[RunConfig]) -> bool:
         "tracking.uri": run.tracking.uri,
         "tracking.experiment": run.tracking.experiment,
     }
-    command = [sys.executable, "-m", "analysis.report", *(f"{key}={quoted(value)}" for key, value in settings.items())]
-    began = time.monotonic()
+
+
+def run_module(module: str, settings: Mapping[str, Any]) -> bool:
+    """Runs a command of analysis; returns whether it went well."""
+    command = [sys.executable, "-m", module, *(f"{key}={quoted(value)}" for key, value in settings.items())]
     environment = {name: value for name, value in os.environ.items() if name != "HYDRA_FULL_ERROR"}  # ours, see entry
-    done = subprocess.run(command, cwd=CHECKOUT, env=environment)  # from where the package is found, installed or not
-    if done.returncode == 0:
-        print(f"The report took {in_minutes(time.monotonic() - began)}. Figures and curves in the browser:")
-        print(f"  {sys.executable} -m experiments.dashboard root={quoted(runs_root(run))}    (or: make dashboard)")
-    return done.returncode == 0
+    return subprocess.run(command, cwd=CHECKOUT, env=environment).returncode == 0
 
 
 def quoted(value: Any) -> str:
@@ -163,31 +245,62 @@ def quoted(value: Any) -> str:
     return "[" + ",".join(quoted(one) if isinstance(one, str) else str(one) for one in value) + "]"
 
 
-def failures(failed: Sequence[Outcome], cells: int, reported: bool) -> str:
+def failures(failed: Sequence[Outcome], pieces: int, finished: bool) -> str:
     """What went wrong, and what to do."""
-    lines = [f"{len(failed)} of {cells} cells failed:"] if failed else []
-    lines += [f"  {cell_of(one.job.argument)}: {one.error}\n    log: {one.job.log}" for one in failed]
-    if not reported:
-        lines.append("there is no report: see what it says above")
-    lines.append("Finished cells are kept: the same command trains only what is missing.")
+    lines = [f"{len(failed)} of {pieces} failed:"] if failed else []
+    lines += [f"  {one.job.name}: {one.error}\n    log: {one.job.log}" for one in failed]
+    if not finished:
+        lines.append("there are no tables or no report: see what it says above")
+    lines.append("What is finished is kept: the same command does only what is missing.")
     if any("restart=true" in str(one.error) for one in failed):
-        lines.append("restart=true trains all of them anew; to train one cell anew, delete its run folder.")
+        lines.append("restart=true trains all of them anew; to train one anew, delete its run folder.")
     return "\n".join(lines)
-
-
-def in_minutes(seconds: float) -> str:
-    """A duration, rounded for reading."""
-    if seconds < 100:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"
 
 
 def build(config: DictConfig) -> ReproduceConfig:
     """Hydra's result as settings."""
     data = plain(config)
-    processes = data.pop("processes")
-    return ReproduceConfig(run_config(data), processes)
+    own = {key: data.pop(key) for key in SETTINGS}
+    return ReproduceConfig(run_config(data), **{**own, "experiments": tuple(own["experiments"])})
+
+
+SETTINGS = {"processes": 0, "experiments": [], "grids": {}, "dry_run": False, "report": True}
+
+
+def help_text() -> str:
+    """What the command takes, with the scales and experiments that ``conf/`` has."""
+    lines = [(__doc__ or "").strip(), "", "  make reproduce-paper SCALE=quick", ""]
+    lines += ['Settings, as name=value (make: ARGS="name=value ..."):']
+    lines += [
+        "  scale=NAME                 how much is run, see below (make: SCALE=NAME)",
+        "  experiments=[a,b]          only these; empty: all that the scale has",
+        "  dry_run=true               print the plan and run nothing",
+        "  processes=N                runs side by side; 0, the default: one per core",
+        "  report=false               tables only",
+        "  grids.NAME.grid.seeds=5    what the file of an experiment says; +grids.NAME.scales.quick={} adds a scale to it",
+        "  +experiment@grids.NAME=NAME  an experiment of your own, conf/experiment/NAME.yaml",
+        "  root=FOLDER                where run folders are, and are looked for; runs/ of the checkout by default",
+        "  seed, algorithm, observation, scale.frames, evaluation.episodes, tracking, ... as for experiments.train",
+        "",
+        "Scales:",
+    ]
+    for file in sorted((conf_dir() / "scale").glob("*.yaml")):
+        about = [line[2:] for line in file.read_text().splitlines() if line.startswith("# ") and "@package" not in line]
+        if file.stem != "single":
+            lines.append(f"  {file.stem:<10} {' '.join(about)}")
+    lines += ["", "Experiments, and the scales that they have:"]
+    for name, data in experiment_files().items():
+        lines.append(f"  {name:<24} {data['title']} ({', '.join(data.get('scales', {}))})")
+    return "\n".join(lines)
+
+
+def experiment_files() -> dict[str, dict[str, Any]]:
+    """Name and content of the files of ``conf/experiment``."""
+    return {file.stem: yaml.safe_load(file.read_text()) for file in sorted((conf_dir() / "experiment").glob("*.yaml"))}
 
 
 if __name__ == "__main__":
-    run_command(reproduce, "reproduce", build, {"processes": ReproduceConfig.processes})
+    if {"-h", "--help"} & {*sys.argv[1:]}:
+        print(help_text())
+    else:
+        run_command(reproduce, "reproduce", build, SETTINGS)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -12,7 +13,7 @@ from experiments import runtime
 from experiments.config import RunConfig
 from experiments.construct import import_object
 from experiments.delivery import files_of
-from experiments.episodes import distance_figures, evaluate_run, evaluation_figures
+from experiments.episodes import distance_figures, diversity_figures, evaluate_run, evaluation_figures
 from experiments.errors import ConfigError, RunFolderError, TrainingError
 from experiments.journal import Journal
 from experiments.learner import Learner
@@ -123,12 +124,16 @@ def _carry_out(
             training.history.write(folder)
         raise
     journal.doing = "evaluation"
+    began = time.perf_counter()
     episodes = evaluate_run(learner.policy, config, train, test)
-    final = {**evaluation_figures(episodes), **distance_figures(train, test, config.evaluation.distances)}
+    distances = distance_figures(train, test, config.evaluation.distances)
+    final = {**evaluation_figures(episodes), **distances, **diversity_figures(train, test)}
+    evaluation_seconds = time.perf_counter() - began
     training.history.log(final, learner.frames, training.seconds)
     write_rows(folder / EPISODES, episodes, EPISODE_SCHEMA)
     training.history.write(folder)
-    summary = {"label": config.label(), "frames": learner.frames, "seconds": training.seconds, **final}
+    took = {"seconds": training.seconds, "evaluation_seconds": evaluation_seconds}
+    summary = {"label": config.label(), "frames": learner.frames, **took, **final}
     write_json(folder / SUMMARY, summary)
     env.close()
     return summary

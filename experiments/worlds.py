@@ -9,7 +9,10 @@ from typing import Any
 from experiments.config import LevelsConfig, RunConfig
 from experiments.construct import import_object
 from experiments.errors import ConfigError
+from experiments.variations import vary
+from segar.designed_levels import design
 from segar.errors import SegarError, did_you_mean
+from segar.factors import Order
 from segar.families import family
 from segar.observations.find import OBSERVATIONS
 from segar.tasks.find import TASKS
@@ -17,12 +20,27 @@ from segar.tasks.find import TASKS
 
 def make_levels(config: LevelsConfig) -> tuple[Any, Any]:
     """Training and test levels (:class:`segar.levels.Levels`); raises :class:`ConfigError` for an unknown distribution."""
-    train = find_distribution(config.train, "levels.train")
-    test = find_distribution(config.test_distribution, "levels.test")
+    train, test = (distribution_of(config, which) for which in ("train", "test"))
     return (
-        train.sample(config.count, seed=config.seed, split="train"),
+        pick_levels(train, config),
         test.sample(config.test_count, seed=config.test_seed, split="test"),
     )
+
+
+def distribution_of(config: LevelsConfig, which: str) -> Any:
+    """The distribution, varied as ``config`` says, of the ``"train"`` or the ``"test"`` levels; raises :class:`ConfigError`."""
+    if which == "train":
+        return vary(find_distribution(config.train, "levels.train"), config.variation, "levels.variation")
+    variation = config.variation if config.test_variation is None else config.test_variation
+    return vary(find_distribution(config.test_distribution, "levels.test"), variation, "levels.test_variation")
+
+
+def pick_levels(distribution: Any, config: LevelsConfig) -> Any:
+    """The training levels; where they are picked by design, raises :class:`LevelError` if there are none such."""
+    if config.design == "iid":  # which a distribution of one's own can give that is no LevelDistribution
+        return distribution.sample(config.count, seed=config.seed, split="train")
+    nuisance = [Order] if config.design == "nuisance_only" else []
+    return design(distribution, config.count, config.design, seed=config.seed, nuisance=nuisance)  # type: ignore[arg-type]
 
 
 def find_distribution(name: str, place: str) -> Any:

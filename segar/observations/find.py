@@ -26,10 +26,16 @@ def rgb_stack4(n: int = 4, **options: Any) -> Stack:
     return Stack(Pixels(**options), n)
 
 
+def textures_stack4(n: int = 4, **options: Any) -> Stack:
+    """The last four frames in textures; options are those of :class:`TexturedPixels`."""
+    return Stack(TexturedPixels(**options), n)
+
+
 OBSERVATIONS: dict[str, Callable[..., Any]] = {
     "state": StateVector,
     "rgb": Pixels,
     "textures": TexturedPixels,
+    "textures_stack4": textures_stack4,
     "state_normalised": state_normalised,
     "rgb_stack4": rgb_stack4,
 }

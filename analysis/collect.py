@@ -1,0 +1,306 @@
+"""``python -m analysis.collect results=DIR``: from the run folders of a plan to tidy tables.
+
+``DIR`` is a results folder of ``experiments.reproduce``, whose ``plan.json`` names the runs. Written there:
+
+``runs.parquet``           one row per finished run, see :func:`run_row`
+``transfers.parquet``      one row per run and other test set: the same figures there
+``levels.parquet``         one row per run, test set, action mode and level: what bootstraps over levels start from
+``curves.parquet``         one row per run, figure and time
+``tables/<experiment>.csv``  the rows of runs and transfers that belong to an experiment
+``missing.csv``            what is planned and not finished
+
+Tables are replaced whole; the same runs give the same rows in the same order.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from analysis.tables import performance
+from experiments.atomic import replacing
+from experiments.cells import cell_of
+from experiments.config import RunConfig
+from experiments.entry import run_simple_command
+from experiments.errors import RunFolderError
+from experiments.journal import read_journal
+from experiments.run_folder import (
+    EPISODES,
+    EVALUATIONS,
+    SUMMARY,
+    is_finished,
+    read_config,
+    read_episodes,
+    read_metrics,
+    read_summary,
+    read_versions,
+)
+
+PLAN = "plan.json"
+RUNS, TRANSFERS, LEVELS, CURVES = "runs.parquet", "transfers.parquet", "levels.parquet", "curves.parquet"
+TABLES, MISSING = "tables", "missing.csv"
+OWN = "own"  # the test set that a run has by itself
+MODES = ("deterministic", "sampled")
+CURVES_OF = (
+    "episode/return",
+    "episode/success",
+    "evaluation/test/return/deterministic",
+)  # what is drawn against frames
+WHICH = ["family", "difficulty", "n", "algorithm", "observation", "task", "variation", "design", "seed", "run", "test"]
+
+
+@dataclass(frozen=True)
+class CollectConfig:
+    """Which results."""
+
+    results: str  # a folder that experiments.reproduce made
+    tracking: bool = True  # show the experiments in MLflow, if the plan says so
+
+
+@dataclass(frozen=True)
+class Collected:
+    """All tables, and what is planned but not finished."""
+
+    runs: pd.DataFrame
+    transfers: pd.DataFrame
+    levels: pd.DataFrame
+    curves: pd.DataFrame
+    missing: pd.DataFrame
+
+
+def collect(config: CollectConfig) -> Collected:
+    """Reads the runs, writes the tables, says what is missing; raises :class:`RunFolderError` if there is no plan."""
+    folder = Path(config.results).expanduser().resolve()
+    plan = read_plan(folder)
+    found = read_all(plan)
+    write_tables(folder, plan, found)
+    print(f"{len(found.runs)} runs and {len(found.transfers)} transfers are in {folder / RUNS} and {TRANSFERS}.")
+    for row in found.missing.itertuples():
+        print(f"  missing: {row.run}: {row.reason}")
+    if config.tracking and plan["tracking"]["name"] != "none":
+        from analysis.experiment_runs import show_experiments
+
+        show_experiments(folder, plan, found.runs)
+    return found
+
+
+def read_plan(folder: Path) -> dict[str, Any]:
+    """The plan that a results folder holds; raises :class:`RunFolderError` if it holds none."""
+    try:
+        return json.loads((folder / PLAN).read_text())
+    except (OSError, ValueError) as error:
+        raise RunFolderError(
+            f"{folder} holds no {PLAN} that can be read: {error}. Name a folder that experiments.reproduce made: results=..."
+        ) from error
+
+
+def read_all(plan: Mapping[str, Any]) -> Collected:
+    """The tables of all runs and transfers of a plan."""
+    root = Path(plan["runs"])
+    runs, transfers, levels, curves, missing = [], [], [], [], []
+    for name, (experiments, wanted) in sorted(members(plan).items()):
+        folder = root / name
+        if not is_finished(folder):
+            missing.append({"run": name, "reason": "not finished" if folder.exists() else "not begun"})
+            continue
+        config, summary = read_config(folder), read_summary(folder)
+        place = place_of(config, name)
+        episodes = read_episodes(folder).to_pandas()
+        runs.append(run_row(folder, config, summary, episodes, place, experiments))
+        levels.append(level_rows(episodes, {**place, "test": OWN}))
+        curves.append(curve_rows(folder, place))
+        for transfer in wanted:
+            there = folder / EVALUATIONS / transfer
+            if not (there / SUMMARY).exists():
+                missing.append({"run": name, "reason": f"{transfer} is not finished"})
+                continue
+            played = pd.read_parquet(there / EPISODES)
+            row, label = transfer_row(json.loads((there / SUMMARY).read_text()), played, episodes, place, transfer)
+            transfers.append(row)
+            levels.append(level_rows(played, {**place, "test": label}))
+    return Collected(
+        sorted_table(runs),
+        sorted_table(transfers),
+        pd.concat(levels, ignore_index=True) if levels else pd.DataFrame(),
+        pd.concat(curves, ignore_index=True) if curves else pd.DataFrame(),
+        pd.DataFrame(missing, columns=["run", "reason"]),
+    )
+
+
+def members(plan: Mapping[str, Any]) -> dict[str, tuple[list[str], list[str]]]:
+    """Of each run of a plan: the experiments that it belongs to, and the transfers that any of them asks for."""
+    found: dict[str, tuple[list[str], list[str]]] = {}
+    for experiment in plan["experiments"]:
+        for run in experiment["runs"]:
+            names, transfers = found.setdefault(run["folder"], ([], []))
+            names.append(experiment["name"])
+            transfers += [one for one in run["transfers"] if one not in transfers]
+    return found
+
+
+def place_of(config: RunConfig, name: str) -> dict[str, Any]:
+    """What a run is, in columns that all tables share."""
+    cell, levels = cell_of(config), config.levels
+    return {
+        "family": cell.family,
+        "difficulty": cell.difficulty,
+        "n": cell.count,
+        "algorithm": config.algorithm.name,
+        "observation": look_of(config.observation.name, config.observation.options),
+        "task": look_of(config.task.name.rpartition(":")[2], config.task.options),
+        "variation": levels.variation,
+        "design": levels.design,
+        "seed": cell.seed,
+        "run": name,
+    }
+
+
+def look_of(name: str, options: Mapping[str, Any]) -> str:
+    """A name with the options that differ from the defaults, e.g. ``textures(hidden=Mass)``."""
+    shown = (f"{k}={'+'.join(map(str, v)) if isinstance(v, list | tuple) else v}" for k, v in sorted(options.items()))
+    return f"{name}({','.join(shown)})" if options else name
+
+
+def run_row(
+    folder: Path,
+    config: RunConfig,
+    summary: Mapping[str, Any],
+    episodes: pd.DataFrame,
+    place: Mapping[str, Any],
+    experiments: Sequence[str],
+) -> dict[str, Any]:
+    """What a run was and achieved.
+
+    ``experiments`` (joined by spaces), the place, ``hash``, ``frames``, ``hours`` of training and evaluation,
+    ``w2_<mode>``, ``ks``, ``effective_number``, ``entropy``, ``entropy_left_out``, ``radius``, and for each action mode
+    what :func:`analysis.tables.performance` gives: ``eta_train_deterministic``, ``success_test_sampled``,
+    ``gap_deterministic``, ``gap_se_deterministic`` and so on; ``finished`` and ``code``.
+    """
+    seconds = summary["seconds"] + summary.get("evaluation_seconds", 0.0)
+    ends = [entry["time"] for entry in read_journal(folder) if entry["event"] == "finished"]
+    return {
+        "experiments": " ".join(experiments),
+        **place,
+        "test": OWN,
+        "hash": config.hash(),
+        "frames": summary["frames"],
+        "test_levels": config.levels.test_count,
+        **distances(summary),
+        **in_modes(episodes),
+        "hours": seconds / 3600,
+        "finished": ends[-1] if ends else "",
+        "code": read_versions(folder)["code"],
+    }
+
+
+def transfer_row(
+    summary: Mapping[str, Any],
+    played: pd.DataFrame,
+    episodes: pd.DataFrame,
+    place: Mapping[str, Any],
+    folder: str,
+) -> tuple[dict[str, Any], str]:
+    """What an agent achieved elsewhere, beside what it achieves on its training levels; and the name of that place."""
+    asked = summary["transfer"]
+    label = asked["label"]
+    family, _, difficulty = asked["panel"].rpartition("-")
+    whole = pd.concat([episodes[episodes["levels"] == "train"], played], ignore_index=True)
+    row = {
+        **place,
+        "test": label,
+        "test_family": family,
+        "test_difficulty": difficulty,
+        "test_variation": asked["variation"],
+        "test_observation": look_of(asked["observation"]["name"], asked["observation"]["options"]),
+        "test_levels": asked["test_count"],
+        "transfer": folder,
+        **distances(summary),
+        **in_modes(whole),
+    }
+    return row, label
+
+
+def distances(summary: Mapping[str, Any]) -> dict[str, float]:
+    """W2 in each mode, KS, and the diversity of the training levels where it is known."""
+    w2 = {f"w2_{name.removeprefix('w2/')}": value for name, value in sorted(summary.items()) if name.startswith("w2/")}
+    more = {n.removeprefix("diversity/"): value for n, value in summary.items() if n.startswith("diversity/")}
+    return {**w2, "ks": summary.get("ks", float("nan")), **more}
+
+
+def in_modes(episodes: pd.DataFrame) -> dict[str, float]:
+    """:func:`analysis.tables.performance` of each action mode, its name behind each column."""
+    parts = {mode: episodes[episodes["action_mode"] == mode] for mode in MODES}
+    return {f"{key}_{mode}": value for mode, part in parts.items() for key, value in performance(part).items()}
+
+
+def level_rows(episodes: pd.DataFrame, place: Mapping[str, Any]) -> pd.DataFrame:
+    """Means over the episodes on each level: ``return``, ``return_ref``, ``length``, ``success``, ``death``, ``episodes``."""
+    groups = episodes.groupby(["levels", "action_mode", "level"], sort=True)
+    means = groups[["return", "return_ref", "length", "success", "death"]].mean()
+    table = means.assign(episodes=groups.size()).reset_index()
+    return table.assign(**{key: place[key] for key in ("run", "test")})[["run", "test", *table.columns]]
+
+
+def curve_rows(folder: Path, place: Mapping[str, Any]) -> pd.DataFrame:
+    """The figures over time that are drawn: ``run``, ``name``, ``frames``, ``value``."""
+    metrics = read_metrics(folder).to_pandas()
+    chosen = metrics[metrics["name"].isin(CURVES_OF)][["name", "frames", "value"]]
+    return chosen.assign(run=place["run"])[["run", "name", "frames", "value"]].reset_index(drop=True)
+
+
+def sorted_table(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
+    """Rows in the order of what they are."""
+    table = pd.DataFrame(rows)
+    return table.sort_values(WHICH, ignore_index=True) if rows else table
+
+
+def write_tables(folder: Path, plan: Mapping[str, Any], found: Collected) -> None:
+    """Replaces all tables of a results folder."""
+    for name, table in (
+        (RUNS, found.runs),
+        (TRANSFERS, found.transfers),
+        (LEVELS, found.levels),
+        (CURVES, found.curves),
+    ):
+        with replacing(folder / name) as beside:
+            table.to_parquet(beside, index=False)
+    for experiment in plan["experiments"]:
+        if experiment["runs"]:
+            write_csv(folder / TABLES / f"{experiment['name']}.csv", experiment_rows(experiment, found))
+    write_csv(folder / MISSING, found.missing)
+
+
+def experiment_rows(experiment: Mapping[str, Any], found: Collected) -> pd.DataFrame:
+    """The rows of an experiment: its runs, and of their transfers those that it asks for."""
+    wanted = {run["folder"]: set(run["transfers"]) for run in experiment["runs"]}
+    parts: list[pd.DataFrame] = []
+    if not found.runs.empty:
+        parts.append(
+            found.runs[found.runs["run"].isin(list(wanted))].drop(columns=["experiments", "hours", "finished"])
+        )
+    if not found.transfers.empty:
+        keep = [name in wanted.get(run, ()) for run, name in pairs(found.transfers, "run", "transfer")]
+        parts.append(found.transfers[keep].drop(columns="transfer"))
+    parts = [part for part in parts if not part.empty]
+    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=WHICH)
+
+
+def pairs(table: pd.DataFrame, a: str, b: str) -> Iterable[tuple[str, str]]:
+    """The values of two columns, row by row."""
+    return zip(table[a], table[b], strict=True)
+
+
+def write_csv(path: Path, table: pd.DataFrame) -> None:
+    """Replaces a CSV file."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(path) as beside:
+        table.to_csv(beside, index=False, lineterminator="\n")
+
+
+if __name__ == "__main__":
+    run_simple_command(collect, CollectConfig, __doc__)

@@ -1,0 +1,87 @@
+"""Experiments in MLflow: one parent run each, with its table as artifact; the training runs are the children.
+
+A training run that several experiments share is the child of the first one; its tag ``figure`` names all figures and its
+tag ``experiments`` all experiments, so that each can be searched for. Doing it again changes nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from experiments.config import TrackingConfig
+from experiments.delivery import read_mark
+from experiments.mlflow_store import calling, open_store, store_uri
+
+PARENT = "mlflow.parentRunId"  # MLflow's own tag, by which its pages nest runs
+
+
+def show_experiments(results: Path, plan: Mapping[str, Any], runs: pd.DataFrame) -> None:
+    """Makes or renews the parents, and tags the children; raises :class:`TrackingError` if the store refuses."""
+    tracking, root = TrackingConfig(**plan["tracking"]), Path(plan["runs"])
+    client, mlflow_experiment = open_store(tracking, root)
+    figures: dict[str, list[str]] = {}
+    parents: dict[str, str] = {}
+    for experiment in plan["experiments"]:
+        parent = parent_of(client, mlflow_experiment, experiment, results)
+        own = [run["folder"] for run in experiment["runs"]]
+        for name, value in figures_of(runs, own).items():
+            calling(client.log_metric, parent, name, value)
+        for path in artifacts_of(results, experiment):
+            calling(client.log_artifact, parent, str(path))
+        calling(client.set_terminated, parent)
+        for run in own:
+            parents.setdefault(run, parent)
+            figures.setdefault(run, []).append(experiment["figure"] or experiment["name"])
+    shared = {**dict(zip(runs.get("run", ()), runs.get("experiments", ()), strict=True))}
+    for run, parent in parents.items():
+        mark = read_mark(root / run)
+        is_here = mark is not None and mark.run_id is not None and mark.store == store_uri(tracking, root)
+        if mark is not None and is_here:
+            tags = {PARENT: parent, "figure": ", ".join(figures[run]), "experiments": shared.get(run, "")}
+            for name, value in tags.items():
+                calling(client.set_tag, mark.run_id, name, value)
+
+
+def parent_of(client: Any, mlflow_experiment: str, experiment: Mapping[str, Any], results: Path) -> str:
+    """The id of the parent run of an experiment of these results; made if there is none."""
+    tags = {
+        "kind": "experiment",
+        "experiments": experiment["name"],
+        "figure": experiment["figure"],
+        "results": str(results),
+        "title": experiment["title"],
+    }
+    wanted = " and ".join(f"tags.{name} = '{tags[name]}'" for name in ("kind", "experiments", "results"))
+    found = calling(client.search_runs, [mlflow_experiment], wanted, max_results=1)
+    if found:
+        return found[0].info.run_id
+    made = calling(client.create_run, mlflow_experiment, run_name=f"{experiment['name']} ({results.name})", tags=tags)
+    return made.info.run_id
+
+
+def figures_of(runs: pd.DataFrame, own: Sequence[str]) -> dict[str, float]:
+    """Means over the finished runs of an experiment, as metrics of its parent."""
+    if runs.empty or not own:
+        return {}
+    part = runs[runs["run"].isin(list(own))]
+    shown = {
+        "evaluation/gap/deterministic": "gap_deterministic",
+        "evaluation/gap/sampled": "gap_sampled",
+        "evaluation/test/success/deterministic": "success_test_deterministic",
+        "ks": "ks",
+        **{f"w2/{name.removeprefix('w2_')}": name for name in part.columns if name.startswith("w2_")},
+    }
+    means = {name: float(part[column].mean()) for name, column in shown.items() if len(part)}
+    return {"runs": float(len(part)), **means}
+
+
+def artifacts_of(results: Path, experiment: Mapping[str, Any]) -> list[Path]:
+    """The table of an experiment and the files of its study, as far as they are there."""
+    table = results / "tables" / f"{experiment['name']}.csv"
+    study = results / "studies" / experiment["name"]
+    found = sorted(path for path in study.iterdir() if path.is_file()) if study.exists() else []
+    return [*([table] if table.exists() else []), *found]

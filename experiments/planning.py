@@ -1,0 +1,271 @@
+"""From experiments to work: which runs they need, each once; what is done already; and how long the rest may take."""
+
+from __future__ import annotations
+
+import dataclasses
+import statistics
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+from experiments.cells import Cell, cell_config, cell_of, paper_seeds
+from experiments.config import RunConfig, ScaleConfig
+from experiments.entry import compose
+from experiments.experiment import BASE, Experiment, GridConfig, TransferConfig, other_panel
+from experiments.journal import read_journal
+from experiments.run_folder import folder_path, is_finished, read_config, read_summary, run_folders
+from experiments.transfers import RunWork, Transfer
+from segar.cli.arguments import table
+
+# [frames/s] of one process, while nothing has been measured: what two cores of a small server gave.
+ASSUMED_SPEED = {
+    "state": 6000.0, "pixels": 1800.0, "auxiliary": 900.0, "recurrent": 700.0, "impala": 250.0, "off-policy": 40.0,
+}  # fmt: skip
+ASSUMED_EVALUATION = 8.0  # [s] per run
+TRANSFER_SHARE = 0.5  # of a run's evaluation, which has two level sets instead of one
+STUDY_SECONDS = 30.0
+
+
+@dataclass(frozen=True)
+class StudyWork:
+    """A study without training: a module of analysis, its arguments, and where its files go."""
+
+    name: str
+    module: str
+    options: tuple[tuple[str, str], ...]
+    out: Path
+
+    @property
+    def mark(self) -> Path:
+        """Written when the study went through; says what it was asked."""
+        return self.out / "study.json"
+
+    def asked(self) -> dict[str, Any]:
+        """What the mark says."""
+        return {"module": self.module, "options": dict(self.options)}
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The experiments, the runs of each, and all work, each piece once."""
+
+    experiments: tuple[Experiment, ...]
+    members: Mapping[str, tuple[RunWork, ...]]  # of each experiment, with the transfers that it asks for
+    runs: tuple[RunWork, ...]  # all, with the transfers that anybody asks for
+    studies: tuple[StudyWork, ...]
+
+
+def make_plan(experiments: Sequence[Experiment], base: RunConfig, results: Path) -> Plan:
+    """What is to be run; raises :class:`ConfigError` for a file of ``conf/`` that does not exist."""
+    members = {e.name: tuple(works_of(e, base)) for e in experiments}
+    union: dict[str, RunWork] = {}
+    for work in (work for works in members.values() for work in works):
+        label = work.run.label()
+        known = union[label].transfers if label in union else ()
+        by_folder = {one.folder_name(): one for one in (*known, *work.transfers)}
+        union[label] = RunWork(work.run, tuple(by_folder.values()))
+    studies = [
+        StudyWork(e.name, e.study, tuple((k, str(v)) for k, v in e.options.items()), results / "studies" / e.name)
+        for e in experiments
+        if e.study
+    ]
+    return Plan(tuple(experiments), members, tuple(union.values()), tuple(studies))
+
+
+def works_of(experiment: Experiment, base: RunConfig) -> Iterable[RunWork]:
+    """The runs of an experiment and their transfers, seed after seed."""
+    if experiment.grid is None:
+        return
+    for run in grid_runs(experiment.grid, base):
+        found = (transfer_of(one, run) for one in experiment.transfers)
+        yield RunWork(run, tuple(one for one in found if one is not None))
+
+
+def grid_runs(grid: GridConfig, base: RunConfig) -> Iterable[RunConfig]:
+    """A run for every combination of the grid."""
+    scale = base.scale
+    seeds = range(base.seed, base.seed + grid.seeds) if grid.seeds else paper_seeds(base)
+    places = product(
+        seeds,
+        grid.algorithms,
+        grid.observations,
+        grid.tasks,
+        grid.variations,
+        grid.designs,
+        grid.families or scale.families,
+        grid.difficulties or scale.difficulties,
+        grid.counts or scale.counts,
+    )
+    frames = grid.frames or scale.frames
+    interval = base.evaluation.interval if grid.interval is None else grid.interval
+    for seed, algorithm, observation, task, variation, design, family, difficulty, n in places:
+        cell = cell_config(base, Cell(family, difficulty, n, seed))
+        yield dataclasses.replace(
+            cell,
+            levels=dataclasses.replace(cell.levels, variation=variation, design=design),
+            algorithm=base.algorithm if algorithm == BASE else setting("algorithm", algorithm).algorithm,
+            observation=base.observation if observation == BASE else setting("observation", observation).observation,
+            task=base.task if task == BASE else setting("task", task).task,
+            scale=dataclasses.replace(scale, frames=frames),
+            evaluation=dataclasses.replace(base.evaluation, interval=interval),
+        )
+
+
+@cache
+def setting(group: str, name: str) -> RunConfig:
+    """The settings that a file of ``conf/<group>`` states; raises :class:`ConfigError` if there is none such."""
+    return compose([f"{group}={name}"])
+
+
+def transfer_of(asked: TransferConfig, run: RunConfig) -> Transfer | None:
+    """Where the agent of ``run`` is tested, too; None where there is no such place."""
+    cell = cell_of(run)
+    panel = other_panel(cell.family, cell.difficulty, asked)
+    if panel is None:
+        return None
+    variation = run.levels.variation if asked.variation is None else asked.variation
+    observation = (
+        run.observation if asked.observation is None else setting("observation", asked.observation).observation
+    )
+    parts = [panel if panel != cell.panel else "", asked.variation or "", asked.observation or ""]
+    label = "-".join(part for part in parts if part) or "unvaried"
+    return Transfer(label, panel, variation, observation, run.levels.test_count, run.levels.test_seed)
+
+
+@dataclass(frozen=True)
+class Speeds:
+    """Frames per second and seconds of evaluation, measured on runs of this machine as far as there are any."""
+
+    frames: Mapping[tuple[str, str], float]  # by algorithm and observation
+    evaluation: Mapping[tuple[str, str], float]
+    measured: int  # runs
+
+    def seconds(self, work: RunWork) -> float:
+        """How long the rest of a run may take by itself."""
+        run = work.run
+        kind = (run.algorithm.name, run.observation.name)
+        evaluation = self.evaluation.get(kind, ASSUMED_EVALUATION)
+        left = sum(not transfer.is_done(run) for transfer in work.transfers) * TRANSFER_SHARE * evaluation
+        if is_finished(folder_path(run)):
+            return left
+        return left + evaluation + frames_left(run) / self.frames.get(kind, assumed_speed(run))
+
+
+def assumed_speed(run: RunConfig) -> float:
+    """Frames per second where nothing like it has been measured."""
+    settings = run.algorithm
+    kinds = {
+        "off-policy": hasattr(settings, "steps_per_update"),
+        "state": run.observation.name.startswith("state"),
+        "impala": str(getattr(settings, "encoder", "")).startswith("impala"),
+        "recurrent": hasattr(settings, "core"),
+        "auxiliary": hasattr(settings, "auxiliary_minibatches"),
+        "pixels": True,
+    }
+    return ASSUMED_SPEED[next(kind for kind, holds in kinds.items() if holds)]
+
+
+def measure_speeds(root: Path) -> Speeds:
+    """The medians over the finished runs under ``root`` that this machine made."""
+    import socket
+
+    frames: dict[tuple[str, str], list[float]] = {}
+    evaluation: dict[tuple[str, str], list[float]] = {}
+    for folder in run_folders(root):
+        hosts = {entry.get("host") for entry in read_journal(folder) if "host" in entry}
+        if not is_finished(folder) or hosts != {socket.gethostname()}:
+            continue
+        run, summary = read_config(folder), read_summary(folder)
+        kind = (run.algorithm.name, run.observation.name)
+        if summary.get("seconds"):
+            frames.setdefault(kind, []).append(summary["frames"] / summary["seconds"])
+        if "evaluation_seconds" in summary:
+            evaluation.setdefault(kind, []).append(summary["evaluation_seconds"])
+    medians = ({kind: statistics.median(values) for kind, values in one.items()} for one in (frames, evaluation))
+    return Speeds(*medians, measured=sum(map(len, frames.values())))
+
+
+def frames_left(run: RunConfig) -> int:
+    """Frames that are still to be trained; a run that was cut off is known by its journal."""
+    folder = folder_path(run)
+    if is_finished(folder):
+        return 0
+    done = max((entry.get("frames", 0) for entry in read_journal(folder)), default=0) if folder.exists() else 0
+    return max(run.scale.frames - done, 0)
+
+
+def as_text(plan: Plan, speeds: Speeds, processes: int, scale: ScaleConfig) -> str:
+    """The plan as a table for people: what each experiment is, needs, shares and has, and how long the rest may take."""
+    rows, seen = [], set()
+    for experiment in plan.experiments:
+        works = plan.members[experiment.name]
+        own = [work for work in works if work.run.label() not in seen]
+        seen |= {work.run.label() for work in works}
+        left = [work for work in own if not work.is_done()]
+        rows.append(
+            [
+                experiment.name,
+                experiment.figure or None,
+                len(works) or None,
+                len(works) - len(own) or None,
+                sum(work.is_done() for work in works) if works else None,
+                f"{sum(frames_left(work.run) for work in own):,}" if works else "study",
+                in_minutes(sum(map(speeds.seconds, left)) / processes) if left else None,
+            ]
+        )
+    head = ["experiment", "figure", "runs", "shared", "done", "frames to train", "about"]
+    waiting = [work for work in plan.runs if not work.is_done()]
+    studies = [study for study in plan.studies if not is_study_done(study)]
+    total = sum(map(speeds.seconds, waiting)) + STUDY_SECONDS * len(studies)
+    known = {kind for kind in (kind_of(work.run) for work in waiting) if kind not in speeds.frames}
+    basis = f"{speeds.measured} finished runs here" if not known else "assumed speeds" + (
+        f" for {', '.join('/'.join(kind) for kind in sorted(known))}" if speeds.measured else ""
+    )  # fmt: skip
+    closing = (
+        f"{scale.name}: {len(plan.runs)} runs, {len(plan.runs) - len(waiting)} done, {len(waiting)} to do with "
+        f"{sum(frames_left(work.run) for work in waiting):,} frames; {len(studies)} of {len(plan.studies)} studies to do; "
+        f"about {in_minutes(total / processes)} with {processes} at a time (by {basis})."
+    )
+    return f"{table(head, rows)}\n{closing}"
+
+
+def kind_of(run: RunConfig) -> tuple[str, str]:
+    """What speed depends on."""
+    return run.algorithm.name, run.observation.name
+
+
+def is_study_done(study: StudyWork) -> bool:
+    """Whether the study went through with these options."""
+    import json
+
+    try:
+        return json.loads(study.mark.read_text()) == study.asked()
+    except (OSError, ValueError):
+        return False
+
+
+def in_minutes(seconds: float) -> str:
+    """A duration, rounded for reading."""
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"
+
+
+def as_data_of(plan: Plan) -> list[dict[str, Any]]:
+    """The plan as plain data, for the tables: each experiment with the folders of its runs and their transfers."""
+    return [
+        {
+            "name": experiment.name,
+            "title": experiment.title,
+            "figure": experiment.figure,
+            "study": experiment.study,
+            "runs": [
+                {"folder": folder_path(work.run).name, "transfers": [one.folder_name() for one in work.transfers]}
+                for work in plan.members[experiment.name]
+            ],
+        }
+        for experiment in plan.experiments
+    ]

@@ -1,0 +1,108 @@
+"""A trained agent on levels that it was not made for: harder ones, other physics, another look.
+
+What comes of it lies in ``evaluations/`` of the run folder: ``episodes.parquet``, and ``summary.json``, which is written
+last.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from experiments.config import LevelsConfig, ObservationConfig, RunConfig, as_data
+from experiments.run_folder import (
+    EPISODE_SCHEMA,
+    EPISODES,
+    EVALUATIONS,
+    LEVELS_TRAIN,
+    SUMMARY,
+    folder_path,
+    write_json,
+    write_rows,
+)
+
+
+@dataclass(frozen=True)
+class Transfer:
+    """Test levels, and what the agent sees of them. What differs from training says ``label``."""
+
+    label: str
+    panel: str  # of the test levels, e.g. empty-hard
+    variation: str
+    observation: ObservationConfig
+    test_count: int = 100
+    test_seed: int = 0
+
+    def folder_name(self) -> str:
+        """Names the folder in ``evaluations/``; equal for equal levels and looks."""
+        data = {key: value for key, value in as_data(self).items() if key != "label"}
+        digest = hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()[:8]
+        return f"transfer-{''.join(c if c.isalnum() or c in '-_.' else '_' for c in self.label)}-{digest}"
+
+    def folder(self, run: RunConfig) -> Path:
+        """Where the results of this run's agent lie."""
+        return folder_path(run) / EVALUATIONS / self.folder_name()
+
+    def is_done(self, run: RunConfig) -> bool:
+        """Whether this run's agent was tested so."""
+        return (self.folder(run) / SUMMARY).exists()
+
+
+@dataclass(frozen=True)
+class RunWork:
+    """A run, and the transfers of its agent."""
+
+    run: RunConfig
+    transfers: tuple[Transfer, ...] = field(default=())
+
+    def is_done(self) -> bool:
+        """Whether nothing is left to do."""
+        finished = (folder_path(self.run) / SUMMARY).exists()
+        return finished and all(transfer.is_done(self.run) for transfer in self.transfers)
+
+
+def evaluate_transfer(run: RunConfig, transfer: Transfer, say: Callable[[str], None] = print) -> dict[str, Any]:
+    """Plays each test level once, deterministically and with sampled actions; writes and returns the summary.
+
+    Raises:
+        SegarError: the run has no weights, or its agent cannot observe these levels.
+    """
+    import torch
+
+    from experiments.episodes import ACTION_MODES, distance_figures, mean_figures, play
+    from experiments.evaluation import load_agent
+    from experiments.worlds import environment_options, make_levels
+    from segar.levels import Levels
+
+    folder, out = folder_path(run), transfer.folder(run)
+    levels = LevelsConfig(
+        train=transfer.panel, count=1, variation=transfer.variation, test_count=transfer.test_count,
+        test_seed=transfer.test_seed,
+    )  # fmt: skip
+    _, test = make_levels(levels)
+    seen = dataclasses.replace(run, observation=transfer.observation)
+    policy, frames = load_agent(folder, seen, test, say)
+    options, seed = environment_options(seen), run.evaluation.seed
+    rows: list[dict[str, Any]] = []
+    for mode in ACTION_MODES:
+        rng = torch.Generator().manual_seed(seed) if mode == "sampled" else None
+        played = play(policy, test, np.arange(len(test)), options, rng=rng, seed=seed)
+        rows += [{"levels": "test", "action_mode": mode, **row} for row in played]
+    figures: dict[str, float] = {}
+    for mode in ACTION_MODES:
+        figures |= mean_figures([row for row in rows if row["action_mode"] == mode], "test", mode)
+    figures |= distance_figures(Levels.load(folder / LEVELS_TRAIN), test, run.evaluation.distances)
+    out.mkdir(parents=True, exist_ok=True)
+    test.save(out / "levels.npz")
+    write_rows(out / EPISODES, rows, EPISODE_SCHEMA)
+    summary = {"transfer": as_data(transfer), "frames": frames, **figures}
+    write_json(out / SUMMARY, summary)
+    say(f"{run.label()}: tested on {transfer.label}, return {figures['evaluation/test/return/deterministic']:.3f}")
+    return summary
