@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
-from dataclasses import asdict
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -29,6 +29,7 @@ ALPHAS = tuple(
 )  # of ridge, on standardised columns, chosen by leave-one-out on the training folds
 RESAMPLES = 1000
 MLP = {"hidden_layer_sizes": (128,), "max_iter": 100, "early_stopping": True, "n_iter_no_change": 10, "alpha": 1e-3}
+classification_information: Any = mutual_info_classif  # whose stub knows discrete_features as a str alone
 COLUMNS = (
     "factor", "probe", "quantity", "estimate", "low", "high", "n", "p", "level", "note", "frames", "static",
     "entropy", "entropy_of",
@@ -112,12 +113,12 @@ def predict_numbers(
             test = held_out[mask[held_out]]
             if len(rest) < 2 or not len(test):
                 continue
-            target = z[np.ix_(rest, columns)]
+            target = z[np.ix_(rest, np.array(columns))]
             mean, spread = target.mean(axis=0), target.std(axis=0)
             scaled = (target - mean) / np.where(spread > 0, spread, 1.0)
             model = fit_quietly(number_model(probe, rng), x[rest], scaled if len(columns) > 1 else scaled[:, 0])
             found = model.predict(x[test]).reshape(len(test), -1)
-            out[np.ix_(test, columns)] = found * spread + mean
+            out[np.ix_(test, np.array(columns))] = found * spread + mean
     return out
 
 
@@ -160,8 +161,7 @@ def number_rows(
     rows = [base | {"quantity": "r2"} | asdict(ratio_over_groups(spread - error, spread, group, rng)) | entropy]
     information = ksg_estimate(jittered(predicted, rng), z, rng, group)
     rows.append(base | {"quantity": "information"} | asdict(information) | entropy)
-    equivalent = [equivalent_r2(v) for v in (information.estimate, information.low, information.high)]
-    as_r2 = Estimate(*map(float, equivalent), information.n, information.p, note=information.note)
+    as_r2 = scaled(information, equivalent_r2)
     rows.append(base | {"quantity": "r2_equivalent"} | asdict(as_r2) | entropy)
     cell = cells.cells(z)
     if len(np.unique(cell)) > 1:
@@ -206,8 +206,7 @@ def category_rows(
     own = np.arange(len(z)), label
     gain = np.log(chance[own]) - np.log(shares[own])
     nats = ratio_over_groups(gain, np.ones(len(z)), group, rng)
-    parts = (nats.estimate, nats.low, nats.high)
-    share = Estimate(*(part / cells.entropy for part in parts), nats.n, nats.p)
+    share = scaled(nats, lambda value: value / cells.entropy)
     named = (("accuracy", accuracy), ("information", nats), ("fraction", share))
     return [base | {"quantity": name} | asdict(one) | entropy for name, one in named]
 
@@ -225,7 +224,7 @@ def cell_fraction(
     def information(rows: NDArray[Any]) -> float:
         seed = int(rng.integers(2**31))
         return float(
-            mutual_info_classif(predicted[rows, None], cell[rows], discrete_features=False, random_state=seed)[0]
+            classification_information(predicted[rows, None], cell[rows], discrete_features=False, random_state=seed)[0]
         )
 
     value = information(np.arange(len(cell))) / entropy
@@ -260,6 +259,12 @@ def ratio_over_groups(
     spread = float(excess.std(ddof=1))
     p = float(stats.t.sf(excess.mean() / (spread / np.sqrt(n)), n - 1)) if spread > 0 else float(excess.mean() <= 0)
     return Estimate(value, low, high, n, p)
+
+
+def scaled(found: Estimate, function: Callable[[float], float]) -> Estimate:
+    """The estimate and the ends of its interval through a function that rises."""
+    value, low, high = (float(function(v)) for v in (found.estimate, found.low, found.high))
+    return replace(found, estimate=value, low=low, high=high)
 
 
 def jittered(x: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 from scipy.special import digamma
 
 from analysis.stats.estimate import Estimate
@@ -35,10 +35,10 @@ def ksg(x: Any, z: Any, neighbours: int = NEIGHBOURS) -> float:
     if not (np.isfinite(x).all() and np.isfinite(z).all()):
         raise SegarError("ksg cannot read values that are not finite; leave out the rows where a factor is missing")
     both = np.concatenate([x, z], axis=1)
-    tree = cKDTree(both)
+    tree = KDTree(both)
     radius = tree.query(both, neighbours + 1, p=np.inf)[0][:, -1]
     repeated = radius == 0
-    # Strictly within the radius: the largest number below it, as cKDTree counts what lies at the radius, too.
+    # Strictly within the radius: the largest number below it, as KDTree counts what lies at the radius, too.
     inside = np.where(repeated, 0.0, np.nextafter(radius, 0))
     counts = [_count(part, inside) for part in (x, z)]
     near = np.where(repeated, _count(both, inside), neighbours)
@@ -82,7 +82,7 @@ def equivalent_r2(information: Any) -> Any:
 
 def _count(points: NDArray[np.float64], radius: NDArray[np.float64]) -> NDArray[np.int64]:
     """How many points, itself among them, lie within the radius of each."""
-    return cKDTree(points).query_ball_point(points, radius, p=np.inf, return_length=True)
+    return KDTree(points).query_ball_point(points, radius, p=np.inf, return_length=True)
 
 
 def _points(x: Any) -> NDArray[np.float64]:

@@ -168,7 +168,7 @@ def paper_rows(
         sets.append(pairs.only([k for k, c in enumerate(pairs.columns) if c.factor in PAPER_FACTORS]))
     tables = []
     for probe, joint in (("paper", False), ("paper, joint marginal", True)):
-        found = [mine_of_2022(*sets, rng, joint=joint) for _ in range(replicates)]
+        found = [mine_of_2022(sets[0], sets[1], rng, joint=joint) for _ in range(replicates)]
         for name, values in zip(("train", "test"), zip(*found, strict=True), strict=True):
             row = {"factor": "all", "probe": probe, "quantity": "accuracy", "frames": len(sets[0])}
             tables.append(place(pd.DataFrame([row | asdict(mean_of_replicates(values, 0.5))]), folder, name, "trained"))

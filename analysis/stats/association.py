@@ -1,0 +1,140 @@
+"""Does one column of a table of runs go with another: pooled, within panels, given covariates, with and without outliers.
+
+A *panel* is a (family, difficulty) in which runs differ by their number of levels and their seed only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from statsmodels.stats.multitest import multipletests
+
+from analysis.stats.correlation import Correlation, NotAvailable, correlate, indicators, residuals, without_outliers
+from analysis.stats.estimate import Estimate
+from segar.errors import SegarError, did_you_mean
+
+LIMIT = 3.0  # |z| from which on a point is an outlier, as the paper has it
+ASSOCIATION_COLUMNS = (
+    "test", "panel", "method", "outliers", "removed", "estimate", "low", "high", "n", "p", "level", "note", "p_holm",
+)  # fmt: skip
+
+
+def associations(
+    table: pd.DataFrame,
+    x: str,
+    y: str,
+    panel: Sequence[str] = ("family", "difficulty"),
+    given: Sequence[str] = ("n",),
+    log: bool = True,
+    limit: float = LIMIT,
+) -> pd.DataFrame:
+    """Every correlation of ``x`` and ``y`` that the questions about a gap ask for, one row each.
+
+    ``test``      "pooled", "given panel", "given panel and log n", and "within" for each panel by itself
+    ``method``    "pearson" or "spearman"; partial where something is given
+    ``outliers``  "kept"; "removed: points", |z| >= 3 in x or in y, as the paper has it; "removed: residuals", |z| >= 3
+                  in what panels (and nothing else) leave of x or of y. ``removed`` counts them
+    ``p_holm``    Holm's correction of ``p`` among the panels of the same method and outlier rule; nan for other tests
+
+    and ``estimate``, ``low``, ``high`` (95 %), ``n`` (runs), ``p`` (two-sided), ``note`` (why there is no number).
+
+    Args:
+        table: one row per run.
+        panel: columns that make up the panel.
+        given: covariates beside the panel; their logarithms if ``log``.
+
+    Raises:
+        SegarError: a column is missing, or a logarithm does not exist.
+    """
+    require(table, x, y, *panel, *given)
+    names = labels(table, panel)
+    rows: list[dict[str, Any]] = []
+    for rule in ("kept", "removed: points", "removed: residuals"):
+        keep = kept(table, x, y, names, rule, limit)
+        part, part_names = table.loc[keep], names[keep]
+        removed = int((~keep).sum())
+        a, b = (part[name].to_numpy(np.float64) for name in (x, y))
+        panels = indicators(list(part_names))
+        covariates = covariate_matrix(part, given, log)
+        said = " and ".join(f"log {name}" if log else name for name in given)
+        tests = [("pooled", "", None), ("given panel", "", panels)]
+        if given:
+            tests.append((f"given panel and {said}", "", np.column_stack([panels, covariates])))
+        base = {"outliers": rule, "removed": removed}
+        for test, label, matrix in tests:
+            rows += correlation_rows(base | {"test": test, "panel": label}, correlate(a, b, matrix), len(a))
+        for label in sorted(set(part_names)):
+            mine = part_names == label
+            rows += correlation_rows(base | {"test": "within", "panel": label}, correlate(a[mine], b[mine]), mine.sum())
+    found = pd.DataFrame(rows)
+    found["p_holm"] = np.nan
+    within = found["test"] == "within"
+    for _, group in found[within].groupby(["method", "outliers"]):
+        found.loc[group.index, "p_holm"] = holm(np.asarray(group["p"]))
+    return pd.DataFrame({name: found[name] for name in ASSOCIATION_COLUMNS})
+
+
+def correlation_rows(base: dict[str, Any], found: Correlation | NotAvailable, n: int) -> list[dict[str, Any]]:
+    """The rows of Pearson's and of Spearman's correlation."""
+    if isinstance(found, NotAvailable):
+        none = Estimate.missing(int(n), found.reason)
+        return [none.row(**base, method=method) for method in ("pearson", "spearman")]
+    rows = []
+    for method in ("pearson", "spearman"):
+        low, high = (getattr(found, f"{method}_{end}") for end in ("low", "high"))
+        interval = (np.nan, np.nan) if low is None else (low, high)
+        note = "points in perfect order have no interval" if low is None else ""
+        one = Estimate(getattr(found, method), *interval, found.points, getattr(found, f"{method}_p"), note=note)
+        rows.append(one.row(**base, method=method))
+    return rows
+
+
+def kept(
+    table: pd.DataFrame, x: str, y: str, names: NDArray[Any], rule: str, limit: float = LIMIT
+) -> NDArray[np.bool_]:
+    """Which rows an outlier rule keeps: "kept", "removed: points" or "removed: residuals", see :func:`associations`."""
+    a, b = (table[name].to_numpy(np.float64) for name in (x, y))
+    if rule == "kept":
+        return np.ones(len(table), np.bool_)
+    if rule == "removed: residuals":
+        given = np.column_stack([np.ones(len(table)), indicators(list(names))])
+        a, b = residuals(a, given), residuals(b, given)
+    return without_outliers(a, b, limit)
+
+
+def holm(p: Any) -> NDArray[np.float64]:
+    """Holm's step-down correction of p-values [n], by statsmodels; nan stays, and does not count as a test."""
+    p = np.asarray(p, np.float64)
+    out = np.full(p.shape, np.nan)
+    there = np.isfinite(p)
+    if there.any():
+        out[there] = multipletests(p[there], method="holm")[1]
+    return out
+
+
+def labels(table: pd.DataFrame, names: Sequence[str]) -> NDArray[Any]:
+    """One name per row of the combination of columns, e.g. ``empty-hard``; '' where there are no columns."""
+    columns = [table[name].astype(str).to_numpy() for name in names]
+    return np.array(
+        ["-".join(parts) for parts in zip(*columns, strict=True)] if columns else [""] * len(table), dtype=str
+    )
+
+
+def covariate_matrix(table: pd.DataFrame, names: Sequence[str], log: bool) -> NDArray[np.float64]:
+    """Covariates [n, k], as they are or their logarithms; raises :class:`SegarError` where there is none."""
+    values = table[list(names)].to_numpy(np.float64)
+    if log and not (values > 0).all():
+        raise SegarError(f"a value of {', '.join(names)} has no logarithm; give log=False")
+    return np.log(values) if log else values
+
+
+def require(table: pd.DataFrame, *names: str) -> None:
+    """Raises :class:`SegarError` unless the table has these columns."""
+    known = [str(name) for name in table.columns]
+    for name in names:
+        if name not in known:
+            raise SegarError(f"the table has no column '{name}'.{did_you_mean(name, known)}")

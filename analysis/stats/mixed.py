@@ -1,0 +1,121 @@
+"""The primary analysis: a linear mixed model of the gap, with effects of panels and seeds that cross."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import statsmodels.formula.api as smf
+from statsmodels.tools.sm_exceptions import ConvergenceWarning
+
+from analysis.stats.association import labels, require
+from analysis.stats.estimate import Estimate
+from segar.errors import SegarError
+
+
+@dataclass(frozen=True)
+class MixedModel:
+    """What a mixed model found.
+
+    ``fixed``: one row per term, ``term``, ``estimate``, ``low``, ``high``, ``n`` (runs), ``p`` (Wald's, two-sided),
+    ``level``, ``note``. ``random``: one row per effect, ``effect``, ``groups``, ``variance``, ``share`` of the variance
+    that the fixed terms leave; the last is "residual".
+    """
+
+    fixed: pd.DataFrame
+    random: pd.DataFrame
+    log_likelihood: float
+    converged: bool
+    note: str
+
+    def term(self, name: str) -> Estimate:
+        """One fixed term; raises :class:`SegarError` if there is none of that name."""
+        rows = self.fixed[self.fixed["term"] == name]
+        if rows.empty:
+            raise SegarError(f"the model has no term '{name}'; it has {', '.join(self.fixed['term'])}")
+        row = rows.iloc[0].to_dict()
+        return Estimate(**{key: row[key] for key in asdict(Estimate.missing(0, "")) if key in row})
+
+
+def mixed_model(
+    table: pd.DataFrame,
+    y: str,
+    x: Sequence[str],
+    random: Sequence[str | Sequence[str]] = (("family", "difficulty"), "seed"),
+    *,
+    log: Sequence[str] = (),
+    standardise: bool = False,
+    level: float = 0.95,
+) -> MixedModel:
+    """``y ~ x + (1 | each of random)`` by restricted maximum likelihood (statsmodels), random effects crossed.
+
+    With few panels Wald's intervals are somewhat too short; :func:`analysis.stats.resampling.cluster_bootstrap` of the
+    slope is the check.
+
+    Args:
+        x: columns with fixed effects.
+        random: columns, or combinations of columns, each with a random intercept.
+        log: those of ``x`` that enter by their logarithm, as ``log n``.
+        standardise: divide y and x by their standard deviations, so that slopes compare.
+
+    Raises:
+        SegarError: a column is missing, something does not vary, or there are too few runs.
+    """
+    groupings = [(one,) if isinstance(one, str) else tuple(one) for one in random]
+    require(table, y, *x, *(name for names in groupings for name in names))
+    data, terms = model_table(table, y, x, log, standardise)
+    if len(data) < len(terms) + 3:
+        raise SegarError(f"{len(data)} runs are too few for a model with {len(terms)} terms")
+    parts, effects = {}, []
+    for k, names in enumerate(groupings):
+        data[f"g{k}"] = pd.Categorical(labels(table, names))
+        effects.append((" x ".join(names), len(set(data[f"g{k}"]))))
+        parts[f"g{k}"] = f"0 + C(g{k})"
+    formula = "y ~ " + " + ".join(f"x{k}" for k in range(len(terms)))
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        model = smf.mixedlm(formula, data, groups=np.ones(len(data)), vc_formula=parts, re_formula="0")
+        found: Any = model.fit(reml=True)
+    serious = [str(one.message) for one in caught if issubclass(one.category, ConvergenceWarning)]
+    note = "an effect's variance is at its bound, 0" if any("boundary" in text for text in serious) else ""
+    names = {"Intercept": "intercept", **{f"x{k}": term for k, term in enumerate(terms)}}
+    interval: Any = found.conf_int(alpha=1 - level)
+    rows = []
+    for key, name in names.items():
+        low, high = (float(end) for end in interval.loc[key])
+        slope, p = float(found.fe_params[key]), float(found.pvalues[key])
+        rows.append(Estimate(slope, low, high, len(data), p, level, note).row(term=name))
+    variances = np.append(np.asarray(found.vcomp, np.float64), float(found.scale))
+    effects.append(("residual", len(data)))
+    random_rows = [
+        {"effect": name, "groups": groups, "variance": v, "share": v / variances.sum()}
+        for (name, groups), v in zip(effects, variances, strict=True)
+    ]
+    return MixedModel(pd.DataFrame(rows), pd.DataFrame(random_rows), float(found.llf), bool(found.converged), note)
+
+
+def model_table(
+    table: pd.DataFrame, y: str, x: Sequence[str], log: Sequence[str], standardise: bool
+) -> tuple[pd.DataFrame, list[str]]:
+    """Columns ``y``, ``x0``, ``x1`` ... as the model reads them, and the names of the terms."""
+    stray = [name for name in log if name not in x]
+    if stray:
+        raise SegarError(f"log: '{stray[0]}' is not among x, {', '.join(x)}")
+    data, terms = {"y": table[y].to_numpy(np.float64)}, []
+    for k, name in enumerate(x):
+        values = table[name].to_numpy(np.float64)
+        if name in log and not (values > 0).all():
+            raise SegarError(f"log: a value of '{name}' has no logarithm")
+        data[f"x{k}"] = np.log(values) if name in log else values
+        terms.append(f"log {name}" if name in log else name)
+    for key, values in data.items():
+        if not np.isfinite(values).all() or np.ptp(values) == 0:
+            name = y if key == "y" else x[int(key[1:])]
+            raise SegarError(f"'{name}' has missing values, or does not vary; leave it out or drop those runs")
+        if standardise:
+            data[key] = values / values.std(ddof=1)
+    return pd.DataFrame(data), terms

@@ -1,0 +1,131 @@
+"""Intervals and tests that respect what runs share: bootstrap of whole clusters, permutation within panels."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy import stats
+
+from analysis.stats.association import covariate_matrix, labels, require
+from analysis.stats.correlation import indicators, residuals
+from analysis.stats.estimate import Estimate
+from segar.errors import SegarError
+
+RESAMPLES = 2000
+Statistic = Callable[[pd.DataFrame], float]
+
+
+def cluster_bootstrap(
+    table: pd.DataFrame,
+    statistic: Statistic,
+    clusters: Sequence[str],
+    rng: np.random.Generator,
+    *,
+    resamples: int = RESAMPLES,
+    method: str = "percentile",
+    level: float = 0.95,
+) -> Estimate:
+    """A statistic of a table, with an interval from resampling whole clusters of rows (Cameron, Gelbach and Miller 2008).
+
+    Rows of a cluster, such as the runs of one seed in one panel, whose training levels are nested, stay together. ``n``
+    counts clusters. ``p`` is twice the smaller share of resamples on either side of 0, at least 1 / ``resamples``.
+
+    Args:
+        statistic: of a table of rows; may be nan for a few resamples, which are then left out, and noted.
+        clusters: columns whose combinations are the clusters.
+        method: scipy's "percentile", "basic" or "BCa".
+
+    Raises:
+        SegarError: there are fewer than 2 clusters, or a column is missing.
+    """
+    require(table, *clusters)
+    names, place = np.unique(labels(table, clusters), return_inverse=True)
+    if len(names) < 2:
+        raise SegarError(f"a bootstrap of clusters needs at least 2 of them; there are {len(names)}")
+    rows_of = [np.flatnonzero(place == k) for k in range(len(names))]
+
+    def of_clusters(chosen: NDArray[np.int64]) -> float:
+        return float(statistic(table.iloc[np.concatenate([rows_of[k] for k in chosen])]))
+
+    found: Any = stats.bootstrap(
+        (np.arange(len(names)),), of_clusters, vectorized=False, n_resamples=resamples, method=method,
+        confidence_level=level, rng=rng,
+    )  # fmt: skip
+    drawn = found.bootstrap_distribution[np.isfinite(found.bootstrap_distribution)]
+    low, high = found.confidence_interval
+    if len(drawn) < resamples and method == "percentile" and len(drawn):
+        low, high = np.quantile(drawn, [0.5 - level / 2, 0.5 + level / 2])
+    note = f"{resamples - len(drawn)} resamples had no value" if len(drawn) < resamples else ""
+    return Estimate(float(statistic(table)), float(low), float(high), len(names), sign_p(drawn), level, note)
+
+
+def sign_p(drawn: NDArray[np.float64]) -> float:
+    """Two-sided p of 0 from a bootstrap distribution."""
+    if not len(drawn):
+        return float("nan")
+    side = min((drawn <= 0).mean(), (drawn >= 0).mean())
+    return float(min(1.0, max(2 * side, 1 / len(drawn))))
+
+
+def permutation_within(
+    table: pd.DataFrame,
+    x: str,
+    y: str,
+    rng: np.random.Generator,
+    *,
+    within: Sequence[str] = ("family", "difficulty"),
+    given: Sequence[str] = (),
+    log: bool = True,
+    resamples: int = RESAMPLES,
+    method: str = "pearson",
+) -> Estimate:
+    """Correlation of ``x`` and ``y`` given the panel, with the p of permuting x among the runs of each panel.
+
+    Differences between panels, and any law of errors, leave this p what it says; it is exact where the runs of a panel
+    can be exchanged if there is no association. Training sets of one seed are nested in n, which ``given`` can take
+    out: the residuals of x on panel and covariates are permuted then (Freedman and Lane 1983), which is approximate.
+    (hits + 1) / (resamples + 1), two-sided. The interval is nan: a permutation gives none.
+
+    Args:
+        within: columns that make up the panel; none of them: all runs can be exchanged.
+        given: covariates, their logarithms if ``log``.
+        method: "pearson" or "spearman" (of ranks over all runs).
+
+    Raises:
+        SegarError: a column is missing, nothing varies within panels, or the method is unknown.
+    """
+    require(table, x, y, *within, *given)
+    if method not in ("pearson", "spearman"):
+        raise SegarError(f"method must be 'pearson' or 'spearman', not '{method}'")
+    a, b = (table[name].to_numpy(np.float64) for name in (x, y))
+    if method == "spearman":
+        a, b = stats.rankdata(a), stats.rankdata(b)
+    names, place = np.unique(labels(table, within), return_inverse=True)
+    design = np.column_stack([np.ones(len(table)), indicators([str(names[k]) for k in place])])
+    if given:
+        design = np.column_stack([design, covariate_matrix(table, given, log)])
+    left, right = residuals(a, design), residuals(b, design)
+    if min(np.linalg.norm(left), np.linalg.norm(right)) < 1e-9 * max(np.linalg.norm(a), np.linalg.norm(b), 1e-300):
+        raise SegarError(f"{x} or {y} does not vary within panels: there is nothing to permute")
+    hat = np.linalg.pinv(design)
+    observed = cosine(left, right)
+    rows_of = [np.flatnonzero(place == k) for k in range(len(names))]
+    hits = 0
+    for _ in range(resamples):
+        dealt = np.empty_like(left)
+        for rows in rows_of:
+            dealt[rows] = left[rng.permutation(rows)]
+        dealt -= design @ (hat @ dealt)
+        hits += abs(cosine(dealt, right)) >= abs(observed) - 1e-12
+    p = (hits + 1) / (resamples + 1)
+    return Estimate(observed, np.nan, np.nan, len(table), p, note="a permutation gives no interval")
+
+
+def cosine(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+    """The cosine of two vectors, 0 where one is zero."""
+    scale = float(np.linalg.norm(a) * np.linalg.norm(b))
+    return float(a @ b) / scale if scale else 0.0

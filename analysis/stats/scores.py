@@ -1,0 +1,163 @@
+"""Scores of few runs on several tasks, as Agarwal et al. (2021) report them: IQM, profiles, probability of improvement.
+
+Scores are normalised, one per run and task. Intervals are of the stratified bootstrap: runs are drawn anew within each
+task, tasks are not. Estimates agree with the package rliable, whose bootstrap draws from numpy's global generator.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy import stats
+
+from analysis.stats.association import labels, require
+from analysis.stats.estimate import Estimate
+from segar.errors import SegarError, did_you_mean
+
+RESAMPLES = 2000
+TASK = ("family", "difficulty")
+Scores = NDArray[np.float64]
+"""float64 ``[..., runs, tasks]``; aggregates are over the last two axes."""
+
+
+def iqm(scores: Scores) -> Scores:
+    """Mean of the middle half of all runs on all tasks."""
+    flat = scores.reshape(*scores.shape[:-2], -1)
+    return np.asarray(stats.trim_mean(flat, 0.25, axis=-1))
+
+
+def mean(scores: Scores) -> Scores:
+    """Mean of all runs on all tasks."""
+    return scores.mean(axis=(-2, -1))
+
+
+def median(scores: Scores) -> Scores:
+    """Median over tasks of the mean over runs."""
+    return np.median(scores.mean(axis=-2), axis=-1)
+
+
+def optimality_gap(scores: Scores, target: float = 1.0) -> Scores:
+    """How far runs stay below ``target`` on average; scores above it count as it."""
+    return target - np.minimum(scores, target).mean(axis=(-2, -1))
+
+
+AGGREGATES: dict[str, Callable[[Scores], Scores]] = {
+    "iqm": iqm, "mean": mean, "median": median, "optimality_gap": optimality_gap,
+}  # fmt: skip
+
+
+def aggregates(
+    table: pd.DataFrame,
+    score: str,
+    rng: np.random.Generator,
+    *,
+    by: str = "algorithm",
+    task: Sequence[str] = TASK,
+    run: str = "seed",
+    resamples: int = RESAMPLES,
+) -> pd.DataFrame:
+    """Aggregates of each value of ``by``: columns ``by``, ``aggregate``, ``estimate``, ``low``, ``high`` (95 %), ``n``
+    (runs times tasks), ``p`` (nan), ``level``, ``note``; the aggregates are "iqm", "mean", "median", "optimality_gap".
+
+    Raises:
+        SegarError: a column is missing, or a task lacks a run.
+    """
+    rows = []
+    for name, scores in matrices(table, score, by, task, run).items():
+        drawn = resampled(scores, rng, resamples)
+        for aggregate, function in AGGREGATES.items():
+            low, high = np.quantile(function(drawn), (0.025, 0.975))
+            one = Estimate(float(function(scores)), float(low), float(high), scores.size)
+            rows.append(one.row(**{by: name, "aggregate": aggregate}))
+    return pd.DataFrame(rows)
+
+
+def performance_profiles(
+    table: pd.DataFrame,
+    score: str,
+    thresholds: Sequence[float],
+    rng: np.random.Generator,
+    *,
+    by: str = "algorithm",
+    task: Sequence[str] = TASK,
+    run: str = "seed",
+    resamples: int = RESAMPLES,
+) -> pd.DataFrame:
+    """Share of runs, over all tasks, that score above each threshold: columns ``by``, ``threshold``, ``estimate``,
+    ``low``, ``high`` (95 %, of each point by itself), ``n``; raises as :func:`aggregates`."""
+    rows = []
+    for name, scores in matrices(table, score, by, task, run).items():
+        drawn = resampled(scores, rng, resamples)
+        for threshold in thresholds:
+            low, high = np.quantile((drawn > threshold).mean(axis=(-2, -1)), (0.025, 0.975))
+            one = Estimate(float((scores > threshold).mean()), float(low), float(high), scores.size)
+            rows.append(one.row(**{by: name, "threshold": float(threshold)}))
+    return pd.DataFrame(rows)
+
+
+def probability_of_improvement(
+    table: pd.DataFrame,
+    score: str,
+    better: str,
+    worse: str,
+    rng: np.random.Generator,
+    *,
+    by: str = "algorithm",
+    task: Sequence[str] = TASK,
+    run: str = "seed",
+    resamples: int = RESAMPLES,
+) -> Estimate:
+    """P(a run of ``better`` scores above one of ``worse``), mean over tasks; ties count half.
+
+    ``p`` is that of 0.5, two-sided, from the bootstrap; ``n`` the runs of both on all tasks.
+
+    Raises:
+        SegarError: as :func:`aggregates`, or one of the two is not in the table, or they did different tasks.
+    """
+    found = matrices(table, score, by, task, run)
+    for name in (better, worse):
+        if name not in found:
+            raise SegarError(f"no row has {by} '{name}'.{did_you_mean(name, list(found))}")
+    tasks = [set(labels(table.loc[(table[by] == name).to_numpy()], task)) for name in (better, worse)]
+    if tasks[0] != tasks[1]:
+        raise SegarError(f"{better} and {worse} did different tasks: {', '.join(sorted(tasks[0] ^ tasks[1]))}")
+    a, b = found[better], found[worse]
+    drawn = wins(resampled(a, rng, resamples), resampled(b, rng, resamples))
+    low, high = np.quantile(drawn, (0.025, 0.975))
+    side = min((drawn <= 0.5).mean(), (drawn >= 0.5).mean())
+    p = float(min(1.0, max(2 * side, 1 / resamples)))
+    return Estimate(float(wins(a, b)), float(low), float(high), a.size + b.size, p)
+
+
+def wins(a: Scores, b: Scores) -> Scores:
+    """Share of pairs of runs in which ``a`` is above ``b``, ties half; runs may be of different number."""
+    difference = np.sign(a[..., :, None, :] - b[..., None, :, :])
+    return ((difference + 1) / 2).mean(axis=(-3, -2, -1))
+
+
+def matrices(table: pd.DataFrame, score: str, by: str, task: Sequence[str], run: str) -> dict[str, Scores]:
+    """Scores [runs, tasks] of each value of ``by``, tasks in the order of their names."""
+    require(table, score, by, run, *task)
+    found = {}
+    for name, part in table.groupby(by, sort=True):
+        wide = part.assign(task=labels(part, task)).pivot_table(score, run, "task", aggfunc=list, dropna=False)
+        ragged = [(r, t) for r, row in wide.iterrows() for t, v in row.items() if not isinstance(v, list) or len(v) > 1]
+        if ragged:
+            (r, t), cell = ragged[0], wide.loc[ragged[0]]
+            what = "several rows" if isinstance(cell, list) else "no row"
+            raise SegarError(
+                f"{by} '{name}' has {what} for {run} {r} on {t}; every run must have one score on every task"
+            )
+        found[str(name)] = np.array([[v[0] for v in row] for row in wide.to_numpy()], np.float64)
+        if not np.isfinite(found[str(name)]).all():
+            raise SegarError(f"{by} '{name}' has a {score} that is not finite")
+    return found
+
+
+def resampled(scores: Scores, rng: np.random.Generator, resamples: int) -> Scores:
+    """[resamples, runs, tasks]: runs drawn anew, with replacement, in each task by itself."""
+    runs, tasks = scores.shape
+    return scores[rng.integers(runs, size=(resamples, runs, tasks)), np.arange(tasks)]
