@@ -135,7 +135,7 @@ class PPOConfig(AlgorithmConfig):
 
 
 # The CNNs that have a name: functions in experiments.encoders.
-CNNS = ("small", "nature", "impala", "impala_15")
+CNNS = ("small", "keypoints", "nature", "impala", "impala_15")
 PRECISIONS = ("auto", "bf16", "fp32")
 REWARD_TRANSFORMS = ("none", "sqrt")
 

@@ -34,7 +34,7 @@ class DrQConfig(SACConfig):
 
     num_envs: int = 1
     temperature: float = 0.1
-    encoder: str = "small"  # the CNN that reads frames
+    encoder: str = "keypoints"  # the CNN that reads frames
     precision: str = "auto"  # of the CNN: bf16, fp32; auto: bf16 where the processor is made for it
     projection: int = 50  # numbers of the representation that policy and critics, each by its own layer, keep
     shift: int = 4  # pixels by which frames are moved at most

@@ -21,6 +21,11 @@ def state_normalised(normalise: bool = True, **options: Any) -> StateVector:
     return StateVector(normalise=normalise, **options)
 
 
+def rgb_stack2(n: int = 2, **options: Any) -> Stack:
+    """The last two frames, which show positions and velocities; options are those of :class:`Pixels`."""
+    return Stack(Pixels(**options), n)
+
+
 def rgb_stack4(n: int = 4, **options: Any) -> Stack:
     """The last four frames; options are those of :class:`Pixels`."""
     return Stack(Pixels(**options), n)
@@ -37,6 +42,7 @@ OBSERVATIONS: dict[str, Callable[..., Any]] = {
     "textures": TexturedPixels,
     "textures_stack4": textures_stack4,
     "state_normalised": state_normalised,
+    "rgb_stack2": rgb_stack2,
     "rgb_stack4": rgb_stack4,
 }
 

@@ -119,3 +119,34 @@ def test_a_cnn_of_your_own_is_named_by_its_place():
 def test_an_encoder_that_cannot_read_the_observation_is_refused(name, shape, says):
     with pytest.raises(ConfigError, match=says):
         make_encoder(PPOConfig(encoder=name), shape)
+
+
+def spot(x, y, size=8):
+    """A frame that is white but for a black square around (x, y), in pixels."""
+    frame = torch.full((64, 64, 3), 255, dtype=torch.uint8)
+    frame[y - size // 2 : y + size // 2, x - size // 2 : x + size // 2] = 0
+    return frame
+
+
+def test_keypoints_follow_what_moves():
+    trunk = encoder("keypoints").trunk
+    frames = torch.stack([spot(x, 30) for x in range(12, 53, 4)]).permute(0, 3, 1, 2).float()
+    with torch.no_grad():
+        trunk.sharpness.mul_(4.0)
+        points = trunk.points(frames)[:, 0]
+    across, along = points.diff(dim=0).unbind(1)
+    moved = across.sum(0)
+    assert moved.abs().max() > 0.5  # a filter sees the square or one of its sides: a quarter of the picture or more
+    assert along.sum(0).abs().max() < 0.25 * moved.abs().max()
+
+
+def test_all_frames_of_a_stack_pass_the_same_filters():
+    one, stacked = encoder("keypoints").trunk, encoder("keypoints", shape=(64, 64, 6)).trunk
+    for name in ("first", "second"):
+        getattr(stacked, name).load_state_dict(getattr(one, name).state_dict())
+    first, second = FRAMES[:3], FRAMES[3:]
+    both = torch.cat([first, second], -1).permute(0, 3, 1, 2).float()
+    found = stacked.points(both)
+    for k, frames in enumerate((first, second)):
+        torch.testing.assert_close(found[:, k], one.points(frames.permute(0, 3, 1, 2).float())[:, 0], atol=1e-5, rtol=1e-4)
+    assert stacked.frames == 2 and encoder("keypoints", shape=(64, 64, 4)).trunk.frames == 4
