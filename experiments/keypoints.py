@@ -12,7 +12,7 @@ from torch.nn import functional as F
 
 SHARPNESS = 5.0  # of the soft-argmax at first; learned, one number per filter
 MOVED = 5.0  # movements are shown this much enlarged: between frames, things move by a small part of the picture
-LOWEST = -60.0  # exponents below are taken as this: their filters see nothing anywhere, and point to the middle
+TINY = 1e-30
 COLOURS = 3
 FILTERS = 16  # whose points are found
 
@@ -22,6 +22,8 @@ class Keypoints(nn.Module):
 
     A depth that is a multiple of 3 is so many frames in colour, the newest one last; any other is as many in grey.
     """
+
+    places: Tensor  # [3, cells]: x and y of each cell of the map, and 1
 
     def __init__(self, height: int, width: int, depth: int, outputs: int = 256) -> None:
         super().__init__()
@@ -45,15 +47,16 @@ class Keypoints(nn.Module):
 
     def points(self, x: Tensor) -> Tensor:
         """Where each filter answers in each frame, from -1 to 1: float32 [n, frames, (x, y), filter]."""
-        x = F.conv2d(x, self._first_of_all_frames(), self.first.bias.repeat(self.frames), self.first.stride)  # type: ignore[union-attr]
-        weight, bias = self.second.weight.repeat(self.frames, 1, 1, 1), self.second.bias.repeat(self.frames)  # type: ignore[union-attr]
-        answers = F.conv2d(F.relu_(x), weight, bias, self.second.stride, groups=self.frames)
+        n, first, second = self.frames, self.first, self.second
+        x = F.conv2d(x, self._first_of_all_frames(), first.bias.repeat(n), 4)  # type: ignore[union-attr]
+        weight = (second.weight * self.sharpness[:, None, None, None]).repeat(n, 1, 1, 1)
+        answers = F.conv2d(F.relu_(x), weight, (second.bias * self.sharpness).repeat(n), groups=n)  # type: ignore[operator]
         with torch.autocast(x.device.type, enabled=False):
-            flat = answers.permute(0, 2, 3, 1).flatten(1, 2).float() * self.sharpness.repeat(self.frames)
-            # One maximum for all filters is much faster to find than one each, and serves the same end.
-            highest = flat.detach().flatten(1).amax(1)[:, None, None]
-            sums = self.places @ (flat - highest).clamp(min=LOWEST).exp()
-            return (sums[:, :2] / sums[:, 2:]).unflatten(2, (self.frames, -1)).transpose(1, 2)
+            answers = answers.permute(0, 2, 3, 1).flatten(1, 2).float()
+            # One maximum for all filters is much faster to find than one each. Filters far below it point to the middle.
+            highest = answers.detach().flatten(1).amax(1)[:, None, None]
+            sums = self.places @ (answers - highest).exp_()
+            return (sums[:, :2] / (sums[:, 2:] + TINY)).unflatten(2, (n, -1)).transpose(1, 2)
 
     def _first_of_all_frames(self) -> Tensor:
         """One convolution that does for each frame what ``first`` does for one: twice as fast as taking them apart."""
