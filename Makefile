@@ -1,7 +1,8 @@
 # Everything here works on a fresh clone: the first target that needs it creates .venv and installs into it.
 #
 #   make test                     the tests (make test-slow: the long ones)
-#   make reproduce-paper          the paper's experiment and figures; SCALE=smoke|quick|standard|paper, ARGS="seed=1 ..."
+#   make reproduce-paper          the paper's experiments: runs, tables, report; SCALE=smoke|quick|standard|paper,
+#                                 ARGS="experiments=[figure_4a] dry_run=true seed=1 ..."
 #   make sweep                    a small sweep, side by side, and its table; SWEEP=demo, or one of your own in conf/sweep/
 #   make dashboard                MLflow's pages over the results, on 127.0.0.1
 #   make renderings               the paper's pictures of tasks and visual features; ARGS="--output DIR"

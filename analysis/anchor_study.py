@@ -45,10 +45,10 @@ def players(kind: str, difficulty: str, count: int) -> list[dict[str, Any]]:
     episodes = {
         "idle": ([r["return"] for r in idle], [r["success"] for r in idle]),
         "random": (found.random_return, found.random_success),
-        "oracle": (found.oracle.returns, found.oracle.success),
+        "oracle": (found.oracle.returns, found.oracle.solved),
     }
     if found.scripted is not None:
-        episodes["script"] = (found.scripted.returns, found.scripted.success)
+        episodes["script"] = (found.scripted.returns, found.scripted.solved)
     rows = []
     for player, (returns, success) in episodes.items():
         values = np.asarray(returns, float)

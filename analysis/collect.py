@@ -18,11 +18,11 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import pandas as pd
 
-from analysis.tables import performance
+from analysis.tables import performance, select
 from experiments.atomic import replacing
 from experiments.cells import cell_of
 from experiments.config import RunConfig
@@ -80,8 +80,8 @@ def collect(config: CollectConfig) -> Collected:
     found = read_all(plan)
     write_tables(folder, plan, found)
     print(f"{len(found.runs)} runs and {len(found.transfers)} transfers are in {folder / RUNS} and {TRANSFERS}.")
-    for row in found.missing.itertuples():
-        print(f"  missing: {row.run}: {row.reason}")
+    for run, reason in pairs(found.missing, "run", "reason"):
+        print(f"  missing: {run}: {reason}")
     if config.tracking and plan["tracking"]["name"] != "none":
         from analysis.experiment_runs import show_experiments
 
@@ -209,7 +209,7 @@ def transfer_row(
     asked = summary["transfer"]
     label = asked["label"]
     family, _, difficulty = asked["panel"].rpartition("-")
-    whole = pd.concat([episodes[episodes["levels"] == "train"], played], ignore_index=True)
+    whole = pd.concat([select(episodes, levels="train"), played], ignore_index=True)
     row = {
         **place,
         "test": label,
@@ -234,23 +234,27 @@ def distances(summary: Mapping[str, Any]) -> dict[str, float]:
 
 def in_modes(episodes: pd.DataFrame) -> dict[str, float]:
     """:func:`analysis.tables.performance` of each action mode, its name behind each column."""
-    parts = {mode: episodes[episodes["action_mode"] == mode] for mode in MODES}
+    parts = {mode: select(episodes, action_mode=mode) for mode in MODES}
     return {f"{key}_{mode}": value for mode, part in parts.items() for key, value in performance(part).items()}
 
 
 def level_rows(episodes: pd.DataFrame, place: Mapping[str, Any]) -> pd.DataFrame:
     """Means over the episodes on each level: ``return``, ``return_ref``, ``length``, ``success``, ``death``, ``episodes``."""
     groups = episodes.groupby(["levels", "action_mode", "level"], sort=True)
-    means = groups[["return", "return_ref", "length", "success", "death"]].mean()
+    means = cast(pd.DataFrame, groups[["return", "return_ref", "length", "success", "death"]].mean())
     table = means.assign(episodes=groups.size()).reset_index()
-    return table.assign(**{key: place[key] for key in ("run", "test")})[["run", "test", *table.columns]]
+    for place_of_column, name in enumerate(("run", "test")):
+        table.insert(place_of_column, name, place[name])
+    return table
 
 
 def curve_rows(folder: Path, place: Mapping[str, Any]) -> pd.DataFrame:
     """The figures over time that are drawn: ``run``, ``name``, ``frames``, ``value``."""
     metrics = read_metrics(folder).to_pandas()
-    chosen = metrics[metrics["name"].isin(CURVES_OF)][["name", "frames", "value"]]
-    return chosen.assign(run=place["run"])[["run", "name", "frames", "value"]].reset_index(drop=True)
+    table = cast(pd.DataFrame, metrics.loc[metrics["name"].isin(CURVES_OF), ["name", "frames", "value"]])
+    table = table.reset_index(drop=True)
+    table.insert(0, "run", place["run"])
+    return table
 
 
 def sorted_table(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
@@ -280,12 +284,11 @@ def experiment_rows(experiment: Mapping[str, Any], found: Collected) -> pd.DataF
     wanted = {run["folder"]: set(run["transfers"]) for run in experiment["runs"]}
     parts: list[pd.DataFrame] = []
     if not found.runs.empty:
-        parts.append(
-            found.runs[found.runs["run"].isin(list(wanted))].drop(columns=["experiments", "hours", "finished"])
-        )
+        rows = found.runs["run"].isin(list(wanted))
+        parts.append(found.runs.loc[rows].drop(columns=["experiments", "hours", "finished"]))
     if not found.transfers.empty:
         keep = [name in wanted.get(run, ()) for run, name in pairs(found.transfers, "run", "transfer")]
-        parts.append(found.transfers[keep].drop(columns="transfer"))
+        parts.append(found.transfers.loc[keep].drop(columns=["transfer"]))
     parts = [part for part in parts if not part.empty]
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=WHICH)
 

@@ -12,6 +12,7 @@ from typing import Any
 
 import pandas as pd
 
+from analysis.tables import column
 from experiments.config import TrackingConfig
 from experiments.delivery import read_mark
 from experiments.mlflow_store import calling, open_store, store_uri
@@ -36,7 +37,7 @@ def show_experiments(results: Path, plan: Mapping[str, Any], runs: pd.DataFrame)
         for run in own:
             parents.setdefault(run, parent)
             figures.setdefault(run, []).append(experiment["figure"] or experiment["name"])
-    shared = {**dict(zip(runs.get("run", ()), runs.get("experiments", ()), strict=True))}
+    shared = {} if runs.empty else {str(a): str(b) for a, b in zip(runs["run"], runs["experiments"], strict=True)}
     for run, parent in parents.items():
         mark = read_mark(root / run)
         is_here = mark is not None and mark.run_id is not None and mark.store == store_uri(tracking, root)
@@ -67,7 +68,7 @@ def figures_of(runs: pd.DataFrame, own: Sequence[str]) -> dict[str, float]:
     """Means over the finished runs of an experiment, as metrics of its parent."""
     if runs.empty or not own:
         return {}
-    part = runs[runs["run"].isin(list(own))]
+    part = runs.loc[runs["run"].isin(list(own))]
     shown = {
         "evaluation/gap/deterministic": "gap_deterministic",
         "evaluation/gap/sampled": "gap_sampled",
@@ -75,7 +76,7 @@ def figures_of(runs: pd.DataFrame, own: Sequence[str]) -> dict[str, float]:
         "ks": "ks",
         **{f"w2/{name.removeprefix('w2_')}": name for name in part.columns if name.startswith("w2_")},
     }
-    means = {name: float(part[column].mean()) for name, column in shown.items() if len(part)}
+    means = {name: float(column(part, place).mean()) for name, place in shown.items() if len(part)}
     return {"runs": float(len(part)), **means}
 
 

@@ -19,6 +19,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.stats.correlation import NotAvailable, explained, indicators
+from analysis.tables import column, select
 from experiments.atomic import replacing
 from segar.families import family
 from segar.metrics import ks, w2
@@ -87,9 +88,10 @@ def means_of(table: pd.DataFrame) -> pd.DataFrame:
     Of 2022 only means are known: its deviation is taken to be the one measured here.
     """
     rows = []
-    for (train, test, n), part in table.groupby(["train", "test", "n"], sort=False):
+    for train, test, n in table[["train", "test", "n"]].drop_duplicates().itertuples(index=False, name=None):
+        part = select(table, train=train, test=test, n=n)
         for mode in MODES:
-            values = part[f"w2_{mode}"].to_numpy(float)
+            values = column(part, f"w2_{mode}")
             deviation = float(values.std(ddof=1)) if len(values) > 1 else float("nan")
             error = deviation / np.sqrt(len(values))
             row = {
@@ -111,13 +113,13 @@ def means_of(table: pd.DataFrame) -> pd.DataFrame:
 
 def models_of(table: pd.DataFrame) -> pd.DataFrame:
     """R^2 of log W2 in distribution, per mode: on panel, on log n, on both, and on the cells of panel and n."""
-    inside = table[(table["train"] == table["test"]) & table["n"].isin(IN_MODELS)]
-    panel, log_n = indicators(list(inside["train"])), np.log(inside["n"].to_numpy(float))[:, None]
+    inside = table.loc[(table["train"] == table["test"]) & table["n"].isin(IN_MODELS)]
+    panel, log_n = indicators(list(inside["train"])), np.log(column(inside, "n"))[:, None]
     cells = indicators([f"{a} {n}" for a, n in zip(inside["train"], inside["n"], strict=True)])
     models = {"panel": panel, "log_n": log_n, "panel_and_log_n": np.column_stack([panel, log_n]), "cell": cells}
     rows = []
     for mode in MODES:
-        y = np.log(inside[f"w2_{mode}"].to_numpy(float))
+        y = np.log(column(inside, f"w2_{mode}"))
         found = {name: explained(y, predictors) for name, predictors in models.items()}
         numbers = {k: float("nan") if isinstance(v, NotAvailable) else v for k, v in found.items()}
         rows.append({"mode": mode, "points": len(y), **numbers})

@@ -163,18 +163,14 @@ def check_variation(name: str, place: str) -> None:
 
 
 def other_panel(family: str, difficulty: str, transfer: TransferConfig) -> str | None:
-    """The panel that agents trained in this one are tested in; None if the difficulty ends there, or nothing differs."""
+    """The panel that agents trained in this one are tested in; None if there is no harder, or easier, one."""
     wanted = transfer.difficulty or difficulty
     if wanted in STEPS:
         place = DIFFICULTIES.index(difficulty) + STEPS[wanted]
         if not 0 <= place < len(DIFFICULTIES):
             return None
         wanted = DIFFICULTIES[place]
-    new_family = transfer.family or family
-    same = (new_family, wanted) == (family, difficulty)
-    if same and transfer.variation is None and transfer.observation is None:
-        return None
-    return f"{new_family}-{wanted}"
+    return f"{transfer.family or family}-{wanted}"
 
 
 def chosen_names(asked: Sequence[str], known: Sequence[str]) -> list[str]:

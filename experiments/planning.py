@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import json
+import socket
 import statistics
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -121,7 +123,7 @@ def setting(group: str, name: str) -> RunConfig:
 
 
 def transfer_of(asked: TransferConfig, run: RunConfig) -> Transfer | None:
-    """Where the agent of ``run`` is tested, too; None where there is no such place."""
+    """Where the agent of ``run`` is tested, too; None where there is no such place, or it is the run's own."""
     cell = cell_of(run)
     panel = other_panel(cell.family, cell.difficulty, asked)
     if panel is None:
@@ -130,6 +132,8 @@ def transfer_of(asked: TransferConfig, run: RunConfig) -> Transfer | None:
     observation = (
         run.observation if asked.observation is None else setting("observation", asked.observation).observation
     )
+    if (panel, variation, observation) == (cell.panel, run.levels.variation, run.observation):
+        return None  # what the run is tested on anyway
     parts = [panel if panel != cell.panel else "", asked.variation or "", asked.observation or ""]
     label = "-".join(part for part in parts if part) or "unvaried"
     return Transfer(label, panel, variation, observation, run.levels.test_count, run.levels.test_seed)
@@ -170,8 +174,6 @@ def assumed_speed(run: RunConfig) -> float:
 
 def measure_speeds(root: Path) -> Speeds:
     """The medians over the finished runs under ``root`` that this machine made."""
-    import socket
-
     frames: dict[tuple[str, str], list[float]] = {}
     evaluation: dict[tuple[str, str], list[float]] = {}
     for folder in run_folders(root):
@@ -239,8 +241,6 @@ def kind_of(run: RunConfig) -> tuple[str, str]:
 
 def is_study_done(study: StudyWork) -> bool:
     """Whether the study went through with these options."""
-    import json
-
     try:
         return json.loads(study.mark.read_text()) == study.asked()
     except (OSError, ValueError):

@@ -44,7 +44,7 @@ def write_run(
     write_rows(folder / METRICS, rows, METRIC_SCHEMA)
     write_rows(folder / EPISODES, episodes(config, gap), EPISODE_SCHEMA)
     write_json(folder / VERSIONS, {"code": "0123456789abcdef"})
-    write_json(folder / SUMMARY, {"frames": frames})
+    write_json(folder / SUMMARY, {"frames": frames, "seconds": 1.0, "evaluation_seconds": 0.5, "ks": 0.25, **metrics})
     return folder
 
 

@@ -6,10 +6,10 @@ import torch
 
 from experiments import episodes
 from experiments.config import EvaluationConfig, RunConfig
-from experiments.episodes import distance_figures, evaluate_run, evaluation_figures, play
+from experiments.episodes import distance_figures, diversity_figures, evaluate_run, evaluation_figures, play
 from segar import family
 from segar.envs import VectorEnv
-from segar.metrics import w2
+from segar.metrics import ks, w2
 
 
 class Linear:
@@ -88,4 +88,12 @@ def test_the_gap_is_test_minus_train():
 
 def test_distances_are_those_of_the_library():
     figures = distance_figures(LEVELS[:4], LEVELS[4:], ("reference", "exact"))
-    assert figures == {f"w2/{mode}": w2(LEVELS[:4], LEVELS[4:], mode=mode) for mode in ("reference", "exact")}
+    distances = {f"w2/{mode}": w2(LEVELS[:4], LEVELS[4:], mode=mode) for mode in ("reference", "exact")}
+    assert figures == {**distances, "ks": ks(LEVELS[:4], LEVELS[4:])}
+
+
+def test_levels_that_are_equal_are_worth_one_and_those_far_apart_more():
+    one, all_of_them = (diversity_figures(levels, LEVELS[4:]) for levels in (LEVELS[[0] * 4], LEVELS[:4]))
+    assert one["diversity/effective_number"] == pytest.approx(1.0)
+    assert 1.0 < all_of_them["diversity/effective_number"] <= 4.0
+    assert all_of_them["diversity/radius"] <= one["diversity/radius"]

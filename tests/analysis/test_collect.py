@@ -1,0 +1,153 @@
+"""From a plan and its run folders to tidy tables; what is missing is named, and doing it again changes no byte."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from analysis.collect import CollectConfig, collect
+from experiments.config import ScaleConfig, TrackingConfig
+from experiments.errors import RunFolderError
+from experiments.experiment import experiment_at
+from experiments.planning import make_plan
+from experiments.reproduce import ReproduceConfig, write_plan
+from experiments.run_folder import EPISODE_SCHEMA, SUMMARY, write_json, write_rows
+from tests.synthetic_runs import episodes, settings, write_run
+
+SCALE = ScaleConfig(name="smoke", frames=1000, families=("empty",), difficulties=("easy", "hard"), counts=(1, 10))
+MAIN = {"title": "Main", "figure": "3a", "grid": {"algorithms": ["base"]}, "scales": {"smoke": {}}}
+HARDER = {
+    "title": "Harder",
+    "figure": "4a",
+    "grid": {"difficulties": ["easy"]},
+    "transfers": [{"difficulty": "medium"}],
+    "scales": {"smoke": {}},
+}
+TRANSFER_GAP = -5.0
+
+
+def planned(root):
+    """A reproduction of two experiments, of which the runs are written and not trained."""
+    config = ReproduceConfig(settings(root, seed=1, scale=SCALE), grids={"main": MAIN, "harder": HARDER})
+    plan = make_plan([experiment_at(k, v, "smoke") for k, v in config.grids.items()], config.run, config.folder)
+    write_plan(config, plan)
+    return config, plan
+
+
+def write_all(plan):
+    for i, work in enumerate(plan.runs):
+        write_run(work.run, gap=-1.0 - i, w2=0.1 * (i + 1))
+        for transfer in work.transfers:
+            out = transfer.folder(work.run)
+            out.mkdir(parents=True)
+            rows = [row for row in episodes(work.run, TRANSFER_GAP) if row["levels"] == "test"]
+            write_rows(out / "episodes.parquet", rows, EPISODE_SCHEMA)
+            summary = {"transfer": json.loads(json.dumps(dataclasses.asdict(transfer))), "w2/exact": 3.0, "ks": 0.5}
+            write_json(out / SUMMARY, summary)
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    config, plan = planned(tmp_path_factory.mktemp("runs"))
+    write_all(plan)
+    return config, collect(CollectConfig(str(config.folder)))
+
+
+def test_there_is_one_row_per_run_with_all_experiments_that_need_it(made):
+    _, found = made
+    assert len(found.runs) == 4
+    assert list(found.runs["experiments"]) == ["main harder", "main harder", "main", "main"]
+    assert list(found.runs["difficulty"]) == ["easy", "easy", "hard", "hard"]
+
+
+def test_a_run_has_its_gap_in_both_modes_its_distances_and_its_cost(made):
+    _, found = made
+    row = found.runs.iloc[0]
+    assert row["gap_deterministic"] == pytest.approx(-1.0)
+    assert row["eta_train_sampled"] == pytest.approx(row["eta_train_deterministic"] - 0.5)
+    assert (row["w2_reference"], row["w2_exact"], row["ks"]) == (0.1, 0.2, 0.25)
+    assert row["hours"] == pytest.approx(1.5 / 3600)
+    assert row["hash"] == row["run"].split("-")[-1]
+
+
+def test_a_transfer_is_held_against_the_training_levels(made):
+    _, found = made
+    assert list(found.transfers["test"]) == ["empty-medium"] * 2
+    assert set(found.transfers["test_difficulty"]) == {"medium"}
+    np.testing.assert_allclose(found.transfers["gap_deterministic"], TRANSFER_GAP)
+    np.testing.assert_allclose(found.transfers["w2_exact"], 3.0)
+
+
+def test_level_means_give_the_returns_of_the_runs_again(made):
+    _, found = made
+    chosen = found.levels[(found.levels["levels"] == "test") & (found.levels["action_mode"] == "deterministic")]
+    own = chosen[chosen["test"] == "own"].groupby("run")["return"].mean()
+    runs = found.runs.set_index("run")["eta_test_deterministic"]
+    np.testing.assert_allclose(own.loc[runs.index], runs)
+    train = found.levels[(found.levels["levels"] == "train") & (found.levels["action_mode"] == "sampled")]
+    assert set(train["episodes"]) == {2}  # each training level was played twice
+
+
+def test_an_experiment_has_a_table_of_its_runs_and_of_the_transfers_that_it_asks_for(made):
+    config, _ = made
+    main, harder = (pd.read_csv(config.folder / "tables" / f"{name}.csv") for name in ("main", "harder"))
+    assert list(main["test"]) == ["own"] * 4
+    assert list(harder["test"]) == ["own"] * 2 + ["empty-medium"] * 2
+
+
+def test_files_hold_the_tables(made):
+    config, found = made
+    for name in ("runs", "transfers", "levels", "curves"):
+        pd.testing.assert_frame_equal(pd.read_parquet(config.folder / f"{name}.parquet"), getattr(found, name))
+
+
+def test_doing_it_again_changes_no_byte(made):
+    config, _ = made
+    files = sorted(path for path in config.folder.rglob("*") if path.is_file())
+    before = [path.read_bytes() for path in files]
+    collect(CollectConfig(str(config.folder)))
+    assert [path.read_bytes() for path in files] == before
+
+
+def test_what_is_missing_is_named(tmp_path, capfd):
+    config, plan = planned(tmp_path)
+    write_run(plan.runs[0].run)  # without its transfer
+    write_run(plan.runs[1].run, finished=False)
+    found = collect(CollectConfig(str(config.folder)))
+    assert len(found.runs) == 1 and found.transfers.empty
+    reasons = [reason.split(" ")[-2:] for reason in found.missing["reason"]]
+    assert sorted(map(tuple, reasons)) == [("not", "begun")] * 2 + [("not", "finished")] * 2
+    assert "missing: empty-easy-n10" in capfd.readouterr().out
+    assert len(pd.read_csv(config.folder / "missing.csv")) == 4
+
+
+def test_a_folder_without_a_plan_is_refused(tmp_path):
+    with pytest.raises(RunFolderError, match="holds no plan"):
+        collect(CollectConfig(str(tmp_path)))
+
+
+def test_mlflow_has_a_parent_per_experiment_and_its_runs_as_children(tmp_path):
+    from experiments.delivery import Delivery
+    from experiments.mlflow_store import open_store
+
+    tracking = TrackingConfig(experiment="here")
+    run = settings(tmp_path, seed=1, scale=dataclasses.replace(SCALE, counts=(1,)), tracking=tracking)
+    config = ReproduceConfig(run, grids={"main": MAIN, "harder": HARDER})
+    plan = make_plan([experiment_at(k, v, "smoke") for k, v in config.grids.items()], config.run, config.folder)
+    write_plan(config, plan)
+    write_all(plan)
+    for work in plan.runs:
+        Delivery(work.run, tmp_path / work.run.label()).open()
+    for _ in range(2):  # the second time, nothing is made anew
+        collect(CollectConfig(str(config.folder)))
+    client, experiment = open_store(tracking, tmp_path)
+    runs = client.search_runs([experiment])
+    parents = {one.data.tags["experiments"]: one for one in runs if one.data.tags.get("kind") == "experiment"}
+    children = [one for one in runs if "mlflow.parentRunId" in one.data.tags]
+    assert sorted(parents) == ["harder", "main"] and len(runs) == 4
+    assert {one.data.tags["figure"] for one in children} == {"3a", "3a, 4a"}
+    assert {one.data.tags["mlflow.parentRunId"] for one in children} == {parents["main"].info.run_id}
+    assert parents["main"].data.metrics["evaluation/gap/deterministic"] == pytest.approx(-1.5)
+    assert [file.path for file in client.list_artifacts(parents["harder"].info.run_id)] == ["harder.csv"]

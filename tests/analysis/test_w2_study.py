@@ -1,0 +1,38 @@
+"""What W2 is made of before anything is trained: panels and numbers of levels explain nearly all of it."""
+
+import numpy as np
+import pytest
+
+from analysis.w2_study import COUNTS, IN_MODELS, MEANS_OF_2022, distances, means_of, models_of
+
+IN_DISTRIBUTION = [pair for pair in MEANS_OF_2022 if pair[0] == pair[1]]
+
+
+@pytest.fixture(scope="module")
+def table():
+    return distances(range(3), IN_DISTRIBUTION, IN_MODELS)
+
+
+def test_panel_and_number_of_levels_explain_nine_tenths_of_log_w2(table):
+    models = models_of(table).set_index("mode")
+    assert (models["panel_and_log_n"] > 0.9).all()
+    assert (models["cell"] >= models["panel_and_log_n"]).all()
+    assert models.loc["reference", "panel"] == pytest.approx(0.60, abs=0.08)  # as the code of 2022 gives it
+    assert models.loc["reference", "log_n"] == pytest.approx(0.35, abs=0.08)
+
+
+def test_means_lie_at_those_of_2022(table):
+    means = means_of(table)
+    chosen = means[means["mode"] == "reference"]
+    assert len(chosen) == len(IN_DISTRIBUTION) * len(IN_MODELS)
+    assert np.sqrt((chosen["standard_errors_apart"] ** 2).mean()) < 2.0
+    assert means.loc[means["mode"] != "reference", "mean_2022"].isna().all()
+
+
+def test_smaller_sets_are_the_first_levels_of_larger_ones():
+    few, many = (distances([0], [("empty-hard", "empty-hard")], counts) for counts in ((1,), (1, 200)))
+    assert few["w2_exact"].iloc[0] == many["w2_exact"].iloc[0]
+
+
+def test_there_is_a_published_mean_for_every_number_of_levels():
+    assert all(len(means) == len(COUNTS) for means in MEANS_OF_2022.values())

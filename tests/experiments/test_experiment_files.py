@@ -1,0 +1,108 @@
+"""An experiment is data: every file of conf/experiment is right at every scale, and a wrong one is told with its place."""
+
+import copy
+
+import pytest
+import yaml
+
+from experiments.config import RunConfig
+from experiments.entry import conf_dir
+from experiments.errors import ConfigError
+from experiments.experiment import SCALES, TransferConfig, experiment_at, other_panel
+from experiments.planning import make_plan
+from experiments.reproduce import ReproduceConfig, experiment_files, help_text
+
+GOOD = {
+    "title": "A grid",
+    "grid": {"families": ["empty"], "counts": [1, 10], "frames": 1e5},
+    "transfers": [{"difficulty": "harder"}],
+    "scales": {"quick": {"counts": [3]}, "paper": {}},
+}
+
+
+def changed(path, value):
+    data = copy.deepcopy(GOOD)
+    place = data
+    for key in path[:-1]:
+        place = place[key]
+    place[path[-1]] = value
+    return data
+
+
+def test_a_scale_changes_what_it_names_and_nothing_else():
+    quick, paper = (experiment_at("mine", GOOD, scale) for scale in ("quick", "paper"))
+    assert (quick.grid.counts, quick.grid.families, quick.grid.frames) == ((3,), ("empty",), 100_000)
+    assert paper.grid.counts == (1, 10)
+
+
+def test_at_a_scale_that_its_file_does_not_name_an_experiment_is_not_run():
+    assert experiment_at("mine", GOOD, "standard") is None
+
+
+GRID, QUICK = ["grid"], ["scales", "quick"]
+HERE = "grids.mine"
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "message"),
+    [
+        ([*GRID, "famlies"], [], f"no setting is called '{HERE}.grid.famlies'. Did you mean '{HERE}.grid.families'?"),
+        ([*GRID, "families"], ["emtpy"], f"{HERE}.grid.families[0]: 'emtpy' is unknown. Did you mean 'empty'?"),
+        ([*GRID, "counts"], [1, 0], f"{HERE}.grid.counts[1]: 0 is not allowed; it must be at least 1"),
+        ([*GRID, "counts"], 10, f"{HERE}.grid.counts: 10 is not a list whose entries are each a whole number"),
+        ([*GRID, "designs"], ["coverng"], f"{HERE}.grid.designs[0]: 'coverng' is unknown. Did you mean 'covering'?"),
+        ([*GRID, "variations"], ["gravity_4"], f"{HERE}.grid.variations[0]: 'gravity_4' is unknown. Did you mean"),
+        (QUICK, {"difficulties": ["hardest"]}, f"{HERE}.scales.quick.difficulties[0]: 'hardest' is unknown"),
+        (QUICK, None, f"{HERE}.scales.quick: None is no group of settings; where nothing differs it is {{}}"),
+        (QUICK, {"options": {"seeds": 1}}, f"{HERE}.scales.quick.options: there is no 'seeds'"),
+        (QUICK, {"transfers": [{"family": "empt"}]}, f"{HERE}.scales.quick.transfers[0].family: 'empt' is unknown"),
+        (["transfers"], [{}], f"{HERE}.transfers[0]: {{}} is not allowed; it must be a family, difficulty, variation"),
+        (["transfers"], [{"difficulty": "hardr"}], f"{HERE}.transfers[0].difficulty: 'hardr' is unknown. Did you mean"),
+        (["grid"], {}, "it must be an experiment with a grid, a study, or both"),
+        (["title"], 3, f"{HERE}.title: 3 is not text"),
+    ],
+)
+def test_what_is_wrong_is_told_with_its_place(path, value, message):
+    with pytest.raises(ConfigError) as told:
+        experiment_at("mine", changed(path, value), "quick")
+    assert message in str(told.value)
+
+
+def test_a_study_without_a_grid_has_nothing_to_differ_in():
+    data = {"title": "Study", "study": "a.b", "scales": {"quick": {"counts": [1]}}}
+    with pytest.raises(ConfigError, match="the experiment has no grid, so counts cannot differ"):
+        experiment_at("mine", data, "quick")
+
+
+@pytest.mark.parametrize(
+    ("transfer", "panel"),
+    [
+        (TransferConfig(difficulty="harder"), "empty-hard"),
+        (TransferConfig(difficulty="easier"), "empty-easy"),
+        (TransferConfig(family="tilesx1"), "tilesx1-medium"),
+        (TransferConfig(variation="gravity_40"), "empty-medium"),
+    ],
+)
+def test_transfers_are_relative_to_the_training_levels(transfer, panel):
+    assert other_panel("empty", "medium", transfer) == panel
+
+
+def test_there_is_nothing_harder_than_hard():
+    assert other_panel("empty", "hard", TransferConfig(difficulty="harder")) is None
+
+
+def test_the_command_knows_every_file():
+    listed = yaml.safe_load((conf_dir() / "reproduce.yaml").read_text())["defaults"]
+    named = [value for entry in listed if isinstance(entry, dict) for key, value in entry.items() if "@grids." in key]
+    assert sorted(named) == sorted(experiment_files())
+    assert all(name in help_text() for name in named)
+
+
+@pytest.mark.parametrize("scale", SCALES)
+def test_all_files_are_right_at_every_scale(scale, tmp_path):
+    config = ReproduceConfig(RunConfig(root=str(tmp_path)), grids=experiment_files())
+    found = [experiment_at(name, config.grids[name], scale) for name in config.grids]
+    plan = make_plan([one for one in found if one is not None], config.run, tmp_path)
+    assert {"figure_3a", "figure_4a", "w2_study"} <= set(plan.members)
+    assert len({work.run.label() for work in plan.runs}) == len(plan.runs)
+    assert all(known in SCALES for one in experiment_files().values() for known in one["scales"])

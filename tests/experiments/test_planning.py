@@ -1,0 +1,109 @@
+"""A plan trains what several experiments need once, knows what is done, and estimates the rest from runs of this machine."""
+
+import dataclasses
+import json
+import socket
+
+import pytest
+
+from experiments.config import ScaleConfig
+from experiments.errors import ConfigError
+from experiments.experiment import experiment_at
+from experiments.planning import as_text, frames_left, in_minutes, make_plan, measure_speeds
+from experiments.run_folder import JOURNAL, SUMMARY, folder_path, write_json
+from tests.synthetic_runs import settings, write_run
+
+SCALE = ScaleConfig(name="quick", frames=1000, families=("empty",), difficulties=("easy", "hard"), counts=(1, 10))
+MAIN = {"title": "Main", "grid": {"algorithms": ["base"]}, "scales": {"quick": {}}}
+HARDER = {**MAIN, "title": "Harder", "transfers": [{"difficulty": "harder"}, {"variation": "gravity_40"}]}
+AGAIN = {**MAIN, "title": "Again", "transfers": [{"variation": "gravity_40"}]}
+
+
+def plan_of(root, **files):
+    base = settings(root, seed=1, scale=SCALE)
+    return make_plan([experiment_at(name, data, "quick") for name, data in files.items()], base, root / "results")
+
+
+def test_a_run_that_two_experiments_need_is_planned_once_with_the_transfers_of_both(tmp_path):
+    plan = plan_of(tmp_path, main=MAIN, harder=HARDER, again=AGAIN)
+    assert [len(plan.members[name]) for name in ("main", "harder", "again")] == [4, 4, 4]
+    assert len(plan.runs) == 4
+    wanted = {work.run.levels.train: [one.label for one in work.transfers] for work in plan.runs}
+    assert wanted == {"empty-easy": ["empty-medium", "gravity_40"], "empty-hard": ["gravity_40"]}
+
+
+def test_settings_of_a_grid_are_those_of_the_files_that_it_names(tmp_path):
+    grid = {"counts": [10], "difficulties": ["hard"], "observations": ["textures_far"], "algorithms": ["curl_fast"]}
+    grid |= {"designs": ["covering"], "variations": ["ball_mass"], "frames": 7, "seeds": 2, "interval": 3}
+    first, second = (work.run for work in plan_of(tmp_path, mine={**MAIN, "grid": grid}).runs)
+    assert (first.seed, second.seed, first.levels.seed) == (1, 2, 1)
+    assert (first.observation.name, first.observation.options) == ("textures", {"textures": "far"})
+    assert (first.algorithm.name, type(first.algorithm).__name__, first.algorithm.gamma) == (
+        "curl_fast",
+        "CURLConfig",
+        0.9,
+    )
+    assert (first.levels.design, first.levels.variation) == ("covering", "ball_mass")
+    assert (first.scale.frames, first.evaluation.interval) == (7, 3)
+
+
+def test_a_setting_that_no_file_states_is_told(tmp_path):
+    with pytest.raises(ConfigError, match="no algorithm is called 'curl_fst'"):
+        plan_of(tmp_path, mine={**MAIN, "grid": {"algorithms": ["curl_fst"]}})
+
+
+def test_where_a_run_is_tested_anyway_is_no_transfer(tmp_path):
+    grid = {"counts": [1], "observations": ["textures_far"]}
+    data = {**MAIN, "grid": grid, "transfers": [{"observation": "textures_far"}, {"observation": "textures_close"}]}
+    (labels,) = {tuple(one.label for one in work.transfers) for work in plan_of(tmp_path, mine=data).runs}
+    assert labels == ("textures_close",)
+
+
+def test_done_are_runs_whose_transfers_are_finished_too(tmp_path):
+    plan = plan_of(tmp_path, harder=HARDER)
+    work = plan.runs[0]
+    assert not work.is_done() and frames_left(work.run) == 1000
+    write_run(work.run)
+    assert not work.is_done() and frames_left(work.run) == 0
+    for transfer in work.transfers:
+        transfer.folder(work.run).mkdir(parents=True)
+        write_json(transfer.folder(work.run) / SUMMARY, {})
+    assert work.is_done()
+
+
+def test_a_run_that_was_cut_off_has_fewer_frames_left(tmp_path):
+    run = plan_of(tmp_path, main=MAIN).runs[0].run
+    folder = write_run(run, finished=False)
+    (folder / JOURNAL).write_text(json.dumps({"event": "stopped", "frames": 400}) + "\n")
+    assert frames_left(run) == 600
+
+
+def test_speeds_are_medians_of_what_this_machine_ran(tmp_path):
+    plan = plan_of(tmp_path, main=MAIN)
+    for work, seconds, host in zip(
+        plan.runs, (1.0, 2.0, 4.0, 100.0), [socket.gethostname()] * 3 + ["other"], strict=True
+    ):
+        folder = write_run(work.run)
+        write_json(folder / SUMMARY, {"frames": 1000, "seconds": seconds, "evaluation_seconds": 5.0})
+        (folder / JOURNAL).write_text(json.dumps({"event": "started", "host": host}) + "\n")
+    speeds = measure_speeds(tmp_path)
+    kind = (plan.runs[0].run.algorithm.name, plan.runs[0].run.observation.name)
+    assert (speeds.measured, speeds.frames[kind]) == (3, 500.0)
+    fresh = dataclasses.replace(plan.runs[0], run=dataclasses.replace(plan.runs[0].run, seed=9))
+    assert speeds.seconds(fresh) == pytest.approx(1000 / 500 + 5)
+
+
+def test_the_plan_says_what_is_shared_done_and_left(tmp_path):
+    plan = plan_of(tmp_path, main=MAIN, again=MAIN)
+    write_run(plan.runs[0].run)
+    lines = as_text(plan, measure_speeds(tmp_path), 2, SCALE).splitlines()
+    assert lines[1].split()[:6] == ["main", "-", "4", "-", "1", "3,000"]
+    assert lines[2].split() == ["again", "-", "4", "4", "1", "0", "-"]
+    assert lines[3].startswith("quick: 4 runs, 1 done, 3 to do with 3,000 frames; 0 of 0 studies to do; about ")
+    assert lines[3].endswith("with 2 at a time (by assumed speeds).")
+    assert folder_path(plan.runs[0].run).parent == tmp_path
+
+
+@pytest.mark.parametrize(("seconds", "words"), [(3.2, "3 s"), (600, "10 min"), (7200, "2.0 h")])
+def test_durations_are_rounded_for_reading(seconds, words):
+    assert in_minutes(seconds) == words

@@ -1,0 +1,62 @@
+"""An agent is tested where it was not trained: other levels, other physics, another look."""
+
+import dataclasses
+
+import pytest
+
+from experiments.config import ObservationConfig, PPOConfig
+from experiments.errors import ConfigError
+from experiments.run import run
+from experiments.run_folder import folder_path, read_summary
+from experiments.transfers import RunWork, Transfer, evaluate_transfer
+from tests.experiments.short_runs import short_run
+
+STATE = ObservationConfig("state")
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory):
+    config = dataclasses.replace(
+        short_run(tmp_path_factory.mktemp("runs") / "run"), algorithm=PPOConfig(num_envs=8, num_steps=8, widths=(8,))
+    )
+    run(config, say=lambda line: None)
+    return config
+
+
+def test_what_comes_of_it_lies_in_the_run_folder(trained):
+    transfer = Transfer("empty-medium", "empty-medium", "", STATE, test_count=5)
+    assert not RunWork(trained, (transfer,)).is_done()
+    summary = evaluate_transfer(trained, transfer, say=lambda line: None)
+    assert RunWork(trained, (transfer,)).is_done()
+    assert summary["transfer"]["panel"] == "empty-medium" and summary["frames"] == 256
+    assert {"w2/exact", "ks", "evaluation/test/return/sampled", "evaluation/test/success/deterministic"} <= {*summary}
+    assert transfer.folder(trained).parent.parent == folder_path(trained)
+    assert (transfer.folder(trained) / "episodes.parquet").exists()
+
+
+def test_the_same_levels_give_what_the_run_itself_gave(trained):
+    own = Transfer("own", "empty-easy", "", STATE, test_count=trained.levels.test_count)
+    summary, of_run = evaluate_transfer(trained, own, say=lambda line: None), read_summary(folder_path(trained))
+    shared = [key for key in summary if key.startswith(("evaluation/", "w2/", "ks"))]
+    assert len(shared) > 10
+    assert {key: summary[key] for key in shared} == {key: of_run[key] for key in shared}
+
+
+def test_another_physics_is_another_result_at_the_same_distance_in_positions(trained):
+    plain = Transfer("own", "empty-easy", "", STATE, test_count=5)
+    heavy = Transfer("friction", "empty-easy", "friction_0.8", STATE, test_count=5)
+    a, b = (evaluate_transfer(trained, one, say=lambda line: None) for one in (plain, heavy))
+    assert a["evaluation/test/return/deterministic"] != b["evaluation/test/return/deterministic"]
+    assert b["w2/exact"] > a["w2/exact"]
+
+
+def test_levels_that_the_agent_cannot_observe_are_refused(trained):
+    other = Transfer("objectsx1-easy", "objectsx1-easy", "", STATE, test_count=2)
+    with pytest.raises(ConfigError, match="observes arrays of shape"):
+        evaluate_transfer(trained, other, say=lambda line: None)
+
+
+def test_the_folder_is_named_by_what_is_tested_and_not_by_who_asks():
+    a, b = (Transfer(label, "empty-easy", "", STATE) for label in ("a", "b"))
+    assert a.folder_name().split("-")[-1] == b.folder_name().split("-")[-1]
+    assert dataclasses.replace(a, test_count=7).folder_name() != a.folder_name()

@@ -1,0 +1,109 @@
+"""Variations change what they say and nothing else; conditions make the goal count later."""
+
+import numpy as np
+import pytest
+
+import segar
+from experiments.conditions import Contender, conditional_puttputt
+from experiments.config import LevelsConfig
+from experiments.errors import ConfigError
+from experiments.variations import VARIATIONS, vary
+from experiments.worlds import distribution_of, make_levels
+from segar import FloorFriction, GoalTile, GolfBall, Gravity, Mass, Order, Position, SandTile
+from segar.rules import apply_friction, lorentz_law
+
+
+def levels_of(**settings):
+    return make_levels(LevelsConfig(**{"train": "empty-hard", "count": 30, "test_count": 5, **settings}))
+
+
+def values_of(levels, entity, factor):
+    return levels.values[:, levels.layout.slot_index(entity), levels.layout.columns[factor]]
+
+
+def test_the_mass_of_the_ball_varies_tenfold_in_training_and_test():
+    for levels in levels_of(variation="ball_mass", test_count=30):
+        mass = values_of(levels, "golfball", Mass)
+        assert 0.3 <= mass.min() < 0.6 and 2.4 < mass.max() <= 3.0
+
+
+def test_a_test_variation_leaves_the_training_levels_alone():
+    plain, varied = levels_of(), levels_of(test_variation="gravity_40")
+    assert plain[0] == varied[0]
+    gravity = varied[1].layout.parameters.index(Gravity)
+    assert (varied[1].parameters[:, gravity] == 40).all() and (varied[0].parameters[:, gravity] == 10).all()
+    np.testing.assert_array_equal(plain[1].types, varied[1].types)
+
+
+def test_friction_is_that_of_the_name():
+    _, test = levels_of(test_variation="friction_0.8")
+    assert (test.parameters[:, test.layout.parameters.index(FloorFriction)] == 0.8).all()
+
+
+@pytest.mark.parametrize(("name", "missing"), [("frictionless", apply_friction), ("without_fields", lorentz_law)])
+def test_rule_sets_lack_what_they_say(name, missing):
+    rules = vary(segar.family("empty-hard"), name, "here").world.rules
+    assert missing not in rules and len(rules) < len(segar.DEFAULT_RULES)
+    assert missing in segar.DEFAULT_RULES
+
+
+@pytest.mark.parametrize("family", ["empty-easy", "objectsx1-hard", "tilesx1-medium"])
+@pytest.mark.parametrize("name", sorted(VARIATIONS))
+def test_every_variation_suits_every_family(name, family):
+    dist = vary(segar.family(family), name, "here")
+    assert len(dist.sample(2, seed=0)) == 2
+    assert dist.name == f"{family}+{name}"
+
+
+def test_an_unknown_variation_is_told_with_its_place():
+    with pytest.raises(ConfigError, match="no variation is called 'bal_mass'"):
+        distribution_of(LevelsConfig(variation="bal_mass"), "train")
+
+
+def test_a_design_picks_other_levels_of_the_same_number():
+    iid, near = levels_of(count=10)[0], levels_of(count=10, design="clustered")[0]
+    assert len(iid) == len(near) == 10
+    assert values_of(near, "golfball", Position).std() < values_of(iid, "golfball", Position).std()
+
+
+def test_nuisance_sets_differ_in_the_order_of_drawing_alone():
+    levels = levels_of(count=10, design="nuisance_only")[0]
+    assert len(np.unique(values_of(levels, "golfball", Order))) > 1
+    assert len(np.unique(values_of(levels, "golfball", Position))) == 1
+
+
+def course():
+    ball = Contender({Position: (0.9, 0.0), segar.Velocity: (3.0, 0.0)})
+    things = [ball, GoalTile({Position: (0.6, 0.0)}), SandTile({Position: (-0.8, -0.8)})]
+    return segar.Levels.from_entities([things])
+
+
+def steps_until_success(conditions, **start):
+    """Steps that a ball takes to the goal when it is steered straight at it; -1 if 60 are not enough."""
+    world = vary(segar.family("empty-hard"), "conditions", "here").world
+    levels = course()
+    interpreter = segar.Interpreter(world, levels.layout, conditional_puttputt(conditions))
+    values = None
+    for step in range(60):
+        action = [0.0, 0.0]
+        if values is not None:
+            ball, goal = (values[levels.layout.slot_index(name)] for name in ("golfball", "goal"))
+            x, v = (levels.layout.columns[f] for f in (Position, segar.Velocity))
+            action = list(np.clip((4 * (goal[x : x + 2] - ball[x : x + 2]) - ball[v : v + 2]) / 2, -1, 1))
+        result = interpreter.step(levels, values=values, action=action)
+        values = result.values
+        if result.success:
+            return step + 1
+    return -1
+
+
+def test_more_conditions_need_more_steps_and_sand_needs_a_detour():
+    none, slow, wall, sand = (steps_until_success(k) for k in range(4))
+    assert 0 < none <= slow <= wall
+    assert sand == -1  # the steered ball never rolls over sand
+    assert isinstance(GolfBall(), GolfBall) and issubclass(Contender, GolfBall)
+
+
+def test_there_are_three_conditions():
+    with pytest.raises(segar.SegarError, match="there are 0 to 3 of them, not 4"):
+        conditional_puttputt(4)
