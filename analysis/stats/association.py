@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from statsmodels.stats.multitest import multipletests
 
 from analysis.stats.correlation import Correlation, NotAvailable, correlate, indicators, residuals, without_outliers
 from analysis.stats.estimate import Estimate
@@ -107,13 +106,18 @@ def kept(
 
 
 def holm(p: Any) -> NDArray[np.float64]:
-    """Holm's step-down correction of p-values [n], by statsmodels; nan stays, and does not count as a test."""
+    """Holm's step-down correction of p-values [n], or of each column of [n, m]; nan stays, and does not count as a test.
+
+    As statsmodels' ``multipletests``, which collects garbage at each call and so takes 0.1 s.
+    """
     p = np.asarray(p, np.float64)
-    out = np.full(p.shape, np.nan)
-    there = np.isfinite(p)
-    if there.any():
-        out[there] = multipletests(p[there], method="holm")[1]
-    return out
+    order = np.argsort(p, axis=0)  # nan last
+    tests = np.isfinite(p).sum(axis=0)
+    rank = np.arange(len(p)).reshape(-1, *[1] * (p.ndim - 1))
+    stepped = np.maximum.accumulate(np.take_along_axis(p, order, 0) * (tests - rank), axis=0)
+    out = np.empty_like(p)
+    np.put_along_axis(out, order, np.minimum(stepped, 1.0), 0)
+    return np.where(np.isfinite(p), out, np.nan)
 
 
 def labels(table: pd.DataFrame, names: Sequence[str]) -> NDArray[Any]:

@@ -210,8 +210,10 @@ def over_pairs(values: NDArray[np.float64], level: float) -> Estimate:
     if found.n < 2:
         return found
     spread = float(values.std(ddof=1))
-    t = found.estimate / (spread / np.sqrt(found.n)) if spread else np.inf * np.sign(found.estimate)
-    p = 1.0 if np.isnan(t) else float(2 * stats.t.sf(abs(t), found.n - 1))
+    if spread == 0:
+        p = float(found.estimate == 0)
+    else:
+        p = float(2 * stats.t.sf(abs(found.estimate) / (spread / np.sqrt(found.n)), found.n - 1))
     return dataclasses.replace(found, p=p)
 
 

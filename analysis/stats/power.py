@@ -94,7 +94,7 @@ def p_values(
     within = [partial_p(a[rows], y[rows], one[rows]) for rows in parts if len(rows) > 2 and np.ptp(a[rows]) > 0]
     if within:
         found["within"] = np.stack(within)
-        found["within, Holm"] = np.stack([holm(p) for p in found["within"].T], axis=1)
+        found["within, Holm"] = holm(found["within"])
     return found
 
 

@@ -59,8 +59,8 @@ def aggregates(
     run: str = "seed",
     resamples: int = RESAMPLES,
 ) -> pd.DataFrame:
-    """Aggregates of each value of ``by``: columns ``by``, ``aggregate``, ``estimate``, ``low``, ``high`` (95 %), ``n``
-    (runs times tasks), ``p`` (nan), ``level``, ``note``; the aggregates are "iqm", "mean", "median", "optimality_gap".
+    """Aggregates of each value of ``by``: columns ``by``, ``metric``, ``estimate``, ``low``, ``high`` (95 %), ``n``
+    (runs times tasks), ``p`` (nan), ``level``, ``note``; the metrics are "iqm", "mean", "median", "optimality_gap".
 
     Raises:
         SegarError: a column is missing, or a task lacks a run.
@@ -71,7 +71,7 @@ def aggregates(
         for aggregate, function in AGGREGATES.items():
             low, high = np.quantile(function(drawn), (0.025, 0.975))
             one = Estimate(float(function(scores)), float(low), float(high), scores.size)
-            rows.append(one.row(**{by: name, "aggregate": aggregate}))
+            rows.append(one.row(**{by: name, "metric": aggregate}))
     return pd.DataFrame(rows)
 
 

@@ -1,0 +1,76 @@
+"""The mixed model: least squares where nothing is shared, planted effects and variances, honest p-values."""
+
+import numpy as np
+import pytest
+import statsmodels.formula.api as smf
+
+from analysis.stats.mixed import mixed_model
+from segar.errors import SegarError
+from tests.analysis.grids import grid
+
+
+def rng(seed=0):
+    return np.random.default_rng(seed)
+
+
+def test_where_runs_share_nothing_it_is_least_squares():
+    runs = grid(rng(0), seeds=4, panel_sd=0.0)
+    found = mixed_model(runs, "gap", ["w2"], random=("seed",)).term("w2")
+    line = smf.ols("gap ~ w2", runs).fit()
+    assert found.estimate == pytest.approx(line.params["w2"], rel=0.02)
+    assert found.high - found.low == pytest.approx(np.ptp(line.conf_int().loc["w2"]), rel=0.05)
+
+
+def test_planted_slope_and_variances_come_out():
+    runs = grid(rng(1), seeds=12, slope=-3.0, noise=0.2, panel_sd=1.0, seed_sd=0.5)
+    found = mixed_model(runs, "gap", ["w2"])
+    assert found.converged
+    assert found.term("w2").low < -3 < found.term("w2").high
+    sd = np.sqrt(found.random.set_index("effect")["variance"])
+    assert 0.5 < sd["family x difficulty"] < 2 and 0.25 < sd["seed"] < 1
+    assert sd["residual"] == pytest.approx(0.2, rel=0.1)
+    assert found.random["share"].sum() == pytest.approx(1)
+    assert list(found.random["groups"]) == [9, 12, 540]
+
+
+def test_it_is_the_slope_of_statsmodels_own_random_intercept():
+    runs = grid(rng(2), seeds=3, panel_sd=1.0)
+    runs["panel"] = runs["family"] + runs["difficulty"]
+    theirs = smf.mixedlm("gap ~ w2", runs, groups=runs["panel"]).fit()
+    ours = mixed_model(runs, "gap", ["w2"], random=(("family", "difficulty"),))
+    assert ours.term("w2").estimate == pytest.approx(theirs.params["w2"], rel=1e-3)
+    assert ours.log_likelihood == pytest.approx(theirs.llf, abs=1e-3)
+
+
+def test_log_n_beside_w2_and_slopes_in_standard_deviations():
+    runs = grid(rng(3), seeds=3, panel_sd=0.5)
+    plain = mixed_model(runs, "gap", ["w2", "n"], log=["n"])
+    scaled = mixed_model(runs, "gap", ["w2", "n"], log=["n"], standardise=True)
+    assert list(plain.fixed["term"]) == ["intercept", "w2", "log n"]
+    ratio = runs["w2"].std() / runs["gap"].std()
+    assert scaled.term("w2").estimate == pytest.approx(plain.term("w2").estimate * ratio, rel=1e-3)
+
+
+def test_where_there_is_no_slope_few_are_found():
+    p = [mixed_model(grid(rng(s), 2, slope=0.0, panel_sd=0.5), "gap", ["w2"]).term("w2").p for s in range(60)]
+    assert np.mean(np.array(p) < 0.05) <= 0.15
+
+
+@pytest.mark.slow
+def test_its_size_is_five_percent_with_panels_and_seeds():
+    runs = [grid(rng(s), 3, slope=0.0, panel_sd=0.5, seed_sd=0.3) for s in range(500)]
+    p = np.array([mixed_model(one, "gap", ["w2"]).term("w2").p for one in runs])
+    assert np.mean(p < 0.05) == pytest.approx(0.05, abs=0.025)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"x": ["w3"]}, "no column 'w3'"),
+        ({"x": ["w2"], "log": ["n"]}, "'n' is not among x"),
+        ({"x": ["one"]}, "does not vary"),
+    ],
+)
+def test_what_cannot_be_fitted_is_named(arguments, message):
+    with pytest.raises(SegarError, match=message):
+        mixed_model(grid(rng(0)).assign(one=1.0), "gap", **arguments)
