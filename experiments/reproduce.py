@@ -43,6 +43,7 @@ from experiments.train import train
 from experiments.transfers import RunWork, evaluate_transfer
 
 PLAN = "plan.json"
+ENOUGH_LEFT = 0.85  # share of the work that is left, below which the time that was spent tells about the rest
 Work = RunWork | StudyWork
 
 
@@ -173,8 +174,11 @@ def do_all(
 
     def line(outcome: Outcome) -> str:
         share, spent = display.share_left(), time.monotonic() - began
-        left = f"about {in_minutes(spent * share / (1 - share))} left" if share else "all done"
-        return f"{ending(outcome)}; {left}"
+        if not share:
+            return f"{ending(outcome)}; all done"
+        # The first pieces also load libraries and compile kernels, so that little follows from them.
+        left = spent * share / (1 - share) if share < ENOUGH_LEFT else share * sum(weights.values()) / processes
+        return f"{ending(outcome)}; about {in_minutes(left)} left"
 
     display = Display(jobs, weights, line)
     with display.shown():
