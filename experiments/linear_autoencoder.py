@@ -13,7 +13,7 @@ from segar.errors import SegarError
 from segar.textures import TextureSet
 from segar.textures.inputs import is_noise
 from segar.textures.samples import UNIFORM, family_laws, product_of_marginals
-from segar.textures.standard import INPUTS, looks, units
+from segar.textures.standard import CHIEF, EXTREMES, INPUTS, KINDS, looks, units
 
 # The paper's geometry: 3 pixels per cell, 5 x 5 of them from each.
 STRIDE, KERNEL = 3, 5
@@ -34,6 +34,7 @@ class Training:
             units in which black is -1 and white 1.
         calm: weight of the mean square of what noise changes, in these units.
         floor_contrast: how many times as much it should be between the floor and a thing.
+        chief_contrast: likewise between the golf ball or the goal and another thing.
     """
 
     most_attempts: int = 5
@@ -46,6 +47,7 @@ class Training:
     texture_contrast: float = 0.6
     colour_contrast: float = 0.35
     floor_contrast: float = 1.6
+    chief_contrast: float = 1.2
     calm: float = 0.3
 
 
@@ -154,7 +156,9 @@ def contrast_shortfall(textures: torch.Tensor, training: Training) -> torch.Tens
     difference = textures[first] - textures[second]
     whole = _root((difference**2).mean(1))
     colour = _root((difference.reshape(len(difference), 3, -1).mean(2) ** 2).mean(1))
-    wanted = torch.where(first == 0, training.floor_contrast, 1.0)  # the floor comes first
+    is_chief = torch.tensor([False, *(isinstance(kind, CHIEF) for kind in KINDS + EXTREMES)])
+    wanted = torch.where(is_chief[first] | is_chief[second], training.chief_contrast, 1.0)
+    wanted = torch.where(first == 0, training.floor_contrast, wanted)  # the floor comes first
     missing = functional.relu(training.texture_contrast * wanted - whole) ** 2
     missing = missing + functional.relu(training.colour_contrast * wanted - colour) ** 2
     return missing.sum() / len(textures)

@@ -27,7 +27,7 @@ LARGEST_CELL = 4  # [pixels] so that a period is not larger than the smallest th
 # read out. The floor is nothing else; what is rare or tells things apart may be strong.
 AMPLITUDE = 0.32
 AMPLITUDES = {BACKGROUND: 1.2, "Charge": 0.48, "Magnetism": 0.48, "StoredEnergy": 0.48, "Alive": 0.25, NOISE: 0.25}
-AMPLITUDES |= {"Consumes": 0.35, "GoalTile": 0.4, "GolfBall": 0.4}
+AMPLITUDES |= {"Consumes": 0.35, "GoalTile": 0.46, "GolfBall": 0.46}
 
 
 def filter_textures(

@@ -39,6 +39,9 @@ INPUTS = (
 # The feature 0 of these is their default, so that a thing whose mass is hidden looks like one of 1 kg.
 CENTRED = {"Mass": 1.0, "Density": 1.0}
 
+# What a task is about: it must stand out from everything else.
+CHIEF = (GolfBall, GoalTile)
+
 # Each kind of thing, and tiles where all are hot and rough.
 KINDS: tuple[Entity, ...] = (
     *(

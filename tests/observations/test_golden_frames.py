@@ -25,7 +25,7 @@ GOLDEN = {
     "solid": "eeb56030bee0a1db",
     "solid, 128, grey, channels first": "00593a0e12acc658",
     "textures": "f745c086ee89b397",
-    "textures, one": "e2cc7fb09cac410a",
+    "textures, one": "4d2b658224b9af88",
 }
 
 
