@@ -132,10 +132,11 @@ def points_of(curve: Curve, folder: Path) -> pd.DataFrame:
 def merged(path: Path, table: pd.DataFrame) -> pd.DataFrame:
     """The CSV at ``path`` with the rows of ``table`` in place of those of the same names; it is written back."""
     if path.exists():
-        known = pd.read_csv(path)
-        table = pd.concat([known[~known["name"].isin(table["name"])], table], ignore_index=True)
+        there = pd.read_csv(path)
+        table = pd.concat([there.loc[~there["name"].isin(list(table["name"]))], table], ignore_index=True)
     order = {curve.name: i for i, curve in enumerate(CURVES)}
-    table = table[table["name"].isin(order)].sort_values("name", key=lambda names: names.map(order), kind="stable")
+    known = table.loc[table["name"].isin(list(order))]
+    table = known.iloc[np.argsort(known["name"].map(order).to_numpy(), kind="stable")]
     write_text(path, table.to_csv(index=False, float_format="%.6g"))
     return table
 
@@ -153,8 +154,9 @@ def figure(rows: pd.DataFrame, points: pd.DataFrame) -> Figure:
             axes.set_title(f"{name}, {levels}")
             axes.set_ylim(-0.03, 1.03)
             axes.set_xlabel("thousand frames")
-            for mode, own in points[points["name"] == name].groupby("mode"):
-                axes.plot(own["frames"] / 1000, own["success"], color=colour[str(mode)], label=str(mode))
+            for mode in colour:
+                own = points.loc[(points["name"] == name) & (points["mode"] == mode)]
+                axes.plot(own["frames"] / 1000, own["success"], color=colour[mode], label=mode)
         for axes in grid[::COLUMNS]:
             axes.set_ylabel("success on test levels")
         drawn.legend(*grid[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
