@@ -187,9 +187,9 @@ def test_values_are_quoted_for_hydra(value, text):
 @pytest.mark.parametrize(
     ("command", "cells", "observation", "algorithm", "frames"),
     [
-        (["scale=smoke"], 4, "rgb", "ppo_fast", 4_096),
-        (["scale=quick"], 45, "rgb", "ppo_fast", 80_000),
-        (["scale=standard"], 135, "rgb", "ppo_fast", 250_000),
+        (["scale=smoke"], 4, "rgb_stack2", "ppo_fast", 4_096),
+        (["scale=quick"], 45, "rgb_stack2", "ppo_fast", 80_000),
+        (["scale=standard"], 135, "rgb_stack2", "ppo_fast", 250_000),
         (["scale=paper"], 225, "textures", "ppo", 1_000_000),
         (["scale=paper", "observation=state", "scale.seeds=1"], 45, "state", "ppo", 1_000_000),
     ],
