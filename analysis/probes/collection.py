@@ -27,7 +27,7 @@ from segar.metrics.points import relevant_factors
 from segar.noise import Choice, Noise
 
 FRAMES = 5000
-ENVS = 64  # episodes that are played at once
+ENVS = 128  # episodes that are played at once
 SCOUTS, SCOUT_STEPS, SCOUT_SEED = 256, 100, 0  # random play in which it shows what varies, and what changes
 PAPER_FACTORS = ("Charge", "Magnetism", "Position.x", "Position.y", "Friction")  # of the 20 x 5 matrix of 2022
 

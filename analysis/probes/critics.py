@@ -20,9 +20,9 @@ CHUNK = 1024  # rows whose scores with all others are held at once
 class CriticSettings:
     """The critic that compares embeddings, and how it learns; chosen so that z = phi is told apart from 1 to 16 numbers."""
 
-    steps: int = 400
-    batch: int = 256
-    learning_rate: float = 5e-3  # falls to 0 along a cosine
+    steps: int = 300
+    batch: int = 128
+    learning_rate: float = 1e-2  # falls to 0 along a cosine
     width: int = 64
     embedding: int = 16
 

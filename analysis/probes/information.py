@@ -88,7 +88,8 @@ def estimate_information(
     """Accuracy and value of a bound on the information between phi and all factors, means of replicates with intervals.
 
     ``p`` is that of chance, one-sided, over replicates of critic and folds, not of frames. InfoNCE has no accuracy: it
-    does not care where the zero of T lies.
+    does not care where the zero of T lies. Values are those of held-out pairs, so that they can lie far below 0: a critic
+    that learnt few episodes by heart is sure of itself, and wrong. The accuracy is 0.5 then.
 
     Args:
         bound: "jsd" (MINE's, at most 2 log 2 nats), "infonce" (at most log 256 nats) or "smile" (clip 5). The critic

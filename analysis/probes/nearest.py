@@ -15,6 +15,7 @@ from segar.errors import SegarError
 
 NEIGHBOURS = 3
 PARTS = 10  # from whose scatter the error is told
+DRAWS = 10  # of one frame of each episode
 
 
 def ksg(x: Any, z: Any, neighbours: int = NEIGHBOURS) -> float:
@@ -51,23 +52,28 @@ def ksg_estimate(
 ) -> Estimate:
     """:func:`ksg` with a 95 % interval, from how it scatters over disjoint parts of the data (Holmes and Nemenman 2019).
 
-    The variance of an estimate from N points is taken to fall as 1 / N. ``group`` int [N] (episodes): no group is
-    divided among parts. ``p`` is that of no information, one-sided; ``n`` the number of groups.
+    ``group`` int [N] (episodes): frames of a group resemble each other, and neighbours within it would be information
+    that is none. So one frame of each group is drawn, ten times, and the estimates are averaged. The variance is taken
+    to fall as 1 / (number of groups). ``p`` is that of no information, one-sided; ``n`` the number of groups.
     """
     x, z = _points(x), _points(z)
-    group = np.arange(len(x)) if group is None else np.asarray(group)
-    names, place = np.unique(group, return_inverse=True)
-    value = ksg(x, z, neighbours)
-    parts = min(parts, len(names))
-    part_of = rng.permutation(np.arange(len(names)) % max(parts, 1))[place]
-    masks = [part_of == k for k in range(parts)]
-    if parts < 2 or min(mask.sum() for mask in masks) <= neighbours:
-        return Estimate(value, np.nan, np.nan, len(names), note="too few frames or episodes for an interval")
-    scatter = [ksg(x[mask], z[mask], neighbours) for mask in masks]
+    draws = [np.arange(len(x))] if group is None else [one_of_each(np.asarray(group), rng) for _ in range(DRAWS)]
+    n = len(draws[0])
+    if n < 10 * parts:  # in parts of fewer, the estimate has a bias that grows faster than its scatter
+        return Estimate.missing(n, f"{10 * parts} episodes or more are needed")
+    value = float(np.mean([ksg(x[rows], z[rows], neighbours) for rows in draws]))
+    part_of = rng.permutation(np.arange(n) % parts)  # the same groups in each draw, for rows follow the groups' names
+    scatter = [np.mean([ksg(x[r[part_of == k]], z[r[part_of == k]], neighbours) for r in draws]) for k in range(parts)]
     error = float(np.std(scatter, ddof=1) / np.sqrt(parts))
     half = float(stats.t.ppf(0.975, parts - 1)) * error
     p = float(stats.t.sf(value / error, parts - 1)) if error > 0 else float(value <= 0)
-    return Estimate(value, value - half, value + half, len(names), p)
+    return Estimate(value, value - half, value + half, n, p)
+
+
+def one_of_each(group: NDArray[np.int64], rng: np.random.Generator) -> NDArray[np.int64]:
+    """The index of a row of each group, drawn at random."""
+    order = rng.permutation(len(group))
+    return order[np.unique(group[order], return_index=True)[1]]
 
 
 def gaussian_information(correlation: Any) -> Any:

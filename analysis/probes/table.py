@@ -140,20 +140,20 @@ def identity(pairs: Pairs) -> Pairs:
 
 
 def shuffled(pairs: Pairs, rng: np.random.Generator) -> Pairs:
-    """Each episode with the representations of another episode, one after the other: what they say of knowing nothing.
+    """Each episode with representations of one other episode: what the probes say of knowing nothing.
 
-    Frames stay in their order, so that what they have in common with those before and after them is kept.
+    Which moment of the other episode is drawn anew for each frame: otherwise phi would know the time since the start,
+    and so, for instance, how fast things are. Frames of an episode share theirs, as they share their static factors.
     """
     names = np.unique(pairs.episode)
     if len(names) < 2:
         raise SegarError("frames of one episode cannot be exchanged with those of another")
     order = rng.permutation(len(names))
     rows_of = [np.flatnonzero(pairs.episode == name) for name in names]
-    rows_of = [rows[np.argsort(pairs.step[rows], kind="stable")] for rows in rows_of]
     source = np.empty(len(pairs), np.int64)
     for mine, theirs in zip(order, np.roll(order, 1), strict=True):
         rows, others = rows_of[mine], rows_of[theirs]
-        source[rows] = others[np.arange(len(rows)) % len(others)]
+        source[rows] = others[rng.integers(len(others), size=len(rows))]
     return pairs.with_representation(pairs.representation[source])
 
 

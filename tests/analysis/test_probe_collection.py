@@ -1,0 +1,124 @@
+"""Frames for probes: as many as asked for, aligned in time, of all that varies; and a run's probes in one table."""
+
+import numpy as np
+import pytest
+
+import segar
+from analysis.probes.collection import collect, collect_run, varying_columns
+from analysis.probes.critics import CriticSettings
+from analysis.probes.factors import COLUMNS
+from analysis.probes.table import probe_run, represent_all
+from experiments.anchors import RandomAgent, ScriptedAgent
+from experiments.run import run
+from segar.errors import SegarError
+from tests.experiments.short_runs import short_run
+
+
+@pytest.fixture(scope="module")
+def easy():
+    return segar.family("empty-easy")
+
+
+@pytest.fixture(scope="module")
+def columns(easy):
+    return varying_columns(easy)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return run(short_run(tmp_path_factory.mktemp("runs") / "one"), say=lambda line: None).folder
+
+
+def test_what_varies_does_not_depend_on_the_sample(columns):
+    names = [column.name for column in columns]
+    assert names == [
+        "golfball.Position.x", "golfball.Position.y", "golfball.Velocity.x", "golfball.Velocity.y",
+        "goal.Position.x", "goal.Position.y",
+    ]  # fmt: skip
+    static = {column.name: column.is_static for column in columns}
+    assert static["goal.Position.x"] and not static["golfball.Position.x"]
+
+
+def test_types_and_missing_factors_have_columns():
+    found = {column.name: column for column in varying_columns(segar.family("tilesx1-hard"))}
+    assert found["tile1.type"].is_category and found["tile1.type"].law.entropy() == pytest.approx(np.log(4))
+    assert {"tile1.Friction", "tile1.Heat", "golfball.Mass"} <= set(found)
+
+
+@pytest.mark.parametrize("agent", [RandomAgent(), ScriptedAgent()])
+def test_a_good_agent_gives_as_many_frames_as_a_bad_one(agent, easy, columns):
+    levels = easy.sample(5, seed=0, split="train")
+    frames = collect(agent, levels, columns, {"observation": "state"}, frames=700, num_envs=16)
+    assert len(frames) == 700 and set(frames.level) == set(range(5))
+    for episode in np.unique(frames.episode):
+        mine = frames.episode == episode
+        assert np.array_equal(np.sort(frames.step[mine]), np.arange(mine.sum())) and len(set(frames.level[mine])) == 1
+
+
+def test_factors_are_those_of_the_frame_and_late_ones_of_the_next(easy, columns):
+    levels = easy.sample(5, seed=0, split="train")
+    frames = collect(RandomAgent(), levels, columns, {"observation": "state"}, frames=600, num_envs=8)
+    assert frames.factors.astype(np.float32)[:, :2] == pytest.approx(frames.observation[:, :2])  # the ball's place
+    for episode in np.unique(frames.episode):
+        mine = np.flatnonzero(frames.episode == episode)
+        mine = mine[np.argsort(frames.step[mine])]
+        assert np.array_equal(frames.late[mine][:-1], frames.factors[mine][1:])
+    start = frames.factors[frames.step == 0]
+    assert (start[:, :4] == 0).all()  # in the centre, at rest
+    same, late = (frames.pairs(lambda o: o, alignment) for alignment in ("same", "late"))
+    assert np.array_equal(same.representation, late.representation)
+    assert not np.array_equal(same.factors, late.factors)
+
+
+def test_after_the_last_step_the_late_factors_are_of_another_level(easy, columns):
+    """What 2022 paired the last frame with: the first state of the next episode."""
+    frames = collect(
+        ScriptedAgent(), easy.sample(20, seed=0, split="train"), columns, {"observation": "state"}, num_envs=20
+    )
+    last = np.array([np.flatnonzero(frames.episode == e)[-1] for e in range(20)])
+    goal = [k for k, column in enumerate(columns) if column.slot == "goal"]
+    moved = (frames.late[last][:, goal] != frames.factors[last][:, goal]).any(axis=1)
+    assert moved.mean() > 0.8
+    assert (frames.late[last][:, :4] == 0).all()
+
+
+def test_collecting_repeats_itself(easy, columns):
+    levels = easy.sample(3, seed=0, split="test")
+    a, b = (
+        collect(RandomAgent(3), levels, columns, {"observation": "state"}, frames=100, num_envs=4) for _ in range(2)
+    )
+    assert np.array_equal(a.observation, b.observation) and np.array_equal(a.factors, b.factors)
+
+
+def test_a_run_s_policy_represents_its_own_levels(folder):
+    policy, frames = collect_run(folder, "test", frames=200, num_envs=8)
+    pairs = frames.pairs(policy.represent)
+    assert pairs.representation.shape == (200, 8) and len(pairs.columns) == pairs.factors.shape[1] == 6
+    assert np.array_equal(pairs.representation[:5], policy.represent(frames.observation[:5]))
+
+
+def test_representations_differ_and_frames_do_not(folder):
+    policy, frames = collect_run(folder, "train", frames=200, num_envs=8)
+    found = represent_all(folder, policy, frames, ["trained", "random encoder", "pixel PCA"], np.random.default_rng(0))
+    assert all(np.array_equal(pairs.factors, frames.factors) for pairs in found.values())
+    assert not np.array_equal(found["trained"].representation, found["random encoder"].representation)
+
+
+def test_all_probes_of_a_run_make_one_table(folder):
+    table = probe_run(
+        folder, representations=("trained", "identity"), bounds=("jsd",), probes=("ridge",), frames=300, num_envs=16,
+        replicates=2, settings=CriticSettings(steps=100),
+    )  # fmt: skip
+    assert list(table.columns[:3]) == ["run", "levels", "representation"] and set(COLUMNS) <= set(table.columns)
+    assert set(table.probe) == {"jsd", "ridge", "paper", "paper, joint marginal"}
+    accuracy = table[(table.probe == "jsd") & (table.quantity == "accuracy") & (table.levels == "test")]
+    by = accuracy.set_index("representation").estimate
+    assert by["identity"] > 0.9 and by["trained"] > 0.6
+    assert table[table.probe == "paper"].levels.tolist() == ["train", "test"]
+
+
+def test_errors_name_the_culprit(folder):
+    with pytest.raises(SegarError, match="levels must be 'train', 'test' or a level set, not 'tets'"):
+        collect_run(folder, "tets")
+    with pytest.raises(SegarError, match="representation 'trainde' is unknown"):
+        probe_run(folder, representations=("trainde",), frames=50)
