@@ -70,12 +70,13 @@ def levels_hash(levels: Any) -> str:
 
 @cache
 def code_fingerprint(learner: str) -> str:
-    """Sixteen hexadecimal digits over the library, and over the module of ``learner`` (``module:Class``) and what it
+    """Sixteen hexadecimal digits over the library with the textures that it ships, and over the module of ``learner`` (``module:Class``) and what it
     imports of its own package and of ``experiments``.
 
     Comments, docstrings and layout do not change it.
     """
-    library = sorted(Path(segar.__file__).resolve().parent.rglob("*.py"))
+    folder = Path(segar.__file__).resolve().parent
+    library = [*sorted(folder.rglob("*.py")), *sorted(folder.rglob("*.npz"))]
     return _fingerprint((*library, *(path for _, path in sorted(learning_modules(learner.partition(":")[0]).items()))))
 
 
@@ -119,7 +120,9 @@ def _fingerprint(paths: Iterable[Path]) -> str:
     digest = hashlib.sha256()
     for path in paths:
         digest.update(path.name.encode())
-        digest.update(ast.dump(_without_docstrings(ast.parse(path.read_bytes()))).encode())
+        content = path.read_bytes()
+        is_code = path.suffix == ".py"
+        digest.update(ast.dump(_without_docstrings(ast.parse(content))).encode() if is_code else content)
     return digest.hexdigest()[:16]
 
 

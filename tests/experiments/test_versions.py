@@ -45,3 +45,16 @@ def test_an_edit_changes_the_fingerprint_if_the_learner_imports_it(package, file
     assert fingerprint() == before
     path.write_text(f"{path.read_text()}more = 1\n")
     assert (fingerprint() != before) == counts
+
+
+def test_other_textures_are_other_code(package, monkeypatch, tmp_path):
+    library = tmp_path / "library"
+    (library / "textures").mkdir(parents=True)
+    (library / "__init__.py").write_text("")
+    (library / "textures" / "one.npz").write_bytes(b"a texture")
+    monkeypatch.setattr("segar.__file__", str(library / "__init__.py"))
+    before = fingerprint()
+    (library / "textures" / "one.npz").write_bytes(b"another one")
+    assert fingerprint() != before
+    monkeypatch.undo()
+    code_fingerprint.cache_clear()
