@@ -70,8 +70,8 @@ def levels_hash(levels: Any) -> str:
 
 @cache
 def code_fingerprint(learner: str) -> str:
-    """Sixteen hexadecimal digits over the library with the textures that it ships, and over the module of ``learner`` (``module:Class``) and what it
-    imports of its own package and of ``experiments``.
+    """Sixteen hexadecimal digits over the library with the textures that it ships, and over the module of ``learner``
+    (``module:Class``) and what it imports of its own package and of ``experiments``.
 
     Comments, docstrings and layout do not change it.
     """
