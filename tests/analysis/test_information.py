@@ -32,7 +32,7 @@ def hidden_layer(state, width, seed):
 
 @pytest.mark.parametrize("size", [1, 8])
 def test_independent_pairs_have_accuracy_one_half(size):
-    x, z = rng(1).normal(size=(3000, 16)), rng(2).normal(size=(3000, size))
+    x, z = rng(1).normal(size=(2000, 16)), rng(2).normal(size=(2000, size))
     assert mine_accuracy(x, z, rng()) == pytest.approx(0.5, abs=0.02)
 
 
@@ -62,8 +62,8 @@ def test_the_critic_of_2022_is_right_where_its_marginal_is():
 
 def test_episodes_that_resemble_themselves_fool_nobody():
     """Frames of an episode share phi and z: as independent rows they would betray each other."""
-    episode = np.repeat(np.arange(100), 20)
-    x = rng(7).normal(size=(100, 4))[episode] + 0.1 * rng(8).normal(size=(2000, 4))
+    episode = np.repeat(np.arange(100), 12)
+    x = rng(7).normal(size=(100, 4))[episode] + 0.1 * rng(8).normal(size=(1200, 4))
     z = rng(9).normal(size=(100, 3))[episode]
     assert mine_accuracy(x, z, rng()) > 0.9
     assert mine_accuracy(x, z, rng(), episode=episode) == pytest.approx(0.5, abs=0.07)
@@ -71,7 +71,7 @@ def test_episodes_that_resemble_themselves_fool_nobody():
 
 @pytest.mark.parametrize("bound", ["infonce", "smile"])
 def test_bounds_come_near_the_information_of_gaussians(bound):
-    z = rng(10).normal(size=(3000, 2))
+    z = rng(10).normal(size=(2000, 2))
     x = 0.8 * z + 0.6 * rng(11).normal(size=z.shape)
     _, value = estimate_information(pairs_of(x, z), rng(), bound=bound, replicates=1)
     assert value.estimate == pytest.approx(2 * gaussian_information(0.8), rel=0.15)
@@ -87,7 +87,7 @@ def test_the_accuracy_of_gaussians_is_that_of_the_best_critic():
         return -0.5 * math.log(1 - r * r) - (r * r * (a * a + b * b) - 2 * r * a * b) / (2 * (1 - r * r))
 
     best = ((log_ratio(x, z) > 0).mean() + (log_ratio(x, np.roll(z, 1)) < 0).mean()) / 2
-    found, _ = estimate_information(pairs_of(x[:3000, None], z[:3000, None]), rng(), replicates=1)
+    found, _ = estimate_information(pairs_of(x[:2000, None], z[:2000, None]), rng(), replicates=1)
     assert best - 0.03 < found.estimate < best + 0.015
 
 
@@ -103,7 +103,7 @@ def test_values_of_bounds_stay_below_their_ceilings():
 
 
 def test_units_and_linear_maps_of_phi_do_not_matter():
-    z = rng(14).normal(size=(1500, 3))
+    z = rng(14).normal(size=(900, 3))
     x = z + rng(15).normal(size=z.shape)
     plain = mine_accuracy(x, z, rng())
     assert mine_accuracy(1000 * x + 5, -0.01 * z, rng()) == pytest.approx(plain, abs=0.03)

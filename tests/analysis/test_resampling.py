@@ -59,11 +59,11 @@ def test_a_bootstrap_repeats_itself_from_its_seed():
 def test_permutation_within_panels_keeps_its_size_whatever_panels_do(given):
     """The gap has no law that a t-test knows, and panels differ; 5 % of tests say p < 0.05 all the same."""
     p = []
-    for seed in range(300):
+    for seed in range(200):
         table = grid(rng(seed), slope=0.0, noise=0.0, panel_sd=3.0)
         table["gap"] += rng(1000 + seed).standard_exponential(len(table)) ** 2
         p.append(permutation_within(table, "w2", "gap", rng(seed), given=given, resamples=99).p)
-    assert np.mean(np.array(p) <= 0.05) == pytest.approx(0.05, abs=0.035)
+    assert np.mean(np.array(p) <= 0.05) == pytest.approx(0.05, abs=0.045)
     assert stats.kstest(p, "uniform").statistic < 0.12
 
 
