@@ -158,7 +158,7 @@ class Simulator:
         if actions is not None:
             call.actions[:] = actions
         call.run(seen)
-        if call.errors[:, 0].any():
+        if np.count_nonzero(call.errors):
             errors = call.errors.copy()
             call.errors[:] = 0
             self._raise_conflict(errors)

@@ -16,7 +16,7 @@ from experiments.anchors import RandomAgent
 from experiments.evaluate import OWN
 from experiments.evaluation import load_agent
 from experiments.run_folder import read_config
-from experiments.worlds import environment_options, find_distribution
+from experiments.worlds import distribution_of, environment_options
 from segar.entities import GlobalFriction
 from segar.envs.vector import VectorEnv
 from segar.errors import LevelError
@@ -53,8 +53,7 @@ def collect_run(
     """
     folder = Path(folder).expanduser().resolve()
     trained = read_config(folder)
-    source = trained.levels.train if levels == "train" else trained.levels.test_distribution
-    distribution = find_distribution(source, "levels")
+    distribution = distribution_of(trained.levels, "train" if levels == "train" else "test")
     if isinstance(levels, str):
         if levels not in OWN:
             raise LevelError(f"levels must be 'train', 'test' or a level set, not '{levels}'")

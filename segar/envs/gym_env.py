@@ -95,6 +95,9 @@ def _first(observations: Any) -> Any:
     return map_leaves(lambda array: array[0], observations)
 
 
+PLAIN = ("level", "return", "length", "success", "death", "contacts", "gave_up")  # numbers of info
+
+
 def _single(info: dict[str, Any]) -> dict[str, Any]:
-    plain = {name: array[0].item() for name, array in info.items() if isinstance(array, np.ndarray)}
+    plain = {name: info[name].item(0) for name in PLAIN}
     return {**plain, "factors": SingleFactors(info["factors"]), "results": SingleResults(info["results"])}
