@@ -6,6 +6,8 @@ pass the same filters, and the dense layers see the points in the newest frame a
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
@@ -23,7 +25,7 @@ class Keypoints(nn.Module):
     A depth that is a multiple of 3 is so many frames in colour, the newest one last; any other is as many in grey.
     """
 
-    places: Tensor  # [3, cells]: x and y of each cell of the map, and 1
+    places: Tensor  # [3, cells]: x and y of each cell of the map, and 1; no buffer, which functional modules take for a weight
 
     def __init__(self, height: int, width: int, depth: int, outputs: int = 256) -> None:
         super().__init__()
@@ -34,10 +36,14 @@ class Keypoints(nn.Module):
             rows, columns = self.second(self.first(torch.zeros(1, depth // self.frames, height, width))).shape[-2:]
         self.sharpness = nn.Parameter(torch.full((FILTERS,), SHARPNESS))
         y, x = torch.meshgrid(torch.linspace(-1, 1, rows), torch.linspace(-1, 1, columns), indexing="ij")
-        places = torch.stack([x.flatten(), y.flatten(), torch.ones(rows * columns)])
-        self.register_buffer("places", places, persistent=False)
+        self.places = torch.stack([x.flatten(), y.flatten(), torch.ones(rows * columns)])
         points = 2 * FILTERS * self.frames
         self.dense = nn.Sequential(nn.Linear(points, outputs), nn.ReLU(), nn.Linear(outputs, outputs), nn.ReLU())
+
+    def _apply(self, fn: Callable[[Tensor], Tensor], recurse: bool = True) -> Keypoints:
+        super()._apply(fn, recurse)
+        self.places = fn(self.places)  # moves with the weights
+        return self
 
     def forward(self, x: Tensor) -> Tensor:
         """What the dense layers make of points and movements."""
