@@ -19,6 +19,8 @@ _options = {"nogil": True, "cache": True, "error_model": "numpy", "_nrt": False}
 PIXELS = 8  # of a unit: so that it is whole 64-bit words, whatever the channels
 BYTE_BITS = np.uint32(8)
 LAST_BYTE = np.uint32(24)
+ONE_BYTE, THREE_BYTES, TWO_BYTES = np.uint32(0xFF), np.uint32(0xFFFFFF), np.uint32(16)
+COLOUR_BITS, TWO_COLOURS_BITS = np.uint64(24), np.uint64(48)
 
 
 class Frames(NamedTuple):
@@ -84,7 +86,10 @@ def push_pixels(rows, frames, fresh, pending, age, todo, four_rgb):
         moves = pending[env]
         if fresh[env]:
             for u in range(age.shape[1]):
-                fill_unit(frames, env, u)
+                if four_rgb:
+                    fill_four_rgb(frames, env, u)
+                else:
+                    fill_unit(frames, env, u)
                 age[env, u] = 0
         else:
             for k in range(find_restless(frames.drawn_words, frames.newest_words, env, age, n, todo)):
@@ -123,6 +128,17 @@ def fill_unit(frames, env, u):
         for k in range(stack.shape[3]):
             for c in range(stack.shape[4]):
                 stack[env, u, p, k, c] = drawn[env, u, p, c]
+
+
+@njit(**_options)
+def fill_four_rgb(frames, env, u):
+    """Like :func:`fill_unit` for pixels of twelve bytes, as 8 and 4 of them."""
+    note_newest(frames.drawn_words, frames.newest_words, env, u)
+    for p in range(PIXELS):
+        colours = frames.colours[env, u, p]
+        once = np.uint64(colours & THREE_BYTES)
+        frames.heads[env, u, p] = once | (once << COLOUR_BITS) | (once << TWO_COLOURS_BITS)
+        frames.tails[env, u, p] = ((colours >> TWO_BYTES) & ONE_BYTE) | (colours << BYTE_BITS)
 
 
 @njit(**_options)
