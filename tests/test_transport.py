@@ -271,9 +271,7 @@ def test_wrong_options_are_named(options, message):
 def test_distances_ask_for_level_sets():
     law = segar.family("empty-easy")
     levels = law.sample(2, seed=0, split="train")
-    with pytest.raises(
-        LevelError, match=r"w2 takes level sets .segar.Levels.; a LevelDistribution is not supported"
-    ):
+    with pytest.raises(LevelError, match=r"w2 takes level sets .segar.Levels.; a LevelDistribution is not supported"):
         w2(levels, law)
     with pytest.raises(LevelError, match="at least 2 resamples, not 1"):
         w2_report(levels, levels, rng=np.random.default_rng(0), resamples=1)

@@ -148,5 +148,7 @@ def test_all_frames_of_a_stack_pass_the_same_filters():
     both = torch.cat([first, second], -1).permute(0, 3, 1, 2).float()
     found = stacked.points(both)
     for k, frames in enumerate((first, second)):
-        torch.testing.assert_close(found[:, k], one.points(frames.permute(0, 3, 1, 2).float())[:, 0], atol=1e-5, rtol=1e-4)
+        torch.testing.assert_close(
+            found[:, k], one.points(frames.permute(0, 3, 1, 2).float())[:, 0], atol=1e-5, rtol=1e-4
+        )
     assert stacked.frames == 2 and encoder("keypoints", shape=(64, 64, 4)).trunk.frames == 4
