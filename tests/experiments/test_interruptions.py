@@ -31,6 +31,14 @@ from tests.experiments.short_runs import (
 )
 
 
+@pytest.fixture(autouse=True)
+def listening():
+    """Ctrl-C counts; in what a shell started in its background, it is ignored."""
+    there = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, there)
+
+
 def send(number):
     return lambda _: os.kill(os.getpid(), number)
 
