@@ -6,7 +6,7 @@ import argparse
 
 from benchmarks.drawing import drawing
 from benchmarks.environments import environments, resets, single, startup
-from benchmarks.measure import header, load, machine
+from benchmarks.measure import print_parts
 from benchmarks.scaling import bodies, threads
 from benchmarks.yardsticks import against_pymunk, handwritten
 
@@ -29,13 +29,8 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=REPEATS, help="measure each number this often")
     parser.add_argument("--only", nargs="+", choices=PARTS, default=list(PARTS), metavar="part", help=", ".join(PARTS))
     chosen = parser.parse_args()
-    print(machine())
-    print("M/s: million environment steps per core-second; a ! marks a missed bar\n")
-    print(header())
-    for part in chosen.only:
-        for row in PARTS[part](chosen.repeats):
-            print(row, flush=True)
-    print(f"\nload {load()}")
+    legend = "M/s: million environment steps per core-second"
+    print_parts(legend, [PARTS[part] for part in chosen.only], chosen.repeats)
 
 
 if __name__ == "__main__":

@@ -6,7 +6,7 @@ import os
 import platform
 import statistics
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -112,3 +112,14 @@ def in_turns(
 def _digits(value: float) -> str:
     """Four significant digits without an exponent."""
     return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:#.4g}".rstrip(".")
+
+
+def print_parts(legend: str, parts: Sequence[Callable[[int], Iterable[Row]]], repeats: int) -> None:
+    """Print the machine, the legend and, as they come, the rows of each part."""
+    print(machine())
+    print(f"{legend}; a ! marks a missed bar\n")
+    print(header())
+    for part in parts:
+        for row in part(repeats):
+            print(row, flush=True)
+    print(f"\nload {load()}")

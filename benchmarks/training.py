@@ -14,7 +14,7 @@ import sys
 import time
 from collections.abc import Iterator, Sequence
 
-from benchmarks.measure import Row, header, load, machine
+from benchmarks.measure import Row, print_parts
 
 ITERATIONS = 12
 WARM = 2  # iterations that do not count
@@ -123,13 +123,7 @@ def main() -> None:
     if chosen.run:
         print(json.dumps(train(chosen.run[1:], int(chosen.run[0]))))
         return
-    print(machine())
-    print("f/s: frames per second; a ! marks a missed bar\n")
-    print(header())
-    for part in chosen.only:
-        for row in PARTS[part](chosen.iterations):
-            print(row, flush=True)
-    print(f"\nload {load()}")
+    print_parts("f/s: frames per second", [PARTS[part] for part in chosen.only], chosen.iterations)
 
 
 if __name__ == "__main__":

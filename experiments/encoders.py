@@ -19,10 +19,10 @@ from torch import Tensor, nn
 
 from experiments.construct import import_object
 from experiments.errors import ConfigError
+from experiments.frame_conv import WHITE, FrameConv
 from experiments.keypoints import Keypoints
 
 REPRESENTATION = 256  # numbers in phi(s), whatever the CNN
-WHITE = 255.0  # the brightest value of a frame
 
 
 class EncoderSettings(Protocol):
@@ -112,7 +112,7 @@ class FrameEncoder(nn.Module):
 
     Args:
         trunk: float [n, depth, height, width] -> [n, 256]. It gets numbers from 0 to 1, or, if it has a
-            :class:`FrameConv` or is :class:`Keypoints`, from 0 to 255.
+            :class:`FrameConv`, from 0 to 255.
         precision: what the trunk computes in, see :func:`precision_of`; its weights are float32 either way.
     """
 
@@ -121,7 +121,7 @@ class FrameEncoder(nn.Module):
     def __init__(self, trunk: nn.Module, precision: str = "auto") -> None:
         super().__init__()
         self.trunk, self.precision = trunk, precision
-        self.scale = None if any(isinstance(part, FrameConv | Keypoints) for part in trunk.modules()) else 1.0 / WHITE
+        self.scale = None if any(isinstance(part, FrameConv) for part in trunk.modules()) else 1.0 / WHITE
         self.trunk.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
     def forward(self, frames: Tensor) -> Tensor:
@@ -135,17 +135,6 @@ class FrameEncoder(nn.Module):
         with torch.autocast(x.device.type, precision, enabled=precision != torch.float32):
             representation = self.trunk(x)
         return representation.float().reshape(*shape, -1)
-
-
-class FrameConv(nn.Conv2d):
-    """A convolution of numbers from 0 to 255 that computes what another one would of numbers from 0 to 1.
-
-    It divides its weights instead of the pixels, which are many more, and exact in bfloat16 as they are.
-    """
-
-    def forward(self, input: Tensor) -> Tensor:  # torch's name
-        """As :class:`torch.nn.Conv2d`."""
-        return self._conv_forward(input, self.weight * (1.0 / WHITE), self.bias)
 
 
 def small(height: int, width: int, depth: int) -> nn.Sequential:

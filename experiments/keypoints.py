@@ -12,6 +12,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+from experiments.frame_conv import FrameConv
+
 SHARPNESS = 5.0  # of the soft-argmax at first; learned, one number per filter
 MOVED = 5.0  # movements are shown this much enlarged: between frames, things move by a small part of the picture
 TINY = 1e-30
@@ -30,7 +32,7 @@ class Keypoints(nn.Module):
     def __init__(self, height: int, width: int, depth: int, outputs: int = 256) -> None:
         super().__init__()
         self.frames = depth // COLOURS if depth % COLOURS == 0 else depth
-        self.first = nn.Conv2d(depth // self.frames, 16, 8, 4)
+        self.first = FrameConv(depth // self.frames, 16, 8, 4)
         self.second = nn.Conv2d(16, FILTERS, 3)
         with torch.no_grad():
             rows, columns = self.second(self.first(torch.zeros(1, depth // self.frames, height, width))).shape[-2:]
@@ -66,7 +68,7 @@ class Keypoints(nn.Module):
 
     def _first_of_all_frames(self) -> Tensor:
         """One convolution that does for each frame what ``first`` does for one: twice as fast as taking them apart."""
-        weight = self.first.weight * (1.0 / 255.0)
+        weight = self.first.divided_weight
         depth = weight.shape[1]
         shifted = [F.pad(weight, (0, 0, 0, 0, i * depth, (self.frames - 1 - i) * depth)) for i in range(self.frames)]
         return torch.cat(shifted).contiguous(memory_format=torch.channels_last)

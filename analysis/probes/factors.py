@@ -71,10 +71,13 @@ def probe_factors(
             if reason:
                 quantity = "accuracy" if column.is_category else "r2"
                 rows.append(base | {"quantity": quantity} | asdict(Estimate.missing(len(np.unique(group)), reason)))
-            elif column.is_category:
-                rows += category_rows(base, column, predicted[there, k], z, group, folds, rng)
+                continue
+            told = np.isfinite(predicted[there, k])
+            held_out = predicted[there, k][told], z[told], group[told]
+            if column.is_category:
+                rows += category_rows(base, column, *held_out, folds, rng)
             else:
-                rows += number_rows(base, column, predicted[there, k], z, group, bins, folds, rng)
+                rows += number_rows(base, column, *held_out, bins, folds, rng)
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
@@ -96,8 +99,6 @@ def number_rows(
     rng: np.random.Generator,
 ) -> list[dict[str, Any]]:
     """The rows of a factor that is a number."""
-    found = np.isfinite(predicted)
-    predicted, z, group = predicted[found], z[found], group[found]
     cells = quantise(column, z, bins)
     entropy = {"entropy": cells.entropy, "entropy_of": cells.source}
     error, spread = (z - predicted) ** 2, (z - z.mean()) ** 2
@@ -123,8 +124,6 @@ def category_rows(
     rng: np.random.Generator,
 ) -> list[dict[str, Any]]:
     """The rows of a factor that is a category."""
-    found = np.isfinite(predicted)
-    predicted, z, group = predicted[found], z[found], group[found]
     cells = quantise(column, z)
     entropy = {"entropy": cells.entropy, "entropy_of": cells.source}
     classes, label = np.unique(z, return_inverse=True)

@@ -69,9 +69,7 @@ def aggregates(
     for name, scores in matrices(table, score, by, task, run).items():
         drawn = resampled(scores, rng, resamples)
         for aggregate, function in AGGREGATES.items():
-            low, high = np.quantile(function(drawn), (0.025, 0.975))
-            one = Estimate(float(function(scores)), float(low), float(high), scores.size)
-            rows.append(one.row(**{by: name, "metric": aggregate}))
+            rows.append(with_interval(function, scores, drawn).row(**{by: name, "metric": aggregate}))
     return pd.DataFrame(rows)
 
 
@@ -92,10 +90,15 @@ def performance_profiles(
     for name, scores in matrices(table, score, by, task, run).items():
         drawn = resampled(scores, rng, resamples)
         for threshold in thresholds:
-            low, high = np.quantile((drawn > threshold).mean(axis=(-2, -1)), (0.025, 0.975))
-            one = Estimate(float((scores > threshold).mean()), float(low), float(high), scores.size)
+            one = with_interval(lambda runs, at=threshold: (runs > at).mean(axis=(-2, -1)), scores, drawn)
             rows.append(one.row(**{by: name, "threshold": float(threshold)}))
     return pd.DataFrame(rows)
+
+
+def with_interval(function: Callable[[Scores], Scores], scores: Scores, drawn: Scores) -> Estimate:
+    """``function`` of the scores ``[runs, tasks]``, with its 95 % interval over the resampled ones ``[..., runs, tasks]``."""
+    low, high = np.quantile(function(drawn), (0.025, 0.975))
+    return Estimate(float(function(scores)), float(low), float(high), scores.size)
 
 
 def probability_of_improvement(

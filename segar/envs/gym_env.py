@@ -95,9 +95,6 @@ def _first(observations: Any) -> Any:
     return map_leaves(lambda array: array[0], observations)
 
 
-PLAIN = ("level", "return", "length", "success", "death", "contacts", "gave_up")  # numbers of info
-
-
 def _single(info: dict[str, Any]) -> dict[str, Any]:
-    plain = {name: info[name].item(0) for name in PLAIN}
+    plain = {name: array.item(0) for name, array in info.items() if type(array) is np.ndarray}
     return {**plain, "factors": SingleFactors(info["factors"]), "results": SingleResults(info["results"])}
