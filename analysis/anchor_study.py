@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from analysis.tables import write_csv
 from experiments.anchors import IdleAgent
-from experiments.atomic import replacing
 from experiments.episodes import play
 from segar.families import DIFFICULTIES, family
 from segar.hardness import hardness
@@ -32,9 +32,7 @@ def main() -> None:
     parser.add_argument("--levels", type=int, default=100, help="test levels of each panel")
     chosen = parser.parse_args()
     rows = [row for place in product(FAMILIES, DIFFICULTIES) for row in players(*place, chosen.levels)]
-    chosen.output.mkdir(parents=True, exist_ok=True)
-    with replacing(chosen.output / "anchors.csv") as beside:
-        pd.DataFrame(rows).to_csv(beside, index=False, lineterminator="\n")
+    write_csv(chosen.output / "anchors.csv", pd.DataFrame(rows))
 
 
 def players(kind: str, difficulty: str, count: int) -> list[dict[str, Any]]:

@@ -22,10 +22,10 @@ from typing import Any, cast
 
 import pandas as pd
 
-from analysis.tables import performance, select
+from analysis.tables import performance, select, write_csv
 from experiments.atomic import replacing
 from experiments.cells import cell_of
-from experiments.config import RunConfig
+from experiments.config import ACTION_MODES, RunConfig
 from experiments.entry import run_simple_command
 from experiments.errors import RunFolderError
 from experiments.journal import read_journal
@@ -45,7 +45,6 @@ PLAN = "plan.json"
 RUNS, TRANSFERS, LEVELS, CURVES = "runs.parquet", "transfers.parquet", "levels.parquet", "curves.parquet"
 TABLES, MISSING = "tables", "missing.csv"
 OWN = "own"  # the test set that a run has by itself
-MODES = ("deterministic", "sampled")
 CURVES_OF = (
     "episode/return",
     "episode/success",
@@ -234,7 +233,7 @@ def distances(summary: Mapping[str, Any]) -> dict[str, float]:
 
 def in_modes(episodes: pd.DataFrame) -> dict[str, float]:
     """:func:`analysis.tables.performance` of each action mode, its name behind each column."""
-    parts = {mode: select(episodes, action_mode=mode) for mode in MODES}
+    parts = {mode: select(episodes, action_mode=mode) for mode in ACTION_MODES}
     return {f"{key}_{mode}": value for mode, part in parts.items() for key, value in performance(part).items()}
 
 
@@ -296,13 +295,6 @@ def experiment_rows(experiment: Mapping[str, Any], found: Collected) -> pd.DataF
 def pairs(table: pd.DataFrame, a: str, b: str) -> Iterable[tuple[str, str]]:
     """The values of two columns, row by row."""
     return zip(table[a], table[b], strict=True)
-
-
-def write_csv(path: Path, table: pd.DataFrame) -> None:
-    """Replaces a CSV file."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with replacing(path) as beside:
-        table.to_csv(beside, index=False, lineterminator="\n")
 
 
 if __name__ == "__main__":

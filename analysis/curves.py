@@ -19,7 +19,7 @@ from analysis import style
 from analysis.figures import new_figure, save_figure
 from experiments.anchors import find_anchors
 from experiments.atomic import write_text
-from experiments.config import require, require_known
+from experiments.config import ACTION_MODES, require, require_known
 from experiments.entry import compose, run_simple_command
 from experiments.run import run
 from experiments.run_folder import CHECKOUT, LEVELS_TEST, read_metrics, read_summary
@@ -107,7 +107,7 @@ def row_of(curve: Curve, folder: Path) -> dict[str, Any]:
     anchors = find_anchors(levels, rng=np.random.default_rng(ANCHOR_SEED))
     row: dict[str, Any] = {"name": curve.name, "levels": curve.levels, "settings": " ".join(curve.settings)}
     row |= {"frames": curve.frames, "minutes": seconds_of(folder) / 60}
-    for mode in ("deterministic", "sampled"):
+    for mode in ACTION_MODES:
         for split in ("train", "test"):
             row[f"{split}_success_{mode}"] = summary[f"evaluation/{split}/success/{mode}"]
         row[f"test_return_{mode}"] = summary[f"evaluation/test/return/{mode}"]
@@ -143,7 +143,7 @@ def merged(path: Path, table: pd.DataFrame) -> pd.DataFrame:
 
 def figure(rows: pd.DataFrame, points: pd.DataFrame) -> Figure:
     """Success on test levels against frames, an axes for each run."""
-    colour = dict(zip(("deterministic", "sampled"), style.PALETTE, strict=False))
+    colour = dict(zip(ACTION_MODES, style.PALETTE, strict=False))
     names = list(rows["name"])
     with style.applied():
         drawn = new_figure(3.1 * COLUMNS, 2.5 * -(-len(names) // COLUMNS) + 0.3)

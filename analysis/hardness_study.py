@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from experiments.atomic import replacing
+from analysis.tables import write_csv
 from experiments.conditions import CONDITIONS, conditional_puttputt
 from experiments.variations import vary
 from segar.families import family
@@ -33,9 +33,7 @@ def main() -> None:
     chosen = parser.parse_args()
     numbers = [1] if chosen.levels <= MOST_WITHOUT_ALL else range(CONDITIONS + 1)
     rows = [{"conditions": k, **hardness_with(k, chosen.levels)} for k in numbers]
-    chosen.output.mkdir(parents=True, exist_ok=True)
-    with replacing(chosen.output / "hardness.csv") as beside:
-        pd.DataFrame(rows).to_csv(beside, index=False, lineterminator="\n")
+    write_csv(chosen.output / "hardness.csv", pd.DataFrame(rows))
 
 
 def hardness_with(conditions: int, count: int) -> dict[str, Any]:

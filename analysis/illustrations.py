@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 from scipy.optimize import linear_sum_assignment
 
-from experiments.atomic import replacing
+from analysis.tables import write_csv
 from segar.entities import GoalTile, GolfBall
 from segar.factors import Factor, Position
 from segar.families import family
@@ -36,10 +36,8 @@ def main() -> None:
     parser = argparse.ArgumentParser("python -m analysis.illustrations", description=__doc__)
     parser.add_argument("-o", "--output", type=Path, default=Path("illustrations"), help="folder for the tables")
     chosen = parser.parse_args()
-    chosen.output.mkdir(parents=True, exist_ok=True)
     for name, rows in {"densities": densities(), "ks": ks_curves(), "w2": matching()}.items():
-        with replacing(chosen.output / f"{name}.csv") as beside:
-            pd.DataFrame(rows).to_csv(beside, index=False, lineterminator="\n")
+        write_csv(chosen.output / f"{name}.csv", pd.DataFrame(rows))
 
 
 def densities() -> list[dict[str, Any]]:

@@ -21,9 +21,9 @@ from analysis.figures import gap_against_w2, gap_by_family, save_figure
 from analysis.gap import gap_statistics, log_n_statistics
 from analysis.page import page
 from analysis.stats.correlation import Correlation, NotAvailable
-from analysis.tables import Grid, Missing, Run, find_runs, missing_cells, read_runs, select
+from analysis.tables import Grid, Missing, Run, find_runs, missing_cells, read_runs, select, write_csv
 from analysis.words import in_words
-from experiments.atomic import replacing, write_text
+from experiments.atomic import write_text
 from experiments.cells import design
 from experiments.config import TrackingConfig, as_data, require
 from experiments.construct import construct
@@ -167,8 +167,7 @@ def write_report(
         "w2": {mode: gap_statistics(chosen, mode) for mode in config.distances},
         "log_n": log_n_statistics(chosen),
     }
-    with replacing(folder / TABLE) as beside:
-        table.to_csv(beside, index=False, lineterminator="\n")
+    write_csv(folder / TABLE, table)
     save_figure(gap_against_w2(chosen, config.distances, len(missing)), folder / HEADLINE)
     save_figure(gap_by_family(chosen, config.distances), folder / BY_FAMILY)
     write_text(folder / STATISTICS, json.dumps(as_plain(statistics), indent=2, ensure_ascii=False) + "\n")

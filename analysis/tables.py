@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from experiments.atomic import replacing
 from experiments.cells import Cell, cell_of, design_hash
 from experiments.config import RunConfig
 from experiments.errors import RunFolderError
@@ -155,6 +156,12 @@ def level_mean(
         return float(means.mean()), 0.0
     error = means.std(ddof=1) / np.sqrt(len(means)) if len(means) > 1 else np.nan
     return float(means.mean()), float(error)
+
+
+def write_csv(path: Path, table: pd.DataFrame) -> None:
+    """Replaces a CSV file, and makes its folder; raises :class:`RunFolderError`."""
+    with replacing(path) as beside:
+        table.to_csv(beside, index=False, lineterminator="\n")
 
 
 def select(table: pd.DataFrame, **equal: Any) -> pd.DataFrame:

@@ -19,8 +19,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.stats.correlation import NotAvailable, explained, indicators
-from analysis.tables import column, select
-from experiments.atomic import replacing
+from analysis.tables import column, select, write_csv
 from segar.families import family
 from segar.metrics import ks, w2
 
@@ -58,10 +57,8 @@ def main() -> None:
     chosen = parser.parse_args()
     table = distances(range(chosen.seeds))
     means, models = means_of(table), models_of(table)
-    chosen.output.mkdir(parents=True, exist_ok=True)
     for name, one in {"distances": table, "means": means, "explained": models}.items():
-        with replacing(chosen.output / f"{name}.csv") as beside:
-            one.to_csv(beside, index=False, lineterminator="\n")
+        write_csv(chosen.output / f"{name}.csv", one)
     print(models.to_string(index=False))
 
 

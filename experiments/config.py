@@ -180,6 +180,7 @@ class EvaluationConfig:
             require_known("evaluation.distances", name, DISTANCES)
 
 
+ACTION_MODES = ("deterministic", "sampled")  # of evaluation
 DISTANCES = ("exact", "reference", "paper")  # the modes of segar.metrics.w2
 
 

@@ -8,12 +8,11 @@ from typing import Any, Protocol
 import numpy as np
 import torch
 
-from experiments.config import RunConfig
+from experiments.config import ACTION_MODES, RunConfig
 from experiments.run_folder import RESULTS
 from experiments.worlds import environment_options
 from segar.envs.vector import VectorEnv
 
-ACTION_MODES = ("deterministic", "sampled")
 BATCH = 512  # episodes that are played at once
 QUANTITIES = ("return", "return_ref", "length", "success", "death")
 

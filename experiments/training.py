@@ -14,8 +14,8 @@ import numpy as np
 import torch
 
 from experiments.checkpoint import resume_checkpoint, save_checkpoint
-from experiments.config import RunConfig
-from experiments.episodes import ACTION_MODES, mean_figures, play
+from experiments.config import ACTION_MODES, RunConfig
+from experiments.episodes import mean_figures, play
 from experiments.errors import CheckpointError, TrainingError
 from experiments.journal import Journal
 from experiments.learner import Learner

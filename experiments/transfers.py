@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.config import LevelsConfig, ObservationConfig, RunConfig, as_data
+from experiments.config import ACTION_MODES, LevelsConfig, ObservationConfig, RunConfig, as_data
 from experiments.run_folder import (
     EPISODE_SCHEMA,
     EPISODES,
@@ -76,7 +76,7 @@ def evaluate_transfer(run: RunConfig, transfer: Transfer, say: Callable[[str], N
     """
     import torch
 
-    from experiments.episodes import ACTION_MODES, distance_figures, mean_figures, play
+    from experiments.episodes import distance_figures, mean_figures, play
     from experiments.evaluation import load_agent
     from experiments.worlds import environment_options, make_levels
     from segar.levels import Levels
