@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,8 +12,6 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from segar.errors import SegarError
-
-CHUNK = 1024  # rows whose scores with all others are held at once
 
 
 @dataclass(frozen=True)
@@ -38,24 +36,53 @@ class PaperSettings:
     dropout: float = 0.1
 
 
-class DistanceCritic(nn.Module):
-    """T(x_i, z_j) = a(x_i) + b(z_j) - s |f(x_i) - g(z_j)|² for all i and j at once, all four by networks of two layers.
+class DistanceCritics(nn.Module):
+    """Critics side by side, T(x_i, z_j) = a(x_i) + b(z_j) - s |f(x_i) - g(z_j)|² for all i and j at once.
 
-    A layer on the concatenation of x and z, as in the 2022 code, takes many more samples to see that 8 numbers agree.
+    All four are networks; in a batch of matrix products ten critics cost what four cost one after the other. A layer on
+    the concatenation of x and z, as in the 2022 code, takes many more samples to see that 8 numbers agree.
     """
 
-    def __init__(self, x_size: int, z_size: int, settings: CriticSettings) -> None:
+    def __init__(self, critics: int, x_size: int, z_size: int, settings: CriticSettings) -> None:
         super().__init__()
-        width, size = settings.width, settings.embedding
-        self.f, self.g = Embedding(x_size, width, size), Embedding(z_size, width, size)
-        self.a, self.b = (nn.Sequential(nn.Linear(d, width), nn.ReLU(), nn.Linear(width, 1)) for d in (x_size, z_size))
-        self.log_scale = nn.Parameter(torch.zeros(()))
+        self.of_x, self.of_z = (Embeddings(critics, size, settings) for size in (x_size, z_size))
+        self.log_scale = nn.Parameter(torch.zeros(critics, 1, 1))
 
     def forward(self, x: Tensor, z: Tensor) -> Tensor:
-        """Scores [n, m] of x [n, d] with z [m, k]."""
-        f, g = self.f(x), self.g(z)
-        squares = (f * f).sum(1)[:, None] + (g * g).sum(1) - 2 * f @ g.T
-        return self.a(x) + self.b(z).T - self.log_scale.exp() * squares
+        """Scores [critics, n, m] of x [critics, n, d] with z [critics, m, k]."""
+        (f, a), (g, b) = self.of_x(x), self.of_z(z)
+        squares = (f * f).sum(2)[:, :, None] + (g * g).sum(2)[:, None] - 2 * f @ g.mT
+        return a + b.mT - self.log_scale.exp() * squares
+
+
+class Embeddings(nn.Module):
+    """Of each critic a map to an embedding, two hidden layers beside a linear map, and one to a number, by one hidden layer."""
+
+    def __init__(self, critics: int, inputs: int, settings: CriticSettings) -> None:
+        super().__init__()
+        self.width, size = settings.width, settings.embedding
+        # The three layers that read the inputs are one matrix.
+        self.first = Layers(critics, inputs, 2 * self.width + size)
+        self.second, self.third = Layers(critics, self.width, self.width), Layers(critics, self.width, size)
+        self.number = Layers(critics, self.width, 1)
+
+    def forward(self, v: Tensor) -> tuple[Tensor, Tensor]:
+        """Embeddings [critics, n, size] and numbers [critics, n, 1] of v [critics, n, inputs]."""
+        bent, hidden, straight = self.first(v).tensor_split([self.width, 2 * self.width], 2)
+        embedding = self.third(self.second(bent.relu()).relu()) + straight
+        return embedding, self.number(hidden.relu())
+
+
+class Layers(nn.Module):
+    """A dense layer of each critic."""
+
+    def __init__(self, critics: int, inputs: int, outputs: int) -> None:
+        super().__init__()
+        self.weight = nn.Parameter(torch.empty(critics, inputs, outputs))
+        self.bias = nn.Parameter(torch.zeros(critics, 1, outputs))
+
+    def forward(self, v: Tensor) -> Tensor:
+        return torch.baddbmm(self.bias, v, self.weight)
 
 
 class Embedding(nn.Module):
@@ -93,56 +120,72 @@ class PaperCritic(nn.Module):
 
 
 Objective = Callable[[Tensor, Tensor], Tensor]
-"""What is maximised, of scores of all pairs [n, n] and which of them are marginal pairs, float [n, n]."""
+"""What is maximised, [critics], of scores of all pairs [critics, n, n] and which are marginal pairs, float [critics, n, n]."""
 
 
 def jsd_value(scores: Tensor, marginal: Tensor) -> Tensor:
     """E_J[log 2 - softplus(-T)] - E_M[softplus(T) - log 2]: at most twice the Jensen-Shannon divergence, 2 log 2."""
-    return 2 * math.log(2) - F.softplus(-scores.diagonal()).mean() - _mean(F.softplus(scores), marginal)
+    of_pairs = F.softplus(-_diagonal(scores)).mean(-1)
+    others = (F.softplus(scores) * marginal).sum((-2, -1)) / marginal.sum((-2, -1))
+    return 2 * math.log(2) - of_pairs - others
 
 
 def infonce_value(scores: Tensor, marginal: Tensor) -> Tensor:
     """Mean over i of T_ii - log mean_j exp T_ij (van den Oord et al. 2018): a lower bound of I, at most log n."""
-    among = scores.masked_fill((marginal == 0) & ~torch.eye(len(scores), dtype=torch.bool), -math.inf)
-    count = torch.isfinite(among).sum(1)
-    return (scores.diagonal() - among.logsumexp(1) + count.log()).mean()
+    own = torch.eye(scores.shape[-1], dtype=torch.bool)
+    among = scores.masked_fill((marginal == 0) & ~own, -math.inf)
+    count = torch.isfinite(among).sum(-1)
+    return (_diagonal(scores) - among.logsumexp(-1) + count.log()).mean(-1)
 
 
 def smile_value(scores: Tensor, marginal: Tensor, clip: float) -> Tensor:
     """E_J[T] - log E_M[exp clip(T, ±clip)] (Song and Ermon 2020): an estimate of I, no bound of it."""
     partition = scores.clamp(-clip, clip).masked_fill(marginal == 0, -math.inf)
-    return scores.diagonal().mean() - partition.flatten().logsumexp(0) + marginal.sum().log()
+    return _diagonal(scores).mean(-1) - partition.flatten(-2).logsumexp(-1) + marginal.sum((-2, -1)).log()
 
 
-def _mean(values: Tensor, weights: Tensor) -> Tensor:
-    return (values * weights).sum() / weights.sum()
+def _diagonal(scores: Tensor) -> Tensor:
+    return scores.diagonal(dim1=-2, dim2=-1)
 
 
 def marginal_pairs(group: Tensor) -> Tensor:
-    """Which pairs [n, n] are of different groups (float 0 or 1); raises :class:`SegarError` if none are."""
-    pairs = (group[:, None] != group).float()
-    if not pairs.any():
+    """Which pairs [..., n, n] of ``group`` [..., n] are of different groups (float 0 or 1).
+
+    Raises:
+        SegarError: none are.
+    """
+    pairs = (group[..., :, None] != group[..., None, :]).float()
+    if not pairs.any((-2, -1)).all():
         raise SegarError("all frames are of one episode: there is no pair of frames that are independent")
     return pairs
 
 
-def train_distance_critic(
-    x: Tensor, z: Tensor, group: Tensor, objective: Objective, settings: CriticSettings, rng: torch.Generator
-) -> DistanceCritic:
-    """A critic that maximises ``objective`` on pairs ``x`` [n, d], ``z`` [n, k], whose marginal pairs are of two groups."""
-    critic = DistanceCritic(x.shape[1], z.shape[1], settings)
-    draw_weights(critic, rng)
-    optimizer = torch.optim.Adam(critic.parameters(), settings.learning_rate)
+def train_distance_critics(
+    x: Tensor,
+    z: Tensor,
+    group: Tensor,
+    sets: Sequence[Tensor],
+    objective: Objective,
+    settings: CriticSettings,
+    rng: torch.Generator,
+) -> DistanceCritics:
+    """A critic for each of ``sets``, of rows of ``x`` [N, d] and ``z`` [N, k], that maximises ``objective`` on these rows.
+
+    Marginal pairs are of two groups.
+    """
+    critics = DistanceCritics(len(sets), x.shape[1], z.shape[1], settings)
+    draw_weights(critics, rng)
+    optimizer = torch.optim.Adam(critics.parameters(), settings.learning_rate, fused=True)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, settings.steps)
-    size = min(settings.batch, len(x))
+    size = min(settings.batch, *map(len, sets))
     for _ in range(settings.steps):
-        rows = torch.randperm(len(x), generator=rng)[:size]
-        loss = -objective(critic(x[rows], z[rows]), marginal_pairs(group[rows]))
+        rows = torch.stack([rows[torch.randperm(len(rows), generator=rng)[:size]] for rows in sets])
+        loss = -objective(critics(x[rows], z[rows]), marginal_pairs(group[rows])).sum()
         optimizer.zero_grad()
         loss.backward()
         optimizer.step()
         schedule.step()
-    return critic.eval()
+    return critics.eval()
 
 
 def train_paper_critic(
@@ -161,7 +204,7 @@ def train_paper_critic(
         raise SegarError(f"{len(x)} pairs are fewer than a batch of {settings.batch}; collect more frames")
     critic = PaperCritic(x.shape[1], z.shape[1], settings)
     draw_weights(critic, rng)
-    optimizer = torch.optim.Adam(critic.parameters(), settings.learning_rate)
+    optimizer = torch.optim.Adam(critic.parameters(), settings.learning_rate, fused=True)
     with torch.random.fork_rng([]):
         torch.manual_seed(int(torch.randint(2**31, (), generator=rng)))  # dropout reads no other generator
         for _ in range(settings.epochs):
@@ -178,26 +221,11 @@ def train_paper_critic(
 def draw_weights(critic: nn.Module, rng: torch.Generator) -> None:
     """Uniform weights within 1 / sqrt(inputs), from ``rng``; biases 0."""
     for layer in critic.modules():
-        if isinstance(layer, nn.Linear):
-            bound = layer.in_features**-0.5
-            nn.init.uniform_(layer.weight, -bound, bound, generator=rng)
+        if isinstance(layer, nn.Linear | Layers):
+            inputs = layer.weight.shape[1]  # [outputs, inputs], and [critics, inputs, outputs]
+            nn.init.uniform_(layer.weight, -(inputs**-0.5), inputs**-0.5, generator=rng)
             if layer.bias is not None:
                 nn.init.zeros_(layer.bias)
-
-
-@torch.no_grad()
-def accuracy_of_all_pairs(critic: DistanceCritic, x: Tensor, z: Tensor, group: Tensor) -> tuple[float, float]:
-    """Share of the pairs that belong together that T > 0 says so of, and of all others, of two groups, with T < 0."""
-    right = wrong = of_two = 0.0
-    for rows in torch.arange(len(x)).split(CHUNK):
-        scores = critic(x[rows], z)
-        marginal = (group[rows, None] != group).float()
-        wrong += float(((scores < 0) * marginal).sum())
-        of_two += float(marginal.sum())
-        right += float((scores[torch.arange(len(rows)), rows] > 0).sum())
-    if not of_two:
-        raise SegarError("all frames are of one episode: there is no pair of frames that are independent")
-    return right / len(x), wrong / of_two
 
 
 def torch_rng(rng: np.random.Generator) -> torch.Generator:

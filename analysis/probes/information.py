@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Literal, get_args
@@ -15,13 +15,12 @@ from torch import Tensor
 from analysis.probes.critics import (
     CriticSettings,
     PaperSettings,
-    accuracy_of_all_pairs,
     infonce_value,
     jsd_value,
     marginal_pairs,
     smile_value,
     torch_rng,
-    train_distance_critic,
+    train_distance_critics,
     train_paper_critic,
 )
 from analysis.probes.pairs import Pairs, episode_folds, standardised, standardised_representation
@@ -72,7 +71,7 @@ def mine_accuracy(
         SegarError: nothing varies, or there are too few pairs or episodes.
     """
     x, z, group = _prepared(representation, factors, episode)
-    return _cross_fitted(x, z, group, rng, marginal, "jsd", folds, None).accuracy
+    return _scores(x, z, group, rng, marginal, ("jsd",), 1, folds, None)["jsd"][0].accuracy
 
 
 def estimate_information(
@@ -99,12 +98,27 @@ def estimate_information(
     Raises:
         SegarError: as :func:`mine_accuracy`, or an argument is unknown.
     """
+    return estimate_bounds(pairs, rng, (bound,), marginal, replicates, folds, settings)[bound]
+
+
+def estimate_bounds(
+    pairs: Pairs,
+    rng: np.random.Generator,
+    bounds: Sequence[Bound],
+    marginal: Marginal = "joint",
+    replicates: int = REPLICATES,
+    folds: int = FOLDS,
+    settings: CriticSettings | PaperSettings | None = None,
+) -> dict[str, tuple[Estimate, Estimate]]:
+    """:func:`estimate_information` for several bounds; "jsd" and "smile" are then read off the same critics."""
     x, z, group = _prepared(pairs.representation, pairs.factors, pairs.episode, pairs)
-    found = [_cross_fitted(x, z, group, rng, marginal, bound, folds, settings) for _ in range(replicates)]
-    accuracy = mean_of_replicates([one.accuracy for one in found], CHANCE)
-    if bound == "infonce":
-        accuracy = Estimate.missing(replicates, "InfoNCE does not care where the zero of T lies")
-    return accuracy, mean_of_replicates([one.value for one in found], 0.0)
+    found = {}
+    for bound, scores in _scores(x, z, group, rng, marginal, bounds, replicates, folds, settings).items():
+        accuracy = mean_of_replicates([one.accuracy for one in scores], CHANCE)
+        if bound == "infonce":
+            accuracy = Estimate.missing(replicates, "InfoNCE does not care where the zero of T lies")
+        found[bound] = accuracy, mean_of_replicates([one.value for one in scores], 0.0)
+    return found
 
 
 def mine_of_2022(
@@ -153,50 +167,77 @@ def _prepared(
     return torch.from_numpy(standardised_representation(x)), torch.from_numpy(seen), group
 
 
-def _cross_fitted(
+def _scores(
     x: Tensor,
     z: Tensor,
     group: NDArray[np.int64],
     rng: np.random.Generator,
     marginal: str,
-    bound: str,
+    bounds: Sequence[str],
+    replicates: int,
     folds: int,
     settings: CriticSettings | PaperSettings | None,
-) -> Score:
-    for what, name, known in (("marginal", marginal, Marginal), ("bound", bound, Bound)):
-        if name not in get_args(known):
-            raise SegarError(f"{what} '{name}' is unknown.{did_you_mean(name, get_args(known))}")
-    if marginal == "paper" and bound != "jsd":
-        raise SegarError(f"bound '{bound}' needs marginal='joint'; the paper's critic knows 'jsd' alone")
+) -> dict[str, list[Score]]:
+    """Of each bound, each replicate's mean over folds."""
+    for what, names, known in (("marginal", (marginal,), Marginal), ("bound", bounds, Bound)):
+        for name in names:
+            if name not in get_args(known):
+                raise SegarError(f"{what} '{name}' is unknown.{did_you_mean(name, get_args(known))}")
+    if marginal == "paper" and {*bounds} != {"jsd"}:
+        raise SegarError(f"bound '{bounds[0]}' needs marginal='joint'; the paper's critic knows 'jsd' alone")
     wanted = PaperSettings if marginal == "paper" else CriticSettings
     if settings is not None and not isinstance(settings, wanted):
         raise SegarError(f"marginal='{marginal}' takes {wanted.__name__}, not {type(settings).__name__}")
-    fit: Callable[..., Score] = _paper_fold if marginal == "paper" else partial(_joint_fold, bound=bound)
-    parts = episode_folds(group, folds, rng)
-    scores, sizes = [], []
-    for k, held_out in enumerate(parts):
-        rest = np.concatenate([part for j, part in enumerate(parts) if j != k])
-        scores.append(fit(x, z, torch.from_numpy(group), rest, held_out, torch_rng(rng), settings or wanted()))
-        sizes.append(len(held_out))
-    accuracy, value = (np.average([getattr(s, name) for s in scores], weights=sizes) for name in ("accuracy", "value"))
-    return Score(float(accuracy), float(value))
+    parts = [torch.from_numpy(p) for _ in range(replicates) for p in episode_folds(group, folds, rng)]
+    whole = torch.arange(len(x))
+    splits = [(whole[~torch.isin(whole, held_out)], held_out) for held_out in parts]
+    if isinstance(settings or wanted(), PaperSettings):
+        found = {"jsd": [_paper_fold(x, z, *split, torch_rng(rng), settings or wanted()) for split in splits]}
+    else:
+        found = _joint_folds(x, z, torch.from_numpy(group), splits, bounds, settings or wanted(), rng)
+    return {bound: _means(scores, folds) for bound, scores in found.items()}
 
 
-def _joint_fold(x, z, group, rest, held_out, rng, settings, bound) -> Score:
-    objective = infonce_value if bound == "infonce" else jsd_value
-    critic = train_distance_critic(x[rest], z[rest], group[rest], objective, settings, rng)
-    x, z, group = x[held_out], z[held_out], group[held_out]
-    right, wrong = accuracy_of_all_pairs(critic, x, z, group)
-    value = {"jsd": jsd_value, "infonce": infonce_value, "smile": partial(smile_value, clip=SMILE_CLIP)}[bound]
-    values = []
-    with torch.no_grad():
-        order = torch.randperm(len(x), generator=rng)
-        for rows in order[: max(len(x) // BLOCK, 1) * BLOCK].split(BLOCK):
-            values.append(float(value(critic(x[rows], z[rows]), marginal_pairs(group[rows]))))
-    return Score((right + wrong) / 2, float(np.mean(values)))
+def _means(scores: list[Score], size: int) -> list[Score]:
+    """Means of each ``size`` scores that follow each other."""
+    groups = [scores[i : i + size] for i in range(0, len(scores), size)]
+    return [Score(*(float(np.mean([getattr(s, n) for s in g])) for n in ("accuracy", "value"))) for g in groups]
 
 
-def _paper_fold(x, z, group, rest, held_out, rng, settings) -> Score:
+def _joint_folds(x, z, group, splits, bounds, settings, rng) -> dict[str, list[Score]]:
+    """The scores of each split (rows to fit on, rows held out); all critics of an objective learn side by side."""
+    values = {"jsd": jsd_value, "infonce": infonce_value, "smile": partial(smile_value, clip=SMILE_CLIP)}
+    found = {}
+    for objective in (jsd_value, infonce_value):
+        wanted = {b: values[b] for b in bounds if (b == "infonce") == (objective is infonce_value)}
+        if wanted:
+            generator = torch_rng(rng)
+            fitted = [rest for rest, _ in splits]
+            critics = train_distance_critics(x, z, group, fitted, objective, settings, generator)
+            found |= _held_out(critics, x, z, group, [rows for _, rows in splits], wanted, generator)
+    return {bound: found[bound] for bound in bounds}
+
+
+@torch.no_grad()
+def _held_out(critics, x, z, group, sets, values, rng) -> dict[str, list[Score]]:
+    """The scores of each critic on its own rows, which are drawn to equal number and scored in blocks of about 256."""
+    size = min(map(len, sets))
+    rows = torch.stack([one[torch.randperm(len(one), generator=rng)[:size]] for one in sets])
+    accuracy, totals = torch.zeros(len(sets)), {name: torch.zeros(len(sets)) for name in values}
+    blocks = rows.tensor_split(max(round(size / BLOCK), 1), 1)
+    for block in blocks:
+        scores, marginal = critics(x[block], z[block]), marginal_pairs(group[block])
+        right = (scores.diagonal(dim1=1, dim2=2) > 0).float().mean(1)
+        wrong = ((scores < 0) * marginal).sum((1, 2)) / marginal.sum((1, 2))
+        accuracy += (right + wrong) / 2 / len(blocks)
+        for name, value in values.items():
+            totals[name] += value(scores, marginal) / len(blocks)
+    return {
+        name: [Score(*pair) for pair in zip(accuracy.tolist(), t.tolist(), strict=True)] for name, t in totals.items()
+    }
+
+
+def _paper_fold(x, z, rest, held_out, rng, settings) -> Score:
     shuffle = partial(_shuffled_columns, rng=rng)
     critic = train_paper_critic(x[rest], z[rest], shuffle, settings, rng)
     x, z = x[held_out], z[held_out]
@@ -213,8 +254,8 @@ def _accuracy_of_rows(joint: Tensor, marginal: Tensor) -> float:
 
 def _shuffled_columns(x: Tensor, z: Tensor, rng: torch.Generator) -> tuple[Tensor, Tensor]:
     """Every column permuted by itself, as in 2022."""
-    x, z = (torch.stack([c[torch.randperm(len(c), generator=rng)] for c in part.T], 1) for part in (x, z))
-    return x, z
+    orders = [torch.rand(part.shape, generator=rng).argsort(0) for part in (x, z)]
+    return x.gather(0, orders[0]), z.gather(0, orders[1])
 
 
 def _shuffled_rows(x: Tensor, z: Tensor, rng: torch.Generator) -> tuple[Tensor, Tensor]:
