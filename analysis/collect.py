@@ -6,6 +6,7 @@
 ``transfers.parquet``      one row per run and other test set: the same figures there
 ``levels.parquet``         one row per run, test set, action mode and level: what bootstraps over levels start from
 ``curves.parquet``         one row per run, figure and time
+``probes.parquet``         what the probes say of each run that was to be probed, see :func:`probe_rows`
 ``tables/<experiment>.csv``  the rows of runs and transfers that belong to an experiment
 ``missing.csv``            what is planned and not finished
 
@@ -32,6 +33,7 @@ from experiments.journal import read_journal
 from experiments.run_folder import (
     EPISODES,
     EVALUATIONS,
+    PROBES,
     SUMMARY,
     is_finished,
     read_config,
@@ -43,6 +45,7 @@ from experiments.run_folder import (
 
 PLAN = "plan.json"
 RUNS, TRANSFERS, LEVELS, CURVES = "runs.parquet", "transfers.parquet", "levels.parquet", "curves.parquet"
+DIGITS = {"estimate": 3, "low": 3, "high": 3, "entropy": 3, "p": 4}  # after the point, in the table of probes
 TABLES, MISSING = "tables", "missing.csv"
 OWN = "own"  # the test set that a run has by itself
 CURVES_OF = (
@@ -70,6 +73,7 @@ class Collected:
     levels: pd.DataFrame
     curves: pd.DataFrame
     missing: pd.DataFrame
+    probes: pd.DataFrame
 
 
 def collect(config: CollectConfig) -> Collected:
@@ -101,8 +105,8 @@ def read_plan(folder: Path) -> dict[str, Any]:
 def read_all(plan: Mapping[str, Any]) -> Collected:
     """The tables of all runs and transfers of a plan."""
     root = Path(plan["runs"])
-    runs, transfers, levels, curves, missing = [], [], [], [], []
-    for name, (experiments, wanted) in sorted(members(plan).items()):
+    runs, transfers, levels, curves, missing, probes = [], [], [], [], [], []
+    for name, (experiments, wanted, probed) in sorted(members(plan).items()):
         folder = root / name
         if not is_finished(folder):
             missing.append({"run": name, "reason": "not finished" if folder.exists() else "not begun"})
@@ -113,6 +117,10 @@ def read_all(plan: Mapping[str, Any]) -> Collected:
         runs.append(run_row(folder, config, summary, episodes, place, experiments))
         levels.append(level_rows(episodes, {**place, "test": OWN}))
         curves.append(curve_rows(folder, place))
+        if probed and (folder / PROBES).exists():
+            probes.append(probe_rows(folder, place))
+        elif probed:
+            missing.append({"run": name, "reason": "probes are not finished"})
         for transfer in wanted:
             there = folder / EVALUATIONS / transfer
             if not (there / SUMMARY).exists():
@@ -128,17 +136,19 @@ def read_all(plan: Mapping[str, Any]) -> Collected:
         pd.concat(levels, ignore_index=True) if levels else pd.DataFrame(),
         pd.concat(curves, ignore_index=True) if curves else pd.DataFrame(),
         pd.DataFrame(missing, columns=["run", "reason"]),
+        pd.concat(probes, ignore_index=True) if probes else pd.DataFrame(),
     )
 
 
-def members(plan: Mapping[str, Any]) -> dict[str, tuple[list[str], list[str]]]:
-    """Of each run of a plan: the experiments that it belongs to, and the transfers that any of them asks for."""
-    found: dict[str, tuple[list[str], list[str]]] = {}
+def members(plan: Mapping[str, Any]) -> dict[str, tuple[list[str], list[str], bool]]:
+    """Of each run of a plan: the experiments that it belongs to, the transfers that any of them asks for, and whether one
+    asks for probes."""
+    found: dict[str, tuple[list[str], list[str], bool]] = {}
     for experiment in plan["experiments"]:
         for run in experiment["runs"]:
-            names, transfers = found.setdefault(run["folder"], ([], []))
-            names.append(experiment["name"])
-            transfers += [one for one in run["transfers"] if one not in transfers]
+            names, transfers, probed = found.get(run["folder"], ([], [], False))
+            more = [one for one in run["transfers"] if one not in transfers]
+            found[run["folder"]] = [*names, experiment["name"]], transfers + more, probed or run.get("probes", False)
     return found
 
 
@@ -256,6 +266,21 @@ def curve_rows(folder: Path, place: Mapping[str, Any]) -> pd.DataFrame:
     return table
 
 
+def probe_rows(folder: Path, place: Mapping[str, Any]) -> pd.DataFrame:
+    """The run's table of :func:`analysis.probes.table.probe_run` behind the columns that say what the run is; its ``n``,
+    of independent units, is called ``units`` here, where ``n`` counts training levels.
+
+    So that the file stays small, numbers are rounded to below their errors, and the nats of single factors are left out:
+    they are ``fraction`` times ``entropy``.
+    """
+    table = pd.read_parquet(folder / PROBES).drop(columns="run").rename(columns={"n": "units"})
+    table = cast(pd.DataFrame, table.loc[(table["factor"] == "all") | (table["quantity"] != "information")])
+    table = table.assign(**{name: table[name].astype("float32").round(digits) for name, digits in DIGITS.items()})
+    for k, (name, value) in enumerate(place.items()):
+        table.insert(k, name, value)
+    return table
+
+
 def sorted_table(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
     """Rows in the order of what they are."""
     table = pd.DataFrame(rows)
@@ -269,9 +294,10 @@ def write_tables(folder: Path, plan: Mapping[str, Any], found: Collected) -> Non
         (TRANSFERS, found.transfers),
         (LEVELS, found.levels),
         (CURVES, found.curves),
+        (PROBES, found.probes),
     ):
         with replacing(folder / name) as beside:
-            table.to_parquet(beside, index=False)
+            table.to_parquet(beside, index=False, compression="zstd")
     for experiment in plan["experiments"]:
         if experiment["runs"]:
             write_csv(folder / TABLES / f"{experiment['name']}.csv", experiment_rows(experiment, found))

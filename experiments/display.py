@@ -26,6 +26,7 @@ from experiments.sweep import Job, Outcome
 LOOK_INTERVAL = 1.0  # [s] between looks at the logs
 TAIL = 4096  # bytes at the end of a log that are looked at
 FRAMES = re.compile(r": ([\d,]+) of ([\d,]+) frames")  # what experiments.progress writes to a log
+PROBES_BEGIN = re.compile(r": probes$", re.MULTILINE)  # what experiments.probing does
 
 
 @dataclass
@@ -91,21 +92,22 @@ class Display:
                 with self._lock:
                     if self._bars is None or name in self._over or not job.log.exists():
                         continue
-                    done, total = frames_in(job.log)
+                    done, total, is_probed = progress_in(job.log)
                     if name not in self._own:
                         self._own[name] = self._bars.add_task(name, total=total or None)
-                    self._bars.update(self._own[name], completed=done, total=total or None)
+                    shown = f"{name}, probes" if is_probed else name
+                    self._bars.update(self._own[name], completed=done, total=total or None, description=shown)
 
 
-def frames_in(log: Path) -> tuple[int, int]:
-    """How far the run that writes this log was when it last said so, and how far it goes; 0, 0 before that."""
+def progress_in(log: Path) -> tuple[int, int, bool]:
+    """How far the run that writes this log was when it last said so, and how far it goes (0, 0 before that); and whether
+    its probes have begun."""
     try:
         with log.open("rb") as stream:
             stream.seek(max(log.stat().st_size - TAIL, 0))
-            found = FRAMES.findall(stream.read().decode(errors="replace"))
+            text = stream.read().decode(errors="replace")
     except OSError:
-        return 0, 0
-    if not found:
-        return 0, 0
-    done, total = (int(text.replace(",", "")) for text in found[-1])
-    return done, total
+        return 0, 0, False
+    found = FRAMES.findall(text)
+    done, total = (int(number.replace(",", "")) for number in found[-1]) if found else (0, 0)
+    return done, total, bool(PROBES_BEGIN.search(text))

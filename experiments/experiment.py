@@ -58,6 +58,7 @@ class ExperimentConfig:
     figure: str = ""  # of the paper
     grid: Mapping[str, Any] = field(default_factory=dict)  # of GridConfig; empty: nothing is trained
     transfers: tuple[TransferConfig, ...] = ()
+    probes: bool = False  # ask what the agents' representations know of the factors, as probes.<scale> says
     study: str = ""  # a module of analysis that needs no training: python -m <study> --output DIR
     options: Mapping[str, Any] = field(default_factory=dict)  # of the study: --name value
     scales: Mapping[str, Any] = field(default_factory=dict)  # what differs there, of the grid and of Others
@@ -68,6 +69,7 @@ class Others:
     """What may differ at a scale beside the grid."""
 
     transfers: tuple[TransferConfig, ...] | None = None
+    probes: bool | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -85,6 +87,7 @@ class Experiment:
     transfers: tuple[TransferConfig, ...]
     study: str
     options: Mapping[str, Any]
+    probes: bool = False
 
 
 def experiment_at(name: str, data: Mapping[str, Any], scale: str) -> Experiment | None:
@@ -118,12 +121,14 @@ def settings_at(name: str, config: ExperimentConfig, scale: str, place: str) -> 
         raise ConfigError(f"{place}.options: there is no '{unknown[0]}'.{did_you_mean(unknown[0], config.options)}")
     options = {**config.options, **other.options}
     transfers = config.transfers if other.transfers is None else other.transfers
+    probes = config.probes if other.probes is None else other.probes
+    require(bool(config.grid) or not probes, f"{place}.probes", True, "beside a grid of agents")
     for i, transfer in enumerate(transfers):
         check_transfer(transfer, f"{place}.transfers[{i}]")
     grid = construct(GridConfig, {**config.grid, **changed}, place) if config.grid else None
     if grid is not None:
         check_grid(grid, place)
-    return Experiment(name, config.title, config.figure, grid, transfers, config.study, options)
+    return Experiment(name, config.title, config.figure, grid, transfers, config.study, options, probes)
 
 
 def check_grid(grid: GridConfig, place: str) -> None:

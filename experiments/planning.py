@@ -7,17 +7,18 @@ import json
 import socket
 import statistics
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from itertools import product
 from pathlib import Path
 from typing import Any
 
 from experiments.cells import Cell, cell_config, cell_of, paper_seeds
-from experiments.config import RunConfig, ScaleConfig
+from experiments.config import RunConfig, ScaleConfig, as_data
 from experiments.entry import compose
 from experiments.experiment import BASE, Experiment, GridConfig, TransferConfig, other_panel
 from experiments.journal import read_journal
+from experiments.probing import ProbeConfig, assumed_seconds, read_about
 from experiments.run_folder import folder_path, is_finished, read_config, read_summary, run_folders
 from experiments.transfers import RunWork, Transfer
 from segar.cli.arguments import table
@@ -60,15 +61,20 @@ class Plan:
     studies: tuple[StudyWork, ...]
 
 
-def make_plan(experiments: Sequence[Experiment], base: RunConfig, results: Path) -> Plan:
-    """What is to be run; raises :class:`ConfigError` for a file of ``conf/`` that does not exist."""
-    members = {e.name: tuple(works_of(e, base)) for e in experiments}
+def make_plan(
+    experiments: Sequence[Experiment], base: RunConfig, results: Path, probes: ProbeConfig | None = None
+) -> Plan:
+    """What is to be run; raises :class:`ConfigError` for a file of ``conf/`` that does not exist.
+
+    ``probes`` is what runs of experiments with probes are asked.
+    """
+    members = {e.name: tuple(works_of(e, base, probes or ProbeConfig())) for e in experiments}
     union: dict[str, RunWork] = {}
     for work in (work for works in members.values() for work in works):
         label = work.run.label()
-        known = union[label].transfers if label in union else ()
-        by_folder = {one.folder_name(): one for one in (*known, *work.transfers)}
-        union[label] = RunWork(work.run, tuple(by_folder.values()))
+        known = union.get(label, RunWork(work.run))
+        by_folder = {one.folder_name(): one for one in (*known.transfers, *work.transfers)}
+        union[label] = RunWork(work.run, tuple(by_folder.values()), known.probes or work.probes)
     studies = [
         StudyWork(e.name, e.study, tuple((k, str(v)) for k, v in e.options.items()), results / "studies" / e.name)
         for e in experiments
@@ -77,13 +83,13 @@ def make_plan(experiments: Sequence[Experiment], base: RunConfig, results: Path)
     return Plan(tuple(experiments), members, tuple(union.values()), tuple(studies))
 
 
-def works_of(experiment: Experiment, base: RunConfig) -> Iterable[RunWork]:
-    """The runs of an experiment and their transfers, seed after seed."""
+def works_of(experiment: Experiment, base: RunConfig, probes: ProbeConfig) -> Iterable[RunWork]:
+    """The runs of an experiment, their transfers and probes, seed after seed."""
     if experiment.grid is None:
         return
     for run in grid_runs(experiment.grid, base):
         found = (transfer_of(one, run) for one in experiment.transfers)
-        yield RunWork(run, tuple(one for one in found if one is not None))
+        yield RunWork(run, tuple(one for one in found if one is not None), probes if experiment.probes else None)
 
 
 def grid_runs(grid: GridConfig, base: RunConfig) -> Iterable[RunConfig]:
@@ -146,6 +152,7 @@ class Speeds:
     frames: Mapping[tuple[str, str], float]  # by algorithm and observation
     evaluation: Mapping[tuple[str, str], float]
     measured: int  # runs
+    probing: Mapping[tuple[str, str, str], float] = field(default_factory=dict)  # seconds; also by what was asked
 
     def seconds(self, work: RunWork) -> float:
         """How long the rest of a run may take by itself."""
@@ -153,9 +160,18 @@ class Speeds:
         kind = (run.algorithm.name, run.observation.name)
         evaluation = self.evaluation.get(kind, ASSUMED_EVALUATION)
         left = sum(not transfer.is_done(run) for transfer in work.transfers) * TRANSFER_SHARE * evaluation
+        left += self.seconds_of_probes(work)
         if is_finished(folder_path(run)):
             return left
         return left + evaluation + frames_left(run) / self.frames.get(kind, assumed_speed(run))
+
+    def seconds_of_probes(self, work: RunWork) -> float:
+        """How long the probes of a run may take; 0 where it has them, or is to have none."""
+        if work.probes is None or not work.lacks_probes():
+            return 0.0
+        kind = kind_of(work.run)
+        measured = self.probing.get((*kind, in_words(as_data(work.probes))))
+        return measured or assumed_seconds(work.probes, self.frames.get(kind, assumed_speed(work.run)))
 
 
 def assumed_speed(run: RunConfig) -> float:
@@ -176,6 +192,7 @@ def measure_speeds(root: Path) -> Speeds:
     """The medians over the finished runs under ``root`` that this machine made."""
     frames: dict[tuple[str, str], list[float]] = {}
     evaluation: dict[tuple[str, str], list[float]] = {}
+    probing: dict[tuple[str, str, str], list[float]] = {}
     for folder in run_folders(root):
         hosts = {entry.get("host") for entry in read_journal(folder) if "host" in entry}
         if not is_finished(folder) or hosts != {socket.gethostname()}:
@@ -186,8 +203,20 @@ def measure_speeds(root: Path) -> Speeds:
             frames.setdefault(kind, []).append(summary["frames"] / summary["seconds"])
         if "evaluation_seconds" in summary:
             evaluation.setdefault(kind, []).append(summary["evaluation_seconds"])
-    medians = ({kind: statistics.median(values) for kind, values in one.items()} for one in (frames, evaluation))
-    return Speeds(*medians, measured=sum(map(len, frames.values())))
+        about = read_about(folder)
+        if about is not None:
+            probing.setdefault((*kind, in_words(about["asked"])), []).append(about["seconds"])
+    return Speeds(medians(frames), medians(evaluation), sum(map(len, frames.values())), medians(probing))
+
+
+def medians(found: Mapping[Any, Sequence[float]]) -> dict[Any, float]:
+    """The median of each list."""
+    return {kind: statistics.median(values) for kind, values in found.items()}
+
+
+def in_words(asked: Mapping[str, Any]) -> str:
+    """Settings of probes as one line, equal for equal ones."""
+    return json.dumps(asked, sort_keys=True)
 
 
 def frames_left(run: RunConfig) -> int:
@@ -215,10 +244,11 @@ def as_text(plan: Plan, speeds: Speeds, processes: int, scale: ScaleConfig) -> s
                 len(works) - len(own) or None,
                 sum(work.is_done() for work in works) if works else None,
                 f"{sum(frames_left(work.run) for work in own):,}" if works else "study",
+                sum(map(RunWork.lacks_probes, works)) if experiment.probes else None,
                 in_minutes(sum(map(speeds.seconds, left)) / processes) if left else None,
             ]
         )
-    head = ["experiment", "figure", "runs", "shared", "done", "frames to train", "about"]
+    head = ["experiment", "figure", "runs", "shared", "done", "frames to train", "to probe", "about"]
     waiting = [work for work in plan.runs if not work.is_done()]
     studies = [study for study in plan.studies if not is_study_done(study)]
     total = sum(map(speeds.seconds, waiting)) + STUDY_SECONDS * len(studies)
@@ -226,9 +256,11 @@ def as_text(plan: Plan, speeds: Speeds, processes: int, scale: ScaleConfig) -> s
     basis = f"{speeds.measured} finished runs here" if not known else "assumed speeds" + (
         f" for {', '.join('/'.join(kind) for kind in sorted(known))}" if speeds.measured else ""
     )  # fmt: skip
+    probing = sum(map(speeds.seconds_of_probes, waiting)) / processes
     closing = (
         f"{scale.name}: {len(plan.runs)} runs, {len(plan.runs) - len(waiting)} done, {len(waiting)} to do with "
-        f"{sum(frames_left(work.run) for work in waiting):,} frames; {len(studies)} of {len(plan.studies)} studies to do; "
+        f"{sum(frames_left(work.run) for work in waiting):,} frames, {sum(map(RunWork.lacks_probes, waiting))} to probe"
+        f"{f' ({in_minutes(probing)})' if probing else ''}; {len(studies)} of {len(plan.studies)} studies to do; "
         f"about {in_minutes(total / processes)} with {processes} at a time (by {basis})."
     )
     return f"{table(head, rows)}\n{closing}"
@@ -263,7 +295,11 @@ def as_data_of(plan: Plan) -> list[dict[str, Any]]:
             "figure": experiment.figure,
             "study": experiment.study,
             "runs": [
-                {"folder": folder_path(work.run).name, "transfers": [one.folder_name() for one in work.transfers]}
+                {
+                    "folder": folder_path(work.run).name,
+                    "transfers": [one.folder_name() for one in work.transfers],
+                    "probes": work.probes is not None,
+                }
                 for work in plan.members[experiment.name]
             ],
         }

@@ -37,6 +37,7 @@ from experiments.planning import (
     make_plan,
     measure_speeds,
 )
+from experiments.probing import PREFIX, ProbeConfig, probe_finished, probe_settings
 from experiments.run_folder import CHECKOUT, runs_root, write_json
 from experiments.sweep import Job, Outcome, run_jobs
 from experiments.train import train
@@ -55,12 +56,15 @@ class ReproduceConfig:
     processes: int = 0  # 0: one per core
     experiments: tuple[str, ...] = ()  # none: all of this scale
     grids: Mapping[str, Any] = field(default_factory=dict)  # of each experiment, as its file says
+    probes: Mapping[str, Any] = field(default_factory=dict)  # of each scale: what is asked of experiments with probes
     dry_run: bool = False  # print the plan, and run nothing
     report: bool = True  # have analysis.report draw the main figure
 
     def __post_init__(self) -> None:
         require(self.processes >= 0, "processes", self.processes, "0 or more")
         chosen_names(self.experiments, list(self.grids))
+        for scale, settings in self.probes.items():
+            probe_settings(settings, f"probes.{scale}")
 
     @property
     def name(self) -> str:
@@ -71,6 +75,11 @@ class ReproduceConfig:
     def folder(self) -> Path:
         """Where tables, report and logs go."""
         return runs_root(self.run) / "results" / self.name
+
+    def asked(self) -> ProbeConfig:
+        """What runs are asked at this scale."""
+        scale = self.run.scale.name
+        return probe_settings(self.probes.get(scale, {}), f"probes.{scale}")
 
     def at_scale(self) -> list[Experiment]:
         """The experiments that were asked for, at this scale; raises :class:`ConfigError` if one is wrong, or none is left."""
@@ -103,7 +112,7 @@ def reproduce(
     Raises:
         TrainingError: some runs failed; the others are finished and in the tables.
     """
-    plan = make_plan(config.at_scale(), with_sweep_tag(config), config.folder)
+    plan = make_plan(config.at_scale(), with_sweep_tag(config), config.folder, config.asked())
     speeds = measure_speeds(runs_root(config.run))
     processes = config.processes or cores()
     print(as_text(plan, speeds, processes, config.run.scale), flush=True)
@@ -141,7 +150,7 @@ def cores() -> int:
 
 
 def carry_out(work: Work) -> dict[str, float]:
-    """Trains, or goes on, and tests the agent where it was not tested yet; or runs a study. Returns final figures."""
+    """Trains, or goes on; tests and probes the agent where that is not done yet; or runs a study. Returns final figures."""
     if isinstance(work, StudyWork):
         run_study(work)
         return {}
@@ -149,6 +158,8 @@ def carry_out(work: Work) -> dict[str, float]:
     for transfer in work.transfers:
         if not transfer.is_done(work.run):
             evaluate_transfer(work.run, transfer)
+    if work.probes is not None and work.lacks_probes():
+        figures = {**figures, **probe_finished(work.run, work.probes)}
     return figures
 
 
@@ -192,7 +203,11 @@ def ending(outcome: Outcome) -> str:
     if outcome.error is not None:
         return f"{name}: FAILED after {took}: {outcome.error} (log: {outcome.job.log})"
     figures = outcome.result or {}
-    shown = {"gap": "evaluation/gap/deterministic", "test success": "evaluation/test/success/deterministic"}
+    shown = {
+        "gap": "evaluation/gap/deterministic",
+        "test success": "evaluation/test/success/deterministic",
+        "probe accuracy": f"{PREFIX}accuracy/test",
+    }
     return ", ".join([f"{name}: {took}", *(f"{k} {figures[v]:.2f}" for k, v in shown.items() if v in figures)])
 
 
@@ -268,7 +283,7 @@ def build(config: DictConfig) -> ReproduceConfig:
     return ReproduceConfig(run_config(data), **{**own, "experiments": tuple(own["experiments"])})
 
 
-SETTINGS = {"processes": 0, "experiments": [], "grids": {}, "dry_run": False, "report": True}
+SETTINGS = {"processes": 0, "experiments": [], "grids": {}, "probes": {}, "dry_run": False, "report": True}
 
 
 def help_text() -> str:
@@ -282,6 +297,7 @@ def help_text() -> str:
         "  processes=N                runs side by side; 0, the default: one per core",
         "  report=false               tables only",
         "  grids.NAME.grid.seeds=5    what the file of an experiment says; +grids.NAME.scales.quick={} adds a scale to it",
+        "  probes.SCALE.frames=N      how finished runs are probed at a scale; grids.NAME.probes=false: not at all",
         "  +experiment@grids.NAME=NAME  an experiment of your own, conf/experiment/NAME.yaml",
         "  root=FOLDER                where run folders are, and are looked for; runs/ of the checkout by default",
         "  seed, algorithm, observation, scale.frames, evaluation.episodes, tracking, ... as for experiments.train",

@@ -11,6 +11,7 @@
 ``journal.jsonl``         when the run was started, stopped, went wrong (with the traceback), and finished
 ``tracking.json``         how much of this MLflow has
 ``evaluations/``          what ``python -m experiments.evaluate`` found out later
+``probes.parquet``        what the representation knows of the factors, see :mod:`experiments.probing`
 """
 
 from __future__ import annotations
@@ -46,6 +47,7 @@ DAMAGED = "checkpoint/damaged.pt"  # a newest checkpoint that could not be read
 EPISODES = "episodes.parquet"
 METRICS = "metrics.parquet"
 EVALUATIONS = "evaluations"
+PROBES = "probes.parquet"
 VERSIONS = "versions.json"
 SUMMARY = "summary.json"
 MARK = "tracking.json"  # how much of the run MLflow has
@@ -173,7 +175,7 @@ def _occupy(folder: Path, config: RunConfig) -> None:
 
 def empty(folder: Path, config: RunConfig) -> None:
     """Throws away the run in a folder, and nothing else that lies there, for one with these settings to begin."""
-    names = (SUMMARY, EPISODES, METRICS, VERSIONS, LEVELS_TRAIN, LEVELS_TEST, JOURNAL, MARK, CONFIG)
+    names = (SUMMARY, PROBES, EPISODES, METRICS, VERSIONS, LEVELS_TRAIN, LEVELS_TEST, JOURNAL, MARK, CONFIG)
     for name in names:  # the sign of completion first
         (folder / name).unlink(missing_ok=True)
     for part in (CHECKPOINTS, EVALUATIONS):

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from experiments.config import ACTION_MODES, LevelsConfig, ObservationConfig, RunConfig, as_data
+from experiments.probing import ProbeConfig, is_probed
 from experiments.run_folder import (
     EPISODE_SCHEMA,
     EPISODES,
@@ -57,15 +58,20 @@ class Transfer:
 
 @dataclass(frozen=True)
 class RunWork:
-    """A run, and the transfers of its agent."""
+    """A run, the transfers of its agent, and what is asked about its representation."""
 
     run: RunConfig
     transfers: tuple[Transfer, ...] = field(default=())
+    probes: ProbeConfig | None = None
 
     def is_done(self) -> bool:
         """Whether nothing is left to do."""
         finished = (folder_path(self.run) / SUMMARY).exists()
-        return finished and all(transfer.is_done(self.run) for transfer in self.transfers)
+        return finished and all(transfer.is_done(self.run) for transfer in self.transfers) and not self.lacks_probes()
+
+    def lacks_probes(self) -> bool:
+        """Whether the run is to be probed, and was not probed so."""
+        return self.probes is not None and not is_probed(self.run, self.probes)
 
 
 def evaluate_transfer(run: RunConfig, transfer: Transfer, say: Callable[[str], None] = print) -> dict[str, Any]:

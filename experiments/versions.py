@@ -8,8 +8,9 @@ import hashlib
 import importlib.util
 import platform
 import subprocess
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Set
 from functools import cache
+from importlib.machinery import PathFinder
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -80,9 +81,20 @@ def code_fingerprint(learner: str) -> str:
     return _fingerprint((*library, *(path for _, path in sorted(learning_modules(learner.partition(":")[0]).items()))))
 
 
+@cache
+def package_fingerprint(module: str) -> str:
+    """Sixteen hexadecimal digits over ``module`` and what it imports of its own package, in the same way."""
+    found = modules_reached(module, {module.partition(".")[0]})
+    return _fingerprint(path for _, path in sorted(found.items()))
+
+
 def learning_modules(module: str) -> dict[str, Path]:
     """Name and file of ``module`` and of all modules that it imports, of its own package and of ``experiments``."""
-    packages = {module.partition(".")[0], "experiments"} - {"segar"}
+    return modules_reached(module, {module.partition(".")[0], "experiments"} - {"segar"})
+
+
+def modules_reached(module: str, packages: Set[str]) -> dict[str, Path]:
+    """Name and file of ``module`` and of all modules of ``packages`` that it imports; none of them is imported here."""
     found: dict[str, Path] = {}
     waiting = [module]
     while waiting:
@@ -97,10 +109,13 @@ def learning_modules(module: str) -> dict[str, Path]:
 
 def _source(module: str) -> Path | None:
     """The file of a module; None where the name is that of something in a module, or a package without code."""
-    try:
-        spec = importlib.util.find_spec(module)
-    except ModuleNotFoundError:
-        return None
+    top, *rest = module.split(".")
+    spec = importlib.util.find_spec(top)
+    for name in rest:
+        if spec is None or spec.submodule_search_locations is None:
+            return None
+        # Of a dotted name, importlib.util.find_spec would import what stands before the last dot.
+        spec = PathFinder.find_spec(f"{spec.name}.{name}", spec.submodule_search_locations)
     return Path(spec.origin) if spec is not None and spec.origin is not None else None
 
 

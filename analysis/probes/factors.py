@@ -34,6 +34,7 @@ def probe_factors(
     probes: Sequence[str] = tuple(PROBES),
     folds: int = FOLDS,
     bins: int = BINS,
+    nearest: bool = True,
 ) -> pd.DataFrame:
     """What can be read of each factor: one row per factor, probe and quantity.
 
@@ -46,7 +47,8 @@ def probe_factors(
                       being counted on other episodes. Below 0: nothing could be learned from so few episodes
     ``fraction``      the same as a share of the cell's entropy, which is exact where ``entropy_of`` is "law", and of the
                       frames at hand where it is "sample"
-    ``ksg``           nats between prediction and number by nearest neighbours, from one frame of each episode
+    ``ksg``           nats between prediction and number by nearest neighbours, from one frame of each episode; where
+                      ``nearest`` asks for it
 
     ``n`` counts episodes, and intervals are over episodes; ``p`` is one-sided, of the probe being no better than a
     constant. ``entropy`` [nats] is that of the factor cut into at most ``bins`` cells. Frames of an episode share their
@@ -77,7 +79,7 @@ def probe_factors(
             if column.is_category:
                 rows += category_rows(base, column, *held_out, folds, rng)
             else:
-                rows += number_rows(base, column, *held_out, bins, folds, rng)
+                rows += number_rows(base, column, *held_out, bins, folds, rng, nearest)
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
@@ -97,6 +99,7 @@ def number_rows(
     bins: int,
     folds: int,
     rng: np.random.Generator,
+    nearest: bool,
 ) -> list[dict[str, Any]]:
     """The rows of a factor that is a number."""
     cells = quantise(column, z, bins)
@@ -109,8 +112,9 @@ def number_rows(
         "r2": ratio_over_groups(spread - error, spread, group, rng),
         "information": nats,
         "fraction": scaled(nats, lambda value: value / cells.entropy),
-        "ksg": ksg_estimate(jittered(predicted, rng), z, rng, group),
     }
+    if nearest:
+        found_by["ksg"] = ksg_estimate(jittered(predicted, rng), z, rng, group)
     return [base | {"quantity": name} | asdict(one) | entropy for name, one in found_by.items()]
 
 

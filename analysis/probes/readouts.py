@@ -8,14 +8,15 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from sklearn.linear_model import LogisticRegression, RidgeCV
+from sklearn.linear_model import LogisticRegression
 from torch import Tensor
 from torch.nn import functional as F
 
 from analysis.probes.critics import Embedding, draw_weights, torch_rng
-from analysis.probes.pairs import Pairs
+from analysis.probes.pairs import Pairs, episode_folds
 
-ALPHAS = tuple(10.0 ** np.arange(-2, 6))  # of ridge, on standardised columns, chosen by leave-one-out on training folds
+ALPHAS = 10.0 ** np.arange(-1, 8)  # of ridge, on standardised columns
+INNER_FOLDS = 4  # of the training episodes, by which alpha is chosen
 INVERSE_PENALTY = 0.1  # of logistic regression
 STEPS, BATCH, WIDTH, LEARNING_RATE, DECAY = 600, 256, 128, 3e-3, 1e-3  # of the network
 
@@ -42,16 +43,41 @@ def predict_linear(
             if len(rest) < 2 or not len(test):
                 continue
             target = pairs.factors[rest[:, None], columns]
-            found = predict_category(x, rest, test, target) if category >= 0 else predict_numbers(x, rest, test, target)
+            if category >= 0:
+                found = predict_category(x, rest, test, target)
+            else:
+                found = predict_numbers(x, rest, test, target, pairs.episode[rest], rng)
             out[test[:, None], columns] = found
     return out
 
 
-def predict_numbers(x: Any, rest: Any, test: Any, target: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Ridge's predictions [len(test), k], fitted on ``target`` [len(rest), k]."""
-    mean, spread = target.mean(axis=0), target.std(axis=0)
-    model = RidgeCV(ALPHAS).fit(x[rest], (target - mean) / np.where(spread > 0, spread, 1.0))
-    return np.asarray(model.predict(x[test])).reshape(len(test), -1) * spread + mean
+def predict_numbers(
+    x: Any, rest: Any, test: Any, target: NDArray[np.float64], episode: NDArray[np.int64], rng: np.random.Generator
+) -> NDArray[np.float64]:
+    """Ridge's predictions [len(test), k], fitted on ``target`` [len(rest), k].
+
+    Each number has the alpha that does best on episodes which were left out. Leaving out single frames would choose one
+    that learns episodes by heart, for their other frames remain.
+    """
+    phi = np.asarray(x[rest], np.float64)
+    error = np.zeros((len(ALPHAS), target.shape[1]))
+    inner = min(INNER_FOLDS, len(np.unique(episode)))
+    for left_out in episode_folds(episode, inner, rng) if inner > 1 else ():
+        kept = np.setdiff1d(np.arange(len(rest)), left_out)
+        said = ridge_path(phi[kept], target[kept], phi[left_out])
+        error += ((said - target[left_out]) ** 2).sum(axis=1)
+    best = error.argmin(axis=0) if inner > 1 else np.full(target.shape[1], len(ALPHAS) - 1)
+    return ridge_path(phi, target, np.asarray(x[test], np.float64))[best, :, np.arange(len(best))].T
+
+
+def ridge_path(x: NDArray[np.float64], target: NDArray[np.float64], asked: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Ridge's predictions [alphas, m, k] for ``asked`` [m, d], fitted on ``x`` [n, d] and ``target`` [n, k]."""
+    middle, mean = x.mean(axis=0), target.mean(axis=0)
+    around = x - middle
+    values, vectors = np.linalg.eigh(around.T @ around)
+    projected = vectors.T @ (around.T @ (target - mean))
+    weights = projected / (np.maximum(values, 0.0)[:, None] + ALPHAS[:, None, None])
+    return ((asked - middle) @ vectors) @ weights + mean
 
 
 def predict_category(x: Any, rest: Any, test: Any, target: NDArray[np.float64]) -> NDArray[np.float64]:

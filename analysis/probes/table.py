@@ -2,49 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
+import zlib
+from collections.abc import Sequence
+from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pandas as pd
 import torch
-from sklearn.decomposition import PCA
+from sklearn.utils.extmath import randomized_svd
 
-from analysis.probes.collection import ENVS, FRAMES, PAPER_FACTORS, collect_run
+from analysis.probes.collection import PAPER_FACTORS, collect_run
 from analysis.probes.critics import CriticSettings
 from analysis.probes.factors import probe_factors
-from analysis.probes.information import REPLICATES, Bound, estimate_information, mine_of_2022
+from analysis.probes.information import Bound, estimate_bounds, mine_of_2022
 from analysis.probes.pairs import Frames, Pairs, standardised
 from analysis.stats.estimate import mean_of_replicates
 from experiments.construct import import_object
 from experiments.evaluation import shape_in
+from experiments.probing import KSG, READOUTS, TRAINED, ProbeConfig
 from experiments.run_folder import LEVELS_TRAIN, read_config
 from experiments.worlds import environment_options
 from segar.errors import SegarError
 from segar.levels import Levels
 
 COMPONENTS = 64  # of the pixels
-REPRESENTATIONS = ("trained", "random encoder", "pixel PCA", "identity", "shuffled")
-"""What is probed: phi; phi of the same network before training; principal components of the observations; z itself,
-which must saturate; and phi of another episode, which must know nothing."""
+FITTED_ON = 1000  # frames; more change little, and cost
+POWER_ITERATIONS = 2  # of the randomised decomposition
 
 
-def probe_run(
-    folder: Path | str,
-    *,
-    levels: Sequence[str] = ("train", "test"),
-    representations: Sequence[str] = REPRESENTATIONS,
-    bounds: Sequence[Bound] = ("jsd", "infonce", "smile"),
-    probes: Sequence[str] = ("ridge", "mlp"),
-    frames: int = FRAMES,
-    num_envs: int = ENVS,
-    replicates: int = REPLICATES,
-    settings: CriticSettings | None = None,
-    seed: int = 0,
-) -> pd.DataFrame:
+def probe_run(folder: Path | str, config: ProbeConfig | None = None, seed: int = 0) -> pd.DataFrame:
     """All that the probes say of a run; one row per level set, representation, factor, probe and quantity.
+
+    The ``trained`` representation is probed on training and on test levels, others on test levels: ``random encoder``,
+    phi of the same network before training; ``pixel PCA``, principal components of the observations; ``identity``, z
+    itself, which must saturate; and ``shuffled``, phi of another episode, which must know nothing.
 
     Columns: ``run``, ``levels``, ``representation``, those of :func:`analysis.probes.factors.probe_factors`, where
     ``factor`` is "all" for the bounds, whose ``probe`` is e.g. "jsd" and whose ``quantity`` is "accuracy" (chance 0.5) or
@@ -53,59 +46,62 @@ def probe_run(
     very pairs that it was fitted on) and on the test levels.
 
     Raises:
-        SegarError: there is no such run, or no weights in it, or an argument is out of range.
+        SegarError: there is no such run, or no weights in it, or there are too few frames or episodes.
     """
-    folder = Path(folder).expanduser().resolve()
-    rng = np.random.default_rng(seed)
-    collected = {}
+    folder, config = Path(folder).expanduser().resolve(), config or ProbeConfig()
+    seen: dict[str, tuple[Frames, Pairs]] = {}
+    for name in ("train", "test"):
+        policy, frames = collect_run(
+            folder, name, frames=config.frames, num_envs=config.num_envs, mode=config.mode, seed=seed
+        )
+        seen[name] = frames, frames.pairs(policy.represent)
     tables = []
-    for name in levels:
-        policy, seen = collect_run(folder, name, frames=frames, num_envs=num_envs, seed=seed)
-        collected[name] = policy, seen
-        for kind, pairs in represent_all(folder, policy, seen, representations, rng).items():
-            table = probe_pairs(pairs, rng, bounds=bounds, probes=probes, replicates=replicates, settings=settings)
-            tables.append(place(table, folder, name, kind))
-    if set(collected) >= {"train", "test"} and "trained" in representations:
-        tables += paper_rows(folder, collected, replicates, rng)
+    for kind, asked in config.representations.items():
+        for name in seen if kind == TRAINED else ("test",):
+            rng = rng_of(seed, name, kind)  # what is asked of one changes nothing about another
+            pairs = represent(kind, *seen[name], folder, rng)
+            tables.append(place(probe_pairs(pairs, rng, asked, config), folder, name, kind))
+    if config.paper_replicates:
+        tables += paper_rows(folder, seen, config, rng_of(seed, "paper"))
     return pd.concat([table for table in tables if len(table)], ignore_index=True)
 
 
-def probe_pairs(
-    pairs: Pairs,
-    rng: np.random.Generator,
-    *,
-    bounds: Sequence[Bound] = ("jsd", "infonce", "smile"),
-    probes: Sequence[str] = ("ridge", "mlp"),
-    replicates: int = REPLICATES,
-    settings: CriticSettings | None = None,
-) -> pd.DataFrame:
-    """The rows of :func:`probe_run` that concern one representation."""
+def rng_of(seed: int, *names: str) -> np.random.Generator:
+    """A generator of its own for each piece of the work."""
+    return np.random.default_rng([seed, zlib.crc32(" ".join(names).encode())])
+
+
+def probe_pairs(pairs: Pairs, rng: np.random.Generator, asked: Sequence[str], config: ProbeConfig) -> pd.DataFrame:
+    """The rows of :func:`probe_run` that concern one representation; ``asked`` names bounds, readouts, and "ksg"."""
+    settings = CriticSettings(steps=config.steps, batch=config.batch)
+    bounds = [name for name in get_args(Bound) if name in asked]
     rows = []
-    for bound in bounds:
-        found = estimate_information(pairs, rng, bound=bound, replicates=replicates, settings=settings)
-        for quantity, one in zip(("accuracy", "information"), found, strict=True):
-            rows.append({"factor": "all", "probe": bound, "quantity": quantity, "frames": len(pairs)} | asdict(one))
+    if bounds:
+        for bound, found in estimate_bounds(
+            pairs, rng, bounds, replicates=config.replicates, settings=settings
+        ).items():
+            for quantity, one in zip(("accuracy", "information"), found, strict=True):
+                rows.append({"factor": "all", "probe": bound, "quantity": quantity, "frames": len(pairs)} | asdict(one))
     tables = [pd.DataFrame(rows)] if rows else []
-    if probes:
-        tables.append(probe_factors(pairs, rng, probes=probes))
+    readouts = [name for name in READOUTS if name in asked]
+    if readouts:
+        tables.append(probe_factors(pairs, rng, probes=readouts, nearest=KSG in asked))
     return pd.concat([table.astype(object) for table in tables], ignore_index=True).infer_objects()
 
 
-def represent_all(
-    folder: Path, policy: Any, frames: Frames, names: Sequence[str], rng: np.random.Generator
-) -> dict[str, Pairs]:
-    """The same frames in each representation; raises :class:`SegarError` for an unknown one."""
-    makers: Mapping[str, Callable[[], Pairs]] = {
-        "trained": lambda: frames.pairs(policy.represent),
-        "random encoder": lambda: frames.pairs(untrained(folder, rng).represent),
-        "pixel PCA": lambda: components(frames, rng),
-        "identity": lambda: identity(frames.pairs(flat)),
-        "shuffled": lambda: shuffled(frames.pairs(policy.represent), rng),
-    }
-    unknown = [name for name in names if name not in makers]
-    if unknown:
-        raise SegarError(f"representation '{unknown[0]}' is unknown; known are {', '.join(makers)}")
-    return {name: makers[name]() for name in names}
+def represent(kind: str, frames: Frames, trained: Pairs, folder: Path, rng: np.random.Generator) -> Pairs:
+    """Frames in one representation; ``trained`` are the same frames in the run's own. Raises :class:`SegarError`."""
+    if kind == TRAINED:
+        return trained
+    if kind == "random encoder":
+        return frames.pairs(untrained(folder, rng).represent)
+    if kind == "pixel PCA":
+        return components(frames, rng)
+    if kind == "identity":
+        return identity(trained)
+    if kind == "shuffled":
+        return shuffled(trained, rng)
+    raise SegarError(f"representation '{kind}' is unknown")
 
 
 def untrained(folder: Path, rng: np.random.Generator) -> Any:
@@ -122,11 +118,16 @@ def untrained(folder: Path, rng: np.random.Generator) -> Any:
 
 
 def components(frames: Frames, rng: np.random.Generator) -> Pairs:
-    """Principal components of the observations, at most 64; they see all frames, but no factor."""
+    """At most 64 principal components of the observations, of frames drawn at random; they see no factor."""
     pairs = frames.pairs(flat)
-    size = min(COMPONENTS, *pairs.representation.shape)
-    model = PCA(size, svd_solver="randomized", random_state=int(rng.integers(2**31)))
-    return pairs.with_representation(model.fit_transform(pairs.representation))
+    some = rng.permutation(len(pairs))[:FITTED_ON]
+    size = min(COMPONENTS, len(some), pairs.representation.shape[1])
+    start = int(rng.integers(2**31))
+    sample = pairs.representation[some]
+    middle = sample.mean(axis=0)
+    decomposed = randomized_svd(sample - middle, size, n_iter=POWER_ITERATIONS, random_state=start)  # type: ignore[arg-type]
+    directions = decomposed[2]
+    return pairs.with_representation((pairs.representation - middle) @ directions.T)
 
 
 def flat(observation: Any) -> Any:
@@ -158,20 +159,21 @@ def shuffled(pairs: Pairs, rng: np.random.Generator) -> Pairs:
 
 
 def paper_rows(
-    folder: Path, collected: Mapping[str, tuple[Any, Frames]], replicates: int, rng: np.random.Generator
+    folder: Path, seen: dict[str, tuple[Frames, Pairs]], config: ProbeConfig, rng: np.random.Generator
 ) -> list[pd.DataFrame]:
     """The accuracy as in 2022, on training and test levels; and with nothing but the marginal put right."""
     sets = []
     for name in ("train", "test"):
-        policy, frames = collected[name]
-        pairs = frames.pairs(policy.represent, alignment="late")
-        sets.append(pairs.only([k for k, c in enumerate(pairs.columns) if c.factor in PAPER_FACTORS]))
+        frames, pairs = seen[name]
+        late = replace(pairs, factors=frames.late)
+        some = late.take(rng.permutation(len(late))[: config.paper_frames])
+        sets.append(some.only([k for k, c in enumerate(some.columns) if c.factor in PAPER_FACTORS]))
     tables = []
     for probe, joint in (("paper", False), ("paper, joint marginal", True)):
-        found = [mine_of_2022(sets[0], sets[1], rng, joint=joint) for _ in range(replicates)]
+        found = [mine_of_2022(sets[0], sets[1], rng, joint=joint) for _ in range(config.paper_replicates)]
         for name, values in zip(("train", "test"), zip(*found, strict=True), strict=True):
             row = {"factor": "all", "probe": probe, "quantity": "accuracy", "frames": len(sets[0])}
-            tables.append(place(pd.DataFrame([row | asdict(mean_of_replicates(values, 0.5))]), folder, name, "trained"))
+            tables.append(place(pd.DataFrame([row | asdict(mean_of_replicates(values, 0.5))]), folder, name, TRAINED))
     return tables
 
 

@@ -90,7 +90,7 @@ def test_a_representation_of_another_episode_knows_nothing(pairs):
 def test_the_factors_themselves_saturate(pairs):
     found = probe_factors(identity(pairs), rng(9), probes=("ridge",))
     assert (found[found.quantity.isin(["r2", "accuracy"])].estimate > 0.99).all()
-    assert (found[found.quantity == "fraction"].estimate > 0.65).all()  # 60 episodes count a table of 8 x 8
+    assert (found[found.quantity == "fraction"].estimate > 0.5).all()  # 60 episodes count a table of 8 x 8
 
 
 def test_information_about_independent_cells_is_not_positive():
@@ -145,3 +145,15 @@ def test_errors_name_the_culprit(pairs):
         probe_factors(pairs, rng(), probes=("rigde",))
     with pytest.raises(LevelError, match="folds need at least"):
         episode_folds(np.zeros(10, np.int64), 2, rng())
+
+
+def test_few_episodes_of_many_frames_are_not_learnt_by_heart():
+    """Ridge's alpha was chosen by leaving out single frames, whose episodes betray them: R² of phi without the factor
+    was -7 on unseen episodes."""
+    episode = np.repeat(np.arange(40), 25)
+    z = rng(1).normal(size=(40, 1))[episode]
+    phi = rng(2).normal(size=(40, 64))[episode] + 0.01 * rng(3).normal(size=(1000, 64))
+    columns = (Column("ball", "Position.x", is_static=True),)
+    unknown = Pairs(np.float32(phi), z, columns, episode, np.zeros(1000, int), np.tile(np.arange(25), 40))
+    found = probe_factors(unknown, rng(4), probes=("ridge",))
+    assert -0.3 < value(found, "ball.Position.x", "r2").estimate < 0.3

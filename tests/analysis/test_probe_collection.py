@@ -1,14 +1,17 @@
 """Frames for probes: as many as asked for, aligned in time, of all that varies; and a run's probes in one table."""
 
+import dataclasses
+
 import numpy as np
+import pandas as pd
 import pytest
 
 import segar
 from analysis.probes.collection import collect, collect_run, varying_columns
-from analysis.probes.critics import CriticSettings
 from analysis.probes.factors import COLUMNS
-from analysis.probes.table import probe_run, represent_all
+from analysis.probes.table import probe_run, represent
 from experiments.anchors import RandomAgent, ScriptedAgent
+from experiments.probing import ProbeConfig
 from experiments.run import run
 from segar.errors import SegarError
 from tests.experiments.short_runs import short_run
@@ -99,26 +102,46 @@ def test_a_run_s_policy_represents_its_own_levels(folder):
 
 def test_representations_differ_and_frames_do_not(folder):
     policy, frames = collect_run(folder, "train", frames=200, num_envs=8)
-    found = represent_all(folder, policy, frames, ["trained", "random encoder", "pixel PCA"], np.random.default_rng(0))
-    assert all(np.array_equal(pairs.factors, frames.factors) for pairs in found.values())
-    assert not np.array_equal(found["trained"].representation, found["random encoder"].representation)
+    trained = frames.pairs(policy.represent)
+    found = [
+        represent(kind, frames, trained, folder, np.random.default_rng(0)) for kind in ("random encoder", "pixel PCA")
+    ]
+    assert all(np.array_equal(pairs.factors, frames.factors) for pairs in found)
+    assert not np.array_equal(found[0].representation, trained.representation)
+
+
+FEW = ProbeConfig(
+    frames=300, num_envs=16, replicates=2, steps=100, paper_frames=100, paper_replicates=1,
+    representations={"trained": ["jsd", "ridge"], "identity": ["jsd"]},
+)  # fmt: skip
 
 
 def test_all_probes_of_a_run_make_one_table(folder):
-    table = probe_run(
-        folder, representations=("trained", "identity"), bounds=("jsd",), probes=("ridge",), frames=300, num_envs=16,
-        replicates=2, settings=CriticSettings(steps=100),
-    )  # fmt: skip
+    table = probe_run(folder, FEW)
     assert list(table.columns[:3]) == ["run", "levels", "representation"] and set(COLUMNS) <= set(table.columns)
     assert set(table.probe) == {"jsd", "ridge", "paper", "paper, joint marginal"}
+    asked = table[["levels", "representation", "probe"]].drop_duplicates()
+    assert (
+        len(asked) == 2 + 2 + 1 + 4
+    )  # the trained one on both level sets, by both; identity; two forms of 2022 on both
     accuracy = table[(table.probe == "jsd") & (table.quantity == "accuracy") & (table.levels == "test")]
     by = accuracy.set_index("representation").estimate
     assert by["identity"] > 0.9 and by["trained"] > 0.6
     assert table[table.probe == "paper"].levels.tolist() == ["train", "test"]
 
 
+def test_what_is_asked_of_one_representation_changes_nothing_about_another(folder):
+    alone = probe_run(folder, dataclasses.replace(FEW, paper_replicates=0, representations={"identity": ["jsd"]}))
+    among = probe_run(folder, FEW)
+    pd.testing.assert_frame_equal(
+        alone[["estimate"]], among.loc[among.representation == "identity", ["estimate"]].reset_index(drop=True)
+    )
+
+
 def test_errors_name_the_culprit(folder):
     with pytest.raises(SegarError, match="levels must be 'train', 'test' or a level set, not 'tets'"):
         collect_run(folder, "tets")
-    with pytest.raises(SegarError, match="representation 'trainde' is unknown"):
-        probe_run(folder, representations=("trainde",), frames=50)
+    with pytest.raises(SegarError, match="representations: 'trainde' is unknown. Did you mean 'trained'"):
+        ProbeConfig(representations={"trainde": ["jsd"]})
+    with pytest.raises(SegarError, match="folds need at least 2 episodes"):
+        probe_run(folder, dataclasses.replace(FEW, num_envs=1, frames=4))

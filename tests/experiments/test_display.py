@@ -4,7 +4,7 @@ import io
 
 from rich.console import Console
 
-from experiments.display import Display, frames_in
+from experiments.display import Display, progress_in
 from experiments.progress import Progress
 from experiments.sweep import Job, Outcome
 
@@ -40,9 +40,12 @@ def test_a_terminal_shows_bars_of_all_work_and_of_what_runs(tmp_path, monkeypatc
 def test_frames_are_read_from_what_a_run_says(tmp_path, monkeypatch):
     monkeypatch.setattr("experiments.progress.LINE_INTERVAL", -1.0)
     log = tmp_path / "run.log"
-    assert frames_in(log) == (0, 0)
+    assert progress_in(log) == (0, 0, False)
     with log.open("w") as stream:
         progress = Progress("label", 20_000, 0, shown=True, stream=stream)
         for frames in (1_000, 12_345):
             progress.update(frames, {"episode/return": -1.0})
-    assert frames_in(log) == (12_345, 20_000)
+    assert progress_in(log) == (12_345, 20_000, False)
+    with log.open("a") as stream:
+        stream.write("label: probes\n")
+    assert progress_in(log) == (12_345, 20_000, True)
