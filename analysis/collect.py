@@ -83,6 +83,8 @@ def collect(config: CollectConfig) -> Collected:
     found = read_all(plan)
     write_tables(folder, plan, found)
     print(f"{len(found.runs)} runs and {len(found.transfers)} transfers are in {folder / RUNS} and {TRANSFERS}.")
+    if not found.probes.empty:
+        print(f"What the probes say of {found.probes['run'].nunique()} runs is in {PROBES}.")
     for run, reason in pairs(found.missing, "run", "reason"):
         print(f"  missing: {run}: {reason}")
     if config.tracking and plan["tracking"]["name"] != "none":

@@ -100,6 +100,7 @@ def experiment_at(name: str, data: Mapping[str, Any], scale: str) -> Experiment 
     config = construct(ExperimentConfig, data, place)
     require(bool(config.grid) or bool(config.study), place, dict(data), "an experiment with a grid, a study, or both")
     require(bool(config.grid) or not config.transfers, f"{place}.transfers", "transfers", "beside a grid of agents")
+    require(bool(config.grid) or not config.probes, f"{place}.probes", True, "beside a grid of agents")
     for i, transfer in enumerate(config.transfers):
         check_transfer(transfer, f"{place}.transfers[{i}]")
     check_grid(construct(GridConfig, config.grid, f"{place}.grid"), f"{place}.grid")

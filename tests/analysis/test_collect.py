@@ -13,7 +13,7 @@ from experiments.errors import RunFolderError
 from experiments.experiment import experiment_at
 from experiments.planning import make_plan
 from experiments.reproduce import ReproduceConfig, write_plan
-from experiments.run_folder import EPISODE_SCHEMA, SUMMARY, write_json, write_rows
+from experiments.run_folder import EPISODE_SCHEMA, PROBES, SUMMARY, folder_path, write_json, write_rows
 from tests.synthetic_runs import episodes, settings, write_run
 
 SCALE = ScaleConfig(name="smoke", frames=1000, families=("empty",), difficulties=("easy", "hard"), counts=(1, 10))
@@ -22,6 +22,7 @@ HARDER = {
     "title": "Harder",
     "figure": "4a",
     "grid": {"difficulties": ["easy"]},
+    "probes": True,
     "transfers": [{"difficulty": "medium"}],
     "scales": {"smoke": {}},
 }
@@ -46,6 +47,19 @@ def write_all(plan):
             write_rows(out / "episodes.parquet", rows, EPISODE_SCHEMA)
             summary = {"transfer": json.loads(json.dumps(dataclasses.asdict(transfer))), "w2/exact": 3.0, "ks": 0.5}
             write_json(out / SUMMARY, summary)
+        if work.probes is not None:
+            probe_table(work.run.label(), 0.7 + i / 100).to_parquet(folder_path(work.run) / PROBES)
+
+
+def probe_table(run, accuracy):
+    """What the probes left in a run folder."""
+    about = {"run": run, "levels": "test", "representation": "trained", "frames": 100, "level": 0.95, "note": ""}
+    rows = [
+        {"factor": "all", "probe": "jsd", "quantity": "accuracy", "estimate": accuracy + 1e-9, "n": 3},
+        {"factor": "goal.Position.x", "probe": "ridge", "quantity": "r2", "estimate": 0.5, "n": 100, "static": True},
+        {"factor": "goal.Position.x", "probe": "ridge", "quantity": "information", "estimate": 1.0, "n": 100},
+    ]
+    return pd.DataFrame([{**about, "low": 0.1, "high": 0.9, "p": 0.01, "entropy": 2.079, **row} for row in rows])
 
 
 @pytest.fixture(scope="module")
@@ -97,9 +111,18 @@ def test_an_experiment_has_a_table_of_its_runs_and_of_the_transfers_that_it_asks
     assert list(harder["test"]) == ["own"] * 2 + ["empty-medium"] * 2
 
 
+def test_what_probes_say_stands_beside_what_the_run_is(made):
+    _, found = made
+    assert list(found.probes["n"]) == [1, 1, 10, 10] and list(found.probes["units"]) == [3, 100, 3, 100]
+    accuracy = found.probes[found.probes["probe"] == "jsd"]
+    np.testing.assert_array_equal(accuracy["estimate"], np.float32([0.7, 0.71]))
+    assert set(found.probes["family"]) == {"empty"} and set(found.probes["difficulty"]) == {"easy"}
+    assert set(found.probes["quantity"]) == {"accuracy", "r2"}
+
+
 def test_files_hold_the_tables(made):
     config, found = made
-    for name in ("runs", "transfers", "levels", "curves"):
+    for name in ("runs", "transfers", "levels", "curves", "probes"):
         pd.testing.assert_frame_equal(pd.read_parquet(config.folder / f"{name}.parquet"), getattr(found, name))
 
 
@@ -113,14 +136,14 @@ def test_doing_it_again_changes_no_byte(made):
 
 def test_what_is_missing_is_named(tmp_path, capfd):
     config, plan = planned(tmp_path)
-    write_run(plan.runs[0].run)  # without its transfer
+    write_run(plan.runs[0].run)  # without its transfer and its probes
     write_run(plan.runs[1].run, finished=False)
     found = collect(CollectConfig(str(config.folder)))
     assert len(found.runs) == 1 and found.transfers.empty
     reasons = [reason.split(" ")[-2:] for reason in found.missing["reason"]]
-    assert sorted(map(tuple, reasons)) == [("not", "begun")] * 2 + [("not", "finished")] * 2
+    assert sorted(map(tuple, reasons)) == [("not", "begun")] * 2 + [("not", "finished")] * 3
     assert "missing: empty-easy-n10" in capfd.readouterr().out
-    assert len(pd.read_csv(config.folder / "missing.csv")) == 4
+    assert len(pd.read_csv(config.folder / "missing.csv")) == 5
 
 
 def test_a_folder_without_a_plan_is_refused(tmp_path):

@@ -148,8 +148,7 @@ def test_errors_name_the_culprit(pairs):
 
 
 def test_few_episodes_of_many_frames_are_not_learnt_by_heart():
-    """Ridge's alpha was chosen by leaving out single frames, whose episodes betray them: R² of phi without the factor
-    was -7 on unseen episodes."""
+    """Ridge's alpha was chosen by leaving out single frames, whose episodes betray them; R² here was -0.8."""
     episode = np.repeat(np.arange(40), 25)
     z = rng(1).normal(size=(40, 1))[episode]
     phi = rng(2).normal(size=(40, 64))[episode] + 0.01 * rng(3).normal(size=(1000, 64))
