@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
@@ -27,14 +28,14 @@ class LevelsConfig:
     test: str | None = None  # None: the same as train; another one makes the test out of distribution
     count: int = 10  # training levels
     seed: int = 0  # which training levels; a smaller count takes the first ones
-    design: str = "iid"  # how the training levels are picked from their distribution: a kind of segar.design
+    design: str = "iid"  # how the training levels are picked from their distribution, see require_design
     variation: str = ""  # of both distributions: a name in experiments.variations, or ``module:function``
     test_variation: str | None = None  # None: the same
     test_count: int = 100
     test_seed: int = 0  # which test levels; they never meet training levels, whatever the seeds
 
     def __post_init__(self) -> None:
-        require_known("levels.design", self.design, DESIGNS)
+        require_design("levels.design", self.design)
         require(self.count >= 1, "levels.count", self.count, "at least 1")
         require(self.test_count >= 1, "levels.test_count", self.test_count, "at least 1")
         require_seed("levels.seed", self.seed)
@@ -46,7 +47,8 @@ class LevelsConfig:
         return self.test or self.train
 
 
-DESIGNS = ("iid", "clustered", "covering", "nuisance_only")  # those of segar.design that need no test levels
+DESIGNS = ("iid", "clustered", "covering", "nuisance_only")  # kinds of segar.design that need no test levels
+TARGET_DESIGN = re.compile(r"w2_(x?)(\d+(?:\.\d+)?)")  # its kind target, in the mode exact
 
 
 @dataclass(frozen=True)
@@ -295,6 +297,22 @@ def require_known(place: str, name: str, names: Sequence[str]) -> None:
     """Raises :class:`ConfigError` that names the nearest of ``names``, unless ``name`` is one of them."""
     if name not in names:
         raise ConfigError(f"{place}: '{name}' is unknown.{did_you_mean(name, names)}")
+
+
+def require_design(place: str, name: str) -> None:
+    """Raises :class:`ConfigError` unless ``name`` is in DESIGNS, or says a W2 between training and test levels.
+
+    ``w2_4.2`` is that distance; ``w2_x1.2`` is 1.2 times the mean distance of independent sets of as many levels.
+    """
+    target = TARGET_DESIGN.fullmatch(name)
+    if target is None and name.startswith("w2_"):
+        raise ConfigError(
+            f"{place}: '{name}' says no distance; w2_4.2 does, and w2_x1.2, 1.2 times that of independent sets"
+        )
+    if target is None:
+        require_known(place, name, DESIGNS)
+    else:
+        require(float(target[2]) > 0, place, name, "a distance above 0")
 
 
 def require_encoder(place: str, name: str) -> None:

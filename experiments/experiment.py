@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any
 
 from experiments.cells import DIFFICULTIES
-from experiments.config import DESIGNS, require, require_known
+from experiments.config import require, require_design, require_known
 from experiments.construct import construct
 from experiments.errors import ConfigError
 from experiments.variations import VARIATIONS
@@ -35,7 +35,7 @@ class GridConfig:
     algorithms: tuple[str, ...] = (BASE,)  # files of conf/algorithm
     observations: tuple[str, ...] = (BASE,)  # files of conf/observation
     tasks: tuple[str, ...] = (BASE,)  # files of conf/task
-    designs: tuple[str, ...] = ("iid",)  # kinds of segar.design
+    designs: tuple[str, ...] = ("iid",)  # how training levels are picked, see experiments.config.require_design
     variations: tuple[str, ...] = ("",)  # names in experiments.variations
     interval: int | None = None  # frames between evaluations on the test levels; None: as the scale has it
 
@@ -135,9 +135,11 @@ def settings_at(name: str, config: ExperimentConfig, scale: str, place: str) -> 
 def check_grid(grid: GridConfig, place: str) -> None:
     """Raises :class:`ConfigError` that names the entry which is no family, difficulty, number or variation."""
     known = [name.rsplit("-", 1)[0] for name in families()]
-    for key, names in (("families", known), ("difficulties", DIFFICULTIES), ("designs", DESIGNS)):
+    for key, names in (("families", known), ("difficulties", DIFFICULTIES)):
         for i, name in enumerate(getattr(grid, key)):
             require_known(f"{place}.{key}[{i}]", name, list(dict.fromkeys(names)))
+    for i, name in enumerate(grid.designs):
+        require_design(f"{place}.designs[{i}]", name)
     for i, count in enumerate(grid.counts):
         require(count >= 1, f"{place}.counts[{i}]", count, "at least 1")
     for key in ("seeds", "frames"):

@@ -6,25 +6,28 @@ import inspect
 from collections.abc import Mapping
 from typing import Any
 
-from experiments.config import LevelsConfig, RunConfig
+import numpy as np
+
+from experiments.config import TARGET_DESIGN, LevelsConfig, RunConfig
 from experiments.construct import import_object
 from experiments.errors import ConfigError
 from experiments.variations import vary
 from segar.designed_levels import design
-from segar.errors import SegarError, did_you_mean
+from segar.errors import LevelError, SegarError, did_you_mean
 from segar.factors import Order
 from segar.families import family
+from segar.metrics import w2
 from segar.observations.find import OBSERVATIONS
 from segar.tasks.find import TASKS
+
+INDEPENDENT_SETS = 5  # whose mean distance is the unit of designs such as w2_x1.2
 
 
 def make_levels(config: LevelsConfig) -> tuple[Any, Any]:
     """Training and test levels (:class:`segar.levels.Levels`); raises :class:`ConfigError` for an unknown distribution."""
     train, test = (distribution_of(config, which) for which in ("train", "test"))
-    return (
-        pick_levels(train, config),
-        test.sample(config.test_count, seed=config.test_seed, split="test"),
-    )
+    test_levels = test.sample(config.test_count, seed=config.test_seed, split="test")
+    return pick_levels(train, config, test_levels), test_levels
 
 
 def distribution_of(config: LevelsConfig, which: str) -> Any:
@@ -35,12 +38,29 @@ def distribution_of(config: LevelsConfig, which: str) -> Any:
     return vary(find_distribution(config.test_distribution, "levels.test"), variation, "levels.test_variation")
 
 
-def pick_levels(distribution: Any, config: LevelsConfig) -> Any:
+def pick_levels(distribution: Any, config: LevelsConfig, test: Any) -> Any:
     """The training levels; where they are picked by design, raises :class:`LevelError` if there are none such."""
+    if TARGET_DESIGN.fullmatch(config.design):
+        return levels_at_target(distribution, config, test)
     if config.design == "iid":  # which a distribution of one's own can give that is no LevelDistribution
         return distribution.sample(config.count, seed=config.seed, split="train")
     nuisance = [Order] if config.design == "nuisance_only" else []
     return design(distribution, config.count, config.design, seed=config.seed, nuisance=nuisance)  # type: ignore[arg-type]
+
+
+def levels_at_target(distribution: Any, config: LevelsConfig, test: Any) -> Any:
+    """Training levels at the W2 from the test levels that the design says, within 1 %; raises :class:`ConfigError`."""
+    relative, number = TARGET_DESIGN.fullmatch(config.design).groups()  # type: ignore[union-attr]
+    target, unit = float(number), 1.0
+    if relative:
+        pool = distribution.sample(INDEPENDENT_SETS * config.count, seed=config.seed, split="train")
+        sets = np.arange(len(pool)).reshape(INDEPENDENT_SETS, -1)
+        unit = float(np.mean([w2(pool[one], test) for one in sets]))
+    try:
+        return design(distribution, config.count, "target", seed=config.seed, test=test, target=target * unit)
+    except LevelError as error:
+        times = f", which is {target:g} times the {unit:.4g} of independent levels" if relative else ""
+        raise ConfigError(f"levels.design: {config.design} cannot be had{times}. {error}") from error
 
 
 def find_distribution(name: str, place: str) -> Any:

@@ -10,6 +10,7 @@ from experiments.errors import ConfigError
 from experiments.variations import VARIATIONS, vary
 from experiments.worlds import distribution_of, make_levels
 from segar import FloorFriction, GoalTile, GolfBall, Gravity, Mass, Order, Position, SandTile
+from segar.metrics import w2
 from segar.rules import apply_friction, lorentz_law
 
 
@@ -70,6 +71,36 @@ def test_nuisance_sets_differ_in_the_order_of_drawing_alone():
     levels = levels_of(count=10, design="nuisance_only")[0]
     assert len(np.unique(values_of(levels, "golfball", Order))) > 1
     assert len(np.unique(values_of(levels, "golfball", Position))) == 1
+
+
+def test_a_design_may_say_how_far_training_is_from_test():
+    train, test = levels_of(count=10, test_count=50, design="w2_1.9")
+    assert w2(train, test) == pytest.approx(1.9, rel=0.01) and len(train) == 10
+    far, test = levels_of(count=10, test_count=50, design="w2_x1.2")
+    pool = segar.family("empty-hard").sample(50, seed=0, split="train")
+    independent = np.mean([w2(pool[range(k, k + 10)], test) for k in range(0, 50, 10)])
+    assert w2(far, test) == pytest.approx(1.2 * independent, rel=0.01)
+
+
+def test_a_distance_out_of_reach_names_the_range():
+    wanted = (
+        r"levels.design: w2_x9 cannot be had, which is 9 times the \d\.\d+ of independent levels.*reach from \d.*to \d"
+    )
+    with pytest.raises(ConfigError, match=wanted):
+        levels_of(count=10, test_count=50, design="w2_x9")
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("w2_far", "'w2_far' says no distance; w2_4.2 does, and w2_x1.2"),
+        ("w2_x0", "'w2_x0' is not allowed; it must be a distance above 0"),
+        ("clustred", "'clustred' is unknown. Did you mean 'clustered'"),
+    ],
+)
+def test_a_wrong_design_is_told_with_its_place(name, message):
+    with pytest.raises(ConfigError, match=f"levels.design: {message}"):
+        LevelsConfig(design=name)
 
 
 def course():
