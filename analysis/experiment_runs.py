@@ -1,7 +1,8 @@
 """Experiments in MLflow: one parent run each, with its table as artifact; the training runs are the children.
 
 A training run that several experiments share is the child of the first one; its tag ``figure`` names all figures and its
-tag ``experiments`` all experiments, so that each can be searched for. Doing it again changes nothing.
+tag ``experiments`` all experiments, so that each can be searched for; its colour is its family's. Doing it again changes
+nothing.
 """
 
 from __future__ import annotations
@@ -12,10 +13,12 @@ from typing import Any
 
 import pandas as pd
 
+from analysis.style import colours
 from analysis.tables import column
 from experiments.config import TrackingConfig
 from experiments.delivery import read_mark
 from experiments.mlflow_store import calling, open_store, store_uri
+from experiments.mlflow_views import COLOUR
 
 PARENT = "mlflow.parentRunId"  # MLflow's own tag, by which its pages nest runs
 
@@ -38,13 +41,23 @@ def show_experiments(results: Path, plan: Mapping[str, Any], runs: pd.DataFrame)
             parents.setdefault(run, parent)
             figures.setdefault(run, []).append(experiment["figure"] or experiment["name"])
     shared = {} if runs.empty else {str(a): str(b) for a, b in zip(runs["run"], runs["experiments"], strict=True)}
+    drawn = colours_of(runs)
     for run, parent in parents.items():
         mark = read_mark(root / run)
         is_here = mark is not None and mark.run_id is not None and mark.store == store_uri(tracking, root)
         if mark is not None and is_here:
             tags = {PARENT: parent, "figure": ", ".join(figures[run]), "experiments": shared.get(run, "")}
+            tags |= {COLOUR: drawn[run]} if run in drawn else {}
             for name, value in tags.items():
                 calling(client.set_tag, mark.run_id, name, value)
+
+
+def colours_of(runs: pd.DataFrame) -> dict[str, str]:
+    """For each run the colour that its family has in the figures, too."""
+    if runs.empty:
+        return {}
+    families = colours(map(str, runs["family"]))
+    return {str(run): families[str(family)] for run, family in zip(runs["run"], runs["family"], strict=True)}
 
 
 def parent_of(client: Any, mlflow_experiment: str, experiment: Mapping[str, Any], results: Path) -> str:

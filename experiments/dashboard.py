@@ -11,13 +11,16 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from experiments import runtime  # noqa: F401 - telemetry off before MLflow is imported
-from experiments.config import as_data, require
+from experiments.config import TrackingConfig, as_data, require
 from experiments.construct import construct
 from experiments.entry import plain, run_command
 from experiments.errors import TrackingError
+from experiments.mlflow_store import STORE, calling, show_views, store_uri
+from experiments.mlflow_views import VIEWS, link
 from experiments.run_folder import CHECKOUT
 
 HOST = "127.0.0.1"  # loopback: no other machine can reach it
+UNUSED = "Default"  # the experiment that every store of MLflow's has from the beginning
 
 
 @dataclass(frozen=True)
@@ -35,6 +38,11 @@ class DashboardConfig:
         """Absolute path of the folder that holds the store."""
         return Path(self.root).expanduser().resolve() if self.root else CHECKOUT / "runs"
 
+    @property
+    def address(self) -> str:
+        """Where a browser finds the pages."""
+        return f"http://{HOST}:{self.port}"
+
 
 def serve(config: DashboardConfig) -> None:
     """Becomes MLflow's server, until Ctrl-C; raises :class:`TrackingError` if there is nothing to show, or no port."""
@@ -42,24 +50,41 @@ def serve(config: DashboardConfig) -> None:
     require_free(config.port)
     os.environ["MLFLOW_SERVER_ENABLE_JOB_EXECUTION"] = "false"  # a job runner that nothing here uses; 20 s to start
     os.environ["PYTHONWARNINGS"] = "ignore"  # of the server's own libraries, which its user cannot mend
-    print(f"Results of {config.folder}: http://{HOST}:{config.port} (in a few seconds). Ctrl-C stops it.", flush=True)
+    print(f"Results of {config.folder}: {config.address} (in a few seconds). Ctrl-C stops it.")
+    print(*links(config), sep="\n", flush=True)
     os.execv(command[0], command)
 
 
 def server_command(config: DashboardConfig) -> list[str]:
     """The command that starts the server; raises :class:`TrackingError` if there is no store."""
-    store = config.folder / "mlflow.db"
+    store = config.folder / STORE
     if not store.exists():
         raise TrackingError(
             f"there is nothing to show yet: no {store}. Run something first, for example "
             "`make reproduce-paper SCALE=smoke`, or name another folder with root=..."
         )
     artifacts = (config.folder / "mlflow-artifacts").as_uri()
-    stores = ["--backend-store-uri", f"sqlite:///{store}", "--default-artifact-root", artifacts]
+    stores = ["--backend-store-uri", store_uri(TrackingConfig(), config.folder), "--default-artifact-root", artifacts]
     # Below critical, uvicorn logs every request, and calls Ctrl-C an error with a traceback.
     quiet = ["--workers", "1", "--uvicorn-opts", "--log-level=critical"]
     address = ["--host", HOST, "--port", str(config.port), *quiet]
     return [sys.executable, "-m", "mlflow", "server", *address, *stores]
+
+
+def links(config: DashboardConfig) -> list[str]:
+    """A line for each view of each of MLflow's experiments, which are given those that they lack; :class:`TrackingError`."""
+    from mlflow import MlflowClient
+
+    client = calling(MlflowClient, tracking_uri=store_uri(TrackingConfig(), config.folder))
+    lines = []
+    for experiment in calling(client.search_experiments):
+        if experiment.name != UNUSED:
+            show_views(client, experiment)
+            for name, view in VIEWS.items():
+                lines.append(
+                    f"  {view.title} ({experiment.name}): {link(config.address, experiment.experiment_id, name)}"
+                )
+    return lines
 
 
 def require_free(port: int) -> None:

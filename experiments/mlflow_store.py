@@ -12,9 +12,11 @@ from experiments import runtime
 from experiments.atomic import replacing
 from experiments.config import TrackingConfig
 from experiments.errors import TrackingError
+from experiments.mlflow_views import tags_of_views
 
 STORE = "mlflow.db"  # under the root of the runs
-REMOTE = ("http", "https", "postgresql", "mysql", "mssql")  # addresses of what may come and go while runs are at work
+SERVERS = ("http", "https")  # begin the addresses of MLflow's servers
+REMOTE = (*SERVERS, "postgresql", "mysql", "mssql")  # and of all that may come and go while runs are at work
 PATIENCE = {  # MLflow's own is minutes; whoever asks here tries again later anyway
     "MLFLOW_HTTP_REQUEST_MAX_RETRIES": "1",
     "MLFLOW_HTTP_REQUEST_TIMEOUT": "20",  # [s]
@@ -28,13 +30,19 @@ def store_uri(tracking: TrackingConfig, root: Path) -> str:
 
 def is_remote(uri: str) -> bool:
     """Whether the store at this address is a server, which may be away for a while."""
-    return uri.partition("://")[0].partition("+")[0] in REMOTE
+    return scheme(uri) in REMOTE
+
+
+def scheme(uri: str) -> str:
+    """What an address begins with, without the name of a driver: ``postgresql`` for ``postgresql+psycopg2://...``."""
+    return uri.partition("://")[0].partition("+")[0]
 
 
 def open_store(tracking: TrackingConfig, root: Path) -> tuple[Any, str]:
-    """An ``MlflowClient`` and the id of the experiment, both made if need be.
+    """An ``MlflowClient`` and the id of the experiment, with its views; all made if need be.
 
-    One process at a time creates the database: when several do, most of them crash.
+    One process at a time creates the database: when several do, most of them crash. A server keeps the files of runs
+    where it likes; beside a database they lie under ``root``.
 
     Raises:
         TrackingError: the store cannot be opened.
@@ -53,10 +61,19 @@ def open_store(tracking: TrackingConfig, root: Path) -> tuple[Any, str]:
                 calling(MlflowClient, tracking_uri=f"sqlite:///{beside}")
         client = calling(MlflowClient, tracking_uri=store_uri(tracking, root))
         found = calling(client.get_experiment_by_name, tracking.experiment)
-        if found is not None:
-            return client, found.experiment_id
-        artifacts = (root / "mlflow-artifacts").as_uri() if tracking.uri is None else None
-        return client, calling(client.create_experiment, tracking.experiment, artifact_location=artifacts)
+        if found is None:
+            place = None if scheme(client.tracking_uri) in SERVERS else (root / "mlflow-artifacts").as_uri()
+            experiment = calling(client.create_experiment, tracking.experiment, artifact_location=place)
+            found = calling(client.get_experiment, experiment)
+        show_views(client, found)
+        return client, found.experiment_id
+
+
+def show_views(client: Any, experiment: Any) -> None:
+    """Gives an experiment of MLflow's the views that it lacks; raises :class:`TrackingError`."""
+    for name, value in tags_of_views().items():
+        if experiment.tags.get(name) != value:
+            calling(client.set_experiment_tag, experiment.experiment_id, name, value)
 
 
 def calling(function: Any, *arguments: Any, **options: Any) -> Any:

@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 
 from analysis.collect import CollectConfig, collect
+from analysis.style import colours
 from experiments.config import ScaleConfig, TrackingConfig
 from experiments.errors import RunFolderError
 from experiments.experiment import experiment_at
@@ -171,6 +172,7 @@ def test_mlflow_has_a_parent_per_experiment_and_its_runs_as_children(tmp_path):
     children = [one for one in runs if "mlflow.parentRunId" in one.data.tags]
     assert sorted(parents) == ["harder", "main"] and len(runs) == 4
     assert {one.data.tags["figure"] for one in children} == {"3a", "3a, 4a"}
+    assert {one.data.tags["mlflow.runColor"] for one in children} == {*colours(["empty"]).values()}
     assert {one.data.tags["mlflow.parentRunId"] for one in children} == {parents["main"].info.run_id}
     assert parents["main"].data.metrics["evaluation/gap/deterministic"] == pytest.approx(-1.5)
     assert [file.path for file in client.list_artifacts(parents["harder"].info.run_id)] == ["harder.csv"]
