@@ -19,8 +19,8 @@ VENV := .venv
 PY := $(VENV)/bin/python
 # Written last, so that it exists only after an installation that went through.
 STAMP := $(VENV)/.installed
-# With the extra that only `make test-slow` needs: Ray, 300 MB.
-CLUSTER_STAMP := $(VENV)/.installed-cluster
+# With the extra that only `make test-slow` needs: Ray and PostgreSQL, 400 MB.
+SLOW_STAMP := $(VENV)/.installed-slow
 # Imported once after installing: that shows that they load, and compiles what they use. Letting pip compile all 16,000
 # modules of the dependencies takes longer than the rest of the installation.
 LOADED := torch, torchrl, torchrl.objectives, tensordict, mlflow, alembic.command, sqlalchemy.orm, hydra, \
@@ -47,15 +47,15 @@ $(STAMP): pyproject.toml constraints.txt
 	@env -u PYTHONDONTWRITEBYTECODE MLFLOW_DISABLE_TELEMETRY=true $(PY) -c "import $(LOADED)"
 	@touch $@
 
-$(CLUSTER_STAMP): $(STAMP)
+$(SLOW_STAMP): $(STAMP)
 	@$(PY) -m pip install --quiet --disable-pip-version-check --no-compile \
-		--constraint constraints.txt --editable ".[train,analysis,ui,dev,cluster]"
+		--constraint constraints.txt --editable ".[train,analysis,ui,dev,slow]"
 	@touch $@
 
 test: $(STAMP)
 	$(PY) -m pytest -q -n 2 --dist loadfile $(ARGS)
 
-test-slow: $(CLUSTER_STAMP)
+test-slow: $(SLOW_STAMP)
 	$(PY) -m pytest -q -m slow $(ARGS)
 
 lint: $(STAMP)

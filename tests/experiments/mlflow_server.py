@@ -1,4 +1,4 @@
-"""A real MLflow server on this machine, which a test can stop and start again."""
+"""A real MLflow server on this machine, which a test can stop and start again; and what it has of a run."""
 
 import os
 import signal
@@ -9,12 +9,19 @@ import time
 import urllib.error
 import urllib.request
 
+from mlflow import MlflowClient
+
+from experiments.config import EvaluationConfig, PPOConfig, ScaleConfig, TrackingConfig
+from experiments.run_folder import read_metrics
+from tests.experiments.short_runs import short_run
+
 
 class MLflowServer:
-    """Serves a store under ``folder``, at the same address whenever it is up."""
+    """Serves a store, by default one under ``folder``, at the same address whenever it is up; files lie under ``folder``."""
 
-    def __init__(self, folder):
+    def __init__(self, folder, store=None):
         self.folder, self.process = folder, None
+        self.store = store or f"sqlite:///{folder / 'server.db'}"
         with socket.socket() as probe:
             probe.bind(("127.0.0.1", 0))
             self.port = probe.getsockname()[1]
@@ -34,7 +41,7 @@ class MLflowServer:
             "--port",
             str(self.port),
         ]
-        command += ["--backend-store-uri", f"sqlite:///{self.folder / 'server.db'}"]
+        command += ["--backend-store-uri", self.store]
         command += ["--artifacts-destination", str(self.folder / "artifacts")]
         environment = {**os.environ, "MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false", "MLFLOW_DISABLE_TELEMETRY": "true"}
         with open(self.folder / "server.log", "ab") as log:
@@ -59,3 +66,29 @@ class MLflowServer:
             os.killpg(self.process.pid, signal.SIGKILL)
             self.process.wait()
             self.process = None
+
+
+def long_run(tmp_path, uri, **changes):
+    """The settings of a run of 40 iterations that tells the store at ``uri`` at once."""
+    return short_run(
+        tmp_path / "run",
+        tracking=TrackingConfig(uri=uri, interval=0.1, **changes),
+        root=str(tmp_path),
+        scale=ScaleConfig(frames=64 * 40),
+        algorithm=PPOConfig(num_envs=8, num_steps=8, widths=(8,)),
+        evaluation=EvaluationConfig(episodes=2, distances=("exact",)),
+    )
+
+
+def logged(uri, name, experiment="segar"):
+    """What the store has of the only run of an experiment: the run, its files, and one figure over time."""
+    client = MlflowClient(tracking_uri=uri)
+    (one,) = client.search_runs([client.get_experiment_by_name(experiment).experiment_id])
+    files = sorted(file.path for file in client.list_artifacts(one.info.run_id))
+    return one, files, [(point.step, point.value) for point in client.get_metric_history(one.info.run_id, name)]
+
+
+def in_folder(folder, name):
+    """One figure over time, as the run folder has it."""
+    rows = read_metrics(folder).to_pylist()
+    return [(row["frames"], row["value"]) for row in rows if row["name"] == name]

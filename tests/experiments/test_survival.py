@@ -9,15 +9,13 @@ import time
 
 import pytest
 import torch
-from mlflow import MlflowClient
 
-from experiments.config import EvaluationConfig, PPOConfig, ScaleConfig, TrackingConfig
 from experiments.journal import read_journal
 from experiments.run import run
-from experiments.run_folder import CHECKOUT, CHECKPOINT, read_episodes, read_metrics, read_summary
+from experiments.run_folder import CHECKOUT, CHECKPOINT, read_episodes, read_summary
 from experiments.upload import UploadConfig, upload
-from tests.experiments.mlflow_server import MLflowServer
-from tests.experiments.short_runs import before_iteration, figures, short_run, weights
+from tests.experiments.mlflow_server import MLflowServer, in_folder, logged, long_run
+from tests.experiments.short_runs import before_iteration, figures, weights
 
 pytestmark = pytest.mark.slow
 
@@ -91,33 +89,9 @@ def server(tmp_path):
     server.stop()
 
 
-def logged(server, name):
-    """What the server has of the only run: its status, files, and one figure over time."""
-    client = MlflowClient(tracking_uri=server.uri)
-    (experiment,) = (one for one in client.search_experiments() if one.name == "segar")
-    (one,) = client.search_runs([experiment.experiment_id])
-    files = sorted(file.path for file in client.list_artifacts(one.info.run_id))
-    return one, files, [(point.step, point.value) for point in client.get_metric_history(one.info.run_id, name)]
-
-
-def in_folder(folder, name):
-    rows = read_metrics(folder).to_pylist()
-    return [(row["frames"], row["value"]) for row in rows if row["name"] == name]
-
-
-def long_run(tmp_path, server):
-    return short_run(
-        tmp_path / "run",
-        tracking=TrackingConfig(uri=server.uri, interval=0.1),
-        scale=ScaleConfig(frames=64 * 40),
-        algorithm=PPOConfig(num_envs=8, num_steps=8, widths=(8,)),
-        evaluation=EvaluationConfig(episodes=2, distances=("exact",)),
-    )
-
-
 def test_a_server_that_is_stopped_and_started_while_a_run_goes_on_has_all_of_it_in_the_end(tmp_path, server, capfd):
     """Stopped before iteration 5; the run goes on, is told once, and the server is up again before iteration 35."""
-    config = long_run(tmp_path, server)
+    config = long_run(tmp_path, server.uri)
     with (
         pytest.MonkeyPatch.context() as patch,
         before_iteration(5, lambda _: server.stop(), patch),
@@ -125,7 +99,7 @@ def test_a_server_that_is_stopped_and_started_while_a_run_goes_on_has_all_of_it_
         before_iteration(35, lambda _: server.start(), patch),
     ):
         folder = run(config).folder
-    one, files, history = logged(server, "loss/policy")
+    one, files, history = logged(server.uri, "loss/policy")
     assert history == in_folder(folder, "loss/policy") and len(history) == 40
     assert one.info.status == "FINISHED"
     assert files == ["episodes.parquet", "summary.json"]
@@ -134,19 +108,19 @@ def test_a_server_that_is_stopped_and_started_while_a_run_goes_on_has_all_of_it_
 
 def test_a_server_that_stays_away_gets_the_run_by_a_command(tmp_path, server, capfd):
     with pytest.MonkeyPatch.context() as patch, before_iteration(5, lambda _: server.stop(), patch):
-        folder = run(long_run(tmp_path, server)).folder
+        folder = run(long_run(tmp_path, server.uri)).folder
     assert f"this sends them: python -m experiments.upload run={folder}" in capfd.readouterr().err
     server.start()
     upload(UploadConfig(run=str(folder)))
-    one, files, history = logged(server, "loss/policy")
+    one, files, history = logged(server.uri, "loss/policy")
     assert history == in_folder(folder, "loss/policy") and len(history) == 40
     assert (one.info.status, files) == ("FINISHED", ["episodes.parquet", "summary.json"])
 
 
 def test_a_run_that_begins_without_its_server_is_trained_all_the_same(tmp_path, server):
     server.stop()
-    folder = run(long_run(tmp_path, server)).folder
+    folder = run(long_run(tmp_path, server.uri)).folder
     assert (folder / CHECKPOINT).exists()
     server.start()
     upload(UploadConfig(run=str(folder)))
-    assert logged(server, "loss/policy")[2] == in_folder(folder, "loss/policy")
+    assert logged(server.uri, "loss/policy")[2] == in_folder(folder, "loss/policy")
