@@ -1,18 +1,21 @@
-"""Frames: drawn alone and with physics, beside a kernel written by hand, in all forms; and painting when episodes start."""
+"""Frames: drawn alone, with physics and in stacks, beside a kernel written by hand, in all forms; and painting when episodes
+start."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 import segar
-from benchmarks.environments import NUM_ENVS, random_actions
+from benchmarks.environments import NUM_ENVS, play, random_actions
 from benchmarks.handwritten_drawing import BODIES, Album, bodies, columns
 from benchmarks.measure import Row, in_turns, timed
 from segar.observations.pixels import Pixels
+from segar.observations.stack import Stack
 from segar.observations.textured import TexturedPixels
 
 FAMILY = "objectsx3-hard"
@@ -34,9 +37,10 @@ def drawing(repeats: int) -> Iterator[Row]:
     env = played(TexturedPixels())
     yield from against_handwritten(env, 3 * repeats)
     actions = random_actions(STEPS)
-    rolls = timed(lambda: [env.step(action) for action in actions], repeats, time.process_time)
+    rolls = timed(lambda: play(env, actions), repeats, time.process_time)
     rates = [NUM_ENVS * STEPS / s / 1e6 for s in rolls]
     yield Row(f"VectorEnv {FAMILY} textures", rates, "M/s", at_least=0.2, note="physics, frames, resets")
+    yield from stacked(repeats)
     for name, observation in FORMS.items():
         yield Row(f"frames {FAMILY}, {name}", frame_rates(played(observation), repeats), "M/s")
     for family in (FAMILY, "tilesx3-hard"):
@@ -44,10 +48,20 @@ def drawing(repeats: int) -> Iterator[Row]:
         yield Row(f"paint {NUM_ENVS} new levels of {family}", [s * 1e3 for s in seconds], "ms", at_most=100)
 
 
-def played(observation: Any) -> segar.envs.VectorEnv:
+def stacked(repeats: int) -> Iterator[Row]:
+    """Steps with four frames, in millions per core-second and beside those with one."""
+    actions = random_actions(STEPS)
+    for name, copy, bar in (("", False, 1.5), (", copied", True, None)):
+        envs = [played(observation, copy=copy) for observation in (TexturedPixels(), Stack(TexturedPixels(), 4))]
+        one, four = in_turns([partial(play, env, actions) for env in envs], 3 * repeats, time.process_time)
+        yield Row(f"VectorEnv {FAMILY} four frames{name}", [NUM_ENVS * STEPS / s / 1e6 for s in four], "M/s")
+        yield Row("  four frames / one frame", [b / a for a, b in zip(one, four, strict=True)], "x", at_most=bar)
+
+
+def played(observation: Any, copy: bool = True) -> segar.envs.VectorEnv:
     """Environments in the middle of play."""
     levels = segar.family(FAMILY).sample(LEVELS, seed=0)
-    env = segar.envs.VectorEnv(levels, NUM_ENVS, observation=observation, seed=0)
+    env = segar.envs.VectorEnv(levels, NUM_ENVS, observation=observation, seed=0, copy=copy)
     env.reset()
     for action in random_actions(WARM_UP):
         env.step(action)

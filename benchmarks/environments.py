@@ -94,6 +94,12 @@ def make_env(
     return env
 
 
+def play(env: segar.envs.VectorEnv, actions: np.ndarray) -> None:
+    """Take these steps and drop what they return, as agents do: who holds on to it makes the next step ask for memory."""
+    for action in actions:
+        env.step(action)
+
+
 def random_actions(steps: int, num_envs: int = NUM_ENVS) -> np.ndarray:
     """Uniform actions, float32 ``(steps, num_envs, 2)``."""
     return np.random.default_rng(0).uniform(-1, 1, (steps, num_envs, 2)).astype(np.float32)

@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 
 import segar
-from benchmarks.environments import NUM_ENVS, make_env, random_actions
+from benchmarks.environments import NUM_ENVS, make_env, play, random_actions
 from benchmarks.measure import Row, in_turns
 from segar.envs import VectorEnv
 from segar.factors import Charge, Mobile, Position, Size, Velocity
@@ -58,7 +58,7 @@ def _roll(what: str, env: VectorEnv) -> Callable[[], object]:
     """Some steps of the environments, or of their simulator alone."""
     actions = random_actions(STEPS, env.num_envs)
     if what == "VectorEnv":
-        return lambda: [env.step(action) for action in actions]
+        return lambda: play(env, actions)
     state, outcome = env.state().state, Outcome.empty(env.num_envs)
     return lambda: [env.simulator.act(state, env.levels, action, outcome) for action in actions]
 

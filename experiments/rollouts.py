@@ -14,6 +14,7 @@ from torch import Tensor
 from experiments.errors import ConfigError
 from experiments.snapshots import as_tensors, from_tensors
 from segar.envs.vector import VectorEnv
+from segar.observations.copying import copy_rows
 
 
 def observation_shape(env: VectorEnv) -> tuple[int, ...]:
@@ -82,7 +83,8 @@ class Collector:
         self.current, _ = env.reset()
         self.memory = torch.zeros((env.num_envs, policy.memory_width), device=device)
         frames = torch.from_numpy(self.current)
-        self.pinned = frames.clone().pin_memory() if device.type == "cuda" else None
+        # What lies in pinned memory goes to the GPU while the processor does something else.
+        self.pinned = torch.empty(frames.shape, dtype=frames.dtype, pin_memory=True) if device.type == "cuda" else None
         self.observation = torch.empty((num_steps, *frames.shape), dtype=frames.dtype, device=device)
         self.u, self.loc, self.scale = (torch.empty((*size, actions), device=device) for _ in range(3))
         self.value = torch.empty((num_steps + 1, env.num_envs, 1), device=device)
@@ -112,17 +114,19 @@ class Collector:
                     cut.append((t, rows, last, memory[torch.from_numpy(rows)]))
                 memory = memory * torch.from_numpy(~self.done[t])[:, None].to(self.device)
         self.memory = memory
-        self.value[-1] = policy.step(torch.from_numpy(self.current).to(self.device), memory)[2]
+        last = torch.from_numpy(np.ascontiguousarray(self.current))
+        self.value[-1] = policy.step(last.to(self.device), memory)[2]
         return self.rollout(self.bootstrap(cut), first_memory), mean_figures(ended)
 
     def upload(self, place: Tensor) -> None:
         """Copies the current observations to a place in the rollout."""
-        current = torch.from_numpy(self.current)
-        if (
-            self.pinned is not None
-        ):  # what lies in pinned memory goes to the GPU while the processor does something else
-            current = self.pinned.copy_(current)
-        place.copy_(current, non_blocking=True)
+        if self.device.type == "cpu":
+            copy_rows(self.current, place.numpy())
+        elif self.pinned is not None:
+            copy_rows(self.current, self.pinned.numpy())
+            place.copy_(self.pinned, non_blocking=True)
+        else:
+            place.copy_(torch.from_numpy(self.current))
 
     def bootstrap(self, cut: list[tuple[int, np.ndarray, Tensor, Tensor]]) -> Tensor:
         """The values that follow [T, N, 1]; where an episode was truncated, that of its last observation."""

@@ -19,20 +19,24 @@ class Buffers:
     """Memory for the observations of one batch of environments.
 
     Args:
-        space: of a single observation.
-        copy: whether observations are the caller's to keep; otherwise all are the same arrays.
-        kept: the arrays to use where they are not; see :class:`segar.observations.protocol.Keeps`.
+        copy: whether observations are the caller's to keep; otherwise later ones overwrite them.
+        observation: what writes them; where they are not the caller's, and it keeps arrays of its own, these are used
+            (:class:`segar.observations.protocol.Keeps`).
     """
 
-    def __init__(self, space: gymnasium.Space, num_envs: int, copy: bool, kept: Any) -> None:
+    def __init__(self, num_envs: int, copy: bool, observation: Any) -> None:
+        space = observation.space
         self._space, self._num_envs = space, num_envs
+        self._keeper = observation if not copy and getattr(observation, "kept", None) is not None else None
         self._is_array = isinstance(space, gymnasium.spaces.Box)
-        self._always = None if copy else kept if kept is not None else empty_batch(space, num_envs)
+        self._always = empty_batch(space, num_envs) if not copy and self._keeper is None else None
         self._outputs: list[list[np.ndarray]] = []
         self._finals: list[tuple[list[np.ndarray], np.ndarray]] = []
 
     def output(self) -> Any:
         """Arrays to write observations into, ``[num_envs, ...]``."""
+        if self._keeper is not None:
+            return self._keeper.kept
         if self._always is not None:
             return self._always
         for arrays in self._outputs:

@@ -19,6 +19,7 @@ from segar.envs.snapshots import Snapshot
 from segar.errors import ActionError, LevelError, SegarError, did_you_mean
 from segar.factors import Factor
 from segar.observations.arrays import leaves
+from segar.observations.copying import copy_rows
 from segar.observations.find import for_task, make_observation
 from segar.rendering.camera import RENDER_MODES, Camera, steps_per_second
 from segar.simulator import Outcome, Simulator, State
@@ -102,8 +103,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self.simulator = Simulator(world or world_of(levels), levels.layout, self.task, num_threads)
         observation = for_task(make_observation(observation), self.task)
         self.observation = observation.bind(replace(levels, world=self.simulator.world), num_envs)
-        self._start, self._advance, self._memory, self._recall, kept = (
-            getattr(self.observation, name, None) for name in ("start", "advance", "memory", "recall", "kept")
+        self._start, self._advance, self._memory, self._recall = (
+            getattr(self.observation, name, None) for name in ("start", "advance", "memory", "recall")
         )
         self._team = Team(num_threads)
         self._reads = getattr(self.observation, "reads", None)  # the simulator writes these as it goes
@@ -118,7 +119,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self._ended = np.empty(num_envs, np.int64)
         self._any_level = np.full(num_envs, -1)
         self._outcome = Outcome.empty(num_envs)
-        self._buffers = Buffers(self.single_observation_space, num_envs, copy, kept)
+        self._buffers = Buffers(num_envs, copy, self.observation)
         self._held: weakref.ref[Factors] | None = None
         self._started = False
         self._now = Snapshot(
@@ -180,8 +181,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         actions = self._checked_actions(actions)
         self._release()
         now, out = self._now, self._outcome
-        observations = self._buffers.output()
-        self.simulator.act(now.state, self.levels, actions, out, self._reads, observations if self._reads else None)
+        observations = self._buffers.output() if self._reads else None
+        self.simulator.act(now.state, self.levels, actions, out, self._reads, observations)
         if self._advance is not None:
             self._advance(actions)
         truncated = np.empty(self.num_envs, np.bool_)
@@ -191,7 +192,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         reward = out.reward.copy() if self.copy else out.reward
         terminated, success, death = out.terminated.copy(), out.success.copy(), out.death.copy()
         if self._reads is None:
-            self._observe(self._rows, observations)
+            observations = self._observe(self._rows, self._buffers.output())
         if self.render_mode == "human":
             self.render()
         if self.autoreset_mode is AutoresetMode.DISABLED or count == 0:
@@ -309,7 +310,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         now, state = self._now, self._now.state
         final_obs = self._buffers.final_output(ended)
         for last, array in zip(leaves(final_obs), leaves(observations), strict=True):
-            last[ended] = array[ended]
+            copy_rows(array, last, ended)
         counts, flags = np.zeros((4, self.num_envs), np.int64), np.zeros((4, self.num_envs), np.bool_)
         returns = np.zeros(self.num_envs)
         episode_kernel.note_last(

@@ -50,10 +50,15 @@ class Drawing:
         )  # fmt: skip
 
     def draw(self, values: np.ndarray, level: np.ndarray, out: np.ndarray, rows: np.ndarray) -> None:
-        """Draw the frames of environments ``rows`` (int64) into ``out``, uint8 ``[env, ...]``, contiguous."""
-        if not out.flags.c_contiguous:
+        """Draw the frames of environments ``rows`` (int64) into ``out``, uint8 ``[env, ...]``, each contiguous."""
+        stride = out.strides[0]
+        if out.flags.c_contiguous:
+            frames = out.reshape(-1)
+        elif out[0].flags.c_contiguous and stride > 0:
+            frames = np.lib.stride_tricks.as_strided(out, ((len(out) - 1) * stride + out[0].size,), (1,))
+        else:
             raise SegarError(f"frames are drawn into contiguous memory only, not into strides of {out.strides} bytes")
         pixel_kernel.draw_frames(
-            values, level, rows, self._scene, self._canvas, self.texels, self._backgrounds,
-            out.reshape(len(out), -1), np.empty(self._entities, np.int64),
+            values, level, rows, self._scene, self._canvas, self.texels, self._backgrounds, frames, stride,
+            np.empty(self._entities, np.int64),
         )  # fmt: skip

@@ -76,14 +76,22 @@ class BoundMulti(Members):
         self.space: spaces.Space = (
             spaces.Tuple(own) if names is None else spaces.Dict(dict(zip(names, own, strict=True)))
         )
-        self.kept: Any = None
-        kept = [getattr(member, "kept", None) for member in members]
-        if any(one is not None for one in kept):
-            parts = [
-                empty_batch(member.space, num_envs) if one is None else one
-                for member, one in zip(members, kept, strict=True)
-            ]
-            self.kept = tuple(parts) if names is None else dict(zip(names, parts, strict=True))
+        kept = [getattr(member, "kept", None) is not None for member in members]
+        self._others = [
+            empty_batch(member.space, num_envs) if any(kept) and not its_own else None
+            for member, its_own in zip(members, kept, strict=True)
+        ]
+
+    @property
+    def kept(self) -> Any:
+        """Of each member, what it keeps, or arrays for it; None where no member keeps anything."""
+        parts = [
+            member.kept if other is None and hasattr(member, "kept") else other
+            for member, other in zip(self.members, self._others, strict=True)
+        ]
+        if all(part is None for part in parts):
+            return None
+        return tuple(parts) if isinstance(self.space, spaces.Tuple) else dict(zip(self._keys, parts, strict=True))
 
     def begin(self, values: np.ndarray, level: np.ndarray, mask: np.ndarray) -> None:
         """Prepare each of them."""

@@ -116,19 +116,19 @@ def paint_backgrounds(values, level, rows, scene, canvas, texels, floor, floors,
         copy_bytes(backgrounds, env * size, floors, floor[env] * size, size)
         n = sort_by_order(values, env, level[env], scene, True, chosen)
         for k in range(n - 1, -1, -1):
-            stamp(values, env, level[env], chosen[k], scene, canvas, True, texels, backgrounds)
+            stamp(values, env, level[env], chosen[k], scene, canvas, True, texels, backgrounds, env * size)
 
 
 @njit(**_options)
-def draw_frames(values, level, rows, scene, canvas, texels, backgrounds, frames, chosen):
-    """Copy each environment's background into ``frames[rows]`` and stamp its objects: highest Order on top."""
+def draw_frames(values, level, rows, scene, canvas, texels, backgrounds, frames, stride, chosen):
+    """Copy each environment's background into ``frames[env * stride :]`` and stamp its objects: highest Order on top."""
     for r in range(len(rows)):
         env = rows[r]
         size = backgrounds.shape[1]
-        copy_bytes(frames, env * size, backgrounds, env * size, size)
+        copy_bytes(frames, env * stride, backgrounds, env * size, size)
         n = sort_by_order(values, env, level[env], scene, False, chosen)
         for k in range(n):
-            stamp(values, env, level[env], chosen[k], scene, canvas, False, texels, frames)
+            stamp(values, env, level[env], chosen[k], scene, canvas, False, texels, frames, env * stride)
 
 
 # Below, arrays are passed whole with indices: a view of one row costs more than what is done with it.
@@ -161,8 +161,9 @@ def order_of(values, env, level, entity, scene):
 
 
 @njit(**_options)
-def stamp(values, env, level, entity, scene, canvas, is_tile, texels, frames):
-    """Draw one entity, if it has a finite place; tiles always have an outline, others if they are mobile."""
+def stamp(values, env, level, entity, scene, canvas, is_tile, texels, frames, begin):
+    """Draw one entity, if it has a finite place, into the frame at byte ``begin``; tiles always have an outline, others if
+    they are mobile."""
     kind = scene.types[level, entity]
     x = values[env, entity, scene.columns[kind, POSITION]]
     y = values[env, entity, scene.columns[kind, POSITION] + 1]
@@ -174,13 +175,13 @@ def stamp(values, env, level, entity, scene, canvas, is_tile, texels, frames):
     if scene.kinds[level, entity] == CIRCLE:
         diameter = values[env, entity, scene.columns[kind, SIZE]]
         if diameter >= 0.0:
-            stamp_disc(env, entity, x, y, diameter / 2, outlined, scene, canvas, texels, frames)
+            stamp_disc(env, entity, x, y, diameter / 2, outlined, scene, canvas, texels, frames, begin)
     elif scene.kinds[level, entity] == HULL:
-        stamp_hull(env, level, entity, x, y, outlined, scene, canvas, texels, frames)
+        stamp_hull(env, level, entity, x, y, outlined, scene, canvas, texels, frames, begin)
 
 
 @njit(**_options)
-def stamp_disc(env, entity, x, y, radius, outlined, scene, canvas, texels, frames):
+def stamp_disc(env, entity, x, y, radius, outlined, scene, canvas, texels, frames, begin):
     cx, cy = column_at(x, canvas), canvas.resolution - column_at(y, canvas)
     r = int(np.rint(min(radius * canvas.scale, float(canvas.resolution))))
     first_row = max(cy - r, 0)
@@ -189,7 +190,8 @@ def stamp_disc(env, entity, x, y, radius, outlined, scene, canvas, texels, frame
     for row in range(first_row, min(cy + r, canvas.resolution - 1) + 1):
         outer = scene.spans[r, abs(row - cy), 0]
         inner = scene.spans[r, abs(row - cy), 1] if outlined else outer
-        stamp_row(env, entity, row, cx - outer, cx + outer, cx - inner, cx + inner, cx, r0, canvas, texels, frames)
+        a, b, c, d = cx - outer, cx + outer, cx - inner, cx + inner
+        stamp_row(env, entity, row, a, b, c, d, cx, r0, canvas, texels, frames, begin)
         r0 = r0 + 1 if r0 + 1 < period else 0
 
 
@@ -201,7 +203,7 @@ def column_at(x, canvas):
 
 
 @njit(**_options)
-def stamp_row(env, entity, row, first, last, inner_first, inner_last, cx, r0, canvas, texels, frames):
+def stamp_row(env, entity, row, first, last, inner_first, inner_last, cx, r0, canvas, texels, frames, begin):
     """Fill the columns ``first`` to ``last`` of a row, black but for the pattern's row ``r0`` from ``inner_first`` to
     ``inner_last``; column ``cx`` has the pattern's first pixel."""
     first, last = max(first, 0), min(last, canvas.resolution - 1)
@@ -212,10 +214,10 @@ def stamp_row(env, entity, row, first, last, inner_first, inner_last, cx, r0, ca
     at = ((inner_first - cx) % period) * canvas.texel
     run = texels.shape[4] - (period - 1) * canvas.texel
     for plane in range(canvas.planes):
-        start = ((env * canvas.planes + plane) * canvas.resolution + row) * canvas.resolution
+        start = begin + (plane * canvas.resolution + row) * canvas.resolution * canvas.texel
         if first < inner_first or inner_last < last:
-            clear_bytes(frames, (start + first) * canvas.texel, (last - first + 1) * canvas.texel)
-        to = (start + inner_first) * canvas.texel
+            clear_bytes(frames, start + first * canvas.texel, (last - first + 1) * canvas.texel)
+        to = start + inner_first * canvas.texel
         source = (((env * texels.shape[1] + entity) * canvas.planes + plane) * period + r0) * texels.shape[4] + at
         left = (inner_last - inner_first + 1) * canvas.texel
         while left > 0:
@@ -225,7 +227,7 @@ def stamp_row(env, entity, row, first, last, inner_first, inner_last, cx, r0, ca
 
 
 @njit(**_options)
-def stamp_hull(env, level, entity, x, y, outlined, scene, canvas, texels, frames):
+def stamp_hull(env, level, entity, x, y, outlined, scene, canvas, texels, frames, begin):
     """Fill the pixels whose world point lies in a convex polygon; those within one pixel of an edge are its outline."""
     left, right, bottom, top = np.inf, -np.inf, np.inf, -np.inf
     for k in range(scene.vertex_counts[level, entity]):
@@ -243,7 +245,8 @@ def stamp_hull(env, level, entity, x, y, outlined, scene, canvas, texels, frames
         if a > b:
             continue
         c, d = hull_span(level, entity, x, py, 1.0, a, b, scene, canvas) if outlined else (a, b)
-        stamp_row(env, entity, row, a, b, c, d, cx, (row - cy) % texels.shape[3], canvas, texels, frames)
+        r0 = (row - cy) % texels.shape[3]
+        stamp_row(env, entity, row, a, b, c, d, cx, r0, canvas, texels, frames, begin)
 
 
 @njit(**_options)

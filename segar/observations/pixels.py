@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -55,6 +55,10 @@ class Pixels:
         blending = {c.factor for c in {**COLOURS, **self.colours}.values() if c.factor is not None}
         return issubclass(factor, (*OUTLINES, *blending))
 
+    def in_planes(self) -> Pixels:
+        """The same frames with their channels first."""
+        return replace(self, channels="first")
+
     def bind(self, levels: Levels, num_envs: int) -> BoundPixels:
         """The observation at work: holds one background per environment, as large as a frame."""
         return BoundPixels(self, levels, num_envs)
@@ -93,6 +97,6 @@ class BoundPixels:
         self._drawing.paint(values, level, rows)
 
     def write(self, values: np.ndarray, level: np.ndarray, out: np.ndarray, rows: np.ndarray) -> None:
-        """Draw the frames of environments ``rows`` (int64) into ``out``, uint8 ``[env, *space.shape]``, contiguous."""
+        """Draw the frames of environments ``rows`` (int64) into ``out``, uint8 ``[env, *space.shape]``."""
         tint_kernel.tint_things(values, level, rows, False, *self._tints)
         self._drawing.draw(values, level, out, rows)

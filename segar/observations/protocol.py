@@ -6,7 +6,8 @@ holds caches for one environment. Everything an observation reads is the batch o
 Most observations show the present state and need :class:`Observation` and :class:`BoundObservation` alone. What may
 be added is optional, and an environment calls it only where it is there: :meth:`Starts.start` for what is chosen once
 per episode, :class:`Remembers` for what shows the past, :class:`Keeps` for what has its observations at hand anyhow,
-:class:`KnowsTask` for what depends on the task, and ``members``, a tuple of the observations that one is made of.
+:class:`DrawsPlanes` for frames, :class:`KnowsTask` for what depends on the task, and ``members``, a tuple of the
+observations that one is made of.
 """
 
 from __future__ import annotations
@@ -88,8 +89,9 @@ class Keeps(Protocol):
     """A bound observation that keeps its observations up to date in arrays of its own."""
 
     kept: Any
-    """Arrays ``[env, *space.shape]`` as ``write`` takes them, for environments that may overwrite what they returned: if
-    they are its ``out``, there is nothing to copy. None where there are none."""
+    """Arrays ``[env, *space.shape]``, contiguous or not, for environments that may overwrite what they returned: if they
+    are the ``out`` of ``write``, there is nothing to copy. None where there are none. After :meth:`Remembers.advance` they
+    may be others."""
 
 
 @runtime_checkable
@@ -105,6 +107,18 @@ class Observation(Protocol):
 
         Where this is false, two states that differ in the factor alone look the same to the bit.
         """
+        ...
+
+
+@runtime_checkable
+class DrawsPlanes(Protocol):
+    """An observation of frames that a stack need not copy."""
+
+    channels: str
+    """Which axis of a frame is that of the channels, the "first" or the "last"."""
+
+    def in_planes(self) -> Observation:
+        """The same frames with their channels first; bound, it writes into any ``out`` whose ``out[env]`` is contiguous."""
         ...
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -86,6 +86,10 @@ class TexturedPixels:
         shown = set(self.texture_set.inputs) - {name_of_input(h) for h in self.hidden}
         return issubclass(factor, OUTLINES) or any(parent.__name__ in shown for parent in factor.__mro__)
 
+    def in_planes(self) -> TexturedPixels:
+        """The same frames with their channels first."""
+        return replace(self, channels="first")
+
     def bind(self, levels: Levels, num_envs: int) -> BoundTexturedPixels:
         """The observation at work: holds one background per environment, as large as a frame, and all patterns."""
         return BoundTexturedPixels(self, levels, num_envs)
@@ -147,7 +151,7 @@ class BoundTexturedPixels:
         self._drawing.paint(values, level, rows)
 
     def write(self, values: np.ndarray, level: np.ndarray, out: np.ndarray, rows: np.ndarray) -> None:
-        """Draw the frames of environments ``rows`` (int64) into ``out``, uint8 ``[env, *space.shape]``, contiguous."""
+        """Draw the frames of environments ``rows`` (int64) into ``out``, uint8 ``[env, *space.shape]``."""
         if self._options.follow:
             texture_kernel.follow_changes(
                 values, level, rows, self._loom, self._drawing.floor, self._noise, self._features, self._scratch(),

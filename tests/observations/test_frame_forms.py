@@ -95,7 +95,10 @@ def test_forms_that_do_not_exist_are_refused_with_what_does(kind):
         kind(channels="frist", **options)
 
 
-def test_frames_are_not_drawn_into_memory_with_gaps():
+def test_frames_are_drawn_into_memory_with_gaps_between_them_but_not_within_them():
     bound, gaps = start(LEVELS, Pixels(), np.zeros(48, np.uint64)), np.zeros((48, 2, 64, 64, 3), np.uint8)
+    bound.write(LEVELS.values, np.arange(48), gaps[:, 1], np.arange(48))
+    np.testing.assert_array_equal(gaps[:, 1], frames_of(bound, LEVELS))
+    assert not gaps[:, 0].any()
     with pytest.raises(SegarError, match="contiguous memory only"):
-        bound.write(LEVELS.values, np.arange(48), gaps[:, 0], np.arange(48))
+        bound.write(LEVELS.values, np.arange(48), np.moveaxis(gaps[:, 0], 1, 2), np.arange(48))

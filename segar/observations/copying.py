@@ -1,0 +1,86 @@
+"""Copying observations, whatever order their memory has."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+from numba import njit
+
+_options = {"nogil": True, "cache": True, "error_model": "numpy", "_nrt": False}
+
+BYTE, TWO_BYTES, THREE_BYTES = np.uint32(8), np.uint32(16), np.uint32(24)  # [bits]
+WORDS = ((4, np.uint32), (2, np.uint16)) if sys.byteorder == "little" else ()  # the kernel puts the first byte lowest
+BLOCK = 1024  # pixels that are joined together, in the processor's nearest cache
+
+
+def copy_rows(source: np.ndarray, target: np.ndarray, rows: np.ndarray | None = None) -> None:
+    """``target[rows] = source[rows]`` (all rows where it is None), for arrays of one shape and dtype.
+
+    Pixels whose channels lie in planes, as in the stacks of environments with ``copy=False``, come to lie side by side in
+    a contiguous ``target`` in half the time that numpy takes.
+    """
+    rows = np.arange(len(source)) if rows is None else rows
+    if _lies_in_planes(source) and target.flags.c_contiguous:
+        num_envs, height, width, depth = source.shape
+        planes = source.transpose(0, 3, 1, 2).reshape(num_envs, depth, height * width)
+        size, word = next(((size, word) for size, word in WORDS if depth % size == 0), (1, np.uint8))
+        pixels = target.reshape(num_envs, height * width, depth).view(word)
+        join(rows, planes, pixels, np.empty((depth // size, BLOCK), word))
+    elif len(rows) and rows[-1] - rows[0] == len(rows) - 1 and (np.diff(rows) == 1).all():
+        target[rows[0] : rows[-1] + 1] = source[rows[0] : rows[-1] + 1]  # a run in one piece
+    else:
+        target[rows] = source[rows]
+
+
+def _lies_in_planes(array: np.ndarray) -> bool:
+    """Whether these are frames, uint8 ``[env, height, width, depth]``, whose transposed rows are contiguous."""
+    return (
+        array.ndim == 4
+        and array.dtype == np.uint8
+        and array.shape[3] > 1
+        and array[:1].transpose(0, 3, 1, 2).flags.c_contiguous
+    )
+
+
+@njit(**_options)
+def join(rows, planes, pixels, packed):
+    """Put the bytes of ``planes[rows]`` (uint8 ``[env, plane, pixel]``) side by side: ``pixels`` is uint8, uint16 or uint32
+    ``[env, pixel, word]``, and a word holds the bytes of as many planes. ``packed`` is scratch, ``[word, BLOCK]``."""
+    for r in range(len(rows)):
+        for first in range(0, pixels.shape[1], packed.shape[1]):
+            block = pixels[rows[r], first : first + packed.shape[1]]
+            for w in range(len(packed)):
+                pack(planes, rows[r], first, w, packed[w, : len(block)])
+            interleave(packed, block)
+
+
+@njit(**_options)
+def pack(planes, env, first, w, words):
+    """Fill ``words`` with word ``w`` of the pixels from ``first`` on, the byte of its first plane lowest."""
+    size, last = words.itemsize, first + len(words)  # the compiler knows the size
+    k = w * size
+    a, b = planes[env, k, first:last], planes[env, k + (1 if size > 1 else 0), first:last]
+    c, d = planes[env, k + (2 if size > 2 else 0), first:last], planes[env, k + (3 if size > 2 else 0), first:last]
+    for p in range(len(words)):
+        word = np.uint32(a[p])
+        if size > 1:
+            word |= np.uint32(b[p]) << BYTE
+        if size > 2:
+            word |= (np.uint32(c[p]) << TWO_BYTES) | (np.uint32(d[p]) << THREE_BYTES)
+        words[p] = word
+
+
+@njit(**_options)
+def interleave(packed, block):
+    """``block[p, w] = packed[w, p]``."""
+    if len(packed) == 3:  # as of two or four RGB frames; a loop that names its arrays runs on wide registers
+        first, second, third, words = packed[0], packed[1], packed[2], block.reshape(-1)
+        for p in range(len(block)):
+            words[3 * p] = first[p]
+            words[3 * p + 1] = second[p]
+            words[3 * p + 2] = third[p]
+    else:
+        for w in range(len(packed)):
+            for p in range(len(block)):
+                block[p, w] = packed[w, p]
