@@ -1,12 +1,24 @@
 """The dashboard listens on loopback only, and says what to do when it cannot start."""
 
+import json
+import os
+import signal
 import socket
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
 
+import psutil
 import pytest
 
 from experiments.config import TrackingConfig
 from experiments.dashboard import DashboardConfig, require_free, serve, server_command
 from experiments.errors import ConfigError, TrackingError
+from experiments.mlflow_store import open_store, store_uri
+from experiments.mlflow_views import VIEWS, link, tags_of_views
+from experiments.run_folder import CHECKOUT
 
 
 def test_without_a_store_it_says_what_to_run(tmp_path):
@@ -33,8 +45,6 @@ def test_the_server_listens_on_this_machine_alone_with_one_worker(tmp_path):
 
 
 def test_it_looks_where_runs_write(tmp_path):
-    from experiments.mlflow_store import store_uri
-
     (tmp_path / "mlflow.db").touch()
     assert store_uri(TrackingConfig(), tmp_path) in server_command(DashboardConfig(root=str(tmp_path)))
 
@@ -42,3 +52,53 @@ def test_it_looks_where_runs_write(tmp_path):
 def test_a_port_that_is_none_is_refused():
     with pytest.raises(ConfigError, match="port: 70000 is not allowed; it must be between 1 and 65535"):
         DashboardConfig(port=70000)
+
+
+@pytest.mark.slow
+def test_the_pages_are_served_on_loopback_tell_nobody_and_end_with_ctrl_c(tmp_path):
+    client, experiment = open_store(TrackingConfig(), tmp_path)
+    client.create_run(experiment, run_name="one")
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        config = DashboardConfig(root=str(tmp_path), port=probe.getsockname()[1])
+    command = [sys.executable, "-m", "experiments.dashboard", f"root={tmp_path}", f"port={config.port}"]
+    environment = {**os.environ, "PYTHONPATH": str(CHECKOUT)}
+    with subprocess.Popen(
+        command, cwd=tmp_path, env=environment, stdout=subprocess.PIPE, text=True, preexec_fn=interruptible
+    ) as process:
+        try:
+            end = time.monotonic() + 120
+            while not said_by(config, "health"):
+                assert process.poll() is None and time.monotonic() < end
+                time.sleep(0.2)
+            asked = f"api/2.0/mlflow/experiments/get?experiment_id={experiment}"
+            tags = json.loads(said_by(config, asked))["experiment"]["tags"]
+            assert {tag["key"] for tag in tags} == tags_of_views().keys()
+            assert json.loads(said_by(config, "ajax-api/3.0/mlflow/ui-telemetry"))["disable_ui_telemetry"] is True
+            with pytest.raises(OSError), socket.create_connection((address_of_this_machine(), config.port), 5):
+                pass
+        finally:
+            process.send_signal(signal.SIGINT)
+            said, _ = process.communicate(timeout=60)
+    assert f"http://127.0.0.1:{config.port} (in a few seconds)" in said
+    assert all(link(config.address, experiment, name) in said for name in VIEWS)
+
+
+def interruptible():
+    """Heeds Ctrl-C, although whoever starts the tests may ignore it."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def said_by(config, path):
+    """What the server answers; empty while it does not."""
+    try:
+        with urllib.request.urlopen(f"{config.address}/{path}", timeout=10) as answer:
+            return answer.read().decode()
+    except (urllib.error.URLError, ConnectionError, TimeoutError):
+        return ""
+
+
+def address_of_this_machine():
+    """An address by which other machines reach this one, or a loopback address that is not the dashboard's."""
+    found = [one.address for cards in psutil.net_if_addrs().values() for one in cards if one.family == socket.AF_INET]
+    return next((address for address in found if not address.startswith("127.")), "127.0.0.2")

@@ -24,7 +24,7 @@ def state_of(tag):
     return json.loads(zlib.decompress(base64.b64decode(written)))
 
 
-PROBE = {"representation": "trained", "factor": "all", "quantity": "accuracy", "probe": "jsd", "levels": "test"}
+PROBE = {"representation": "trained", "factor": "all", "quantity": "accuracy", "levels": "test", "estimate": 0.5}
 
 
 def keys_of(chart, kind):
@@ -41,7 +41,7 @@ def test_views_draw_nothing_but_figures_and_parameters_that_runs_have(tmp_path):
         evaluation=EvaluationConfig(episodes=2, distances=("exact", "reference")),
     )
     metrics = {row["name"] for row in read_metrics(run(config).folder).to_pylist()}
-    metrics |= figures_of([{**PROBE, "estimate": 0.5}]).keys()
+    metrics |= figures_of([{**PROBE, "probe": "jsd"}, {**PROBE, "probe": "paper"}]).keys()
     for chart in (chart for view in VIEWS.values() for _, charts in view.rows for chart in charts):
         drawn, named = keys_of(chart, "METRIC"), keys_of(chart, "PARAM")
         assert drawn and drawn <= metrics
