@@ -38,9 +38,10 @@ from segar.errors import SegarError
 
 PROBER = "analysis.probes.table:probe_run"  # (run folder, ProbeConfig) -> pandas.DataFrame
 ABOUT = b"segar"  # in the file's metadata: what was asked, by which code, and how long it took
-TRAINED = "trained"
+TRAINED, IDENTITY = "trained", "identity"
+ON_BOTH = (TRAINED, IDENTITY)  # are probed on training and test levels, the others on test levels
 BOUNDS, READOUTS, KSG = ("jsd", "infonce", "smile"), ("ridge", "mlp"), "ksg"
-REPRESENTATIONS = (TRAINED, "random encoder", "pixel PCA", "identity", "shuffled")
+REPRESENTATIONS = (TRAINED, "random encoder", "pixel PCA", IDENTITY, "shuffled")
 EVERYTHING = (*BOUNDS, *READOUTS, KSG)
 PREFIX = "probes/"  # begins the names of figures
 # What one core of a small server took: per pair that a critic saw, and for the rest at 5,000 frames.
@@ -91,7 +92,7 @@ def assumed_seconds(config: ProbeConfig, speed: float) -> float:
     """How long one thread may take for a run whose agent makes ``speed`` frames per second in training."""
     seconds = 2 * config.frames / speed + SECONDS["paper"] * config.paper_replicates
     for name, asked in config.representations.items():
-        sets = 2 if name == TRAINED else 1
+        sets = 2 if name in ON_BOTH else 1
         objectives = ("infonce" in asked) + bool({"jsd", "smile"} & {*asked})
         steps = 2 * config.replicates * config.steps * config.batch  # 2 folds
         readouts = sum(SECONDS[one] for one in asked if one in SECONDS) * config.frames / ProbeConfig.frames
@@ -159,7 +160,8 @@ def figures_of(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
         trained = row["representation"] == TRAINED
         if row["factor"] == "all" and row["quantity"] == "accuracy" and row["probe"] in ("jsd", "paper"):
             kind = "accuracy" if row["probe"] == "jsd" else "accuracy_of_2022"
-            name = f"{kind}/{row['levels']}" if trained else f"{kind}/{row['representation']}"
+            which = () if trained else (row["representation"],)
+            name = "/".join((kind, row["levels"], *which))
         elif trained and row["levels"] == "test" and row["probe"] == "ridge" and row["quantity"] in ("r2", "accuracy"):
             name = f"{row['quantity']}/{row['factor']}"
         if name is not None and row["estimate"] is not None and row["estimate"] == row["estimate"]:

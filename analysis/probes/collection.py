@@ -129,7 +129,7 @@ def play_wave(
     while running.any() and have < enough:
         rows = np.flatnonzero(running)
         seen = np.array(observation[rows])
-        observation, _, terminated, truncated, _ = env.step(agent.act(observation, rng=rng))
+        observation, _, terminated, truncated, _ = env.step(actions_of(agent, env, observation, rows, rng))
         # Where an episode ended, this is the first state of the next one already: "late" means what it meant in 2022.
         later = read_columns(env, columns)
         parts.append(
@@ -146,6 +146,18 @@ def play_wave(
         values, step, have = later, step + 1, have + len(rows)
     arrays = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     return Frames(columns=tuple(columns), **arrays)
+
+
+def actions_of(
+    agent: Any, env: VectorEnv, observation: Any, rows: NDArray[np.int64], rng: torch.Generator | None
+) -> NDArray[np.float32]:
+    """The agent's actions where episodes go on, zeros elsewhere; one that remembers, or reads the env, is asked about all."""
+    if hasattr(agent, "begin") or len(rows) == env.num_envs:
+        return agent.act(observation, rng=rng)
+    said = agent.act(observation[rows], rng=rng)
+    actions = np.zeros((env.num_envs, *said.shape[1:]), said.dtype)
+    actions[rows] = said
+    return actions
 
 
 def read_columns(env: VectorEnv, columns: Sequence[Column]) -> NDArray[np.float64]:

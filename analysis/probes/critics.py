@@ -176,15 +176,14 @@ def train_distance_critics(
     critics = DistanceCritics(len(sets), x.shape[1], z.shape[1], settings)
     draw_weights(critics, rng)
     optimizer = torch.optim.Adam(critics.parameters(), settings.learning_rate, fused=True)
-    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, settings.steps)
     size = min(settings.batch, *map(len, sets))
-    for _ in range(settings.steps):
+    for step in range(settings.steps):
+        optimizer.param_groups[0]["lr"] = settings.learning_rate * (1 + math.cos(math.pi * step / settings.steps)) / 2
         rows = torch.stack([rows[torch.randperm(len(rows), generator=rng)[:size]] for rows in sets])
         loss = -objective(critics(x[rows], z[rows]), marginal_pairs(group[rows])).sum()
         optimizer.zero_grad()
         loss.backward()
         optimizer.step()
-        schedule.step()
     return critics.eval()
 
 

@@ -180,8 +180,8 @@ def ratio_over_groups(
     n = len(names)
     tops, bottoms = np.bincount(place, top), np.bincount(place, bottom)
     value = float(tops.sum() / bottoms.sum())
-    weights = rng.multinomial(n, np.full(n, 1 / n), size=RESAMPLES)
-    resampled = (weights @ tops) / np.maximum(weights @ bottoms, 1e-300)
+    drawn = rng.integers(n, size=(RESAMPLES, n))
+    resampled = tops[drawn].sum(axis=1) / np.maximum(bottoms[drawn].sum(axis=1), 1e-300)
     low, high = (float(v) for v in np.quantile(resampled, (0.025, 0.975)))
     excess = tops - above * bottoms
     spread = float(excess.std(ddof=1))

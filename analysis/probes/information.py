@@ -254,7 +254,7 @@ def _accuracy_of_rows(joint: Tensor, marginal: Tensor) -> float:
 
 def _shuffled_columns(x: Tensor, z: Tensor, rng: torch.Generator) -> tuple[Tensor, Tensor]:
     """Every column permuted by itself, as in 2022."""
-    orders = [torch.rand(part.shape, generator=rng).argsort(0) for part in (x, z)]
+    orders = [torch.rand(part.shape[::-1], generator=rng).argsort(1).T for part in (x, z)]
     return x.gather(0, orders[0]), z.gather(0, orders[1])
 
 

@@ -21,7 +21,7 @@ from analysis.probes.pairs import Frames, Pairs, standardised
 from analysis.stats.estimate import mean_of_replicates
 from experiments.construct import import_object
 from experiments.evaluation import shape_in
-from experiments.probing import KSG, READOUTS, TRAINED, ProbeConfig
+from experiments.probing import IDENTITY, KSG, ON_BOTH, READOUTS, TRAINED, ProbeConfig
 from experiments.run_folder import LEVELS_TRAIN, read_config
 from experiments.worlds import environment_options
 from segar.errors import SegarError
@@ -35,9 +35,10 @@ POWER_ITERATIONS = 2  # of the randomised decomposition
 def probe_run(folder: Path | str, config: ProbeConfig | None = None, seed: int = 0) -> pd.DataFrame:
     """All that the probes say of a run; one row per level set, representation, factor, probe and quantity.
 
-    The ``trained`` representation is probed on training and on test levels, others on test levels: ``random encoder``,
-    phi of the same network before training; ``pixel PCA``, principal components of the observations; ``identity``, z
-    itself, which must saturate; and ``shuffled``, phi of another episode, which must know nothing.
+    Probed on training and on test levels are the ``trained`` representation and ``identity``, z itself, which says how far
+    accuracies can come: where an agent meets K states, to 1 - 1 / 2K. On test levels also ``random encoder``, phi of the
+    same network before training; ``pixel PCA``, principal components of the observations; and ``shuffled``, phi of
+    another episode, which must know nothing.
 
     Columns: ``run``, ``levels``, ``representation``, those of :func:`analysis.probes.factors.probe_factors`, where
     ``factor`` is "all" for the bounds, whose ``probe`` is e.g. "jsd" and whose ``quantity`` is "accuracy" (chance 0.5) or
@@ -57,7 +58,7 @@ def probe_run(folder: Path | str, config: ProbeConfig | None = None, seed: int =
         seen[name] = frames, frames.pairs(policy.represent)
     tables = []
     for kind, asked in config.representations.items():
-        for name in seen if kind == TRAINED else ("test",):
+        for name in seen if kind in ON_BOTH else ("test",):
             rng = rng_of(seed, name, kind)  # what is asked of one changes nothing about another
             pairs = represent(kind, *seen[name], folder, rng)
             tables.append(place(probe_pairs(pairs, rng, asked, config), folder, name, kind))
@@ -97,7 +98,7 @@ def represent(kind: str, frames: Frames, trained: Pairs, folder: Path, rng: np.r
         return frames.pairs(untrained(folder, rng).represent)
     if kind == "pixel PCA":
         return components(frames, rng)
-    if kind == "identity":
+    if kind == IDENTITY:
         return identity(trained)
     if kind == "shuffled":
         return shuffled(trained, rng)

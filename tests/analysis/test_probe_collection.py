@@ -141,7 +141,7 @@ def test_what_is_asked_of_one_representation_changes_nothing_about_another(folde
 def test_errors_name_the_culprit(folder):
     with pytest.raises(SegarError, match="levels must be 'train', 'test' or a level set, not 'tets'"):
         collect_run(folder, "tets")
-    with pytest.raises(SegarError, match="representations: 'trainde' is unknown. Did you mean 'trained'"):
+    with pytest.raises(SegarError, match=r"representations: 'trainde' is unknown. Did you mean 'trained'"):
         ProbeConfig(representations={"trainde": ["jsd"]})
     with pytest.raises(SegarError, match="folds need at least 2 episodes"):
         probe_run(folder, dataclasses.replace(FEW, num_envs=1, frames=4))

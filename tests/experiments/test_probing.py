@@ -88,7 +88,7 @@ def test_a_run_is_probed_once_for_what_is_asked(finished):
     figures = probe_finished(finished, ASKED)
     assert is_probed(finished, ASKED)
     assert figures == {
-        "probes/accuracy/train": 0.9, "probes/accuracy/test": pytest.approx(0.81), "probes/accuracy/shuffled": 0.5,
+        "probes/accuracy/train": 0.9, "probes/accuracy/test": pytest.approx(0.81), "probes/accuracy/test/shuffled": 0.5,
         "probes/r2/goal.Position.x": 0.7,
     }  # fmt: skip
     assert not is_probed(finished, dataclasses.replace(ASKED, frames=200))
