@@ -3,6 +3,8 @@
 #   make test                     the tests (make test-slow: the long ones)
 #   make reproduce-paper          the paper's experiments: runs, tables, report; SCALE=smoke|quick|standard|paper,
 #                                 ARGS="experiments=[figure_4a] dry_run=true seed=1 ..."
+#   make report                   claims, figures and statistics from tables; by default those of the largest scale in
+#                                 docs/results; ARGS="results=FOLDER only=[figure_3a]"
 #   make sweep                    a small sweep, side by side, and its table; SWEEP=demo, or one of your own in conf/sweep/
 #   make dashboard                MLflow's pages over the results, on 127.0.0.1
 #   make renderings               the paper's pictures of tasks and visual features; ARGS="--output DIR"
@@ -25,10 +27,10 @@ SLOW_STAMP := $(VENV)/.installed-slow
 # modules of the dependencies takes longer than the rest of the installation.
 LOADED := torch, torchrl, torchrl.objectives, tensordict, mlflow, alembic.command, sqlalchemy.orm, hydra, \
 	hydra_plugins.hydra_joblib_launcher.joblib_launcher, numba, scipy.stats, gymnasium.vector, ot, pandas, pyarrow.parquet, \
-	matplotlib.pyplot, rich.progress, pygame, imageio.v2, imageio_ffmpeg, moviepy, minari, h5py, pytest, xdist, hypothesis
+	matplotlib.pyplot, fpdf, rich.progress, pygame, imageio.v2, imageio_ffmpeg, moviepy, minari, h5py, pytest, xdist, hypothesis
 
 .DEFAULT_GOAL := help
-.PHONY: help setup test test-slow lint bench reproduce-paper sweep renderings dashboard clean
+.PHONY: help setup test test-slow lint bench reproduce-paper report sweep renderings dashboard clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -68,6 +70,9 @@ bench: $(STAMP)
 
 reproduce-paper: $(STAMP)
 	$(PY) -m experiments.reproduce scale=$(SCALE) $(ARGS)
+
+report: $(STAMP)
+	$(PY) -m analysis.report $(ARGS)
 
 sweep: $(STAMP)
 	$(PY) -m experiments.train +sweep=$(SWEEP) $(ARGS)

@@ -1,7 +1,8 @@
-"""The figures: a tidy table in, a matplotlib figure out. Nothing here reads or computes anything but the lines."""
+"""What all figures share: an empty figure, points and lines in one style, and files whose bytes repeat."""
 
 from __future__ import annotations
 
+import io
 from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
@@ -13,104 +14,19 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from PIL import Image
 
 from analysis import style
-from analysis.stats.correlation import Line, NotAvailable, correlate, fit_line
+from analysis.stats.correlation import Line, NotAvailable, fit_line
 from analysis.tables import column, select
-from analysis.words import in_short, in_words
-from experiments.atomic import replacing
+from experiments.atomic import write_bytes
 
-GAP_LABEL = "gap: return on test − on training levels"
-
-
-def gap_against_w2(table: pd.DataFrame, modes: Sequence[str], missing: int = 0) -> Figure:
-    """The paper's headline: gap against W2, all cells pooled, one axes per W2 mode.
-
-    ``table`` has one row per run with the columns ``family``, ``difficulty``, ``gap``, ``gap_se`` and ``w2_<mode>``;
-    ``missing`` runs should be there and are not.
-    """
-    runs = f"{len(table)} of {len(table) + missing} runs" if missing else f"{len(table)} runs"
-    with style.applied():
-        figure = new_figure(5.4 * len(modes), 4.9)
-        row = figure.subplots(1, len(modes), sharey=True, squeeze=False)[0]
-        for axes, mode in zip(row, modes, strict=True):
-            x, y = column(table, f"w2_{mode}"), column(table, "gap")
-            axes.set_title(f"{mode} W2, {runs}\n{in_words(correlate(x, y))}", loc="left", linespacing=1.4)
-            axes.set_xlabel(f"W2 between training and test levels ({mode})")
-            draw_points(axes, table, f"w2_{mode}")
-            draw_line(axes, x, y)
-        row[0].set_ylabel(GAP_LABEL)
-        figure.legend(handles=legend_of(table), loc="outside lower center", ncols=6, handletextpad=0.2)
-    return figure
-
-
-def gap_by_family(table: pd.DataFrame, modes: Sequence[str]) -> Figure:
-    """The same points split: a column per family, a row per W2 mode, a line per difficulty."""
-    families = style.ordered(table["family"])
-    with style.applied():
-        figure = new_figure(3.9 * len(families), 3.4 * len(modes) + 0.4)
-        grid = figure.subplots(len(modes), len(families), squeeze=False)
-        for row, mode in zip(grid, modes, strict=True):
-            for axes, family in zip(row, families, strict=True):
-                axes.set_title(f"{family}, {mode} W2")
-                axes.set_xlabel(f"W2 ({mode})")
-                draw_difficulties(axes, select(table, family=family), f"w2_{mode}")
-            row[0].set_ylabel("gap (test − training)")
-    return figure
-
-
-def draw_difficulties(axes: Axes, table: pd.DataFrame, distance: str) -> None:
-    """Points and one line per difficulty, with r and p in the legend."""
-    colours, markers = style.shades(table["difficulty"]), style.markers(table["difficulty"])
-    for difficulty in style.ordered(table["difficulty"]):
-        part = select(table, difficulty=difficulty)
-        x, y = column(part, distance), column(part, "gap")
-        colour = colours[difficulty]
-        look = {"marker": markers[difficulty], "color": colour, "edgecolors": "white", "linewidths": 0.6}
-        axes.scatter(x, y, s=42, zorder=3, label=f"{difficulty}: {in_short(correlate(x, y))}", **look)
-        line = fit_line(x, y)
-        if isinstance(line, Line):
-            ends = np.array([x.min(), x.max()])
-            axes.plot(ends, line.at(ends), color=colour, linewidth=1.4, zorder=2)
-    axes.axhline(0, color="#999999", linewidth=0.8, zorder=1)
-    axes.margins(y=0.1)
-    axes.locator_params(axis="x", nbins=6)
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), handletextpad=0.2, fontsize=9)
-
-
-def draw_points(axes: Axes, table: pd.DataFrame, distance: str) -> None:
-    """One point per run: colour says family, marker says difficulty, a thin bar the standard error of the gap."""
-    colours, markers = style.colours(table["family"]), style.markers(table["difficulty"])
-    axes.axhline(0, color="#999999", linewidth=0.8, zorder=1)
-    for family, difficulty in product(style.ordered(table["family"]), style.ordered(table["difficulty"])):
-        part, colour = select(table, family=family, difficulty=difficulty), colours[family]
-        x, y = column(part, distance), column(part, "gap")
-        bars = {"fmt": "none", "ecolor": colour, "alpha": 0.35, "elinewidth": 1, "zorder": 2}
-        axes.errorbar(x, y, yerr=column(part, "gap_se"), **bars)
-        look = {"marker": markers[difficulty], "color": colour, "edgecolors": "white", "linewidths": 0.7}
-        axes.scatter(x, y, s=46, zorder=3, **look)
-
-
-def draw_line(axes: Axes, x: np.ndarray, y: np.ndarray) -> None:
-    """The least-squares line with the 95 % band of its height."""
-    line = fit_line(x, y)
-    if isinstance(line, NotAvailable):
-        return
-    at = np.linspace(x.min(), x.max(), 100)
-    height, half = line.at(at), line.half_width(at)
-    limits = axes.get_ylim()
-    axes.plot(at, height, zorder=4, **style.LINE)
-    axes.fill_between(at, height - half, height + half, zorder=1.5, **style.BAND)
-    axes.set_ylim(*limits)  # the wide band of a few points would flatten everything else
-
-
-def legend_of(table: pd.DataFrame) -> list[Line2D]:
-    """Legend entries: a dot per family, a grey marker per difficulty."""
-    dot = {"linestyle": "none", "markersize": 7.5}
-    colours, markers = style.colours(table["family"]), style.markers(table["difficulty"])
-    families = [Line2D([], [], marker="o", color=colour, label=name, **dot) for name, colour in colours.items()]
-    grey = [Line2D([], [], marker=mark, color="#777777", label=name, **dot) for name, mark in markers.items()]
-    return families + grey
+METADATA: dict[str, dict[str, Any]] = {
+    ".png": {"Software": None},
+    ".pdf": {"CreationDate": None, "Producer": None},
+    ".svg": {"Date": None, "Creator": None},
+}
+COLOURS_OF_PNG = 128  # a palette makes files a third as large, and line art does not show it
 
 
 def new_figure(width: float, height: float) -> Figure:
@@ -120,12 +36,63 @@ def new_figure(width: float, height: float) -> Figure:
     return figure
 
 
-def save_figure(figure: Figure, path: Path) -> list[Path]:
-    """Writes ``path`` as .png and .pdf, whole or not at all and the same bytes for the same figure; returns both."""
+def save_figure(figure: Figure, path: Path, suffixes: Sequence[str] = (".png", ".pdf")) -> list[Path]:
+    """Writes ``path`` with each suffix, whole or not at all and the same bytes for the same figure; returns the files."""
     written = []
-    for suffix, metadata in ((".png", {"Software": None}), (".pdf", {"CreationDate": None, "Producer": None})):
-        options: dict[str, Any] = {"format": suffix[1:], "metadata": metadata}
-        with style.applied(), replacing(path.with_suffix(suffix)) as beside:
-            figure.savefig(beside, **options)
+    for suffix in suffixes:
+        stream = io.BytesIO()
+        with style.applied():
+            figure.savefig(stream, format=suffix[1:], metadata=METADATA[suffix])
+        write_bytes(path.with_suffix(suffix), smaller(stream) if suffix == ".png" else stream.getvalue())
         written.append(path.with_suffix(suffix))
     return written
+
+
+def smaller(stream: io.BytesIO) -> bytes:
+    """A PNG with a palette."""
+    out = io.BytesIO()
+    with Image.open(stream) as picture:
+        flat = picture.convert("RGB").quantize(COLOURS_OF_PNG, dither=Image.Dither.NONE)
+        flat.save(out, "PNG", optimize=True)
+    return out.getvalue()
+
+
+def draw_points(axes: Axes, table: pd.DataFrame, x: str, y: str, error: str = "") -> None:
+    """One point per row: colour says family, marker says difficulty; a thin bar the standard error, where one is named."""
+    colours, markers = style.colours(table["family"]), style.markers(table["difficulty"])
+    axes.axhline(0, color="#999999", linewidth=0.8, zorder=1)
+    for family, difficulty in product(style.ordered(table["family"]), style.ordered(table["difficulty"])):
+        part, colour = select(table, family=family, difficulty=difficulty), colours[family]
+        if error:
+            bars = {"fmt": "none", "ecolor": colour, "alpha": 0.35, "elinewidth": 1, "zorder": 2}
+            axes.errorbar(column(part, x), column(part, y), yerr=column(part, error), **bars)
+        look = {"marker": markers[difficulty], "color": colour, "edgecolors": "white", "linewidths": 0.6}
+        axes.scatter(column(part, x), column(part, y), s=36, zorder=3, **look)
+
+
+def draw_line(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str = "#333333", band: bool = True) -> None:
+    """The least-squares line, with the 95 % band of its height; nothing where there is no line."""
+    line = fit_line(x, y)
+    if isinstance(line, NotAvailable):
+        return
+    at = np.linspace(x.min(), x.max(), 100)
+    limits = axes.get_ylim()
+    axes.plot(at, line.at(at), color=colour, linewidth=style.LINE_WIDTH, zorder=4)
+    if band:
+        draw_band(axes, line, at, colour)
+    axes.set_ylim(*limits)  # the wide band of a few points would flatten everything else
+
+
+def draw_band(axes: Axes, line: Line, at: np.ndarray, colour: str) -> None:
+    """The 95 % band of a line's height."""
+    half = line.half_width(at)
+    axes.fill_between(at, line.at(at) - half, line.at(at) + half, color=colour, alpha=0.13, linewidth=0, zorder=1.5)
+
+
+def legend_of(table: pd.DataFrame) -> list[Line2D]:
+    """Legend entries: a dot per family, a grey marker per difficulty."""
+    dot = {"linestyle": "none", "markersize": 7}
+    colours, markers = style.colours(table["family"]), style.markers(table["difficulty"])
+    families = [Line2D([], [], marker="o", color=colour, label=name, **dot) for name, colour in colours.items()]
+    grey = [Line2D([], [], marker=mark, color="#777777", label=name, **dot) for name, mark in markers.items()]
+    return families + grey

@@ -14,12 +14,11 @@ SEQUENCE = ("#EFB03A", "#CC4778", "#5B02A3", "#2A788E", "#7AD151", "#777777", "#
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 KNOWN = {"easy": 0, "medium": 1, "hard": 2, "empty": 0, "objectsx1": 1, "tilesx1": 2}
 
-LINE = {"color": "#333333", "linewidth": 1.6}
-BAND = {"color": "#333333", "alpha": 0.13, "linewidth": 0}
+LINE_WIDTH = 1.5
 
 SETTINGS: dict[str, Any] = {
     "figure.dpi": 100,
-    "savefig.dpi": 200,
+    "savefig.dpi": 150,
     "font.size": 10,
     "axes.titlesize": 10,
     "axes.labelsize": 10.5,

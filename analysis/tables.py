@@ -1,11 +1,8 @@
-"""Run folders in, tidy tables out: one row per run and action mode, and the names of the runs that are missing."""
+"""What rows of episodes say of a run, and a few words for tables: rows, columns, means, CSV files."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from itertools import product
 from pathlib import Path
 from typing import Any, cast
 
@@ -14,99 +11,6 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from experiments.atomic import replacing
-from experiments.cells import Cell, cell_of, design_hash
-from experiments.config import RunConfig
-from experiments.errors import RunFolderError
-from experiments.run_folder import CONFIG, is_finished, read_config, read_episodes, read_metrics, read_versions
-
-W2 = "w2/"  # begins the names of the distances among a run's metrics
-
-
-@dataclass(frozen=True)
-class Run:
-    """A run folder whose settings could be read."""
-
-    folder: Path
-    config: RunConfig
-    cell: Cell
-    design: str  # what all cells of one experiment share, see experiments.cells.design_hash
-
-
-@dataclass(frozen=True)
-class Grid:
-    """The cells that a table should have: every combination."""
-
-    families: Sequence[str]
-    difficulties: Sequence[str]
-    counts: Sequence[int]
-    seeds: Sequence[int]
-
-    def cells(self) -> list[Cell]:
-        """All of them, in the order of a nested loop."""
-        return [Cell(*place) for place in product(self.families, self.difficulties, self.counts, self.seeds)]
-
-
-@dataclass(frozen=True)
-class Missing:
-    """A cell without a row, and why."""
-
-    cell: Cell
-    reason: str
-
-
-def find_runs(root: Path) -> tuple[list[Run], dict[Path, str]]:
-    """The runs in the folders directly under ``root``, and why folders that look like runs are none."""
-    runs, unreadable = [], {}
-    for folder in sorted(path.parent for path in root.glob(f"*/{CONFIG}")):
-        try:
-            config = read_config(folder)
-        except RunFolderError as error:
-            unreadable[folder] = str(error)
-        else:
-            runs.append(Run(folder, config, cell_of(config), design_hash(config)))
-    return runs, unreadable
-
-
-def read_runs(runs: Iterable[Run]) -> tuple[pd.DataFrame, list[Missing]]:
-    """One row per finished run and action mode, and why the other runs have none.
-
-    Columns: the cell (``family``, ``difficulty``, ``n``, ``seed``), ``observation``, ``algorithm``, ``frames``,
-    ``action_mode``, what :func:`performance` returns, ``w2_<mode>`` for each distance of the run, ``code`` (its
-    fingerprint), ``design`` and ``run`` (the folder's name).
-    """
-    rows: list[dict[str, Any]] = []
-    missing = []
-    for run in runs:
-        if not is_finished(run.folder):
-            missing.append(Missing(run.cell, f"not finished ({run.folder.name})"))
-            continue
-        try:
-            rows.extend(read_rows(run))
-        except (OSError, KeyError, ValueError, json.JSONDecodeError) as error:  # named in the report, the others count
-            missing.append(Missing(run.cell, f"not readable ({run.folder.name}): {type(error).__name__}: {error}"))
-    table = pd.DataFrame(rows)
-    return (table.sort_values(KEY, ignore_index=True) if rows else table), missing
-
-
-KEY = ["family", "difficulty", "n", "seed", "action_mode"]
-
-
-def read_rows(run: Run) -> list[dict[str, Any]]:
-    """The rows of one finished run, one per action mode."""
-    metrics = read_metrics(run.folder).to_pandas()
-    last = metrics.groupby("name", sort=True)["value"].last()
-    distances = {f"w2_{name.removeprefix(W2)}": value for name, value in last.items() if str(name).startswith(W2)}
-    cell, config = run.cell, run.config
-    place = {"family": cell.family, "difficulty": cell.difficulty, "n": cell.count, "seed": cell.seed}
-    what = {"observation": config.observation.name, "algorithm": config.algorithm.name}
-    source = {"code": read_versions(run.folder)["code"], "design": run.design, "run": run.folder.name}
-    episodes = read_episodes(run.folder).to_pandas()
-    return [
-        {**place, **what, "frames": int(metrics["frames"].max()), "action_mode": mode}
-        | performance(part)
-        | {**distances, **source}
-        for mode, part in episodes.groupby("action_mode", sort=True)
-    ]
 
 
 def performance(episodes: pd.DataFrame) -> dict[str, float]:
@@ -172,13 +76,26 @@ def select(table: pd.DataFrame, **equal: Any) -> pd.DataFrame:
     return cast(pd.DataFrame, table[mask]).reset_index(drop=True)
 
 
+def keep(table: pd.DataFrame, mask: Any) -> pd.DataFrame:
+    """The rows for which ``mask`` [rows] is true, numbered anew."""
+    return cast(pd.DataFrame, table.loc[np.asarray(mask, np.bool_)]).reset_index(drop=True)
+
+
+def pick(table: pd.DataFrame, names: Iterable[str]) -> pd.DataFrame:
+    """The columns of these names, in this order."""
+    return cast(pd.DataFrame, table[list(names)])
+
+
+def mean_by(table: pd.DataFrame, by: Sequence[str], values: Sequence[str]) -> pd.DataFrame:
+    """One row per combination of the columns ``by``, in their order, with the means of ``values``."""
+    return cast(pd.DataFrame, table.groupby(list(by), sort=True)[list(values)].mean()).reset_index()
+
+
+def count_of(table: pd.DataFrame, name: str) -> int:
+    """How many different values a column has."""
+    return len(set(table[name]))
+
+
 def column(table: pd.DataFrame, name: str) -> NDArray[np.float64]:
     """A column as float64."""
     return table[name].to_numpy(dtype=np.float64)
-
-
-def missing_cells(table: pd.DataFrame, grid: Grid, known: Sequence[Missing] = ()) -> list[Missing]:
-    """The cells of ``grid`` that no row has, with the reason where ``known`` has one."""
-    there = set() if table.empty else {Cell(*place) for place in table[KEY[:4]].itertuples(index=False, name=None)}
-    reasons = {missing.cell: missing.reason for missing in known}
-    return [Missing(cell, reasons.get(cell, "no run")) for cell in grid.cells() if cell not in there]

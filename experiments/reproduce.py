@@ -20,7 +20,7 @@ from typing import Any
 import yaml
 from omegaconf import DictConfig
 
-from experiments.cells import design_hash, paper_cells, paper_seeds
+from experiments.cells import design_hash, paper_cells
 from experiments.config import RunConfig, require, run_config
 from experiments.display import Display
 from experiments.entry import conf_dir, plain, run_command
@@ -58,7 +58,7 @@ class ReproduceConfig:
     grids: Mapping[str, Any] = field(default_factory=dict)  # of each experiment, as its file says
     probes: Mapping[str, Any] = field(default_factory=dict)  # of each scale: what is asked of experiments with probes
     dry_run: bool = False  # print the plan, and run nothing
-    report: bool = True  # have analysis.report draw the main figure
+    report: bool = True  # have analysis.report write the claims, figures, page and PDF
 
     def __post_init__(self) -> None:
         require(self.processes >= 0, "processes", self.processes, "0 or more")
@@ -212,39 +212,20 @@ def ending(outcome: Outcome) -> str:
 
 
 def tables_and_report(config: ReproduceConfig, plan: Plan) -> bool:
-    """Has the analysis make the tables, and the report of the main grid if it is there; returns whether it could.
+    """Has the analysis make the tables, and the report if anything is trained; returns whether it could.
 
     Processes of their own, because experiments does not import analysis: what trains must not depend on what draws.
     """
     began = time.monotonic()
     done = run_module("analysis.collect", {"results": config.folder})
-    main = {cell.label() for cell in paper_cells(config.run)}
-    if done and config.report and main <= {one.run.label() for one in plan.runs}:
-        done = run_module("analysis.report", report_settings(config))
+    if done and config.report and plan.runs:
+        done = run_module("analysis.report", {"results": config.folder})
     if done:
         print(f"Tables and report took {in_minutes(time.monotonic() - began)}. Figures and curves in the browser:")
         print(
             f"  {sys.executable} -m experiments.dashboard root={quoted(runs_root(config.run))}    (or: make dashboard)"
         )
     return done
-
-
-def report_settings(config: ReproduceConfig) -> dict[str, Any]:
-    """What the report of the main grid is told."""
-    scale, run = config.run.scale, config.run
-    return {
-        "runs": runs_root(run),
-        "out": config.folder,
-        "design": design_hash(paper_cells(run)[0]),
-        "families": scale.families,
-        "difficulties": scale.difficulties,
-        "counts": scale.counts,
-        "seeds": paper_seeds(run),
-        "distances": run.evaluation.distances,
-        "tracking.name": run.tracking.name,
-        "tracking.uri": run.tracking.uri,
-        "tracking.experiment": run.tracking.experiment,
-    }
 
 
 def run_module(module: str, settings: Mapping[str, Any]) -> bool:

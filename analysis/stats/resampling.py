@@ -16,7 +16,7 @@ from analysis.stats.estimate import Estimate
 from segar.errors import SegarError
 
 RESAMPLES = 2000
-Statistic = Callable[[pd.DataFrame], float]
+Statistic = Callable[[Any], float]
 
 
 def cluster_bootstrap(
@@ -25,6 +25,7 @@ def cluster_bootstrap(
     clusters: Sequence[str],
     rng: np.random.Generator,
     *,
+    values: NDArray[np.float64] | None = None,
     resamples: int = RESAMPLES,
     method: str = "percentile",
     level: float = 0.95,
@@ -37,6 +38,7 @@ def cluster_bootstrap(
     Args:
         statistic: of a table of rows; may be nan for a few resamples, which are then left out, and noted.
         clusters: columns whose combinations are the clusters.
+        values: [rows, ...], what ``statistic`` gets rows of in place of the table; ten times faster than a table.
         method: scipy's "percentile", "basic" or "BCa".
 
     Raises:
@@ -48,8 +50,11 @@ def cluster_bootstrap(
         raise SegarError(f"a bootstrap of clusters needs at least 2 of them; there are {len(names)}")
     rows_of = [np.flatnonzero(place == k) for k in range(len(names))]
 
+    def of_rows(rows: NDArray[np.int64]) -> float:
+        return float(statistic(table.iloc[rows] if values is None else values[rows]))
+
     def of_clusters(chosen: NDArray[np.int64]) -> float:
-        return float(statistic(table.iloc[np.concatenate([rows_of[k] for k in chosen])]))
+        return of_rows(np.concatenate([rows_of[k] for k in chosen]))
 
     found: Any = stats.bootstrap(
         (np.arange(len(names)),), of_clusters, vectorized=False, n_resamples=resamples, method=method,
@@ -60,7 +65,7 @@ def cluster_bootstrap(
     if len(drawn) < resamples and method == "percentile" and len(drawn):
         low, high = np.quantile(drawn, [0.5 - level / 2, 0.5 + level / 2])
     note = f"{resamples - len(drawn)} resamples had no value" if len(drawn) < resamples else ""
-    return Estimate(float(statistic(table)), float(low), float(high), len(names), sign_p(drawn), level, note)
+    return Estimate(of_rows(np.arange(len(table))), float(low), float(high), len(names), sign_p(drawn), level, note)
 
 
 def sign_p(drawn: NDArray[np.float64]) -> float:

@@ -113,8 +113,16 @@ def test_tables_and_report_name_what_failed_and_say_where_they_are(tmp_path, cap
     said = capfd.readouterr().out
     assert f"3 runs and 0 transfers are in {config.folder / 'runs.parquet'}" in said
     assert "missing: empty-hard-n10-state-ppo-s1-" in said and ": not begun" in said
-    assert "3 of 4 runs are in the report." in said
-    for name in ("runs.parquet", "levels.parquet", "tables/main.csv", "tables/hard.csv", "gap_vs_w2.png", "report.md"):
+    assert "3 runs are in the report, 1 runs or tests of the plan are missing." in said
+    for name in (
+        "runs.parquet",
+        "levels.parquet",
+        "tables/main.csv",
+        "tables/hard.csv",
+        "report.html",
+        "report.pdf",
+        "claims.csv",
+    ):
         assert (config.folder / name).exists()
     assert f"experiments.dashboard root='{tmp_path}'" in said
 

@@ -1,0 +1,139 @@
+"""What goes beyond the paper: each experiment with its figure and table, or a sentence that says that it was "
+"not run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pandas as pd
+
+from analysis.report.claims_information import beside
+from analysis.report.document import Block, Heading, Paragraph, Table
+from analysis.report.evidence import Evidence, pearson
+from analysis.report.tabulated import means, means_table
+from analysis.report.words import plain, said, signed
+from analysis.tables import count_of, keep, select
+
+Drawer = Callable[[str], list[Block]]
+GAP_CAPTION = "Mean gap, with the 95 % interval of a bootstrap of (panel, seed) blocks."
+
+
+def blocks(evidence: Evidence, drawn: Drawer) -> list[Block]:
+    """All of it."""
+    parts: list[Block] = [Heading("Beyond the paper")]
+    parts += [Heading("W2 at one number of levels", 3), *drawn("fixed_n"), *designs(evidence)]
+    parts += [Heading("Diversity of the training set", 3), *drawn("diversity")]
+    parts += [Heading("Other physics", 3), *drawn("rules"), *physics(evidence)]
+    parts += [Heading("Other textures", 3), *drawn("visual"), *looks(evidence)]
+    parts += [Heading("Hardness by reward", 3), *drawn("hardness")]
+    parts += [Heading("Agents that see the factors", 3), *drawn("upper_bound"), *true_factors(evidence)]
+    parts += [Heading("W2 without training", 3), *drawn("w2_study"), *distances(evidence)]
+    parts += [Heading("What chance and a planner reach", 3), *anchors(evidence)]
+    parts += [
+        Heading("Attribution of the gap to factors", 3),
+        Paragraph(
+            "No table of it is among these results. `analysis.stats.attribution` plays the levels in between "
+            "(docs/statistics.md)."
+        ),
+    ]
+    return parts
+
+
+def designs(evidence: Evidence) -> list[Block]:
+    """Gap per design."""
+    runs = evidence.results.of("fixed_n")
+    if runs.empty or count_of(runs, "design") < 2:
+        return []
+    found = means(evidence, runs, ["design"], "gap", "fixed_n")
+    return [means_table(found, {"design": "design"}, "gap", GAP_CAPTION)]
+
+
+def physics(evidence: Evidence) -> list[Block]:
+    """Gap per physics of the test levels."""
+    part = evidence.results.other_physics
+    if part.empty:
+        return []
+    part = part.assign(trained=[name or "the default" for name in part["variation"]])
+    found = means(evidence, part, ["trained", "test_variation"], "gap", "rules")
+    row = min(found.to_dict("records"), key=lambda one: one["estimate"])
+    text = (
+        f"The largest loss is in `{row['test_variation']}`: the gap is {signed(row['estimate'])} "
+        f"[{signed(row['low'])}, {signed(row['high'])}] over {row['n']:.0f} runs."
+    )
+    table = means_table(found, {"trained": "trained in", "test_variation": "tested in"}, "gap", GAP_CAPTION)
+    return [Paragraph(text), table]
+
+
+def looks(evidence: Evidence) -> list[Block]:
+    """Gap per look and per shift of the levels."""
+    part = evidence.results.other_looks
+    if part.empty:
+        return []
+    found = means(evidence, part, ["observation", "shift"], "gap", "visual")
+    return [means_table(found, {"observation": "trained in", "shift": "tested in"}, "gap", GAP_CAPTION)]
+
+
+def true_factors(evidence: Evidence) -> list[Block]:
+    """What pixels cost."""
+    seen, main = evidence.results.of("upper_bound"), evidence.main
+    if seen.empty or main.empty:
+        return []
+    both = pd.concat([main.assign(sees="pixels"), seen.assign(sees="factors")], ignore_index=True)
+    paired = beside(both, "success_test_deterministic", both["sees"] == "factors", both["sees"] == "pixels")
+    if paired.empty:
+        return []
+    found = evidence.mean("upper_bound", paired)
+    return [Paragraph(f"Success on test levels with factors less that with pixels: {said(found, 'difference')}.")]
+
+
+def distances(evidence: Evidence) -> list[Block]:
+    """What W2 is made of, and how far both distances agree at one n."""
+    study = evidence.results.studies.get("w2_study", {})
+    out: list[Block] = []
+    if "explained" in study:
+        rows = [
+            [
+                str(r["mode"]),
+                f"{r['points']:.0f}",
+                *(plain(r[k]) for k in ("panel", "log_n", "panel_and_log_n", "cell")),
+            ]
+            for r in study["explained"].to_dict("records")
+        ]
+        head = ("W2", "points", "on panel", "on log n", "on both", "on cells")
+        out.append(Table(head, rows, 1, "R² of log W2, without training. Data: `studies/w2_study/explained.csv`."))
+    if "distances" in study:
+        out.append(agreement(study["distances"]))
+    return out
+
+
+def agreement(table: pd.DataFrame, n: int = 10) -> Table:
+    """Correlation of both distances over level seeds, at one n, per panel."""
+    inside = keep(table, (table["train"] == table["test"]) & (table["n"] == n))
+    rows = []
+    for panel in dict.fromkeys(inside["train"]):
+        part = select(inside, train=panel)
+        rows.append([panel, signed(pearson(part, "w2_reference", "w2_exact").estimate), str(len(part))])
+    caption = (
+        f"Do both distances mean the same? Pearson r of the W2 of 2022 and exact W2 over level seeds at n = "
+        f"{n}. The distance of 2022 counts "
+        "the order of drawing. Data: `studies/w2_study/distances.csv`."
+    )
+    return Table(("panel", "r", "seeds"), rows, 1, caption)
+
+
+def anchors(evidence: Evidence) -> list[Block]:
+    """Returns of the players between which scores are normalised."""
+    table = evidence.results.studies.get("anchors", {}).get("anchors", pd.DataFrame())
+    if table.empty:
+        return [Paragraph("It was not run (`experiments=[anchors]`).")]
+    rows = []
+    players = [p for p in ("idle", "random", "script", "oracle") if p in set(table["player"])]
+    rows_of = {(r["family"], r["difficulty"], r["player"]): r for r in table.to_dict("records")}
+    for family, difficulty in dict.fromkeys((r["family"], r["difficulty"]) for r in table.to_dict("records")):
+        row = [f"{family}-{difficulty}"]
+        for player in players:
+            one = rows_of.get((family, difficulty, player))
+            row += [plain(one["return"], 1), plain(one["success"])] if one else ["", ""]
+        rows.append(row)
+    head = ["panel", *(text for player in players for text in (f"{player}, return", "success"))]
+    return [Table(head, rows, 1, "Full returns and success on test levels. Data: `studies/anchors/anchors.csv`.")]

@@ -1,0 +1,117 @@
+"""What a report consists of. Two back ends print it: :mod:`analysis.report.html` and :mod:`analysis.report.pdf`.
+
+Texts may hold ``code`` between backquotes and **strong words** between double asterisks, and nothing else.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from analysis.report.claims import Claim
+from analysis.report.words import interval, p_value, signed
+
+PIECE = re.compile(r"`([^`]+)`|\*\*([^*]+)\*\*")
+
+
+@dataclass(frozen=True)
+class Heading:
+    """A section (level 2) or a subsection (level 3)."""
+
+    text: str
+    level: int = 2
+
+    @property
+    def anchor(self) -> str:
+        """The heading as a link's target."""
+        return re.sub(r"[^a-z0-9]+", "-", self.text.lower()).strip("-")
+
+
+@dataclass(frozen=True)
+class Paragraph:
+    """Some sentences; ``kind`` is "text", "lead" or "warning"."""
+
+    text: str
+    kind: str = "text"
+
+
+@dataclass(frozen=True)
+class Bullets:
+    """A list."""
+
+    items: Sequence[str]
+
+
+@dataclass(frozen=True)
+class Table:
+    """Cells as they are printed; ``left`` counts the columns, from the first, that are words and not numbers."""
+
+    head: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    left: int = 1
+    caption: str = ""
+    folded: bool = False  # long: a page shows it when asked
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure: files beside the report, what it shows, and the command that draws it again."""
+
+    name: str
+    caption: str
+    svg: bytes = field(repr=False)
+    png: Path
+    command: str
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A claim in a box."""
+
+    claim: Claim
+
+
+Block = Heading | Paragraph | Bullets | Table | Picture | Verdict
+
+
+@dataclass(frozen=True)
+class Document:
+    """A title, and blocks in the order of reading."""
+
+    title: str
+    subtitle: str
+    blocks: Sequence[Block]
+
+    @property
+    def sections(self) -> list[Heading]:
+        """The headings of level 2."""
+        return [block for block in self.blocks if isinstance(block, Heading) and block.level == 2]
+
+
+def pieces(text: str) -> list[tuple[str, str]]:
+    """A text as (kind, words), the kinds being "plain", "code" and "strong"."""
+    found, at = [], 0
+    for match in PIECE.finditer(text):
+        if match.start() > at:
+            found.append(("plain", text[at : match.start()]))
+        found.append(("code", match[1]) if match[1] is not None else ("strong", match[2]))
+        at = match.end()
+    if at < len(text):
+        found.append(("plain", text[at:]))
+    return found
+
+
+def finding_rows(claim: Claim) -> list[list[str]]:
+    """The tests of a claim as cells: settings, test, effect, 95 % interval, n, p, verdict."""
+    rows = []
+    for one in claim.findings:
+        found = one.found
+        effect = f"{signed(found.estimate)}"
+        n = f"{found.n:.0f}" if found.n else "–"
+        rows.append([one.settings, one.test, one.measure, effect, interval(found), n, p_value(found.p), one.verdict])
+    return rows
+
+
+FINDING_HEAD = ("settings", "test", "effect is", "effect", "95 %", "n", "p", "verdict")

@@ -1,0 +1,206 @@
+"""The figures about information and learning: 4b, 5a, 5b, SAC, mass and frame stack."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from analysis import style
+from analysis.figures import draw_line, new_figure
+from analysis.report.claims import CORRECTED, PAPER
+from analysis.report.claims_information import GAPS, PROBES, accuracies, auxiliary
+from analysis.report.drawings import CELL, GAP, Drawn
+from analysis.report.evidence import Evidence, pearson
+from analysis.report.words import said
+from analysis.tables import column, count_of, mean_by, pick, select
+
+NO_PROBES = "the agents were not probed (`probes.parquet`)"
+CURVES_PER_FIGURE = 40  # points of a smoothed curve
+
+
+def figure_4b(evidence: Evidence) -> Drawn | str:
+    """Gap against the accuracy of the critic, as in the paper and corrected."""
+    probed = accuracies(evidence.results, evidence.main)
+    if probed.empty:
+        return NO_PROBES
+    table = pick(probed, [*CELL, "probe", "train", "test", "gap", "gap_2022"])
+    with style.applied():
+        figure = new_figure(9, 4.2)
+        for axes, settings in zip(figure.subplots(1, 2), (PAPER, CORRECTED), strict=True):
+            draw_accuracy(axes, select(table, probe=PROBES[settings]), GAPS[settings], settings)
+    caption = (
+        "Figure 4b. Gap against the accuracy of a critic that tells pairs of representation and factors from "
+        "shuffled ones, on "
+        "training and on test levels. Chance is 0.5 (dashed). Left: as in 2022, where the shuffling makes the "
+        "critic detect "
+        "dependence inside the representation. Right: with whole rows shuffled, time aligned, and pairs held out."
+    )
+    return Drawn(figure, table, caption)
+
+
+def draw_accuracy(axes: Axes, table: pd.DataFrame, gap: str, title: str) -> None:
+    """Two point sets, training and test levels, a line each."""
+    axes.axvline(0.5, color="#999999", linewidth=0.9, linestyle="--")
+    for levels, colour, marker in zip(("train", "test"), style.PALETTE, style.MARKERS, strict=False):
+        x, y = column(table, levels), column(table, gap)
+        label = f"{levels}: {said(pearson(table, levels, gap))}"
+        axes.scatter(x, y, s=32, color=colour, marker=marker, edgecolors="white", linewidths=0.6, label=label)
+    for levels, colour in zip(
+        ("train", "test"), style.PALETTE, strict=False
+    ):  # after all points: lines keep to their limits
+        draw_line(axes, column(table, levels), column(table, gap), colour, band=False)
+    axes.set_title(title)
+    axes.set_xlabel("accuracy of the critic")
+    axes.set_ylabel(GAP)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), fontsize=8.5)
+
+
+def figure_5a(evidence: Evidence) -> Drawn | str:
+    """Gap against accuracy per self-supervised algorithm; without probes, the gaps alone."""
+    runs = evidence.results.of("figure_5a")
+    if not auxiliary(runs):
+        return "no agents with self-supervised losses were trained (`experiments=[figure_5a]`)"
+    probed = accuracies(evidence.results, runs)
+    algorithms = sorted(set(runs["algorithm"]))
+    if probed.empty:
+        table = pick(runs, [*CELL, "algorithm", "gap"])
+        figure = dots(table, "algorithm", "gap", GAP)
+        return Drawn(
+            figure, table, f"Figure 5a without its x axis, as {NO_PROBES}: the gap per algorithm and number of levels."
+        )
+    table = pick(probed, [*CELL, "algorithm", "probe", "train", "test", "gap", "gap_2022"])
+    with style.applied():
+        figure = new_figure(3.6 * len(algorithms), 7.4)
+        grid = figure.subplots(2, len(algorithms), squeeze=False)
+        for row, settings in zip(grid, (PAPER, CORRECTED), strict=True):
+            for axes, name in zip(row, algorithms, strict=True):
+                part = select(table, probe=PROBES[settings], algorithm=name)
+                draw_accuracy(axes, part, GAPS[settings], f"{name}, {settings}")
+    return Drawn(
+        figure, table, "Figure 5a. Gap against the accuracy of the critic, with and without self-supervised losses."
+    )
+
+
+def figure_5b(evidence: Evidence) -> Drawn | str:
+    """Training curves of the main grid."""
+    if evidence.results.curves.empty or evidence.main.empty:
+        return "the curves are not among the tables (`curves.parquet`)"
+    curves = evidence.results.curves
+    chosen = select(curves, name="episode/return").merge(pick(evidence.main, ["run", *CELL]), on="run")
+    if chosen.empty:
+        return "the curves have no returns of training episodes"
+    chosen = chosen.assign(frames=binned(column(chosen, "frames")))
+    table = mean_by(chosen, ["family", "difficulty", "n", "frames"], ["value"])
+    families, difficulties = style.ordered(table["family"]), style.ordered(table["difficulty"])
+    colours = dict(zip(sorted(set(table["n"])), style.SEQUENCE, strict=False))
+    with style.applied():
+        figure = new_figure(3.5 * len(families), 2.5 * len(difficulties) + 0.4)
+        grid = figure.subplots(len(difficulties), len(families), squeeze=False, sharex=True)
+        for row, difficulty in zip(grid, difficulties, strict=True):
+            for axes, family in zip(row, families, strict=True):
+                for n, colour in colours.items():
+                    part = select(table, family=family, difficulty=difficulty, n=n)
+                    axes.plot(
+                        column(part, "frames") / 1000, column(part, "value"), color=colour, label=str(n), linewidth=1.3
+                    )
+                axes.set_title(f"{family}, {difficulty}")
+            row[0].set_ylabel("training return")
+        for axes in grid[-1]:
+            axes.set_xlabel("thousand frames")
+        figure.legend(
+            *grid[0][0].get_legend_handles_labels(), loc="outside lower center", ncols=8, title="training levels"
+        )
+    caption = (
+        "Figure 5b. Return of training episodes against frames, means over seeds and over a fortieth of the "
+        "budget; each axes has "
+        "its own scale."
+    )
+    return Drawn(figure, table, caption)
+
+
+def binned(frames: np.ndarray) -> np.ndarray:
+    """Frames, each replaced by the end of its fortieth of the longest run."""
+    width = max(float(frames.max()) / CURVES_PER_FIGURE, 1.0)
+    return np.ceil(frames / width) * width
+
+
+def appendix_sac(evidence: Evidence) -> Drawn | str:
+    """Test return of SAC against frames."""
+    runs, curves = evidence.results.of("appendix_sac"), evidence.results.curves
+    if runs.empty or curves.empty:
+        return "SAC was not run, or its curves are not among the tables (`experiments=[appendix_sac]`)"
+    chosen = select(curves, name="evaluation/test/return/deterministic").merge(pick(runs, ["run", *CELL]), on="run")
+    if chosen.empty:
+        return "the curves have no returns of SAC on test levels"
+    table = mean_by(chosen, ["family", "difficulty", "n", "frames"], ["value"])
+    panels = [f"{f}-{d}" for f in style.ordered(table["family"]) for d in style.ordered(table["difficulty"])]
+    named = table.assign(panel=[f"{a}-{b}" for a, b in zip(table["family"], table["difficulty"], strict=True)])
+    panels = [panel for panel in panels if panel in set(named["panel"])]
+    colours = dict(zip(sorted(set(table["n"])), style.SEQUENCE, strict=False))
+    with style.applied():
+        figure = new_figure(3.4 * min(len(panels), 3), 2.7 * -(-len(panels) // 3) + 0.4)
+        grid = figure.subplots(-(-len(panels) // 3), min(len(panels), 3), squeeze=False).ravel()
+        for axes in grid[len(panels) :]:
+            axes.set_visible(False)
+        for axes, panel in zip(grid, panels, strict=False):
+            for n, colour in colours.items():
+                part = select(named, panel=panel, n=n)
+                axes.plot(column(part, "frames") / 1000, column(part, "value"), color=colour, label=str(n))
+            axes.set_title(panel)
+            axes.set_xlabel("thousand frames")
+            axes.set_ylabel("return on test levels")
+        figure.legend(
+            *grid[0].get_legend_handles_labels(), loc="outside lower center", ncols=8, title="training levels"
+        )
+    return Drawn(
+        figure, table, "Appendix, SAC. Return on test levels against frames, deterministic actions, means over seeds."
+    )
+
+
+def appendix_mass(evidence: Evidence) -> Drawn | str:
+    """Gap with the mass shown and hidden, with one frame and with four."""
+    runs = evidence.results.of("appendix_mass")
+    if runs.empty or count_of(runs, "observation") < 2:
+        return "it was not run (`experiments=[appendix_mass]`)"
+    table = pick(runs, [*CELL, "observation", "w2_exact", "gap", "success_test_deterministic"])
+    caption = "Appendix, mass and frame stack, corrected: the mass varies tenfold, shown or hidden in training and test alike."
+    return Drawn(dots(table, "observation", "gap", GAP), table, caption)
+
+
+def dots(table: pd.DataFrame, group: str, y: str, label: str) -> Figure:
+    """One axes per panel: a dot per run, groups side by side, a bar at their mean."""
+    named = table.assign(panel=[f"{a}-{b}" for a, b in zip(table["family"], table["difficulty"], strict=True)])
+    panels = sorted(set(named["panel"]))
+    groups = sorted(set(map(str, table[group])))
+    counts = sorted(set(table["n"]))
+    colours = dict(zip(counts, style.SEQUENCE, strict=False))
+    columns = min(len(panels), 3)
+    with style.applied():
+        figure = new_figure(3.7 * columns, 3.3 * -(-len(panels) // columns) + 0.3)
+        grid = figure.subplots(-(-len(panels) // columns), columns, squeeze=False).ravel()
+        for axes in grid[len(panels) :]:
+            axes.set_visible(False)
+        for axes, panel in zip(grid, panels, strict=False):
+            part = select(named, panel=panel)
+            for k, n in enumerate(counts):
+                mine = select(part, n=n)
+                at = np.array([groups.index(str(one)) for one in mine[group]]) + 0.14 * (k - (len(counts) - 1) / 2)
+                axes.scatter(at, column(mine, y), s=26, color=colours[n], label=f"n = {n}", zorder=3)
+            means = mean_by(part, [group], [y])
+            axes.plot(
+                [groups.index(str(g)) for g in means[group]],
+                column(means, y),
+                "_",
+                color="#000000",
+                markersize=22,
+                zorder=2,
+            )
+            axes.axhline(0, color="#999999", linewidth=0.8, zorder=1)
+            axes.set_xticks(range(len(groups)), groups, rotation=30, ha="right", fontsize=8.5)
+            axes.set_title(panel)
+        for axes in grid[::columns]:
+            axes.set_ylabel(label)
+        figure.legend(*grid[0].get_legend_handles_labels(), loc="outside lower center", ncols=6)
+    return figure

@@ -1,0 +1,254 @@
+"""The figures beyond the paper, and of the studies that train nothing."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pandas as pd
+
+from analysis import style
+from analysis.figures import legend_of, new_figure
+from analysis.report.drawings import CELL, GAP, Drawn, log_axis
+from analysis.report.drawings_agents import dots
+from analysis.report.evidence import Evidence, pearson
+from analysis.report.words import said
+from analysis.tables import column, count_of, keep, mean_by, pick, select
+
+NO_PROBES = "the agents were not probed (`probes.parquet`)"
+CURVES_PER_FIGURE = 40  # points of a smoothed curve
+
+
+def fixed_n(evidence: Evidence) -> Drawn | str:
+    """Gap against both distances at one number of levels, by design."""
+    runs = evidence.results.of("fixed_n")
+    if runs.empty or count_of(runs, "design") < 2:
+        return "it was not run (`experiments=[fixed_n]`)"
+    table = pick(runs, [*CELL, "design", "w2_reference", "w2_exact", "gap", "gap_2022"])
+    with style.applied():
+        figure = new_figure(9.4, 4.2)
+        colours, markers = (look(sorted(set(table["design"]))) for look in (style.colours, style.markers))
+        for axes, (x, label) in zip(figure.subplots(1, 2, sharey=True),
+                                    (("w2_reference", "W2 of 2022"), ("w2_exact", "exact W2")), strict=True):  # fmt: skip
+            axes.axhline(0, color="#999999", linewidth=0.8, zorder=1)
+            for design in sorted(set(table["design"])):
+                part = select(table, design=design)
+                axes.scatter(column(part, x), column(part, "gap"), s=34, color=colours[design], marker=markers[design],
+                             edgecolors="white", linewidths=0.6, label=design)  # fmt: skip
+            found = pearson(runs, x, "gap", ("panel", "n"))
+            axes.set_title(f"given panel: {said(found)}", loc="left", fontsize=9.5)
+            axes.set_xlabel(f"{label}, training to test levels")
+        figure.axes[0].set_ylabel(GAP)
+        figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=5)
+    caption = (
+        "W2 without n: training sets of one size, picked near together (clustered), far apart (covering), at "
+        "random (iid), or equal but for "
+        "the order of drawing (nuisance_only), which changes the W2 of 2022 and nothing else."
+    )
+    return Drawn(figure, table, caption)
+
+
+def diversity(evidence: Evidence) -> Drawn | str:
+    """Success on test levels against three measures of the training set."""
+    runs = evidence.results.of("diversity")
+    names = {"effective_number": "effective number", "entropy": "entropy [nats]", "radius": "covering radius"}
+    names = {k: v for k, v in names.items() if k in runs and np.isfinite(column(runs, k)).all()}
+    if runs.empty or not names:
+        return "it was not run (`experiments=[diversity]`)"
+    y = "success_test_deterministic"
+    table = pick(runs, [*CELL, "design", *names, y])
+    with style.applied():
+        figure = new_figure(3.8 * len(names), 3.9)
+        for axes, (x, label) in zip(figure.subplots(1, len(names), squeeze=False)[0], names.items(), strict=True):
+            colours, markers = style.colours(table["family"]), style.markers(table["difficulty"])
+            for family, difficulty in product(colours, markers):
+                part = select(table, family=family, difficulty=difficulty)
+                look = {
+                    "color": colours[family],
+                    "marker": markers[difficulty],
+                    "edgecolors": "white",
+                    "linewidths": 0.6,
+                }
+                axes.scatter(column(part, x), column(part, y), s=32, **look)
+            axes.set_title(
+                f"given panel and log n:\n{said(pearson(runs, x, y, ('panel', 'log_n')))}", loc="left", fontsize=9.5
+            )
+            axes.set_xlabel(label)
+        figure.axes[0].set_ylabel("success on test levels")
+        figure.legend(handles=legend_of(table), loc="outside lower center", ncols=6)
+    return Drawn(
+        figure, table, "How diverse the training set is, at one number of levels, against success on test levels."
+    )
+
+
+def rules(evidence: Evidence) -> Drawn | str:
+    """Loss in other physics than in training."""
+    part = evidence.results.other_physics
+    if part.empty:
+        return "it was not run (`experiments=[rules]`)"
+    places = zip(part["test_variation"], part["variation"], strict=True)
+    names = [f"{there} (trained in {here})" if here else str(there) for there, here in places]
+    table = pick(part, [*CELL, "gap", "gap_se", "success_test_deterministic"]).assign(physics=names)
+    caption = (
+        "Agents in other physics than they were trained in: return there less return on their training levels. "
+        "A dot per run, a bar "
+        "at the mean of each."
+    )
+    return Drawn(dots(table, "physics", "gap", GAP), table, caption)
+
+
+def visual(evidence: Evidence) -> Drawn | str:
+    """Other textures against harder levels."""
+    part = evidence.results.other_looks
+    if part.empty:
+        return "it was not run (`experiments=[visual]`)"
+    table = pick(part, [*CELL, "observation", "shift", "gap", "success_test_deterministic"])
+    caption = "The same levels in other textures against harder levels in the same textures: gap per run."
+    return Drawn(dots(table, "shift", "gap", GAP), table, caption)
+
+
+def hardness(evidence: Evidence) -> Drawn | str:
+    """Success against the number of conditions on the reward: agents, chance, script and planner."""
+    study = evidence.results.studies.get("hardness_of_levels", {}).get("hardness", pd.DataFrame())
+    runs = evidence.results.of("hardness")
+    if study.empty and runs.empty:
+        return "it was not run (`experiments=[hardness, hardness_of_levels]`)"
+    parts = []
+    for player in ("random", "scripted", "oracle") if len(study) else ():
+        names = {
+            "conditions": "conditions",
+            f"{player}_success": "success",
+            f"{player}_low": "low",
+            f"{player}_high": "high",
+        }
+        parts.append(pick(study, names).set_axis(list(names.values()), axis=1).assign(player=player))
+    if len(runs):
+        number = runs["task"].str.extract(r"(?:conditions=|conditions_)(\d+)")[0]
+        agents = runs.assign(conditions=number.fillna("0").astype(float), success=runs["success_test_deterministic"])
+        grouped = mean_by(agents, ["conditions"], ["success"])
+        parts.append(grouped.assign(player="agents", low=np.nan, high=np.nan))
+    table = pd.concat(parts, ignore_index=True)
+    with style.applied():
+        figure = new_figure(5.6, 3.8)
+        axes = figure.subplots()
+        for k, player in enumerate(dict.fromkeys(table["player"])):
+            part = select(table, player=player)
+            y, low, high = (column(part, name) for name in ("success", "low", "high"))
+            error = np.nan_to_num(np.array([np.maximum(y - low, 0), np.maximum(high - y, 0)]))
+            axes.errorbar(column(part, "conditions") + 0.05 * (k - 1), y, yerr=error, marker=style.MARKERS[k],
+                          color=style.PALETTE[k], capsize=2.5, label=player)  # fmt: skip
+        axes.set_xticks(sorted(set(table["conditions"])))
+        axes.set_ylim(-0.05, 1.08)
+        axes.set_xlabel("conditions on the goal")
+        axes.set_ylabel("success on test levels")
+        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+    caption = (
+        "Hardness by reward: the goal counts only when entered slowly, after a wall, after sand. Bars are "
+        "Wilson's 95 % intervals "
+        "over levels."
+    )
+    return Drawn(figure, table, caption)
+
+
+def upper_bound(evidence: Evidence) -> Drawn | str:
+    """Agents that see the true factors beside those that see pixels."""
+    seen, main = evidence.results.of("upper_bound"), evidence.main
+    if seen.empty or main.empty:
+        return "it was not run (`experiments=[upper_bound]`)"
+    both = pd.concat([main.assign(sees="pixels"), seen.assign(sees="factors")], ignore_index=True)
+    y = "success_test_deterministic"
+    table = pick(both, [*CELL, "sees", y, "gap"])
+    families = style.ordered(table["family"])
+    with style.applied():
+        figure = new_figure(3.5 * len(families) + 0.3, 3.7)
+        axes = figure.subplots(1, len(families), sharey=True, squeeze=False)[0]
+        colours, markers = style.shades(table["difficulty"]), style.markers(table["difficulty"])
+        for one, family in zip(axes, families, strict=True):
+            for difficulty, (sees, line) in product(colours, {"factors": "-", "pixels": ":"}.items()):
+                means = mean_by(select(table, family=family, difficulty=difficulty, sees=sees), ["n"], [y])
+                look = {"color": colours[difficulty], "marker": markers[difficulty], "linestyle": line}
+                one.plot(column(means, "n"), column(means, y), label=f"{difficulty}, {sees}", **look)
+            log_axis(one, sorted(set(table["n"])))
+            one.set_title(family)
+            one.set_xlabel("training levels")
+        axes[0].set_ylabel("success on test levels")
+        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    return Drawn(
+        figure, table, "What agents reach that see the true factors (solid) beside those that see pixels (dotted)."
+    )
+
+
+def measures(evidence: Evidence) -> Drawn | str:
+    """The appendix's illustrations of KS and of W2."""
+    study = evidence.results.studies.get("appendix_measures", {})
+    if not {"ks", "w2"} <= set(study):
+        return "it was not run (`experiments=[appendix_measures]`)"
+    ks, w2 = study["ks"], study["w2"]
+    with style.applied():
+        figure = new_figure(9.4, 4.1)
+        left, right = figure.subplots(1, 2)
+        for n, colour in zip(sorted(set(ks["n"])), style.PALETTE, strict=False):
+            part = select(ks, n=n)
+            left.step(column(part, "x"), column(part, "sample"), color=colour, where="post",
+                      label=f"{n} levels, KS = {part['ks'].iloc[0]:.2f}")  # fmt: skip
+        left.plot(column(part, "x"), column(part, "law"), color="#000000", linestyle="--", label="law")
+        left.set_xlabel("x of the ball")
+        left.set_ylabel("distribution function")
+        left.legend(fontsize=8.5)
+        for row in w2.to_dict("records"):
+            right.plot([row["train_golfball_x"], row["test_golfball_x"]], [row["train_golfball_y"], row["test_golfball_y"]],
+                       color="#999999", linewidth=0.9, zorder=1)  # fmt: skip
+        for k, levels in enumerate(("train", "test")):
+            right.scatter(column(w2, f"{levels}_golfball_x"), column(w2, f"{levels}_golfball_y"), color=style.PALETTE[k],
+                          marker=style.MARKERS[k], s=32, label=f"{levels} levels", zorder=2)  # fmt: skip
+        right.set_aspect("equal")
+        right.set_xlabel("x of the ball")
+        right.set_ylabel("y of the ball")
+        right.set_title(f"W2 = {w2['w2'].iloc[0]:.2f}: goals count, too", loc="left", fontsize=9.5)
+        right.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8.5)
+    table = pd.concat([ks.assign(shows="ks"), w2.assign(shows="w2")], ignore_index=True)
+    caption = (
+        "Appendix. Left: KS is the largest distance of two distribution functions. Right: W2 is the root of "
+        "the mean squared cost of "
+        "the best matching of two sets of levels."
+    )
+    return Drawn(figure, table, caption)
+
+
+def w2_study(evidence: Evidence) -> Drawn | str:
+    """W2 against the number of levels, without training, with the means of 2022."""
+    study = evidence.results.studies.get("w2_study", {})
+    if "means" not in study:
+        return "the study of distances was not run (`experiments=[w2_study]`)"
+    table = study["means"]
+    inside = keep(table, table["train"] == table["test"])
+    modes = [m for m in ("reference", "exact") if m in set(inside["mode"])]
+    with style.applied():
+        figure = new_figure(4.6 * len(modes), 4.3)
+        axes = figure.subplots(1, len(modes), squeeze=False)[0]
+        for one, mode in zip(axes, modes, strict=True):
+            part = select(inside, mode=mode)
+            for panel in sorted(set(part["train"])):
+                family, _, difficulty = panel.partition("-")
+                mine = select(part, train=panel).sort_values("n")
+                look = {"color": style.colours(["empty", "objectsx1", "tilesx1"])[family],
+                        "marker": style.markers(["easy", "medium", "hard"])[difficulty]}  # fmt: skip
+                one.errorbar(column(mine, "n"), column(mine, "mean"), yerr=column(mine, "sd"), markersize=4.5,
+                             linewidth=1.1, elinewidth=0.8, **look)  # fmt: skip
+                if mode == "reference":
+                    one.plot(column(mine, "n"), column(mine, "mean_2022"), "x", color="#000000", markersize=4, zorder=5)
+            log_axis(one, sorted(set(part["n"])))
+            one.set_xlabel("training levels")
+            one.set_ylabel("W2 to 100 test levels")
+            one.set_title("W2 of 2022 (crosses: measured then)" if mode == "reference" else "exact W2")
+        places = pd.DataFrame(
+            [panel.split("-") for panel in dict.fromkeys(inside["train"])], columns=["family", "difficulty"]
+        )
+        figure.legend(handles=legend_of(places), loc="outside lower center", ncols=6, handletextpad=0.2)
+    caption = (
+        "The x axis by itself: W2 of n training levels to test levels of the same distribution, without any "
+        "training; bars are "
+        "standard deviations over level seeds. Panels lie above each other, and all fall with n: that is the "
+        "confound of figure 3a."
+    )
+    return Drawn(figure, table, caption)

@@ -1,0 +1,228 @@
+"""The statistics that claims, figures and tables share, each computed once, by :mod:`analysis.stats`."""
+
+from __future__ import annotations
+
+import dataclasses
+import zlib
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from analysis.report.results import BLOCK, PANEL, Results
+from analysis.stats.association import associations, covariate_matrix, labels
+from analysis.stats.correlation import NotAvailable, correlate, explained, indicators, residuals
+from analysis.stats.estimate import Estimate
+from analysis.stats.mixed import mixed_model
+from analysis.stats.power import power_of_design
+from analysis.stats.prediction import left_out
+from analysis.stats.resampling import cluster_bootstrap, cosine, permutation_within
+from analysis.tables import count_of, keep, pick, select
+from segar.errors import SegarError
+
+BOOTSTRAP, PERMUTATION = "bootstrap of (panel, seed) blocks", "permutation within panels"
+SEED = 2022  # of all bootstraps and permutations
+RESAMPLES = 1000
+PAPER_R = -0.597  # what p = 1.47e-5 means for 45 points
+GAPS = {"gap": "full returns", "gap_2022": "returns of 2022", "gap_sampled": "full returns, sampled actions"}
+OUTLIERS = {
+    "all runs": "kept",
+    "without points of |z| ≥ 3, the paper's rule": "removed: points",
+    "without |z| ≥ 3 in what panels leave": "removed: residuals",
+}
+GIVEN = {"pooled": (), "given panel": ("panel",), "given panel and log n": ("panel", "log_n")}
+
+
+class Evidence:
+    """Statistics of a results folder, by name; the same name always draws the same random numbers."""
+
+    def __init__(self, results: Results):
+        self.results = results
+
+    @property
+    def main(self) -> pd.DataFrame:
+        """The main grid."""
+        return self.results.main
+
+    @cached_property
+    def modes(self) -> list[str]:
+        """The W2 modes that all runs of the main grid have; the one of 2022 first."""
+        known = [m for m in ("reference", "exact", "paper") if f"w2_{m}" in self.main]
+        return [m for m in known if np.isfinite(self.main[f"w2_{m}"].to_numpy(np.float64)).all()]
+
+    @cached_property
+    def associations(self) -> pd.DataFrame:
+        """:func:`analysis.stats.association.associations` of the main grid for every W2 mode and kind of gap."""
+        parts = []
+        for mode in self.modes:
+            for gap in GAPS:
+                table = associations(self.main, f"w2_{mode}", gap)
+                parts.append(table.assign(w2=mode, gap=gap))
+        return leading(pd.concat(parts, ignore_index=True), "w2", "gap") if parts else pd.DataFrame()
+
+    def association(
+        self, mode: str, gap: str, test: str, panel: str = "", method: str = "pearson", outliers: str = "kept",
+        corrected: bool = False,
+    ) -> Estimate:  # fmt: skip
+        """One row of :attr:`associations`; with Holm's p if ``corrected``."""
+        table = self.associations
+        want = {"w2": mode, "gap": gap, "test": test, "panel": panel, "method": method, "outliers": outliers}
+        rows = select(table, **want) if len(table) else table
+        if rows.empty:
+            return Estimate.missing(0, "no such runs")
+        row = rows.iloc[0]
+        names = [f.name for f in dataclasses.fields(Estimate)]
+        found = Estimate(**{name: row[name] for name in names})
+        return dataclasses.replace(found, p=float(row["p_holm"])) if corrected else found
+
+    def bootstrap(
+        self, name: str, table: pd.DataFrame, values: np.ndarray, statistic: Callable[[np.ndarray], float],
+        clusters: Sequence[str] = BLOCK,
+    ) -> Estimate:  # fmt: skip
+        """A statistic of ``values`` [rows, columns], with the interval of "
+        ":func:`analysis.stats.resampling.cluster_bootstrap`
+        over clusters of the table's rows; of a single cluster there is no interval."""
+        if table.empty:
+            return Estimate.missing(0, "no such runs")
+        blocks = len(set(labels(table, clusters)))
+        if blocks < 2:
+            return Estimate(statistic(values), np.nan, np.nan, len(table), note="one block has no interval")
+        found = cluster_bootstrap(table, statistic, clusters, self.rng(name), values=values, resamples=RESAMPLES)
+        return dataclasses.replace(found, note=found.note or f"{len(table)} rows in {blocks} blocks", n=len(table))
+
+    def correlation(self, name: str, table: pd.DataFrame, x: str, y: str, given: Sequence[str] = ()) -> Estimate:
+        """Pearson's r of two columns given others, with the interval and p of a bootstrap of (panel, seed) blocks."""
+        whole = pearson(table, x, y, given)
+        if not np.isfinite(whole.estimate):
+            return whole
+        design = np.ones((len(table), 1))
+        covariates = matrix(table, given)
+        if covariates is not None:
+            design = np.column_stack([design, covariates])
+        return self.bootstrap(name, table, np.column_stack([table[[x, y]].to_numpy(np.float64), design]), partial)
+
+    def permutation(self, name: str, table: pd.DataFrame, x: str, y: str, given: Sequence[str] = ()) -> Estimate:
+        """:func:`analysis.stats.resampling.permutation_within`; where nothing can be permuted, none and the reason."""
+        try:
+            return permutation_within(table, x, y, self.rng(name), given=given, resamples=RESAMPLES)
+        except SegarError as error:
+            return Estimate.missing(len(table), str(error))
+
+    def mean(self, name: str, table: pd.DataFrame, column: str = "difference") -> Estimate:
+        """The mean of a column, such as paired differences, with the interval and p of a bootstrap of (panel, "
+        "seed) blocks."""
+        return self.bootstrap(name, table, table[column].to_numpy(np.float64), lambda values: float(values.mean()))
+
+    @cached_property
+    def resampled(self) -> pd.DataFrame:
+        """Correlations of gap and W2 in the main grid, by what is given: with a bootstrap of blocks and a "
+        "permutation."""
+        rows = []
+        for mode in self.modes:
+            for test, given in GIVEN.items():
+                for gap in ("gap", "gap_2022"):
+                    base: dict[str, Any] = {"w2": mode, "gap": gap, "test": test}
+                    name = f"{mode} {gap} {test}"
+                    one = self.correlation(name, self.main, f"w2_{mode}", gap, given)
+                    rows.append(one.row(**base, way=BOOTSTRAP))
+                    if given:
+                        more = ("n",) if "log_n" in given else ()
+                        one = self.permutation(name, self.main, f"w2_{mode}", gap, more)
+                        rows.append(one.row(**base, way=PERMUTATION))
+        return pd.DataFrame(rows)
+
+    @cached_property
+    def mixed(self) -> pd.DataFrame:
+        """The primary analysis: mixed models of the gap, with and without log n; slopes per standard deviation."""
+        rows = []
+        seeds = ("seed",) if count_of(self.main, "seed") > 1 else ()
+        for mode in self.modes:
+            for gap in ("gap", "gap_2022"):
+                for x, log in (([f"w2_{mode}"], []), ([f"w2_{mode}", "n"], ["n"])):
+                    base = {"w2": mode, "gap": gap, "model": f"gap ~ {' + '.join(['W2', *(['log n'] if log else [])])}"}
+                    try:
+                        model = mixed_model(self.main, gap, x, (PANEL, *seeds), log=log, standardise=True)
+                    except SegarError as error:
+                        rows.append(Estimate.missing(len(self.main), str(error)).row(**base, term=f"w2_{mode}"))
+                        continue
+                    fixed = keep(model.fixed, model.fixed["term"] != "intercept")
+                    rows += [{**base, **row, "note": row["note"] or model.note} for row in fixed.to_dict("records")]
+        return pd.DataFrame(rows)
+
+    @cached_property
+    def sensitivity(self) -> pd.DataFrame:
+        """The headline and its corrected partial form, when choices of the analysis change."""
+        rows = []
+        for mode, gap, test in (("reference", "gap_2022", "pooled"), ("exact", "gap", "given panel and log n")):
+            base = {"w2": mode, "gap": gap, "test": test}
+            for change, rule in OUTLIERS.items():
+                rows.append(self.association(mode, gap, test, outliers=rule).row(change=change, **base))
+            rank = self.association(mode, gap, test, method="spearman")
+            rows.append(rank.row(change="Spearman's ρ in place of r", **base))
+            many = keep(self.main, self.main["n"] > 1)
+            if len(many):
+                found = pearson(many, f"w2_{mode}", gap, GIVEN[test])
+                rows.append(found.row(change="without the runs with one training level", **base))
+            sampled = self.association(mode, "gap_sampled", test)
+            rows.append(sampled.row(change="sampled actions, full returns", **{**base, "gap": "gap_sampled"}))
+        return pd.DataFrame(rows)
+
+    @cached_property
+    def explained(self) -> pd.DataFrame:
+        """R² of log W2 on panel, on log n, and on both, per mode: is W2 more than how many levels there are?"""
+        panel, log_n = indicators(list(self.main["panel"])), self.main[["log_n"]].to_numpy(np.float64)
+        rows = []
+        for mode in self.modes:
+            y = np.log(self.main[f"w2_{mode}"].to_numpy(np.float64))
+            for name, x in (("panel", panel), ("log n", log_n), ("both", np.column_stack([panel, log_n]))):
+                found = explained(y, x)
+                rows.append({"w2": mode, "of": name, "r2": np.nan if isinstance(found, NotAvailable) else found})
+        return pd.DataFrame(rows)
+
+    @cached_property
+    def predictors(self) -> pd.DataFrame:
+        """How well the gap of a panel that was left out is predicted, from W2, log n and means of difficulties."""
+        sets = {f"W2, {mode}": [f"w2_{mode}"] for mode in self.modes} | {"log n": ["log_n"]}
+        sets |= {f"W2, {mode}, and log n": [f"w2_{mode}", "log_n"] for mode in self.modes}
+        return left_out(self.main, "gap", sets, PANEL)
+
+    @cached_property
+    def power(self) -> pd.DataFrame:
+        """How often this design would find the paper's effect, if it is as large as the paper's p-value implies."""
+        return power_of_design(self.main, "w2_reference", self.rng("power"), pooled_r=PAPER_R, alphas=(0.05,))
+
+    def rng(self, name: str) -> np.random.Generator:
+        """A generator of its own for everything that is drawn, so that leaving a figure out changes no number."""
+        return np.random.default_rng([SEED, zlib.crc32(name.encode())])
+
+
+def partial(values: np.ndarray) -> float:
+    """The correlation of the first two columns given the others."""
+    left = residuals(values[:, :2], values[:, 2:])
+    return cosine(left[:, 0], left[:, 1])
+
+
+def pearson(table: pd.DataFrame, x: str, y: str, given: Sequence[str] = ()) -> Estimate:
+    """Pearson's r given columns (numbers, or names of groups), with Fisher's interval; NaN where there is none."""
+    found = correlate(table[x].to_numpy(np.float64), table[y].to_numpy(np.float64), matrix(table, given))
+    if isinstance(found, NotAvailable):
+        return Estimate.missing(len(table), found.reason)
+    return Estimate(found.pearson, found.pearson_low, found.pearson_high, found.points, found.pearson_p)
+
+
+def matrix(table: pd.DataFrame, given: Sequence[str]) -> np.ndarray | None:
+    """Covariates [n, k]: numbers as they are, anything else as indicators; None where there are none."""
+    parts = []
+    for name in given:
+        numeric = pd.api.types.is_numeric_dtype(table[name])
+        parts.append(
+            covariate_matrix(table, [name], log=False) if numeric else indicators(list(table[name].astype(str)))
+        )
+    return np.column_stack(parts) if parts else None
+
+
+def leading(table: pd.DataFrame, *names: str) -> pd.DataFrame:
+    """The table with these columns first."""
+    return pick(table, [*names, *(name for name in table if name not in names)])

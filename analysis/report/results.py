@@ -1,0 +1,149 @@
+"""The tables of a results folder. The report reads nothing else, so whoever has the tables can make it again."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from analysis import style
+from analysis.collect import CURVES, MISSING, PLAN, RUNS, TRANSFERS
+from analysis.tables import column, keep
+from experiments.errors import RunFolderError
+from segar.errors import did_you_mean
+
+PROBES = "probes.parquet"
+STUDIES = "studies"
+PANEL = ("family", "difficulty")
+BLOCK = (*PANEL, "seed")  # runs that share their nested training levels
+HARDER = {"easy": "medium", "medium": "hard"}
+NEEDED = ("experiments", *BLOCK, "n", "algorithm", "observation", "design", "variation", "run", "frames", "w2_reference",
+          "w2_exact", "gap_deterministic", "gap_ref_deterministic", "gap_sampled", "gap_se_deterministic")  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Results:
+    """All tables of a folder; what is not there is empty."""
+
+    folder: Path
+    scale: str  # the folder's name up to the first dash, e.g. "quick"
+    runs: pd.DataFrame
+    transfers: pd.DataFrame
+    curves: pd.DataFrame
+    probes: pd.DataFrame
+    missing: pd.DataFrame | None  # what is planned and not finished: run, reason; None: the plan is not known
+    studies: dict[str, dict[str, pd.DataFrame]] = field(default_factory=dict)  # of each study, its tables by name
+
+    def of(self, *experiments: str) -> pd.DataFrame:
+        """The runs that belong to any of the experiments, with the columns of :func:`measured`."""
+        wanted = set(experiments)
+        return measured(keep(self.runs, [bool(wanted & set(str(names).split())) for names in self.runs["experiments"]]))
+
+    @cached_property
+    def main(self) -> pd.DataFrame:
+        """The main grid, one row per run: panels, numbers of levels, seeds."""
+        return self.of("figure_3a", "figure_3b", "figure_5b")
+
+    @cached_property
+    def panels(self) -> list[str]:
+        """The panels of the main grid, in the paper's order."""
+        there = set(self.main["panel"])
+        orders = (style.ordered(self.main[name]) for name in PANEL)
+        return [name for name in ("-".join(place) for place in product(*orders)) if name in there]
+
+    @cached_property
+    def moved(self) -> pd.DataFrame:
+        """The transfers, with the columns of :func:`measured`."""
+        return measured(self.transfers) if len(self.transfers) else self.transfers
+
+    @cached_property
+    def harder(self) -> pd.DataFrame:
+        """Agents of the main grid on the next harder levels of their family, in the same physics and look."""
+        table = self.moved
+        if table.empty:
+            return table
+        pairs = zip(table["difficulty"], table["test_difficulty"], strict=True)
+        harder = np.array([HARDER.get(one) == other for one, other in pairs])
+        same = (table["test_family"] == table["family"]) & (table["test_variation"] == table["variation"])
+        same &= (table["test_observation"] == table["observation"]) & table["run"].isin(list(self.main["run"]))
+        return keep(table, harder & same)
+
+    @cached_property
+    def other_physics(self) -> pd.DataFrame:
+        """The transfers to levels whose variation is not that of training."""
+        table = self.moved
+        return keep(table, table["test_variation"] != table["variation"]) if len(table) else table
+
+    @cached_property
+    def other_looks(self) -> pd.DataFrame:
+        """The transfers of the experiment ``visual``; ``shift`` says to which textures, or to which difficulty."""
+        table, runs = self.moved, self.of("visual")
+        if table.empty or runs.empty:
+            return pd.DataFrame()
+        part = keep(table, table["run"].isin(list(runs["run"])))
+        same = np.asarray(part["test_observation"] == part["observation"])
+        places = zip(same, part["test_difficulty"], part["test_observation"], strict=True)
+        return part.assign(shift=[f"{difficulty} levels" if s else str(look) for s, difficulty, look in places])
+
+    def lacking(self) -> list[str]:
+        """What is missing, by name: of the plan; where that is not known, the cells of the main grid that no run has, though
+        every combination of what the runs have should be there."""
+        if self.missing is not None:
+            return [f"{run}: {reason}" for run, reason in zip(self.missing["run"], self.missing["reason"], strict=True)]
+        if self.main.empty:
+            return []
+        values = [sorted(set(self.main[name])) for name in (*PANEL, "n", "seed")]
+        there = set(self.main[[*PANEL, "n", "seed"]].itertuples(index=False, name=None))
+        cells = pd.MultiIndex.from_product(values)
+        return [f"{f}-{d} n={n} seed={s}" for f, d, n, s in cells if (f, d, n, s) not in there]
+
+
+def read_results(folder: Path) -> Results:
+    """The tables in ``folder``; raises :class:`RunFolderError` if there is no table of runs, or it is not one."""
+    if not (folder / RUNS).exists():
+        raise RunFolderError(
+            f"{folder} holds no {RUNS}. Name a folder of tables, such as docs/results/quick, or have them made: "
+            "python -m analysis.collect results=FOLDER"
+        )
+    runs = pd.read_parquet(folder / RUNS)
+    if runs.empty:
+        raise RunFolderError(f"{folder / RUNS} has no rows: no run is finished; run the same command again")
+    for name in NEEDED:
+        if name not in runs:
+            raise RunFolderError(f"{folder / RUNS} has no column '{name}'.{did_you_mean(name, map(str, runs.columns))}")
+    tables = [optional(folder / name) for name in (TRANSFERS, CURVES, PROBES)]
+    missing = pd.read_csv(folder / MISSING) if (folder / MISSING).exists() else None
+    studies: dict[str, dict[str, pd.DataFrame]] = {}
+    for path in sorted((folder / STUDIES).glob("*/*.csv")):
+        studies.setdefault(path.parent.name, {})[path.stem] = pd.read_csv(path, keep_default_na=True)
+    transfers, curves, probes = tables
+    return Results(folder, scale_of(folder), runs, transfers, curves, probes, missing, studies)
+
+
+def optional(path: Path) -> pd.DataFrame:
+    """A table, or an empty one where there is none."""
+    return pd.read_parquet(path) if path.exists() else pd.DataFrame()
+
+
+def scale_of(folder: Path) -> str:
+    """What the plan calls the scale; where there is no plan, the folder's name up to the first dash."""
+    plan = folder / PLAN
+    return str(json.loads(plan.read_text())["scale"]) if plan.exists() else folder.name.partition("-")[0]
+
+
+def measured(table: pd.DataFrame) -> pd.DataFrame:
+    """The rows whose gap is known, with these names: ``gap`` and ``gap_se`` (full returns, deterministic actions),
+    ``gap_2022`` (returns without their last reward, as in 2022), ``panel`` and ``log_n``."""
+    named = table.assign(
+        gap=table["gap_deterministic"],
+        gap_se=table["gap_se_deterministic"],
+        gap_2022=table["gap_ref_deterministic"],
+        panel=[f"{a}-{b}" for a, b in zip(table["family"], table["difficulty"], strict=True)],
+        log_n=np.log(table["n"].to_numpy(np.float64)),
+    )
+    return keep(named, np.isfinite(column(named, "gap")))

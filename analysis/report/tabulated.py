@@ -1,0 +1,214 @@
+"""The tables of statistics: as CSV files with all digits that mean something, and as the report prints them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+
+from analysis.report.document import Table
+from analysis.report.evidence import BOOTSTRAP, GAPS, GIVEN, PERMUTATION, Evidence
+from analysis.report.results import PANEL
+from analysis.report.words import interval, p_value, plain, signed
+from analysis.stats.estimate import Estimate
+from analysis.tables import mean_by, select
+
+DISTANCES = {"reference": "W2 of 2022", "exact": "exact W2", "paper": "W2 of Algorithm 1"}
+CELL_COLUMNS = {
+    "w2_reference": 3, "w2_exact": 3, "eta_train_deterministic": 2, "eta_test_deterministic": 2, "gap": 2, "gap_se": 2,
+    "gap_2022": 2, "success_train_deterministic": 2, "success_test_deterministic": 2, "death_test_deterministic": 2,
+}  # fmt: skip
+CELL_HEAD = ("W2 of 2022", "exact W2", "return, train", "return, test", "gap", "its error", "gap of 2022", "success, train",
+             "success, test", "deaths, test")  # fmt: skip
+
+
+def statistics(evidence: Evidence) -> dict[str, pd.DataFrame]:
+    """All tables of statistics, by the name of their CSV file."""
+    if evidence.main.empty:
+        return {}
+    return {
+        "associations": evidence.associations,
+        "resampled": evidence.resampled,
+        "mixed_models": evidence.mixed,
+        "sensitivity": evidence.sensitivity,
+        "explained": evidence.explained,
+        "predictors": evidence.predictors,
+        "power": evidence.power,
+        "cells": cells(evidence.main),
+    }
+
+
+def cells(main: pd.DataFrame) -> pd.DataFrame:
+    """One row per family, difficulty and n: means over seeds."""
+    shown = [name for name in CELL_COLUMNS if name in main]
+    seeds = main.groupby([*PANEL, "n"], sort=True).size()
+    return mean_by(main, [*PANEL, "n"], shown).assign(seeds=np.asarray(seeds))
+
+
+def cell_table(main: pd.DataFrame) -> Table:
+    """All cells, as printed."""
+    table = cells(main)
+    shown = [(name, head) for name, head in zip(CELL_COLUMNS, CELL_HEAD, strict=True) if name in table]
+    rows = [
+        [r["family"], r["difficulty"], str(r["n"]), *(cell(r[name], name) for name, _ in shown)]
+        for r in table.to_dict("records")
+    ]
+    head = ["family", "difficulty", "n", *(head for _, head in shown)]
+    return Table(head, rows, 2, "Means over seeds. Data: `statistics/cells.csv`.", folded=True)
+
+
+def cell(value: float, name: str) -> str:
+    """A number of a cell."""
+    return (signed if name.startswith("gap") and name != "gap_se" else plain)(value, CELL_COLUMNS[name])
+
+
+def main_table(evidence: Evidence) -> Table:
+    """Pooled and partial correlations with three kinds of interval and p."""
+    rows = []
+    for mode in evidence.modes:
+        for gap in ("gap_2022", "gap"):
+            for test in GIVEN:
+                one = evidence.association(mode, gap, test)
+                rank = evidence.association(mode, gap, test, method="spearman")
+                block = row_of(evidence.resampled, w2=mode, gap=gap, test=test, way=BOOTSTRAP)
+                shuffled = row_of(evidence.resampled, w2=mode, gap=gap, test=test, way=PERMUTATION)
+                rows.append([
+                    DISTANCES[mode], GAPS[gap], test, signed(one.estimate), interval(one), p_value(one.p), interval(block),
+                    p_value(block.p), p_value(shuffled.p), signed(rank.estimate), f"{one.n:.0f}",
+                ])  # fmt: skip
+    head = (
+        "distance",
+        "returns",
+        "test",
+        "r",
+        "95 %",
+        "p",
+        "95 %, blocks",
+        "p, blocks",
+        "p, permuted",
+        "Spearman ρ",
+        "n",
+    )
+    caption = (
+        'Gap against W2 in the main grid. The first interval and p take runs for independent, as the paper does. "Blocks": a '
+        'bootstrap of whole (panel, seed) blocks, whose p is at least 0.001. "Permuted": W2 shuffled within panels. Data: '
+        "`statistics/associations.csv`, `statistics/resampled.csv`."
+    )
+    return Table(head, rows, 3, caption)
+
+
+def panel_table(evidence: Evidence) -> Table:
+    """Each panel by itself, in the paper's settings and corrected."""
+    rows = []
+    for panel in evidence.results.panels:
+        paper = evidence.association("reference", "gap_2022", "within", panel)
+        exact = evidence.association("exact", "gap", "within", panel)
+        rank = evidence.association("exact", "gap", "within", panel, method="spearman")
+        held = evidence.association("exact", "gap", "within", panel, corrected=True)
+        rows.append([
+            panel, f"{exact.n:.0f}", signed(paper.estimate), interval(paper), p_value(paper.p), signed(exact.estimate),
+            interval(exact), p_value(exact.p), p_value(held.p), signed(rank.estimate), p_value(rank.p),
+        ])  # fmt: skip
+    head = ("panel", "n", "r, as in the paper", "95 %", "p", "r, corrected", "95 %", "p", "p, Holm", "Spearman ρ", "p")
+    caption = (
+        "Each panel by itself. As in the paper: W2 and returns of 2022. Corrected: exact W2, full returns, and "
+        "Holm's correction for all "
+        'panels. Data: `statistics/associations.csv`, test "within".'
+    )
+    return Table(head, rows, 1, caption)
+
+
+def mixed_table(evidence: Evidence) -> Table:
+    """Slopes of the mixed models."""
+    rows = [
+        [DISTANCES[r["w2"]], GAPS[r["gap"]], r["model"], words_of(str(r["term"])), signed(r["estimate"]),
+         interval(estimate_of(r)), p_value(r["p"]), f"{r['n']:.0f}"]
+        for r in evidence.mixed.to_dict("records")
+    ]  # fmt: skip
+    caption = (
+        "The primary analysis: mixed models of the gap with a random intercept per panel (and per seed, where "
+        "there are several); "
+        "slopes in standard deviations of gap per standard deviation of the term. Data: `statistics/mixed_models.csv`."
+    )
+    return Table(("distance", "returns", "model", "term", "slope", "95 %", "p", "n"), rows, 4, caption)
+
+
+def words_of(term: str) -> str:
+    """A term of a model in words."""
+    return "W2" if term.startswith("w2_") else term
+
+
+def sensitivity_table(evidence: Evidence) -> Table:
+    """What choices of the analysis do to the headline."""
+    rows = [
+        [r["change"], DISTANCES[r["w2"]], GAPS[r["gap"]], r["test"], signed(r["estimate"]), interval(estimate_of(r)),
+         p_value(r["p"]), f"{r['n']:.0f}"]
+        for r in evidence.sensitivity.to_dict("records")
+    ]  # fmt: skip
+    caption = "What choices do to the headline. Data: `statistics/sensitivity.csv`."
+    return Table(("change", "distance", "returns", "test", "r", "95 %", "p", "n"), rows, 4, caption)
+
+
+def explained_table(evidence: Evidence) -> Table:
+    """R² of log W2."""
+    found = {(r["w2"], r["of"]): r["r2"] for r in evidence.explained.to_dict("records")}
+    rows = [[DISTANCES[m], *(plain(found[m, name]) for name in ("panel", "log n", "both"))] for m in evidence.modes]
+    caption = "What W2 is made of: R² of log W2 in the main grid. Data: `statistics/explained.csv`."
+    return Table(("distance", "on panel", "on log n", "on both"), rows, 1, caption)
+
+
+def predictor_table(evidence: Evidence) -> Table:
+    """How well the gap is predicted."""
+    rows = [
+        [str(r["predictors"]).replace("reference", "2022").replace("paper", "Algorithm 1"), plain(r["adjusted_r2"]),
+         plain(r["r2_left_out"])]
+        for r in evidence.predictors.to_dict("records")
+    ]  # fmt: skip
+    caption = (
+        "Predicting the gap from W2 and from log n: adjusted R² of all runs, and R² on a panel that the line "
+        "did not see (0: no better "
+        "than the mean of the other panels). Data: `statistics/predictors.csv`."
+    )
+    return Table(("predictors", "adjusted R²", "R² on a new panel"), rows, 1, caption)
+
+
+def power_table(evidence: Evidence) -> Table:
+    """What this design would find."""
+    rows = [[r["test"], plain(r["estimate"]), f"{r['n']:.0f}"] for r in evidence.power.to_dict("records")]
+    caption = (
+        "How often this design would find an effect as large as the paper's p-value implies for 45 runs (r = "
+        "−0.60), by simulation on the "
+        'distances of these runs. "Within": share of panels. Data: `statistics/power.csv`.'
+    )
+    return Table(("test", "power at p < 0.05", "runs"), rows, 1, caption)
+
+
+def means(evidence: Evidence, table: pd.DataFrame, group: Sequence[str], column: str, name: str) -> pd.DataFrame:
+    """Mean of a column per group, with the interval of a bootstrap of (panel, seed) blocks."""
+    rows = []
+    for key, part in table.groupby(list(group), sort=True):
+        found = evidence.mean(f"{name} {key}", part, column)
+        rows.append(found.row(**dict(zip(group, key if isinstance(key, tuple) else (key,), strict=True))))
+    return pd.DataFrame(rows)
+
+
+def means_table(found: pd.DataFrame, group: Mapping[str, str], value: str, caption: str) -> Table:
+    """The result of :func:`means`, as printed."""
+    rows = [
+        [*(str(r[name]) for name in group), signed(r["estimate"]), interval(estimate_of(r)), f"{r['n']:.0f}"]
+        for r in found.to_dict("records")
+    ]
+    return Table((*group.values(), value, "95 %", "runs"), rows, len(group), caption)
+
+
+def row_of(table: pd.DataFrame, **equal: str) -> Estimate:
+    """The estimate in the row that has these values; NaN where there is none."""
+    rows = select(table, **equal)
+    return Estimate.missing(0, "") if rows.empty else estimate_of(rows.iloc[0].to_dict())
+
+
+def estimate_of(row: Mapping[str, object]) -> Estimate:
+    """The estimate that a row holds."""
+    names = ("estimate", "low", "high", "n", "p")
+    return Estimate(**{name: row[name] for name in names})  # type: ignore[arg-type]
