@@ -27,6 +27,7 @@ from experiments.worlds import environment_options
 from segar.errors import SegarError
 from segar.levels import Levels
 
+TEST_LEVELS = 4  # at least two in each fold
 COMPONENTS = 64  # of the pixels
 FITTED_ON = 1000  # frames; more change little, and cost
 POWER_ITERATIONS = 2  # of the randomised decomposition
@@ -39,6 +40,9 @@ def probe_run(folder: Path | str, config: ProbeConfig | None = None, seed: int =
     accuracies can come: where an agent meets K states, to 1 - 1 / 2K. On test levels also ``random encoder``, phi of the
     same network before training; ``pixel PCA``, principal components of the observations; and ``shuffled``, phi of
     another episode, which must know nothing.
+
+    Where an episode is spoken of, it is a level on test levels: all that is said is about levels that were not fitted on.
+    On training levels, of which there may be one, episodes are divided: there, to know the level is to know its factors.
 
     Columns: ``run``, ``levels``, ``representation``, those of :func:`analysis.probes.factors.probe_factors`, where
     ``factor`` is "all" for the bounds, whose ``probe`` is e.g. "jsd" and whose ``quantity`` is "accuracy" (chance 0.5) or
@@ -55,6 +59,16 @@ def probe_run(folder: Path | str, config: ProbeConfig | None = None, seed: int =
         policy, frames = collect_run(
             folder, name, frames=config.frames, num_envs=config.num_envs, mode=config.mode, seed=seed
         )
+        if (
+            name == "test"
+        ):  # who has seen a level knows its static factors; training levels may be too few to be divided
+            frames = replace(frames, episode=frames.level)
+            found = len(np.unique(frames.level))
+            if found < TEST_LEVELS:
+                raise SegarError(
+                    f"frames of {found} test levels cannot be divided by levels, {TEST_LEVELS} are needed: more of them"
+                    " (levels.test_count), more frames (probes.<scale>.frames), or more episodes at once (num_envs)"
+                )
         seen[name] = frames, frames.pairs(policy.represent)
     tables = []
     for kind, asked in config.representations.items():

@@ -11,10 +11,13 @@ from analysis.probes.collection import collect, collect_run, varying_columns
 from analysis.probes.factors import COLUMNS
 from analysis.probes.table import probe_run, represent
 from experiments.anchors import RandomAgent, ScriptedAgent
+from experiments.config import LevelsConfig
 from experiments.probing import ProbeConfig
 from experiments.run import run
 from segar.errors import SegarError
 from tests.experiments.short_runs import short_run
+
+TRAINING_LEVELS, TEST_LEVELS = 2, 12
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +32,8 @@ def columns(easy):
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    return run(short_run(tmp_path_factory.mktemp("runs") / "one"), say=lambda line: None).folder
+    levels = LevelsConfig("empty-easy", count=TRAINING_LEVELS, test_count=TEST_LEVELS)
+    return run(short_run(tmp_path_factory.mktemp("runs") / "one", levels=levels), say=lambda line: None).folder
 
 
 def test_what_varies_does_not_depend_on_the_sample(columns):
@@ -121,13 +125,18 @@ def test_all_probes_of_a_run_make_one_table(folder):
     assert list(table.columns[:3]) == ["run", "levels", "representation"] and set(COLUMNS) <= set(table.columns)
     assert set(table.probe) == {"jsd", "ridge", "paper", "paper, joint marginal"}
     asked = table[["levels", "representation", "probe"]].drop_duplicates()
-    assert (
-        len(asked) == 2 + 2 + 1 + 4
-    )  # the trained one on both level sets, by both; identity; two forms of 2022 on both
+    assert len(asked) == 2 * (2 + 1 + 2)  # on both level sets two of the trained one, one of identity, two of 2022
     accuracy = table[(table.probe == "jsd") & (table.quantity == "accuracy") & (table.levels == "test")]
     by = accuracy.set_index("representation").estimate
     assert by["identity"] > 0.9 and by["trained"] > 0.6
     assert table[table.probe == "paper"].levels.tolist() == ["train", "test"]
+
+
+def test_test_levels_are_not_divided_and_training_levels_are(folder):
+    """Split by episodes, levels that are seen again and again are known by heart, and so is all that is hidden there."""
+    table = probe_run(folder, dataclasses.replace(FEW, paper_replicates=0, representations={"trained": ["ridge"]}))
+    units = table.groupby("levels").n.max()
+    assert units["test"] <= TEST_LEVELS and units["train"] > TRAINING_LEVELS
 
 
 def test_what_is_asked_of_one_representation_changes_nothing_about_another(folder):
@@ -143,5 +152,5 @@ def test_errors_name_the_culprit(folder):
         collect_run(folder, "tets")
     with pytest.raises(SegarError, match=r"representations: 'trainde' is unknown. Did you mean 'trained'"):
         ProbeConfig(representations={"trainde": ["jsd"]})
-    with pytest.raises(SegarError, match="folds need at least 2 episodes"):
+    with pytest.raises(SegarError, match=r"frames of 1 test levels.*4 are needed.*probes.<scale>.frames"):
         probe_run(folder, dataclasses.replace(FEW, num_envs=1, frames=4))
