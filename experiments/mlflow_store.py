@@ -29,8 +29,13 @@ def store_uri(tracking: TrackingConfig, root: Path) -> str:
 
 
 def is_remote(uri: str) -> bool:
-    """Whether the store at this address is a server, which may be away for a while."""
+    """Whether the store at this address is on a network, and may be away for a while."""
     return scheme(uri) in REMOTE
+
+
+def is_server(uri: str) -> bool:
+    """Whether a server of MLflow's is at this address, which has pages, and keeps the files of runs."""
+    return scheme(uri) in SERVERS
 
 
 def scheme(uri: str) -> str:
@@ -62,7 +67,7 @@ def open_store(tracking: TrackingConfig, root: Path) -> tuple[Any, str]:
         client = calling(MlflowClient, tracking_uri=store_uri(tracking, root))
         found = calling(client.get_experiment_by_name, tracking.experiment)
         if found is None:
-            place = None if scheme(client.tracking_uri) in SERVERS else (root / "mlflow-artifacts").as_uri()
+            place = None if is_server(client.tracking_uri) else (root / "mlflow-artifacts").as_uri()
             experiment = calling(client.create_experiment, tracking.experiment, artifact_location=place)
             found = calling(client.get_experiment, experiment)
         show_views(client, found)

@@ -26,6 +26,7 @@ from experiments.display import Display
 from experiments.entry import conf_dir, plain, run_command
 from experiments.errors import ConfigError, TrainingError
 from experiments.experiment import Experiment, chosen_names, experiment_at
+from experiments.mlflow_store import is_server
 from experiments.planning import (
     STUDY_SECONDS,
     Plan,
@@ -222,10 +223,16 @@ def tables_and_report(config: ReproduceConfig, plan: Plan) -> bool:
         done = run_module("analysis.report", {"results": config.folder})
     if done:
         print(f"Tables and report took {in_minutes(time.monotonic() - began)}. Figures and curves in the browser:")
-        print(
-            f"  {sys.executable} -m experiments.dashboard root={quoted(runs_root(config.run))}    (or: make dashboard)"
-        )
+        print(f"  {dashboard(config.run)}")
     return done
+
+
+def dashboard(run: RunConfig) -> str:
+    """What opens MLflow's pages over the runs: the server's address, or a command."""
+    uri = run.tracking.uri
+    if uri is None:
+        return f"{sys.executable} -m experiments.dashboard root={quoted(runs_root(run))}    (or: make dashboard)"
+    return uri if is_server(uri) else f"{sys.executable} -m mlflow server --backend-store-uri '{uri}'"
 
 
 def run_module(module: str, settings: Mapping[str, Any]) -> bool:

@@ -17,6 +17,7 @@ MALLOC_OPTIONS = {
 ENVIRONMENT = {
     "MLFLOW_DISABLE_TELEMETRY": "true",
     "DO_NOT_TRACK": "true",  # MLflow does not understand "1" here
+    "MLFLOW_SUPPRESS_PRINTING_URL_TO_STDOUT": "true",  # of every run, when it ends
     "RL_WARNINGS": "0",  # torchrl's, about its optional C++ extension
     "POT_BACKEND_DISABLE_PYTORCH": "1",  # else `import ot` imports torch
     # OpenMP's threads sleep when they have nothing to do. By default they spin, and where other processes want the cores,

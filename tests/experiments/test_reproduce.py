@@ -10,11 +10,11 @@ from pathlib import Path
 import pytest
 
 from experiments.cells import cell_of, paper_cells
-from experiments.config import ScaleConfig
+from experiments.config import ScaleConfig, TrackingConfig
 from experiments.entry import compose
 from experiments.errors import ConfigError, TrainingError
 from experiments.planning import StudyWork
-from experiments.reproduce import ReproduceConfig, quoted, reproduce
+from experiments.reproduce import ReproduceConfig, dashboard, quoted, reproduce
 from experiments.run_folder import folder_path, is_finished
 from tests.synthetic_runs import pretend_to_train, settings
 
@@ -125,6 +125,18 @@ def test_tables_and_report_name_what_failed_and_say_where_they_are(tmp_path, cap
     ):
         assert (config.folder / name).exists()
     assert f"experiments.dashboard root='{tmp_path}'" in said
+
+
+@pytest.mark.parametrize(
+    ("uri", "opens"),
+    [
+        (None, "-m experiments.dashboard root="),
+        ("http://there:5000", "http://there:5000"),
+        ("postgresql+psycopg2://there/mlflow", "server --backend-store-uri 'postgresql+psycopg2://there/mlflow'"),
+    ],
+)
+def test_it_says_where_mlflow_has_the_runs(tmp_path, uri, opens):
+    assert opens in dashboard(settings(tmp_path, tracking=TrackingConfig(uri=uri)))
 
 
 def test_tables_that_cannot_be_made_are_an_error(tmp_path):
