@@ -111,7 +111,9 @@ def number_rows(
     found_by = {
         "r2": ratio_over_groups(spread - error, spread, group, rng),
         "information": nats,
-        "fraction": scaled(nats, lambda value: value / cells.entropy),
+        "fraction": scaled(nats, lambda value: value / cells.entropy)
+        if cells.entropy > 0
+        else Estimate.missing(nats.n, "nearly all of its values are the same"),
     }
     if nearest:
         found_by["ksg"] = ksg_estimate(jittered(predicted, rng), z, rng, group)

@@ -1,5 +1,7 @@
 """A probe per factor: what is there is found, what is not there is not, and entropies are the laws'."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -65,6 +67,16 @@ def test_what_phi_shows_is_read_and_what_it_does_not_show_is_not(table, probe):
 def test_a_network_reads_what_is_bent(table):
     assert value(table, "tile.Heat", "r2").estimate < 0.5
     assert value(table, "tile.Heat", "r2", "mlp").estimate > 0.8
+
+
+def test_a_factor_that_hardly_ever_varies_has_no_entropy_of_which_a_fraction_could_be_known(pairs):
+    factors = np.where(np.arange(len(pairs.episode)) % 100 == 7, -1.0, 0.0)[:, None]
+    table = probe_factors(
+        replace(pairs, factors=factors, columns=(Column("ball", "Charge"),)), rng(), probes=("ridge",)
+    )
+    found = value(table, "ball.Charge", "fraction")
+    assert np.isnan(found.estimate) and found.note == "nearly all of its values are the same" and found.entropy == 0
+    assert np.isfinite(value(table, "ball.Charge", "r2").estimate)
 
 
 def test_missing_factors_are_left_out_of_their_rows_alone(pairs, table):
