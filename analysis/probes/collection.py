@@ -150,7 +150,7 @@ def play_wave(
 
 def actions_of(
     agent: Any, env: VectorEnv, observation: Any, rows: NDArray[np.int64], rng: torch.Generator | None
-) -> NDArray[np.float32]:
+) -> NDArray[Any]:
     """The agent's actions where episodes go on, zeros elsewhere; one that remembers, or reads the env, is asked about all."""
     if hasattr(agent, "begin") or len(rows) == env.num_envs:
         return agent.act(observation, rng=rng)
