@@ -42,7 +42,7 @@ def pooled(evidence: Evidence) -> Claim:
         NOT_REPRODUCED: "The headline is not found in these runs.",
         UNDECIDED: "These runs neither show the headline nor rule it out.",
     }
-    return Claim(name, statement, where, findings, follows.get(verdicts.of_effect(paper, WORSE), ""))
+    return finished(name, statement, where, findings, follows, MAIN)
 
 
 def within_panels(evidence: Evidence) -> Claim:
@@ -57,7 +57,7 @@ def within_panels(evidence: Evidence) -> Claim:
         NOT_REPRODUCED: "The pooled correlation comes from differences between panels.",
         UNDECIDED: "Whether the correlation is more than differences between panels stays open.",
     }
-    return Claim(name, statement, where, findings, follows.get(findings[1].verdict, ""))
+    return finished(name, statement, where, findings, follows, MAIN)
 
 
 def beyond_n(evidence: Evidence) -> Claim:
@@ -78,7 +78,7 @@ def beyond_n(evidence: Evidence) -> Claim:
         "rule an effect "
         "out: W2 varies too little beyond panel and n. Only the fixed-n design can tell.",
     }
-    return Claim(name, statement, where, findings, follows.get(findings[1].verdict, ""))
+    return finished(name, statement, where, findings, follows, MAIN)
 
 
 def controlled(evidence: Evidence, test: str, given: tuple[str, ...]) -> list[Finding]:
@@ -111,7 +111,7 @@ def fixed_number(evidence: Evidence) -> Claim:
         NOT_REPRODUCED: "At one number of levels the gap does not follow W2: what the headline shows is sample size.",
         UNDECIDED: "At one number of levels the effect is neither found nor ruled out.",
     }
-    return Claim(name, statement, where, findings, follows.get(findings[1].verdict, ""))
+    return finished(name, statement, where, findings, follows, MAIN)
 
 
 def panels_but_easy(evidence: Evidence) -> Claim:
@@ -319,10 +319,15 @@ def finished(
     follows: dict[str, str],
     needs: str,
 ) -> Claim:
-    """The claim with the sentence that belongs to its verdict in the paper's settings, or what it needs."""
+    """The claim with what follows from its verdicts, each reading by itself where they differ; or what it needs."""
     claim = Claim(name, statement, where, findings)
-    verdict = claim.verdict(PAPER if claim.has(PAPER) else CORRECTED)
-    return Claim(name, statement, where, findings, follows.get(verdict, ""), needs if not follows.get(verdict) else "")
+    read = {settings: claim.verdict(settings) for settings in (PAPER, CORRECTED) if claim.has(settings)}
+    said = {settings: follows.get(verdict, "") for settings, verdict in read.items()}
+    if len(set(read.values())) > 1:
+        text = " ".join(f"{settings.capitalize()}: {words}" for settings, words in said.items() if words)
+    else:
+        text = next(iter(said.values()), "")
+    return Claim(name, statement, where, findings, text, "" if text else needs)
 
 
 def effect(settings: str, test: str, measure: str, found: Estimate, sign: int = WORSE) -> Finding:

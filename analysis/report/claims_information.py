@@ -14,7 +14,7 @@ from analysis.report.claims_gap import difference, effect, finished, small_diffe
 from analysis.report.evidence import Evidence, pearson
 from analysis.report.results import Results
 from analysis.report.verdicts import NOT_REPRODUCED, REPRODUCED, UNDECIDED
-from analysis.tables import column, keep, select
+from analysis.tables import column, keep, pick, select
 
 R = "partial Pearson r"
 PROBED = "probes of the agents of the main grid (`probes.parquet`)"
@@ -24,6 +24,7 @@ MASSES = "agents that see the mass and agents that do not (`experiments=[appendi
 PROBES = {PAPER: "paper", CORRECTED: "jsd"}
 GAPS = {PAPER: "gap_2022", CORRECTED: "gap"}
 WORDS = {PAPER: "accuracy and returns of 2022", CORRECTED: "corrected accuracy, full returns"}
+ACCURACIES = ("accuracy_train", "accuracy_test")
 SAME = ("family", "difficulty", "n", "seed")
 
 
@@ -38,7 +39,7 @@ def train_above_test(evidence: Evidence) -> Claim:
     for settings, probe in PROBES.items():
         part = select(probed, probe=probe)
         if len(part):
-            paired = part.assign(difference=part["train"] - part["test"])
+            paired = part.assign(difference=part["accuracy_train"] - part["accuracy_test"])
             words = f"accuracy on training less on test levels, {WORDS[settings].partition(',')[0]}"
             findings.append(difference(evidence, settings, words, paired, sign=1))
     follows = {
@@ -64,7 +65,7 @@ def no_relation(evidence: Evidence) -> Claim:
         given = () if settings == PAPER else ("panel", "log_n")
         for levels in ("train", "test"):
             if len(part):
-                found = pearson(part, levels, GAPS[settings], given)
+                found = pearson(part, f"accuracy_{levels}", GAPS[settings], given)
                 words = f"accuracy on {levels} levels, {WORDS[settings]}" + (", given panel and log n" if given else "")
                 findings.append(
                     Finding(settings, words, R if given else "Pearson r", found, verdicts.of_absence(found))
@@ -137,7 +138,7 @@ def insignificant_trends(evidence: Evidence) -> Claim:
         for algorithm in auxiliary(table):
             part = select(probed, probe=probe, algorithm=algorithm) if len(probed) else probed
             for levels in ("train", "test") if len(part) else ():
-                found = pearson(part, levels, GAPS[settings])
+                found = pearson(part, f"accuracy_{levels}", GAPS[settings])
                 verdict = verdicts.of_insignificance(found)
                 words = f"{algorithm}, accuracy on {levels} levels, {WORDS[settings]}"
                 findings.append(Finding(settings, words, "Pearson r", found, verdict))
@@ -188,7 +189,7 @@ def mass_flips_trend(evidence: Evidence) -> Claim:
             break
         here = [("hidden=Mass" in str(name)) == hidden for name in probed["observation"]]
         part = select(keep(probed, here), probe=PROBES[CORRECTED])
-        found = pearson(part, "train", "gap") if len(part) else None
+        found = pearson(part, "accuracy_train", "gap") if len(part) else None
         if found is not None:
             words = f"gap against accuracy on training levels, mass {'hidden' if hidden else 'shown'}"
             findings.append(effect(CORRECTED, words, "Pearson r", found, sign))
@@ -213,7 +214,8 @@ def accuracies(results: Results, runs: pd.DataFrame) -> pd.DataFrame:
     wide = pd.pivot_table(keep(table, rows), "estimate", ["run", "probe"], "levels").reset_index()
     if not {"train", "test"} <= set(wide.columns):
         return pd.DataFrame()
-    return runs.merge(wide[["run", "probe", "train", "test"]], on="run").dropna(subset=["train", "test"])
+    named = pick(wide, ["run", "probe", "train", "test"]).set_axis(["run", "probe", *ACCURACIES], axis=1)
+    return runs.merge(named, on="run").dropna(subset=list(ACCURACIES))
 
 
 def auxiliary(table: pd.DataFrame) -> list[str]:

@@ -21,6 +21,7 @@ from analysis.tables import column, mean_by, pick, select
 
 CELL = ["family", "difficulty", "n", "seed"]
 LEFT = "gap, what is left"
+SHORT_GAP = "gap (test − training)"
 GAP, GAP_2022 = "gap: return on test − on training levels", "gap, returns of 2022"
 W2_2022, W2_EXACT = "W2 of 2022, training to test levels", "exact W2, training to test levels"
 

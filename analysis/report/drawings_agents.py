@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -10,8 +12,8 @@ from matplotlib.figure import Figure
 from analysis import style
 from analysis.figures import draw_line, new_figure
 from analysis.report.claims import CORRECTED, PAPER
-from analysis.report.claims_information import GAPS, PROBES, accuracies, auxiliary
-from analysis.report.drawings import CELL, GAP, Drawn
+from analysis.report.claims_information import ACCURACIES, GAPS, PROBES, accuracies, auxiliary
+from analysis.report.drawings import CELL, GAP, SHORT_GAP, Drawn
 from analysis.report.evidence import Evidence, pearson
 from analysis.report.words import said
 from analysis.tables import column, count_of, mean_by, pick, select
@@ -25,7 +27,7 @@ def figure_4b(evidence: Evidence) -> Drawn | str:
     probed = accuracies(evidence.results, evidence.main)
     if probed.empty:
         return NO_PROBES
-    table = pick(probed, [*CELL, "probe", "train", "test", "gap", "gap_2022"])
+    table = pick(probed, [*CELL, "probe", *ACCURACIES, "gap", "gap_2022"])
     with style.applied():
         figure = new_figure(9, 4.2)
         for axes, settings in zip(figure.subplots(1, 2), (PAPER, CORRECTED), strict=True):
@@ -44,13 +46,13 @@ def draw_accuracy(axes: Axes, table: pd.DataFrame, gap: str, title: str) -> None
     """Two point sets, training and test levels, a line each."""
     axes.axvline(0.5, color="#999999", linewidth=0.9, linestyle="--")
     for levels, colour, marker in zip(("train", "test"), style.PALETTE, style.MARKERS, strict=False):
-        x, y = column(table, levels), column(table, gap)
-        label = f"{levels}: {said(pearson(table, levels, gap))}"
+        x, y = column(table, f"accuracy_{levels}"), column(table, gap)
+        label = f"{levels}: {said(pearson(table, f'accuracy_{levels}', gap))}"
         axes.scatter(x, y, s=32, color=colour, marker=marker, edgecolors="white", linewidths=0.6, label=label)
     for levels, colour in zip(
         ("train", "test"), style.PALETTE, strict=False
     ):  # after all points: lines keep to their limits
-        draw_line(axes, column(table, levels), column(table, gap), colour, band=False)
+        draw_line(axes, column(table, f"accuracy_{levels}"), column(table, gap), colour, band=False)
     axes.set_title(title)
     axes.set_xlabel("accuracy of the critic")
     axes.set_ylabel(GAP)
@@ -66,11 +68,11 @@ def figure_5a(evidence: Evidence) -> Drawn | str:
     algorithms = sorted(set(runs["algorithm"]))
     if probed.empty:
         table = pick(runs, [*CELL, "algorithm", "gap"])
-        figure = dots(table, "algorithm", "gap", GAP)
+        figure = dots(table, "algorithm", "gap", SHORT_GAP)
         return Drawn(
             figure, table, f"Figure 5a without its x axis, as {NO_PROBES}: the gap per algorithm and number of levels."
         )
-    table = pick(probed, [*CELL, "algorithm", "probe", "train", "test", "gap", "gap_2022"])
+    table = pick(probed, [*CELL, "algorithm", "probe", *ACCURACIES, "gap", "gap_2022"])
     with style.applied():
         figure = new_figure(3.6 * len(algorithms), 7.4)
         grid = figure.subplots(2, len(algorithms), squeeze=False)
@@ -166,13 +168,14 @@ def appendix_mass(evidence: Evidence) -> Drawn | str:
         return "it was not run (`experiments=[appendix_mass]`)"
     table = pick(runs, [*CELL, "observation", "w2_exact", "gap", "success_test_deterministic"])
     caption = "Appendix, mass and frame stack, corrected: the mass varies tenfold, shown or hidden in training and test alike."
-    return Drawn(dots(table, "observation", "gap", GAP), table, caption)
+    return Drawn(dots(table, "observation", "gap", SHORT_GAP), table, caption)
 
 
 def dots(table: pd.DataFrame, group: str, y: str, label: str) -> Figure:
     """One axes per panel: a dot per run, groups side by side, a bar at their mean."""
     named = table.assign(panel=[f"{a}-{b}" for a, b in zip(table["family"], table["difficulty"], strict=True)])
-    panels = sorted(set(named["panel"]))
+    places = product(style.ordered(table["family"]), style.ordered(table["difficulty"]))
+    panels = [name for name in ("-".join(place) for place in places) if name in set(named["panel"])]
     groups = sorted(set(map(str, table[group])))
     counts = sorted(set(table["n"]))
     colours = dict(zip(counts, style.SEQUENCE, strict=False))
@@ -199,6 +202,7 @@ def dots(table: pd.DataFrame, group: str, y: str, label: str) -> Figure:
             )
             axes.axhline(0, color="#999999", linewidth=0.8, zorder=1)
             axes.set_xticks(range(len(groups)), groups, rotation=30, ha="right", fontsize=8.5)
+            axes.set_xlim(-0.6, len(groups) - 0.4)
             axes.set_title(panel)
         for axes in grid[::columns]:
             axes.set_ylabel(label)

@@ -9,7 +9,7 @@ import pandas as pd
 
 from analysis import style
 from analysis.figures import legend_of, new_figure
-from analysis.report.drawings import CELL, GAP, Drawn, log_axis
+from analysis.report.drawings import CELL, GAP, SHORT_GAP, Drawn, log_axis
 from analysis.report.drawings_agents import dots
 from analysis.report.evidence import Evidence, pearson
 from analysis.report.words import said
@@ -94,7 +94,7 @@ def rules(evidence: Evidence) -> Drawn | str:
         "A dot per run, a bar "
         "at the mean of each."
     )
-    return Drawn(dots(table, "physics", "gap", GAP), table, caption)
+    return Drawn(dots(table, "physics", "gap", SHORT_GAP), table, caption)
 
 
 def visual(evidence: Evidence) -> Drawn | str:
@@ -104,7 +104,7 @@ def visual(evidence: Evidence) -> Drawn | str:
         return "it was not run (`experiments=[visual]`)"
     table = pick(part, [*CELL, "observation", "shift", "gap", "success_test_deterministic"])
     caption = "The same levels in other textures against harder levels in the same textures: gap per run."
-    return Drawn(dots(table, "shift", "gap", GAP), table, caption)
+    return Drawn(dots(table, "shift", "gap", SHORT_GAP), table, caption)
 
 
 def hardness(evidence: Evidence) -> Drawn | str:

@@ -15,9 +15,9 @@ from analysis import style
 from analysis.collect import CURVES, MISSING, PLAN, RUNS, TRANSFERS
 from analysis.tables import column, keep
 from experiments.errors import RunFolderError
+from experiments.run_folder import PROBES
 from segar.errors import did_you_mean
 
-PROBES = "probes.parquet"
 STUDIES = "studies"
 PANEL = ("family", "difficulty")
 BLOCK = (*PANEL, "seed")  # runs that share their nested training levels

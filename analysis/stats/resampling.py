@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -56,10 +57,13 @@ def cluster_bootstrap(
     def of_clusters(chosen: NDArray[np.int64]) -> float:
         return of_rows(np.concatenate([rows_of[k] for k in chosen]))
 
-    found: Any = stats.bootstrap(
-        (np.arange(len(names)),), of_clusters, vectorized=False, n_resamples=resamples, method=method,
-        confidence_level=level, rng=rng,
-    )  # fmt: skip
+    with warnings.catch_warnings():
+        # It means that some resamples have no value, which the note says, and the interval below leaves them out.
+        warnings.simplefilter("ignore", stats.DegenerateDataWarning)
+        found: Any = stats.bootstrap(
+            (np.arange(len(names)),), of_clusters, vectorized=False, n_resamples=resamples, method=method,
+            confidence_level=level, rng=rng,
+        )  # fmt: skip
     drawn = found.bootstrap_distribution[np.isfinite(found.bootstrap_distribution)]
     low, high = found.confidence_interval
     if len(drawn) < resamples and method == "percentile" and len(drawn):

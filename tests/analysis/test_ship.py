@@ -1,0 +1,32 @@
+"""Shipped tables are small, and give the same report."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from analysis.report.evidence import Evidence
+from analysis.report.results import read_results
+from analysis.ship import ENOUGH, POINTS, ShipConfig, rounded, ship
+from tests.synthetic_results import everything, write_results
+
+
+def test_a_full_scale_fits_and_says_the_same(tmp_path):
+    tables = everything(np.random.default_rng(0))
+    source = write_results(tmp_path / "standard-1234", tables)
+    (source / "missing.csv").write_text("run,reason\nempty-hard-n1,not begun\n")
+    (source / "studies" / "anchors").mkdir(parents=True)
+    (source / "studies" / "anchors" / "anchors.csv").write_text("family,return\nempty,-0.123456789\n")
+    size = ship(ShipConfig(str(source), str(tmp_path / "standard")))
+    assert size < ENOUGH
+    before, after = (Evidence(read_results(folder)) for folder in (source, tmp_path / "standard"))
+    assert after.results.lacking() == before.results.lacking() == ["empty-hard-n1: not begun"]
+    one, other = (e.association("exact", "gap", "given panel and log n") for e in (before, after))
+    assert other.estimate == pytest.approx(one.estimate, abs=1e-5)
+    assert after.results.curves.groupby(["run", "name"]).size().max() <= POINTS
+    assert (tmp_path / "standard" / "studies" / "anchors" / "anchors.csv").read_text().endswith("-0.123457\n")
+    assert not (tmp_path / "standard" / "levels.parquet").exists()
+
+
+def test_six_digits_are_kept_of_any_size():
+    table = pd.DataFrame({"x": [123456789.0, -0.000123456789, 0.0, np.nan, np.inf], "name": list("abcde")})
+    np.testing.assert_allclose(rounded(table)["x"], [123457000, -0.000123457, 0, np.nan, np.inf], rtol=1e-12)
