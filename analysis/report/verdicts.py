@@ -1,4 +1,4 @@
-"""When a claim counts as reproduced. These rules were fixed before results were looked at, and hold for all claims.
+"""When a claim counts as reproduced: rules that are the same for all claims and scales, and depend on no result.
 
 *An effect is claimed* (a correlation or a difference of a sign):
 
