@@ -76,7 +76,7 @@ VIEWS = {
         "4b",
         (
             (
-                "Accuracy of the probe of factors; and as in 2022",
+                "Accuracy of probes, and as in 2022",
                 (scatter("probes/accuracy/test", GAP), scatter("probes/accuracy_of_2022/test", GAP)),
             ),
         ),
