@@ -37,8 +37,7 @@ def pooled(evidence: Evidence) -> Claim:
     )
     follows = {
         REPRODUCED: "The headline holds as a correlation over all cells. It says nothing yet about W2 itself: "
-        "see 3a-panel, "
-        "3a-n and fixed-n.",
+        "see 3a-panel, 3a-n and fixed-n.",
         NOT_REPRODUCED: "The headline is not found in these runs.",
         UNDECIDED: "These runs neither show the headline nor rule it out.",
     }
@@ -111,7 +110,7 @@ def fixed_number(evidence: Evidence) -> Claim:
         NOT_REPRODUCED: "At one number of levels the gap does not follow W2: what the headline shows is sample size.",
         UNDECIDED: "At one number of levels the effect is neither found nor ruled out.",
     }
-    return finished(name, statement, where, findings, follows, MAIN)
+    return finished(name, statement, where, findings, follows, FIXED)
 
 
 def panels_but_easy(evidence: Evidence) -> Claim:
