@@ -100,7 +100,7 @@ class PPOConfig(AlgorithmConfig):
     entropy_coef: float = 3e-4
     critic_coef: float = 0.1  # of half the squared error
     max_grad_norm: float = 10.0
-    reward_transform: str = "none"  # what the learner sees of the reward r: r itself, or sqrt: sign(r) |r|^1/2
+    reward_transform: str = "none"  # what the learner sees of rewards: see experiments.rewards
     reward_scale: float = 1.0  # times this
     reward_normalise: bool = False  # and divided by the standard deviation of discounted returns so far
     encoder: str = "impala"  # the CNN that reads frames; mlp: frames are refused. Vectors are read by an MLP

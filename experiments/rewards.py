@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 LARGEST = 10.0  # normalised rewards are clipped to this, as in OpenAI's baselines
+TAIL = 0.25  # slope of the root transform beyond 1: a death of -100 is seen as -25.75
 
 
 class RewardSettings(Protocol):
@@ -16,7 +17,7 @@ class RewardSettings(Protocol):
 
     @property
     def reward_transform(self) -> str:
-        """'none', or 'sqrt': sign(r) |r|^1/2."""
+        """'none', or 'sqrt': sign(r) |r|^1/2 for |r| up to 1, and straight on with a slope of :data:`TAIL` beyond."""
         ...
 
     @property
@@ -28,8 +29,10 @@ class RewardSettings(Protocol):
 def learner_reward(config: RewardSettings, reward: Tensor) -> Tensor:
     """The reward that the learner sees, of any shape."""
     if config.reward_transform == "sqrt":
-        # Near the goal -d^2 is almost flat, and a death of -100 swamps all else; the root mends both.
-        reward = reward.sign() * reward.abs().sqrt()
+        # Near the goal -d^2 is almost flat, which the root mends. Of a death of -100 it would leave -10, which agents that
+        # look ten steps ahead prefer to staying away from the goal, and the whole of it swamps all else.
+        size = reward.abs()
+        reward = reward.sign() * torch.where(size > 1.0, 1.0 + TAIL * (size - 1.0), size.sqrt())
     return reward * config.reward_scale
 
 

@@ -155,8 +155,10 @@ def test_the_density_of_several_dimensions_is_the_product_and_saturated_actions_
 def test_the_learners_reward_keeps_order_and_sign():
     reward = torch.tensor([-100.0, -1.0, -0.04, 0.0, 4.0])
     config = dataclasses.replace(SMALL, reward_transform="sqrt", reward_scale=2.0)
-    torch.testing.assert_close(learner_reward(config, reward), torch.tensor([-20.0, -2.0, -0.4, 0.0, 4.0]))
+    torch.testing.assert_close(learner_reward(config, reward), torch.tensor([-51.5, -2.0, -0.4, 0.0, 3.5]))
     torch.testing.assert_close(learner_reward(SMALL, reward), reward)
+    many = torch.linspace(-100, 100, 100_001, dtype=torch.float64)
+    assert (learner_reward(config, many).diff() > 0).all()
 
 
 def test_a_batch_that_does_not_divide_is_used_whole():
