@@ -190,7 +190,12 @@ class Evidence:
 
     @cached_property
     def power(self) -> pd.DataFrame:
-        """How often this design would find the paper's effect, if it is as large as the paper's p-value implies."""
+        """How often this design would find the paper's effect, if it is as large as the paper's p-value implies.
+
+        No row where W2 does not vary, as with a single run.
+        """
+        if self.main["w2_reference"].nunique() < 2:
+            return pd.DataFrame(columns=["test", "estimate", "n"])
         return power_of_design(self.main, "w2_reference", self.rng("power"), pooled_r=PAPER_R, alphas=(0.05,))
 
     def rng(self, name: str) -> np.random.Generator:

@@ -225,13 +225,13 @@ def limits(evidence: Evidence) -> list[Block]:
             f"how agents fail."
         )
     power = dict(zip(evidence.power["test"], column(evidence.power, "estimate"), strict=True))
-    items.append(
-        f"If the paper's effect is as large as its p-value implies (r = {plain(PAPER_R)}), this design finds it "
-        f"pooled in "
-        f"{per_cent(power['pooled'])} of cases, given panel and log n in "
-        f"{per_cent(power['given panel and log n'])}, and in a single panel in "
-        f"{per_cent(power['within'])}."
-    )
+    tests = {"pooled": "pooled", "given panel and log n": "given panel and log n", "within": "in a single panel"}
+    found = [f"{words} in {per_cent(power[test])}" for test, words in tests.items() if test in power]
+    if found:
+        items.append(
+            f"If the paper's effect is as large as its p-value implies (r = {plain(PAPER_R)}), this design finds it "
+            f"in so many cases: {', '.join(found)}."
+        )
     items.append(
         "Runs share test levels, and training sets of a seed are nested in n: p-values that take runs for "
         "independent are too small."

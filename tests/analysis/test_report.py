@@ -111,6 +111,14 @@ def test_one_figure_alone_is_drawn(tmp_path, capsys):
     assert "train_and_test.png" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("runs", [1, 2, 4])
+def test_a_handful_of_runs_is_reported_too(tmp_path, undrawn, runs):
+    folder = write_results(tmp_path, {"runs": few_runs().iloc[[0, 5, 10, 1]].head(runs).reset_index(drop=True)})
+    make_report(ReportConfig(str(folder)))
+    page = (folder / "report.html").read_text()
+    assert f"{runs} run" in page
+
+
 def test_runs_that_are_missing_are_said_at_the_top(tmp_path, undrawn):
     folder = write_results(tmp_path, {"runs": few_runs().drop(index=7)})
     make_report(ReportConfig(str(folder)))
