@@ -19,7 +19,7 @@ from analysis.stats.mixed import mixed_model
 from analysis.stats.power import power_of_design
 from analysis.stats.prediction import left_out
 from analysis.stats.resampling import cluster_bootstrap, cosine, permutation_within
-from analysis.tables import count_of, keep, pick, select
+from analysis.tables import column, count_of, keep, pick, select
 from segar.errors import SegarError
 
 BOOTSTRAP, PERMUTATION = "bootstrap of (panel, seed) blocks", "permutation within panels"
@@ -194,8 +194,8 @@ class Evidence:
 
         No row where W2 does not vary, as with a single run.
         """
-        if self.main["w2_reference"].nunique() < 2:
-            return pd.DataFrame(columns=["test", "estimate", "n"])
+        if len(np.unique(column(self.main, "w2_reference"))) < 2:
+            return pd.DataFrame({"test": [], "estimate": [], "n": []})
         return power_of_design(self.main, "w2_reference", self.rng("power"), pooled_r=PAPER_R, alphas=(0.05,))
 
     def rng(self, name: str) -> np.random.Generator:
