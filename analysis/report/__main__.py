@@ -1,5 +1,5 @@
-"""``python -m analysis.report results=FOLDER``: claims, statistics, figures, a page and a PDF from the tables "
-"of a folder.
+"""``python -m analysis.report results=FOLDER``: claims, statistics, figures, a page and a PDF from the tables
+of a folder.
 
 ``FOLDER`` is one that experiments.reproduce made, or one of docs/results; only its tables are read. Written there:
 ``report.html``, ``report.pdf``, ``claims.csv``, ``figures/<name>.{svg,png,csv}`` and ``statistics/<name>.csv``.

@@ -1,5 +1,5 @@
-"""What goes beyond the paper: each experiment with its figure and table, or a sentence that says that it was "
-"not run."""
+"""What goes beyond the paper: each experiment with its figure and table, or a sentence that says that it was
+not run."""
 
 from __future__ import annotations
 
@@ -114,9 +114,8 @@ def agreement(table: pd.DataFrame, n: int = 10) -> Table:
         part = select(inside, train=panel)
         rows.append([panel, signed(pearson(part, "w2_reference", "w2_exact").estimate), str(len(part))])
     caption = (
-        f"Do both distances mean the same? Pearson r of the W2 of 2022 and exact W2 over level seeds at n = "
-        f"{n}. The distance of 2022 counts "
-        "the order of drawing. Data: `studies/w2_study/distances.csv`."
+        f"Do both distances mean the same? Pearson r of the W2 of 2022 and exact W2 over level seeds at n = {n}. The "
+        "distance of 2022 counts the order of drawing. Data: `studies/w2_study/distances.csv`."
     )
     return Table(("panel", "r", "seeds"), rows, 1, caption)
 

@@ -36,8 +36,8 @@ def pooled(evidence: Evidence) -> Claim:
         effect(CORRECTED, "exact W2, full returns, all runs pooled; bootstrap of blocks", R, corrected),
     )
     follows = {
-        REPRODUCED: "The headline holds as a correlation over all cells. It says nothing yet about W2 itself: "
-        "see 3a-panel, 3a-n and fixed-n.",
+        REPRODUCED: "The headline holds as a correlation over all cells. It says nothing yet about W2 itself: see "
+        "3a-panel, 3a-n and fixed-n.",
         NOT_REPRODUCED: "The headline is not found in these runs.",
         UNDECIDED: "These runs neither show the headline nor rule it out.",
     }
@@ -67,15 +67,12 @@ def beyond_n(evidence: Evidence) -> Claim:
         return not_testable(name, statement, where, MAIN)
     findings = controlled(evidence, "given panel and log n", ("n",))
     follows = {
-        REPRODUCED: "Something of W2 is left when panel and log n are accounted for linearly. The fixed-n "
-        "design is the "
-        "cleaner test, as log n need not act linearly.",
-        NOT_REPRODUCED: "Given panel and log n, W2 says next to nothing about the gap: the headline is about "
-        "how many levels "
-        "were sampled, and where.",
-        UNDECIDED: "Given panel and log n, nothing is found with the corrected distance, and these runs cannot "
-        "rule an effect "
-        "out: W2 varies too little beyond panel and n. Only the fixed-n design can tell.",
+        REPRODUCED: "Something of W2 is left when panel and log n are accounted for linearly. The fixed-n design is "
+        "the cleaner test, as log n need not act linearly.",
+        NOT_REPRODUCED: "Given panel and log n, W2 says next to nothing about the gap: the headline is about how "
+        "many levels were sampled, and where.",
+        UNDECIDED: "Given panel and log n, nothing is found with the corrected distance, and these runs cannot rule "
+        "an effect out: W2 varies too little beyond panel and n. Only the fixed-n design can tell.",
     }
     return finished(name, statement, where, findings, follows, MAIN)
 
@@ -159,12 +156,10 @@ def others_are_weak(evidence: Evidence) -> Claim:
             verdict = verdicts.of_insignificance(found, verdicts.WEAK)
             findings.append(Finding(settings, f"{panel}, {WORDS[settings]}", R, found, verdict))
     follows = {
-        REPRODUCED: "No trend of a single panel is more than weakly significant, which with so few points per "
-        "line says "
-        "little about its size. The sentence contradicts the one before it (3b-trend).",
-        NOT_REPRODUCED: "At least one panel of Objects or Tiles has a trend with p < 0.01. This sentence and "
-        "the one before it "
-        "(3b-trend) contradict each other in the paper.",
+        REPRODUCED: "No trend of a single panel is more than weakly significant, which with so few points per line "
+        "says little about its size. The sentence contradicts the one before it (3b-trend).",
+        NOT_REPRODUCED: "At least one panel of Objects or Tiles has a trend with p < 0.01. This sentence and the one "
+        "before it (3b-trend) contradict each other in the paper.",
     }
     return finished(name, statement, where, findings, follows, MAIN)
 
@@ -184,9 +179,8 @@ def transfer_is_worse(evidence: Evidence) -> Claim:
             difference(evidence, settings, f"gap on harder levels less the own gap, {WORDS[settings]}", paired)
         )
     follows = {
-        REPRODUCED: "Agents lose more on harder levels. Harder levels have other returns anyway: 4a-shift "
-        "compares with agents "
-        "that were trained there.",
+        REPRODUCED: "Agents lose more on harder levels. Harder levels have other returns anyway: 4a-shift compares "
+        "with agents that were trained there.",
         NOT_REPRODUCED: "No loss on harder levels is found that is larger than the one in distribution.",
         UNDECIDED: "Whether the gap on harder levels is larger stays open.",
     }
@@ -237,9 +231,8 @@ def transfer_trend(evidence: Evidence) -> Claim:
             estimate = dataclasses.replace(one, p=float(p))
             findings.append(effect(settings, f"{family}, medium to hard, {WORDS[settings]}", R, estimate))
     follows = {
-        REPRODUCED: "The trend is there. Out of distribution W2 hardly moves once n is 10 or more, so nearly "
-        "all of it rests on "
-        "the runs with one training level.",
+        REPRODUCED: "The trend is there. Out of distribution W2 hardly moves once n is 10 or more, so nearly all of "
+        "it rests on the runs with one training level.",
         NOT_REPRODUCED: "The trend is not there in both families.",
         UNDECIDED: "With so few points per line, the trend is not found in both families, nor ruled out.",
     }

@@ -43,9 +43,8 @@ def train_above_test(evidence: Evidence) -> Claim:
             words = f"accuracy on training less on test levels, {WORDS[settings].partition(',')[0]}"
             findings.append(difference(evidence, settings, words, paired, sign=1))
     follows = {
-        REPRODUCED: "The critic of 2022 is scored on the very pairs that it was fitted on, so part of the "
-        "difference is its own "
-        "over-fitting; the corrected row scores held-out episodes.",
+        REPRODUCED: "The critic of 2022 is scored on the very pairs that it was fitted on, so part of the difference "
+        "is its own over-fitting; the corrected row scores held-out episodes.",
         NOT_REPRODUCED: "Accuracy on training levels is not higher.",
         UNDECIDED: "Whether accuracy on training levels is higher stays open.",
     }
@@ -71,12 +70,10 @@ def no_relation(evidence: Evidence) -> Claim:
                     Finding(settings, words, R if given else "Pearson r", found, verdicts.of_absence(found))
                 )
     follows = {
-        REPRODUCED: "No relation, and the intervals are narrow enough to say so. The accuracy of 2022 measures "
-        "how the columns "
-        "of a representation depend on each other, not what they know of factors.",
+        REPRODUCED: "No relation, and the intervals are narrow enough to say so. The accuracy of 2022 measures how "
+        "the columns of a representation depend on each other, not what they know of factors.",
         NOT_REPRODUCED: "There is a relation. The accuracy of 2022 measures how the columns of a representation "
-        "depend on each "
-        "other, so only the corrected rows speak of information.",
+        "depend on each other, so only the corrected rows speak of information.",
         UNDECIDED: "No relation is found on all levels, but one that matters is not ruled out.",
     }
     return finished(name, statement, where, findings, follows, PROBED)
@@ -157,9 +154,8 @@ def mass_helps(evidence: Evidence) -> Claim:
     statement = "Knowing the mass gives a smaller gap."
     table = evidence.results.of("appendix_mass")
     note = (
-        "The paper's setting cannot be tested: the mass is 1 in all its tasks, its label is inverted, and its "
-        "four facets share "
-        "their gaps. Here the ball's mass varies tenfold."
+        "The paper's setting cannot be tested: the mass is 1 in all its tasks, its label is inverted, and its four "
+        "facets share their gaps. Here the ball's mass varies tenfold."
     )
     findings = []
     for stack in ("textures", "textures_stack4"):
@@ -204,8 +200,8 @@ def mass_flips_trend(evidence: Evidence) -> Claim:
 
 
 def accuracies(results: Results, runs: pd.DataFrame) -> pd.DataFrame:
-    """The runs that were probed: their columns, ``probe`` ("paper" or "jsd") and its accuracy on ``train`` and "
-    "``test``."""
+    """The runs that were probed: their columns, ``probe`` ("paper" or "jsd") and its accuracy on ``train`` and
+    ``test``."""
     if results.probes.empty or runs.empty:
         return pd.DataFrame()
     table = results.probes
@@ -224,9 +220,8 @@ def auxiliary(table: pd.DataFrame) -> list[str]:
 
 
 def beside_ppo(table: pd.DataFrame, value: str, against: str) -> dict[str, pd.DataFrame]:
-    """For each self-supervised algorithm, its ``difference`` to PPO in the same cells: to PPO alone ("base"), "
-    "or to PPO with as
-    many gradient steps ("control"); an algorithm without a partner is left out."""
+    """For each self-supervised algorithm, its ``difference`` to PPO in the same cells: to PPO alone ("base"),
+    or to PPO with as many gradient steps ("control"); an algorithm without a partner is left out."""
     name = table["algorithm"].astype(str)
     control = name.str.endswith("two_epochs")
     partner = control if against == "control" else name.str.startswith("ppo") & ~control

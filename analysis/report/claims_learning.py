@@ -37,9 +37,8 @@ def diversity_decides(evidence: Evidence) -> Claim:
         findings.append(Finding(settings, words, "difference of R²", found, of_effect(found, 1, SMALL_SHARE)))
     follows = {
         REPRODUCED: "The number of levels explains more of the performance than family and difficulty do.",
-        NOT_REPRODUCED: "Family and difficulty explain more of the performance than the number of levels does. "
-        "On test levels, "
-        "the number of levels matters more than on training levels.",
+        NOT_REPRODUCED: "Family and difficulty explain more of the performance than the number of levels does. On "
+        "test levels, the number of levels matters more than on training levels.",
         UNDECIDED: "Which of the two explains more stays open.",
     }
     return finished(name, statement, where, findings, follows, MAIN)
@@ -163,9 +162,8 @@ def ks_shrinks(evidence: Evidence) -> Claim:
     follows = {
         REPRODUCED: "An exponential fits better than a power of n.",
         NOT_REPRODUCED: f"A power of n fits better: KS falls as n to the {slope.estimate:.2f} (95 % interval "
-        f"{slope.low:.2f} to "
-        f"{slope.high:.2f}), near the root that theory says. Only the probability of a large distance falls "
-        f"exponentially.",
+        f"{slope.low:.2f} to {slope.high:.2f}), near the root that theory says. Only the probability of a large "
+        "distance falls exponentially.",
         UNDECIDED: "Neither law fits clearly better.",
     }
     return finished(name, statement, where, findings, follows, W2_STUDY)

@@ -1,5 +1,5 @@
-"""The figures about the gap and W2: each takes the evidence and returns what was drawn with its data, or why "
-"it cannot be."""
+"""The figures about the gap and W2: each takes the evidence and returns what was drawn with its data, or why
+it cannot be."""
 
 from __future__ import annotations
 
@@ -65,13 +65,10 @@ def figure_3a(evidence: Evidence) -> Drawn | str:
             one.set_ylabel(y_label)
         figure.legend(handles=legend_of(table), loc="outside lower center", ncols=6, handletextpad=0.2)
     caption = (
-        "Figure 3a. One point per run; lines are least squares with the 95 % band of their height. Left: the "
-        "paper's settings "
-        "(the W2 of 2022, returns without their last reward). Middle: exact W2 and full returns; bars are "
-        "standard errors. Right: what "
-        "panel and log n leave of both. The intervals and p-values in the titles take runs for independent; the "
-        "tables beside have "
-        "those that do not."
+        "Figure 3a. One point per run; lines are least squares with the 95 % band of their height. Left: the paper's "
+        "settings (the W2 of 2022, returns without their last reward). Middle: exact W2 and full returns; bars are "
+        "standard errors. Right: what panel and log n leave of both. The intervals and p-values in the titles take "
+        "runs for independent; the tables beside have those that do not."
     )
     return Drawn(figure, table, caption)
 
@@ -91,9 +88,8 @@ def figure_3b(evidence: Evidence) -> Drawn | str:
     table = pick(main, [*CELL, "w2_reference", "gap_2022", "w2_exact", "gap"])
     figure = by_family(table, "difficulty")
     caption = (
-        "Figure 3b. The same runs by family, a line per difficulty. Above: the paper's settings; below: exact "
-        "W2 and full returns. "
-        "r and p of each line are Pearson's, uncorrected; the table beside has Holm's correction."
+        "Figure 3b. The same runs by family, a line per difficulty. Above: the paper's settings; below: exact W2 and "
+        "full returns. r and p of each line are Pearson's, uncorrected; the table beside has Holm's correction."
     )
     return Drawn(figure, table, caption)
 
@@ -107,9 +103,8 @@ def figure_4a(evidence: Evidence) -> Drawn | str:
     table = pick(harder, [*CELL, "w2_reference", "gap_2022", "w2_exact", "gap"]).assign(pair=pairs)
     figure = by_family(table, "pair")
     caption = (
-        "Figure 4a. The same agents on levels one step harder, by family, a line per pair of difficulties. "
-        "Above: the paper's "
-        "settings; below: exact W2 and full returns."
+        "Figure 4a. The same agents on levels one step harder, by family, a line per pair of difficulties. Above: the "
+        "paper's settings; below: exact W2 and full returns."
     )
     return Drawn(figure, table, caption)
 
@@ -175,9 +170,8 @@ def estimates(evidence: Evidence) -> Drawn | str:
         axes[0].invert_yaxis()
         figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     caption = (
-        "The main grid at a glance: Pearson correlations of gap and W2, pooled and partial, for three distances "
-        "and two ways to count "
-        "returns. Bars are 95 % intervals of a bootstrap of (panel, seed) blocks."
+        "The main grid at a glance: Pearson correlations of gap and W2, pooled and partial, for three distances and "
+        "two ways to count returns. Bars are 95 % intervals of a bootstrap of (panel, seed) blocks."
     )
     return Drawn(figure, table, caption)
 
@@ -203,9 +197,9 @@ def train_and_test(evidence: Evidence) -> Drawn | str:
         handles.append(Line2D([], [], linestyle=":", label="training levels", color="#777777"))
         figure.legend(handles=handles, loc="outside lower center", ncols=5)
     caption = (
-        "How many levels close the gap: success on test levels (solid) and on training levels (dotted) against "
-        "the number of training "
-        "levels; means over seeds. Where the dotted line is low, agents did not learn the task, and a gap says little."
+        "How many levels close the gap: success on test levels (solid) and on training levels (dotted) against the "
+        "number of training levels; means over seeds. Where the dotted line is low, agents did not learn the task, "
+        "and a gap says little."
     )
     return Drawn(figure, table, caption)
 

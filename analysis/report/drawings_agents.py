@@ -33,11 +33,10 @@ def figure_4b(evidence: Evidence) -> Drawn | str:
         for axes, settings in zip(figure.subplots(1, 2), (PAPER, CORRECTED), strict=True):
             draw_accuracy(axes, select(table, probe=PROBES[settings]), GAPS[settings], settings)
     caption = (
-        "Figure 4b. Gap against the accuracy of a critic that tells pairs of representation and factors from "
-        "shuffled ones, on "
-        "training and on test levels. Chance is 0.5 (dashed). Left: as in 2022, where the shuffling makes the "
-        "critic detect "
-        "dependence inside the representation. Right: with whole rows shuffled, time aligned, and pairs held out."
+        "Figure 4b. Gap against the accuracy of a critic that tells pairs of representation and factors from shuffled "
+        "ones, on training and on test levels. Chance is 0.5 (dashed). Left: as in 2022, where the shuffling makes "
+        "the critic detect dependence inside the representation. Right: with whole rows shuffled, time aligned, and "
+        "pairs held out."
     )
     return Drawn(figure, table, caption)
 
@@ -115,9 +114,8 @@ def figure_5b(evidence: Evidence) -> Drawn | str:
             *grid[0][0].get_legend_handles_labels(), loc="outside lower center", ncols=8, title="training levels"
         )
     caption = (
-        "Figure 5b. Return of training episodes against frames, means over seeds and over a fortieth of the "
-        "budget; each axes has "
-        "its own scale."
+        "Figure 5b. Return of training episodes against frames, means over seeds and over a fortieth of the budget; "
+        "each axes has its own scale."
     )
     return Drawn(figure, table, caption)
 

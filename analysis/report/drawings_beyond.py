@@ -41,9 +41,8 @@ def fixed_n(evidence: Evidence) -> Drawn | str:
         figure.axes[0].set_ylabel(GAP)
         figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=5)
     caption = (
-        "W2 without n: training sets of one size, picked near together (clustered), far apart (covering), at "
-        "random (iid), or equal but for "
-        "the order of drawing (nuisance_only), which changes the W2 of 2022 and nothing else."
+        "W2 without n: training sets of one size, picked near together (clustered), far apart (covering), at random "
+        "(iid), or equal but for the order of drawing (nuisance_only), which changes the W2 of 2022 and nothing else."
     )
     return Drawn(figure, table, caption)
 
@@ -90,9 +89,8 @@ def rules(evidence: Evidence) -> Drawn | str:
     names = [f"{there} (trained in {here})" if here else str(there) for there, here in places]
     table = pick(part, [*CELL, "gap", "gap_se", "success_test_deterministic"]).assign(physics=names)
     caption = (
-        "Agents in other physics than they were trained in: return there less return on their training levels. "
-        "A dot per run, a bar "
-        "at the mean of each."
+        "Agents in other physics than they were trained in: return there less return on their training levels. A dot "
+        "per run, a bar at the mean of each."
     )
     return Drawn(dots(table, "physics", "gap", SHORT_GAP), table, caption)
 
@@ -143,9 +141,8 @@ def hardness(evidence: Evidence) -> Drawn | str:
         axes.set_ylabel("success on test levels")
         axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
     caption = (
-        "Hardness by reward: the goal counts only when entered slowly, after a wall, after sand. Bars are "
-        "Wilson's 95 % intervals "
-        "over levels."
+        "Hardness by reward: the goal counts only when entered slowly, after a wall, after sand. Bars are Wilson's 95 "
+        "% intervals over levels."
     )
     return Drawn(figure, table, caption)
 
@@ -208,9 +205,8 @@ def measures(evidence: Evidence) -> Drawn | str:
         right.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8.5)
     table = pd.concat([ks.assign(shows="ks"), w2.assign(shows="w2")], ignore_index=True)
     caption = (
-        "Appendix. Left: KS is the largest distance of two distribution functions. Right: W2 is the root of "
-        "the mean squared cost of "
-        "the best matching of two sets of levels."
+        "Appendix. Left: KS is the largest distance of two distribution functions. Right: W2 is the root of the mean "
+        "squared cost of the best matching of two sets of levels."
     )
     return Drawn(figure, table, caption)
 
@@ -246,9 +242,8 @@ def w2_study(evidence: Evidence) -> Drawn | str:
         )
         figure.legend(handles=legend_of(places), loc="outside lower center", ncols=6, handletextpad=0.2)
     caption = (
-        "The x axis by itself: W2 of n training levels to test levels of the same distribution, without any "
-        "training; bars are "
-        "standard deviations over level seeds. Panels lie above each other, and all fall with n: that is the "
+        "The x axis by itself: W2 of n training levels to test levels of the same distribution, without any training; "
+        "bars are standard deviations over level seeds. Panels lie above each other, and all fall with n: that is the "
         "confound of figure 3a."
     )
     return Drawn(figure, table, caption)

@@ -81,8 +81,7 @@ class Evidence:
         self, name: str, table: pd.DataFrame, values: np.ndarray, statistic: Callable[[np.ndarray], float],
         clusters: Sequence[str] = BLOCK,
     ) -> Estimate:  # fmt: skip
-        """A statistic of ``values`` [rows, columns], with the interval of "
-        ":func:`analysis.stats.resampling.cluster_bootstrap`
+        """A statistic of ``values`` [rows, columns], with the interval of :func:`analysis.stats.resampling.cluster_bootstrap`
         over clusters of the table's rows; of a single cluster there is no interval."""
         if table.empty:
             return Estimate.missing(0, "no such runs")
@@ -111,14 +110,14 @@ class Evidence:
             return Estimate.missing(len(table), str(error))
 
     def mean(self, name: str, table: pd.DataFrame, column: str = "difference") -> Estimate:
-        """The mean of a column, such as paired differences, with the interval and p of a bootstrap of (panel, "
-        "seed) blocks."""
+        """The mean of a column, such as paired differences, with the interval and p of a bootstrap of (panel,
+        seed) blocks."""
         return self.bootstrap(name, table, table[column].to_numpy(np.float64), lambda values: float(values.mean()))
 
     @cached_property
     def resampled(self) -> pd.DataFrame:
-        """Correlations of gap and W2 in the main grid, by what is given: with a bootstrap of blocks and a "
-        "permutation."""
+        """Correlations of gap and W2 in the main grid, by what is given: with a bootstrap of blocks and a
+        permutation."""
         rows = []
         for mode in self.modes:
             for test, given in GIVEN.items():

@@ -107,8 +107,8 @@ def read_results(folder: Path) -> Results:
     """The tables in ``folder``; raises :class:`RunFolderError` if there is no table of runs, or it is not one."""
     if not (folder / RUNS).exists():
         raise RunFolderError(
-            f"{folder} holds no {RUNS}. Name a folder of tables, such as docs/results/quick, or have them made: "
-            "python -m analysis.collect results=FOLDER"
+            f"{folder} holds no {RUNS}. Name a folder of tables, such as docs/results/quick, or have them made: python "
+            "-m analysis.collect results=FOLDER"
         )
     runs = pd.read_parquet(folder / RUNS)
     if runs.empty:

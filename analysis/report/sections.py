@@ -95,9 +95,8 @@ def opening(evidence: Evidence) -> list[Block]:
     else:
         text = f"{len(runs)} runs, none of them of the main grid. "
     text += (
-        "The gap is the mean return on test levels less that on training levels; negative means worse on test "
-        "levels. Every "
-        "claim is read twice: with the settings of the paper and its code of 2022, and with what is wrong in "
+        "The gap is the mean return on test levels less that on training levels; negative means worse on test levels. "
+        "Every claim is read twice: with the settings of the paper and its code of 2022, and with what is wrong in "
         "them corrected."
     )
     blocks.append(Paragraph(text, "lead"))
@@ -201,9 +200,8 @@ def limits(evidence: Evidence) -> list[Block]:
     algorithms, observations = set(main["algorithm"]), set(main["observation"])
     if algorithms != {"ppo"} or observations != {"textures"}:
         items.append(
-            f"The agents are {listed(algorithms)} on {listed(observations)}, chosen to learn within this "
-            "budget; the paper's are `ppo` on "
-            "`textures`, which learn little in so few frames."
+            f"The agents are {listed(algorithms)} on {listed(observations)}, chosen to learn within this budget; the "
+            "paper's are `ppo` on `textures`, which learn little in so few frames."
         )
     if "test_levels" in main and int(column(main, "test_levels").max()) < PAPER_TEST_LEVELS:
         items.append(
@@ -212,8 +210,7 @@ def limits(evidence: Evidence) -> list[Block]:
     seeds, counts = count_of(main, "seed"), count_of(main, "n")
     points = seeds * counts
     items.append(
-        f"{seeds} seed{'s' if seeds > 1 else ''}: a panel has {points} points, which reach p < 0.05 only where "
-        f"|r| is above "
+        f"{seeds} seed{'s' if seeds > 1 else ''}: a panel has {points} points, which reach p < 0.05 only where |r| is above "
         f"{critical_r(points):.3f}." if points > 2 else f"A panel has {points} points, too few for a correlation."
     )  # fmt: skip
     success = "success_train_deterministic"
@@ -221,20 +218,20 @@ def limits(evidence: Evidence) -> list[Block]:
     low = [f"{panel} ({plain(learned[panel])})" for panel in evidence.results.panels if learned[panel] < LEARNED]
     if low:
         items.append(
-            f"Agents did not learn to solve their own training levels in {', '.join(low)}: gaps there are about "
-            f"how agents fail."
+            f"Agents did not learn to solve their own training levels in {', '.join(low)}: gaps there are about how "
+            "agents fail."
         )
     power = dict(zip(evidence.power["test"], column(evidence.power, "estimate"), strict=True))
     tests = {"pooled": "pooled", "given panel and log n": "given panel and log n", "within": "in a single panel"}
     found = [f"{words} in {per_cent(power[test])}" for test, words in tests.items() if test in power]
     if found:
         items.append(
-            f"If the paper's effect is as large as its p-value implies (r = {plain(PAPER_R)}), this design finds it "
-            f"in so many cases: {', '.join(found)}."
+            f"If the paper's effect is as large as its p-value implies (r = {plain(PAPER_R)}), this design finds it in "
+            f"so many cases: {', '.join(found)}."
         )
     items.append(
-        "Runs share test levels, and training sets of a seed are nested in n: p-values that take runs for "
-        "independent are too small."
+        "Runs share test levels, and training sets of a seed are nested in n: p-values that take runs for independent "
+        "are too small."
     )
     return [Heading("Limits of this scale"), Bullets(items)]
 
@@ -271,10 +268,8 @@ def confound(evidence: Evidence) -> str:
     mode = "exact" if "exact" in both else evidence.modes[0]
     return (
         f"Panel and log n explain {per_cent(both[mode])} of the variance of the logarithm of the "
-        f"{tabulated.DISTANCES[mode]}: a correlation over "
-        "the main grid cannot tell W2 from how many levels were sampled, and where. The partial correlation "
-        "given both rests on the few "
-        "per cent that are left."
+        f"{tabulated.DISTANCES[mode]}: a correlation over the main grid cannot tell W2 from how many levels were "
+        "sampled, and where. The partial correlation given both rests on the few per cent that are left."
     )
 
 

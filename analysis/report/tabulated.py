@@ -112,8 +112,8 @@ def panel_table(evidence: Evidence) -> Table:
         ])  # fmt: skip
     head = ("panel", "n", "r, as in the paper", "95 %", "p", "r, corrected", "95 %", "p", "p, Holm", "Spearman ρ", "p")
     caption = (
-        "Each panel by itself. As in the paper: W2 and returns of 2022. Corrected: exact W2, full returns, and "
-        "Holm's correction for all "
+        "Each panel by itself. As in the paper: W2 and returns of 2022. Corrected: exact W2, full returns, and Holm's "
+        "correction for all "
         'panels. Data: `statistics/associations.csv`, test "within".'
     )
     return Table(head, rows, 1, caption)
@@ -127,9 +127,9 @@ def mixed_table(evidence: Evidence) -> Table:
         for r in evidence.mixed.to_dict("records")
     ]  # fmt: skip
     caption = (
-        "The primary analysis: mixed models of the gap with a random intercept per panel (and per seed, where "
-        "there are several); "
-        "slopes in standard deviations of gap per standard deviation of the term. Data: `statistics/mixed_models.csv`."
+        "The primary analysis: mixed models of the gap with a random intercept per panel (and per seed, where there "
+        "are several); slopes in standard deviations of gap per standard deviation of the term. Data: "
+        "`statistics/mixed_models.csv`."
     )
     return Table(("distance", "returns", "model", "term", "slope", "95 %", "p", "n"), rows, 4, caption)
 
@@ -166,9 +166,8 @@ def predictor_table(evidence: Evidence) -> Table:
         for r in evidence.predictors.to_dict("records")
     ]  # fmt: skip
     caption = (
-        "Predicting the gap from W2 and from log n: adjusted R² of all runs, and R² on a panel that the line "
-        "did not see (0: no better "
-        "than the mean of the other panels). Data: `statistics/predictors.csv`."
+        "Predicting the gap from W2 and from log n: adjusted R² of all runs, and R² on a panel that the line did not "
+        "see (0: no better than the mean of the other panels). Data: `statistics/predictors.csv`."
     )
     return Table(("predictors", "adjusted R²", "R² on a new panel"), rows, 1, caption)
 
@@ -177,8 +176,8 @@ def power_table(evidence: Evidence) -> Table:
     """What this design would find."""
     rows = [[r["test"], plain(r["estimate"]), f"{r['n']:.0f}"] for r in evidence.power.to_dict("records")]
     caption = (
-        "How often this design would find an effect as large as the paper's p-value implies for 45 runs (r = "
-        "−0.60), by simulation on the "
+        "How often this design would find an effect as large as the paper's p-value implies for 45 runs (r = −0.60), "
+        "by simulation on the "
         'distances of these runs. "Within": share of panels. Data: `statistics/power.csv`.'
     )
     return Table(("test", "power at p < 0.05", "runs"), rows, 1, caption)
