@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 
 from analysis import style
 from analysis.figures import new_figure, save_figure
+from analysis.tables import write_csv
 from experiments.anchors import find_anchors
 from experiments.atomic import write_text
 from experiments.config import ACTION_MODES, require, require_known
@@ -137,7 +138,7 @@ def merged(path: Path, table: pd.DataFrame) -> pd.DataFrame:
     order = {curve.name: i for i, curve in enumerate(CURVES)}
     known = table.loc[table["name"].isin(list(order))]
     table = known.iloc[np.argsort(known["name"].map(order).to_numpy(), kind="stable")]
-    write_text(path, table.to_csv(index=False, float_format="%.6g"))
+    write_csv(path, table, 6)
     return table
 
 

@@ -14,13 +14,12 @@ import pandas as pd
 
 from analysis.collect import CURVES, MISSING, RUNS, TRANSFERS
 from analysis.report.results import STUDIES, read_results
-from analysis.tables import column, mean_by
-from experiments.atomic import replacing, write_text
+from analysis.tables import binned, column, mean_by, write_csv
+from experiments.atomic import replacing
 from experiments.entry import run_simple_command
 from experiments.run_folder import PROBES
 
 DIGITS = 6  # significant; errors of evaluation are in the third
-POINTS = 40  # of a curve, as the report draws them
 ENOUGH = 2_000_000  # [bytes] of all tables together, beyond which a repository grows too fast
 LEFT_OUT = {PROBES: ("note", "level"), RUNS: ("finished",)}  # columns that no report reads
 
@@ -46,12 +45,12 @@ def ship(config: ShipConfig) -> int:
                 small.to_parquet(beside, index=False, compression="zstd")
             written.append(out / name)
     if found.missing is not None:
-        write_text(out / MISSING, found.missing.to_csv(index=False, lineterminator="\n"))
+        write_csv(out / MISSING, found.missing)
         written.append(out / MISSING)
     for study, parts in found.studies.items():
         for name, table in parts.items():
             path = out / STUDIES / study / f"{name}.csv"
-            write_text(path, table.to_csv(index=False, float_format=f"%.{DIGITS}g", lineterminator="\n"))
+            write_csv(path, table, DIGITS)
             written.append(path)
     size = sum(path.stat().st_size for path in written)
     much = "" if size <= ENOUGH else f", more than the {ENOUGH:,} that a repository should take for one scale"
@@ -74,8 +73,7 @@ def thinned(curves: pd.DataFrame) -> pd.DataFrame:
     """Curves with one point per fortieth of the longest run: the mean of what lies in it."""
     if curves.empty:
         return curves
-    width = max(column(curves, "frames").max() / POINTS, 1.0)
-    frames = np.floor(np.ceil(column(curves, "frames") / width) * width).astype(np.int64)
+    frames = np.floor(binned(column(curves, "frames"))).astype(np.int64)
     return mean_by(curves.assign(frames=frames), ["run", "name", "frames"], ["value"])
 
 

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from experiments.atomic import replacing
 
+CURVE_POINTS = 40  # of a curve that is drawn or shipped
+
 
 def performance(episodes: pd.DataFrame) -> dict[str, float]:
     """How a run did on its levels, from its evaluation episodes in one action mode.
@@ -62,10 +64,14 @@ def level_mean(
     return float(means.mean()), float(error)
 
 
-def write_csv(path: Path, table: pd.DataFrame) -> None:
-    """Replaces a CSV file, and makes its folder; raises :class:`RunFolderError`."""
+def write_csv(path: Path, table: pd.DataFrame, digits: int | None = None) -> None:
+    """Replaces a CSV file, and makes its folder; raises :class:`RunFolderError`.
+
+    Numbers have so many significant ``digits``, or all that they have.
+    """
+    form = None if digits is None else f"%.{digits}g"
     with replacing(path) as beside:
-        table.to_csv(beside, index=False, lineterminator="\n")
+        table.to_csv(beside, index=False, float_format=form, lineterminator="\n")
 
 
 def select(table: pd.DataFrame, **equal: Any) -> pd.DataFrame:
@@ -89,6 +95,12 @@ def pick(table: pd.DataFrame, names: Iterable[str]) -> pd.DataFrame:
 def mean_by(table: pd.DataFrame, by: Sequence[str], values: Sequence[str]) -> pd.DataFrame:
     """One row per combination of the columns ``by``, in their order, with the means of ``values``."""
     return cast(pd.DataFrame, table.groupby(list(by), sort=True)[list(values)].mean()).reset_index()
+
+
+def binned(frames: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Frames [n], each replaced by the end of its fortieth of the longest run."""
+    width = max(float(frames.max()) / CURVE_POINTS, 1.0)
+    return np.ceil(frames / width) * width
 
 
 def count_of(table: pd.DataFrame, name: str) -> int:

@@ -16,10 +16,9 @@ from analysis.report.claims_information import ACCURACIES, GAPS, PROBES, accurac
 from analysis.report.drawings import CELL, GAP, SHORT_GAP, Drawn
 from analysis.report.evidence import Evidence, pearson
 from analysis.report.words import said
-from analysis.tables import column, count_of, mean_by, pick, select
+from analysis.tables import binned, column, count_of, mean_by, pick, select
 
 NO_PROBES = "the agents were not probed (`probes.parquet`)"
-CURVES_PER_FIGURE = 40  # points of a smoothed curve
 
 
 def figure_4b(evidence: Evidence) -> Drawn | str:
@@ -118,12 +117,6 @@ def figure_5b(evidence: Evidence) -> Drawn | str:
         "each axes has its own scale."
     )
     return Drawn(figure, table, caption)
-
-
-def binned(frames: np.ndarray) -> np.ndarray:
-    """Frames, each replaced by the end of its fortieth of the longest run."""
-    width = max(float(frames.max()) / CURVES_PER_FIGURE, 1.0)
-    return np.ceil(frames / width) * width
 
 
 def appendix_sac(evidence: Evidence) -> Drawn | str:

@@ -15,9 +15,6 @@ from analysis.report.evidence import Evidence, pearson
 from analysis.report.words import said
 from analysis.tables import column, count_of, keep, mean_by, pick, select
 
-NO_PROBES = "the agents were not probed (`probes.parquet`)"
-CURVES_PER_FIGURE = 40  # points of a smoothed curve
-
 
 def fixed_n(evidence: Evidence) -> Drawn | str:
     """Gap against both distances at one number of levels, by design."""

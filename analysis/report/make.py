@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from analysis.collect import PLAN
 from analysis.figures import save_figure
@@ -23,6 +22,7 @@ from analysis.report.pdf import sheets
 from analysis.report.results import RUNS, read_results
 from analysis.report.sections import CLAIMS, Drawings, document
 from analysis.report.tabulated import statistics
+from analysis.tables import write_csv
 from experiments.atomic import write_bytes, write_text
 from experiments.config import TrackingConfig, require_known
 from experiments.errors import RunFolderError
@@ -111,11 +111,12 @@ def make_report(config: ReportConfig) -> Report:
     ]
     if config.only:
         return Report(folder, files, [], evidence)
-    tables = statistics(evidence)
-    for name, table in tables.items():
-        files.append(write_table(folder / "statistics" / f"{name}.csv", table, 4))
     claims = [claim(evidence) for claim in CLAIMS]
-    files.append(write_table(folder / VERDICTS, claims_table(claims), 4))
+    written = {folder / "statistics" / f"{name}.csv": table for name, table in statistics(evidence).items()}
+    written[folder / VERDICTS] = claims_table(claims)
+    for path, table in written.items():
+        write_csv(path, table, 4)
+    files += written
     text = document(evidence, claims, Drawings(drawn))
     write_text(folder / PAGE, page(text))
     write_bytes(folder / SHEETS, sheets(text))
@@ -135,15 +136,9 @@ def drawing(
     if isinstance(found, str):
         return found
     svg, png = save_figure(found.figure, folder / "figures" / name, SUFFIXES)
-    write_table(svg.with_suffix(".csv"), found.table, 6)
+    write_csv(svg.with_suffix(".csv"), found.table, 6)
     command = f"python -m analysis.report results={place} only=[{name}]"
     return Picture(name, found.caption, svg.read_bytes(), png, command)
-
-
-def write_table(path: Path, table: pd.DataFrame, digits: int) -> Path:
-    """A CSV file with so many significant digits."""
-    write_text(path, table.to_csv(index=False, float_format=f"%.{digits}g", lineterminator="\n"))
-    return path
 
 
 def remove_others(folder: Path, files: list[Path]) -> None:

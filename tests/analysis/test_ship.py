@@ -6,7 +6,8 @@ import pytest
 
 from analysis.report.evidence import Evidence
 from analysis.report.results import read_results
-from analysis.ship import ENOUGH, POINTS, ShipConfig, rounded, ship
+from analysis.ship import ENOUGH, ShipConfig, rounded, ship
+from analysis.tables import CURVE_POINTS
 from tests.synthetic_results import everything, write_results
 
 
@@ -22,7 +23,7 @@ def test_a_full_scale_fits_and_says_the_same(tmp_path):
     assert after.results.lacking() == before.results.lacking() == ["empty-hard-n1: not begun"]
     one, other = (e.association("exact", "gap", "given panel and log n") for e in (before, after))
     assert other.estimate == pytest.approx(one.estimate, abs=1e-5)
-    assert after.results.curves.groupby(["run", "name"]).size().max() <= POINTS
+    assert after.results.curves.groupby(["run", "name"]).size().max() <= CURVE_POINTS
     assert (tmp_path / "standard" / "studies" / "anchors" / "anchors.csv").read_text().endswith("-0.123457\n")
     assert not (tmp_path / "standard" / "levels.parquet").exists()
 
