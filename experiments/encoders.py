@@ -102,6 +102,10 @@ class MLP(nn.Module):
         self.layers = nn.Sequential(*layers)
         self.width = widths[-1]
 
+    def prepare(self, observation: Tensor) -> Tensor:
+        """See :meth:`FrameEncoder.prepare`; there is nothing to do for vectors."""
+        return observation
+
     def forward(self, observation: Tensor) -> Tensor:
         """The representation."""
         return self.layers(observation)
@@ -111,8 +115,8 @@ class FrameEncoder(nn.Module):
     """Frames uint8 [..., height, width, depth] -> representation float32 [..., 256], by a CNN.
 
     Args:
-        trunk: float [n, depth, height, width] -> [n, 256]. It gets numbers from 0 to 1, or, if it has a
-            :class:`FrameConv`, from 0 to 255.
+        trunk: float [n, depth, height, width] -> [n, 256], or, if it has a method ``arrange``, what that makes of frames.
+            It gets numbers from 0 to 1, or, if it has a :class:`FrameConv`, from 0 to 255.
         precision: what the trunk computes in, see :func:`precision_of`; its weights are float32 either way.
     """
 
@@ -124,11 +128,19 @@ class FrameEncoder(nn.Module):
         self.scale = None if any(isinstance(part, FrameConv) for part in trunk.modules()) else 1.0 / WHITE
         self.trunk.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
+    def prepare(self, frames: Tensor) -> Tensor:
+        """Frames in the order in which the CNN reads them, where that is one of its own: for those who encode frames several
+        times."""
+        arrange = getattr(self.trunk, "arrange", None)
+        return frames if arrange is None else arrange(frames)
+
     def forward(self, frames: Tensor) -> Tensor:
-        """The representation; frames of any leading shape."""
-        shape = frames.shape[:-3]
-        frames = frames if len(shape) == 1 else frames.reshape(-1, *frames.shape[-3:])
-        x = frames.permute(0, 3, 1, 2)  # a view: channels stay last in memory, as the convolutions like them
+        """The representation; frames, or what :meth:`prepare` made of them, of any leading shape."""
+        frames = self.prepare(frames)
+        own = -4 if hasattr(self.trunk, "arrange") else -3  # dimensions of what the trunk reads
+        shape, x = frames.shape[:own], frames.reshape(-1, *frames.shape[own:])
+        if own == -3:
+            x = x.permute(0, 3, 1, 2)  # a view: channels stay last in memory, as the convolutions like them
         precision = precision_of(self.precision, x.device.type)
         x = x.to(precision)
         x = x if self.scale is None else x * self.scale

@@ -54,6 +54,10 @@ class PPOPolicy(nn.Module):
         """See :class:`experiments.rollouts.StepPolicy`; there is no memory."""
         return (*self(observation), memory)
 
+    def prepare(self, observation: Tensor) -> Tensor:
+        """Observations as the networks like to read them best; they take either."""
+        return self.actor.encoder.prepare(observation)
+
     @torch.no_grad()
     def act(self, observation: np.ndarray, *, rng: torch.Generator | None) -> np.ndarray:
         """Actions float32 [n, actions]; sampled with ``rng``, deterministic where it is None."""
@@ -154,7 +158,9 @@ class PPO:
         reward = learner_reward(self.config, rollout.reward)
         if self.scale is not None:
             reward = self.scale(reward, rollout.done)
-        return make_batch(self.config, rollout, reward)
+        batch = make_batch(self.config, rollout, reward)
+        batch["observation"] = self.policy.prepare(rollout.observation)  # once for all epochs
+        return batch
 
     def minibatches(self, batch: TensorDict) -> Iterator[TensorDict]:
         """Random disjoint parts of the steps in a batch [T, N], ``epochs`` times over."""

@@ -107,6 +107,10 @@ class RecurrentPolicy(nn.Module):
         """Forgets all: episodes start in ``env``."""
         self.acting = torch.zeros(env.num_envs, self.memory_width, device=next(self.parameters()).device)
 
+    def prepare(self, observation: Tensor) -> Tensor:
+        """Observations as the encoder likes to read them best; it takes either."""
+        return self.encoder.prepare(observation)
+
     @torch.no_grad()
     def act(self, observation: np.ndarray, *, rng: torch.Generator | None) -> np.ndarray:
         """Actions float32 [n, actions] of the next step; sampled with ``rng``, deterministic where it is None."""

@@ -10,6 +10,7 @@ from experiments import encoders
 from experiments.config import CNNS, PPOConfig
 from experiments.encoders import MLP, FrameEncoder, initialize, make_encoder
 from experiments.errors import ConfigError
+from experiments.keypoints import SoftArgmax
 
 FRAMES = torch.randint(0, 256, (6, 64, 64, 3), dtype=torch.uint8, generator=torch.Generator().manual_seed(0))
 
@@ -130,10 +131,10 @@ def spot(x, y, size=8):
 
 def test_keypoints_follow_what_moves():
     trunk = encoder("keypoints").trunk
-    frames = torch.stack([spot(x, 30) for x in range(12, 53, 4)]).permute(0, 3, 1, 2).float()
+    frames = torch.stack([spot(x, 30) for x in range(12, 53, 4)])
     with torch.no_grad():
         trunk.sharpness.mul_(4.0)
-        points = trunk.points(frames)[:, 0]
+        points = trunk.points(trunk.arrange(frames).float())[:, 0]
     across, along = points.diff(dim=0).unbind(1)
     moved = across.sum(0)
     assert moved.abs().max() > 0.5  # a filter sees the square or one of its sides: a quarter of the picture or more
@@ -145,10 +146,49 @@ def test_all_frames_of_a_stack_pass_the_same_filters():
     for name in ("first", "second"):
         getattr(stacked, name).load_state_dict(getattr(one, name).state_dict())
     first, second = FRAMES[:3], FRAMES[3:]
-    both = torch.cat([first, second], -1).permute(0, 3, 1, 2).float()
-    found = stacked.points(both)
+    found = stacked.points(stacked.arrange(torch.cat([first, second], -1)).float())
     for k, frames in enumerate((first, second)):
-        torch.testing.assert_close(
-            found[:, k], one.points(frames.permute(0, 3, 1, 2).float())[:, 0], atol=1e-5, rtol=1e-4
-        )
+        alone = one.points(one.arrange(frames).float())[:, 0]
+        torch.testing.assert_close(found[:, k], alone, atol=1e-5, rtol=1e-4)
     assert stacked.frames == 2 and encoder("keypoints", shape=(64, 64, 4)).trunk.frames == 4
+
+
+@pytest.mark.parametrize("shape", [(64, 64, 3), (64, 64, 12), (41, 67, 6), (64, 64, 4)])
+def test_keypoints_are_what_plain_convolutions_and_a_softmax_give(shape):
+    """The first layer reads squares of pixels, and the points come with derivatives of their own: both are only faster."""
+    whole = encoder("keypoints", shape=shape, precision="fp32")
+    trunk = whole.trunk
+    frames = torch.randint(256, (5, *shape), generator=torch.Generator().manual_seed(0), dtype=torch.uint8)
+    each = frames.unflatten(-1, (trunk.frames, -1)).permute(0, 3, 4, 1, 2).flatten(0, 1).float()
+    answers = trunk.second(trunk.first(each).relu()) * trunk.sharpness[:, None, None]
+    weights = answers.flatten(2).softmax(-1)
+    expected = (weights @ trunk.places[:, :2]).transpose(1, 2).unflatten(0, (5, -1))
+    found = trunk.points(whole.prepare(frames).float())
+    torch.testing.assert_close(found, expected, atol=1e-5, rtol=1e-4)
+    pull = torch.randn(found.shape, generator=torch.Generator().manual_seed(1))
+    weights = list(trunk.first.parameters()) + list(trunk.second.parameters()) + [trunk.sharpness]
+    for a, b in zip(*(torch.autograd.grad((x * pull).sum(), weights) for x in (found, expected)), strict=True):
+        torch.testing.assert_close(a, b, atol=1e-4, rtol=1e-3)
+
+
+def test_derivatives_of_the_soft_argmax_are_right():
+    rng = torch.Generator().manual_seed(0)
+    answers = torch.randn(2, 9, 4, generator=rng, dtype=torch.float64, requires_grad=True)
+    places = torch.cat([torch.randn(9, 2, generator=rng, dtype=torch.float64), torch.ones(9, 1)], 1)
+    assert torch.autograd.gradcheck(lambda x: SoftArgmax.apply(x, places), (answers,))
+
+
+@pytest.mark.parametrize("name", ["keypoints", "small"])
+def test_frames_that_were_prepared_are_read_as_frames_are(name):
+    whole = encoder(name, shape=(64, 64, 6))
+    frames = torch.randint(256, (3, 2, 64, 64, 6), generator=torch.Generator().manual_seed(0), dtype=torch.uint8)
+    prepared = whole.prepare(frames)
+    assert prepared.shape[:2] == (3, 2) and torch.equal(whole(prepared), whole(frames))
+    assert torch.equal(whole.prepare(prepared), prepared)
+    assert whole(frames[0, 0]).shape == (256,) and torch.equal(whole(frames[0]), whole(prepared[0]))
+
+
+def test_squares_are_the_same_on_every_device():
+    trunk = encoder("keypoints", shape=(41, 67, 6)).trunk
+    frames = torch.randint(256, (2, 3, 41, 67, 6), generator=torch.Generator().manual_seed(0), dtype=torch.uint8)
+    assert torch.equal(trunk.arrange(frames), trunk.arrange_by_torch(frames))
