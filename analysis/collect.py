@@ -108,8 +108,11 @@ def read_all(plan: Mapping[str, Any]) -> Collected:
     """The tables of all runs and transfers of a plan."""
     root = Path(plan["runs"])
     runs, transfers, levels, curves, missing, probes = [], [], [], [], [], []
+    theirs = {run["folder"] for one in plan["experiments"] for run in one["runs"] if run.get("elsewhere")}
     for name, (experiments, wanted, probed) in sorted(members(plan).items()):
         folder = root / name
+        if name in theirs:
+            continue
         if not is_finished(folder):
             missing.append({"run": name, "reason": "not finished" if folder.exists() else "not begun"})
             continue
@@ -132,14 +135,58 @@ def read_all(plan: Mapping[str, Any]) -> Collected:
             row, label = transfer_row(json.loads((there / SUMMARY).read_text()), played, episodes, place, transfer)
             transfers.append(row)
             levels.append(level_rows(played, {**place, "test": label}))
+    joined = {
+        RUNS: [pd.DataFrame(runs)],
+        TRANSFERS: [pd.DataFrame(transfers)],
+        LEVELS: levels,
+        CURVES: curves,
+        PROBES: probes,
+    }
+    for name, parts in made_elsewhere(plan, theirs).items():
+        joined[name] += parts
+    tables = {name: in_one(parts) for name, parts in joined.items()}
     return Collected(
-        sorted_table(runs),
-        sorted_table(transfers),
-        pd.concat(levels, ignore_index=True) if levels else pd.DataFrame(),
-        pd.concat(curves, ignore_index=True) if curves else pd.DataFrame(),
+        in_order(tables[RUNS]),
+        in_order(tables[TRANSFERS]),
+        tables[LEVELS],
+        tables[CURVES],
         pd.DataFrame(missing, columns=["run", "reason"]),
-        pd.concat(probes, ignore_index=True) if probes else pd.DataFrame(),
+        tables[PROBES],
     )
+
+
+def made_elsewhere(plan: Mapping[str, Any], runs: set[str]) -> dict[str, list[pd.DataFrame]]:
+    """The rows of runs that the plan's tables from elsewhere have, by table; each run from the first folder that has it.
+
+    Raises:
+        RunFolderError: none of the folders has one of the runs any more.
+    """
+    found: dict[str, list[pd.DataFrame]] = {name: [] for name in (RUNS, TRANSFERS, LEVELS, CURVES, PROBES)}
+    left = set(runs)
+    asked = members(plan)
+    for folder in map(Path, plan.get("elsewhere", ())):
+        tables = {name: pd.read_parquet(folder / name) for name in found if (folder / name).exists()}
+        here = left & set(tables[RUNS]["run"]) if RUNS in tables else set()
+        left -= here
+        for name, table in tables.items():
+            if len(table):
+                found[name].append(cast(pd.DataFrame, table.loc[table["run"].isin(sorted(here))]))
+        if here:
+            own = found[RUNS][-1]
+            needed_by = [" ".join(asked[run][0]) for run in own["run"]]
+            found[RUNS][-1] = own.assign(experiments=needed_by, finished=own.get("finished", ""))
+    if left:
+        raise RunFolderError(
+            f"{min(left)} was to be found in {', '.join(plan['elsewhere']) or 'no folder'}, and is not there any more. Run "
+            "experiments.reproduce again: it makes a new plan"
+        )
+    return found
+
+
+def in_one(parts: Sequence[pd.DataFrame]) -> pd.DataFrame:
+    """Tables one below the other, run by run."""
+    there = [part for part in parts if len(part)]
+    return pd.concat(there).sort_values("run", kind="stable", ignore_index=True) if there else pd.DataFrame()
 
 
 def members(plan: Mapping[str, Any]) -> dict[str, tuple[list[str], list[str], bool]]:
@@ -283,10 +330,9 @@ def probe_rows(folder: Path, place: Mapping[str, Any]) -> pd.DataFrame:
     return table
 
 
-def sorted_table(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
+def in_order(table: pd.DataFrame) -> pd.DataFrame:
     """Rows in the order of what they are."""
-    table = pd.DataFrame(rows)
-    return table.sort_values(WHICH, ignore_index=True) if rows else table
+    return table.sort_values(WHICH, ignore_index=True) if len(table) else table
 
 
 def write_tables(folder: Path, plan: Mapping[str, Any], found: Collected) -> None:

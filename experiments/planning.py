@@ -15,6 +15,7 @@ from typing import Any
 
 from experiments.cells import Cell, cell_config, cell_of, paper_seeds
 from experiments.config import RunConfig, ScaleConfig, as_data
+from experiments.elsewhere import Elsewhere
 from experiments.entry import compose
 from experiments.experiment import BASE, Experiment, GridConfig, TransferConfig, other_panel
 from experiments.journal import read_journal
@@ -62,11 +63,16 @@ class Plan:
 
 
 def make_plan(
-    experiments: Sequence[Experiment], base: RunConfig, results: Path, probes: ProbeConfig | None = None
+    experiments: Sequence[Experiment],
+    base: RunConfig,
+    results: Path,
+    probes: ProbeConfig | None = None,
+    elsewhere: Elsewhere = Elsewhere(),  # noqa: B008 - nothing can change it
 ) -> Plan:
     """What is to be run; raises :class:`ConfigError` for a file of ``conf/`` that does not exist.
 
-    ``probes`` is what runs of experiments with probes are asked.
+    ``probes`` is what runs of experiments with probes are asked. What was done ``elsewhere``, and is not done here, is not
+    to be run.
     """
     members = {e.name: tuple(works_of(e, base, probes or ProbeConfig())) for e in experiments}
     union: dict[str, RunWork] = {}
@@ -75,6 +81,12 @@ def make_plan(
         known = union.get(label, RunWork(work.run))
         by_folder = {one.folder_name(): one for one in (*known.transfers, *work.transfers)}
         union[label] = RunWork(work.run, tuple(by_folder.values()), known.probes or work.probes)
+    theirs = {label for label, work in union.items() if elsewhere.has(work) and not work.is_done_here()}
+    union = {label: dataclasses.replace(work, elsewhere=label in theirs) for label, work in union.items()}
+    members = {
+        name: tuple(dataclasses.replace(work, elsewhere=work.run.label() in theirs) for work in works)
+        for name, works in members.items()
+    }
     studies = [
         StudyWork(e.name, e.study, tuple((k, str(v)) for k, v in e.options.items()), results / "studies" / e.name)
         for e in experiments
@@ -163,7 +175,7 @@ class Speeds:
         left += self.seconds_of_probes(work)
         if is_finished(folder_path(run)):
             return left
-        return left + evaluation + frames_left(run) / self.frames.get(kind, assumed_speed(run))
+        return left + evaluation + work.frames_left() / self.frames.get(kind, assumed_speed(run))
 
     def seconds_of_probes(self, work: RunWork) -> float:
         """How long the probes of a run may take; 0 where it has them, or is to have none."""
@@ -219,15 +231,6 @@ def in_words(asked: Mapping[str, Any]) -> str:
     return json.dumps(asked, sort_keys=True)
 
 
-def frames_left(run: RunConfig) -> int:
-    """Frames that are still to be trained; a run that was cut off is known by its journal."""
-    folder = folder_path(run)
-    if is_finished(folder):
-        return 0
-    done = max((entry.get("frames", 0) for entry in read_journal(folder)), default=0) if folder.exists() else 0
-    return max(run.scale.frames - done, 0)
-
-
 def as_text(plan: Plan, speeds: Speeds, processes: int, scale: ScaleConfig) -> str:
     """The plan as a table for people: what each experiment is, needs, shares and has, and how long the rest may take."""
     rows, seen = [], set()
@@ -243,7 +246,7 @@ def as_text(plan: Plan, speeds: Speeds, processes: int, scale: ScaleConfig) -> s
                 len(works) or None,
                 len(works) - len(own) or None,
                 sum(work.is_done() for work in works) if works else None,
-                f"{sum(frames_left(work.run) for work in own):,}" if works else "study",
+                f"{sum(map(RunWork.frames_left, own)):,}" if works else "study",
                 sum(map(RunWork.lacks_probes, works)) if experiment.probes else None,
                 in_minutes(sum(map(speeds.seconds, left)) / processes) if left else None,
             ]
@@ -259,7 +262,7 @@ def as_text(plan: Plan, speeds: Speeds, processes: int, scale: ScaleConfig) -> s
     probing = sum(map(speeds.seconds_of_probes, waiting)) / processes
     closing = (
         f"{scale.name}: {len(plan.runs)} runs, {len(plan.runs) - len(waiting)} done, {len(waiting)} to do with "
-        f"{sum(frames_left(work.run) for work in waiting):,} frames, {sum(map(RunWork.lacks_probes, waiting))} to probe"
+        f"{sum(map(RunWork.frames_left, waiting)):,} frames, {sum(map(RunWork.lacks_probes, waiting))} to probe"
         f"{f' ({in_minutes(probing)})' if probing else ''}; {len(studies)} of {len(plan.studies)} studies to do; "
         f"about {in_minutes(total / processes)} with {processes} at a time (by {basis})."
     )
@@ -299,6 +302,7 @@ def as_data_of(plan: Plan) -> list[dict[str, Any]]:
                     "folder": folder_path(work.run).name,
                     "transfers": [one.folder_name() for one in work.transfers],
                     "probes": work.probes is not None,
+                    "elsewhere": work.elsewhere,
                 }
                 for work in plan.members[experiment.name]
             ],

@@ -23,6 +23,7 @@ from omegaconf import DictConfig
 from experiments.cells import design_hash, paper_cells
 from experiments.config import RunConfig, require, run_config
 from experiments.display import Display
+from experiments.elsewhere import read_elsewhere
 from experiments.entry import conf_dir, plain, run_command
 from experiments.errors import ConfigError, TrainingError
 from experiments.experiment import Experiment, chosen_names, experiment_at
@@ -58,6 +59,7 @@ class ReproduceConfig:
     experiments: tuple[str, ...] = ()  # none: all of this scale
     grids: Mapping[str, Any] = field(default_factory=dict)  # of each experiment, as its file says
     probes: Mapping[str, Any] = field(default_factory=dict)  # of each scale: what is asked of experiments with probes
+    elsewhere: tuple[str, ...] = ()  # folders with tables of runs that were made on other machines
     dry_run: bool = False  # print the plan, and run nothing
     report: bool = True  # have analysis.report write the claims, figures, page and PDF
 
@@ -76,6 +78,10 @@ class ReproduceConfig:
     def folder(self) -> Path:
         """Where tables, report and logs go."""
         return runs_root(self.run) / "results" / self.name
+
+    def tables_elsewhere(self) -> list[Path]:
+        """The folders of ``elsewhere``."""
+        return [Path(folder).expanduser().resolve() for folder in self.elsewhere]
 
     def asked(self) -> ProbeConfig:
         """What runs are asked at this scale."""
@@ -113,7 +119,8 @@ def reproduce(
     Raises:
         TrainingError: some runs failed; the others are finished and in the tables.
     """
-    plan = make_plan(config.at_scale(), with_sweep_tag(config), config.folder, config.asked())
+    elsewhere = read_elsewhere(config.tables_elsewhere())
+    plan = make_plan(config.at_scale(), with_sweep_tag(config), config.folder, config.asked(), elsewhere)
     speeds = measure_speeds(runs_root(config.run))
     processes = config.processes or cores()
     print(as_text(plan, speeds, processes, config.run.scale), flush=True)
@@ -136,7 +143,11 @@ def write_plan(config: ReproduceConfig, plan: Plan) -> None:
     config.folder.mkdir(parents=True, exist_ok=True)
     tracking = dataclasses.asdict(config.run.tracking)
     about = {"name": config.name, "scale": config.run.scale.name, "runs": str(runs_root(config.run))}
-    write_json(config.folder / PLAN, {**about, "tracking": tracking, "experiments": as_data_of(plan)})
+    elsewhere = [str(folder) for folder in config.tables_elsewhere()]
+    experiments = as_data_of(plan)
+    write_json(
+        config.folder / PLAN, {**about, "elsewhere": elsewhere, "tracking": tracking, "experiments": experiments}
+    )
 
 
 def with_sweep_tag(config: ReproduceConfig) -> RunConfig:
@@ -268,10 +279,13 @@ def build(config: DictConfig) -> ReproduceConfig:
     """Hydra's result as settings."""
     data = plain(config)
     own = {key: data.pop(key) for key in SETTINGS}
-    return ReproduceConfig(run_config(data), **{**own, "experiments": tuple(own["experiments"])})
+    lists = {key: tuple(own[key]) for key in ("experiments", "elsewhere")}
+    return ReproduceConfig(run_config(data), **{**own, **lists})
 
 
-SETTINGS = {"processes": 0, "experiments": [], "grids": {}, "probes": {}, "dry_run": False, "report": True}
+SETTINGS = {
+    "processes": 0, "experiments": [], "grids": {}, "probes": {}, "elsewhere": [], "dry_run": False, "report": True,
+}  # fmt: skip
 
 
 def help_text() -> str:
@@ -284,6 +298,7 @@ def help_text() -> str:
         "  dry_run=true               print the plan and run nothing",
         "  processes=N                runs side by side; 0, the default: one per core",
         "  report=false               tables only",
+        "  elsewhere=[FOLDER]         tables of runs that were made on other machines: they count as done, and are joined in",
         "  grids.NAME.grid.seeds=5    what the file of an experiment says; +grids.NAME.scales.quick={} adds a scale to it",
         "  probes.SCALE.frames=N      how finished runs are probed at a scale; grids.NAME.probes=false: not at all",
         "  +experiment@grids.NAME=NAME  an experiment of your own, conf/experiment/NAME.yaml",

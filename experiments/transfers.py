@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from experiments.config import ACTION_MODES, LevelsConfig, ObservationConfig, RunConfig, as_data
+from experiments.journal import read_journal
 from experiments.probing import ProbeConfig, is_probed
 from experiments.run_folder import (
     EPISODE_SCHEMA,
@@ -25,6 +26,7 @@ from experiments.run_folder import (
     LEVELS_TRAIN,
     SUMMARY,
     folder_path,
+    is_finished,
     write_json,
     write_rows,
 )
@@ -58,20 +60,34 @@ class Transfer:
 
 @dataclass(frozen=True)
 class RunWork:
-    """A run, the transfers of its agent, and what is asked about its representation."""
+    """A run, the transfers of its agent, and what is asked about its representation; ``elsewhere``: all of it was done on
+    another machine, and tables say what came of it."""
 
     run: RunConfig
     transfers: tuple[Transfer, ...] = field(default=())
     probes: ProbeConfig | None = None
+    elsewhere: bool = False
 
     def is_done(self) -> bool:
         """Whether nothing is left to do."""
+        return self.elsewhere or self.is_done_here()
+
+    def is_done_here(self) -> bool:
+        """Whether run folders have all of it."""
         finished = (folder_path(self.run) / SUMMARY).exists()
         return finished and all(transfer.is_done(self.run) for transfer in self.transfers) and not self.lacks_probes()
 
     def lacks_probes(self) -> bool:
         """Whether the run is to be probed, and was not probed so."""
-        return self.probes is not None and not is_probed(self.run, self.probes)
+        return not self.elsewhere and self.probes is not None and not is_probed(self.run, self.probes)
+
+    def frames_left(self) -> int:
+        """Frames that are still to be trained; a run that was cut off is known by its journal."""
+        folder = folder_path(self.run)
+        if self.elsewhere or is_finished(folder):
+            return 0
+        done = max((entry.get("frames", 0) for entry in read_journal(folder)), default=0) if folder.exists() else 0
+        return max(self.run.scale.frames - done, 0)
 
 
 def evaluate_transfer(run: RunConfig, transfer: Transfer, say: Callable[[str], None] = print) -> dict[str, Any]:

@@ -9,7 +9,7 @@ import pytest
 from experiments.config import ScaleConfig
 from experiments.errors import ConfigError
 from experiments.experiment import experiment_at
-from experiments.planning import as_text, frames_left, in_minutes, make_plan, measure_speeds
+from experiments.planning import as_text, in_minutes, make_plan, measure_speeds
 from experiments.run_folder import JOURNAL, SUMMARY, folder_path, write_json
 from tests.synthetic_runs import settings, write_run
 
@@ -62,9 +62,9 @@ def test_where_a_run_is_tested_anyway_is_no_transfer(tmp_path):
 def test_done_are_runs_whose_transfers_are_finished_too(tmp_path):
     plan = plan_of(tmp_path, harder=HARDER)
     work = plan.runs[0]
-    assert not work.is_done() and frames_left(work.run) == 1000
+    assert not work.is_done() and work.frames_left() == 1000
     write_run(work.run)
-    assert not work.is_done() and frames_left(work.run) == 0
+    assert not work.is_done() and work.frames_left() == 0
     for transfer in work.transfers:
         transfer.folder(work.run).mkdir(parents=True)
         write_json(transfer.folder(work.run) / SUMMARY, {})
@@ -72,10 +72,11 @@ def test_done_are_runs_whose_transfers_are_finished_too(tmp_path):
 
 
 def test_a_run_that_was_cut_off_has_fewer_frames_left(tmp_path):
-    run = plan_of(tmp_path, main=MAIN).runs[0].run
+    work = plan_of(tmp_path, main=MAIN).runs[0]
+    run = work.run
     folder = write_run(run, finished=False)
     (folder / JOURNAL).write_text(json.dumps({"event": "stopped", "frames": 400}) + "\n")
-    assert frames_left(run) == 600
+    assert work.frames_left() == 600
 
 
 def test_speeds_are_medians_of_what_this_machine_ran(tmp_path):

@@ -1,0 +1,97 @@
+"""Runs that were made on another machine: they count as done, and their rows join those of the runs here."""
+
+import dataclasses
+import shutil
+
+import pandas as pd
+import pytest
+
+from analysis.collect import CollectConfig, collect
+from analysis.ship import ShipConfig, ship
+from experiments.elsewhere import read_elsewhere
+from experiments.errors import ConfigError, RunFolderError
+from experiments.experiment import experiment_at
+from experiments.planning import as_text, make_plan, measure_speeds
+from experiments.reproduce import write_plan
+from experiments.run_folder import folder_path
+from tests.analysis.test_collect import planned, write_all
+
+TABLES = ("runs", "transfers", "levels", "curves", "probes")
+
+
+def planned_with(root, *tables):
+    """The same reproduction under another root, with tables from elsewhere."""
+    config, _ = planned(root)
+    config = dataclasses.replace(config, elsewhere=tuple(map(str, tables)))
+    experiments = [experiment_at(k, v, "smoke") for k, v in config.grids.items()]
+    plan = make_plan(experiments, config.run, config.folder, elsewhere=read_elsewhere(config.tables_elsewhere()))
+    write_plan(config, plan)
+    return config, plan
+
+
+@pytest.fixture
+def there(tmp_path):
+    """All runs, made elsewhere, and their results folder."""
+    config, plan = planned(tmp_path / "there")
+    write_all(plan)
+    return config, plan, collect(CollectConfig(str(config.folder)))
+
+
+def test_runs_from_two_machines_give_the_tables_that_one_would(there, tmp_path):
+    other, plan, whole = there
+    for work in plan.runs[2:]:  # these are here
+        shutil.copytree(folder_path(work.run), tmp_path / "here" / work.run.label())
+    config, mine = planned_with(tmp_path / "here", other.folder)
+    assert [work.elsewhere for work in mine.runs] == [True, True, False, False]
+    for work in plan.runs[2:]:
+        shutil.rmtree(folder_path(work.run))
+    joined = collect(CollectConfig(str(config.folder)))
+    assert joined.missing.empty
+    for name in TABLES:
+        pd.testing.assert_frame_equal(getattr(joined, name), getattr(whole, name))
+
+
+def test_shipped_tables_are_tables_from_elsewhere(there, tmp_path):
+    other, _, whole = there
+    ship(ShipConfig(str(other.folder), str(tmp_path / "smoke")))
+    config, plan = planned_with(tmp_path / "here", tmp_path / "smoke")
+    assert all(work.is_done() and work.frames_left() == 0 for work in plan.runs)
+    said = as_text(plan, measure_speeds(tmp_path / "here"), 2, config.run.scale)
+    assert "smoke: 4 runs, 4 done, 0 to do with 0 frames" in said
+    joined = collect(CollectConfig(str(config.folder)))
+    common = list(joined.runs.columns)
+    pd.testing.assert_frame_equal(joined.runs, whole.runs[common], rtol=1e-5)
+    assert list(joined.transfers["transfer"]) == list(whole.transfers["transfer"])
+
+
+def test_a_run_whose_tables_are_not_whole_is_made_here(there, tmp_path):
+    other, _, whole = there
+    whole.transfers.iloc[1:].to_parquet(other.folder / "transfers.parquet")
+    whole.probes[whole.probes["n"] == 1].to_parquet(other.folder / "probes.parquet")
+    _, plan = planned_with(tmp_path / "here", other.folder)
+    assert [work.is_done() for work in plan.runs] == [False, False, True, True]
+
+
+def test_what_experiments_need_a_run_is_a_matter_of_the_plan(there, tmp_path):
+    other, _, whole = there
+    whole.runs.assign(experiments="another").to_parquet(other.folder / "runs.parquet")
+    config, _ = planned_with(tmp_path / "here", other.folder)
+    joined = collect(CollectConfig(str(config.folder)))
+    assert list(joined.runs["experiments"]) == list(whole.runs["experiments"])
+
+
+def test_folders_without_tables_are_refused(there, tmp_path):
+    other, _, _ = there
+    with pytest.raises(ConfigError, match=r"elsewhere: .*nowhere holds no runs.parquet; name folders of tables"):
+        planned_with(tmp_path / "here", tmp_path / "nowhere")
+    config, _ = planned_with(tmp_path / "here", other.folder)
+    (other.folder / "runs.parquet").unlink()
+    with pytest.raises(RunFolderError, match=r"was to be found in .*, and is not there any more"):
+        collect(CollectConfig(str(config.folder)))
+
+
+def test_a_damaged_table_is_told(there, tmp_path):
+    other, _, _ = there
+    (other.folder / "probes.parquet").write_bytes(b"PAR1")
+    with pytest.raises(ConfigError, match=r"elsewhere: .*probes.parquet cannot be read"):
+        planned_with(tmp_path / "here", other.folder)
