@@ -90,6 +90,7 @@ class PPOConfig(AlgorithmConfig):
     num_steps: int = 30  # per environment and update
     epochs: int = 1
     minibatches: int = 4
+    steps_together: int = 1  # successive steps of an environment that are in one minibatch: their stacks share frames
     learning_rate: float = 1e-4
     anneal: bool = False  # lower the learning rate linearly to zero
     adam_eps: float = 1e-5
@@ -134,6 +135,11 @@ class PPOConfig(AlgorithmConfig):
         require(room > 0, "algorithm.min_log_std", self.min_log_std, f"less than max_log_std, {self.max_log_std}")
         most = self.num_envs * self.num_steps // 2  # advantages are normalised within a minibatch: one has no variance
         require(self.minibatches <= most, "algorithm.minibatches", self.minibatches, f"at most half the batch, {most}")
+        together, pieces = self.steps_together, self.num_envs * self.num_steps // max(self.steps_together, 1)
+        divides = together >= 1 and self.num_steps % together == 0
+        require(divides, "algorithm.steps_together", together, f"a divisor of num_steps, {self.num_steps}")
+        require(self.minibatches <= pieces, "algorithm.minibatches", self.minibatches, f"at most the {pieces} pieces "
+                f"of steps_together={together}")  # fmt: skip
 
 
 # The CNNs that have a name: functions in experiments.encoders.

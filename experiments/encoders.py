@@ -21,6 +21,7 @@ from experiments.construct import import_object
 from experiments.errors import ConfigError
 from experiments.frame_conv import WHITE, FrameConv
 from experiments.keypoints import Keypoints
+from experiments.shared_frames import are_stacks, places_of_frames
 
 REPRESENTATION = 256  # numbers in phi(s), whatever the CNN
 
@@ -71,7 +72,7 @@ def make_encoder(
         raise ConfigError(
             f"algorithm.encoder: '{config.encoder}' cannot read {height} x {width} frames: {error}"
         ) from error
-    return FrameEncoder(trunk, config.precision)
+    return (StackEncoder if isinstance(trunk, Keypoints) else FrameEncoder)(trunk, config.precision)
 
 
 @cache
@@ -102,7 +103,7 @@ class MLP(nn.Module):
         self.layers = nn.Sequential(*layers)
         self.width = widths[-1]
 
-    def prepare(self, observation: Tensor) -> Tensor:
+    def prepare(self, observation: Tensor, done: Tensor) -> Tensor:
         """See :meth:`FrameEncoder.prepare`; there is nothing to do for vectors."""
         return observation
 
@@ -115,8 +116,8 @@ class FrameEncoder(nn.Module):
     """Frames uint8 [..., height, width, depth] -> representation float32 [..., 256], by a CNN.
 
     Args:
-        trunk: float [n, depth, height, width] -> [n, 256], or, if it has a method ``arrange``, what that makes of frames.
-            It gets numbers from 0 to 1, or, if it has a :class:`FrameConv`, from 0 to 255.
+        trunk: float [n, depth, height, width] -> [n, 256]. It gets numbers from 0 to 1, or, if it has a
+            :class:`FrameConv`, from 0 to 255.
         precision: what the trunk computes in, see :func:`precision_of`; its weights are float32 either way.
     """
 
@@ -128,24 +129,67 @@ class FrameEncoder(nn.Module):
         self.scale = None if any(isinstance(part, FrameConv) for part in trunk.modules()) else 1.0 / WHITE
         self.trunk.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
-    def prepare(self, frames: Tensor) -> Tensor:
-        """Frames in the order in which the CNN reads them, where that is one of its own: for those who encode frames several
-        times."""
-        arrange = getattr(self.trunk, "arrange", None)
-        return frames if arrange is None else arrange(frames)
+    def prepare(self, observation: Tensor, done: Tensor) -> Tensor:
+        """What a rollout's observations [T, N, ...] become that are to be encoded several times; :meth:`forward` takes any
+        part of it. ``done`` [T, N, 1] says with which steps episodes ended."""
+        return observation
 
     def forward(self, frames: Tensor) -> Tensor:
-        """The representation; frames, or what :meth:`prepare` made of them, of any leading shape."""
-        frames = self.prepare(frames)
-        own = -4 if hasattr(self.trunk, "arrange") else -3  # dimensions of what the trunk reads
-        shape, x = frames.shape[:own], frames.reshape(-1, *frames.shape[own:])
-        if own == -3:
-            x = x.permute(0, 3, 1, 2)  # a view: channels stay last in memory, as the convolutions like them
+        """The representation; frames of any leading shape."""
+        shape = frames.shape[:-3]
+        frames = frames if len(shape) == 1 else frames.reshape(-1, *frames.shape[-3:])
+        x = frames.permute(0, 3, 1, 2)  # a view: channels stay last in memory, as the convolutions like them
         precision = precision_of(self.precision, x.device.type)
         x = x.to(precision)
         x = x if self.scale is None else x * self.scale
         with torch.autocast(x.device.type, precision, enabled=precision != torch.float32):
             representation = self.trunk(x)
+        return representation.float().reshape(*shape, -1)
+
+
+class StackEncoder(FrameEncoder):
+    """As :class:`FrameEncoder`, by a CNN that looks at each frame of a stack by itself first, and then at what it saw.
+
+    Stacks of successive steps share their frames. Those that :meth:`prepare` has seen are therefore known by the places of
+    their frames in a pool, and each frame is looked at once, however many stacks of a batch show it.
+
+    Args:
+        trunk: see :class:`experiments.keypoints.Keypoints`.
+    """
+
+    trunk: Keypoints
+    pool: Tensor | None = None  # the distinct frames of the rollout that was prepared last
+
+    def prepare(self, observation: Tensor, done: Tensor) -> Tensor:
+        """The places of each stack's frames in the pool, int64 [T, N, stack]."""
+        stack = self.trunk.stack
+        before = done[..., 0].cpu().numpy()
+        *older, newest = (frames.flatten(0, 1) for frames in observation.tensor_split(stack, -1))
+        if are_stacks(observation.cpu().numpy(), before, stack):
+            older = [frames[: observation.shape[1]] for frames in older]  # of the first step
+            places = torch.from_numpy(places_of_frames(before, stack))
+        else:
+            places = torch.arange(stack * len(newest)).view(stack, *observation.shape[:2]).movedim(0, -1)
+        self.pool = torch.cat([self.trunk.squares(frames) for frames in (*older, newest)])
+        return places.to(observation.device)
+
+    def forward(self, frames: Tensor) -> Tensor:
+        """The representation; frames, or their places in the pool, of any leading shape."""
+        trunk = self.trunk
+        if frames.dtype == torch.int64:
+            assert self.pool is not None  # prepare has filled it
+            shape = frames.shape[:-1]
+            distinct, place = frames.unique(return_inverse=True)
+            squares, place = self.pool.index_select(0, distinct), place.flatten()
+        else:
+            shape, place = frames.shape[:-3], None
+            each = frames.reshape(-1, *frames.shape[-3:]).tensor_split(trunk.stack, -1)
+            squares = torch.stack([trunk.squares(one) for one in each], 1).flatten(0, 1)
+        precision = precision_of(self.precision, frames.device.type)
+        with torch.autocast(frames.device.type, precision, enabled=precision != torch.float32):
+            seen = trunk.look(squares.to(precision))
+            seen = seen if place is None else seen.index_select(0, place)
+            representation = trunk.join(seen.unflatten(0, (-1, trunk.stack)))
         return representation.float().reshape(*shape, -1)
 
 

@@ -14,7 +14,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from experiments.frame_conv import FrameConv
-from segar.observations.copying import copy_blocks
+from segar.observations.copying import copy_squares
 
 SHARPNESS = 5.0  # of the soft-argmax at first; learned, one number per filter
 MOVED = 5.0  # movements are shown this much enlarged: between frames, things move by a small part of the picture
@@ -25,26 +25,26 @@ STRIDE = 4  # of the first layer, whose kernel is two strides wide
 
 
 class Keypoints(nn.Module):
-    """Frames uint8 [n, height, width, depth] -> [n, 256]: 16 8x8 filters of stride 4, 16 3x3 ones, soft-argmax, dense.
+    """Stacks of frames -> 256 numbers: 16 8x8 filters of stride 4, 16 3x3 ones, soft-argmax, and dense layers.
 
-    A depth that is a multiple of 3 is so many frames in colour, the newest one last; any other is as many in grey. Frames
-    are first cut into squares as large as the stride (:meth:`arrange`): the first layer is then one of 2x2 squares.
+    A depth that is a multiple of 3 is so many frames in colour, the newest one last; any other is as many in grey. Each frame
+    is looked at by itself (:meth:`look`), cut into squares as large as the stride (:meth:`squares`): the first layer is then
+    one of 2x2 squares.
     """
 
     places: Tensor  # [cells, 3]: x and y of each cell of the map, and 1; no buffer, which functional modules take for a weight
 
     def __init__(self, height: int, width: int, depth: int, outputs: int = 256) -> None:
         super().__init__()
-        self.frames = depth // COLOURS if depth % COLOURS == 0 else depth
-        self.shape = (height, width, depth)
-        self.first = FrameConv(depth // self.frames, 16, 2 * STRIDE, STRIDE)
+        self.stack = depth // COLOURS if depth % COLOURS == 0 else depth
+        self.first = FrameConv(depth // self.stack, 16, 2 * STRIDE, STRIDE)
         self.second = nn.Conv2d(16, FILTERS, 3)
         with torch.no_grad():
-            rows, columns = self.second(self.first(torch.zeros(1, depth // self.frames, height, width))).shape[-2:]
+            rows, columns = self.second(self.first(torch.zeros(1, depth // self.stack, height, width))).shape[-2:]
         self.sharpness = nn.Parameter(torch.full((FILTERS,), SHARPNESS))
         y, x = torch.meshgrid(torch.linspace(-1, 1, rows), torch.linspace(-1, 1, columns), indexing="ij")
         self.places = torch.stack([x.flatten(), y.flatten(), torch.ones(rows * columns)], 1)
-        points = 2 * FILTERS * self.frames
+        points = 2 * FILTERS * self.stack
         self.dense = nn.Sequential(nn.Linear(points, outputs), nn.ReLU(), nn.Linear(outputs, outputs), nn.ReLU())
 
     def _apply(self, fn: Callable[[Tensor], Tensor], recurse: bool = True) -> Keypoints:
@@ -52,51 +52,43 @@ class Keypoints(nn.Module):
         self.places = fn(self.places)  # moves with the weights
         return self
 
-    def arrange(self, frames: Tensor) -> Tensor:
-        """Frames uint8 [..., height, width, depth] as squares: [..., frames, height / 4, width / 4, 16 depth / frames].
-
-        Squares are returned as they are.
-        """
-        if frames.shape[-3:] != self.shape:
-            return frames
+    @staticmethod
+    def squares(frames: Tensor) -> Tensor:
+        """Frames uint8 [n, height, width, channels] as squares of 4x4 pixels: [n, height / 4, width / 4, 16 channels]."""
         if frames.device.type != "cpu":
-            return self.arrange_by_torch(frames)
-        height, width, depth = self.shape
-        shape = (self.frames, height // STRIDE, width // STRIDE, STRIDE * STRIDE * depth // self.frames)
-        squares = frames.new_empty(*frames.shape[:-3], *shape)
-        copy_blocks(frames.reshape(-1, *self.shape).numpy(), squares.view(-1, *shape).numpy(), STRIDE)
+            return squares_by_torch(frames)
+        n, height, width, channels = frames.shape
+        squares = frames.new_empty(n, height // STRIDE, width // STRIDE, STRIDE * STRIDE * channels)
+        copy_squares(frames.numpy(), squares.numpy(), STRIDE)
         return squares
 
-    def arrange_by_torch(self, frames: Tensor) -> Tensor:
-        """:meth:`arrange` by torch's operators, which a GPU has, too."""
-        height, width, _ = (side // STRIDE for side in self.shape)
-        whole = frames[..., : height * STRIDE, : width * STRIDE, :]
-        parts = whole.unflatten(-1, (self.frames, -1)).unflatten(-3, (-1, STRIDE)).unflatten(-5, (-1, STRIDE))
-        first = frames.ndim - 3
-        row, dy, column, dx, frame, channel = range(first, first + 6)
-        return parts.permute(*range(first), frame, row, column, dy, dx, channel).flatten(-3)
-
-    def forward(self, squares: Tensor) -> Tensor:
-        """What the dense layers make of points and movements."""
-        points = self.points(squares)
-        moved = (points[:, 1:] - points[:, :-1]) * MOVED
-        return self.dense(torch.cat([points[:, -1:], moved], 1).flatten(1))
-
-    def points(self, squares: Tensor) -> Tensor:
-        """Where each filter answers in each frame, from -1 to 1: float32 [n, frames, (x, y), filter]."""
-        x = squares.flatten(0, 1).permute(0, 3, 1, 2)  # each frame by itself, channels last in memory
+    def look(self, squares: Tensor) -> Tensor:
+        """Where each filter answers in a frame, from -1 to 1: float32 [n, (x, y), filter]."""
+        x = squares.permute(0, 3, 1, 2)  # channels stay last in memory
         x = F.relu_(F.conv2d(x, self._first_of_squares(), self.first.bias))
         weight = self.second.weight * self.sharpness[:, None, None, None]
         answers = F.conv2d(x, weight, self.second.bias * self.sharpness)  # type: ignore[operator]
         with torch.autocast(x.device.type, enabled=False):
-            found = SoftArgmax.apply(answers.permute(0, 2, 3, 1).flatten(1, 2), self.places)
-        return found.unflatten(0, (-1, self.frames))
+            return SoftArgmax.apply(answers.permute(0, 2, 3, 1).flatten(1, 2), self.places)  # type: ignore[no-any-return]
+
+    def join(self, points: Tensor) -> Tensor:
+        """What the dense layers make of the points in a stack, [n, stack, (x, y), filter], and of their movements: [n, 256]."""
+        moved = (points[:, 1:] - points[:, :-1]) * MOVED
+        return self.dense(torch.cat([points[:, -1:], moved], 1).flatten(1))
 
     def _first_of_squares(self) -> Tensor:
         """The first layer's weights for squares: [filter, (row, column, channel), 2, 2]."""
         weight = self.first.divided_weight
         parts = weight.unflatten(3, (2, STRIDE)).unflatten(2, (2, STRIDE))  # filter, channel, above, row, left, column
         return parts.permute(0, 3, 5, 1, 2, 4).flatten(1, 3).contiguous(memory_format=torch.channels_last)
+
+
+def squares_by_torch(frames: Tensor) -> Tensor:
+    """:meth:`Keypoints.squares` by torch's operators, which a GPU has, too."""
+    _, height, width, _ = frames.shape
+    whole = frames[:, : height // STRIDE * STRIDE, : width // STRIDE * STRIDE]
+    parts = whole.unflatten(2, (-1, STRIDE)).unflatten(1, (-1, STRIDE))  # n, row, dy, column, dx, channel
+    return parts.transpose(2, 3).flatten(3)
 
 
 class SoftArgmax(torch.autograd.Function):

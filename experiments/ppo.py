@@ -19,7 +19,7 @@ from torchrl.objectives import ClipPPOLoss
 from torchrl.objectives.value.functional import generalized_advantage_estimate
 
 from experiments.config import PPOConfig
-from experiments.encoders import initialize, make_encoder
+from experiments.encoders import FrameEncoder, initialize, make_encoder
 from experiments.errors import TrainingError
 from experiments.policies import Actor, SquashedNormal, make_head
 from experiments.rewards import ReturnScale, learner_reward
@@ -54,9 +54,12 @@ class PPOPolicy(nn.Module):
         """See :class:`experiments.rollouts.StepPolicy`; there is no memory."""
         return (*self(observation), memory)
 
-    def prepare(self, observation: Tensor) -> Tensor:
-        """Observations as the networks like to read them best; they take either."""
-        return self.actor.encoder.prepare(observation)
+    def prepare(self, observation: Tensor, done: Tensor) -> Tensor:
+        """A rollout's observations [T, N, ...] as the networks are to read them several times."""
+        for part in self.value.children():  # an encoder of its own reads the same
+            if isinstance(part, FrameEncoder):
+                part.prepare(observation, done)
+        return self.actor.encoder.prepare(observation, done)
 
     @torch.no_grad()
     def act(self, observation: np.ndarray, *, rng: torch.Generator | None) -> np.ndarray:
@@ -159,15 +162,20 @@ class PPO:
         if self.scale is not None:
             reward = self.scale(reward, rollout.done)
         batch = make_batch(self.config, rollout, reward)
-        batch["observation"] = self.policy.prepare(rollout.observation)  # once for all epochs
+        batch["observation"] = self.policy.prepare(rollout.observation, rollout.done)
         return batch
 
     def minibatches(self, batch: TensorDict) -> Iterator[TensorDict]:
-        """Random disjoint parts of the steps in a batch [T, N], ``epochs`` times over."""
+        """Random disjoint parts of the steps in a batch [T, N], ``epochs`` times over; ``steps_together`` successive steps of
+        an environment stay together."""
         flat: Any = batch.flatten()
+        together, num_envs = self.config.steps_together, batch.shape[1]
+        steps = torch.arange(len(flat), device=self.device).view(-1, together, num_envs).transpose(1, 2)
+        pieces = steps.flatten(0, 1)  # [pieces, together]
         for _ in range(self.config.epochs):
-            order = torch.randperm(len(flat), generator=self.rng).to(self.device)
-            for rows in order.tensor_split(self.config.minibatches):
+            order = torch.randperm(len(pieces), generator=self.rng).to(self.device)
+            for chosen in order.tensor_split(self.config.minibatches):
+                rows = pieces[chosen].flatten()
                 # As batch[rows], whose indexing takes four times as long for frames.
                 parts = {key: value.index_select(0, rows) for key, value in flat.items()}
                 yield TensorDict._new_unsafe(parts, batch_size=rows.shape)

@@ -107,9 +107,9 @@ class RecurrentPolicy(nn.Module):
         """Forgets all: episodes start in ``env``."""
         self.acting = torch.zeros(env.num_envs, self.memory_width, device=next(self.parameters()).device)
 
-    def prepare(self, observation: Tensor) -> Tensor:
-        """Observations as the encoder likes to read them best; it takes either."""
-        return self.encoder.prepare(observation)
+    def prepare(self, observation: Tensor, done: Tensor) -> Tensor:
+        """A rollout's observations [T, N, ...] as the encoder is to read them several times."""
+        return self.encoder.prepare(observation, done)
 
     @torch.no_grad()
     def act(self, observation: np.ndarray, *, rng: torch.Generator | None) -> np.ndarray:

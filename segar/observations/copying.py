@@ -86,43 +86,42 @@ def interleave(packed, block):
                 block[p, w] = packed[w, p]
 
 
-def copy_blocks(frames: np.ndarray, target: np.ndarray, block: int) -> None:
-    """Each frame of each stack cut into squares of ``block`` pixels, whose bytes come to lie side by side.
+def copy_squares(frames: np.ndarray, target: np.ndarray, side: int) -> None:
+    """Each frame cut into squares, whose pixels come to lie side by side.
 
     A convolution whose kernel is a few strides wide is one of a few squares in that order, and much faster.
 
     Args:
-        frames: uint8 ``[n, height, width, depth]``, in any order of memory.
-        target: uint8 ``[n, stack, height // block, width // block, block * block * depth // stack]``, to be filled; the last
-            axis is row, column, channel. Pixels beyond the last whole square are left out.
+        frames: uint8 ``[n, height, width, channels]``, in any order of memory.
+        target: uint8 ``[n, height // side, width // side, side * side * channels]``, to be filled; its last axis is row,
+            column, channel. Pixels beyond the last whole square are left out.
+        side: of a square, in pixels.
     """
-    split_rgb(frames, target) if (block, frames.shape[3]) == (4, 3 * target.shape[1]) else split(frames, target, block)
+    split_rgb(frames, target) if (side, frames.shape[3]) == (4, 3) else split(frames, target, side)
 
 
 @njit(**_options)
 def split_rgb(frames, target):
-    """:func:`copy_blocks` of RGB frames and squares of 4: three times as fast where the compiler knows the sizes."""
+    """:func:`copy_squares` of RGB frames and squares of 4: three times as fast where the compiler knows the sizes."""
     for i in range(len(target)):
-        for f in range(target.shape[1]):
-            for row in range(target.shape[2]):
-                for dy in range(4):
-                    pixels = frames[i, 4 * row + dy]
-                    for column in range(target.shape[3]):
-                        square = target[i, f, row, column]
-                        for dx in range(4):
-                            for c in range(3):
-                                square[12 * dy + 3 * dx + c] = pixels[4 * column + dx, 3 * f + c]
+        for row in range(target.shape[1]):
+            for dy in range(4):
+                pixels = frames[i, 4 * row + dy]
+                for column in range(target.shape[2]):
+                    square = target[i, row, column]
+                    for dx in range(4):
+                        for c in range(3):
+                            square[12 * dy + 3 * dx + c] = pixels[4 * column + dx, c]
 
 
 @njit(**_options)
-def split(frames, target, block):
-    """:func:`copy_blocks` of any sizes."""
-    channels = frames.shape[3] // target.shape[1]
+def split(frames, target, side):
+    """:func:`copy_squares` of any sizes."""
+    channels = frames.shape[3]
     for i in range(len(target)):
-        for f in range(target.shape[1]):
-            for y in range(block * target.shape[2]):
-                for x in range(block * target.shape[3]):
-                    square = target[i, f, y // block, x // block]
-                    first = (y % block * block + x % block) * channels
-                    for c in range(channels):
-                        square[first + c] = frames[i, y, x, f * channels + c]
+        for y in range(side * target.shape[1]):
+            for x in range(side * target.shape[2]):
+                square = target[i, y // side, x // side]
+                first = (y % side * side + x % side) * channels
+                for c in range(channels):
+                    square[first + c] = frames[i, y, x, c]

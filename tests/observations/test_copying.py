@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from segar.observations.copying import copy_blocks, copy_rows
+from segar.observations.copying import copy_rows, copy_squares
 
 ENVS = 12
 SETS = {"all": None, "a run": np.arange(3, 9), "any": np.array([7, 0, 3]), "mixed ends": np.array([2, 9, 4, 5]),
@@ -46,19 +46,13 @@ def test_what_is_no_frame_is_copied():
     assert not np.delete(target, [1, 4], 0).any()
 
 
-@pytest.mark.parametrize(
-    ("shape", "stack", "block"), [((3, 64, 64, 6), 2, 4), ((2, 9, 13, 8), 4, 4), ((2, 12, 9, 3), 1, 3)]
-)
+@pytest.mark.parametrize(("shape", "side"), [((3, 64, 64, 3), 4), ((2, 9, 13, 2), 4), ((2, 12, 9, 3), 3)])
 @pytest.mark.parametrize("planes", [False, True])
-def test_squares_hold_the_pixels_of_their_place(shape, stack, block, planes):
+def test_squares_hold_the_pixels_of_their_place(shape, side, planes):
     frames = np.random.default_rng(0).integers(0, 256, shape, dtype=np.uint8)
-    if planes:
-        frames = np.ascontiguousarray(frames.transpose(0, 3, 1, 2)).transpose(0, 2, 3, 1)
-    n, height, width, depth = shape
-    target = np.zeros((n, stack, height // block, width // block, block * block * depth // stack), np.uint8)
-    copy_blocks(frames, target, block)
-    channels = depth // stack
-    for i, f, row, column in np.ndindex(target.shape[:-1]):
-        place = np.s_[row * block : (row + 1) * block, column * block : (column + 1) * block]
-        square = frames[i][place][..., f * channels : (f + 1) * channels]
-        np.testing.assert_array_equal(target[i, f, row, column], square.ravel())
+    n, height, width, channels = shape
+    target = np.zeros((n, height // side, width // side, side * side * channels), np.uint8)
+    copy_squares(in_planes(frames) if planes else frames, target, side)
+    for i, row, column in np.ndindex(target.shape[:-1]):
+        square = frames[i, row * side : (row + 1) * side, column * side : (column + 1) * side]
+        np.testing.assert_array_equal(target[i, row, column], square.ravel())

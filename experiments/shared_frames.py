@@ -1,0 +1,59 @@
+"""Which frames the stacks of a rollout share: all of one environment's successive stacks have but one frame of their own."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+_options = {"nogil": True, "cache": True, "error_model": "numpy", "_nrt": False}
+
+
+def places_of_frames(done: np.ndarray, stack: int) -> np.ndarray:
+    """Where each frame of each stack is among the distinct ones, int64 ``[T, N, stack]``, the newest frame last.
+
+    Distinct are, ``[stack - 1 + T, N]`` one after the other: the older frames of the first stacks, oldest first, then the
+    newest frame of each stack. An episode's first stack is its first frame, ``stack`` times.
+
+    Args:
+        done: bool ``[T, N]``; whether an episode ended with that step, so that the next stack begins another.
+    """
+    steps, num_envs = done.shape
+    begun = np.full(
+        (steps, num_envs), 1 - stack
+    )  # the step with which the episode began; before the first, none is known
+    begun[1:] = np.where(done[:-1], np.arange(1, steps)[:, None], 1 - stack)
+    begun = np.maximum.accumulate(begun, 0)
+    seen = np.arange(steps)[:, None, None] - np.arange(stack)[::-1]  # the step at which each frame was the newest
+    return (np.maximum(seen, begun[..., None]) + stack - 1) * num_envs + np.arange(num_envs)[:, None]
+
+
+def are_stacks(observation: np.ndarray, done: np.ndarray, stack: int) -> bool:
+    """Whether observations, uint8 ``[T, N, height, width, depth]``, are stacks of successive frames, the newest last, in which
+    an episode begins with its first frame ``stack`` times."""
+    steps, num_envs, height, width, depth = observation.shape
+    own = depth // stack
+    older = np.zeros((width, depth), np.uint8)  # all bits are set where an older frame than the newest has its channels
+    older[:, : depth - own] = 255
+    return _are_stacks(observation.reshape(steps, num_envs, height, width * depth), done, older.ravel(), own, depth)
+
+
+@njit(**_options)
+def _are_stacks(observation, done, older, own, depth):
+    for t in range(1, len(observation)):
+        for n in range(observation.shape[1]):
+            for y in range(observation.shape[2]):
+                now, then = (
+                    observation[t, n, y],
+                    observation[t - 1, n, y, own:],
+                )  # what was seen is one frame further in front
+                different = np.uint8(0)
+                if done[t - 1, n]:
+                    for i in range(len(now)):
+                        newest = now[i - i % depth + depth - own + i % own]
+                        different = np.uint8(different | ((now[i] ^ newest) & older[i]))
+                else:
+                    for i in range(len(then)):
+                        different = np.uint8(different | np.uint8(np.uint8(now[i] ^ then[i]) & older[i]))
+                if different:
+                    return False
+    return True
