@@ -26,6 +26,7 @@ METADATA: dict[str, dict[str, Any]] = {
     ".pdf": {"CreationDate": None, "Producer": None},
     ".svg": {"Date": None, "Creator": None},
 }
+DOT: dict[str, Any] = {"edgecolors": "white", "linewidths": 0.6}  # what all scattered dots look like
 COLOURS_OF_PNG = 128  # a palette makes files a third as large, and line art does not show it
 
 
@@ -60,14 +61,18 @@ def smaller(stream: io.BytesIO) -> bytes:
 def draw_points(axes: Axes, table: pd.DataFrame, x: str, y: str, error: str = "") -> None:
     """One point per row: colour says family, marker says difficulty; a thin bar the standard error, where one is named."""
     colours, markers = style.colours(table["family"]), style.markers(table["difficulty"])
-    axes.axhline(0, color="#999999", linewidth=0.8, zorder=1)
     for family, difficulty in product(style.ordered(table["family"]), style.ordered(table["difficulty"])):
         part, colour = select(table, family=family, difficulty=difficulty), colours[family]
         if error:
             bars = {"fmt": "none", "ecolor": colour, "alpha": 0.35, "elinewidth": 1, "zorder": 2}
             axes.errorbar(column(part, x), column(part, y), yerr=column(part, error), **bars)
-        look = {"marker": markers[difficulty], "color": colour, "edgecolors": "white", "linewidths": 0.6}
+        look = {"marker": markers[difficulty], "color": colour, **DOT}
         axes.scatter(column(part, x), column(part, y), s=36, zorder=3, **look)
+
+
+def zero_line(axes: Axes) -> None:
+    """A thin line at height 0, behind everything."""
+    axes.axhline(0, color="#999999", linewidth=0.8, zorder=1)
 
 
 def draw_line(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str = "#333333", band: bool = True) -> None:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 
-import numpy as np
 import pandas as pd
 
 from analysis.report import verdicts
 from analysis.report.claims import CORRECTED, PAPER, Claim, Finding, not_testable
 from analysis.report.evidence import Evidence, pearson
+from analysis.report.results import paired
 from analysis.report.verdicts import NOT_REPRODUCED, REPRODUCED, UNDECIDED
 from analysis.stats.association import holm
 from analysis.stats.estimate import Estimate
@@ -173,11 +173,8 @@ def transfer_is_worse(evidence: Evidence) -> Claim:
         return not_testable(name, statement, where, OUT)
     findings = []
     for settings, _, gap in SETTINGS:
-        own = dict(zip(evidence.main["run"], column(evidence.main, gap), strict=True))
-        paired = harder.assign(difference=column(harder, gap) - np.array([own[run] for run in harder["run"]]))
-        findings.append(
-            difference(evidence, settings, f"gap on harder levels less the own gap, {WORDS[settings]}", paired)
-        )
+        words = f"gap on harder levels less the own gap, {WORDS[settings]}"
+        findings.append(difference(evidence, settings, words, paired(harder, evidence.main, gap, ["run"])))
     follows = {
         REPRODUCED: "Agents lose more on harder levels. Harder levels have other returns anyway: 4a-shift compares "
         "with agents that were trained there.",
@@ -207,12 +204,8 @@ def shift_costs(evidence: Evidence) -> Claim:
 
 def there_trained(main: pd.DataFrame, harder: pd.DataFrame) -> pd.DataFrame:
     """Transfers beside the agent of the same n and seed that was trained where they are tested: ``difference``."""
-    cells = main[["family", "difficulty", "n", "seed"]].itertuples(index=False, name=None)
-    at_home = dict(zip(cells, column(main, "eta_test_deterministic"), strict=True))
-    places = harder[["test_family", "test_difficulty", "n", "seed"]].itertuples(index=False, name=None)
-    there = np.array([at_home.get(place, np.nan) for place in places])
-    paired = harder.assign(difference=column(harder, "eta_test_deterministic") - there)
-    return keep(paired, np.isfinite(column(paired, "difference")))
+    at, there = (["test_family", "test_difficulty", "n", "seed"], ["family", "difficulty", "n", "seed"])
+    return paired(harder, main, "eta_test_deterministic", at, there)
 
 
 def transfer_trend(evidence: Evidence) -> Claim:
@@ -319,7 +312,7 @@ def finished(
         text = " ".join(f"{settings.capitalize()}: {words}" for settings, words in said.items() if words)
     else:
         text = next(iter(said.values()), "")
-    return Claim(name, statement, where, findings, text, "" if text else needs)
+    return dataclasses.replace(claim, follows=text, needs="" if text else needs)
 
 
 def effect(settings: str, test: str, measure: str, found: Estimate, sign: int = WORSE) -> Finding:
@@ -331,18 +324,18 @@ def difference(
     evidence: Evidence,
     settings: str,
     test: str,
-    paired: pd.DataFrame,
+    differences: pd.DataFrame,
     sign: int = WORSE,
     measure: str = "mean difference",
 ) -> Finding:
     """A finding about a mean of paired differences of a claimed sign."""
-    found = evidence.mean(f"{settings} {test}", paired)
-    return Finding(settings, test, measure, found, verdicts.of_effect(found, sign, small_difference(paired)))
+    found = evidence.mean(f"{settings} {test}", differences)
+    return Finding(settings, test, measure, found, verdicts.of_effect(found, sign, small_difference(differences)))
 
 
-def small_difference(paired: pd.DataFrame) -> float:
+def small_difference(differences: pd.DataFrame) -> float:
     """The difference that would matter: a fifth of the standard deviation of the paired differences."""
-    return verdicts.SMALL_D * float(column(paired, "difference").std(ddof=1)) if len(paired) > 1 else 0.0
+    return verdicts.SMALL_D * float(column(differences, "difference").std(ddof=1)) if len(differences) > 1 else 0.0
 
 
 def panels_of(evidence: Evidence, difficulties: tuple[str, ...] = (), families: tuple[str, ...] = ()) -> list[str]:

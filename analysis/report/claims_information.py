@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from analysis.report import verdicts
 from analysis.report.claims import CORRECTED, PAPER, Claim, Finding, not_testable
 from analysis.report.claims_gap import difference, effect, finished, small_difference
 from analysis.report.evidence import Evidence, pearson
-from analysis.report.results import Results
+from analysis.report.results import Results, paired
 from analysis.report.verdicts import NOT_REPRODUCED, REPRODUCED, UNDECIDED
-from analysis.tables import column, keep, pick, select
+from analysis.tables import keep, pick, select
 
 R = "partial Pearson r"
 PROBED = "probes of the agents of the main grid (`probes.parquet`)"
@@ -39,9 +39,9 @@ def train_above_test(evidence: Evidence) -> Claim:
     for settings, probe in PROBES.items():
         part = select(probed, probe=probe)
         if len(part):
-            paired = part.assign(difference=part["accuracy_train"] - part["accuracy_test"])
+            differences = part.assign(difference=part["accuracy_train"] - part["accuracy_test"])
             words = f"accuracy on training less on test levels, {WORDS[settings].partition(',')[0]}"
-            findings.append(difference(evidence, settings, words, paired, sign=1))
+            findings.append(difference(evidence, settings, words, differences, sign=1))
     follows = {
         REPRODUCED: "The critic of 2022 is scored on the very pairs that it was fitted on, so part of the difference "
         "is its own over-fitting; the corrected row scores held-out episodes.",
@@ -87,11 +87,11 @@ def self_supervision_helps(evidence: Evidence) -> Claim:
     findings = []
     for settings, gap in GAPS.items():
         against = "base" if settings == PAPER else "control"
-        for algorithm, paired in beside_ppo(table, gap, against).items():
+        for algorithm, differences in beside_ppo(table, gap, against).items():
             words = f"gap of {algorithm} less that of PPO" + (
                 " with as many gradient steps" if against != "base" else ""
             )
-            findings.append(difference(evidence, settings, words, paired, sign=1))
+            findings.append(difference(evidence, settings, words, differences, sign=1))
     if not findings:
         return not_testable(name, statement, where, SELF_SUPERVISED)
     follows = {
@@ -108,9 +108,9 @@ def similar_to_ppo(evidence: Evidence) -> Claim:
     statement = "On test levels, CURL and SPR do about as well as PPO."
     table = evidence.results.of("figure_5a")
     findings = []
-    for algorithm, paired in beside_ppo(table, "eta_test_deterministic", "base").items():
-        found = evidence.mean(f"{name} {algorithm}", paired)
-        verdict = verdicts.of_absence(found, small_difference(paired))
+    for algorithm, differences in beside_ppo(table, "eta_test_deterministic", "base").items():
+        found = evidence.mean(f"{name} {algorithm}", differences)
+        verdict = verdicts.of_absence(found, small_difference(differences))
         findings.append(
             Finding(PAPER, f"return on test levels of {algorithm} less PPO", "mean difference", found, verdict)
         )
@@ -159,10 +159,12 @@ def mass_helps(evidence: Evidence) -> Claim:
     )
     findings = []
     for stack in ("textures", "textures_stack4"):
-        paired = beside(table, "gap", table["observation"] == stack, table["observation"] == f"{stack}(hidden=Mass)")
-        if len(paired):
+        differences = beside(
+            table, "gap", table["observation"] == stack, table["observation"] == f"{stack}(hidden=Mass)"
+        )
+        if len(differences):
             words = f"gap with the mass shown less hidden, {'four frames' if '4' in stack else 'one frame'}"
-            findings.append(difference(evidence, CORRECTED, words, paired, sign=1))
+            findings.append(difference(evidence, CORRECTED, words, differences, sign=1))
     if not findings:
         return Claim(name, statement, where, needs=MASSES, notes=(note,))
     follows = {
@@ -171,7 +173,7 @@ def mass_helps(evidence: Evidence) -> Claim:
         UNDECIDED: "Even where mass matters, whether seeing it makes the gap smaller stays open.",
     }
     claim = finished(name, statement, where, findings, follows, MASSES)
-    return Claim(name, statement, where, findings, claim.follows, claim.needs, (note,))
+    return dataclasses.replace(claim, notes=(note,))
 
 
 def mass_flips_trend(evidence: Evidence) -> Claim:
@@ -226,17 +228,12 @@ def beside_ppo(table: pd.DataFrame, value: str, against: str) -> dict[str, pd.Da
     control = name.str.endswith("two_epochs")
     partner = control if against == "control" else name.str.startswith("ppo") & ~control
     found = {algorithm: beside(table, value, name == algorithm, partner) for algorithm in auxiliary(table)}
-    return {algorithm: paired for algorithm, paired in found.items() if len(paired)}
+    return {algorithm: rows for algorithm, rows in found.items() if len(rows)}
 
 
 def beside(table: pd.DataFrame, value: str, one: Any, other: Any, same: Sequence[str] = SAME) -> pd.DataFrame:
     """The rows of ``one`` with ``difference``: their ``value`` less that of the row of ``other`` in the same cell."""
-    first, second = keep(table, one), keep(table, other)
-    cells = (part[list(same)].itertuples(index=False, name=None) for part in (second, first))
-    partners = dict(zip(next(cells), column(second, value), strict=True))
-    partner = np.array([partners.get(cell, np.nan) for cell in next(cells)])
-    paired = first.assign(difference=column(first, value) - partner)
-    return keep(paired, np.isfinite(column(paired, "difference")))
+    return paired(keep(table, one), keep(table, other), value, same)
 
 
 CLAIMS = (train_above_test, no_relation, self_supervision_helps, similar_to_ppo, insignificant_trends)

@@ -21,6 +21,7 @@ W2_STUDY = "the study of distances without training (`experiments=[w2_study]`, f
 SMALL_SHARE = 0.1  # of a variance; less does not matter
 TEST_LEVELS = 100  # of the study
 OUTCOMES = {PAPER: "eta_train_deterministic", CORRECTED: "success_train_deterministic"}
+ON_TEST = {PAPER: "eta_test_deterministic", CORRECTED: "success_test_deterministic"}
 WORDS = {PAPER: "return on training levels", CORRECTED: "success on training levels"}
 
 
@@ -102,8 +103,7 @@ def sac_solves_easy(evidence: Evidence) -> Claim:
     both = pd.concat([table.assign(kind="sac"), evidence.main.assign(kind="ppo")], ignore_index=True)
     both = select(both, difficulty="easy")
     findings = []
-    columns = ((PAPER, "eta_test_deterministic"), (CORRECTED, "success_test_deterministic"))
-    for settings, column in columns:
+    for settings, column in ON_TEST.items():
         paired = beside(both, column, both["kind"] == "sac", both["kind"] == "ppo")
         if len(paired):
             words = f"{column_words(column)}, SAC less PPO, easy panels (SAC had fewer frames)"
@@ -123,8 +123,7 @@ def sac_struggles(evidence: Evidence) -> Claim:
     statement = "SAC struggles on harder tasks."
     table = evidence.results.of("appendix_sac")
     findings = []
-    columns = ((PAPER, "eta_test_deterministic"), (CORRECTED, "success_test_deterministic"))
-    for settings, column in columns:
+    for settings, column in ON_TEST.items():
         easy, hard = table["difficulty"] == "easy", table["difficulty"] == "hard"
         paired = beside(table, column, easy, hard, ("family", "n", "seed"))
         if len(paired):

@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from analysis import style
-from analysis.figures import draw_line, draw_points, legend_of, new_figure
-from analysis.report.evidence import BOOTSTRAP, GIVEN, Evidence, matrix, pearson
+from analysis.figures import DOT, draw_line, draw_points, legend_of, new_figure, zero_line
+from analysis.report.evidence import BOOTSTRAP, DISTANCES, GIVEN, Evidence, design, pearson
 from analysis.report.words import said
 from analysis.stats.correlation import residuals
 from analysis.tables import column, mean_by, pick, select
@@ -58,6 +58,7 @@ def figure_3a(evidence: Evidence) -> Drawn | str:
             ("exact", "gap", "given panel and log n"),
         )
         for one, (title, x, y, error, x_label, y_label), test in zip(axes, sets, tests, strict=True):
+            zero_line(one)
             draw_points(one, table, x, y, error)
             draw_line(one, column(table, x), column(table, y))
             one.set_title(f"{title}\n{said(evidence.association(*test))}", loc="left", fontsize=9.5, linespacing=1.4)
@@ -75,9 +76,7 @@ def figure_3a(evidence: Evidence) -> Drawn | str:
 
 def left_of(table: pd.DataFrame, name: str) -> np.ndarray:
     """What least squares on panel and log n leaves of a column."""
-    covariates = matrix(table, ("panel", "log_n"))
-    assert covariates is not None
-    return residuals(column(table, name), np.column_stack([np.ones(len(table)), covariates]))
+    return residuals(column(table, name), design(table, ("panel", "log_n")))
 
 
 def figure_3b(evidence: Evidence) -> Drawn | str:
@@ -128,12 +127,12 @@ def by_family(table: pd.DataFrame, group: str) -> Figure:
 
 def draw_groups(axes: Axes, table: pd.DataFrame, x: str, y: str, group: str) -> None:
     """Points and a line per group, with r and p in the legend."""
-    axes.axhline(0, color="#999999", linewidth=0.8, zorder=1)
+    zero_line(axes)
     colours, markers = style.shades(table[group]), style.markers(table[group])
     for name in style.ordered(table[group]):
         part = select(table, **{group: name})
         found = pearson(part, x, y)
-        look = {"marker": markers[name], "color": colours[name], "edgecolors": "white", "linewidths": 0.6}
+        look = {"marker": markers[name], "color": colours[name], **DOT}
         axes.scatter(column(part, x), column(part, y), s=36, zorder=3, label=f"{name}: {said(found)}", **look)
     axes.margins(y=0.1)
     for name in style.ordered(table[group]):  # lines keep to the limits that all points made
@@ -149,8 +148,7 @@ def estimates(evidence: Evidence) -> Drawn | str:
         return "there are no runs of the main grid"
     found = select(evidence.resampled, way=BOOTSTRAP)
     table = pick(found, ["w2", "gap", "test", "estimate", "low", "high", "n", "p"])
-    names = {"reference": "W2 of 2022", "exact": "exact W2", "paper": "W2 of Algorithm 1"}
-    colours = dict(zip(names, style.PALETTE, strict=False))
+    colours = dict(zip(DISTANCES, style.PALETTE, strict=False))
     with style.applied():
         figure = new_figure(8.6, 3.9)
         axes = figure.subplots(1, 2, sharey=True)
@@ -162,7 +160,7 @@ def estimates(evidence: Evidence) -> Drawn | str:
                 r, low, high = (column(part, name) for name in ("estimate", "low", "high"))
                 error = np.array([np.maximum(r - low, 0), np.maximum(high - r, 0)])
                 look = {"fmt": style.MARKERS[k], "color": colours[mode], "capsize": 2.5, "markersize": 5.5}
-                one.errorbar(r, at, xerr=np.nan_to_num(error), label=names[mode], **look)
+                one.errorbar(r, at, xerr=np.nan_to_num(error), label=DISTANCES[mode], **look)
             one.set_yticks(range(len(GIVEN)), list(GIVEN))
             one.set_xlim(-1.02, 0.62)
             one.set_title(title)

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from itertools import product
-
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from analysis import style
-from analysis.figures import draw_line, new_figure
+from analysis.figures import DOT, draw_line, new_figure, zero_line
 from analysis.report.claims import CORRECTED, PAPER
 from analysis.report.claims_information import ACCURACIES, GAPS, PROBES, accuracies, auxiliary
 from analysis.report.drawings import CELL, GAP, SHORT_GAP, Drawn
 from analysis.report.evidence import Evidence, pearson
+from analysis.report.results import panels_of, with_panel
 from analysis.report.words import said
 from analysis.tables import binned, column, count_of, mean_by, pick, select
 
@@ -46,7 +45,7 @@ def draw_accuracy(axes: Axes, table: pd.DataFrame, gap: str, title: str) -> None
     for levels, colour, marker in zip(("train", "test"), style.PALETTE, style.MARKERS, strict=False):
         x, y = column(table, f"accuracy_{levels}"), column(table, gap)
         label = f"{levels}: {said(pearson(table, f'accuracy_{levels}', gap))}"
-        axes.scatter(x, y, s=32, color=colour, marker=marker, edgecolors="white", linewidths=0.6, label=label)
+        axes.scatter(x, y, s=32, color=colour, marker=marker, label=label, **DOT)
     for levels, colour in zip(
         ("train", "test"), style.PALETTE, strict=False
     ):  # after all points: lines keep to their limits
@@ -128,15 +127,11 @@ def appendix_sac(evidence: Evidence) -> Drawn | str:
     if chosen.empty:
         return "the curves have no returns of SAC on test levels"
     table = mean_by(chosen, ["family", "difficulty", "n", "frames"], ["value"])
-    panels = [f"{f}-{d}" for f in style.ordered(table["family"]) for d in style.ordered(table["difficulty"])]
-    named = table.assign(panel=[f"{a}-{b}" for a, b in zip(table["family"], table["difficulty"], strict=True)])
-    panels = [panel for panel in panels if panel in set(named["panel"])]
+    named = with_panel(table)
+    panels = panels_of(named)
     colours = dict(zip(sorted(set(table["n"])), style.SEQUENCE, strict=False))
     with style.applied():
-        figure = new_figure(3.4 * min(len(panels), 3), 2.7 * -(-len(panels) // 3) + 0.4)
-        grid = figure.subplots(-(-len(panels) // 3), min(len(panels), 3), squeeze=False).ravel()
-        for axes in grid[len(panels) :]:
-            axes.set_visible(False)
+        figure, grid = figure_of_panels(len(panels), 3.4, 2.7, 0.4)
         for axes, panel in zip(grid, panels, strict=False):
             for n, colour in colours.items():
                 part = select(named, panel=panel, n=n)
@@ -162,20 +157,25 @@ def appendix_mass(evidence: Evidence) -> Drawn | str:
     return Drawn(dots(table, "observation", "gap", SHORT_GAP), table, caption)
 
 
+def figure_of_panels(count: int, width: float, height: float, below: float) -> tuple[Figure, np.ndarray]:
+    """A figure with so many axes, three in a row, each of this size in inches; ``below`` is for the legend."""
+    columns, rows = min(count, 3), -(-count // 3)
+    figure = new_figure(width * columns, height * rows + below)
+    grid = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axes in grid[count:]:
+        axes.set_visible(False)
+    return figure, grid
+
+
 def dots(table: pd.DataFrame, group: str, y: str, label: str) -> Figure:
     """One axes per panel: a dot per run, groups side by side, a bar at their mean."""
-    named = table.assign(panel=[f"{a}-{b}" for a, b in zip(table["family"], table["difficulty"], strict=True)])
-    places = product(style.ordered(table["family"]), style.ordered(table["difficulty"]))
-    panels = [name for name in ("-".join(place) for place in places) if name in set(named["panel"])]
+    named = with_panel(table)
+    panels = panels_of(named)
     groups = sorted(set(map(str, table[group])))
     counts = sorted(set(table["n"]))
     colours = dict(zip(counts, style.SEQUENCE, strict=False))
-    columns = min(len(panels), 3)
     with style.applied():
-        figure = new_figure(3.7 * columns, 3.3 * -(-len(panels) // columns) + 0.3)
-        grid = figure.subplots(-(-len(panels) // columns), columns, squeeze=False).ravel()
-        for axes in grid[len(panels) :]:
-            axes.set_visible(False)
+        figure, grid = figure_of_panels(len(panels), 3.7, 3.3, 0.3)
         for axes, panel in zip(grid, panels, strict=False):
             part = select(named, panel=panel)
             for k, n in enumerate(counts):
@@ -191,11 +191,11 @@ def dots(table: pd.DataFrame, group: str, y: str, label: str) -> Figure:
                 markersize=22,
                 zorder=2,
             )
-            axes.axhline(0, color="#999999", linewidth=0.8, zorder=1)
+            zero_line(axes)
             axes.set_xticks(range(len(groups)), groups, rotation=30, ha="right", fontsize=8.5)
             axes.set_xlim(-0.6, len(groups) - 0.4)
             axes.set_title(panel)
-        for axes in grid[::columns]:
+        for axes in grid[::3]:
             axes.set_ylabel(label)
         figure.legend(*grid[0].get_legend_handles_labels(), loc="outside lower center", ncols=6)
     return figure

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from analysis import style
-from analysis.figures import legend_of, new_figure
+from analysis.figures import DOT, draw_points, legend_of, new_figure, zero_line
 from analysis.report.drawings import CELL, GAP, SHORT_GAP, Drawn, log_axis
 from analysis.report.drawings_agents import dots
 from analysis.report.evidence import Evidence, pearson
@@ -27,11 +27,11 @@ def fixed_n(evidence: Evidence) -> Drawn | str:
         colours, markers = (look(sorted(set(table["design"]))) for look in (style.colours, style.markers))
         for axes, (x, label) in zip(figure.subplots(1, 2, sharey=True),
                                     (("w2_reference", "W2 of 2022"), ("w2_exact", "exact W2")), strict=True):  # fmt: skip
-            axes.axhline(0, color="#999999", linewidth=0.8, zorder=1)
+            zero_line(axes)
             for design in sorted(set(table["design"])):
                 part = select(table, design=design)
-                axes.scatter(column(part, x), column(part, "gap"), s=34, color=colours[design], marker=markers[design],
-                             edgecolors="white", linewidths=0.6, label=design)  # fmt: skip
+                look = {"color": colours[design], "marker": markers[design], "label": design, **DOT}
+                axes.scatter(column(part, x), column(part, "gap"), s=34, **look)
             found = pearson(runs, x, "gap", ("panel", "n"))
             axes.set_title(f"given panel: {said(found)}", loc="left", fontsize=9.5)
             axes.set_xlabel(f"{label}, training to test levels")
@@ -56,16 +56,7 @@ def diversity(evidence: Evidence) -> Drawn | str:
     with style.applied():
         figure = new_figure(3.8 * len(names), 3.9)
         for axes, (x, label) in zip(figure.subplots(1, len(names), squeeze=False)[0], names.items(), strict=True):
-            colours, markers = style.colours(table["family"]), style.markers(table["difficulty"])
-            for family, difficulty in product(colours, markers):
-                part = select(table, family=family, difficulty=difficulty)
-                look = {
-                    "color": colours[family],
-                    "marker": markers[difficulty],
-                    "edgecolors": "white",
-                    "linewidths": 0.6,
-                }
-                axes.scatter(column(part, x), column(part, y), s=32, **look)
+            draw_points(axes, table, x, y)
             axes.set_title(
                 f"given panel and log n:\n{said(pearson(runs, x, y, ('panel', 'log_n')))}", loc="left", fontsize=9.5
             )

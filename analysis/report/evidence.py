@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -26,6 +26,7 @@ BOOTSTRAP, PERMUTATION = "bootstrap of (panel, seed) blocks", "permutation withi
 SEED = 2022  # of all bootstraps and permutations
 RESAMPLES = 1000
 PAPER_R = -0.597  # what p = 1.47e-5 means for 45 points
+DISTANCES = {"reference": "W2 of 2022", "exact": "exact W2", "paper": "W2 of Algorithm 1"}
 GAPS = {"gap": "full returns", "gap_2022": "returns of 2022", "gap_sampled": "full returns, sampled actions"}
 OUTLIERS = {
     "all runs": "kept",
@@ -49,8 +50,8 @@ class Evidence:
     @cached_property
     def modes(self) -> list[str]:
         """The W2 modes that all runs of the main grid have; the one of 2022 first."""
-        known = [m for m in ("reference", "exact", "paper") if f"w2_{m}" in self.main]
-        return [m for m in known if np.isfinite(self.main[f"w2_{m}"].to_numpy(np.float64)).all()]
+        known = [m for m in DISTANCES if f"w2_{m}" in self.main]
+        return [m for m in known if np.isfinite(column(self.main, f"w2_{m}")).all()]
 
     @cached_property
     def associations(self) -> pd.DataFrame:
@@ -72,9 +73,8 @@ class Evidence:
         rows = select(table, **want) if len(table) else table
         if rows.empty:
             return Estimate.missing(0, "no such runs")
-        row = rows.iloc[0]
-        names = [f.name for f in dataclasses.fields(Estimate)]
-        found = Estimate(**{name: row[name] for name in names})
+        row = rows.iloc[0].to_dict()
+        found = estimate_of(row)
         return dataclasses.replace(found, p=float(row["p_holm"])) if corrected else found
 
     def bootstrap(
@@ -96,11 +96,8 @@ class Evidence:
         whole = pearson(table, x, y, given)
         if not np.isfinite(whole.estimate):
             return whole
-        design = np.ones((len(table), 1))
-        covariates = matrix(table, given)
-        if covariates is not None:
-            design = np.column_stack([design, covariates])
-        return self.bootstrap(name, table, np.column_stack([table[[x, y]].to_numpy(np.float64), design]), partial)
+        values = np.column_stack([column(table, x), column(table, y), design(table, given)])
+        return self.bootstrap(name, table, values, partial)
 
     def permutation(self, name: str, table: pd.DataFrame, x: str, y: str, given: Sequence[str] = ()) -> Estimate:
         """:func:`analysis.stats.resampling.permutation_within`; where nothing can be permuted, none and the reason."""
@@ -109,10 +106,10 @@ class Evidence:
         except SegarError as error:
             return Estimate.missing(len(table), str(error))
 
-    def mean(self, name: str, table: pd.DataFrame, column: str = "difference") -> Estimate:
+    def mean(self, name: str, table: pd.DataFrame, value: str = "difference") -> Estimate:
         """The mean of a column, such as paired differences, with the interval and p of a bootstrap of (panel,
         seed) blocks."""
-        return self.bootstrap(name, table, table[column].to_numpy(np.float64), lambda values: float(values.mean()))
+        return self.bootstrap(name, table, column(table, value), lambda values: float(values.mean()))
 
     @cached_property
     def resampled(self) -> pd.DataFrame:
@@ -174,7 +171,7 @@ class Evidence:
         panel, log_n = indicators(list(self.main["panel"])), self.main[["log_n"]].to_numpy(np.float64)
         rows = []
         for mode in self.modes:
-            y = np.log(self.main[f"w2_{mode}"].to_numpy(np.float64))
+            y = np.log(column(self.main, f"w2_{mode}"))
             for name, x in (("panel", panel), ("log n", log_n), ("both", np.column_stack([panel, log_n]))):
                 found = explained(y, x)
                 rows.append({"w2": mode, "of": name, "r2": np.nan if isinstance(found, NotAvailable) else found})
@@ -210,7 +207,7 @@ def partial(values: np.ndarray) -> float:
 
 def pearson(table: pd.DataFrame, x: str, y: str, given: Sequence[str] = ()) -> Estimate:
     """Pearson's r given columns (numbers, or names of groups), with Fisher's interval; NaN where there is none."""
-    found = correlate(table[x].to_numpy(np.float64), table[y].to_numpy(np.float64), matrix(table, given))
+    found = correlate(column(table, x), column(table, y), matrix(table, given))
     if isinstance(found, NotAvailable):
         return Estimate.missing(len(table), found.reason)
     return Estimate(found.pearson, found.pearson_low, found.pearson_high, found.points, found.pearson_p)
@@ -225,6 +222,18 @@ def matrix(table: pd.DataFrame, given: Sequence[str]) -> np.ndarray | None:
             covariate_matrix(table, [name], log=False) if numeric else indicators(list(table[name].astype(str)))
         )
     return np.column_stack(parts) if parts else None
+
+
+def design(table: pd.DataFrame, given: Sequence[str]) -> np.ndarray:
+    """What least squares takes out of a column: its mean, and covariates; [n, 1 + k]."""
+    covariates = matrix(table, given)
+    ones = np.ones((len(table), 1))
+    return ones if covariates is None else np.column_stack([ones, covariates])
+
+
+def estimate_of(row: Mapping[str, Any]) -> Estimate:
+    """The estimate that a row holds."""
+    return Estimate(**{one.name: row[one.name] for one in dataclasses.fields(Estimate) if one.name in row})
 
 
 def leading(table: pd.DataFrame, *names: str) -> pd.DataFrame:

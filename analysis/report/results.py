@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
@@ -52,9 +53,7 @@ class Results:
     @cached_property
     def panels(self) -> list[str]:
         """The panels of the main grid, in the paper's order."""
-        there = set(self.main["panel"])
-        orders = (style.ordered(self.main[name]) for name in PANEL)
-        return [name for name in ("-".join(place) for place in product(*orders)) if name in there]
+        return panels_of(self.main)
 
     @cached_property
     def moved(self) -> pd.DataFrame:
@@ -143,7 +142,35 @@ def measured(table: pd.DataFrame) -> pd.DataFrame:
         gap=table["gap_deterministic"],
         gap_se=table["gap_se_deterministic"],
         gap_2022=table["gap_ref_deterministic"],
-        panel=[f"{a}-{b}" for a, b in zip(table["family"], table["difficulty"], strict=True)],
         log_n=np.log(table["n"].to_numpy(np.float64)),
     )
-    return keep(named, np.isfinite(column(named, "gap")))
+    return keep(with_panel(named), np.isfinite(column(named, "gap")))
+
+
+def with_panel(table: pd.DataFrame) -> pd.DataFrame:
+    """The table with ``panel``, e.g. empty-hard."""
+    return table.assign(panel=[f"{a}-{b}" for a, b in zip(table["family"], table["difficulty"], strict=True)])
+
+
+def panels_of(table: pd.DataFrame) -> list[str]:
+    """The panels of a table, in the paper's order."""
+    there = set(table["panel"])
+    orders = (style.ordered(table[name]) for name in PANEL)
+    return [name for name in ("-".join(place) for place in product(*orders)) if name in there]
+
+
+def paired(first: pd.DataFrame, second: pd.DataFrame, value: str, at: Sequence[str], there: Sequence[str] = (),
+           other: str = "") -> pd.DataFrame:  # fmt: skip
+    """The rows of ``first`` with ``difference``: their ``value`` less that of their partner in ``second``; rows without a
+    partner are left out.
+
+    Args:
+        at: the columns of ``first`` that name its partner.
+        there: what they are called in ``second``; as in ``first`` if not said.
+        other: the partner's value; the same column if not said.
+    """
+    places = second[list(there or at)].itertuples(index=False, name=None)
+    partners = dict(zip(places, column(second, other or value), strict=True))
+    partner = np.array([partners.get(place, np.nan) for place in first[list(at)].itertuples(index=False, name=None)])
+    found = first.assign(difference=column(first, value) - partner)
+    return keep(found, np.isfinite(column(found, "difference")))

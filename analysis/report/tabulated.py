@@ -8,13 +8,12 @@ import numpy as np
 import pandas as pd
 
 from analysis.report.document import Table
-from analysis.report.evidence import BOOTSTRAP, GAPS, GIVEN, PERMUTATION, Evidence
+from analysis.report.evidence import BOOTSTRAP, DISTANCES, GAPS, GIVEN, PERMUTATION, Evidence, estimate_of
 from analysis.report.results import PANEL
 from analysis.report.words import interval, p_value, plain, signed
 from analysis.stats.estimate import Estimate
 from analysis.tables import mean_by, select
 
-DISTANCES = {"reference": "W2 of 2022", "exact": "exact W2", "paper": "W2 of Algorithm 1"}
 CELL_COLUMNS = {
     "w2_reference": 3, "w2_exact": 3, "eta_train_deterministic": 2, "eta_test_deterministic": 2, "gap": 2, "gap_se": 2,
     "gap_2022": 2, "success_train_deterministic": 2, "success_test_deterministic": 2, "death_test_deterministic": 2,
@@ -205,9 +204,3 @@ def row_of(table: pd.DataFrame, **equal: str) -> Estimate:
     """The estimate in the row that has these values; NaN where there is none."""
     rows = select(table, **equal)
     return Estimate.missing(0, "") if rows.empty else estimate_of(rows.iloc[0].to_dict())
-
-
-def estimate_of(row: Mapping[str, object]) -> Estimate:
-    """The estimate that a row holds."""
-    names = ("estimate", "low", "high", "n", "p")
-    return Estimate(**{name: row[name] for name in names})  # type: ignore[arg-type]
