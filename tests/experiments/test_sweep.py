@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 
 import psutil
+from threadpoolctl import threadpool_info
 
 from experiments.sweep import Job, run_jobs
 
@@ -38,6 +39,17 @@ def test_what_a_job_prints_goes_to_its_log(tmp_path, capfd):
     assert outcome.error is None
     assert sorted(outcome.job.log.read_text().splitlines()) == ["a line from Python", "a line from below"]
     assert capfd.readouterr() == ("", "")
+
+
+def count_threads(_):
+    """Stands for work: how many threads each library of linear algebra would take."""
+    return [pool["num_threads"] for pool in threadpool_info()]
+
+
+def test_no_library_takes_more_than_one_thread(tmp_path):
+    """Two processes with two threads each would wait for one another on two cores."""
+    (outcome,) = run_jobs([Job("one", None, tmp_path / "log")], count_threads, 1)
+    assert outcome.result and set(outcome.result) == {1}
 
 
 def test_a_failing_job_stops_no_other_and_leaves_its_traceback(tmp_path):
