@@ -8,7 +8,6 @@ import time
 from pathlib import Path
 
 import psutil
-from threadpoolctl import threadpool_info
 
 from experiments.sweep import Job, run_jobs
 
@@ -41,15 +40,27 @@ def test_what_a_job_prints_goes_to_its_log(tmp_path, capfd):
     assert capfd.readouterr() == ("", "")
 
 
+MAIN = """
+import numpy as np  # loads its library in every process of the pool, before the pool can say how many threads it has
+from pathlib import Path
+from threadpoolctl import threadpool_info
+from experiments.sweep import Job, run_jobs
+
 def count_threads(_):
-    """Stands for work: how many threads each library of linear algebra would take."""
     return [pool["num_threads"] for pool in threadpool_info()]
+
+if __name__ == "__main__":
+    (outcome,) = run_jobs([Job("one", None, Path("log"))], count_threads, 1)
+    print(outcome.result)
+"""
 
 
 def test_no_library_takes_more_than_one_thread(tmp_path):
     """Two processes with two threads each would wait for one another on two cores."""
-    (outcome,) = run_jobs([Job("one", None, tmp_path / "log")], count_threads, 1)
-    assert outcome.result and set(outcome.result) == {1}
+    (tmp_path / "main.py").write_text(MAIN)
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run([sys.executable, "main.py"], cwd=tmp_path, env=environment, capture_output=True, text=True)
+    assert done.stdout.strip() == "[1]", done.stderr
 
 
 def test_a_failing_job_stops_no_other_and_leaves_its_traceback(tmp_path):
