@@ -163,11 +163,11 @@ class StackEncoder(FrameEncoder):
     def prepare(self, observation: Tensor, done: Tensor) -> Tensor:
         """The places of each stack's frames in the pool, int64 [T, N, stack]."""
         stack = self.trunk.stack
-        before = done[..., 0].cpu().numpy()
+        done = done[..., 0]
         *older, newest = (frames.flatten(0, 1) for frames in observation.tensor_split(stack, -1))
-        if are_stacks(observation.cpu().numpy(), before, stack):
+        if are_stacks(observation, done, stack):
             older = [frames[: observation.shape[1]] for frames in older]  # of the first step
-            places = torch.from_numpy(places_of_frames(before, stack))
+            places = torch.from_numpy(places_of_frames(done.cpu().numpy(), stack))
         else:
             places = torch.arange(stack * len(newest)).view(stack, *observation.shape[:2]).movedim(0, -1)
         self.pool = torch.cat([self.trunk.squares(frames) for frames in (*older, newest)])

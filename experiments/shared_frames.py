@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+import torch
 from numba import njit
+from torch import Tensor
 
 _options = {"nogil": True, "cache": True, "error_model": "numpy", "_nrt": False}
 
@@ -27,14 +29,25 @@ def places_of_frames(done: np.ndarray, stack: int) -> np.ndarray:
     return (np.maximum(seen, begun[..., None]) + stack - 1) * num_envs + np.arange(num_envs)[:, None]
 
 
-def are_stacks(observation: np.ndarray, done: np.ndarray, stack: int) -> bool:
+def are_stacks(observation: Tensor, done: Tensor, stack: int) -> bool:
     """Whether observations, uint8 ``[T, N, height, width, depth]``, are stacks of successive frames, the newest last, in which
-    an episode begins with its first frame ``stack`` times."""
+    an episode begins with its first frame ``stack`` times; ``done`` is bool ``[T, N]``."""
+    if observation.device.type != "cpu":
+        return are_stacks_by_torch(observation, done, stack)
     steps, num_envs, height, width, depth = observation.shape
     own = depth // stack
     older = np.zeros((width, depth), np.uint8)  # all bits are set where an older frame than the newest has its channels
     older[:, : depth - own] = 255
-    return _are_stacks(observation.reshape(steps, num_envs, height, width * depth), done, older.ravel(), own, depth)
+    rows = observation.reshape(steps, num_envs, height, width * depth).numpy()
+    return _are_stacks(rows, done.numpy(), older.ravel(), own, depth)
+
+
+def are_stacks_by_torch(observation: Tensor, done: Tensor, stack: int) -> bool:
+    """:func:`are_stacks` by torch's operators, which a GPU has, too."""
+    frames = observation.unflatten(-1, (stack, -1))
+    begins = done[:-1, :, None, None, None, None]
+    expected = torch.where(begins, frames[1:, ..., -1:, :], frames[:-1, ..., 1:, :])
+    return torch.equal(frames[1:, ..., :-1, :], expected)
 
 
 @njit(**_options)

@@ -11,6 +11,7 @@ from experiments.config import CNNS, PPOConfig
 from experiments.encoders import MLP, FrameEncoder, initialize, make_encoder
 from experiments.errors import ConfigError
 from experiments.keypoints import SoftArgmax, squares_by_torch
+from experiments.shared_frames import are_stacks_by_torch
 
 FRAMES = torch.randint(0, 256, (6, 64, 64, 3), dtype=torch.uint8, generator=torch.Generator().manual_seed(0))
 
@@ -193,6 +194,7 @@ def rollout_of(stack, steps=9, num_envs=3, seed=0):
 def test_stacks_of_a_rollout_are_read_alike_by_the_places_of_their_frames(stack):
     whole = encoder("keypoints", shape=(64, 64, 3 * stack))
     frames, done = rollout_of(stack)
+    assert are_stacks_by_torch(frames, done[..., 0], stack)
     places = whole.prepare(frames, done)
     assert places.shape == (9, 3, stack) and len(whole.pool) == (9 + stack - 1) * 3
     torch.testing.assert_close(whole(places), whole(frames), atol=1e-5, rtol=1e-4)
@@ -205,6 +207,7 @@ def test_what_is_no_stack_of_successive_frames_is_read_as_it_is(where):
     frames, done = rollout_of(2)
     t, n = next((t, n) for t in range(8) for n in range(3) if bool(done[t, n, 0]) == (where == "at its beginning"))
     frames[t + 1, n, 5, 6, 1] ^= 1
+    assert not are_stacks_by_torch(frames, done[..., 0], 2)
     places = whole.prepare(frames, done)
     assert len(whole.pool) == 9 * 3 * 2
     torch.testing.assert_close(whole(places), whole(frames), atol=1e-5, rtol=1e-4)
