@@ -66,11 +66,18 @@ def _play_batch(policy, levels, indices, env_options, rng, seed) -> list[dict[st
     env = VectorEnv(levels, len(indices), seed=seed, **env_options)
     rows: list[dict[str, Any] | None] = [None] * len(indices)
     observation, _ = env.reset(seed=seed, options={"levels": indices})
+    acts_for_all = hasattr(policy, "begin") or not isinstance(observation, np.ndarray)  # it remembers, or looks at env
     if hasattr(policy, "begin"):
         policy.begin(env)
+    actions = np.zeros((len(indices), *env.single_action_space.shape), np.float32)
     while None in rows:
-        observation, reward, terminated, truncated, info = env.step(policy.act(observation, rng=rng))
-        # An environment whose episode is over starts another one, which nobody records.
+        # An environment whose episode is over starts another one, in which nobody acts and which nobody records.
+        playing = np.array([row is None for row in rows])
+        if acts_for_all or playing.all():
+            actions[:] = policy.act(observation, rng=rng)
+        else:
+            actions[playing] = policy.act(observation[playing], rng=rng)
+        observation, reward, terminated, truncated, info = env.step(actions)
         new = [i for i in np.flatnonzero(terminated | truncated).tolist() if rows[i] is None]
         if new:
             final = info["final_info"]

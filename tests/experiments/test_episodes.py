@@ -53,6 +53,31 @@ def test_results_do_not_depend_on_the_batch(monkeypatch):
     assert play(Linear(), LEVELS, np.arange(12), {}, rng=None, seed=0) == whole
 
 
+class Counting(Linear):
+    """Notes for how many environments it acts; one with ``begin`` knows them all."""
+
+    def __init__(self):
+        self.acted = []
+
+    def act(self, observation, *, rng):
+        self.acted.append(len(observation))
+        return super().act(observation, rng=rng)
+
+
+class Remembering(Counting):
+    def begin(self, env):
+        self.number = env.num_envs
+
+
+def test_only_those_act_whose_episode_goes_on_unless_the_policy_knows_its_environments():
+    lengths = np.array([row["length"] for row in play(Linear(), LEVELS, np.arange(12), {}, rng=None, seed=0)])
+    some, all_of_them = Counting(), Remembering()
+    rows = [play(policy, LEVELS, np.arange(12), {}, rng=None, seed=0) for policy in (some, all_of_them)]
+    assert rows[0] == rows[1]
+    assert some.acted == [int((lengths > t).sum()) for t in range(lengths.max())]
+    assert all_of_them.acted == [12] * lengths.max()
+
+
 def test_a_death_counts_in_the_return_and_not_in_that_of_the_reference():
     levels = family("tilesx3-hard").sample(30, seed=0)
     rows = play(Linear(), levels, np.arange(30), {}, rng=torch.Generator().manual_seed(0), seed=0)
