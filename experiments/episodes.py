@@ -9,6 +9,7 @@ import numpy as np
 import torch
 
 from experiments.config import ACTION_MODES, RunConfig
+from experiments.rollouts import action_size
 from experiments.run_folder import RESULTS
 from experiments.worlds import environment_options
 from segar.envs.vector import VectorEnv
@@ -69,7 +70,7 @@ def _play_batch(policy, levels, indices, env_options, rng, seed) -> list[dict[st
     acts_for_all = hasattr(policy, "begin") or not isinstance(observation, np.ndarray)  # it remembers, or looks at env
     if hasattr(policy, "begin"):
         policy.begin(env)
-    actions = np.zeros((len(indices), *env.single_action_space.shape), np.float32)
+    actions = np.zeros((len(indices), action_size(env)), np.float32)
     while None in rows:
         # An environment whose episode is over starts another one, in which nobody acts and which nobody records.
         playing = np.array([row is None for row in rows])
