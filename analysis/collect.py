@@ -27,6 +27,7 @@ from analysis.tables import performance, select, write_csv
 from experiments.atomic import replacing
 from experiments.cells import cell_of
 from experiments.config import ACTION_MODES, RunConfig
+from experiments.elsewhere import RUNS, TRANSFERS
 from experiments.entry import run_simple_command
 from experiments.errors import RunFolderError
 from experiments.journal import read_journal
@@ -44,7 +45,7 @@ from experiments.run_folder import (
 )
 
 PLAN = "plan.json"
-RUNS, TRANSFERS, LEVELS, CURVES = "runs.parquet", "transfers.parquet", "levels.parquet", "curves.parquet"
+LEVELS, CURVES = "levels.parquet", "curves.parquet"
 DIGITS = {"estimate": 3, "low": 3, "high": 3, "entropy": 3, "p": 4}  # after the point, in the table of probes
 TABLES, MISSING = "tables", "missing.csv"
 OWN = "own"  # the test set that a run has by itself

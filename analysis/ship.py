@@ -12,10 +12,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from analysis.collect import CURVES, MISSING, RUNS, TRANSFERS
+from analysis.collect import CURVES, MISSING
 from analysis.report.results import STUDIES, read_results
 from analysis.tables import binned, column, mean_by, write_csv
 from experiments.atomic import replacing
+from experiments.elsewhere import RUNS, TRANSFERS
 from experiments.entry import run_simple_command
 from experiments.run_folder import PROBES
 

@@ -20,9 +20,7 @@ def places_of_frames(done: np.ndarray, stack: int) -> np.ndarray:
         done: bool ``[T, N]``; whether an episode ended with that step, so that the next stack begins another.
     """
     steps, num_envs = done.shape
-    begun = np.full(
-        (steps, num_envs), 1 - stack
-    )  # the step with which the episode began; before the first, none is known
+    begun = np.full((steps, num_envs), 1 - stack)  # the step with which the episode began, if it did in the rollout
     begun[1:] = np.where(done[:-1], np.arange(1, steps)[:, None], 1 - stack)
     begun = np.maximum.accumulate(begun, 0)
     seen = np.arange(steps)[:, None, None] - np.arange(stack)[::-1]  # the step at which each frame was the newest
@@ -32,6 +30,8 @@ def places_of_frames(done: np.ndarray, stack: int) -> np.ndarray:
 def are_stacks(observation: Tensor, done: Tensor, stack: int) -> bool:
     """Whether observations, uint8 ``[T, N, height, width, depth]``, are stacks of successive frames, the newest last, in which
     an episode begins with its first frame ``stack`` times; ``done`` is bool ``[T, N]``."""
+    if stack == 1:  # nothing is shared, and nothing to be compared
+        return True
     if observation.device.type != "cpu":
         return are_stacks_by_torch(observation, done, stack)
     steps, num_envs, height, width, depth = observation.shape
@@ -55,10 +55,7 @@ def _are_stacks(observation, done, older, own, depth):
     for t in range(1, len(observation)):
         for n in range(observation.shape[1]):
             for y in range(observation.shape[2]):
-                now, then = (
-                    observation[t, n, y],
-                    observation[t - 1, n, y, own:],
-                )  # what was seen is one frame further in front
+                now, then = observation[t, n, y], observation[t - 1, n, y, own:]  # what is seen again lies in front
                 different = np.uint8(0)
                 if done[t - 1, n]:
                     for i in range(len(now)):

@@ -107,10 +107,9 @@ def _pool(processes: int) -> Iterator[ProcessPoolExecutor]:
 
 def _begin_process(reader: Connection) -> None:
     """Prepares a process of the pool: one thread for linear algebra, and an end when the pool's owner has ended."""
-    os.environ.update(
-        OMP_NUM_THREADS="1", MKL_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1"
-    )  # of libraries yet to be loaded
-    threadpool_limits(1)  # of those that are: two processes whose numpy has two threads each wait for one another
+    # Two processes whose numpy has two threads each wait for one another. The variables are for libraries yet to be loaded.
+    os.environ.update(OMP_NUM_THREADS="1", MKL_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")
+    threadpool_limits(1)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all processes; the owner decides
 
     def end_with_owner() -> None:

@@ -74,8 +74,8 @@ class RunWork:
 
     def is_done_here(self) -> bool:
         """Whether run folders have all of it."""
-        finished = (folder_path(self.run) / SUMMARY).exists()
-        return finished and all(transfer.is_done(self.run) for transfer in self.transfers) and not self.lacks_probes()
+        tested = all(transfer.is_done(self.run) for transfer in self.transfers)
+        return is_finished(folder_path(self.run)) and tested and not self.lacks_probes()
 
     def lacks_probes(self) -> bool:
         """Whether the run is to be probed, and was not probed so."""

@@ -17,6 +17,7 @@ from analysis.report.results import panels_of, with_panel
 from analysis.report.words import said
 from analysis.tables import binned, column, count_of, mean_by, pick, select
 
+ACROSS = 3  # axes in a row, of figures that have one per panel
 NO_PROBES = "the agents were not probed (`probes.parquet`)"
 
 
@@ -158,8 +159,8 @@ def appendix_mass(evidence: Evidence) -> Drawn | str:
 
 
 def figure_of_panels(count: int, width: float, height: float, below: float) -> tuple[Figure, np.ndarray]:
-    """A figure with so many axes, three in a row, each of this size in inches; ``below`` is for the legend."""
-    columns, rows = min(count, 3), -(-count // 3)
+    """A figure with so many axes, :data:`ACROSS` in a row, each of this size in inches; ``below`` is for the legend."""
+    columns, rows = min(count, ACROSS), -(-count // ACROSS)
     figure = new_figure(width * columns, height * rows + below)
     grid = figure.subplots(rows, columns, squeeze=False).ravel()
     for axes in grid[count:]:
@@ -195,7 +196,7 @@ def dots(table: pd.DataFrame, group: str, y: str, label: str) -> Figure:
             axes.set_xticks(range(len(groups)), groups, rotation=30, ha="right", fontsize=8.5)
             axes.set_xlim(-0.6, len(groups) - 0.4)
             axes.set_title(panel)
-        for axes in grid[::3]:
+        for axes in grid[::ACROSS]:
             axes.set_ylabel(label)
         figure.legend(*grid[0].get_legend_handles_labels(), loc="outside lower center", ncols=6)
     return figure

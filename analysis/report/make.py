@@ -19,12 +19,13 @@ from analysis.report.drawings import Drawn
 from analysis.report.evidence import GIVEN, Evidence
 from analysis.report.html import page
 from analysis.report.pdf import sheets
-from analysis.report.results import RUNS, read_results
+from analysis.report.results import read_results
 from analysis.report.sections import CLAIMS, Drawings, document
 from analysis.report.tabulated import statistics
 from analysis.tables import write_csv
 from experiments.atomic import write_bytes, write_text
 from experiments.config import TrackingConfig, require_known
+from experiments.elsewhere import RUNS
 from experiments.errors import RunFolderError
 from experiments.mlflow_store import calling, open_store
 from experiments.run_folder import CHECKOUT

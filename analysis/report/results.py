@@ -13,8 +13,9 @@ import numpy as np
 import pandas as pd
 
 from analysis import style
-from analysis.collect import CURVES, MISSING, PLAN, RUNS, TRANSFERS
+from analysis.collect import CURVES, MISSING, PLAN
 from analysis.tables import column, keep
+from experiments.elsewhere import RUNS, TRANSFERS
 from experiments.errors import RunFolderError
 from experiments.run_folder import PROBES
 from segar.errors import did_you_mean
@@ -159,18 +160,18 @@ def panels_of(table: pd.DataFrame) -> list[str]:
     return [name for name in ("-".join(place) for place in product(*orders)) if name in there]
 
 
-def paired(first: pd.DataFrame, second: pd.DataFrame, value: str, at: Sequence[str], there: Sequence[str] = (),
-           other: str = "") -> pd.DataFrame:  # fmt: skip
+def paired(
+    first: pd.DataFrame, second: pd.DataFrame, value: str, at: Sequence[str], there: Sequence[str] = ()
+) -> pd.DataFrame:
     """The rows of ``first`` with ``difference``: their ``value`` less that of their partner in ``second``; rows without a
     partner are left out.
 
     Args:
         at: the columns of ``first`` that name its partner.
         there: what they are called in ``second``; as in ``first`` if not said.
-        other: the partner's value; the same column if not said.
     """
     places = second[list(there or at)].itertuples(index=False, name=None)
-    partners = dict(zip(places, column(second, other or value), strict=True))
+    partners = dict(zip(places, column(second, value), strict=True))
     partner = np.array([partners.get(place, np.nan) for place in first[list(at)].itertuples(index=False, name=None)])
     found = first.assign(difference=column(first, value) - partner)
     return keep(found, np.isfinite(column(found, "difference")))
