@@ -30,6 +30,7 @@ from experiments.config import ACTION_MODES, RunConfig
 from experiments.elsewhere import RUNS, TRANSFERS
 from experiments.entry import run_simple_command
 from experiments.errors import RunFolderError
+from experiments.experiment import SEPARATOR
 from experiments.journal import read_journal
 from experiments.run_folder import (
     EPISODES,
@@ -276,6 +277,7 @@ def transfer_row(
         "test_difficulty": difficulty,
         "test_variation": asked["variation"],
         "test_observation": look_of(asked["observation"]["name"], asked["observation"]["options"]),
+        "test_changed": SEPARATOR.join((asked.get("mixture") or {}).get("changed", ())),
         "test_levels": asked["test_count"],
         "transfer": folder,
         **distances(summary),

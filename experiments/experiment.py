@@ -20,6 +20,8 @@ from segar.families import families
 
 BASE = "base"  # in a grid: the algorithm, observation or task of the scale
 SCALES = ("smoke", "quick", "standard", "paper")
+REST, SEPARATOR = "rest", "+"  # what no group of factors names; between the names of groups that are changed
+MOST_GROUPS = 4  # 30 sets of levels in between, with the rest
 STEPS = {"harder": 1, "easier": -1}  # difficulties relative to that of the training levels
 
 
@@ -58,6 +60,8 @@ class ExperimentConfig:
     figure: str = ""  # of the paper
     grid: Mapping[str, Any] = field(default_factory=dict)  # of GridConfig; empty: nothing is trained
     transfers: tuple[TransferConfig, ...] = ()
+    # Groups of factors, by name: agents are tested on levels between training and test, too, in every combination.
+    attribution: Mapping[str, Sequence[str]] = field(default_factory=dict)
     probes: bool = False  # ask what the agents' representations know of the factors, as probes.<scale> says
     study: str = ""  # a module of analysis that needs no training: python -m <study> --output DIR
     options: Mapping[str, Any] = field(default_factory=dict)  # of the study: --name value
@@ -88,6 +92,7 @@ class Experiment:
     study: str
     options: Mapping[str, Any]
     probes: bool = False
+    attribution: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
 
 def experiment_at(name: str, data: Mapping[str, Any], scale: str) -> Experiment | None:
@@ -101,6 +106,8 @@ def experiment_at(name: str, data: Mapping[str, Any], scale: str) -> Experiment 
     require(bool(config.grid) or bool(config.study), place, dict(data), "an experiment with a grid, a study, or both")
     require(bool(config.grid) or not config.transfers, f"{place}.transfers", "transfers", "beside a grid of agents")
     require(bool(config.grid) or not config.probes, f"{place}.probes", True, "beside a grid of agents")
+    require(bool(config.grid) or not config.attribution, f"{place}.attribution", "groups", "beside a grid of agents")
+    check_groups(config.attribution, f"{place}.attribution")
     for i, transfer in enumerate(config.transfers):
         check_transfer(transfer, f"{place}.transfers[{i}]")
     check_grid(construct(GridConfig, config.grid, f"{place}.grid"), f"{place}.grid")
@@ -129,7 +136,9 @@ def settings_at(name: str, config: ExperimentConfig, scale: str, place: str) -> 
     grid = construct(GridConfig, {**config.grid, **changed}, place) if config.grid else None
     if grid is not None:
         check_grid(grid, place)
-    return Experiment(name, config.title, config.figure, grid, transfers, config.study, options, probes)
+    return Experiment(
+        name, config.title, config.figure, grid, transfers, config.study, options, probes, config.attribution
+    )
 
 
 def check_grid(grid: GridConfig, place: str) -> None:
@@ -162,6 +171,16 @@ def check_transfer(transfer: TransferConfig, place: str) -> None:
         require_known(f"{place}.family", transfer.family, list(dict.fromkeys(n.rsplit("-", 1)[0] for n in families())))
     if transfer.variation is not None:
         check_variation(transfer.variation, f"{place}.variation")
+
+
+def check_groups(groups: Mapping[str, Sequence[str]], place: str) -> None:
+    """Raises :class:`ConfigError` unless there are few groups, and each lists factors; which there are say the levels."""
+    require(len(groups) <= MOST_GROUPS, place, list(groups), f"at most {MOST_GROUPS} groups")
+    for name, members in groups.items():
+        listed = not isinstance(members, str) and bool(members) and all(isinstance(one, str) for one in members)
+        require(listed, f"{place}.{name}", members, "a list of factors and parameters, such as [Position, Size]")
+        require(name != REST, f"{place}.{name}", name, f"another name: {REST} is what no group names")
+        require(SEPARATOR not in name, f"{place}.{name}", name, f"a name without {SEPARATOR}")
 
 
 def check_variation(name: str, place: str) -> None:

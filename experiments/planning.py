@@ -9,7 +9,7 @@ import statistics
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
-from itertools import product
+from itertools import combinations, product
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +17,12 @@ from experiments.cells import Cell, cell_config, cell_of, paper_seeds
 from experiments.config import RunConfig, ScaleConfig, as_data
 from experiments.elsewhere import Elsewhere
 from experiments.entry import compose
-from experiments.experiment import BASE, Experiment, GridConfig, TransferConfig, other_panel
+from experiments.errors import ConfigError
+from experiments.experiment import BASE, REST, SEPARATOR, Experiment, GridConfig, TransferConfig, other_panel
 from experiments.journal import read_journal
 from experiments.probing import ProbeConfig, assumed_seconds, read_about
 from experiments.run_folder import folder_path, is_finished, read_config, read_summary, run_folders
-from experiments.transfers import RunWork, Transfer
+from experiments.transfers import Mixture, RunWork, Transfer
 from segar.cli.arguments import table
 
 # [frames/s] of one process, while nothing has been measured: what two cores of a small server gave.
@@ -100,8 +101,9 @@ def works_of(experiment: Experiment, base: RunConfig, probes: ProbeConfig) -> It
     if experiment.grid is None:
         return
     for run in grid_runs(experiment.grid, base):
-        found = (transfer_of(one, run) for one in experiment.transfers)
-        yield RunWork(run, tuple(one for one in found if one is not None), probes if experiment.probes else None)
+        found = [one for one in (transfer_of(asked, run) for asked in experiment.transfers) if one is not None]
+        found += mixtures_of(experiment, run)
+        yield RunWork(run, tuple(found), probes if experiment.probes else None)
 
 
 def grid_runs(grid: GridConfig, base: RunConfig) -> Iterable[RunConfig]:
@@ -155,6 +157,31 @@ def transfer_of(asked: TransferConfig, run: RunConfig) -> Transfer | None:
     parts = [panel if panel != cell.panel else "", asked.variation or "", asked.observation or ""]
     label = "-".join(part for part in parts if part) or "unvaried"
     return Transfer(label, panel, variation, observation, run.levels.test_count, run.levels.test_seed)
+
+
+def mixtures_of(experiment: Experiment, run: RunConfig) -> Iterable[Transfer]:
+    """The levels between training and test of an experiment that asks what makes the gap; raises :class:`ConfigError`.
+
+    Every training level counts as often as every other, so that what the agent does on the training and the test levels
+    themselves completes the design.
+    """
+    if not experiment.attribution:
+        return
+    levels = run.levels
+    if levels.test_count % levels.count:
+        raise ConfigError(
+            f"grids.{experiment.name}.attribution: {levels.test_count} test levels are no multiple of {levels.count} training "
+            "levels, which each is paired with; choose other grid.counts, or levels.test_count"
+        )
+    names = (*experiment.attribution, REST)
+    panel = cell_of(run).panel
+    for size in range(1, len(names)):
+        for changed in combinations(names, size):
+            label = f"{SEPARATOR.join(changed)} of test levels"
+            mixture = Mixture(experiment.attribution, changed)
+            yield Transfer(
+                label, panel, levels.variation, run.observation, levels.test_count, levels.test_seed, mixture
+            )
 
 
 @dataclass(frozen=True)

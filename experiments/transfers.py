@@ -1,4 +1,5 @@
-"""A trained agent on levels that it was not made for: harder ones, other physics, another look.
+"""A trained agent on levels that it was not made for: harder ones, other physics, another look, or levels between those
+of training and those of the test.
 
 What comes of it lies in ``evaluations/`` of the run folder: ``episodes.parquet``, and ``summary.json``, which is written
 last.
@@ -9,10 +10,10 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from experiments.run_folder import (
     EPISODE_SCHEMA,
     EPISODES,
     EVALUATIONS,
+    LEVELS_TEST,
     LEVELS_TRAIN,
     SUMMARY,
     folder_path,
@@ -31,10 +33,24 @@ from experiments.run_folder import (
     write_rows,
 )
 
+if TYPE_CHECKING:
+    from segar.levels import Levels
+
+
+@dataclass(frozen=True)
+class Mixture:
+    """Levels between training and test: which groups of factors are those of the test levels."""
+
+    groups: Mapping[str, Sequence[str]]  # name to factors and parameters; all others are the group "rest"
+    changed: Sequence[str]  # names of groups
+
 
 @dataclass(frozen=True)
 class Transfer:
-    """Test levels, and what the agent sees of them. What differs from training says ``label``."""
+    """Test levels, and what the agent sees of them. What differs from training says ``label``.
+
+    With a mixture, level i is training level i modulo their number, in which some factors are those of test level i.
+    """
 
     label: str
     panel: str  # of the test levels, e.g. empty-hard
@@ -42,10 +58,11 @@ class Transfer:
     observation: ObservationConfig
     test_count: int = 100
     test_seed: int = 0
+    mixture: Mixture | None = None
 
     def folder_name(self) -> str:
         """Names the folder in ``evaluations/``; equal for equal levels and looks."""
-        data = {key: value for key, value in as_data(self).items() if key != "label"}
+        data = {key: value for key, value in as_data(self).items() if key != "label" and value is not None}
         digest = hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()[:8]
         return f"transfer-{''.join(c if c.isalnum() or c in '-_.' else '_' for c in self.label)}-{digest}"
 
@@ -100,15 +117,11 @@ def evaluate_transfer(run: RunConfig, transfer: Transfer, say: Callable[[str], N
 
     from experiments.episodes import distance_figures, mean_figures, play
     from experiments.evaluation import load_agent
-    from experiments.worlds import environment_options, make_levels
+    from experiments.worlds import environment_options
     from segar.levels import Levels
 
     folder, out = folder_path(run), transfer.folder(run)
-    levels = LevelsConfig(
-        train=transfer.panel, count=1, variation=transfer.variation, test_count=transfer.test_count,
-        test_seed=transfer.test_seed,
-    )  # fmt: skip
-    _, test = make_levels(levels)
+    test = levels_of(run, transfer)
     seen = dataclasses.replace(run, observation=transfer.observation)
     policy, frames = load_agent(folder, seen, test, say)
     options, seed = environment_options(seen), run.evaluation.seed
@@ -128,3 +141,20 @@ def evaluate_transfer(run: RunConfig, transfer: Transfer, say: Callable[[str], N
     write_json(out / SUMMARY, summary)
     say(f"{run.label()}: tested on {transfer.label}, return {figures['evaluation/test/return/deterministic']:.3f}")
     return summary
+
+
+def levels_of(run: RunConfig, transfer: Transfer) -> Levels:
+    """The levels of a transfer; raises :class:`SegarError` if there are none such."""
+    from experiments.hybrids import hybrid_levels
+    from experiments.worlds import make_levels
+    from segar.levels import Levels
+
+    if transfer.mixture is None:
+        levels = LevelsConfig(
+            train=transfer.panel, count=1, variation=transfer.variation, test_count=transfer.test_count,
+            test_seed=transfer.test_seed,
+        )  # fmt: skip
+        return make_levels(levels)[1]
+    train, test = (Levels.load(folder_path(run) / name) for name in (LEVELS_TRAIN, LEVELS_TEST))
+    chosen = dict.fromkeys(transfer.mixture.changed, True)
+    return hybrid_levels(train[np.arange(len(test)) % len(train)], test, transfer.mixture.groups, chosen)

@@ -1,12 +1,14 @@
 """Tables of a results folder without any run: the shipped main grid's columns, with effects that a test chooses."""
 
 from collections.abc import Sequence
-from itertools import product
+from itertools import combinations, product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
+
+from analysis.tables import select
 
 FAMILIES, DIFFICULTIES, COUNTS = ("empty", "objectsx1", "tilesx1"), ("easy", "medium", "hard"), (1, 10, 50, 100, 200)
 HARDER = {"easy": "medium", "medium": "hard"}
@@ -80,6 +82,22 @@ def transfer_rows(runs: pd.DataFrame, loss: float, **there: Any) -> pd.DataFrame
     return pd.DataFrame(rows)
 
 
+PARTS = {"position": 0.7, "properties": 0.1, "rest": 0.2}  # of every gap
+
+
+def between_rows(runs: pd.DataFrame) -> pd.DataFrame:
+    """The agents of ``runs`` on levels between training and test: each group of factors makes its part of the gap."""
+    rows = []
+    for size in range(1, len(PARTS)):
+        for changed in combinations(PARTS, size):
+            for row in transfer_rows(runs, 0.0, test_difficulty="easy", test_changed="+".join(changed)).to_dict(
+                "records"
+            ):
+                gap = row["gap_deterministic"] * sum(PARTS[name] for name in changed)
+                rows.append(row | outcome(row["eta_train_deterministic"], gap, 0.5))
+    return pd.DataFrame(rows)
+
+
 def probe_rows(rng: np.random.Generator, runs: pd.DataFrame) -> pd.DataFrame:
     """Accuracies that have nothing to do with gaps, a little higher on training levels."""
     rows = []
@@ -119,12 +137,16 @@ def everything(rng: np.random.Generator, **main: Any) -> dict[str, pd.DataFrame]
         )
     parts.append(run_rows(rng, "upper_bound", observation="state", seeds=1))
     looks = run_rows(rng, "visual", observation="textures(textures=baseline)", **two, **short)
+    attributed = select(grid, difficulty="easy")
+    easy = grid["difficulty"] == "easy"
+    grid["experiments"] = np.where(easy, grid["experiments"] + " attribution", grid["experiments"])
     runs = pd.concat([*parts, looks], ignore_index=True)
     moved = [
         transfer_rows(grid, loss=2.0),
         transfer_rows(grid.head(6), 3.0, test_variation="gravity_40", test_difficulty="easy"),
         transfer_rows(looks, 0.5, test_observation="textures(textures=far)"),
         transfer_rows(looks, 1.0),
+        between_rows(attributed),
     ]
     tables = {"runs": runs, "transfers": pd.concat(moved, ignore_index=True), "curves": curve_rows(runs)}
     return tables | {"probes": probe_rows(rng, runs)}

@@ -12,7 +12,7 @@ from analysis.report.document import Block, Heading, Paragraph, Table
 from analysis.report.evidence import Evidence, pearson
 from analysis.report.tabulated import means, means_table
 from analysis.report.words import plain, said, signed
-from analysis.tables import count_of, keep, select
+from analysis.tables import column, count_of, keep, select
 
 Drawer = Callable[[str], list[Block]]
 GAP_CAPTION = "Mean gap, with the 95 % interval of a bootstrap of (panel, seed) blocks."
@@ -29,13 +29,7 @@ def blocks(evidence: Evidence, drawn: Drawer) -> list[Block]:
     parts += [Heading("Agents that see the factors", 3), *drawn("upper_bound"), *true_factors(evidence)]
     parts += [Heading("W2 without training", 3), *drawn("w2_study"), *distances(evidence)]
     parts += [Heading("What chance and a planner reach", 3), *anchors(evidence)]
-    parts += [
-        Heading("Attribution of the gap to factors", 3),
-        Paragraph(
-            "No table of it is among these results. `analysis.stats.attribution` plays the levels in between "
-            "(docs/statistics.md)."
-        ),
-    ]
+    parts += [Heading("Which factors make the gap", 3), *drawn("attribution"), *attributed(evidence)]
     return parts
 
 
@@ -71,6 +65,31 @@ def looks(evidence: Evidence) -> list[Block]:
         return []
     found = means(evidence, part, ["observation", "shift"], "gap", "visual")
     return [means_table(found, {"observation": "trained in", "shift": "tested in"}, "gap", GAP_CAPTION)]
+
+
+def attributed(evidence: Evidence) -> list[Block]:
+    """Each group's part of the gap, per family and number of levels."""
+    table = evidence.attribution
+    if table.empty:
+        return []
+    shown = table.assign(levels=table["n"].astype(str))
+    found = means(evidence, shown, ["family", "levels", "group"], "part", "attribution")
+    sentences = []
+    for family in dict.fromkeys(found["family"]):
+        first = min(select(shown, family=family)["levels"], key=int)
+        parts = select(found, family=family, levels=first)
+        row = max(parts.to_dict("records"), key=lambda one: abs(one["estimate"]))
+        whole = float(column(parts, "estimate").sum())
+        sentences.append(
+            f"In {family} with {first} training level{'s' if int(first) > 1 else ''} the gap is {signed(whole)}; its largest "
+            f"part is that of `{row['group']}`, {signed(row['estimate'])} [{signed(row['low'])}, {signed(row['high'])}]."
+        )
+    head = {"family": "family", "levels": "training levels", "group": "factors"}
+    caption = (
+        "Mean part of the gap, with the 95 % interval of a bootstrap of (panel, seed) blocks; `rest`: what no group "
+        "names, such as types and shapes. Data: `figures/attribution.csv`."
+    )
+    return [Paragraph(" ".join(sentences)), means_table(found, head, "part", caption)]
 
 
 def true_factors(evidence: Evidence) -> list[Block]:

@@ -68,6 +68,20 @@ def diversity(evidence: Evidence) -> Drawn | str:
     )
 
 
+def attribution(evidence: Evidence) -> Drawn | str:
+    """What each group of factors adds to the gap."""
+    table = evidence.attribution
+    if table.empty:
+        return "it was not run (`experiments=[attribution]`)"
+    groups = {"position": "where things are", "properties": "their properties", "rest": "what they are"}
+    caption = (
+        "The gap, divided among groups of factors by Shapley's values: what is lost when a group is as in test levels "
+        "instead of training levels, over all orders in which groups may be changed. A dot per run, a bar at the mean."
+    )
+    named = table.assign(group=[groups.get(name, name) for name in table["group"]])
+    return Drawn(dots(named, "group", "part", "part of the gap"), pick(table, [*CELL, "group", "part", "gap"]), caption)
+
+
 def rules(evidence: Evidence) -> Drawn | str:
     """Loss in other physics than in training."""
     part = evidence.results.other_physics

@@ -13,6 +13,7 @@ import pandas as pd
 
 from analysis.report.results import BLOCK, PANEL, Results
 from analysis.stats.association import associations, covariate_matrix, labels
+from analysis.stats.attribution import full_factorial, shapley_of_pairs
 from analysis.stats.correlation import NotAvailable, correlate, explained, indicators, residuals
 from analysis.stats.estimate import Estimate
 from analysis.stats.mixed import mixed_model
@@ -20,6 +21,7 @@ from analysis.stats.power import power_of_design
 from analysis.stats.prediction import left_out
 from analysis.stats.resampling import cluster_bootstrap, cosine, permutation_within
 from analysis.tables import column, count_of, keep, pick, select
+from experiments.experiment import SEPARATOR
 from segar.errors import SegarError
 
 BOOTSTRAP, PERMUTATION = "bootstrap of (panel, seed) blocks", "permutation within panels"
@@ -33,6 +35,7 @@ OUTLIERS = {
     "without points of |z| ≥ 3, the paper's rule": "removed: points",
     "without |z| ≥ 3 in what panels leave": "removed: residuals",
 }
+ETA = "eta_test_deterministic"
 GIVEN = {"pooled": (), "given panel": ("panel",), "given panel and log n": ("panel", "log_n")}
 
 
@@ -183,6 +186,29 @@ class Evidence:
         sets = {f"W2, {mode}": [f"w2_{mode}"] for mode in self.modes} | {"log n": ["log_n"]}
         sets |= {f"W2, {mode}, and log n": [f"w2_{mode}", "log_n"] for mode in self.modes}
         return left_out(self.main, "gap", sets, PANEL)
+
+    @cached_property
+    def attribution(self) -> pd.DataFrame:
+        """What each group of factors adds to the gap: ``group`` and ``part`` (in units of return), one row per group and
+        run, beside the columns that say what the run is. Runs without all combinations are left out."""
+        between = self.results.between
+        if between.empty:
+            return pd.DataFrame()
+        runs = {str(row["run"]): row for row in self.results.of("attribution").to_dict("records")}
+        parts = []
+        for run, tests in between.groupby("run", sort=True):
+            played = {frozenset(str(changed).split(SEPARATOR)): value
+                      for changed, value in zip(tests["test_changed"], column(tests, ETA), strict=True)}  # fmt: skip
+            groups = sorted(set().union(*played))
+            if str(run) not in runs or len(played) != 2 ** len(groups) - 2:
+                continue
+            of_run = runs[str(run)]
+            played |= {frozenset(): of_run["eta_train_deterministic"], frozenset(groups): of_run[ETA]}
+            table = full_factorial(groups).assign(pair=0)
+            changed = ([name for name in groups if row[name]] for row in table.to_dict("records"))
+            found = shapley_of_pairs(table.assign(value=[played[frozenset(one)] for one in changed]), groups).iloc[0]
+            parts += [{**of_run, "group": name, "part": float(found[name])} for name in groups]
+        return pd.DataFrame(parts)
 
     @cached_property
     def power(self) -> pd.DataFrame:

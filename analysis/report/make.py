@@ -44,6 +44,7 @@ FIGURES: Mapping[str, Callable[[Evidence], Drawn | str]] = {
     "appendix_measures": drawings_beyond.measures,
     "fixed_n": drawings_beyond.fixed_n,
     "diversity": drawings_beyond.diversity,
+    "attribution": drawings_beyond.attribution,
     "rules": drawings_beyond.rules,
     "visual": drawings_beyond.visual,
     "hardness": drawings_beyond.hardness,

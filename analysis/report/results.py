@@ -14,7 +14,7 @@ import pandas as pd
 
 from analysis import style
 from analysis.collect import CURVES, MISSING, PLAN
-from analysis.tables import column, keep
+from analysis.tables import column, keep, select
 from experiments.elsewhere import RUNS, TRANSFERS
 from experiments.errors import RunFolderError
 from experiments.run_folder import PROBES
@@ -57,9 +57,24 @@ class Results:
         return panels_of(self.main)
 
     @cached_property
+    def tested(self) -> pd.DataFrame:
+        """All transfers, with the columns of :func:`measured`; ``test_changed`` is empty but for levels in between."""
+        if self.transfers.empty:
+            return self.transfers
+        changed = self.transfers["test_changed"].fillna("") if "test_changed" in self.transfers else ""
+        return measured(self.transfers.assign(test_changed=changed))
+
+    @cached_property
     def moved(self) -> pd.DataFrame:
-        """The transfers, with the columns of :func:`measured`."""
-        return measured(self.transfers) if len(self.transfers) else self.transfers
+        """The transfers to levels of other distributions, or seen otherwise."""
+        table = self.tested
+        return select(table, test_changed="") if len(table) else table
+
+    @cached_property
+    def between(self) -> pd.DataFrame:
+        """The transfers to levels between training and test; ``test_changed`` says what is as in the test."""
+        table = self.tested
+        return keep(table, table["test_changed"] != "") if len(table) else table
 
     @cached_property
     def harder(self) -> pd.DataFrame:

@@ -5,7 +5,7 @@ rest of the other; what is lost on them, by ANOVA and by Shapley's values.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from itertools import combinations, product
 from math import factorial
 from typing import Any
@@ -17,17 +17,12 @@ from scipy import stats
 
 from analysis.stats.association import require
 from analysis.stats.estimate import Estimate, mean_of_replicates
-from segar.errors import LevelError, SegarError, did_you_mean
-from segar.factors import Friction
-from segar.levels import Levels, Provenance
-from segar.parameters import FloorFriction
-from segar.version import __version__
+from analysis.tables import column
+from experiments.hybrids import REST, Groups, hybrid_levels
+from segar.errors import SegarError
+from segar.levels import Levels
 
-REST = "rest"
 MOST_GROUPS = 8  # 256 sets of levels
-Groups = Mapping[str, Sequence[Any]]
-"""Name to factors and world parameters, as classes or by name. What no group names is the group "rest": types of
-entities, outlines of hulls, and all other factors."""
 
 
 def full_factorial(groups: Sequence[str]) -> pd.DataFrame:
@@ -45,44 +40,6 @@ def half_factorial(groups: Sequence[str]) -> pd.DataFrame:
     design = full_factorial(groups)
     even = design.to_numpy().sum(axis=1) % 2 == 0
     return design.loc[even].reset_index(drop=True)
-
-
-def hybrid_levels(train: Levels, test: Levels, groups: Groups, chosen: Mapping[str, Any]) -> Levels:
-    """Level i of ``train`` with the factors of ``chosen`` groups from level i of ``test``.
-
-    A factor passes where the entities of both levels have it. With all groups chosen, these are the test levels; with
-    none, the training levels. Things stay where they are put, even if they overlap.
-
-    Args:
-        train, test: as many of each, in the same slots.
-        chosen: name of a group, "rest" included, to whether it is from ``test``.
-
-    Raises:
-        LevelError: the sets do not fit each other, or a group names what is not there, or twice.
-    """
-    check_fits(train, test)
-    columns, parameters = places(train, groups)
-    owner = test if chosen.get(REST) else train
-    arrays = {
-        name: getattr(owner, name).copy() for name in ("types", "shape_kind", "vertex_count", "vertices", "values")
-    }
-    table = owner.parameters.copy()
-    for name in groups:
-        source = test if chosen.get(name) else train
-        for column in columns[name]:
-            there = np.isfinite(arrays["values"][:, :, column]) & np.isfinite(source.values[:, :, column])
-            arrays["values"][:, :, column] = np.where(
-                there, source.values[:, :, column], arrays["values"][:, :, column]
-            )
-        for column in parameters[name]:
-            table[:, column] = source.parameters[:, column]
-    if Friction in train.layout.columns:  # the floor's is the parameter's
-        floor = table[:, train.layout.parameters.index(FloorFriction)]
-        arrays["values"][:, -1, train.layout.columns[Friction]] = floor
-    made = Provenance("between training and test", "", __version__, 0, "", np.arange(len(train)))
-    return dataclasses.replace(
-        train, **arrays, parameters=table, sampled_values=arrays["values"].copy(), provenance=made, distribution=None
-    )
 
 
 def play_design(
@@ -135,26 +92,37 @@ def shapley(table: pd.DataFrame, groups: Sequence[str], value: str = "value", le
     Raises:
         SegarError: a combination is missing for some pair.
     """
+    parts = shapley_of_pairs(table, groups, value).drop(columns="pair")
+    whole = float(column(parts, "total").mean())
+    rows = [
+        over_pairs(column(parts, name), level).row(group=name)
+        | {"share": float(column(parts, name).mean()) / whole if whole else np.nan}
+        for name in parts
+    ]
+    return pd.DataFrame(rows)
+
+
+def shapley_of_pairs(table: pd.DataFrame, groups: Sequence[str], value: str = "value") -> pd.DataFrame:
+    """What :func:`shapley` takes the mean of: one row per pair, with ``pair``, a column per group, and their sum, ``total``.
+
+    Raises:
+        SegarError: a combination is missing for some pair.
+    """
     cube = value_cube(table, groups, value)
     k = len(groups)
-    parts = {}
+    parts: dict[str, Any] = {"pair": sorted(set(table["pair"]))}
     for place, name in enumerate(groups):
         others = [g for g in range(k) if g != place]
-        total = np.zeros(len(cube))
+        added = np.zeros(len(cube))
         for size in range(k):
             weight = factorial(size) * factorial(k - 1 - size) / factorial(k)
             for subset in combinations(others, size):
                 without = tuple(int(g in subset) for g in range(k))
                 with_it = tuple(1 if g == place else bit for g, bit in enumerate(without))
-                total += weight * (cube[(slice(None), *with_it)] - cube[(slice(None), *without)])
-        parts[name] = total
+                added += weight * (cube[(slice(None), *with_it)] - cube[(slice(None), *without)])
+        parts[name] = added
     parts["total"] = cube[(slice(None), *(1,) * k)] - cube[(slice(None), *(0,) * k)]
-    whole = float(parts["total"].mean())
-    rows = [
-        over_pairs(values, level).row(group=name) | {"share": float(values.mean()) / whole if whole else np.nan}
-        for name, values in parts.items()
-    ]
-    return pd.DataFrame(rows)
+    return pd.DataFrame(parts)
 
 
 def anova(table: pd.DataFrame, groups: Sequence[str], value: str = "value", level: float = 0.95) -> pd.DataFrame:
@@ -228,38 +196,3 @@ def value_cube(table: pd.DataFrame, groups: Sequence[str], value: str) -> NDArra
     ):
         raise SegarError(f"every pair must have all {len(expected)} combinations of {', '.join(groups)} once")
     return ordered[value].to_numpy(np.float64).reshape(pairs, *(2,) * len(groups))
-
-
-def check_fits(train: Levels, test: Levels) -> None:
-    """Raises :class:`LevelError` unless levels of one set can be mixed with those of the other."""
-    if train.layout != test.layout or train.vertices.shape[2:] != test.vertices.shape[2:]:
-        raise LevelError("training and test levels have different slots, types or parameters: they cannot be mixed")
-    if len(train) != len(test):
-        raise LevelError(f"there are {len(train)} training levels but {len(test)} test levels; give pairs")
-
-
-def places(levels: Levels, groups: Groups) -> tuple[dict[str, list[int]], dict[str, list[int]]]:
-    """The columns of ``values`` and of ``parameters`` that each group names."""
-    layout = levels.layout
-    known = [parameter.__name__ for parameter in layout.parameters]
-    columns: dict[str, list[int]] = {}
-    parameters: dict[str, list[int]] = {}
-    seen: dict[str, str] = {}
-    for name, members in groups.items():
-        if name in (REST, "pair", "value"):
-            raise LevelError(f"a group cannot be called '{name}'")
-        columns[name], parameters[name] = [], []
-        for member in members:
-            factor = member if isinstance(member, str) else member.__name__
-            if factor in seen:
-                raise LevelError(f"{factor} is in the groups '{seen[factor]}' and '{name}'; it can be in one alone")
-            seen[factor] = name
-            if factor in layout.by_name:
-                kind, first = layout.by_name[factor]
-                columns[name] += range(first, first + kind.width)
-            elif factor in known:
-                parameters[name].append(known.index(factor))
-            else:
-                near = did_you_mean(factor, [*layout.by_name, *known])
-                raise LevelError(f"group '{name}': these levels have no factor or parameter '{factor}'.{near}")
-    return columns, parameters

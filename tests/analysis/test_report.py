@@ -13,13 +13,15 @@ import pytest
 
 from analysis.report.__main__ import main
 from analysis.report.document import pieces
+from analysis.report.evidence import Evidence
 from analysis.report.make import FIGURES, SHIPPED, ReportConfig, make_report, track
+from analysis.report.results import read_results
 from analysis.report.words import p_value, said, signed
 from analysis.stats.estimate import Estimate
 from experiments.config import TrackingConfig
 from experiments.errors import ConfigError, RunFolderError
 from experiments.mlflow_store import open_store
-from tests.synthetic_results import everything, run_rows, write_results
+from tests.synthetic_results import PARTS, everything, run_rows, write_results
 
 ROOT = Path(__file__).parents[2]
 SHIPPED_SCALES = sorted(path.parent for path in SHIPPED.glob("*/runs.parquet"))
@@ -99,6 +101,24 @@ def test_all_experiments_find_their_place(tmp_path, undrawn):
     page = (folder / "report.html").read_text()
     assert "its experiments at scale <code>standard</code>" in page
     assert "No figure: the study of distances was not run" in page
+
+
+def test_each_group_of_factors_gets_its_part_of_the_gap(tmp_path):
+    tables = everything(np.random.default_rng(3))
+    evidence = Evidence(read_results(write_results(tmp_path / "standard-1", tables)))
+    found = evidence.attribution
+    assert len(found) == 3 * 3 * 5 * 3  # families, seeds, numbers of levels, groups
+    for group, part in PARTS.items():
+        rows = found[found["group"] == group]
+        np.testing.assert_allclose(rows["part"], part * rows["gap"])
+    assert set(evidence.results.between["test_changed"]).isdisjoint(evidence.results.moved["test_changed"])
+
+
+def test_a_run_without_all_combinations_is_left_out_of_the_attribution(tmp_path):
+    tables = everything(np.random.default_rng(3))
+    tables["transfers"] = tables["transfers"].iloc[:-1]  # rest and properties, of the last run
+    evidence = Evidence(read_results(write_results(tmp_path / "standard-1", tables)))
+    assert len(evidence.attribution) == 3 * (3 * 3 * 5 - 1)
 
 
 def test_one_figure_alone_is_drawn(tmp_path, capsys):

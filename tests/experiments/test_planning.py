@@ -59,6 +59,28 @@ def test_where_a_run_is_tested_anyway_is_no_transfer(tmp_path):
     assert labels == ("textures_close",)
 
 
+def test_what_makes_the_gap_is_asked_in_every_combination_but_those_of_the_run_itself(tmp_path):
+    data = {**MAIN, "attribution": {"position": ["Position"], "size": ["Size", "Mass"]}}
+    work = plan_of(tmp_path, mine=data).runs[0]
+    changed = [one.mixture.changed for one in work.transfers]
+    assert changed == [
+        ("position",),
+        ("size",),
+        ("rest",),
+        ("position", "size"),
+        ("position", "rest"),
+        ("size", "rest"),
+    ]
+    assert {one.test_count for one in work.transfers} == {work.run.levels.test_count}
+    assert work.transfers[3].label == "position+size of test levels"
+
+
+def test_training_levels_that_would_count_unequally_are_told(tmp_path):
+    data = {**MAIN, "grid": {"counts": [7]}, "attribution": {"position": ["Position"]}}
+    with pytest.raises(ConfigError, match=r"grids.mine.attribution: .* test levels are no multiple of 7 training"):
+        plan_of(tmp_path, mine=data)
+
+
 def test_done_are_runs_whose_transfers_are_finished_too(tmp_path):
     plan = plan_of(tmp_path, harder=HARDER)
     work = plan.runs[0]

@@ -8,7 +8,8 @@ from experiments.config import ObservationConfig, PPOConfig
 from experiments.errors import ConfigError
 from experiments.run import run
 from experiments.run_folder import folder_path, read_summary
-from experiments.transfers import RunWork, Transfer, evaluate_transfer
+from experiments.transfers import Mixture, RunWork, Transfer, evaluate_transfer
+from segar.errors import LevelError
 from tests.experiments.short_runs import short_run
 
 STATE = ObservationConfig("state")
@@ -16,9 +17,9 @@ STATE = ObservationConfig("state")
 
 @pytest.fixture(scope="module")
 def trained(tmp_path_factory):
-    config = dataclasses.replace(
-        short_run(tmp_path_factory.mktemp("runs") / "run"), algorithm=PPOConfig(num_envs=8, num_steps=8, widths=(8,))
-    )
+    config = short_run(tmp_path_factory.mktemp("runs") / "run")
+    levels = dataclasses.replace(config.levels, test_count=2 * config.levels.count)
+    config = dataclasses.replace(config, levels=levels, algorithm=PPOConfig(num_envs=8, num_steps=8, widths=(8,)))
     run(config, say=lambda line: None)
     return config
 
@@ -54,6 +55,29 @@ def test_levels_that_the_agent_cannot_observe_are_refused(trained):
     other = Transfer("objectsx1-easy", "objectsx1-easy", "", STATE, test_count=2)
     with pytest.raises(ConfigError, match="observes arrays of shape"):
         evaluate_transfer(trained, other, say=lambda line: None)
+
+
+@pytest.mark.parametrize(("changed", "levels"), [(("position", "rest"), "test"), ((), "train")])
+def test_levels_in_between_end_in_those_of_training_and_of_the_test(trained, changed, levels):
+    mixture = Mixture({"position": ["Position"]}, changed)
+    between = Transfer("between", "empty-easy", "", STATE, test_count=trained.levels.test_count, mixture=mixture)
+    summary, of_run = evaluate_transfer(trained, between, say=lambda line: None), read_summary(folder_path(trained))
+    name = "evaluation/{}/return/deterministic"
+    assert summary[name.format("test")] == pytest.approx(of_run[name.format(levels)], abs=1e-9)
+
+
+def test_a_group_that_names_no_factor_is_told(trained):
+    mixture = Mixture({"position": ["Positon"]}, ("position",))
+    with pytest.raises(LevelError, match=r"no factor or parameter 'Positon'. Did you mean 'Position'"):
+        evaluate_transfer(trained, Transfer("x", "empty-easy", "", STATE, mixture=mixture), say=lambda line: None)
+
+
+def test_mixtures_of_different_groups_lie_in_different_folders():
+    names = {
+        Transfer("x", "empty-easy", "", STATE, mixture=Mixture({"a": [factor]}, ("a",))).folder_name()
+        for factor in ("Position", "Size")
+    }
+    assert len(names) == 2
 
 
 def test_the_folder_is_named_by_what_is_tested_and_not_by_who_asks():
