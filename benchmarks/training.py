@@ -82,7 +82,8 @@ def train(overrides: Sequence[str], iterations: int) -> dict[str, list[float]]:
     runtime.set_process_defaults(config.num_threads)
     kind = import_object(config.algorithm.learner, "algorithm")
     levels, _ = make_levels(config.levels)
-    env = kind.make_env(levels, config.algorithm.num_envs, seed=config.seed, **environment_options(config))
+    num_envs = config.algorithm.num_envs
+    env = kind.make_env(levels, num_envs, seed=config.seed, **environment_options(config, num_envs))
     learner = kind(config.algorithm, env, 10**6, config.seed)
     in_environments = 0.0
     step = env.step

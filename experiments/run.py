@@ -142,7 +142,8 @@ def _carry_out(
 def _make_environment(kind: Any, config: RunConfig, train: Any) -> Any:
     make_env = getattr(kind, "make_env", TorchRLEnv)
     try:
-        return make_env(train, config.algorithm.num_envs, seed=config.seed, **environment_options(config))
+        num_envs = config.algorithm.num_envs
+        return make_env(train, num_envs, seed=config.seed, **environment_options(config, num_envs))
     except RuleError as error:
         if train.task in (None, config.task.name):
             raise

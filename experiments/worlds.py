@@ -20,6 +20,7 @@ from segar.metrics import w2
 from segar.observations.find import OBSERVATIONS
 from segar.tasks.find import TASKS
 
+ENVS_PER_THREAD = 128  # for fewer, to wake a thread after each call of the policy takes longer than it helps
 INDEPENDENT_SETS = 5  # whose mean distance is the unit of designs such as w2_x1.2
 
 
@@ -78,12 +79,20 @@ def find_distribution(name: str, place: str) -> Any:
         raise ConfigError(f"{place}: {error}") from error
 
 
-def environment_options(config: RunConfig) -> dict[str, Any]:
-    """Keyword arguments of ``VectorEnv`` and ``TorchRLEnv`` that the configuration states; raises :class:`ConfigError`."""
+def environment_options(config: RunConfig, num_envs: int | None = None) -> dict[str, Any]:
+    """Keyword arguments of ``VectorEnv`` and ``TorchRLEnv`` that the configuration states.
+
+    Args:
+        num_envs: environments between whose steps a policy works; few of them are stepped by fewer threads.
+
+    Raises:
+        ConfigError: there is no such observation or task.
+    """
+    most = config.num_threads if num_envs is None else max(num_envs // ENVS_PER_THREAD, 1)
     return {
         "observation": _find(config.observation.name, config.observation.options, "observation"),
         "task": _find(config.task.name, config.task.options, "task"),
-        "num_threads": config.num_threads,
+        "num_threads": min(config.num_threads, most),
     }
 
 

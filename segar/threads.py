@@ -38,25 +38,31 @@ class Team:
 
     def __init__(self, num_threads: int) -> None:
         self._workers = _first_workers(num_threads - 1)
-        self._seconds = 0.0  # that the last work took
+        self._seconds = 0.0  # that the last work took; of a range, a piece of it
 
     def do(self, work: Work) -> None:
         """Do the work, with all workers that are awake for it; call the others where it lasts long enough."""
         start = time.perf_counter()
-        for worker in self._workers:
-            if worker.at_work is not work and self._seconds > WORTH_WAKING:
-                worker.call(work)
+        if self._seconds > WORTH_WAKING:
+            self._call_all(work)
         work.do(True)
         self._seconds = time.perf_counter() - start
 
+    def _call_all(self, work: Work) -> None:
+        """Have the workers join that have not."""
+        for worker in self._workers:
+            if worker.at_work is not work:
+                worker.call(work)
+
     def do_range(self, function: Callable[[int, int], Any], count: int) -> None:
         """Call ``function(start, stop)`` over parts of ``range(count)``; an exception of any part is raised."""
-        if self._workers and self._seconds > WORTH_WAKING:
-            self.do(_RangeWork(function, count, min(count, PARTS_EACH * (1 + len(self._workers)))))
-            return
         start = time.perf_counter()
-        function(0, count)
-        self._seconds = time.perf_counter() - start
+        if self._workers and self._seconds * count > WORTH_WAKING:
+            self._call_all(work := _RangeWork(function, count, min(count, PARTS_EACH * (1 + len(self._workers)))))
+            work.do(True)
+        else:
+            function(0, count)
+        self._seconds = (time.perf_counter() - start) / max(count, 1)
 
 
 class _Worker:

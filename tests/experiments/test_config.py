@@ -187,3 +187,9 @@ def test_a_named_observation_takes_options():
     seen = environment_options(config)["observation"]
     assert isinstance(seen, TexturedPixels) and len(seen.texture_set) == 5
     assert seen.shows(segar.Charge) and not seen.shows(segar.Mass)
+
+
+def test_few_environments_are_stepped_by_one_thread():
+    config = RunConfig(num_threads=4)
+    given = [environment_options(config, num_envs)["num_threads"] for num_envs in (1, 64, 256, 4096, None)]
+    assert given == [1, 1, 2, 4, 4]
