@@ -267,7 +267,7 @@ def transfer_row(
 ) -> tuple[dict[str, Any], str]:
     """What an agent achieved elsewhere, beside what it achieves on its training levels; and the name of that place."""
     asked = summary["transfer"]
-    label = asked["label"]
+    label, mixture = asked["label"], asked.get("mixture") or {}
     family, _, difficulty = asked["panel"].rpartition("-")
     whole = pd.concat([select(episodes, levels="train"), played], ignore_index=True)
     row = {
@@ -277,7 +277,8 @@ def transfer_row(
         "test_difficulty": difficulty,
         "test_variation": asked["variation"],
         "test_observation": look_of(asked["observation"]["name"], asked["observation"]["options"]),
-        "test_changed": SEPARATOR.join((asked.get("mixture") or {}).get("changed", ())),
+        "test_changed": SEPARATOR.join(mixture.get("changed", ())),
+        "test_groups": SEPARATOR.join(mixture.get("groups", ())),
         "test_levels": asked["test_count"],
         "transfer": folder,
         **distances(summary),

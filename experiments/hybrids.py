@@ -74,7 +74,7 @@ def places(levels: Levels, groups: Groups) -> tuple[dict[str, list[int]], dict[s
     parameters: dict[str, list[int]] = {}
     seen: dict[str, str] = {}
     for name, members in groups.items():
-        if name in (REST, "pair", "value"):
+        if name in (REST, "pair", "value", "total"):
             raise LevelError(f"a group cannot be called '{name}'")
         columns[name], parameters[name] = [], []
         for member in members:

@@ -90,9 +90,8 @@ def between_rows(runs: pd.DataFrame) -> pd.DataFrame:
     rows = []
     for size in range(1, len(PARTS)):
         for changed in combinations(PARTS, size):
-            for row in transfer_rows(runs, 0.0, test_difficulty="easy", test_changed="+".join(changed)).to_dict(
-                "records"
-            ):
+            place = {"test_changed": "+".join(changed), "test_groups": "position+properties", "test_difficulty": "easy"}
+            for row in transfer_rows(runs, 0.0, **place).to_dict("records"):
                 gap = row["gap_deterministic"] * sum(PARTS[name] for name in changed)
                 rows.append(row | outcome(row["eta_train_deterministic"], gap, 0.5))
     return pd.DataFrame(rows)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from analysis.report.results import BLOCK, PANEL, Results
+from analysis.report.results import BLOCK, PANEL, Results, measured
 from analysis.stats.association import associations, covariate_matrix, labels
 from analysis.stats.attribution import full_factorial, shapley_of_pairs
 from analysis.stats.correlation import NotAvailable, correlate, explained, indicators, residuals
@@ -21,7 +21,7 @@ from analysis.stats.power import power_of_design
 from analysis.stats.prediction import left_out
 from analysis.stats.resampling import cluster_bootstrap, cosine, permutation_within
 from analysis.tables import column, count_of, keep, pick, select
-from experiments.experiment import SEPARATOR
+from experiments.experiment import REST, SEPARATOR
 from segar.errors import SegarError
 
 BOOTSTRAP, PERMUTATION = "bootstrap of (panel, seed) blocks", "permutation within panels"
@@ -194,15 +194,15 @@ class Evidence:
         between = self.results.between
         if between.empty:
             return pd.DataFrame()
-        runs = {str(row["run"]): row for row in self.results.of("attribution").to_dict("records")}
+        runs = {row["run"]: row for row in measured(self.results.runs).to_dict("records")}
         parts = []
-        for run, tests in between.groupby("run", sort=True):
+        for (run, names), tests in between.groupby(["run", "test_groups"], sort=True):
+            groups = [*str(names).split(SEPARATOR), REST]
             played = {frozenset(str(changed).split(SEPARATOR)): value
                       for changed, value in zip(tests["test_changed"], column(tests, ETA), strict=True)}  # fmt: skip
-            groups = sorted(set().union(*played))
-            if str(run) not in runs or len(played) != 2 ** len(groups) - 2:
+            if run not in runs or len(played) != 2 ** len(groups) - 2:
                 continue
-            of_run = runs[str(run)]
+            of_run = runs[run]
             played |= {frozenset(): of_run["eta_train_deterministic"], frozenset(groups): of_run[ETA]}
             table = full_factorial(groups).assign(pair=0)
             changed = ([name for name in groups if row[name]] for row in table.to_dict("records"))
