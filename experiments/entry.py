@@ -175,6 +175,11 @@ def explain(error: Exception, settings: Mapping[str, Any] | None = None) -> str:
         group, _, option = unknown[1].partition(".options.")
         if option and group in WITH_OPTIONS:
             return f"{unknown[1]} has no value yet; with a + before it, it gets one: +{unknown[1]}=..."
+        experiment = re.match(r"grids\.(\w+)\.", unknown[1])
+        if experiment and (conf_dir() / "experiment" / f"{experiment[1]}.yaml").exists():
+            return (
+                f"the file of {experiment[1]} does not state {unknown[1]}; ++ adds what it does not: ++{unknown[1]}=..."
+            )
         return f"no setting is called '{unknown[1]}'.{did_you_mean(unknown[1], setting_names(settings))}"
     cause = f"\n{error.__cause__}" if error.__cause__ is not None else ""
     if isinstance(error, CompactHydraException):

@@ -299,7 +299,7 @@ def help_text() -> str:
         "  processes=N                runs side by side; 0, the default: one per core",
         "  report=false               tables only",
         "  elsewhere=[FOLDER]         tables of runs that were made on other machines: they count as done, and are joined in",
-        "  grids.NAME.grid.seeds=5    what the file of an experiment says; +grids.NAME.scales.quick={} adds a scale to it",
+        "  ++grids.NAME.grid.seeds=5  instead of what its file says; ++grids.NAME.scales.quick={} adds a scale",
         "  probes.SCALE.frames=N      how finished runs are probed at a scale; grids.NAME.probes=false: not at all",
         "  +experiment@grids.NAME=NAME  an experiment of your own, conf/experiment/NAME.yaml",
         "  root=FOLDER                where run folders are, and are looked for; runs/ of the checkout by default",

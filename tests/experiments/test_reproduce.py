@@ -238,3 +238,13 @@ def test_a_misspelt_setting_is_told_with_the_nearest_right_one():
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 1
     assert done.stderr == "error: no setting is called 'proceses'. Did you mean 'processes'?\n"
+
+
+def test_what_the_file_of_an_experiment_does_not_state_can_be_added():
+    command = [sys.executable, "-m", "experiments.reproduce", "scale=smoke", "experiments=[fixed_n]", "dry_run=true"]
+    without, added = (
+        subprocess.run([*command, f"{plus}grids.fixed_n.grid.seeds=3"], cwd=ROOT, capture_output=True, text=True)
+        for plus in ("", "++")
+    )
+    assert "++grids.fixed_n.grid.seeds=..." in without.stderr and without.returncode == 1
+    assert "smoke: 6 runs" in added.stdout and added.returncode == 0
