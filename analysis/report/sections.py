@@ -207,11 +207,10 @@ def limits(evidence: Evidence) -> list[Block]:
         items.append(
             f"{int(column(main, 'test_levels').max())} test levels per panel; the code of 2022 has {PAPER_TEST_LEVELS}."
         )
-    seeds, counts = count_of(main, "seed"), count_of(main, "n")
-    points = seeds * counts
+    seeds, points = count_of(main, "seed"), max(Counter(main["panel"]).values())
     items.append(
-        f"{seeds} seed{'s' if seeds > 1 else ''}: a panel has {points} points, which reach p < 0.05 only where |r| is above "
-        f"{critical_r(points):.3f}." if points > 2 else f"A panel has {points} points, too few for a correlation."
+        f"{seeds} seed{'s' if seeds > 1 else ''}: a panel has at most {points} points, which reach p < 0.05 only where |r| "
+        f"is above {critical_r(points):.3f}." if points > 2 else f"A panel has {points} points, too few for a correlation."
     )  # fmt: skip
     success = "success_train_deterministic"
     learned = mean_by(main, ["panel"], [success]).set_index("panel")[success].to_dict()
