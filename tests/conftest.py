@@ -11,7 +11,13 @@ import pytest
 # matrices take ten times as long. This must be said before numpy is loaded.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+from hypothesis import HealthCheck, settings
+
 from tests.agreement import summary
+
+# Machines are shared: how long an example took says nothing about the test.
+settings.register_profile("shared", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("shared")
 
 PAPER = Path(os.environ.get("SEGAR_PAPER", Path(__file__).parents[2] / "shared" / "paper" / "segar.tex"))
 
