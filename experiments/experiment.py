@@ -21,6 +21,7 @@ from segar.families import families
 BASE = "base"  # in a grid: the algorithm, observation or task of the scale
 SCALES = ("smoke", "quick", "standard", "paper")
 REST, SEPARATOR = "rest", "+"  # what no group of factors names; between the names of groups that are changed
+RESERVED = (REST, "pair", "value", "total")  # no names of groups: the tables of an attribution have columns called so
 MOST_GROUPS = 4  # 30 sets of levels in between, with the rest
 STEPS = {"harder": 1, "easier": -1}  # difficulties relative to that of the training levels
 
@@ -179,7 +180,7 @@ def check_groups(groups: Mapping[str, Sequence[str]], place: str) -> None:
     for name, members in groups.items():
         listed = not isinstance(members, str) and bool(members) and all(isinstance(one, str) for one in members)
         require(listed, f"{place}.{name}", members, "a list of factors and parameters, such as [Position, Size]")
-        require(name != REST, f"{place}.{name}", name, f"another name: {REST} is what no group names")
+        require(name not in RESERVED, f"{place}.{name}", name, f"another name: {', '.join(RESERVED)} are taken")
         require(SEPARATOR not in name, f"{place}.{name}", name, f"a name without {SEPARATOR}")
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.experiment import REST
+from experiments.experiment import RESERVED, REST
 from segar.errors import LevelError, did_you_mean
 from segar.factors import Friction
 from segar.levels import Levels, Provenance
@@ -74,7 +74,7 @@ def places(levels: Levels, groups: Groups) -> tuple[dict[str, list[int]], dict[s
     parameters: dict[str, list[int]] = {}
     seen: dict[str, str] = {}
     for name, members in groups.items():
-        if name in (REST, "pair", "value", "total"):
+        if name in RESERVED:
             raise LevelError(f"a group cannot be called '{name}'")
         columns[name], parameters[name] = [], []
         for member in members:

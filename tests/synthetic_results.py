@@ -136,16 +136,13 @@ def everything(rng: np.random.Generator, **main: Any) -> dict[str, pd.DataFrame]
         )
     parts.append(run_rows(rng, "upper_bound", observation="state", seeds=1))
     looks = run_rows(rng, "visual", observation="textures(textures=baseline)", **two, **short)
-    attributed = select(grid, difficulty="easy")
-    easy = grid["difficulty"] == "easy"
-    grid["experiments"] = np.where(easy, grid["experiments"] + " attribution", grid["experiments"])
     runs = pd.concat([*parts, looks], ignore_index=True)
     moved = [
         transfer_rows(grid, loss=2.0),
         transfer_rows(grid.head(6), 3.0, test_variation="gravity_40", test_difficulty="easy"),
         transfer_rows(looks, 0.5, test_observation="textures(textures=far)"),
         transfer_rows(looks, 1.0),
-        between_rows(attributed),
+        between_rows(select(grid, difficulty="easy")),
     ]
     tables = {"runs": runs, "transfers": pd.concat(moved, ignore_index=True), "curves": curve_rows(runs)}
     return tables | {"probes": probe_rows(rng, runs)}
