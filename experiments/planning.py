@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from experiments.cells import Cell, cell_config, cell_of, paper_seeds
-from experiments.config import RunConfig, ScaleConfig, as_data
+from experiments.config import LevelsConfig, RunConfig, ScaleConfig, as_data
 from experiments.elsewhere import Elsewhere
 from experiments.entry import compose
 from experiments.errors import ConfigError
@@ -24,6 +24,7 @@ from experiments.probing import ProbeConfig, assumed_seconds, read_about
 from experiments.run_folder import folder_path, is_finished, read_config, read_summary, run_folders
 from experiments.transfers import Mixture, RunWork, Transfer
 from segar.cli.arguments import table
+from segar.errors import LevelError
 
 # [frames/s] of one process, while nothing has been measured: what two cores of a small server gave.
 ASSUMED_SPEED = {
@@ -173,6 +174,7 @@ def mixtures_of(experiment: Experiment, run: RunConfig) -> Iterable[Transfer]:
             f"grids.{experiment.name}.attribution: {levels.test_count} test levels are no multiple of {levels.count} training "
             "levels, which each is paired with; choose other grid.counts, or levels.test_count"
         )
+    check_groups(experiment, levels)
     names = (*experiment.attribution, REST)
     panel = cell_of(run).panel
     for size in range(1, len(names)):
@@ -182,6 +184,19 @@ def mixtures_of(experiment: Experiment, run: RunConfig) -> Iterable[Transfer]:
             yield Transfer(
                 label, panel, levels.variation, run.observation, levels.test_count, levels.test_seed, mixture
             )
+
+
+def check_groups(experiment: Experiment, levels: LevelsConfig) -> None:
+    """Raises :class:`ConfigError` unless a training and a test level can be mixed, by groups of factors that they have."""
+    from experiments.hybrids import check_fits, places
+    from experiments.worlds import distribution_of
+
+    train, test = (distribution_of(levels, which).sample(1, seed=0, split=which) for which in ("train", "test"))
+    try:
+        check_fits(train, test)
+        places(train, experiment.attribution)
+    except LevelError as error:
+        raise ConfigError(f"grids.{experiment.name}.attribution: {levels.train}: {error}") from error
 
 
 @dataclass(frozen=True)

@@ -81,6 +81,18 @@ def test_training_levels_that_would_count_unequally_are_told(tmp_path):
         plan_of(tmp_path, mine=data)
 
 
+@pytest.mark.parametrize(
+    ("groups", "message"),
+    [
+        ({"where": ["Positon"]}, "no factor or parameter 'Positon'. Did you mean 'Position'"),
+        ({"where": ["Position"], "again": ["Mass", "Position"]}, "Position is in the groups 'where' and 'again'"),
+    ],
+)
+def test_groups_of_factors_that_levels_lack_are_told_before_anything_is_trained(tmp_path, groups, message):
+    with pytest.raises(ConfigError, match=rf"^grids.mine.attribution: empty-easy: .*{message}"):
+        plan_of(tmp_path, mine={**MAIN, "attribution": groups})
+
+
 def test_done_are_runs_whose_transfers_are_finished_too(tmp_path):
     plan = plan_of(tmp_path, harder=HARDER)
     work = plan.runs[0]
