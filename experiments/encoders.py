@@ -9,7 +9,8 @@ A CNN of your own is a function like :func:`nature`, and its place ``module:func
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import cache
 from itertools import pairwise
 from typing import Protocol
@@ -20,7 +21,7 @@ from torch import Tensor, nn
 from experiments.construct import import_object
 from experiments.errors import ConfigError
 from experiments.frame_conv import WHITE, FrameConv
-from experiments.keypoints import Keypoints
+from experiments.keypoints import Keypoints, cut
 from experiments.shared_frames import are_stacks, places_of_frames
 
 REPRESENTATION = 256  # numbers in phi(s), whatever the CNN
@@ -159,6 +160,10 @@ class StackEncoder(FrameEncoder):
 
     trunk: Keypoints
     pool: Tensor | None = None  # the distinct frames of the rollout that was prepared last
+    follows = False  # whether batches show successive steps, see :func:`successive`
+    before: tuple[Tensor, Tensor] | None = (
+        None  # of the last batch, [n, stack, ...]: its frames in squares, what was seen
+    )
 
     def prepare(self, observation: Tensor, done: Tensor) -> Tensor:
         """The places of each stack's frames in the pool, int64 [T, N, stack]."""
@@ -170,27 +175,71 @@ class StackEncoder(FrameEncoder):
             places = torch.from_numpy(places_of_frames(done.cpu().numpy(), stack))
         else:
             places = torch.arange(stack * len(newest)).view(stack, *observation.shape[:2]).movedim(0, -1)
-        self.pool = torch.cat([self.trunk.squares(frames) for frames in (*older, newest)])
+        self.pool = self._cut_all((*older, newest))
         return places.to(observation.device)
+
+    def _cut_all(self, parts: Sequence[Tensor]) -> Tensor:
+        """All frames in squares, in the memory of the last rollout's where they are as many."""
+        pool = self.pool
+        if pool is None or len(pool) != sum(map(len, parts)) or pool.device != parts[0].device:
+            return torch.cat([self.trunk.squares(frames) for frames in parts])
+        for frames, squares in zip(parts, pool.split([len(frames) for frames in parts]), strict=True):
+            cut(frames, squares)
+        return pool
 
     def forward(self, frames: Tensor) -> Tensor:
         """The representation; frames, or their places in the pool, of any leading shape."""
         trunk = self.trunk
-        if frames.dtype == torch.int64:
-            assert self.pool is not None  # prepare has filled it
-            shape = frames.shape[:-1]
-            distinct, place = frames.unique(return_inverse=True)
-            squares, place = self.pool.index_select(0, distinct), place.flatten()
-        else:
-            shape, place = frames.shape[:-3], None
-            each = frames.reshape(-1, *frames.shape[-3:]).tensor_split(trunk.stack, -1)
-            squares = torch.stack([trunk.squares(one) for one in each], 1).flatten(0, 1)
         precision = precision_of(self.precision, frames.device.type)
         with torch.autocast(frames.device.type, precision, enabled=precision != torch.float32):
-            seen = trunk.look(squares.to(precision))
-            seen = seen if place is None else seen.index_select(0, place)
-            representation = trunk.join(seen.unflatten(0, (-1, trunk.stack)))
+            if frames.dtype == torch.int64:
+                assert self.pool is not None  # prepare has filled it
+                shape = frames.shape[:-1]
+                distinct, place = frames.unique(return_inverse=True)
+                seen = trunk.look(self.pool.index_select(0, distinct).to(precision))
+                seen = seen.index_select(0, place.flatten()).unflatten(0, (-1, trunk.stack))
+            else:
+                shape = frames.shape[:-3]
+                each = frames.reshape(-1, *frames.shape[-3:]).tensor_split(trunk.stack, -1)
+                squares = torch.stack([trunk.squares(one) for one in each], 1)
+                seen = self._see(squares, precision)
+            representation = trunk.join(seen)
         return representation.float().reshape(*shape, -1)
+
+    def _see(self, squares: Tensor, precision: torch.dtype) -> Tensor:
+        """The points in frames [n, stack, ...]; those of older frames that the last batch showed are known."""
+        look, before = self.trunk.look, self.before
+        if not self.follows or torch.is_grad_enabled():
+            return look(squares.flatten(0, 1).to(precision)).unflatten(0, squares.shape[:2])
+        self.before = None
+        if before is None or before[0].shape != squares.shape or self.trunk.stack == 1:
+            seen = look(squares.flatten(0, 1).to(precision)).unflatten(0, squares.shape[:2])
+        else:
+            older, known = (part.flatten(1).view(torch.int64) for part in (squares[:, :-1], before[0][:, 1:]))
+            fresh = (older != known).any(1).nonzero().flatten()
+            rest = squares[fresh, :-1].flatten(0, 1)
+            found = look(torch.cat([squares[:, -1], rest]).to(precision))
+            newest, rest = found.tensor_split([len(squares)])
+            seen = torch.cat([before[1][:, 1:], newest.unsqueeze(1)], 1)
+            seen[fresh, :-1] = rest.unflatten(0, (-1, self.trunk.stack - 1))
+        self.before = squares, seen
+        return seen
+
+
+@contextmanager
+def successive(network: object) -> Iterator[None]:
+    """Within, the batches that an encoder of ``network`` reads without gradients show successive steps of the same
+    environments, and its weights stay as they are: a :class:`StackEncoder` then looks at no frame twice. Rows that do not
+    follow from the last batch are looked at as ever."""
+    parts = network.modules() if isinstance(network, nn.Module) else ()
+    encoders = [part for part in parts if isinstance(part, StackEncoder)]
+    try:
+        for encoder in encoders:
+            encoder.follows = True
+        yield
+    finally:
+        for encoder in encoders:
+            encoder.follows, encoder.before = False, None
 
 
 def small(height: int, width: int, depth: int) -> nn.Sequential:

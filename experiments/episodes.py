@@ -9,6 +9,7 @@ import numpy as np
 import torch
 
 from experiments.config import ACTION_MODES, RunConfig
+from experiments.encoders import successive
 from experiments.rollouts import action_size
 from experiments.run_folder import RESULTS
 from experiments.worlds import environment_options
@@ -71,20 +72,21 @@ def _play_batch(policy, levels, indices, env_options, rng, seed) -> list[dict[st
     if hasattr(policy, "begin"):
         policy.begin(env)
     actions = np.zeros((len(indices), action_size(env)), np.float32)
-    while None in rows:
-        # An environment whose episode is over starts another one, in which nobody acts and which nobody records.
-        playing = np.array([row is None for row in rows])
-        if acts_for_all or playing.all():
-            actions[:] = policy.act(observation, rng=rng)
-        else:
-            actions[playing] = policy.act(observation[playing], rng=rng)
-        observation, reward, terminated, truncated, info = env.step(actions)
-        new = [i for i in np.flatnonzero(terminated | truncated).tolist() if rows[i] is None]
-        if new:
-            final = info["final_info"]
-            said = {f"{RESULTS}{name}": np.asarray(values) for name, values in final["results"].items()}
-            for i in new:
-                rows[i] = _row(final, i, reward[i]) | {name: values[i].tolist() for name, values in said.items()}
+    with successive(policy):
+        while None in rows:
+            # An environment whose episode is over starts another one, in which nobody acts and which nobody records.
+            playing = np.array([row is None for row in rows])
+            if acts_for_all or playing.all():
+                actions[:] = policy.act(observation, rng=rng)
+            else:
+                actions[playing] = policy.act(observation[playing], rng=rng)
+            observation, reward, terminated, truncated, info = env.step(actions)
+            new = [i for i in np.flatnonzero(terminated | truncated).tolist() if rows[i] is None]
+            if new:
+                final = info["final_info"]
+                said = {f"{RESULTS}{name}": np.asarray(values) for name, values in final["results"].items()}
+                for i in new:
+                    rows[i] = _row(final, i, reward[i]) | {name: values[i].tolist() for name, values in said.items()}
     env.close()
     return [row for row in rows if row is not None]
 

@@ -55,11 +55,9 @@ class Keypoints(nn.Module):
     @staticmethod
     def squares(frames: Tensor) -> Tensor:
         """Frames uint8 [n, height, width, channels] as squares of 4x4 pixels: [n, height / 4, width / 4, 16 channels]."""
-        if frames.device.type != "cpu":
-            return squares_by_torch(frames)
         n, height, width, channels = frames.shape
         squares = frames.new_empty(n, height // STRIDE, width // STRIDE, STRIDE * STRIDE * channels)
-        copy_squares(frames.numpy(), squares.numpy(), STRIDE)
+        cut(frames, squares)
         return squares
 
     def look(self, squares: Tensor) -> Tensor:
@@ -83,6 +81,14 @@ class Keypoints(nn.Module):
         return parts.permute(0, 3, 5, 1, 2, 4).flatten(1, 3).contiguous(memory_format=torch.channels_last)
 
 
+def cut(frames: Tensor, squares: Tensor) -> None:
+    """Fills ``squares``, see :meth:`Keypoints.squares`."""
+    if frames.device.type == "cpu":
+        copy_squares(frames.numpy(), squares.numpy(), STRIDE)
+    else:
+        squares.copy_(squares_by_torch(frames))
+
+
 def squares_by_torch(frames: Tensor) -> Tensor:
     """:meth:`Keypoints.squares` by torch's operators, which a GPU has, too."""
     _, height, width, _ = frames.shape
@@ -100,8 +106,9 @@ class SoftArgmax(torch.autograd.Function):
     def forward(ctx: Any, answers: Tensor, places: Tensor) -> Tensor:
         """The points."""
         # One maximum for all filters is much faster to find than one each. Filters far below it point to the middle.
-        highest = answers.flatten(1).amax(1).float()[:, None, None]
-        weights = torch.sub(answers, highest).exp_()  # float32, whatever the answers
+        numbers = answers.to(places.dtype)
+        highest = numbers.flatten(1).amax(1)[:, None, None]
+        weights = (numbers - highest if numbers is answers else numbers.sub_(highest)).exp_()
         sums = places.t() @ weights
         total = sums[:, 2:] + TINY
         points = sums[:, :2] / total

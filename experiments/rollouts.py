@@ -11,6 +11,7 @@ import torch
 from gymnasium.spaces import Box
 from torch import Tensor
 
+from experiments.encoders import successive
 from experiments.errors import ConfigError
 from experiments.snapshots import as_tensors, from_tensors
 from segar.envs.vector import VectorEnv
@@ -98,24 +99,25 @@ class Collector:
         noise = torch.randn(self.u.shape, generator=self.rng).to(self.device)
         ended: list[Mapping[str, np.ndarray]] = []
         cut: list[tuple[int, np.ndarray, Tensor, Tensor]] = []  # time, environments, last observations, memory
-        for t in range(self.num_steps):
-            self.upload(self.observation[t])
-            loc, scale, value, memory = policy.step(self.observation[t], memory)
-            u = torch.add(loc, scale * noise[t], out=self.u[t])
-            self.loc[t], self.scale[t], self.value[t] = loc, scale, value
-            self.current, reward, terminated, truncated, info = self.env.step(u.tanh().cpu().numpy())
-            np.logical_or(terminated, truncated, out=self.done[t])
-            self.reward[t], self.terminated[t] = reward, terminated
-            if "_final_obs" in info:
-                ended.append(figures_at_end(info))
-                if truncated.any():
-                    rows = np.flatnonzero(truncated)
-                    last = torch.from_numpy(info["final_obs"][rows]).to(self.device)
-                    cut.append((t, rows, last, memory[torch.from_numpy(rows)]))
-                memory = memory * torch.from_numpy(~self.done[t])[:, None].to(self.device)
+        with successive(self.policy):
+            for t in range(self.num_steps):
+                self.upload(self.observation[t])
+                loc, scale, value, memory = policy.step(self.observation[t], memory)
+                u = torch.add(loc, scale * noise[t], out=self.u[t])
+                self.loc[t], self.scale[t], self.value[t] = loc, scale, value
+                self.current, reward, terminated, truncated, info = self.env.step(u.tanh().cpu().numpy())
+                np.logical_or(terminated, truncated, out=self.done[t])
+                self.reward[t], self.terminated[t] = reward, terminated
+                if "_final_obs" in info:
+                    ended.append(figures_at_end(info))
+                    if truncated.any():
+                        rows = np.flatnonzero(truncated)
+                        last = torch.from_numpy(info["final_obs"][rows]).to(self.device)
+                        cut.append((t, rows, last, memory[torch.from_numpy(rows)]))
+                    memory = memory * torch.from_numpy(~self.done[t])[:, None].to(self.device)
+            last = torch.from_numpy(np.ascontiguousarray(self.current))
+            self.value[-1] = policy.step(last.to(self.device), memory)[2]
         self.memory = memory
-        last = torch.from_numpy(np.ascontiguousarray(self.current))
-        self.value[-1] = policy.step(last.to(self.device), memory)[2]
         return self.rollout(self.bootstrap(cut), first_memory), mean_figures(ended)
 
     def upload(self, place: Tensor) -> None:

@@ -8,7 +8,7 @@ from torch import nn
 
 from experiments import encoders
 from experiments.config import CNNS, PPOConfig
-from experiments.encoders import MLP, FrameEncoder, initialize, make_encoder
+from experiments.encoders import MLP, FrameEncoder, initialize, make_encoder, successive
 from experiments.errors import ConfigError
 from experiments.keypoints import SoftArgmax, squares_by_torch
 from experiments.shared_frames import are_stacks_by_torch
@@ -201,6 +201,17 @@ def test_stacks_of_a_rollout_are_read_alike_by_the_places_of_their_frames(stack)
     torch.testing.assert_close(whole(places[2:4, 1]), whole(frames[2:4, 1]), atol=1e-5, rtol=1e-4)
 
 
+def test_the_next_rollout_is_read_from_the_same_memory():
+    whole = encoder("keypoints", shape=(64, 64, 6))
+    pools = []
+    for seed in (0, 1):
+        frames, done = rollout_of(2, seed=seed)
+        places = whole.prepare(frames, done)
+        torch.testing.assert_close(whole(places), whole(frames), atol=1e-5, rtol=1e-4)
+        pools.append(whole.pool.data_ptr())
+    assert pools[0] == pools[1]
+
+
 @pytest.mark.parametrize("where", ["within an episode", "at its beginning"])
 def test_what_is_no_stack_of_successive_frames_is_read_as_it_is(where):
     whole = encoder("keypoints", shape=(64, 64, 6))
@@ -211,6 +222,57 @@ def test_what_is_no_stack_of_successive_frames_is_read_as_it_is(where):
     places = whole.prepare(frames, done)
     assert len(whole.pool) == 9 * 3 * 2
     torch.testing.assert_close(whole(places), whole(frames), atol=1e-5, rtol=1e-4)
+
+
+@pytest.mark.parametrize("stack", [1, 2, 4])
+def test_while_steps_follow_each_other_no_frame_is_looked_at_twice(stack, monkeypatch):
+    whole = encoder("keypoints", shape=(64, 64, 3 * stack))
+    frames, done = rollout_of(stack)
+    with torch.no_grad():
+        expected = [whole(now) for now in frames]
+        looked = []
+        look = whole.trunk.look
+        monkeypatch.setattr(whole.trunk, "look", lambda squares: looked.append(len(squares)) or look(squares))
+        with successive(whole):
+            found = [whole(now) for now in frames]
+    torch.testing.assert_close(found, expected, atol=1e-5, rtol=1e-4)
+    begun = done[:-1, :, 0].sum(1).tolist()
+    assert looked == [3 * stack, *(3 + (stack - 1) * some for some in begun)]
+
+
+def test_what_does_not_follow_from_the_last_batch_is_looked_at_anew():
+    whole = encoder("keypoints", shape=(64, 64, 6))
+    frames, _ = rollout_of(2)
+    batches = [frames[0], frames[3], frames[1, :2], frames[2, 1:], frames[2], frames[3].flip(0)]
+    with torch.no_grad(), successive(nn.Sequential(whole)):
+        found = [whole(batch) for batch in batches]
+    torch.testing.assert_close(found, [whole(batch) for batch in batches], atol=1e-5, rtol=1e-4)
+
+
+def test_what_was_seen_is_forgotten_with_the_weights_that_saw_it():
+    whole = encoder("keypoints", shape=(64, 64, 6))
+    frames, _ = rollout_of(2)
+    with torch.no_grad():
+        with pytest.raises(KeyError), successive(whole):
+            whole(frames[0])
+            raise KeyError
+        whole.trunk.second.weight.mul_(-1)
+        with successive(whole):
+            found = whole(frames[0])
+        torch.testing.assert_close(found, whole(frames[0]), atol=1e-5, rtol=1e-4)
+
+
+def test_gradients_reach_the_older_frames_while_steps_follow_each_other():
+    whole = encoder("keypoints", shape=(64, 64, 6))
+    frames, _ = rollout_of(2)
+    whole(frames[1]).sum().backward()
+    expected = whole.trunk.first.weight.grad.clone()
+    whole.zero_grad()
+    with successive(whole):
+        with torch.no_grad():
+            whole(frames[0])
+        whole(frames[1]).sum().backward()
+    torch.testing.assert_close(whole.trunk.first.weight.grad, expected)
 
 
 @pytest.mark.parametrize("name", ["small", "mlp"])
