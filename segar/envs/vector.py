@@ -349,7 +349,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         if not math.isfinite(np.vdot(actions, actions)) and not np.isfinite(actions).all():
             env = int(np.flatnonzero(~np.isfinite(actions).all(axis=1))[0])
             raise ActionError(f"the action of environment {env} is not finite: {actions[env]}")
-        return np.ascontiguousarray(actions)
+        return actions
 
     def _checked_option(self, options: dict[str, Any], name: str, dtype: Any) -> np.ndarray | None:
         if options.get(name) is None:

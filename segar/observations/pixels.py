@@ -79,10 +79,12 @@ class BoundPixels:
             for t, c in zip(types, colours, strict=True)
         ]
         tints = [(c.low, c.high or c.low, (*c.span, 0.0)) for c in colours]
+        is_floor = np.array([Floor in t.declared for t in types])
+        self._may_change = bool((~is_floor & (np.array(columns) >= 0)).any())  # whether colours follow factors of objects
         self._blends = np.full((num_envs, levels.types.shape[1]), np.nan)
         self._tints = (
             levels.types,
-            np.array([Floor in t.declared for t in types]),
+            is_floor,
             np.array(columns, np.int64),
             np.array(tints, np.float64),
             np.array(LUMA if pixels.grey else (0, 0, 0), np.int64),
@@ -104,5 +106,6 @@ class BoundPixels:
 
     def write(self, values: np.ndarray, level: np.ndarray, out: np.ndarray, rows: np.ndarray) -> None:
         """Draw the frames of environments ``rows`` (int64) into ``out``, uint8 ``[env, *space.shape]``."""
-        tint_kernel.tint_things(values, level, rows, False, *self._tints)
+        if self._may_change:
+            tint_kernel.tint_things(values, level, rows, False, *self._tints)
         self._drawing.draw(values, level, out, rows)
