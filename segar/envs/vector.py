@@ -55,8 +55,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         seed: seeds the draw of levels and the randomness in rules; fresh entropy where it is None.
         num_threads: threads over the batch; results do not depend on it.
         autoreset_mode: ``SAME_STEP`` or ``DISABLED``.
-        copy: whether arrays that ``step`` returns are the caller's to keep; otherwise later steps overwrite them, and nobody
-            else may: of frames, only what moves is drawn anew.
+        copy: whether arrays that ``step`` returns are the caller's to keep; otherwise later steps overwrite them.
         max_steps, sub_steps: override the task's.
         world: rules; those of the levels' distribution where it is None.
         render_mode: None, 'rgb_array' (:meth:`render` gives a frame of each environment, drawn for people) or 'human'

@@ -24,7 +24,6 @@ class Drawing:
         texels: uint8 ``[env, entity, plane, P, n * texel]``: rows of each thing's pattern, which has period P; from
             any of the first P pixels on, a row goes on for whole periods.
         floor: int64 ``[env]``, which of the floors lies in each environment.
-        kept: None, or the frames that are mended from drawing to drawing, see :meth:`keep`.
 
     Args:
         floors: uint8 ``[floor, P, P, 3]``, patterns of the arena's floor.
@@ -42,22 +41,12 @@ class Drawing:
         self._backgrounds = np.zeros((num_envs, self._floors.shape[1]), np.uint8)
         self._canvas, self._scene = canvas, pixel_kernel.scene_of(levels, canvas.resolution)
         self._entities = entities
-        self.kept: np.ndarray | None = None
-        self._known, self._unknown = np.zeros((2, num_envs), np.bool_)  # kept frames that are their background but for:
-        self._boxes = np.zeros((num_envs, entities, 4), np.int64)
-
-    def keep(self, shape: tuple[int, ...]) -> np.ndarray:
-        """Memory for all frames, uint8 ``[env, *shape]``, for those who do not write into it: what is drawn into it takes the
-        place of what was drawn there last, and all else stays."""
-        self.kept = np.zeros((len(self.floor), *shape), np.uint8)
-        return self.kept
 
     def paint(self, values: np.ndarray, level: np.ndarray, rows: np.ndarray) -> None:
         """Paint floors and tiles of environments ``rows`` (int64)."""
-        self._known[rows] = False
         pixel_kernel.paint_backgrounds(
             values, level, rows, self._scene, self._canvas, self.texels, self.floor, self._floors, self._backgrounds,
-            self._boxes, np.empty(self._entities, np.int64),
+            np.empty(self._entities, np.int64),
         )  # fmt: skip
 
     def draw(self, values: np.ndarray, level: np.ndarray, out: np.ndarray, rows: np.ndarray) -> None:
@@ -69,9 +58,7 @@ class Drawing:
             frames = np.lib.stride_tricks.as_strided(out, ((len(out) - 1) * stride + out[0].size,), (1,))
         else:
             raise SegarError(f"frames are drawn into contiguous memory only, not into strides of {out.strides} bytes")
-        known = self._known if out is self.kept else self._unknown
         pixel_kernel.draw_frames(
-            values, level, rows, self._scene, self._canvas, self.texels, self._backgrounds, frames, stride, known,
-            self._boxes, np.empty(self._entities, np.int64),
+            values, level, rows, self._scene, self._canvas, self.texels, self._backgrounds, frames, stride,
+            np.empty(self._entities, np.int64),
         )  # fmt: skip
-        self._known[rows] = out is self.kept

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -77,15 +76,10 @@ class BoundMulti(Members):
         self.space: spaces.Space = (
             spaces.Tuple(own) if names is None else spaces.Dict(dict(zip(names, own, strict=True)))
         )
-        self._num_envs = num_envs
-
-    @cached_property
-    def _others(self) -> list[Any]:
-        """Arrays for members that keep none, if any other does."""
-        kept = [getattr(member, "kept", None) is not None for member in self.members]
-        return [
-            empty_batch(member.space, self._num_envs) if any(kept) and not its_own else None
-            for member, its_own in zip(self.members, kept, strict=True)
+        kept = [getattr(member, "kept", None) is not None for member in members]
+        self._others = [
+            empty_batch(member.space, num_envs) if any(kept) and not its_own else None
+            for member, its_own in zip(members, kept, strict=True)
         ]
 
     @property

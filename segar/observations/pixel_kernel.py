@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
 # Columns of ``Scene.columns[type]``: where a type keeps what the kernel reads; -1 where it lacks the factor.
 POSITION, SIZE, VISIBLE, ORDER, MOBILE = range(5)
-FIRST_ROW, ROWS, FIRST_COLUMN, COLUMNS = range(4)  # of a box in a frame: where it begins, and how many
 DRAWN: tuple[type[Factor], ...] = (Position, Size, Visible, Order, Mobile)  # in that order
 RUN = 8  # [pixels] a row of a pattern gives this many in one copy, whatever its phase
 LEVEL_EDGE = 1e-6  # an edge whose normal has a smaller x runs along rows, and no estimate finds its columns
@@ -109,7 +108,7 @@ def edge_lines(vertices: np.ndarray, counts: np.ndarray) -> np.ndarray:
 
 
 @njit(**_options)
-def paint_backgrounds(values, level, rows, scene, canvas, texels, floor, floors, backgrounds, boxes, chosen):
+def paint_backgrounds(values, level, rows, scene, canvas, texels, floor, floors, backgrounds, chosen):
     """Paint floor ``floor[env]`` and the tiles of environments ``rows``: highest Order first, so the lowest is on top."""
     for r in range(len(rows)):
         env = rows[r]
@@ -117,41 +116,19 @@ def paint_backgrounds(values, level, rows, scene, canvas, texels, floor, floors,
         copy_bytes(backgrounds, env * size, floors, floor[env] * size, size)
         n = sort_by_order(values, env, level[env], scene, True, chosen)
         for k in range(n - 1, -1, -1):
-            stamp(values, env, level[env], chosen[k], scene, canvas, True, texels, backgrounds, env * size, boxes)
+            stamp(values, env, level[env], chosen[k], scene, canvas, True, texels, backgrounds, env * size)
 
 
 @njit(**_options)
-def draw_frames(values, level, rows, scene, canvas, texels, backgrounds, frames, stride, known, boxes, chosen):
-    """Draw ``frames[env * stride :]``: the environment's background, and on it its objects, highest Order on top.
-
-    Where a frame is ``known`` (bool ``[env]``), it is background but for the ``boxes`` of what was drawn last, and these
-    alone are cleared.
-    """
+def draw_frames(values, level, rows, scene, canvas, texels, backgrounds, frames, stride, chosen):
+    """Copy each environment's background into ``frames[env * stride :]`` and stamp its objects: highest Order on top."""
     for r in range(len(rows)):
         env = rows[r]
-        if known[env]:
-            clear_boxes(env, canvas, backgrounds, frames, env * stride, boxes)
-        else:
-            size = backgrounds.shape[1]
-            copy_bytes(frames, env * stride, backgrounds, env * size, size)
-        boxes[env, :, ROWS] = 0
+        size = backgrounds.shape[1]
+        copy_bytes(frames, env * stride, backgrounds, env * size, size)
         n = sort_by_order(values, env, level[env], scene, False, chosen)
         for k in range(n):
-            stamp(values, env, level[env], chosen[k], scene, canvas, False, texels, frames, env * stride, boxes)
-
-
-@njit(**_options)
-def clear_boxes(env, canvas, backgrounds, frames, begin, boxes):
-    """Put the background back where things were drawn."""
-    width = canvas.resolution * canvas.texel
-    for entity in range(boxes.shape[1]):
-        rows, length = boxes[env, entity, ROWS], boxes[env, entity, COLUMNS] * canvas.texel
-        for plane in range(canvas.planes):
-            row = plane * canvas.resolution + boxes[env, entity, FIRST_ROW]
-            at = row * width + boxes[env, entity, FIRST_COLUMN] * canvas.texel
-            for _ in range(rows):
-                copy_bytes(frames, begin + at, backgrounds, env * backgrounds.shape[1] + at, length)
-                at += width
+            stamp(values, env, level[env], chosen[k], scene, canvas, False, texels, frames, env * stride)
 
 
 # Below, arrays are passed whole with indices: a view of one row costs more than what is done with it.
@@ -184,9 +161,9 @@ def order_of(values, env, level, entity, scene):
 
 
 @njit(**_options)
-def stamp(values, env, level, entity, scene, canvas, is_tile, texels, frames, begin, boxes):
-    """Draw one entity, if it has a finite place, into the frame at byte ``begin``, and note its box; tiles always have an
-    outline, others if they are mobile."""
+def stamp(values, env, level, entity, scene, canvas, is_tile, texels, frames, begin):
+    """Draw one entity, if it has a finite place, into the frame at byte ``begin``; tiles always have an outline, others if
+    they are mobile."""
     kind = scene.types[level, entity]
     x = values[env, entity, scene.columns[kind, POSITION]]
     y = values[env, entity, scene.columns[kind, POSITION] + 1]
@@ -198,34 +175,24 @@ def stamp(values, env, level, entity, scene, canvas, is_tile, texels, frames, be
     if scene.kinds[level, entity] == CIRCLE:
         diameter = values[env, entity, scene.columns[kind, SIZE]]
         if diameter >= 0.0:
-            stamp_disc(env, entity, x, y, diameter / 2, outlined, scene, canvas, texels, frames, begin, boxes)
+            stamp_disc(env, entity, x, y, diameter / 2, outlined, scene, canvas, texels, frames, begin)
     elif scene.kinds[level, entity] == HULL:
-        stamp_hull(env, level, entity, x, y, outlined, scene, canvas, texels, frames, begin, boxes)
+        stamp_hull(env, level, entity, x, y, outlined, scene, canvas, texels, frames, begin)
 
 
 @njit(**_options)
-def stamp_disc(env, entity, x, y, radius, outlined, scene, canvas, texels, frames, begin, boxes):
+def stamp_disc(env, entity, x, y, radius, outlined, scene, canvas, texels, frames, begin):
     cx, cy = column_at(x, canvas), canvas.resolution - column_at(y, canvas)
     r = int(np.rint(min(radius * canvas.scale, float(canvas.resolution))))
-    first_row, last_row = max(cy - r, 0), min(cy + r, canvas.resolution - 1)
-    note_box(env, entity, first_row, last_row, max(cx - r, 0), min(cx + r, canvas.resolution - 1), boxes)
+    first_row = max(cy - r, 0)
     period = texels.shape[3]
     r0 = (first_row - cy) % period
-    for row in range(first_row, last_row + 1):
+    for row in range(first_row, min(cy + r, canvas.resolution - 1) + 1):
         outer = scene.spans[r, abs(row - cy), 0]
         inner = scene.spans[r, abs(row - cy), 1] if outlined else outer
         a, b, c, d = cx - outer, cx + outer, cx - inner, cx + inner
         stamp_row(env, entity, row, a, b, c, d, cx, r0, canvas, texels, frames, begin)
         r0 = r0 + 1 if r0 + 1 < period else 0
-
-
-@njit(**_options)
-def note_box(env, entity, first_row, last_row, first_column, last_column, boxes):
-    """Note where an entity is drawn; nothing, if a last row or column lies before the first one."""
-    boxes[env, entity, FIRST_ROW], boxes[env, entity, FIRST_COLUMN] = first_row, first_column
-    columns = max(last_column - first_column + 1, 0)
-    boxes[env, entity, COLUMNS] = columns
-    boxes[env, entity, ROWS] = max(last_row - first_row + 1, 0) if columns > 0 else 0
 
 
 @njit(**_options)
@@ -260,7 +227,7 @@ def stamp_row(env, entity, row, first, last, inner_first, inner_last, cx, r0, ca
 
 
 @njit(**_options)
-def stamp_hull(env, level, entity, x, y, outlined, scene, canvas, texels, frames, begin, boxes):
+def stamp_hull(env, level, entity, x, y, outlined, scene, canvas, texels, frames, begin):
     """Fill the pixels whose world point lies in a convex polygon; those within one pixel of an edge are its outline."""
     left, right, bottom, top = np.inf, -np.inf, np.inf, -np.inf
     for k in range(scene.vertex_counts[level, entity]):
@@ -271,7 +238,6 @@ def stamp_hull(env, level, entity, x, y, outlined, scene, canvas, texels, frames
     last = int(min(max(np.floor((x + right + canvas.walls) * scale), -1.0), edge - 1.0))
     first_row = int(min(max(np.ceil(resolution - (y + top + canvas.walls) * scale), 0.0), edge))
     last_row = int(min(max(np.floor(resolution - (y + bottom + canvas.walls) * scale), -1.0), edge - 1.0))
-    note_box(env, entity, first_row, last_row, first, last, boxes)
     cx, cy = column_at(x, canvas), resolution - column_at(y, canvas)
     for row in range(first_row, last_row + 1):
         py = (resolution - row) / scale - canvas.walls - y

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -98,11 +97,6 @@ class BoundPixels:
         self._blends[rows] = np.nan
         tint_kernel.tint_things(values, level, rows, True, *self._tints)
         self._drawing.paint(values, level, rows)
-
-    @cached_property
-    def kept(self) -> np.ndarray:
-        """See :class:`segar.observations.protocol.Keeps`."""
-        return self._drawing.keep(self.space.shape)
 
     def write(self, values: np.ndarray, level: np.ndarray, out: np.ndarray, rows: np.ndarray) -> None:
         """Draw the frames of environments ``rows`` (int64) into ``out``, uint8 ``[env, *space.shape]``."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -150,11 +149,6 @@ class BoundTexturedPixels:
             level, rows, self._loom, self._drawing.floor, self._features, self._scratch(), self._drawing.texels
         )
         self._drawing.paint(values, level, rows)
-
-    @cached_property
-    def kept(self) -> np.ndarray:
-        """See :class:`segar.observations.protocol.Keeps`."""
-        return self._drawing.keep(self.space.shape)
 
     def write(self, values: np.ndarray, level: np.ndarray, out: np.ndarray, rows: np.ndarray) -> None:
         """Draw the frames of environments ``rows`` (int64) into ``out``, uint8 ``[env, *space.shape]``."""
