@@ -23,7 +23,7 @@ from experiments.atomic import write_text
 from experiments.config import ACTION_MODES, require, require_known
 from experiments.entry import compose, run_simple_command
 from experiments.run import run
-from experiments.run_folder import CHECKOUT, LEVELS_TEST, read_metrics, read_summary
+from experiments.run_folder import CHECKOUT, LEVELS_TEST, read_config, read_metrics, read_summary
 from segar import Levels
 
 CURVES_CSV, TABLE_CSV, FIGURE = "curves.csv", "algorithms.csv", "algorithms"
@@ -50,6 +50,7 @@ class Curve:
 
 
 MANY = "levels.count=200"
+SMALL = ("algorithm.encoder=small", "observation=rgb")  # a CNN whose runs take minutes; ppo_small is the others' base
 CURVES = (
     Curve("ppo_fast_state", "empty-hard", (MANY, "algorithm=ppo_fast"), 200_000),
     Curve("sac", "empty-easy", (MANY, "algorithm=sac"), 20_000),
@@ -57,11 +58,12 @@ CURVES = (
     Curve("ppo_recurrent", "empty-hard", (MANY, "algorithm=ppo_recurrent", "observation=rgb"), 600_000),
     Curve("drq", "empty-easy", (MANY, "algorithm=drq", "observation=rgb_stack2"), 60_000),
     Curve("ppo", "empty-easy", (MANY, "algorithm=ppo", "observation=rgb"), 1_000_000),
-    Curve("ppo_procgen", "empty-easy", (MANY, "algorithm=ppo_procgen", "observation=rgb_stack2"), 500_000),
-    Curve("curl", "empty-easy", (MANY, "algorithm=curl", "observation=rgb"), 250_000),
-    Curve("curl_original", "empty-easy", (MANY, "algorithm=curl_original", "observation=rgb"), 250_000),
-    Curve("spr", "empty-easy", (MANY, "algorithm=spr", "observation=rgb"), 250_000),
-    Curve("spr_original", "empty-easy", (MANY, "algorithm=spr_original", "observation=rgb"), 250_000),
+    Curve("ppo_procgen", "empty-easy", (MANY, "algorithm=ppo_procgen", "observation=rgb_stack2"), 250_000),
+    Curve("ppo_small", "empty-easy", (MANY, "algorithm=ppo", *SMALL), 250_000),
+    Curve("curl", "empty-easy", (MANY, "algorithm=curl", *SMALL), 250_000),
+    Curve("curl_original", "empty-easy", (MANY, "algorithm=curl_original", *SMALL), 250_000),
+    Curve("spr", "empty-easy", (MANY, "algorithm=spr", *SMALL), 250_000),
+    Curve("spr_original", "empty-easy", (MANY, "algorithm=spr_original", *SMALL), 250_000),
 )
 
 
@@ -107,7 +109,7 @@ def row_of(curve: Curve, folder: Path) -> dict[str, Any]:
     levels = Levels.load(folder / LEVELS_TEST)
     anchors = find_anchors(levels, rng=np.random.default_rng(ANCHOR_SEED))
     row: dict[str, Any] = {"name": curve.name, "levels": curve.levels, "settings": " ".join(curve.settings)}
-    row |= {"frames": curve.frames, "minutes": seconds_of(folder) / 60}
+    row |= {"frames": curve.frames, "threads": read_config(folder).num_threads, "minutes": seconds_of(folder) / 60}
     for mode in ACTION_MODES:
         for split in ("train", "test"):
             row[f"{split}_success_{mode}"] = summary[f"evaluation/{split}/success/{mode}"]
@@ -175,15 +177,26 @@ def with_table(page: str, rows: pd.DataFrame) -> str:
 
 def as_markdown(rows: pd.DataFrame) -> str:
     """The table as the page has it: both action modes as deterministic / sampled."""
-    head = ("run", "levels", "settings", "frames", "minutes", "train success", "test success", "score on test levels")
-    lines: list[Sequence[str]] = [head, ["---"] * 3 + ["--:"] * 5]
+    head = (
+        "run",
+        "levels",
+        "settings",
+        "frames",
+        "threads",
+        "minutes",
+        "train success",
+        "test success",
+        "score on test levels",
+    )
+    lines: list[Sequence[str]] = [head, ["---"] * 3 + ["--:"] * 6]
     for row in rows.to_dict("records"):
         pairs = [
             f"{row[f'{key}_deterministic']:.2f} / {row[f'{key}_sampled']:.2f}"
             for key in ("train_success", "test_success", "test_score")
         ]
         settings = f"`{row['settings']}`"
-        lines.append([row["name"], row["levels"], settings, f"{row['frames']:,}", f"{row['minutes']:.1f}", *pairs])
+        cost = (f"{row['frames']:,}", str(row["threads"]), f"{row['minutes']:.1f}")
+        lines.append([row["name"], row["levels"], settings, *cost, *pairs])
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
