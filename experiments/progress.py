@@ -38,7 +38,7 @@ class Progress:
             self.bar.update(advance)
         elif self.shown and time.monotonic() - self.last_line > LINE_INTERVAL:
             self.last_line = time.monotonic()
-            left = (self.total - frames) / max(self.rate(), 1e-9)
+            left = max(self.total - frames, 0) / max(self.rate(), 1e-9)
             print(
                 f"{self.label}: {frames:,} of {self.total:,} frames, {self.rate():,.0f} frames/s, {text}, "
                 f"about {left:.0f} s left",
