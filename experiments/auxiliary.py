@@ -102,7 +102,7 @@ class Auxiliary(ABC):
 
     def iterate(self) -> Mapping[str, float]:
         """Collects, learns as PPO does, then by the auxiliary loss."""
-        rollout, figures = self.ppo.collector.collect()
+        rollout, figures = self.ppo.collect()
         self.ppo.frames += rollout.reward.numel()
         return {**figures, **self.ppo.learn(rollout), **self.learn(rollout)}
 

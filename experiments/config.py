@@ -19,6 +19,14 @@ from experiments.errors import ConfigError
 from segar.errors import did_you_mean
 from segar.families import families
 
+LATER = "later"
+
+
+def later(default: Any) -> Any:
+    """A setting that came after runs had been made without it: at its default it is not part of what names a run, so that
+    they are found again."""
+    return field(default=default, metadata={LATER: True})
+
 
 @dataclass(frozen=True)
 class LevelsConfig:
@@ -113,6 +121,8 @@ class PPOConfig(AlgorithmConfig):
     min_log_std: float = -3.0
     max_log_std: float = 2.0
     device: str = "cpu"  # where networks compute: cpu, cuda, cuda:1
+    overlap: bool = later(False)  # collect the next rollout, with the weights as they are, while this one is learned on
+    compile: bool = later(False)  # the loss, by torch.compile; on a GPU it is replayed as CUDA graphs
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -242,7 +252,7 @@ class RunConfig:
 
     def identity(self) -> dict[str, Any]:
         """The settings that decide the results, as plain data; where files go or what is printed is not among them."""
-        data = as_data(self)
+        data = as_data(self, named=True)
         parts = {key: data[key] for key in ("levels", "task", "observation", "algorithm", "evaluation", "seed")}
         return {**parts, "frames": self.scale.frames}
 
@@ -274,13 +284,20 @@ def run_config(data: Mapping[str, Any]) -> RunConfig:
     return construct(RunConfig, data, "", algorithm=construct(cls, algorithm, "algorithm"))
 
 
-def as_data(config: Any) -> dict[str, Any]:
-    """Plain data (dict, list, numbers, text) from which :func:`run_config` makes the same settings again."""
+def as_data(config: Any, named: bool = False) -> dict[str, Any]:
+    """Plain data (dict, list, numbers, text) from which :func:`run_config` makes the same settings again; if ``named``,
+    without those of :func:`later` that stand at their default."""
 
     def plain(value: Any) -> Any:
         if dataclasses.is_dataclass(value):
             kind = {"type": class_name(type(value))} if isinstance(value, AlgorithmConfig) else {}
-            return {**kind, **{f.name: plain(getattr(value, f.name)) for f in dataclasses.fields(value)}}
+            left_out = LATER if named else None
+            content = {
+                f.name: plain(getattr(value, f.name))
+                for f in dataclasses.fields(value)
+                if left_out not in f.metadata or getattr(value, f.name) != f.default
+            }
+            return {**kind, **content}
         if isinstance(value, Mapping):
             return {key: plain(v) for key, v in value.items()}
         return [plain(v) for v in value] if isinstance(value, tuple | list) else value

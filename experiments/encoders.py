@@ -76,7 +76,7 @@ def make_encoder(
     return (StackEncoder if isinstance(trunk, Keypoints) else FrameEncoder)(trunk, config.precision)
 
 
-@cache
+@torch.compiler.assume_constant_result  # what a processor is made for cannot be traced
 def precision_of(name: str, device: str = "cpu") -> torch.dtype:
     """The number format that 'bf16', 'fp32' or 'auto' means on a kind of device, 'cpu' or 'cuda'.
 
@@ -85,10 +85,15 @@ def precision_of(name: str, device: str = "cpu") -> torch.dtype:
     """
     if name != "auto":
         return {"bf16": torch.bfloat16, "fp32": torch.float32}[name]
+    return torch.bfloat16 if _multiplies_bf16(device) else torch.float32
+
+
+@cache
+def _multiplies_bf16(device: str) -> bool:
     if device == "cuda":
-        return torch.bfloat16 if torch.cuda.is_bf16_supported(including_emulation=False) else torch.float32
+        return torch.cuda.is_bf16_supported(including_emulation=False)
     has = torch.cpu.get_capabilities()
-    return torch.bfloat16 if has.get("amx_bf16") or has.get("avx512_bf16") else torch.float32
+    return bool(has.get("amx_bf16") or has.get("avx512_bf16"))
 
 
 class MLP(nn.Module):
@@ -195,9 +200,7 @@ class StackEncoder(FrameEncoder):
             if frames.dtype == torch.int64:
                 assert self.pool is not None  # prepare has filled it
                 shape = frames.shape[:-1]
-                distinct, place = frames.unique(return_inverse=True)
-                seen = trunk.look(self.pool.index_select(0, distinct).to(precision))
-                seen = seen.index_select(0, place.flatten()).unflatten(0, (-1, trunk.stack))
+                seen = self._look_at(self.pool, frames, precision).unflatten(0, (-1, trunk.stack))
             else:
                 shape = frames.shape[:-3]
                 each = frames.reshape(-1, *frames.shape[-3:]).tensor_split(trunk.stack, -1)
@@ -205,6 +208,14 @@ class StackEncoder(FrameEncoder):
                 seen = self._see(squares, precision)
             representation = trunk.join(seen)
         return representation.float().reshape(*shape, -1)
+
+    def _look_at(self, pool: Tensor, places: Tensor, precision: torch.dtype) -> Tensor:
+        """The points in the frames at places in a pool."""
+        if torch.compiler.is_compiling():  # how many are distinct depends on the data, and shapes must not
+            return self.trunk.look(pool.index_select(0, places.flatten()).to(precision))
+        distinct, which = places.unique(return_inverse=True)
+        seen = self.trunk.look(pool.index_select(0, distinct).to(precision))
+        return seen.index_select(0, which.flatten())
 
     def _see(self, squares: Tensor, precision: torch.dtype) -> Tensor:
         """The points in frames [n, stack, ...]; those of older frames that the last batch showed are known."""

@@ -17,6 +17,7 @@ from torchrl.objectives import SoftUpdate
 from torchrl.objectives.common import LossModule
 
 from experiments.config import REWARD_TRANSFORMS, AlgorithmConfig, require, require_known
+from experiments.devices import usable_device
 from experiments.ppo import check_finite, learner_reward
 from experiments.replay import Replay
 from experiments.rollouts import action_size, figures_at_end, mean_figures, observation_shape
@@ -66,7 +67,7 @@ class OffPolicy(ABC):
     """The learner, see :class:`experiments.learner.Learner`."""
 
     def __init__(self, config: Any, env: VectorEnv, frames: int, seed: int) -> None:
-        self.config, self.env, self.device = config, env, torch.device(config.device)
+        self.config, self.env, self.device = config, env, usable_device(config.device)
         self.rng = torch.Generator().manual_seed(seed)  # of the processor, so that devices draw alike
         self.shape, self.actions = observation_shape(env), action_size(env)
         self.policy: Any = self.make_policy(config, self.shape, self.actions)

@@ -38,7 +38,7 @@ class SquashedNormal(Independent):
 
     def entropy(self) -> Tensor:
         """Differential entropy of ``tanh(u)``, ``[...]``, by quadrature: H[u] + E[log (1 - tanh² u)]."""
-        nodes, weights = _hermite(self.base_dist.loc.dtype)
+        nodes, weights = _hermite(self.base_dist.loc.dtype, self.base_dist.loc.device)
         u = self.base_dist.loc[..., None] + self.base_dist.scale[..., None] * nodes
         return super().entropy() + (log_slope(u) * weights).sum((-1, -2))
 
@@ -53,10 +53,18 @@ def log_slope(u: Tensor) -> Tensor:
     return 2.0 * (math.log(2.0) - u - F.softplus(-2.0 * u))
 
 
+@torch.compiler.assume_constant_result  # NumPy cannot be traced
+def _hermite(dtype: torch.dtype, device: torch.device) -> tuple[Tensor, Tensor]:
+    return _made_hermite(dtype, device)
+
+
 @cache
-def _hermite(dtype: torch.dtype) -> tuple[Tensor, Tensor]:
+def _made_hermite(dtype: torch.dtype, device: torch.device) -> tuple[Tensor, Tensor]:
     nodes, weights = np.polynomial.hermite_e.hermegauss(QUADRATURE_NODES)
-    return torch.as_tensor(nodes, dtype=dtype), torch.as_tensor(weights / weights.sum(), dtype=dtype)
+    return (
+        torch.as_tensor(nodes, dtype=dtype, device=device),
+        torch.as_tensor(weights / weights.sum(), dtype=dtype, device=device),
+    )
 
 
 class Actor(nn.Module):

@@ -7,7 +7,7 @@ A truncated episode bootstraps from the value of its last observation, a termina
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,10 +15,13 @@ import torch
 from tensordict import TensorDict, TensorDictBase
 from tensordict.nn import ProbabilisticTensorDictModule, ProbabilisticTensorDictSequential, TensorDictModule
 from torch import Tensor, nn
+from torch._dynamo.exc import BackendCompilerFailed
 from torchrl.objectives import ClipPPOLoss
 from torchrl.objectives.value.functional import generalized_advantage_estimate
 
+from experiments.ahead import CollectorAhead
 from experiments.config import PPOConfig
+from experiments.devices import usable_device
 from experiments.encoders import FrameEncoder, initialize, make_encoder
 from experiments.errors import TrainingError
 from experiments.policies import Actor, SquashedNormal, make_head
@@ -88,13 +91,15 @@ class PPO:
 
     def __init__(self, config: PPOConfig, env: VectorEnv, frames: int, seed: int) -> None:
         self.config, self.budget = config, frames
-        self.device = torch.device(config.device)
+        self.device = usable_device(config.device)
         self.rng = torch.Generator().manual_seed(seed)
         self.policy: Any = self.make_policy(config, observation_shape(env), action_size(env))
         self.policy.initialize(self.rng)
         self.policy.to(self.device)
-        self.collector = Collector(env, self.policy, config.num_steps, self.device, self.rng)
+        kind = CollectorAhead if config.overlap else Collector
+        self.collector: Any = kind(env, self.policy, config.num_steps, self.device)
         self.loss = self.make_loss()
+        self.figures = compiled(self.losses) if config.compile else self.losses
         self.optimizer = torch.optim.Adam(
             self.policy.parameters(), lr=config.learning_rate, eps=config.adam_eps, fused=True
         )
@@ -118,8 +123,11 @@ class PPO:
         return {**figures, **self.learn(rollout)}
 
     def collect(self) -> tuple[Rollout, dict[str, float]]:
-        """Steps every environment ``num_steps`` times; also says how episodes ended."""
-        return self.collector.collect()
+        """A rollout of ``num_steps`` steps in every environment; also says how episodes ended."""
+        if isinstance(self.collector, CollectorAhead):
+            size = self.config.num_envs * self.config.num_steps
+            return self.collector.collect(self.rng, more=self.frames + size < self.budget)
+        return self.collector.collect(self.collector.draw_noise(self.rng))
 
     def learn(self, rollout: Rollout) -> dict[str, float]:
         """Takes ``epochs x minibatches`` gradient steps on a rollout; returns the mean of the losses' figures."""
@@ -130,7 +138,7 @@ class PPO:
             group["lr"] = rate
         totals: dict[str, Tensor] = {}
         for minibatch in self.minibatches(batch):
-            figures = self.losses(minibatch)
+            figures = self.figures(minibatch)
             loss = torch.stack([value for name, value in figures.items() if name.startswith("loss_")]).sum()
             self.optimizer.zero_grad()
             loss.backward()
@@ -222,7 +230,7 @@ def clipped_loss(config: PPOConfig, network: Sequence[Any], critic: TensorDictMo
         in_keys=["loc", "scale"], out_keys=["u"], distribution_class=SquashedNormal, return_log_prob=True
     )
     parts: list[Any] = [*network, law]
-    return ClipPPOLoss(
+    loss = ClipPPOLoss(
         ProbabilisticTensorDictSequential(*parts),
         critic,
         clip_epsilon=config.clip,
@@ -235,6 +243,28 @@ def clipped_loss(config: PPOConfig, network: Sequence[Any], critic: TensorDictMo
         log_explained_variance=False,
         functional=False,  # the parameters stay in the modules: half the overhead per call
     )
+    if config.clip_value is not None:  # TorchRL makes it a tensor and asks if it is zero, which waits for a GPU
+        del loss.clip_value
+        loss.clip_value = config.clip_value
+    return loss
+
+
+def compiled(function: Callable[[TensorDict], TensorDictBase]) -> Callable[[TensorDict], TensorDictBase]:
+    """The function by torch.compile; on a GPU it is replayed as CUDA graphs. Raises :class:`TrainingError` where torch cannot
+    compile it."""
+    fast = torch.compile(function, mode="reduce-overhead", dynamic=False)
+
+    def call(minibatch: TensorDict) -> TensorDictBase:
+        try:
+            return fast(minibatch)
+        except BackendCompilerFailed as error:
+            reason = " ".join(str(error).split("\n")[:2]).strip()
+            raise TrainingError(
+                f"algorithm.compile: torch cannot compile the loss ({reason}). It needs a C++ compiler, on a GPU Triton; "
+                "algorithm.compile=false does without"
+            ) from error
+
+    return call
 
 
 @torch.no_grad()

@@ -50,6 +50,9 @@ class RecurrentPPOConfig(PPOConfig):
             f"at most num_envs, {self.num_envs}: a minibatch is made of whole environments",
         )
         require(self.shared is not False, "algorithm.shared", self.shared, "true: policy and value read one memory")
+        require(
+            not self.compile, "algorithm.compile", self.compile, "false: torch cannot trace TorchRL's recurrent layers"
+        )
 
 
 class RecurrentPolicy(nn.Module):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -47,7 +48,7 @@ class StepPolicy(Protocol):
 class Rollout:
     """What one collection saw, time first: observation [T, N, ...]; all others [T, N, 1] but ``u``, loc, scale [T, N, 2].
 
-    The next collection writes over it.
+    A later collection writes over it: the next one, or as many later as the collector has storages.
     """
 
     observation: Tensor
@@ -62,6 +63,35 @@ class Rollout:
     memory: Tensor  # [N, memory_width], of the policy before the first step
 
 
+class Storage:
+    """Room for one rollout, on the device what the policy reads and computes, as arrays what environments say.
+
+    Args:
+        size: steps and environments.
+        observation: those of one step [N, ...]; any of that shape and dtype.
+        actions: numbers in an action.
+    """
+
+    def __init__(self, size: tuple[int, int], observation: Tensor, actions: int, device: torch.device) -> None:
+        steps, num_envs = size
+        self.observation = torch.empty((steps, *observation.shape), dtype=observation.dtype, device=device)
+        self.u, self.loc, self.scale = (torch.empty((*size, actions), device=device) for _ in range(3))
+        self.value = torch.empty((steps + 1, num_envs, 1), device=device)
+        self.reward = np.empty(size, np.float32)
+        self.terminated, self.done = np.empty(size, np.bool_), np.empty(size, np.bool_)
+
+    def rollout(self, next_value: Tensor, memory: Tensor) -> Rollout:
+        """What it holds, on the device; see :class:`Rollout`."""
+        reward, terminated, done = (
+            torch.from_numpy(array)[..., None].to(self.value.device)
+            for array in (self.reward, self.terminated, self.done)
+        )
+        value = self.value[:-1]
+        return Rollout(
+            self.observation, self.u, self.loc, self.scale, value, next_value, reward, terminated, done, memory
+        )
+
+
 class Collector:
     """Environments at work for a policy; no step allocates or copies more than it must.
 
@@ -73,52 +103,54 @@ class Collector:
         policy: its actions are sampled.
         num_steps: of each environment, per collection.
         device: where policy and rollout live.
-        rng: of the noise in actions; a generator of the CPU, so that devices draw alike.
+        storages: rollouts that are kept; each collection writes over the oldest.
     """
 
     def __init__(
-        self, env: VectorEnv, policy: StepPolicy, num_steps: int, device: torch.device, rng: torch.Generator
+        self, env: VectorEnv, policy: StepPolicy, num_steps: int, device: torch.device, storages: int = 1
     ) -> None:
-        self.env, self.policy, self.num_steps, self.device, self.rng = env, policy, num_steps, device, rng
-        size, actions = (num_steps, env.num_envs), action_size(env)
+        self.env, self.policy, self.num_steps, self.device = env, policy, num_steps, device
         self.current, _ = env.reset()
         self.memory = torch.zeros((env.num_envs, policy.memory_width), device=device)
         frames = torch.from_numpy(self.current)
         # What lies in pinned memory goes to the GPU while the processor does something else.
         self.pinned = torch.empty(frames.shape, dtype=frames.dtype, pin_memory=True) if device.type == "cuda" else None
-        self.observation = torch.empty((num_steps, *frames.shape), dtype=frames.dtype, device=device)
-        self.u, self.loc, self.scale = (torch.empty((*size, actions), device=device) for _ in range(3))
-        self.value = torch.empty((num_steps + 1, env.num_envs, 1), device=device)
-        self.reward = np.empty(size, np.float32)
-        self.terminated, self.done = np.empty(size, np.bool_), np.empty(size, np.bool_)
+        size, actions = (num_steps, env.num_envs), action_size(env)
+        self.storages = deque(Storage(size, frames, actions, device) for _ in range(storages))
+
+    def draw_noise(self, rng: torch.Generator) -> Tensor:
+        """The noise of one collection's actions; ``rng`` is of the CPU, so that devices draw alike."""
+        return torch.randn(self.storages[0].u.shape, generator=rng)
 
     @torch.no_grad()
-    def collect(self) -> tuple[Rollout, dict[str, float]]:
+    def collect(self, noise: Tensor) -> tuple[Rollout, dict[str, float]]:
         """Steps every environment ``num_steps`` times; also says how episodes ended."""
         policy, first_memory, memory = self.policy, self.memory, self.memory
-        noise = torch.randn(self.u.shape, generator=self.rng).to(self.device)
+        storage = self.storages[0]
+        self.storages.rotate(-1)
+        noise = noise.to(self.device)
         ended: list[Mapping[str, np.ndarray]] = []
         cut: list[tuple[int, np.ndarray, Tensor, Tensor]] = []  # time, environments, last observations, memory
-        with successive(self.policy):
+        with successive(policy):
             for t in range(self.num_steps):
-                self.upload(self.observation[t])
-                loc, scale, value, memory = policy.step(self.observation[t], memory)
-                u = torch.add(loc, scale * noise[t], out=self.u[t])
-                self.loc[t], self.scale[t], self.value[t] = loc, scale, value
+                self.upload(storage.observation[t])
+                loc, scale, value, memory = policy.step(storage.observation[t], memory)
+                u = torch.add(loc, scale * noise[t], out=storage.u[t])
+                storage.loc[t], storage.scale[t], storage.value[t] = loc, scale, value
                 self.current, reward, terminated, truncated, info = self.env.step(u.tanh().cpu().numpy())
-                np.logical_or(terminated, truncated, out=self.done[t])
-                self.reward[t], self.terminated[t] = reward, terminated
+                np.logical_or(terminated, truncated, out=storage.done[t])
+                storage.reward[t], storage.terminated[t] = reward, terminated
                 if "_final_obs" in info:
                     ended.append(figures_at_end(info))
                     if truncated.any():
                         rows = np.flatnonzero(truncated)
                         last = torch.from_numpy(info["final_obs"][rows]).to(self.device)
                         cut.append((t, rows, last, memory[torch.from_numpy(rows)]))
-                    memory = memory * torch.from_numpy(~self.done[t])[:, None].to(self.device)
+                    memory = memory * torch.from_numpy(~storage.done[t])[:, None].to(self.device)
             last = torch.from_numpy(np.ascontiguousarray(self.current))
-            self.value[-1] = policy.step(last.to(self.device), memory)[2]
+            storage.value[-1] = policy.step(last.to(self.device), memory)[2]
         self.memory = memory
-        return self.rollout(self.bootstrap(cut), first_memory), mean_figures(ended)
+        return storage.rollout(self.bootstrap(storage.value, cut), first_memory), mean_figures(ended)
 
     def upload(self, place: Tensor) -> None:
         """Copies the current observations to a place in the rollout."""
@@ -130,24 +162,14 @@ class Collector:
         else:
             place.copy_(torch.from_numpy(self.current))
 
-    def bootstrap(self, cut: list[tuple[int, np.ndarray, Tensor, Tensor]]) -> Tensor:
+    def bootstrap(self, value: Tensor, cut: list[tuple[int, np.ndarray, Tensor, Tensor]]) -> Tensor:
         """The values that follow [T, N, 1]; where an episode was truncated, that of its last observation."""
-        next_value = self.value[1:].clone()
+        next_value = value[1:].clone()
         if cut:
             values = self.policy.step(torch.cat([last for _, _, last, _ in cut]), torch.cat([m for *_, m in cut]))[2]
             times = np.concatenate([np.full(len(rows), t) for t, rows, _, _ in cut])
             next_value[times, np.concatenate([rows for _, rows, _, _ in cut])] = values
         return next_value
-
-    def rollout(self, next_value: Tensor, memory: Tensor) -> Rollout:
-        """The storage as a rollout, on the device."""
-        reward, terminated, done = (
-            torch.from_numpy(array)[..., None].to(self.device) for array in (self.reward, self.terminated, self.done)
-        )
-        value = self.value[:-1]
-        return Rollout(
-            self.observation, self.u, self.loc, self.scale, value, next_value, reward, terminated, done, memory
-        )
 
     def state_dict(self) -> dict[str, Any]:
         """The running episodes."""

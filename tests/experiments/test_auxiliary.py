@@ -45,7 +45,7 @@ def config(request):
 
 def test_the_loss_falls_on_a_fixed_rollout(config):
     one = learner(dataclasses.replace(config, auxiliary_minibatches=1, learning_rate=1e-3))
-    rollout, _ = one.ppo.collector.collect()
+    rollout, _ = one.ppo.collect()
     steps = 300 if isinstance(config, CURLConfig) else 30  # a contrast starts where all frames look alike
     losses = [one.learn(rollout)["auxiliary/loss"] for _ in range(steps)]
     assert sum(losses[-5:]) < 0.6 * sum(losses[:5])
@@ -53,7 +53,7 @@ def test_the_loss_falls_on_a_fixed_rollout(config):
 
 def test_the_gradient_reaches_the_encoder_and_no_target_and_nothing_of_the_policy_behind_the_encoder(config):
     one = learner(config)
-    rollout, _ = one.ppo.collector.collect()
+    rollout, _ = one.ppo.collect()
     batch = next(iter(one.batches(rollout)))
     one.loss(batch)["loss"].backward()
     moved = {name for name, weight in one.policy.named_parameters() if weight.grad is not None and weight.grad.any()}
@@ -78,7 +78,7 @@ def test_every_weight_of_the_loss_is_learned_and_the_encoder_is_the_policys(conf
 def test_the_target_encoder_is_the_moving_average_of_the_encoder(name):
     one = learner(CONFIGS[name])
     tau = one.config.tau
-    rollout, _ = one.ppo.collector.collect()
+    rollout, _ = one.ppo.collect()
     one.ppo.learn(rollout)  # PPO's steps do not move it
     expected = one.loss.target_network_params.clone()
     passed = []
@@ -106,7 +106,7 @@ def test_a_target_without_delay_is_the_encoder_itself():
 
 def test_two_views_of_each_frame_are_contrasted_and_every_frame_is_seen(monkeypatch):
     one = learner(CONFIGS["curl"])
-    rollout, _ = one.ppo.collector.collect()
+    rollout, _ = one.ppo.collect()
     monkeypatch.setattr(one, "augmented", lambda frames: frames)
     plain = list(one.batches(rollout))
     monkeypatch.undo()
@@ -120,7 +120,7 @@ def test_two_views_of_each_frame_are_contrasted_and_every_frame_is_seen(monkeypa
 
 def test_the_contrast_is_that_of_its_definition():
     one = learner(CONFIGS["curl"])
-    rollout, _ = one.ppo.collector.collect()
+    rollout, _ = one.ppo.collect()
     one.learn(rollout)
     batch = next(iter(one.batches(rollout)))
     with torch.no_grad():
@@ -163,7 +163,7 @@ def test_sequences_are_of_one_environment_in_order_and_never_valid_beyond_an_epi
 
 def test_all_sequences_of_all_environments_are_used_once(monkeypatch):
     one = learner(CONFIGS["spr_original"])
-    rollout, _ = one.ppo.collector.collect()
+    rollout, _ = one.ppo.collect()
     asked = []
     found = sequences
     monkeypatch.setattr("experiments.spr.sequences", lambda r, t, e, h: asked.append((t, e)) or found(r, t, e, h))
@@ -175,7 +175,7 @@ def test_all_sequences_of_all_environments_are_used_once(monkeypatch):
 
 def test_what_lies_beyond_an_episodes_end_does_not_count():
     one = learner(CONFIGS["spr_original"])
-    rollout, _ = one.ppo.collector.collect()
+    rollout, _ = one.ppo.collect()
     batch = next(iter(one.batches(rollout)))
     batch["valid"][:] = True
     batch["valid"][0, 2:] = False
@@ -191,7 +191,7 @@ def test_what_lies_beyond_an_episodes_end_does_not_count():
 
 def test_the_error_is_twice_the_cosine_distance_of_what_was_foretold_and_what_was_seen():
     one = learner(ONE_STEP)
-    rollout, _ = one.ppo.collector.collect()
+    rollout, _ = one.ppo.collect()
     one.learn(rollout)
     batch = next(iter(one.batches(rollout)))
     model = one.loss.network.module.model

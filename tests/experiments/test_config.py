@@ -153,6 +153,14 @@ def test_only_what_decides_results_decides_the_hash():
     assert dataclasses.replace(config, algorithm=PPOConfig(gamma=0.9)).hash() != config.hash()
 
 
+def test_a_setting_that_came_later_changes_no_name_until_it_is_changed():
+    config = RunConfig()
+    assert "overlap" in as_data(config)["algorithm"] and "overlap" not in config.identity()["algorithm"]
+    other = dataclasses.replace(config, algorithm=PPOConfig(overlap=True))
+    assert other.identity()["algorithm"]["overlap"] is True
+    assert other.hash() != config.hash()
+
+
 @pytest.mark.parametrize(
     ("override", "says"),
     [

@@ -1,5 +1,6 @@
 """PPO: advantages, the squashed policy, rollouts that are those of the plain environment, and that it learns."""
 
+import contextlib
 import dataclasses
 import math
 
@@ -12,7 +13,7 @@ from experiments.config import LevelsConfig, PPOConfig
 from experiments.encoders import MLP, FrameEncoder
 from experiments.entry import compose
 from experiments.episodes import play
-from experiments.errors import TrainingError
+from experiments.errors import ConfigError, TrainingError
 from experiments.policies import SquashedNormal
 from experiments.ppo import PPO, check_finite, make_batch
 from experiments.rewards import ReturnScale, learner_reward
@@ -250,3 +251,30 @@ def test_ppo_learns():
     while ppo.frames < ppo.budget:
         ppo.iterate()
     assert test_return() > untrained / 3  # returns are negative
+
+
+@pytest.mark.parametrize(("config", "shown"), [(SMALL, "state"), (PIXELS, "rgb")])
+def test_the_loss_mixes_no_devices(config, shown, monkeypatch):
+    """Torch's device without memory stands for a GPU: it, too, refuses what lies elsewhere."""
+    monkeypatch.setattr(torch, "autocast", lambda *_, **__: contextlib.nullcontext())  # which knows no such device
+    monkeypatch.setattr(torch.Tensor, "__bool__", lambda _: True)  # the loss asks if the entropy is finite
+    ppo = learner(config, levels=family("tilesx1-hard").sample(5, seed=0), observation=shown)
+    rollout, _ = ppo.collect()
+    batch = ppo.make_batch(rollout)
+    ppo.device = torch.device("meta")
+    ppo.policy.to(ppo.device)
+    figures = ppo.losses(next(ppo.minibatches(batch.to(ppo.device))))
+    figures["loss_objective"].backward()
+    assert {value.device for value in figures.values()} == {ppo.device}
+    assert make_batch(config, on(ppo.device, rollout), rollout.reward.to(ppo.device)).device in (None, ppo.device)
+
+
+def on(device, rollout):
+    moved = {field.name: getattr(rollout, field.name).to(device) for field in dataclasses.fields(rollout)}
+    return Rollout(**moved)
+
+
+@pytest.mark.parametrize("name", ["cuda:99", "abacus"])
+def test_a_device_that_is_not_there_is_named(name):
+    with pytest.raises(ConfigError, match=f"algorithm.device: '{name}' cannot be used here.*algorithm.device=cpu"):
+        learner(dataclasses.replace(SMALL, device=name))

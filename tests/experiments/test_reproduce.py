@@ -248,3 +248,11 @@ def test_what_the_file_of_an_experiment_does_not_state_can_be_added():
     )
     assert "++grids.fixed_n.grid.seeds=..." in without.stderr and without.returncode == 1
     assert "smoke: 6 runs" in added.stdout and added.returncode == 0
+
+
+def test_runs_that_are_shipped_are_found_by_their_names_today(tmp_path):
+    """Whoever adds a setting says so with ``later``; else whatever anybody has trained is trained again."""
+    command = [sys.executable, "-m", "experiments.reproduce", "scale=quick", "elsewhere=[docs/results/quick]"]
+    done = subprocess.run([*command, "dry_run=true", f"root={tmp_path}"], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "quick: 45 runs, 45 done, 0 to do" in done.stdout

@@ -1,0 +1,111 @@
+"""Collecting ahead: what the thread collects is what would be collected in turn, and nothing of it is lost by a restart."""
+
+import dataclasses
+from concurrent.futures import Executor, Future
+
+import pytest
+import torch
+from short_runs import FRAMES, ITERATIONS, figures, killed_after, short_run, weights
+
+from experiments.ahead import CollectorAhead
+from experiments.config import PPOConfig
+from experiments.curl import CURL, CURLConfig
+from experiments.ppo import PPO
+from experiments.recurrent_ppo import RecurrentPPO, RecurrentPPOConfig
+from experiments.run import run
+from segar import family
+from segar.errors import ActionError
+
+LEVELS = family("tilesx1-hard").sample(10, seed=0)
+SIZE = {"num_envs": 6, "num_steps": 16, "minibatches": 2, "head_width": 0, "overlap": True}
+SMALL = PPOConfig(widths=(16,), **SIZE)
+KINDS = {
+    "state": (PPO, SMALL, "state"),
+    "stacks": (PPO, dataclasses.replace(SMALL, encoder="keypoints", steps_together=4), "rgb_stack2"),
+    "recurrent": (RecurrentPPO, RecurrentPPOConfig(widths=(16,), core_width=8, **SIZE), "state"),
+    "curl": (CURL, CURLConfig(encoder="small", auxiliary_minibatches=2, **SIZE), "rgb"),
+}
+BATCH = SMALL.num_envs * SMALL.num_steps
+
+
+class InTurn(Executor):
+    """Carries out what it is given before it returns."""
+
+    def submit(self, fn, /, *args, **kwargs):
+        done = Future()
+        done.set_result(fn(*args, **kwargs))
+        return done
+
+
+def learner(kind="state", seed=0, iterations=5):
+    learns, config, observation = KINDS[kind]
+    env = learns.make_env(LEVELS, config.num_envs, seed=seed, observation=observation)
+    return learns(config, env, iterations * BATCH, seed)
+
+
+def ppo_of(one):
+    return one if isinstance(one, PPO) else one.ppo
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_thread_collects_what_would_be_collected_in_turn(kind):
+    ahead, in_turn = learner(kind), learner(kind)
+    ppo_of(in_turn).collector.executor = InTurn()
+    for _ in range(5):
+        assert ahead.iterate() == in_turn.iterate()
+    for a, b in zip(ahead.policy.parameters(), in_turn.policy.parameters(), strict=True):
+        assert torch.equal(a, b)
+
+
+def test_rollouts_are_those_of_the_weights_before_the_last_update():
+    one = learner()
+    older = newer = {name: value.clone() for name, value in one.policy.state_dict().items()}
+    acting = PPO.make_policy(SMALL, one.collector.collector.current.shape[1:], 2)
+    for turn in range(5):
+        rollout, _ = one.collect()
+        acting.load_state_dict(older)
+        with torch.no_grad():
+            loc, scale, value = acting(rollout.observation)
+        torch.testing.assert_close((rollout.loc, rollout.scale, rollout.value), (loc, scale, value))
+        one.frames += BATCH
+        one.learn(rollout)
+        older, newer = newer, {name: value.clone() for name, value in one.policy.state_dict().items()}
+        assert any(not torch.equal(older[name], newer[name]) for name in newer), turn
+
+
+def test_nothing_is_collected_that_nobody_learns_on():
+    one = learner(iterations=3)
+    pending = []
+    for _ in range(3):
+        one.iterate()
+        pending.append(one.collector.pending is not None)
+    assert pending == [True, True, False]
+
+
+@pytest.mark.parametrize("killed", [1, 2, 3])
+def test_a_resumed_run_collects_again_what_was_being_collected(tmp_path, monkeypatch, killed):
+    algorithm = PPOConfig(num_envs=8, num_steps=8, widths=(8,), head_width=0, overlap=True)
+    whole = short_run(tmp_path / "whole", algorithm=algorithm)
+    run(whole)
+    parts = short_run(tmp_path / "parts", algorithm=algorithm)
+    with killed_after(killed, monkeypatch):
+        run(parts)
+    assert run(parts).summary["frames"] == FRAMES * ITERATIONS
+    a, b = weights(tmp_path / "whole"), weights(tmp_path / "parts")
+    assert all(torch.equal(a[name], b[name]) for name in a)
+    assert figures(tmp_path / "whole") == figures(tmp_path / "parts")
+
+
+def test_what_goes_wrong_while_collecting_is_raised_where_it_is_waited_for():
+    one = learner()
+    with torch.no_grad():
+        one.policy.actor.mean[-1].bias.fill_(float("nan"))
+    with pytest.raises(ActionError):
+        one.collect()
+
+
+def test_a_copy_acts_and_has_no_gradients():
+    collector = learner().collector
+    assert isinstance(collector, CollectorAhead)
+    known = {id(weight) for weight in collector.policy.parameters()}
+    assert not any(id(weight) in known or weight.requires_grad for weight in collector.behaviour.parameters())
