@@ -127,10 +127,13 @@ def reproduce(
     print(f"Runs: {runs_root(config.run)}\nTables, report, logs: {config.folder}", flush=True)
     if config.dry_run:
         return
+    # Studies first: the longest takes a minute, in which at the end there would be nothing else to do.
     waiting: dict[str, tuple[Work, float]] = {
+        one.name: (one, STUDY_SECONDS) for one in plan.studies if not is_study_done(one)
+    }
+    waiting |= {
         one.run.label(): (one, speeds.seconds(one)) for one in plan.runs if one.run.restart or not one.is_done()
     }
-    waiting |= {one.name: (one, STUDY_SECONDS) for one in plan.studies if not is_study_done(one)}
     write_plan(config, plan)
     failed = do_all(config, waiting, processes, work or carry_out)
     finished = (finish or tables_and_report)(config, plan)
