@@ -24,7 +24,10 @@ from analysis.tables import column, count_of, keep, pick, select
 from experiments.experiment import REST, SEPARATOR
 from segar.errors import SegarError
 
-BOOTSTRAP, PERMUTATION = "bootstrap of (panel, seed) blocks", "permutation within panels"
+BOOTSTRAP, PERMUTATION = (
+    "bootstrap of (panel, seed) blocks",
+    "permutation within panels",
+)  # given the cell: within cells
 SEED = 2022  # of all bootstraps and permutations
 RESAMPLES = 1000
 PAPER_R = -0.597  # what p = 1.47e-5 means for 45 points
@@ -36,7 +39,8 @@ OUTLIERS = {
     "without |z| ≥ 3 in what panels leave": "removed: residuals",
 }
 ETA = "eta_test_deterministic"
-GIVEN = {"pooled": (), "given panel": ("panel",), "given panel and log n": ("panel", "log_n")}
+CELL = "given cell"
+GIVEN = {"pooled": (), "given panel": ("panel",), "given panel and log n": ("panel", "log_n"), CELL: ("cell",)}
 
 
 class Evidence:
@@ -102,10 +106,13 @@ class Evidence:
         values = np.column_stack([column(table, x), column(table, y), design(table, given)])
         return self.bootstrap(name, table, values, partial)
 
-    def permutation(self, name: str, table: pd.DataFrame, x: str, y: str, given: Sequence[str] = ()) -> Estimate:
-        """:func:`analysis.stats.resampling.permutation_within`; where nothing can be permuted, none and the reason."""
+    def permutation(self, name: str, table: pd.DataFrame, x: str, y: str, test: str = "given panel") -> Estimate:
+        """:func:`analysis.stats.resampling.permutation_within`, given what a test in :data:`GIVEN` gives; where nothing can
+        be permuted, none and the reason."""
+        given = ("n",) if "log_n" in GIVEN[test] else ()
+        within = ("cell",) if test == CELL else ("panel",)
         try:
-            return permutation_within(table, x, y, self.rng(name), given=given, resamples=RESAMPLES)
+            return permutation_within(table, x, y, self.rng(name), within=within, given=given, resamples=RESAMPLES)
         except SegarError as error:
             return Estimate.missing(len(table), str(error))
 
@@ -127,8 +134,7 @@ class Evidence:
                     one = self.correlation(name, self.main, f"w2_{mode}", gap, given)
                     rows.append(one.row(**base, way=BOOTSTRAP))
                     if given:
-                        more = ("n",) if "log_n" in given else ()
-                        one = self.permutation(name, self.main, f"w2_{mode}", gap, more)
+                        one = self.permutation(name, self.main, f"w2_{mode}", gap, test)
                         rows.append(one.row(**base, way=PERMUTATION))
         return pd.DataFrame(rows)
 

@@ -14,6 +14,7 @@ import pandas as pd
 
 from analysis import style
 from analysis.collect import CURVES, MISSING, PLAN
+from analysis.stats.association import labels
 from analysis.tables import column, keep, select
 from experiments.elsewhere import RUNS, TRANSFERS
 from experiments.errors import RunFolderError
@@ -153,12 +154,13 @@ def scale_of(folder: Path) -> str:
 
 def measured(table: pd.DataFrame) -> pd.DataFrame:
     """The rows whose gap is known, with these names: ``gap`` and ``gap_se`` (full returns, deterministic actions),
-    ``gap_2022`` (returns without their last reward, as in 2022), ``panel`` and ``log_n``."""
+    ``gap_2022`` (returns without their last reward, as in 2022), ``panel``, ``log_n`` and ``cell``."""
     named = table.assign(
         gap=table["gap_deterministic"],
         gap_se=table["gap_se_deterministic"],
         gap_2022=table["gap_ref_deterministic"],
         log_n=np.log(table["n"].to_numpy(np.float64)),
+        cell=labels(table, [*PANEL, "n"]),
     )
     return keep(with_panel(named), np.isfinite(column(named, "gap")))
 

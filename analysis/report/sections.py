@@ -18,7 +18,7 @@ from analysis.stats.power import critical_r
 from analysis.tables import column, count_of, mean_by, select
 
 PAPER_FRAMES, PAPER_TEST_LEVELS = 1_000_000, 500
-IN_SHORT = ("3a", "3a-n", "fixed-n", "3b-trend", "4a-larger", "4b-none", "5a-gap", "A-mass")
+IN_SHORT = ("3a", "3a-n", "3a-cell", "fixed-n", "3b-trend", "4a-larger", "4b-none", "5a-gap", "A-mass")
 LEARNED = 0.5  # success on training levels below which an agent did not learn its task
 CLAIMS = (*claims_gap.CLAIMS, *claims_information.CLAIMS, *claims_learning.CLAIMS,
           *claims_information.CLAIMS_OF_APPENDIX, *claims_learning.CLAIMS_OF_APPENDIX)  # fmt: skip
@@ -238,7 +238,7 @@ def limits(evidence: Evidence) -> list[Block]:
 def main_grid(evidence: Evidence, drawings: Drawings, boxes: Callable[..., list[Block]]) -> list[Block]:
     """Figures 3a and 3b."""
     blocks: list[Block] = [Heading("The main grid: gap against W2"), *drawings.blocks("figure_3a")]
-    blocks += boxes("3a", "3a-panel", "3a-n", "fixed-n")
+    blocks += boxes("3a", "3a-panel", "3a-n", "3a-cell", "fixed-n")
     if len(evidence.main):
         blocks += [
             Heading("Pooled, partial, and one number of levels", 3),

@@ -91,8 +91,9 @@ def main_table(evidence: Evidence) -> Table:
     )
     caption = (
         'Gap against W2 in the main grid. The first interval and p take runs for independent, as the paper does. "Blocks": a '
-        'bootstrap of whole (panel, seed) blocks, whose p is at least 0.001. "Permuted": W2 shuffled within panels. Data: '
-        "`statistics/associations.csv`, `statistics/resampled.csv`."
+        'bootstrap of whole (panel, seed) blocks, whose p is at least 0.001. "Permuted": W2 shuffled within panels, '
+        "or within cells, each a panel and a number of levels. Data: `statistics/associations.csv`, "
+        "`statistics/resampled.csv`."
     )
     return Table(head, rows, 3, caption)
 

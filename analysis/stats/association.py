@@ -33,7 +33,8 @@ def associations(
 ) -> pd.DataFrame:
     """Every correlation of ``x`` and ``y`` that the questions about a gap ask for, one row each.
 
-    ``test``      "pooled", "given panel", "given panel and log n", and "within" for each panel by itself
+    ``test``      "pooled", "given panel", "given panel and log n", "given cell" (a panel and a number of levels: what is
+                  left is that runs of one cell differ), and "within" for each panel by itself
     ``method``    "pearson" or "spearman"; partial where something is given
     ``outliers``  "kept"; "removed: points", |z| >= 3 in x or in y, as the paper has it; "removed: residuals", |z| >= 3
                   in what panels (and nothing else) leave of x or of y. ``removed`` counts them
@@ -63,6 +64,7 @@ def associations(
         tests = [("pooled", "", None), ("given panel", "", panels)]
         if given:
             tests.append((f"given panel and {said}", "", np.column_stack([panels, covariates])))
+            tests.append(("given cell", "", indicators(list(labels(part, [*panel, *given])))))
         base = {"outliers": rule, "removed": removed}
         for test, label, matrix in tests:
             rows += correlation_rows(base | {"test": test, "panel": label}, correlate(a, b, matrix), len(a))

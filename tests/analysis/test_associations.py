@@ -25,8 +25,14 @@ def runs():
 def test_there_is_a_row_for_every_question(runs):
     found = associations(runs, "w2", "gap")
     assert tuple(found.columns) == ASSOCIATION_COLUMNS
-    assert list(dict.fromkeys(found["test"])) == ["pooled", "given panel", "given panel and log n", "within"]
-    assert len(found) == (3 + 9) * 2 * 3  # tests and panels, methods, outlier rules
+    assert list(dict.fromkeys(found["test"])) == [
+        "pooled",
+        "given panel",
+        "given panel and log n",
+        "given cell",
+        "within",
+    ]
+    assert len(found) == (4 + 9) * 2 * 3  # tests and panels, methods, outlier rules
 
 
 def test_pooled_and_within_are_scipys(runs):
@@ -48,6 +54,23 @@ def test_an_effect_of_n_alone_is_no_effect_of_w2_once_n_is_given():
     assert one(found, test="pooled", method="pearson", outliers="kept").estimate < -0.4
     given = one(found, test="given panel and log n", method="pearson", outliers="kept")
     assert given.low < 0 < given.high
+
+
+def test_an_effect_of_n_that_is_not_linear_in_its_logarithm_is_no_effect_of_w2_once_the_cell_is_given():
+    rng = np.random.default_rng(2)
+    runs = grid(rng, seeds=5, slope=0.0, noise=0.1)
+    runs["gap"] -= 2.0 * (runs["n"] == 1)
+    found = associations(runs, "w2", "gap")
+    linear = one(found, test="given panel and log n", method="pearson", outliers="kept")
+    assert linear.high < 0  # what log n leaves of one level looks like W2
+    cell = one(found, test="given cell", method="pearson", outliers="kept")
+    assert cell.low < 0 < cell.high
+
+
+def test_of_one_run_per_cell_there_is_nothing_left():
+    found = associations(grid(np.random.default_rng(3), seeds=1), "w2", "gap")
+    cell = one(found, test="given cell", method="pearson", outliers="kept")
+    assert np.isnan(cell.estimate) and "too few for" in cell.note
 
 
 def test_panels_are_corrected_together_and_other_tests_are_not(runs):

@@ -26,7 +26,7 @@ def full(tmp_path_factory):
 
 
 def test_an_effect_of_w2_is_found_pooled_given_panel_given_n_and_at_one_n(full):
-    for name in ("3a", "3a-panel", "3a-n", "fixed-n", "3b-trend", "3b-empty"):
+    for name in ("3a", "3a-panel", "3a-n", "3a-cell", "fixed-n", "3b-trend", "3b-empty"):
         assert full[name].verdict(PAPER) == full[name].verdict(CORRECTED) == REPRODUCED, name
     assert full["3b-easy"].verdict(CORRECTED) == NOT_REPRODUCED
 
@@ -37,6 +37,13 @@ def test_a_gap_that_follows_n_and_not_w2_is_told_apart(tmp_path):
     assert found["3a"].verdict(CORRECTED) == REPRODUCED
     assert found["3a-n"].verdict(CORRECTED) == NOT_REPRODUCED
     assert "how many levels" in found["3a-n"].follows
+    assert found["3a-cell"].verdict(CORRECTED) == NOT_REPRODUCED
+
+
+def test_one_seed_says_nothing_about_sets_of_one_size(tmp_path):
+    found = claims_of(tmp_path, {"runs": run_rows(np.random.default_rng(1), "figure_3a", seeds=1)})
+    assert found["3a-cell"].verdict(CORRECTED) == NOT_TESTABLE
+    assert "two seeds" in found["3a-cell"].needs
 
 
 def test_a_loss_on_harder_levels_is_found(full):
