@@ -24,10 +24,7 @@ from analysis.tables import column, count_of, keep, pick, select
 from experiments.experiment import REST, SEPARATOR
 from segar.errors import SegarError
 
-BOOTSTRAP, PERMUTATION = (
-    "bootstrap of (panel, seed) blocks",
-    "permutation within panels",
-)  # given the cell: within cells
+BOOTSTRAP, PERMUTATION = "bootstrap of (panel, seed) blocks", "permutation"  # within panels, or within cells
 SEED = 2022  # of all bootstraps and permutations
 RESAMPLES = 1000
 PAPER_R = -0.597  # what p = 1.47e-5 means for 45 points
