@@ -19,11 +19,6 @@ FRAMES = dataclasses.replace(VECTORS, encoder="small")
 STACKS = dataclasses.replace(VECTORS, encoder="keypoints", steps_together=4)
 LEVELS = family("tilesx1-hard").sample(10, seed=0)
 
-frames_take_long = [
-    pytest.param(FRAMES, "rgb", marks=pytest.mark.slow),
-    pytest.param(STACKS, "rgb_stack2", marks=pytest.mark.slow),
-]
-
 
 def learner(config=VECTORS, observation="state"):
     return PPO(config, PPO.make_env(LEVELS, config.num_envs, seed=0, observation=observation), 10_000, 0)
@@ -36,7 +31,8 @@ def gradients(one, compute, minibatch):
     return dict(found.items()), [weight.grad.clone() for weight in one.policy.parameters()]
 
 
-@pytest.mark.parametrize(("config", "observation"), [(VECTORS, "state"), *frames_take_long])
+@pytest.mark.slow
+@pytest.mark.parametrize(("config", "observation"), [(VECTORS, "state"), (FRAMES, "rgb"), (STACKS, "rgb_stack2")])
 def test_a_compiled_loss_has_the_figures_and_gradients_of_the_plain_one(config, observation):
     one = learner(config, observation)
     one.iterate()  # for a policy that is not the one that collected
