@@ -16,10 +16,8 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from experiments.rollouts import Collector, Rollout
+from experiments.rollouts import Collected, Collector
 from segar.envs.vector import VectorEnv
-
-Collected = tuple[Rollout, dict[str, float]]
 
 
 class CollectorAhead:
@@ -47,29 +45,27 @@ class CollectorAhead:
 
     def collect(self, rng: torch.Generator, more: bool) -> Collected:
         """The next rollout; the one after it is begun if ``more`` are wanted. The noise of actions comes from ``rng``."""
-        if self.pending is None:
-            self._follow()
-            self._begin(self.collector.draw_noise(rng))
-        assert self.pending is not None
-        collected, self.pending = self.pending.result(), None
+        pending = self.pending or self._follow(rng)
+        collected, self.pending = pending.result(), None
         if more:
-            self._follow()
-            self._begin(self.collector.draw_noise(rng))
+            self._follow(rng)
         return collected
 
-    def _follow(self) -> None:
-        """Takes over the learner's weights."""
+    def _follow(self, rng: torch.Generator) -> Future[Collected]:
+        """Begins a collection with the learner's weights."""
         self.behaviour.load_state_dict(self.policy.state_dict())
+        return self._begin(self.collector.draw_noise(rng))
 
-    def _begin(self, noise: Tensor) -> None:
+    def _begin(self, noise: Tensor) -> Future[Collected]:
         self.before = {**self.collector.state_dict(), "noise": noise}
         if self.stream is not None:
             self.stream.wait_stream(torch.cuda.current_stream(self.stream.device))
         self.pending = self.executor.submit(self._collect, noise)
+        return self.pending
 
     def _collect(self, noise: Tensor) -> Collected:
         with nullcontext() if self.stream is None else torch.cuda.stream(self.stream):
-            collected = self.collector.collect(noise)
+            collected = self.collector.collect_with(noise)
         if self.stream is not None:
             self.stream.synchronize()
         return collected

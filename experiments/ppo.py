@@ -26,7 +26,7 @@ from experiments.encoders import FrameEncoder, initialize, make_encoder
 from experiments.errors import TrainingError
 from experiments.policies import Actor, SquashedNormal, make_head
 from experiments.rewards import ReturnScale, learner_reward
-from experiments.rollouts import Collector, Rollout, action_size, observation_shape
+from experiments.rollouts import Collected, Collector, Rollout, action_size, observation_shape
 from segar.envs.vector import VectorEnv
 
 
@@ -122,12 +122,10 @@ class PPO:
         self.frames += rollout.reward.numel()
         return {**figures, **self.learn(rollout)}
 
-    def collect(self) -> tuple[Rollout, dict[str, float]]:
+    def collect(self) -> Collected:
         """A rollout of ``num_steps`` steps in every environment; also says how episodes ended."""
-        if isinstance(self.collector, CollectorAhead):
-            size = self.config.num_envs * self.config.num_steps
-            return self.collector.collect(self.rng, more=self.frames + size < self.budget)
-        return self.collector.collect(self.collector.draw_noise(self.rng))
+        size = self.config.num_envs * self.config.num_steps
+        return self.collector.collect(self.rng, more=self.frames + size < self.budget)
 
     def learn(self, rollout: Rollout) -> dict[str, float]:
         """Takes ``epochs x minibatches`` gradient steps on a rollout; returns the mean of the losses' figures."""

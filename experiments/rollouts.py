@@ -63,6 +63,9 @@ class Rollout:
     memory: Tensor  # [N, memory_width], of the policy before the first step
 
 
+Collected = tuple[Rollout, dict[str, float]]  # and how episodes ended
+
+
 class Storage:
     """Room for one rollout, on the device what the policy reads and computes, as arrays what environments say.
 
@@ -118,12 +121,16 @@ class Collector:
         size, actions = (num_steps, env.num_envs), action_size(env)
         self.storages = deque(Storage(size, frames, actions, device) for _ in range(storages))
 
+    def collect(self, rng: torch.Generator, more: bool = True) -> Collected:
+        """The next rollout; noise of actions comes from ``rng``. Whether ``more`` are wanted matters to who collects ahead."""
+        return self.collect_with(self.draw_noise(rng))
+
     def draw_noise(self, rng: torch.Generator) -> Tensor:
         """The noise of one collection's actions; ``rng`` is of the CPU, so that devices draw alike."""
         return torch.randn(self.storages[0].u.shape, generator=rng)
 
     @torch.no_grad()
-    def collect(self, noise: Tensor) -> tuple[Rollout, dict[str, float]]:
+    def collect_with(self, noise: Tensor) -> Collected:
         """Steps every environment ``num_steps`` times; also says how episodes ended."""
         policy, first_memory, memory = self.policy, self.memory, self.memory
         storage = self.storages[0]

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 
-import numpy as np
 import pandas as pd
 
 from analysis.report import verdicts
 from analysis.report.claims import CORRECTED, PAPER, Claim, Finding, not_testable
-from analysis.report.evidence import CELL, Evidence, pearson
+from analysis.report.evidence import GIVEN_CELL, Evidence, pearson
 from analysis.report.results import paired
 from analysis.report.verdicts import NOT_REPRODUCED, REPRODUCED, UNDECIDED
 from analysis.stats.association import holm
@@ -85,21 +84,21 @@ def within_cells(evidence: Evidence) -> Claim:
     statement = (
         "Of equally many levels of one panel, those that by chance lie farther from the test levels have a worse gap."
     )
-    findings = controlled(evidence, CELL) if len(evidence.main) else []
-    if not any(np.isfinite(one.found.estimate) for one in findings):
+    if evidence.main.empty or count_of(evidence.main, "seed") < 2:
         return not_testable(name, statement, where, SEEDS)
+    findings = controlled(evidence, GIVEN_CELL)
     follows = {
         REPRODUCED: "W2 says something about the gap that neither panel nor number of levels says.",
         NOT_REPRODUCED: "At one panel and one number of levels, chance differences in W2 do not matter: the headline is about "
         "how many levels were sampled, and where.",
         UNDECIDED: "Sets of one cell differ too little in W2 for these runs; the fixed-n design makes them differ.",
     }
-    return finished(name, statement, where, findings, follows, MAIN)
+    return finished(name, statement, where, findings, follows, SEEDS)
 
 
 def controlled(evidence: Evidence, test: str) -> list[Finding]:
     """The partial correlation, with W2 and returns of 2022; and exact, with full returns and the p of a permutation."""
-    among = "cells" if test == CELL else "panels"
+    among = "cells" if test == GIVEN_CELL else "panels"
     paper = evidence.association("reference", "gap_2022", test)
     exact = evidence.association("exact", "gap", test)
     shuffled = evidence.permutation(f"exact gap {test}", evidence.main, "w2_exact", "gap", test)

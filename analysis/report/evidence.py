@@ -36,8 +36,8 @@ OUTLIERS = {
     "without |z| ≥ 3 in what panels leave": "removed: residuals",
 }
 ETA = "eta_test_deterministic"
-CELL = "given cell"
-GIVEN = {"pooled": (), "given panel": ("panel",), "given panel and log n": ("panel", "log_n"), CELL: ("cell",)}
+GIVEN_CELL = "given cell"
+GIVEN = {"pooled": (), "given panel": ("panel",), "given panel and log n": ("panel", "log_n"), GIVEN_CELL: ("cell",)}
 
 
 class Evidence:
@@ -107,7 +107,7 @@ class Evidence:
         """:func:`analysis.stats.resampling.permutation_within`, given what a test in :data:`GIVEN` gives; where nothing can
         be permuted, none and the reason."""
         given = ("n",) if "log_n" in GIVEN[test] else ()
-        within = ("cell",) if test == CELL else ("panel",)
+        within = ("cell",) if test == GIVEN_CELL else ("panel",)
         try:
             return permutation_within(table, x, y, self.rng(name), within=within, given=given, resamples=RESAMPLES)
         except SegarError as error:

@@ -167,7 +167,7 @@ def measured(table: pd.DataFrame) -> pd.DataFrame:
 
 def with_panel(table: pd.DataFrame) -> pd.DataFrame:
     """The table with ``panel``, e.g. empty-hard."""
-    return table.assign(panel=[f"{a}-{b}" for a, b in zip(table["family"], table["difficulty"], strict=True)])
+    return table.assign(panel=labels(table, PANEL))
 
 
 def panels_of(table: pd.DataFrame) -> list[str]:

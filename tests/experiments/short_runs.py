@@ -5,11 +5,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import torch
 
 from experiments.checkpoint import read_checkpoint
 from experiments.config import EvaluationConfig, LevelsConfig, PPOConfig, RunConfig, ScaleConfig, TrackingConfig
 from experiments.ppo import PPO
-from experiments.run_folder import CHECKPOINT, read_metrics
+from experiments.run_folder import CHECKPOINT, read_episodes, read_metrics
 
 FRAMES = 64  # of an iteration
 ITERATIONS = 4
@@ -84,3 +85,10 @@ def figures(folder):
     """What a run logged, but for what the clock said."""
     rows = read_metrics(folder).to_pylist()
     return [(row["name"], row["frames"], row["value"]) for row in rows if row["name"] != "speed/frames_per_second"]
+
+
+def same_results(a, b):
+    """Whether two run folders have the same weights, figures and evaluation, to the bit."""
+    found, expected = weights(a), weights(b)
+    equal = found.keys() == expected.keys() and all(torch.equal(value, expected[name]) for name, value in found.items())
+    return equal and figures(a) == figures(b) and read_episodes(a).equals(read_episodes(b))

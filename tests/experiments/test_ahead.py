@@ -5,7 +5,6 @@ from concurrent.futures import Executor, Future
 
 import pytest
 import torch
-from short_runs import FRAMES, ITERATIONS, figures, killed_after, short_run, weights
 
 from experiments.ahead import CollectorAhead
 from experiments.config import PPOConfig
@@ -15,6 +14,7 @@ from experiments.recurrent_ppo import RecurrentPPO, RecurrentPPOConfig
 from experiments.run import run
 from segar import family
 from segar.errors import ActionError
+from tests.experiments.short_runs import FRAMES, ITERATIONS, killed_after, same_results, short_run
 
 LEVELS = family("tilesx1-hard").sample(10, seed=0)
 SIZE = {"num_envs": 6, "num_steps": 16, "minibatches": 2, "head_width": 0, "overlap": True}
@@ -91,9 +91,7 @@ def test_a_resumed_run_collects_again_what_was_being_collected(tmp_path, monkeyp
     with killed_after(killed, monkeypatch):
         run(parts)
     assert run(parts).summary["frames"] == FRAMES * ITERATIONS
-    a, b = weights(tmp_path / "whole"), weights(tmp_path / "parts")
-    assert all(torch.equal(a[name], b[name]) for name in a)
-    assert figures(tmp_path / "whole") == figures(tmp_path / "parts")
+    assert same_results(tmp_path / "parts", tmp_path / "whole")
 
 
 def test_what_goes_wrong_while_collecting_is_raised_where_it_is_waited_for():

@@ -4,7 +4,6 @@ import dataclasses
 
 import pytest
 import torch
-from short_runs import figures, killed_after, short_run, weights
 from torch._dynamo.exc import BackendCompilerFailed
 
 from experiments.config import PPOConfig
@@ -13,6 +12,7 @@ from experiments.ppo import PPO
 from experiments.recurrent_ppo import RecurrentPPOConfig
 from experiments.run import run
 from segar import family
+from tests.experiments.short_runs import killed_after, same_results, short_run
 
 VECTORS = PPOConfig(num_envs=6, num_steps=16, minibatches=2, widths=(16,), precision="fp32", compile=True)
 FRAMES = dataclasses.replace(VECTORS, encoder="small")
@@ -54,11 +54,8 @@ def test_a_compiled_run_is_reproduced_and_resumed_to_the_bit(tmp_path, monkeypat
         run(runs[2])
     for config in runs:
         run(config)
-    expected = weights(tmp_path / "one")
     for name in ("other", "parts"):
-        found = weights(tmp_path / name)
-        assert all(torch.equal(found[key], expected[key]) for key in expected)
-        assert figures(tmp_path / name) == figures(tmp_path / "one")
+        assert same_results(tmp_path / name, tmp_path / "one")
 
 
 def test_where_torch_cannot_compile_the_way_out_is_named(monkeypatch):

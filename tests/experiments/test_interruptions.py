@@ -24,10 +24,9 @@ from tests.experiments.short_runs import (
     FRAMES,
     ITERATIONS,
     before_iteration,
-    figures,
     killed_after,
+    same_results,
     short_run,
-    weights,
 )
 
 
@@ -48,9 +47,7 @@ def frames(folder, name=CHECKPOINT):
 
 
 def same_as_an_uninterrupted_run(folder, tmp_path):
-    whole = run(short_run(tmp_path / "uninterrupted")).folder
-    equal = all(torch.equal(value, weights(folder)[name]) for name, value in weights(whole).items())
-    return equal and figures(folder) == figures(whole)
+    return same_results(folder, run(short_run(tmp_path / "uninterrupted")).folder)
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])

@@ -7,7 +7,6 @@ import resource
 from contextlib import contextmanager
 
 import pytest
-import torch
 
 from experiments import run as run_module
 from experiments.atomic import write_text
@@ -29,7 +28,7 @@ from experiments.run_folder import (
 )
 from experiments.worlds import make_levels
 from segar.tasks.puttputt import puttputt
-from tests.experiments.short_runs import ITERATIONS, figures, killed_after, short_run, weights
+from tests.experiments.short_runs import ITERATIONS, killed_after, same_results, short_run
 
 FILES = {
     "config.yaml",
@@ -96,10 +95,7 @@ def test_a_killed_run_goes_on_and_ends_as_if_it_had_not_been_killed(config, tmp_
     said = []
     resumed = run(other, said.append)
     assert f"goes on from {64 * ITERATIONS // 2} of {64 * ITERATIONS} frames" in said[0]
-    for name, value in weights(whole.folder).items():
-        assert torch.equal(value, weights(resumed.folder)[name]), name
-    assert read_episodes(resumed.folder).equals(read_episodes(whole.folder))
-    assert figures(resumed.folder) == figures(whole.folder)
+    assert same_results(resumed.folder, whole.folder)
 
 
 def test_a_run_killed_before_its_first_checkpoint_begins_anew(config, monkeypatch):

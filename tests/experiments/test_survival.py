@@ -8,14 +8,13 @@ import sys
 import time
 
 import pytest
-import torch
 
 from experiments.journal import read_journal
 from experiments.run import run
-from experiments.run_folder import CHECKOUT, CHECKPOINT, read_episodes, read_summary
+from experiments.run_folder import CHECKOUT, CHECKPOINT, read_summary
 from experiments.upload import UploadConfig, upload
 from tests.experiments.mlflow_server import MLflowServer, in_folder, logged, long_run
-from tests.experiments.short_runs import before_iteration, figures, weights
+from tests.experiments.short_runs import before_iteration, same_results
 
 pytestmark = pytest.mark.slow
 
@@ -42,11 +41,6 @@ def command(cwd, folder):
         [sys.executable, "-m", "experiments.train", *LONG, f"folder={folder}"],
         cwd=cwd, env={**os.environ, "PYTHONPATH": str(CHECKOUT)}, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
     )  # fmt: skip
-
-
-def same_results(a, b):
-    equal = all(torch.equal(value, weights(b)[name]) for name, value in weights(a).items())
-    return equal and figures(a) == figures(b) and read_episodes(a).equals(read_episodes(b))
 
 
 def test_a_run_killed_at_ten_random_moments_ends_as_if_it_had_not_been_killed(tmp_path):
