@@ -225,7 +225,7 @@ def beside_ppo(table: pd.DataFrame, value: str, against: str) -> dict[str, pd.Da
     """For each self-supervised algorithm, its ``difference`` to PPO in the same cells: to PPO alone ("base"),
     or to PPO with as many gradient steps ("control"); an algorithm without a partner is left out."""
     name = table["algorithm"].astype(str)
-    control = name.str.endswith("two_epochs")
+    control = name.str.endswith("_epochs")
     partner = control if against == "control" else name.str.startswith("ppo") & ~control
     found = {algorithm: beside(table, value, name == algorithm, partner) for algorithm in auxiliary(table)}
     return {algorithm: rows for algorithm, rows in found.items() if len(rows)}

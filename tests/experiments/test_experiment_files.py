@@ -6,9 +6,9 @@ import pytest
 import yaml
 
 from experiments.config import RunConfig
-from experiments.entry import conf_dir
+from experiments.entry import compose, conf_dir
 from experiments.errors import ConfigError
-from experiments.experiment import SCALES, TransferConfig, experiment_at, other_panel
+from experiments.experiment import BASE, SCALES, TransferConfig, experiment_at, other_panel
 from experiments.planning import make_plan
 from experiments.reproduce import ReproduceConfig, experiment_files, help_text
 
@@ -118,3 +118,16 @@ def test_all_files_are_right_at_every_scale(scale, tmp_path):
     assert {"figure_3a", "figure_4a", "w2_study"} <= set(plan.members)
     assert len({work.run.label() for work in plan.runs}) == len(plan.runs)
     assert all(known in SCALES for one in experiment_files().values() for known in one["scales"])
+
+
+@pytest.mark.parametrize("scale", ["standard", "paper"])
+def test_self_supervision_is_held_against_as_many_gradient_steps(scale):
+    experiment = experiment_at("figure_5a", experiment_files()["figure_5a"], scale)
+    assert experiment is not None
+    steps = {}
+    for name in set(experiment.grid.algorithms) - {BASE}:
+        config = compose([f"algorithm={name}", "observation=rgb"]).algorithm
+        steps[name] = config.epochs * config.minibatches + getattr(config, "auxiliary_minibatches", 0)
+    assert sum(name.endswith("_epochs") for name in steps) == 1
+    assert len(steps) == 3
+    assert len(set(steps.values())) == 1
