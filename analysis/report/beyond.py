@@ -15,7 +15,7 @@ from analysis.report.words import plain, said, signed
 from analysis.tables import column, count_of, keep, select
 
 Drawer = Callable[[str], list[Block]]
-GAP_CAPTION = "Mean gap, with the 95 % interval of a bootstrap of (panel, seed) blocks."
+GAP_CAPTION = "Mean gap, with the 95 % interval of (panel, seed) blocks."
 
 
 def blocks(evidence: Evidence, drawn: Drawer) -> list[Block]:
@@ -86,7 +86,7 @@ def attributed(evidence: Evidence) -> list[Block]:
         )
     head = {"family": "family", "levels": "training levels", "group": "factors"}
     caption = (
-        "Mean part of the gap, with the 95 % interval of a bootstrap of (panel, seed) blocks; `rest`: what no group "
+        "Mean part of the gap, with the 95 % interval of (panel, seed) blocks; `rest`: what no group "
         "names, such as types and shapes. Data: `figures/attribution.csv`."
     )
     return [Paragraph(" ".join(sentences)), means_table(found, head, "part", caption)]

@@ -34,7 +34,7 @@ def pooled(evidence: Evidence) -> Claim:
     corrected = evidence.correlation("exact gap pooled", evidence.main, "w2_exact", "gap")
     findings = (
         effect(PAPER, "W2 and returns of 2022, all runs pooled", R, paper),
-        effect(CORRECTED, "exact W2, full returns, all runs pooled; bootstrap of blocks", R, corrected),
+        effect(CORRECTED, "exact W2, full returns, all runs pooled, by blocks", R, corrected),
     )
     follows = {
         REPRODUCED: "The headline holds as a correlation over all cells. It says nothing yet about W2 itself: see "
@@ -121,7 +121,7 @@ def fixed_number(evidence: Evidence) -> Claim:
     for settings, distance, gap in ((PAPER, "w2_reference", "gap_2022"), (CORRECTED, "w2_exact", "gap")):
         found = evidence.correlation(f"fixed n {distance}", table, distance, gap, ("panel", "n"))
         words = "W2 and returns of 2022" if settings == PAPER else "exact W2, full returns"
-        findings.append(effect(settings, f"{words}, at one n, given panel; bootstrap of blocks", PARTIAL, found))
+        findings.append(effect(settings, f"{words}, at one n, given panel, by blocks", PARTIAL, found))
     follows = {
         REPRODUCED: "At one number of levels the gap follows W2: the paper's reading is supported.",
         NOT_REPRODUCED: "At one number of levels the gap does not follow W2: what the headline shows is sample size.",
@@ -238,11 +238,9 @@ def transfer_trend(evidence: Evidence) -> Claim:
     findings = []
     for settings, mode, gap in SETTINGS:
         parts = [(f, select(harder, family=f, difficulty="medium")) for f in ("empty", "objectsx1")]
-        found = [(family, pearson(part, f"w2_{mode}", gap)) for family, part in parts if len(part)]
-        corrected = holm([one.p for _, one in found]) if settings == CORRECTED else [one.p for _, one in found]
-        for (family, one), p in zip(found, corrected, strict=True):
-            estimate = dataclasses.replace(one, p=float(p))
-            findings.append(effect(settings, f"{family}, medium to hard, {WORDS[settings]}", R, estimate))
+        found = {family: pearson(part, f"w2_{mode}", gap) for family, part in parts if len(part)}
+        for family, one in held(settings, found).items():
+            findings.append(effect(settings, f"{family}, medium to hard, {WORDS[settings]}", R, one))
     follows = {
         REPRODUCED: "The trend is there. Out of distribution W2 hardly moves once n is 10 or more, so nearly all of "
         "it rests on the runs with one training level.",
@@ -263,7 +261,7 @@ def transfer_overall(evidence: Evidence) -> Claim:
     corrected = evidence.correlation("4a exact", harder, "w2_exact", "gap", ("panel", "log_n"))
     findings = (
         effect(PAPER, "W2 and returns of 2022, given the pair of panels", PARTIAL, paper),
-        effect(CORRECTED, "exact W2, full returns, given the pair and log n; bootstrap of blocks", PARTIAL, corrected),
+        effect(CORRECTED, "exact W2, full returns, given the pair and log n, by blocks", PARTIAL, corrected),
     )
     follows = {
         REPRODUCED: "Within pairs the gap falls with W2; whether beyond n, the corrected row says.",
@@ -333,6 +331,14 @@ def finished(
     else:
         text = next(iter(said.values()), "")
     return dataclasses.replace(claim, follows=text, needs="" if text else needs)
+
+
+def held(settings: str, found: dict[str, Estimate]) -> dict[str, Estimate]:
+    """The estimates of one claim's tests; in the corrected reading with Holm's p-values."""
+    if settings != CORRECTED:
+        return found
+    p = holm([one.p for one in found.values()])
+    return {name: dataclasses.replace(one, p=float(q)) for (name, one), q in zip(found.items(), p, strict=True)}
 
 
 def effect(settings: str, test: str, measure: str, found: Estimate, sign: int = WORSE) -> Finding:

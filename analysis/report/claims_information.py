@@ -10,7 +10,7 @@ import pandas as pd
 
 from analysis.report import verdicts
 from analysis.report.claims import CORRECTED, PAPER, Claim, Finding, not_testable
-from analysis.report.claims_gap import difference, effect, finished, small_difference
+from analysis.report.claims_gap import difference, effect, finished, held, small_difference
 from analysis.report.evidence import Evidence, pearson
 from analysis.report.results import Results, paired
 from analysis.report.verdicts import NOT_REPRODUCED, REPRODUCED, UNDECIDED
@@ -61,14 +61,13 @@ def no_relation(evidence: Evidence) -> Claim:
     findings = []
     for settings, probe in PROBES.items():
         part = select(probed, probe=probe)
+        if part.empty:
+            continue
         given = () if settings == PAPER else ("panel", "log_n")
-        for levels in ("train", "test"):
-            if len(part):
-                found = pearson(part, f"accuracy_{levels}", GAPS[settings], given)
-                words = f"accuracy on {levels} levels, {WORDS[settings]}" + (", given panel and log n" if given else "")
-                findings.append(
-                    Finding(settings, words, R if given else "Pearson r", found, verdicts.of_absence(found))
-                )
+        found = {levels: pearson(part, f"accuracy_{levels}", GAPS[settings], given) for levels in ("train", "test")}
+        for levels, one in held(settings, found).items():
+            words = f"accuracy on {levels} levels, {WORDS[settings]}" + (", given panel and log n" if given else "")
+            findings.append(Finding(settings, words, R if given else "Pearson r", one, verdicts.of_absence(one)))
     follows = {
         REPRODUCED: "No relation, and the intervals are narrow enough to say so. The accuracy of 2022 measures how "
         "the columns of a representation depend on each other, not what they know of factors.",
@@ -132,13 +131,14 @@ def insignificant_trends(evidence: Evidence) -> Claim:
     probed = accuracies(evidence.results, table)
     findings = []
     for settings, probe in PROBES.items():
+        found = {}
         for algorithm in auxiliary(table):
             part = select(probed, probe=probe, algorithm=algorithm) if len(probed) else probed
             for levels in ("train", "test") if len(part) else ():
-                found = pearson(part, f"accuracy_{levels}", GAPS[settings])
-                verdict = verdicts.of_insignificance(found)
                 words = f"{algorithm}, accuracy on {levels} levels, {WORDS[settings]}"
-                findings.append(Finding(settings, words, "Pearson r", found, verdict))
+                found[words] = pearson(part, f"accuracy_{levels}", GAPS[settings])
+        for words, one in held(settings, found).items():
+            findings.append(Finding(settings, words, "Pearson r", one, verdicts.of_insignificance(one)))
     if not findings:
         return not_testable(name, statement, where, f"{SELF_SUPERVISED}, and their probes (`probes.parquet`)")
     follows = {

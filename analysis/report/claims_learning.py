@@ -50,7 +50,7 @@ def shares(evidence: Evidence, name: str, column: str) -> Estimate:
     table = evidence.main
     y = table[[column]].to_numpy(np.float64)
     sets = [indicators(list(table[key].astype(str))) for key in ("n", "panel")]
-    return evidence.bootstrap(name, table, np.column_stack([y, *sets]), difference_of_r2(sets[0].shape[1]))
+    return evidence.by_blocks(name, table, np.column_stack([y, *sets]), difference_of_r2(sets[0].shape[1]))
 
 
 def difference_of_r2(width: int) -> Callable[[np.ndarray], float]:
@@ -153,9 +153,9 @@ def ks_shrinks(evidence: Evidence) -> Claim:
     log_ks, panel = np.log(part["ks"].to_numpy(np.float64)), indicators(list(part["train"]))
     exponential, power = part["n"].to_numpy(np.float64), effective(part)
     values = np.column_stack([log_ks, panel, exponential, panel, power])
-    found = evidence.bootstrap(name, part, values, difference_of_r2(panel.shape[1] + 1), ("train", "seed"))
+    found = evidence.by_blocks(name, part, values, difference_of_r2(panel.shape[1] + 1), ("train", "seed"))
     values = np.column_stack([log_ks, np.ones(len(part)), panel, power])
-    slope = evidence.bootstrap(f"{name} slope", part, values, last_slope, ("train", "seed"))
+    slope = evidence.by_blocks(f"{name} slope", part, values, last_slope, ("train", "seed"))
     words = "Empty: R² of log KS on n (exponential) less R² on the logarithm of the effective n (a power)"
     findings = (Finding(CORRECTED, words, "difference of R²", found, of_effect(found, 1, 0.0)),)
     follows = {

@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 
 from analysis import style
 from analysis.figures import DOT, draw_line, draw_points, legend_of, new_figure, zero_line
-from analysis.report.evidence import BOOTSTRAP, DISTANCES, GIVEN, Evidence, design, pearson
+from analysis.report.evidence import BLOCKS, DISTANCES, GIVEN, Evidence, design, pearson
 from analysis.report.words import said
 from analysis.stats.correlation import residuals
 from analysis.tables import column, keep, mean_by, pick, select
@@ -146,7 +146,7 @@ def estimates(evidence: Evidence) -> Drawn | str:
     """All correlations of gap and W2 at a glance: what is given against which distance."""
     if evidence.main.empty or not evidence.modes:
         return "there are no runs of the main grid"
-    found = select(evidence.resampled, way=BOOTSTRAP)
+    found = select(evidence.resampled, way=BLOCKS)
     table = pick(found, ["w2", "gap", "test", "estimate", "low", "high", "n", "p"])
     table = keep(table, np.isfinite(column(table, "estimate")))  # one seed leaves nothing within cells
     tests = [test for test in GIVEN if test in set(table["test"])]
@@ -171,8 +171,8 @@ def estimates(evidence: Evidence) -> Drawn | str:
         figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     caption = (
         "The main grid at a glance: Pearson correlations of gap and W2, pooled and partial, for three distances and "
-        "two ways to count returns. A cell is a panel and a number of levels. Bars are 95 % intervals of a bootstrap "
-        "of (panel, seed) blocks."
+        "two ways to count returns. A cell is a panel and a number of levels. Bars are 95 % intervals for which "
+        "runs of a panel and a seed stay together."
     )
     return Drawn(figure, table, caption)
 

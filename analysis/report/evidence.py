@@ -19,14 +19,15 @@ from analysis.stats.estimate import Estimate
 from analysis.stats.mixed import mixed_model
 from analysis.stats.power import power_of_design
 from analysis.stats.prediction import left_out
-from analysis.stats.resampling import cluster_bootstrap, cosine, permutation_within
+from analysis.stats.resampling import cluster_bootstrap, cluster_jackknife, cosine, permutation_within
 from analysis.tables import column, count_of, keep, pick, select
 from experiments.experiment import REST, SEPARATOR
 from segar.errors import SegarError
 
-BOOTSTRAP, PERMUTATION = "bootstrap of (panel, seed) blocks", "permutation"  # within panels, or within cells
+BLOCKS, PERMUTATION = "(panel, seed) blocks", "permutation"  # within panels, or within cells
 SEED = 2022  # of all bootstraps and permutations
 RESAMPLES = 1000
+FEW_BLOCKS = 20  # below, intervals of a bootstrap are too short: docs/decisions/0012
 PAPER_R = -0.597  # what p = 1.47e-5 means for 45 points
 DISTANCES = {"reference": "W2 of 2022", "exact": "exact W2", "paper": "W2 of Algorithm 1"}
 GAPS = {"gap": "full returns", "gap_2022": "returns of 2022", "gap_sampled": "full returns, sampled actions"}
@@ -81,27 +82,35 @@ class Evidence:
         found = estimate_of(row)
         return dataclasses.replace(found, p=float(row["p_holm"])) if corrected else found
 
-    def bootstrap(
+    def by_blocks(
         self, name: str, table: pd.DataFrame, values: np.ndarray, statistic: Callable[[np.ndarray], float],
-        clusters: Sequence[str] = BLOCK,
+        clusters: Sequence[str] = BLOCK, correlation: bool = False,
     ) -> Estimate:  # fmt: skip
-        """A statistic of ``values`` [rows, columns], with the interval of :func:`analysis.stats.resampling.cluster_bootstrap`
-        over clusters of the table's rows; of a single cluster there is no interval."""
+        """A statistic of ``values`` [rows, columns], with an interval and a p for which clusters of the table's rows stay
+        together: of a bootstrap, or where there are fewer than :data:`FEW_BLOCKS`, of the jackknife; of one alone, none.
+        """
         if table.empty:
             return Estimate.missing(0, "no such runs")
         blocks = len(set(labels(table, clusters)))
         if blocks < 2:
             return Estimate(statistic(values), np.nan, np.nan, len(table), note="one block has no interval")
-        found = cluster_bootstrap(table, statistic, clusters, self.rng(name), values=values, resamples=RESAMPLES)
-        return dataclasses.replace(found, note=found.note or f"{len(table)} rows in {blocks} blocks", n=len(table))
+        if blocks < FEW_BLOCKS:
+            found = cluster_jackknife(table, statistic, clusters, values=values, correlation=correlation)
+            way = "left out one at a time"
+        else:
+            found = cluster_bootstrap(table, statistic, clusters, self.rng(name), values=values, resamples=RESAMPLES)
+            way = "resampled"
+        return dataclasses.replace(
+            found, note=found.note or f"{len(table)} rows in {blocks} blocks, {way}", n=len(table)
+        )
 
     def correlation(self, name: str, table: pd.DataFrame, x: str, y: str, given: Sequence[str] = ()) -> Estimate:
-        """Pearson's r of two columns given others, with the interval and p of a bootstrap of (panel, seed) blocks."""
+        """Pearson's r of two columns given others, with the interval and p of (panel, seed) blocks."""
         whole = pearson(table, x, y, given)
         if not np.isfinite(whole.estimate):
             return whole
         values = np.column_stack([column(table, x), column(table, y), design(table, given)])
-        return self.bootstrap(name, table, values, partial)
+        return self.by_blocks(name, table, values, partial, correlation=True)
 
     def permutation(self, name: str, table: pd.DataFrame, x: str, y: str, test: str = "given panel") -> Estimate:
         """:func:`analysis.stats.resampling.permutation_within`, given what a test in :data:`GIVEN` gives; where nothing can
@@ -114,14 +123,12 @@ class Evidence:
             return Estimate.missing(len(table), str(error))
 
     def mean(self, name: str, table: pd.DataFrame, value: str = "difference") -> Estimate:
-        """The mean of a column, such as paired differences, with the interval and p of a bootstrap of (panel,
-        seed) blocks."""
-        return self.bootstrap(name, table, column(table, value), lambda values: float(values.mean()))
+        """The mean of a column, such as paired differences, with the interval and p of (panel, seed) blocks."""
+        return self.by_blocks(name, table, column(table, value), lambda values: float(values.mean()))
 
     @cached_property
     def resampled(self) -> pd.DataFrame:
-        """Correlations of gap and W2 in the main grid, by what is given: with a bootstrap of blocks and a
-        permutation."""
+        """Correlations of gap and W2 in the main grid, by what is given: with intervals of blocks and a permutation."""
         rows = []
         for mode in self.modes:
             for test, given in GIVEN.items():
@@ -129,7 +136,7 @@ class Evidence:
                     base: dict[str, Any] = {"w2": mode, "gap": gap, "test": test}
                     name = f"{mode} {gap} {test}"
                     one = self.correlation(name, self.main, f"w2_{mode}", gap, given)
-                    rows.append(one.row(**base, way=BOOTSTRAP))
+                    rows.append(one.row(**base, way=BLOCKS))
                     if given:
                         one = self.permutation(name, self.main, f"w2_{mode}", gap, test)
                         rows.append(one.row(**base, way=PERMUTATION))

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.report.document import Table
-from analysis.report.evidence import BOOTSTRAP, DISTANCES, GAPS, GIVEN, PERMUTATION, Evidence, estimate_of
+from analysis.report.evidence import BLOCKS, DISTANCES, GAPS, GIVEN, PERMUTATION, Evidence, estimate_of
 from analysis.report.results import PANEL
 from analysis.report.words import interval, p_value, plain, signed
 from analysis.stats.estimate import Estimate
@@ -70,7 +70,7 @@ def main_table(evidence: Evidence) -> Table:
             for test in GIVEN:
                 one = evidence.association(mode, gap, test)
                 rank = evidence.association(mode, gap, test, method="spearman")
-                block = row_of(evidence.resampled, w2=mode, gap=gap, test=test, way=BOOTSTRAP)
+                block = row_of(evidence.resampled, w2=mode, gap=gap, test=test, way=BLOCKS)
                 shuffled = row_of(evidence.resampled, w2=mode, gap=gap, test=test, way=PERMUTATION)
                 rows.append([
                     DISTANCES[mode], GAPS[gap], test, signed(one.estimate), interval(one), p_value(one.p), interval(block),
@@ -90,8 +90,8 @@ def main_table(evidence: Evidence) -> Table:
         "n",
     )
     caption = (
-        'Gap against W2 in the main grid. The first interval and p take runs for independent, as the paper does. "Blocks": a '
-        'bootstrap of whole (panel, seed) blocks, whose p is at least 0.001. "Permuted": W2 shuffled within panels, '
+        'Gap against W2 in the main grid. The first interval and p take runs for independent, as the paper does. "Blocks": '
+        'runs of a panel and a seed stay together. "Permuted": W2 shuffled within panels, '
         "or within cells, each a panel and a number of levels. Data: `statistics/associations.csv`, "
         "`statistics/resampled.csv`."
     )
@@ -184,7 +184,7 @@ def power_table(evidence: Evidence) -> Table:
 
 
 def means(evidence: Evidence, table: pd.DataFrame, group: Sequence[str], column: str, name: str) -> pd.DataFrame:
-    """Mean of a column per group, with the interval of a bootstrap of (panel, seed) blocks."""
+    """Mean of a column per group, with the interval of (panel, seed) blocks."""
     rows = []
     for key, part in table.groupby(list(group), sort=True):
         found = evidence.mean(f"{name} {key}", part, column)

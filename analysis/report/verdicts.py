@@ -18,9 +18,12 @@
 
 *No number can be had*, because the runs are not there or nothing varies: **not testable**.
 
-A claim about several panels is reproduced if it is in each, not reproduced if it fails in any, undecided otherwise. Where a
-p-value is that of several tests (panels, families), it is corrected by Holm in the corrected reading, and not in the
-paper's, which did not correct.
+A claim about several panels is reproduced if it is in each, not reproduced if it fails in any, undecided otherwise. Where
+any of several tests could decide (panels, families, sets of levels), p-values are corrected by Holm in the corrected
+reading, and not in the paper's, which did not correct.
+
+Runs of a panel and a seed share levels, so they stay together as a *block*: intervals and p-values of blocks are those of a
+bootstrap of whole blocks, or where there are fewer than 20, of Student's law and the jackknife that leaves out one at a time.
 """
 
 from __future__ import annotations

@@ -5,11 +5,13 @@ import pandas as pd
 import pytest
 
 from analysis.report.claims import CORRECTED, PAPER
-from analysis.report.evidence import BOOTSTRAP, Evidence
+from analysis.report.claims_gap import held
+from analysis.report.evidence import BLOCKS, Evidence
 from analysis.report.results import read_results
 from analysis.report.sections import CLAIMS
 from analysis.report.tabulated import row_of
-from analysis.report.verdicts import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED
+from analysis.report.verdicts import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED, of_insignificance
+from analysis.stats.estimate import Estimate
 from analysis.stats.prediction import left_out
 from tests.synthetic_results import everything, run_rows, transfer_rows, write_results
 
@@ -57,6 +59,21 @@ def test_accuracies_without_relation_to_the_gap_are_none(full):
     assert all(abs(one.found.estimate) < 0.3 for one in full["4b-none"].findings)
 
 
+def test_of_four_trends_one_that_chance_would_make_is_no_trend_when_corrected():
+    found = {name: Estimate(0.6, 0.0, 0.9, 9, p) for name, p in {"a": 0.04, "b": 0.3, "c": 0.2, "d": 0.9}.items()}
+    assert of_insignificance(held(PAPER, found)["a"]) == NOT_REPRODUCED
+    corrected = held(CORRECTED, found)
+    assert corrected["a"].p == pytest.approx(4 * 0.04)
+    assert all(of_insignificance(one) == REPRODUCED for one in corrected.values())
+
+
+def test_many_blocks_are_resampled_and_few_are_left_out_one_at_a_time(full):
+    notes = {name: full[name].findings[-1].found.note for name in ("3a", "4a-all", "fixed-n")}
+    assert notes["3a"] == "135 rows in 27 blocks, resampled"
+    assert notes["4a-all"] == "90 rows in 18 blocks, left out one at a time"
+    assert notes["fixed-n"].endswith("8 blocks, left out one at a time")
+
+
 def test_sample_sizes_and_intervals_stand_beside_every_number(full):
     for claim in full.values():
         for one in claim.findings:
@@ -81,7 +98,7 @@ def test_part_of_a_grid_gives_what_it_can(tmp_path):
 def test_leaving_a_figure_out_changes_no_number(tmp_path):
     folder = write_results(tmp_path, {"runs": run_rows(np.random.default_rng(0), "figure_3a", seeds=1)})
     one, other = (Evidence(read_results(folder)) for _ in range(2))
-    before = row_of(one.resampled, w2="exact", gap="gap", test="pooled", way=BOOTSTRAP)
+    before = row_of(one.resampled, w2="exact", gap="gap", test="pooled", way=BLOCKS)
     alone = other.correlation("exact gap pooled", other.main, "w2_exact", "gap")
     assert (alone.low, alone.high) == (before.low, before.high)
 

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from analysis.stats.resampling import cluster_bootstrap, permutation_within
+from analysis.stats.resampling import cluster_bootstrap, cluster_jackknife, permutation_within
 from segar.errors import SegarError
 from tests.analysis.grids import grid
 
@@ -53,6 +53,60 @@ def test_one_cluster_says_that_it_is_too_few():
 def test_a_bootstrap_repeats_itself_from_its_seed():
     a, b = (cluster_bootstrap(clustered(1), mean_of_y, ("c",), rng(7), resamples=100) for _ in range(2))
     assert a == b
+
+
+def r_of(table):
+    return float(np.corrcoef(table["x"], table["y"])[0, 1])
+
+
+@pytest.mark.parametrize("clusters", [3, 8])
+def test_of_few_clusters_the_jackknife_holds_and_the_bootstrap_does_not(clusters):
+    held = {"jackknife": 0, "bootstrap": 0}
+    for seed in range(100):
+        table = clustered(seed, clusters)
+        for name, found in (
+            ("jackknife", cluster_jackknife(table, mean_of_y, ("c",))),
+            ("bootstrap", cluster_bootstrap(table, mean_of_y, ("c",), rng(seed), resamples=100)),
+        ):
+            held[name] += found.low < 0 < found.high
+    assert held["jackknife"] >= 90
+    assert held["bootstrap"] < 92 and held["bootstrap"] < held["jackknife"]
+
+
+def test_the_jackknife_of_a_mean_of_equal_clusters_is_students_test_of_their_means():
+    table = clustered(3, clusters=6)
+    expected = stats.ttest_1samp(table.groupby("c")["y"].mean(), 0.0)
+    interval = expected.confidence_interval()
+    found = cluster_jackknife(table, mean_of_y, ("c",))
+    assert (found.low, found.high, found.p, found.n) == pytest.approx((*interval, expected.pvalue, 6))
+    assert found.estimate == pytest.approx(table["y"].mean())
+
+
+def test_the_jackknife_of_a_correlation_keeps_its_size_and_its_interval_within_one():
+    rejected = 0
+    for seed in range(150):
+        table = clustered(seed, clusters=6).assign(x=clustered(1000 + seed, clusters=6)["y"])
+        found = cluster_jackknife(table, r_of, ("c",), correlation=True)
+        assert -1 < found.low <= found.estimate <= found.high < 1
+        rejected += found.p < 0.05
+    assert rejected / 150 == pytest.approx(0.05, abs=0.05)
+
+
+def test_rows_and_values_say_the_same():
+    table = clustered(4).assign(x=clustered(5)["y"])
+    values = table[["x", "y"]].to_numpy()
+    a = cluster_jackknife(table, r_of, ("c",))
+    b = cluster_jackknife(table, lambda part: float(np.corrcoef(part.T)[0, 1]), ("c",), values=values)
+    assert a.row() == pytest.approx(b.row())
+
+
+def test_what_leaving_out_one_cluster_takes_away_has_no_interval():
+    table = pd.DataFrame({"c": [0, 0, 1, 1], "x": [1.0, 2.0, 3.0, 3.0], "y": [1.0, 3.0, 2.0, 4.0]})
+    with np.errstate(invalid="ignore"):
+        found = cluster_jackknife(table, r_of, ("c",))
+    assert np.isfinite(found.estimate) and np.isnan(found.low) and "has no value" in found.note
+    with pytest.raises(SegarError, match="at least 2"):
+        cluster_jackknife(clustered(0, clusters=1), mean_of_y, ("c",))
 
 
 @pytest.mark.parametrize("given", [(), ("n",)])
