@@ -9,13 +9,18 @@ import pandas as pd
 
 from analysis.report.claims_information import beside
 from analysis.report.document import Block, Heading, Paragraph, Table
-from analysis.report.evidence import Evidence, pearson
+from analysis.report.evidence import ETA, Evidence, pearson
+from analysis.report.results import paired
 from analysis.report.tabulated import means, means_table
 from analysis.report.words import plain, said, signed
 from analysis.tables import column, count_of, keep, select
 
 Drawer = Callable[[str], list[Block]]
 GAP_CAPTION = "Mean gap, with the 95 % interval of (panel, seed) blocks."
+SHIFT_CAPTION = (
+    "What the shift costs: mean difference of the return there and the same agent's return on the test levels of its "
+    "training distribution, with the 95 % interval of (panel, seed) blocks."
+)
 
 
 def blocks(evidence: Evidence, drawn: Drawer) -> list[Block]:
@@ -43,28 +48,34 @@ def designs(evidence: Evidence) -> list[Block]:
 
 
 def physics(evidence: Evidence) -> list[Block]:
-    """Gap per physics of the test levels."""
-    part = evidence.results.other_physics
+    """What each physics of the test levels costs."""
+    part = shifted(evidence, evidence.results.other_physics)
     if part.empty:
         return []
     part = part.assign(trained=[name or "the default" for name in part["variation"]])
-    found = means(evidence, part, ["trained", "test_variation"], "gap", "rules")
+    found = means(evidence, part, ["trained", "test_variation"], "difference", "rules")
     row = min(found.to_dict("records"), key=lambda one: one["estimate"])
     text = (
-        f"The largest loss is in `{row['test_variation']}`: the gap is {signed(row['estimate'])} "
-        f"[{signed(row['low'])}, {signed(row['high'])}] over {row['n']:.0f} runs."
+        f"The largest loss is in `{row['test_variation']}`, of agents trained in {row['trained']}: the return is "
+        f"{signed(row['estimate'])} [{signed(row['low'])}, {signed(row['high'])}] beside that on the test levels of their "
+        f"own physics, over {row['n']:.0f} runs."
     )
-    table = means_table(found, {"trained": "trained in", "test_variation": "tested in"}, "gap", GAP_CAPTION)
-    return [Paragraph(text), table]
+    head = {"trained": "trained in", "test_variation": "tested in"}
+    return [Paragraph(text), means_table(found, head, "difference", SHIFT_CAPTION)]
 
 
 def looks(evidence: Evidence) -> list[Block]:
-    """Gap per look and per shift of the levels."""
-    part = evidence.results.other_looks
+    """What each look, and harder levels, cost."""
+    part = shifted(evidence, evidence.results.other_looks)
     if part.empty:
         return []
-    found = means(evidence, part, ["observation", "shift"], "gap", "visual")
-    return [means_table(found, {"observation": "trained in", "shift": "tested in"}, "gap", GAP_CAPTION)]
+    found = means(evidence, part, ["observation", "shift"], "difference", "visual")
+    return [means_table(found, {"observation": "trained in", "shift": "tested in"}, "difference", SHIFT_CAPTION)]
+
+
+def shifted(evidence: Evidence, moved: pd.DataFrame) -> pd.DataFrame:
+    """Tests elsewhere with ``difference``: the return there less that of the same agent on its own test levels."""
+    return moved if moved.empty else paired(moved, evidence.results.runs, ETA, ["run"])
 
 
 def attributed(evidence: Evidence) -> list[Block]:

@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from analysis.report.beyond import shifted
 from analysis.report.claims import CORRECTED, PAPER
 from analysis.report.claims_gap import held
 from analysis.report.evidence import BLOCKS, Evidence
@@ -72,6 +73,14 @@ def test_many_blocks_are_resampled_and_few_are_left_out_one_at_a_time(full):
     assert notes["3a"] == "135 rows in 27 blocks, resampled"
     assert notes["4a-all"] == "90 rows in 18 blocks, left out one at a time"
     assert notes["fixed-n"].endswith("8 blocks, left out one at a time")
+
+
+def test_a_shift_of_physics_costs_what_was_planted_whatever_the_own_gap_is(tmp_path):
+    tables = everything(np.random.default_rng(0))
+    evidence = Evidence(read_results(write_results(tmp_path, tables)))
+    found = shifted(evidence, evidence.results.other_physics)
+    assert len(found) == 6
+    np.testing.assert_allclose(found["difference"], -3.0)
 
 
 def test_sample_sizes_and_intervals_stand_beside_every_number(full):
