@@ -12,7 +12,7 @@ from analysis.report import verdicts
 from analysis.report.claims import CORRECTED, PAPER, Claim, Finding, not_testable
 from analysis.report.claims_gap import difference, effect, finished, held, small_difference
 from analysis.report.evidence import Evidence, pearson
-from analysis.report.results import Results, paired
+from analysis.report.results import FRAME, MEMORY, STACK, Results, paired
 from analysis.report.verdicts import NOT_REPRODUCED, REPRODUCED, UNDECIDED
 from analysis.tables import keep, pick, select
 
@@ -152,18 +152,17 @@ def mass_helps(evidence: Evidence) -> Claim:
     """Appendix: agents that see the mass against agents that do not."""
     name, where = "A-mass", "appendix, framestack and mass"
     statement = "Knowing the mass gives a smaller gap."
-    table = evidence.results.of("appendix_mass")
+    table = evidence.results.masses
     note = (
         "The paper's setting cannot be tested: the mass is 1 in all its tasks, its label is inverted, and its four "
         "facets share their gaps. Here the ball's mass varies tenfold."
     )
     findings = []
-    for stack in ("textures", "textures_stack4"):
-        differences = beside(
-            table, "gap", table["observation"] == stack, table["observation"] == f"{stack}(hidden=Mass)"
-        )
+    for past in (FRAME, STACK, MEMORY):
+        part = select(table, past=past)
+        differences = beside(part, "gap", part["mass"] == "shown", part["mass"] == "hidden")
         if len(differences):
-            words = f"gap with the mass shown less hidden, {'four frames' if '4' in stack else 'one frame'}"
+            words = f"gap with the mass shown less hidden, {past}"
             findings.append(difference(evidence, CORRECTED, words, differences, sign=1))
     if not findings:
         return Claim(name, statement, where, needs=MASSES, notes=(note,))
@@ -180,17 +179,14 @@ def mass_flips_trend(evidence: Evidence) -> Claim:
     """Appendix: the trend of gap against accuracy."""
     name, where = "A-flip", "appendix, framestack and mass"
     statement = "Knowing the mass flips the trend: then the gap is smaller where the representation knows more."
-    probed = accuracies(evidence.results, evidence.results.of("appendix_mass"))
+    frames = keep(evidence.results.masses, evidence.results.masses["past"] != MEMORY)
+    probed = accuracies(evidence.results, frames)
     findings = []
-    for hidden, sign in ((False, 1), (True, -1)):
-        if probed.empty:
-            break
-        here = [("hidden=Mass" in str(name)) == hidden for name in probed["observation"]]
-        part = select(keep(probed, here), probe=PROBES[CORRECTED])
-        found = pearson(part, "accuracy_train", "gap") if len(part) else None
-        if found is not None:
-            words = f"gap against accuracy on training levels, mass {'hidden' if hidden else 'shown'}"
-            findings.append(effect(CORRECTED, words, "Pearson r", found, sign))
+    for mass, sign in (("shown", 1), ("hidden", -1)):
+        part = select(probed, probe=PROBES[CORRECTED], mass=mass) if len(probed) else probed
+        if len(part):
+            words = f"gap against accuracy on training levels, mass {mass}"
+            findings.append(effect(CORRECTED, words, "Pearson r", pearson(part, "accuracy_train", "gap"), sign))
     if not findings:
         return not_testable(name, statement, where, f"{MASSES}, and their probes (`probes.parquet`)")
     follows = {

@@ -13,7 +13,7 @@ from analysis.report.claims import CORRECTED, PAPER
 from analysis.report.claims_information import ACCURACIES, GAPS, PROBES, accuracies, auxiliary
 from analysis.report.drawings import CELL, GAP, SHORT_GAP, Drawn
 from analysis.report.evidence import Evidence, pearson
-from analysis.report.results import panels_of, with_panel
+from analysis.report.results import FRAME, MEMORY, STACK, panels_of, with_panel
 from analysis.report.words import said
 from analysis.tables import binned, column, count_of, mean_by, pick, select
 
@@ -149,13 +149,28 @@ def appendix_sac(evidence: Evidence) -> Drawn | str:
 
 
 def appendix_mass(evidence: Evidence) -> Drawn | str:
-    """Gap with the mass shown and hidden, with one frame and with four."""
-    runs = evidence.results.of("appendix_mass")
+    """Gap against accuracy with the mass shown and hidden, by what the agent has of the past; without probes, gaps alone."""
+    runs = evidence.results.masses
     if runs.empty or count_of(runs, "observation") < 2:
         return "it was not run (`experiments=[appendix_mass]`)"
-    table = pick(runs, [*CELL, "observation", "w2_exact", "gap", "success_test_deterministic"])
-    caption = "Appendix, mass and frame stack, corrected: the mass varies tenfold, shown or hidden in training and test alike."
-    return Drawn(dots(table, "observation", "gap", SHORT_GAP), table, caption)
+    what = "Appendix, mass and frame stack, corrected: the mass varies tenfold, shown or hidden in training and test alike."
+    probed = accuracies(evidence.results, runs)
+    if probed.empty:
+        named = runs.assign(sees=runs["past"] + ", " + runs["mass"])
+        table = pick(named, [*CELL, "sees", "w2_exact", "gap", "success_test_deterministic"])
+        return Drawn(dots(table, "sees", "gap", SHORT_GAP), table, f"{what} Without its x axis, as {NO_PROBES}.")
+    table = pick(
+        select(probed, probe=PROBES[CORRECTED]),
+        [*CELL, "past", "mass", "w2_exact", *ACCURACIES, "gap", "success_test_deterministic"],
+    )
+    columns = [past for past in (FRAME, STACK, MEMORY) if past in set(table["past"])]
+    with style.applied():
+        figure = new_figure(3.8 * len(columns), 7.4)
+        grid = figure.subplots(2, len(columns), squeeze=False)
+        for row, mass in zip(grid, ("shown", "hidden"), strict=True):
+            for axes, past in zip(row, columns, strict=True):
+                draw_accuracy(axes, select(table, past=past, mass=mass), "gap", f"{past}, mass {mass}")
+    return Drawn(figure, table, f"{what} Gap against the accuracy of the critic on training and on test levels.")
 
 
 def figure_of_panels(count: int, width: float, height: float, below: float) -> tuple[Figure, np.ndarray]:

@@ -27,6 +27,7 @@ BLOCK = (*PANEL, "seed")  # runs that share their nested training levels
 HARDER = {"easy": "medium", "medium": "hard"}
 NEEDED = ("experiments", *BLOCK, "n", "algorithm", "observation", "design", "variation", "run", "frames", "w2_reference",
           "w2_exact", "gap_deterministic", "gap_ref_deterministic", "gap_sampled", "gap_se_deterministic")  # fmt: skip
+FRAME, STACK, MEMORY = "one frame", "four frames", "one frame, a memory"
 
 
 @dataclass(frozen=True)
@@ -105,6 +106,14 @@ class Results:
         same = np.asarray(part["test_observation"] == part["observation"])
         places = zip(same, part["test_difficulty"], part["test_observation"], strict=True)
         return part.assign(shift=[f"{difficulty} levels" if s else str(look) for s, difficulty, look in places])
+
+    @cached_property
+    def masses(self) -> pd.DataFrame:
+        """The runs of the appendix's mass and frame stack; ``mass`` is shown or hidden, ``past`` what else the agent has."""
+        table = self.of("appendix_mass", "appendix_memory")
+        looks = [(str(look), str(name)) for look, name in zip(table["observation"], table["algorithm"], strict=True)]
+        past = [MEMORY if "recurrent" in name else STACK if "stack4" in look else FRAME for look, name in looks]
+        return table.assign(mass=["hidden" if "hidden=Mass" in look else "shown" for look, _ in looks], past=past)
 
     def lacking(self) -> list[str]:
         """What is missing, by name: of the plan; where that is not known, the cells of the main grid that no run has, though

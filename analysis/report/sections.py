@@ -60,6 +60,7 @@ def document(evidence: Evidence, claims: Sequence[Claim], drawings: Drawings) ->
         *boxes("5a-gap", "5a-similar", "5a-trends"),
         Heading("Mass and frame stack", 3),
         *drawings.blocks("appendix_mass"),
+        *masses(evidence),
         *boxes("A-mass", "A-flip"),
         Heading("Learning"),
         *drawings.blocks("figure_5b"),
@@ -148,6 +149,17 @@ def reading(claim: Claim) -> str:
 def symbol(measure: str) -> str:
     """What a measure is called before its value."""
     return "r" if measure.endswith("Pearson r") else "difference"
+
+
+def masses(evidence: Evidence) -> list[Block]:
+    """What agents reach with the mass shown and hidden."""
+    table = evidence.results.masses
+    if table.empty:
+        return []
+    found = tabulated.means(evidence, table, ["past", "mass", "n"], "success_test_deterministic", "masses")
+    head = {"past": "the agent has", "mass": "mass", "n": "training levels"}
+    caption = "Mean success on test levels, with the 95 % interval of (panel, seed) blocks where there are several."
+    return [tabulated.means_table(found, head, "success", caption)]
 
 
 def what_was_run(evidence: Evidence) -> list[Block]:
