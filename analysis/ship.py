@@ -71,10 +71,11 @@ def rounded(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def thinned(curves: pd.DataFrame) -> pd.DataFrame:
-    """Curves with one point per fortieth of the longest run: the mean of what lies in it."""
+    """Curves with one point per fortieth of their run: the mean of what lies in it."""
     if curves.empty:
         return curves
-    frames = np.floor(binned(column(curves, "frames"))).astype(np.int64)
+    longest = curves.groupby("run")["frames"].transform("max").to_numpy(np.float64)
+    frames = np.floor(binned(column(curves, "frames"), longest)).astype(np.int64)
     return mean_by(curves.assign(frames=frames), ["run", "name", "frames"], ["value"])
 
 

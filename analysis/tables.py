@@ -97,9 +97,9 @@ def mean_by(table: pd.DataFrame, by: Sequence[str], values: Sequence[str]) -> pd
     return cast(pd.DataFrame, table.groupby(list(by), sort=True)[list(values)].mean()).reset_index()
 
 
-def binned(frames: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Frames [n], each replaced by the end of its fortieth of the longest run."""
-    width = max(float(frames.max()) / CURVE_POINTS, 1.0)
+def binned(frames: NDArray[np.float64], longest: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
+    """Frames [n], each replaced by the end of its fortieth of the longest run; or of ``longest`` [n], its own run's length."""
+    width = np.maximum((frames.max() if longest is None else longest) / CURVE_POINTS, 1.0)
     return np.ceil(frames / width) * width
 
 

@@ -156,10 +156,11 @@ def masses(evidence: Evidence) -> list[Block]:
     table = evidence.results.masses
     if table.empty:
         return []
-    found = tabulated.means(evidence, table, ["past", "mass", "n"], "success_test_deterministic", "masses")
-    head = {"past": "the agent has", "mass": "mass", "n": "training levels"}
+    named = table.assign(levels=table["n"])
+    found = tabulated.means(evidence, named, ["past", "mass", "levels"], "success_test_deterministic", "masses")
+    head = {"past": "the agent has", "mass": "mass", "levels": "training levels"}
     caption = "Mean success on test levels, with the 95 % interval of (panel, seed) blocks where there are several."
-    return [tabulated.means_table(found, head, "success", caption)]
+    return [tabulated.means_table(found, head, "success", caption, plain)]
 
 
 def what_was_run(evidence: Evidence) -> list[Block]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -192,10 +192,12 @@ def means(evidence: Evidence, table: pd.DataFrame, group: Sequence[str], column:
     return pd.DataFrame(rows)
 
 
-def means_table(found: pd.DataFrame, group: Mapping[str, str], value: str, caption: str) -> Table:
+def means_table(
+    found: pd.DataFrame, group: Mapping[str, str], value: str, caption: str, show: Callable[[float], str] = signed
+) -> Table:
     """The result of :func:`means`, as printed."""
     rows = [
-        [*(str(r[name]) for name in group), signed(r["estimate"]), interval(estimate_of(r)), f"{r['n']:.0f}"]
+        [*(str(r[name]) for name in group), show(r["estimate"]), interval(estimate_of(r)), f"{r['n']:.0f}"]
         for r in found.to_dict("records")
     ]
     return Table((*group.values(), value, "95 %", "runs"), rows, len(group), caption)

@@ -6,7 +6,7 @@ import pytest
 
 from analysis.report.evidence import Evidence
 from analysis.report.results import read_results
-from analysis.ship import ENOUGH, ShipConfig, rounded, ship
+from analysis.ship import ENOUGH, ShipConfig, rounded, ship, thinned
 from analysis.tables import CURVE_POINTS
 from tests.synthetic_results import everything, write_results
 
@@ -26,6 +26,20 @@ def test_a_full_scale_fits_and_says_the_same(tmp_path):
     assert after.results.curves.groupby(["run", "name"]).size().max() <= CURVE_POINTS
     assert (tmp_path / "standard" / "studies" / "anchors" / "anchors.csv").read_text().endswith("-0.123457\n")
     assert not (tmp_path / "standard" / "levels.parquet").exists()
+
+
+def test_a_short_run_keeps_its_curve_beside_a_long_one():
+    curves = pd.DataFrame(
+        {"run": run, "name": "episode/return", "frames": np.arange(1, 11) * length // 10, "value": np.arange(10.0)}
+        for run, length in (("short", 1_000), ("long", 1_000_000))
+    ).explode(["frames", "value"])
+    found = thinned(curves.astype({"frames": np.int64, "value": float}))
+    pd.testing.assert_frame_equal(
+        found.sort_values(["run", "frames"], ignore_index=True)[["run", "frames", "value"]],
+        curves.astype({"frames": np.int64, "value": float}).sort_values(["run", "frames"], ignore_index=True)[
+            ["run", "frames", "value"]
+        ],
+    )
 
 
 def test_six_digits_are_kept_of_any_size():
