@@ -9,8 +9,7 @@ import pandas as pd
 
 from analysis.report.claims_information import beside
 from analysis.report.document import Block, Heading, Paragraph, Table
-from analysis.report.evidence import ETA, Evidence, pearson
-from analysis.report.results import paired
+from analysis.report.evidence import Evidence, pearson
 from analysis.report.tabulated import means, means_table
 from analysis.report.words import plain, said, signed
 from analysis.tables import column, count_of, keep, select
@@ -49,10 +48,9 @@ def designs(evidence: Evidence) -> list[Block]:
 
 def physics(evidence: Evidence) -> list[Block]:
     """What each physics of the test levels costs."""
-    part = shifted(evidence, evidence.results.other_physics)
+    part = evidence.results.other_physics
     if part.empty:
         return []
-    part = part.assign(trained=[name or "the default" for name in part["variation"]])
     found = means(evidence, part, ["trained", "test_variation"], "difference", "rules")
     row = min(found.to_dict("records"), key=lambda one: one["estimate"])
     text = (
@@ -66,16 +64,11 @@ def physics(evidence: Evidence) -> list[Block]:
 
 def looks(evidence: Evidence) -> list[Block]:
     """What each look, and harder levels, cost."""
-    part = shifted(evidence, evidence.results.other_looks)
+    part = evidence.results.other_looks
     if part.empty:
         return []
-    found = means(evidence, part, ["observation", "shift"], "difference", "visual")
-    return [means_table(found, {"observation": "trained in", "shift": "tested in"}, "difference", SHIFT_CAPTION)]
-
-
-def shifted(evidence: Evidence, moved: pd.DataFrame) -> pd.DataFrame:
-    """Tests elsewhere with ``difference``: the return there less that of the same agent on its own test levels."""
-    return moved if moved.empty else paired(moved, evidence.results.runs, ETA, ["run"])
+    found = means(evidence, part, ["trained", "shift"], "difference", "visual")
+    return [means_table(found, {"trained": "trained in", "shift": "tested in"}, "difference", SHIFT_CAPTION)]
 
 
 def attributed(evidence: Evidence) -> list[Block]:

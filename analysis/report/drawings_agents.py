@@ -17,7 +17,7 @@ from analysis.report.results import FRAME, MEMORY, STACK, panels_of, with_panel
 from analysis.report.words import said
 from analysis.tables import binned, column, count_of, mean_by, pick, select
 
-ACROSS = 3  # axes in a row, of figures that have one per panel
+ACROSS = 3  # axes in a row at most, of figures that have one per panel
 NO_PROBES = "the agents were not probed (`probes.parquet`)"
 
 
@@ -174,8 +174,9 @@ def appendix_mass(evidence: Evidence) -> Drawn | str:
 
 
 def figure_of_panels(count: int, width: float, height: float, below: float) -> tuple[Figure, np.ndarray]:
-    """A figure with so many axes, :data:`ACROSS` in a row, each of this size in inches; ``below`` is for the legend."""
-    columns, rows = min(count, ACROSS), -(-count // ACROSS)
+    """A figure with so many axes, each of this size in inches; ``below`` is for the legend."""
+    columns = across(count)
+    rows = -(-count // columns)
     figure = new_figure(width * columns, height * rows + below)
     grid = figure.subplots(rows, columns, squeeze=False).ravel()
     for axes in grid[count:]:
@@ -183,10 +184,18 @@ def figure_of_panels(count: int, width: float, height: float, below: float) -> t
     return figure, grid
 
 
-def dots(table: pd.DataFrame, group: str, y: str, label: str) -> Figure:
-    """One axes per panel: a dot per run, groups side by side, a bar at their mean."""
+def across(count: int) -> int:
+    """How many of so many axes stand in a row."""
+    return 2 if count == 4 else min(count, ACROSS)
+
+
+def dots(table: pd.DataFrame, group: str, y: str, label: str, trained: str = "") -> Figure:
+    """One axes per panel, and per value of the column ``trained``: a dot per run, groups side by side, a bar at their mean."""
     named = with_panel(table)
     panels = panels_of(named)
+    if trained:
+        named = named.assign(panel=named["panel"] + ", trained in " + named[trained].astype(str))
+        panels = [one for panel in panels for one in sorted(set(named["panel"])) if one.startswith(f"{panel},")]
     groups = sorted(set(map(str, table[group])))
     counts = sorted(set(table["n"]))
     colours = dict(zip(counts, style.SEQUENCE, strict=False))
@@ -211,7 +220,7 @@ def dots(table: pd.DataFrame, group: str, y: str, label: str) -> Figure:
             axes.set_xticks(range(len(groups)), groups, rotation=30, ha="right", fontsize=8.5)
             axes.set_xlim(-0.6, len(groups) - 0.4)
             axes.set_title(panel)
-        for axes in grid[::ACROSS]:
+        for axes in grid[:: across(len(panels))]:
             axes.set_ylabel(label)
         figure.legend(*grid[0].get_legend_handles_labels(), loc="outside lower center", ncols=6)
     return figure

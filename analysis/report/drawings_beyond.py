@@ -9,11 +9,13 @@ import pandas as pd
 
 from analysis import style
 from analysis.figures import DOT, draw_points, legend_of, new_figure, zero_line
-from analysis.report.drawings import CELL, GAP, SHORT_GAP, Drawn, log_axis
+from analysis.report.drawings import CELL, GAP, Drawn, log_axis
 from analysis.report.drawings_agents import dots
 from analysis.report.evidence import Evidence, pearson
 from analysis.report.words import said
 from analysis.tables import column, count_of, keep, mean_by, pick, select
+
+COST = "return there − on own test levels"
 
 
 def fixed_n(evidence: Evidence) -> Drawn | str:
@@ -83,18 +85,18 @@ def attribution(evidence: Evidence) -> Drawn | str:
 
 
 def rules(evidence: Evidence) -> Drawn | str:
-    """Loss in other physics than in training."""
+    """What other physics than in training cost."""
     part = evidence.results.other_physics
     if part.empty:
         return "it was not run (`experiments=[rules]`)"
-    places = zip(part["test_variation"], part["variation"], strict=True)
-    names = [f"{there} (trained in {here})" if here else str(there) for there, here in places]
-    table = pick(part, [*CELL, "gap", "gap_se", "success_test_deterministic"]).assign(physics=names)
-    caption = (
-        "Agents in other physics than they were trained in: return there less return on their training levels. A dot "
-        "per run, a bar at the mean of each."
+    table = pick(
+        part, [*CELL, "trained", "test_variation", "difference", "gap", "gap_se", "success_test_deterministic"]
     )
-    return Drawn(dots(table, "physics", "gap", SHORT_GAP), table, caption)
+    caption = (
+        "Agents in other physics than they were trained in: return there less return on the test levels of their own "
+        "physics. A dot per run, a bar at the mean of each."
+    )
+    return Drawn(dots(table, "test_variation", "difference", COST, "trained"), table, caption)
 
 
 def visual(evidence: Evidence) -> Drawn | str:
@@ -102,9 +104,12 @@ def visual(evidence: Evidence) -> Drawn | str:
     part = evidence.results.other_looks
     if part.empty:
         return "it was not run (`experiments=[visual]`)"
-    table = pick(part, [*CELL, "observation", "shift", "gap", "success_test_deterministic"])
-    caption = "The same levels in other textures against harder levels in the same textures: gap per run."
-    return Drawn(dots(table, "shift", "gap", SHORT_GAP), table, caption)
+    table = pick(part, [*CELL, "trained", "shift", "difference", "gap", "success_test_deterministic"])
+    caption = (
+        "The same levels in other textures against harder levels in the same textures: return there less return on the "
+        "test levels of training. A dot per run, a bar at the mean of each."
+    )
+    return Drawn(dots(table, "shift", "difference", COST, "trained"), table, caption)
 
 
 def hardness(evidence: Evidence) -> Drawn | str:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from analysis.report.results import BLOCK, PANEL, Results, measured
+from analysis.report.results import BLOCK, ETA, PANEL, Results, measured
 from analysis.stats.association import associations, covariate_matrix, labels
 from analysis.stats.attribution import full_factorial, shapley_of_pairs
 from analysis.stats.correlation import NotAvailable, correlate, explained, indicators, residuals
@@ -36,7 +36,6 @@ OUTLIERS = {
     "without points of |z| ≥ 3, the paper's rule": "removed: points",
     "without |z| ≥ 3 in what panels leave": "removed: residuals",
 }
-ETA = "eta_test_deterministic"
 GIVEN_CELL = "given cell"
 GIVEN = {"pooled": (), "given panel": ("panel",), "given panel and log n": ("panel", "log_n"), GIVEN_CELL: ("cell",)}
 

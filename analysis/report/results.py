@@ -27,6 +27,7 @@ BLOCK = (*PANEL, "seed")  # runs that share their nested training levels
 HARDER = {"easy": "medium", "medium": "hard"}
 NEEDED = ("experiments", *BLOCK, "n", "algorithm", "observation", "design", "variation", "run", "frames", "w2_reference",
           "w2_exact", "gap_deterministic", "gap_ref_deterministic", "gap_sampled", "gap_se_deterministic")  # fmt: skip
+ETA = "eta_test_deterministic"
 FRAME, STACK, MEMORY = "one frame", "four frames", "one frame, a memory"
 
 
@@ -92,20 +93,29 @@ class Results:
 
     @cached_property
     def other_physics(self) -> pd.DataFrame:
-        """The transfers to levels whose variation is not that of training."""
+        """The transfers to levels whose variation is not that of training, as :meth:`shifted`; ``trained`` is in which."""
         table = self.moved
-        return keep(table, table["test_variation"] != table["variation"]) if len(table) else table
+        if table.empty:
+            return table
+        part = self.shifted(keep(table, table["test_variation"] != table["variation"]))
+        return part.assign(trained=[name or "the default" for name in part["variation"]])
+
+    def shifted(self, moved: pd.DataFrame) -> pd.DataFrame:
+        """Transfers with ``difference``: the return there less that of the same agent on its own test levels."""
+        return paired(moved, self.runs, ETA, ["run"])
 
     @cached_property
     def other_looks(self) -> pd.DataFrame:
-        """The transfers of the experiment ``visual``; ``shift`` says to which textures, or to which difficulty."""
+        """The transfers of the experiment ``visual``, as :meth:`shifted`; ``shift`` says to which textures, or to which
+        difficulty, and ``trained`` in which textures."""
         table, runs = self.moved, self.of("visual")
         if table.empty or runs.empty:
             return pd.DataFrame()
-        part = keep(table, table["run"].isin(list(runs["run"])))
+        part = self.shifted(keep(table, table["run"].isin(list(runs["run"]))))
         same = np.asarray(part["test_observation"] == part["observation"])
         places = zip(same, part["test_difficulty"], part["test_observation"], strict=True)
-        return part.assign(shift=[f"{difficulty} levels" if s else str(look) for s, difficulty, look in places])
+        shift = [f"{difficulty} levels" if s else texture(look) for s, difficulty, look in places]
+        return part.assign(shift=shift, trained=[texture(look) for look in part["observation"]])
 
     @cached_property
     def masses(self) -> pd.DataFrame:
@@ -172,6 +182,11 @@ def measured(table: pd.DataFrame) -> pd.DataFrame:
         cell=labels(table, [*PANEL, "n"]),
     )
     return keep(with_panel(named), np.isfinite(column(named, "gap")))
+
+
+def texture(look: object) -> str:
+    """The textures of an observation's name: far, of textures(textures=far)."""
+    return str(look).removeprefix("textures(textures=").removesuffix(")")
 
 
 def with_panel(table: pd.DataFrame) -> pd.DataFrame:

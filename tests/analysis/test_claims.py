@@ -4,7 +4,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.report.beyond import shifted
 from analysis.report.claims import CORRECTED, PAPER
 from analysis.report.claims_gap import held
 from analysis.report.evidence import BLOCKS, Evidence
@@ -78,7 +77,7 @@ def test_many_blocks_are_resampled_and_few_are_left_out_one_at_a_time(full):
 def test_a_shift_of_physics_costs_what_was_planted_whatever_the_own_gap_is(tmp_path):
     tables = everything(np.random.default_rng(0))
     evidence = Evidence(read_results(write_results(tmp_path, tables)))
-    found = shifted(evidence, evidence.results.other_physics)
+    found = evidence.results.other_physics
     assert len(found) == 6
     np.testing.assert_allclose(found["difference"], -3.0)
 
