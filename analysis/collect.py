@@ -239,7 +239,7 @@ def run_row(
     ``experiments`` (joined by spaces), the place, ``hash``, ``frames``, ``hours`` of training and evaluation,
     ``w2_<mode>``, ``ks``, ``effective_number``, ``entropy``, ``entropy_left_out``, ``radius``, and for each action mode
     what :func:`analysis.tables.performance` gives: ``eta_train_deterministic``, ``success_test_sampled``,
-    ``gap_deterministic``, ``gap_se_deterministic`` and so on; ``finished`` and ``code``.
+    ``gap_deterministic``, ``gap_se_deterministic`` and so on; ``finished``, and what :func:`made_with` gives.
     """
     seconds = summary["seconds"] + summary.get("evaluation_seconds", 0.0)
     ends = [entry["time"] for entry in read_journal(folder) if entry["event"] == "finished"]
@@ -254,7 +254,19 @@ def run_row(
         **in_modes(episodes),
         "hours": seconds / 3600,
         "finished": ends[-1] if ends else "",
-        "code": read_versions(folder)["code"],
+        **made_with(read_versions(folder)),
+    }
+
+
+def made_with(versions: Mapping[str, Any]) -> dict[str, str]:
+    """``code`` (fingerprint), ``commit`` (of the checkout, a + behind it if files differed; empty outside of one) and
+    ``libraries`` (Python and what decides results, with their versions) of a run's versions.json."""
+    git = versions["git"]
+    libraries = {"python": versions["python"], **versions["libraries"]}
+    return {
+        "code": versions["code"],
+        "commit": git["commit"] + ("+" if git["changed"] else "") if git else "",
+        "libraries": ", ".join(f"{name} {version}" for name, version in libraries.items() if version),
     }
 
 

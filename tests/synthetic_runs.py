@@ -22,6 +22,12 @@ from experiments.run_folder import (
 )
 
 TEST_LEVELS = 20
+MADE_WITH = {
+    "python": "3.11.7",
+    "libraries": {"segar": None, "torch": "2.13.0"},
+    "git": {"commit": "89abcdef" * 5, "changed": True},
+    "code": "0123456789abcdef",
+}
 
 
 def settings(root: Path, **changes: Any) -> RunConfig:
@@ -43,7 +49,7 @@ def write_run(
     rows = [{"name": k, "frames": frames, "seconds": 1.0, "value": v} for k, v in metrics.items()]
     write_rows(folder / METRICS, rows, METRIC_SCHEMA)
     write_rows(folder / EPISODES, episodes(config, gap), EPISODE_SCHEMA)
-    write_json(folder / VERSIONS, {"code": "0123456789abcdef"})
+    write_json(folder / VERSIONS, MADE_WITH)
     write_json(folder / SUMMARY, {"frames": frames, "seconds": 1.0, "evaluation_seconds": 0.5, "ks": 0.25, **metrics})
     return folder
 

@@ -120,8 +120,7 @@ def fixed_number(evidence: Evidence) -> Claim:
     findings = []
     for settings, distance, gap in ((PAPER, "w2_reference", "gap_2022"), (CORRECTED, "w2_exact", "gap")):
         found = evidence.correlation(f"fixed n {distance}", table, distance, gap, ("panel", "n"))
-        words = "W2 and returns of 2022" if settings == PAPER else "exact W2, full returns"
-        findings.append(effect(settings, f"{words}, at one n, given panel, by blocks", PARTIAL, found))
+        findings.append(effect(settings, f"{WORDS[settings]}, at one n, given panel, by blocks", PARTIAL, found))
     follows = {
         REPRODUCED: "At one number of levels the gap follows W2: the paper's reading is supported.",
         NOT_REPRODUCED: "At one number of levels the gap does not follow W2: what the headline shows is sample size.",

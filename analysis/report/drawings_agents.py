@@ -57,6 +57,16 @@ def draw_accuracy(axes: Axes, table: pd.DataFrame, gap: str, title: str) -> None
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), fontsize=8.5)
 
 
+def accuracy_grid(parts: list[list[tuple[str, pd.DataFrame, str]]], width: float) -> Figure:
+    """Rows of axes, each of a title, its runs and the column of the gap; ``width`` in inches is that of one axes."""
+    with style.applied():
+        figure = new_figure(width * len(parts[0]), 3.7 * len(parts))
+        for row, drawn in zip(figure.subplots(len(parts), len(parts[0]), squeeze=False), parts, strict=True):
+            for axes, (title, table, gap) in zip(row, drawn, strict=True):
+                draw_accuracy(axes, table, gap, title)
+    return figure
+
+
 def figure_5a(evidence: Evidence) -> Drawn | str:
     """Gap against accuracy per self-supervised algorithm; without probes, the gaps alone."""
     runs = evidence.results.of("figure_5a")
@@ -71,13 +81,14 @@ def figure_5a(evidence: Evidence) -> Drawn | str:
             figure, table, f"Figure 5a without its x axis, as {NO_PROBES}: the gap per algorithm and number of levels."
         )
     table = pick(probed, [*CELL, "algorithm", "probe", *ACCURACIES, "gap", "gap_2022"])
-    with style.applied():
-        figure = new_figure(3.6 * len(algorithms), 7.4)
-        grid = figure.subplots(2, len(algorithms), squeeze=False)
-        for row, settings in zip(grid, (PAPER, CORRECTED), strict=True):
-            for axes, name in zip(row, algorithms, strict=True):
-                part = select(table, probe=PROBES[settings], algorithm=name)
-                draw_accuracy(axes, part, GAPS[settings], f"{name}, {settings}")
+    parts = [
+        [
+            (f"{name}, {settings}", select(table, probe=PROBES[settings], algorithm=name), GAPS[settings])
+            for name in algorithms
+        ]
+        for settings in (PAPER, CORRECTED)
+    ]
+    figure = accuracy_grid(parts, 3.6)
     return Drawn(
         figure, table, "Figure 5a. Gap against the accuracy of the critic, with and without self-supervised losses."
     )
@@ -164,13 +175,15 @@ def appendix_mass(evidence: Evidence) -> Drawn | str:
         [*CELL, "past", "mass", "w2_exact", *ACCURACIES, "gap", "success_test_deterministic"],
     )
     columns = [past for past in (FRAME, STACK, MEMORY) if past in set(table["past"])]
-    with style.applied():
-        figure = new_figure(3.8 * len(columns), 7.4)
-        grid = figure.subplots(2, len(columns), squeeze=False)
-        for row, mass in zip(grid, ("shown", "hidden"), strict=True):
-            for axes, past in zip(row, columns, strict=True):
-                draw_accuracy(axes, select(table, past=past, mass=mass), "gap", f"{past}, mass {mass}")
-    return Drawn(figure, table, f"{what} Gap against the accuracy of the critic on training and on test levels.")
+    parts = [
+        [(f"{past}, mass {mass}", select(table, past=past, mass=mass), GAPS[CORRECTED]) for past in columns]
+        for mass in ("shown", "hidden")
+    ]
+    return Drawn(
+        accuracy_grid(parts, 3.8),
+        table,
+        f"{what} Gap against the accuracy of the critic on training and on test levels.",
+    )
 
 
 def figure_of_panels(count: int, width: float, height: float, below: float) -> tuple[Figure, np.ndarray]:

@@ -100,10 +100,6 @@ class Results:
         part = self.shifted(keep(table, table["test_variation"] != table["variation"]))
         return part.assign(trained=[name or "the default" for name in part["variation"]])
 
-    def shifted(self, moved: pd.DataFrame) -> pd.DataFrame:
-        """Transfers with ``difference``: the return there less that of the same agent on its own test levels."""
-        return paired(moved, self.runs, ETA, ["run"])
-
     @cached_property
     def other_looks(self) -> pd.DataFrame:
         """The transfers of the experiment ``visual``, as :meth:`shifted`; ``shift`` says to which textures, or to which
@@ -124,6 +120,10 @@ class Results:
         looks = [(str(look), str(name)) for look, name in zip(table["observation"], table["algorithm"], strict=True)]
         past = [MEMORY if "recurrent" in name else STACK if "stack4" in look else FRAME for look, name in looks]
         return table.assign(mass=["hidden" if "hidden=Mass" in look else "shown" for look, _ in looks], past=past)
+
+    def shifted(self, moved: pd.DataFrame) -> pd.DataFrame:
+        """Transfers with ``difference``: the return there less that of the same agent on its own test levels."""
+        return paired(moved, self.runs, ETA, ["run"])
 
     def lacking(self) -> list[str]:
         """What is missing, by name: of the plan; where that is not known, the cells of the main grid that no run has, though

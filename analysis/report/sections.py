@@ -171,34 +171,46 @@ def what_was_run(evidence: Evidence) -> list[Block]:
     for name, part in named.groupby("experiment", sort=True):
         hours = plain(float(column(part, "hours").sum()), 1) if "hours" in part else ""
         rows.append([
-            f"`{name}`", str(len(part)), listed(part["algorithm"]), listed(part["observation"]),
-            frames_of(part), listed(part["n"]),
-            str(count_of(part, "seed")), hours,
+            f"`{name}`", listed(part["algorithm"]), listed(part["observation"]), str(len(part)),
+            frames_of(part), listed(part["n"]), listed(part["seed"]), hours,
         ])  # fmt: skip
-    head = ("experiment", "runs", "algorithm", "observation", "frames", "training levels", "seeds", "hours")
+    head = ("experiment", "algorithm", "observation", "runs", "frames", "training levels", "seeds", "hours")
     blocks: list[Block] = [
         Heading("What was run"),
-        Table(head, rows, 1, "Experiments share runs, so their hours overlap."),
+        Table(head, rows, 3, "Experiments share runs, so their hours overlap."),
     ]
     sentences = []
     if "hours" in runs:
         sentences.append(
             f"All runs together took {plain(float(column(runs, 'hours').sum()), 1)} hours of training and evaluation."
         )
-    if "code" in runs:
-        codes = sorted(set(runs["code"]))
-        many = (
-            "**The runs were made by several versions of the code**"
-            if len(codes) > 1
-            else "The runs were made by one version of the code"
-        )
-        sentences.append(f"{many} (fingerprint {', '.join(f'`{code}`' for code in codes)}).")
     if "test_levels" in runs:
         sentences.append(
             f"Agents were tested on {listed(runs['test_levels'])} test levels each, which all seeds of a panel share."
         )
     blocks.append(Paragraph(" ".join(sentences)))
-    return blocks
+    return [*blocks, *made_with(named)]
+
+
+def made_with(named: pd.DataFrame) -> list[Block]:
+    """Libraries, commits and fingerprints of the code, of runs with a row for each ``experiment`` that they belong to."""
+    if "libraries" not in named:
+        return []
+    named = named.fillna({"libraries": "", "commit": ""})  # of runs that older tables tell of
+    made = ". Others: ".join(sorted(set(named["libraries"]) - {""}))
+    rows = []
+    for code, part in named.groupby("code", sort=True):
+        commits = ", ".join(f"`{commit[:9]}`" for commit in sorted(set(part["commit"])) if commit)
+        rows.append([f"`{code}`", commits, listed(part["experiment"]), str(count_of(part, "run"))])
+    many = "several versions" if len(rows) > 1 else "one version"
+    caption = (
+        f"The runs were made by {many} of the code. A fingerprint is that of the simulator and of the modules of the "
+        "algorithm, so algorithms have several; commits are those of the checkout."
+    )
+    return [
+        Paragraph(f"Libraries: {made}."),
+        Table(("fingerprint", "commits", "experiments", "runs"), rows, 3, caption),
+    ]
 
 
 def limits(evidence: Evidence) -> list[Block]:

@@ -46,11 +46,8 @@ def cluster_bootstrap(
     Raises:
         SegarError: there are fewer than 2 clusters, or a column is missing.
     """
-    require(table, *clusters)
-    names, place = np.unique(labels(table, clusters), return_inverse=True)
-    if len(names) < 2:
-        raise SegarError(f"a bootstrap of clusters needs at least 2 of them; there are {len(names)}")
-    rows_of = [np.flatnonzero(place == k) for k in range(len(names))]
+    place, count = numbered(table, clusters, "a bootstrap")
+    rows_of = [np.flatnonzero(place == k) for k in range(count)]
 
     def of_rows(rows: NDArray[np.int64]) -> float:
         return float(statistic(table.iloc[rows] if values is None else values[rows]))
@@ -62,7 +59,7 @@ def cluster_bootstrap(
         # It means that some resamples have no value, which the note says, and the interval below leaves them out.
         warnings.simplefilter("ignore", stats.DegenerateDataWarning)
         found: Any = stats.bootstrap(
-            (np.arange(len(names)),), of_clusters, vectorized=False, n_resamples=resamples, method=method,
+            (np.arange(count),), of_clusters, vectorized=False, n_resamples=resamples, method=method,
             confidence_level=level, rng=rng,
         )  # fmt: skip
     drawn = found.bootstrap_distribution[np.isfinite(found.bootstrap_distribution)]
@@ -70,7 +67,7 @@ def cluster_bootstrap(
     if len(drawn) < resamples and method == "percentile" and len(drawn):
         low, high = np.quantile(drawn, [0.5 - level / 2, 0.5 + level / 2])
     note = f"{resamples - len(drawn)} resamples had no value" if len(drawn) < resamples else ""
-    return Estimate(of_rows(np.arange(len(table))), float(low), float(high), len(names), sign_p(drawn), level, note)
+    return Estimate(of_rows(np.arange(len(table))), float(low), float(high), count, sign_p(drawn), level, note)
 
 
 def cluster_jackknife(
@@ -96,11 +93,7 @@ def cluster_jackknife(
     Raises:
         SegarError: there are fewer than 2 clusters, or a column is missing.
     """
-    require(table, *clusters)
-    names, place = np.unique(labels(table, clusters), return_inverse=True)
-    count = len(names)
-    if count < 2:
-        raise SegarError(f"a jackknife of clusters needs at least 2 of them; there are {count}")
+    place, count = numbered(table, clusters, "a jackknife")
     whole = float(statistic(table if values is None else values))
     left = [place != k for k in range(count)]
     parts = np.array([statistic(keep(table, rows) if values is None else values[rows]) for rows in left], np.float64)
@@ -112,6 +105,17 @@ def cluster_jackknife(
     middle = float(there(whole))
     p = 2 * float(stats.t.sf(abs(middle) / error, count - 1)) if error > 0 else float(middle == 0)
     return Estimate(whole, float(back(middle - half)), float(back(middle + half)), count, p, level)
+
+
+def numbered(table: pd.DataFrame, clusters: Sequence[str], what: str) -> tuple[NDArray[np.int64], int]:
+    """The number of each row's cluster, and how many clusters there are; an error about ``what`` if fewer than 2."""
+    require(table, *clusters)
+    names, place = np.unique(labels(table, clusters), return_inverse=True)
+    if len(names) < 2:
+        raise SegarError(
+            f"{what} of clusters needs at least 2 of them; there is {len(names)}, by {', '.join(clusters)}"
+        )
+    return place, len(names)
 
 
 def to_normal(r: Any) -> NDArray[np.float64]:

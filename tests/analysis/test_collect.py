@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.collect import CollectConfig, collect
+from analysis.collect import CollectConfig, collect, made_with
 from analysis.style import colours
 from experiments.config import ScaleConfig, TrackingConfig
 from experiments.errors import RunFolderError
@@ -15,7 +15,7 @@ from experiments.experiment import experiment_at
 from experiments.planning import make_plan
 from experiments.reproduce import ReproduceConfig, write_plan
 from experiments.run_folder import EPISODE_SCHEMA, PROBES, SUMMARY, folder_path, write_json, write_rows
-from tests.synthetic_runs import episodes, settings, write_run
+from tests.synthetic_runs import MADE_WITH, episodes, settings, write_run
 
 SCALE = ScaleConfig(name="smoke", frames=1000, families=("empty",), difficulties=("easy", "hard"), counts=(1, 10))
 MAIN = {"title": "Main", "figure": "3a", "grid": {"algorithms": ["base"]}, "scales": {"smoke": {}}}
@@ -85,6 +85,18 @@ def test_a_run_has_its_gap_in_both_modes_its_distances_and_its_cost(made):
     assert (row["w2_reference"], row["w2_exact"], row["ks"]) == (0.1, 0.2, 0.25)
     assert row["hours"] == pytest.approx(1.5 / 3600)
     assert row["hash"] == row["run"].split("-")[-1]
+
+
+def test_a_run_says_what_made_it(made):
+    _, found = made
+    row = found.runs.iloc[0]
+    assert row["code"] == "0123456789abcdef"
+    assert row["commit"] == "89abcdef" * 5 + "+", "files differed from the commit"
+    assert row["libraries"] == "python 3.11.7, torch 2.13.0", "one that is not installed is not named"
+
+
+def test_outside_of_a_checkout_there_is_no_commit():
+    assert made_with({**MADE_WITH, "git": None})["commit"] == ""
 
 
 def test_a_transfer_is_held_against_the_training_levels(made):
