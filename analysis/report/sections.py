@@ -205,7 +205,7 @@ def made_with(named: pd.DataFrame) -> list[Block]:
     many = "several versions" if len(rows) > 1 else "one version"
     caption = (
         f"The runs were made by {many} of the code. A fingerprint is that of the simulator and of the modules of the "
-        "algorithm, so algorithms have several; commits are those of the checkout."
+        "algorithm, so each algorithm has its own; commits are those of the checkout."
     )
     return [
         Paragraph(f"Libraries: {made}."),
