@@ -47,7 +47,10 @@ def undrawn(monkeypatch):
     monkeypatch.setattr("analysis.report.make.save_figure", touch)
 
 
-@pytest.fixture(scope="module", params=SHIPPED_SCALES, ids=lambda folder: folder.name)
+SCALES = [pytest.param(at, marks=[] if at.name == "quick" else pytest.mark.slow, id=at.name) for at in SHIPPED_SCALES]
+
+
+@pytest.fixture(scope="module", params=SCALES)
 def again(request, tmp_path_factory):
     """A shipped report, and the same made anew from its tables."""
     out = tmp_path_factory.mktemp("again")
@@ -55,7 +58,10 @@ def again(request, tmp_path_factory):
 
 
 def test_the_shipped_tables_give_the_shipped_numbers(again):
-    shipped, made = again
+    numbers_are_shipped(*again)
+
+
+def numbers_are_shipped(shipped, made):
     names = {str(path.relative_to(made.folder)) for path in made.files}
     there = [path for folder in ("figures", "statistics") for path in (shipped / folder).iterdir()]
     assert names == {"report.html", "report.pdf", "claims.csv"} | {str(path.relative_to(shipped)) for path in there}
@@ -64,9 +70,27 @@ def test_the_shipped_tables_give_the_shipped_numbers(again):
 
 
 def test_the_shipped_tables_give_the_shipped_page(again):
-    shipped, made = again
+    page_is_shipped(*again)
+
+
+def page_is_shipped(shipped, made):
     page, expected = ((folder / "report.html").read_text() for folder in (made.folder, shipped))
     assert PICTURE.sub("", page) == PICTURE.sub("", expected)
+
+
+@pytest.mark.parametrize("shipped", [at for at in SHIPPED_SCALES if at.name != "quick"], ids=lambda at: at.name)
+def test_larger_shipped_tables_give_the_shipped_numbers_and_words(shipped, tmp_path, monkeypatch):
+    """Without drawing, which is most of the time that it takes; the slow tests draw."""
+
+    def copied(figure, path, suffixes):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        files = [path.with_suffix(suffix) for suffix in suffixes]
+        return [Path(shutil.copy(shipped / "figures" / file.name, file)) for file in files]
+
+    monkeypatch.setattr("analysis.report.make.save_figure", copied)
+    made = make_report(ReportConfig(str(shipped), out=str(tmp_path)))
+    numbers_are_shipped(shipped, made)
+    page_is_shipped(shipped, made)
 
 
 def test_a_page_needs_nothing_else_and_names_no_place_of_this_machine(again):
