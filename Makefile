@@ -54,6 +54,8 @@ $(SLOW_STAMP): $(STAMP)
 		--constraint constraints.txt --editable ".[train,analysis,ui,dev,slow]"
 	@touch $@
 
+# Python keeps what it compiled, whatever the caller prefers: the tests start hundreds of imports.
+test: export PYTHONDONTWRITEBYTECODE :=
 test: $(STAMP)
 	$(PY) -m pytest -q -n 2 --dist loadfile $(ARGS)
 
