@@ -254,7 +254,6 @@ def test_every_command_explains_itself(capsys, command):
     assert left.value.code == 0 and f"usage: segar {command}" in capsys.readouterr().out
 
 
-@pytest.mark.slow
 def test_json_is_all_that_stands_on_stdout_while_a_kernel_is_compiled(tmp_path, level_files):
     command = [
         sys.executable,

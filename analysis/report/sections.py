@@ -189,14 +189,15 @@ def what_was_run(evidence: Evidence) -> list[Block]:
             f"Agents were tested on {listed(runs['test_levels'])} test levels each, which all seeds of a panel share."
         )
     blocks.append(Paragraph(" ".join(sentences)))
-    return [*blocks, *made_with(named)]
+    return [*blocks, *versions(named)]
 
 
-def made_with(named: pd.DataFrame) -> list[Block]:
+def versions(named: pd.DataFrame) -> list[Block]:
     """Libraries, commits and fingerprints of the code, of runs with a row for each ``experiment`` that they belong to."""
-    if "libraries" not in named:
+    if "code" not in named:
         return []
-    named = named.fillna({"libraries": "", "commit": ""})  # of runs that older tables tell of
+    unknown = {"libraries": "", "commit": ""}  # of runs that older tables tell of
+    named = named.assign(**{name: "" for name in unknown if name not in named}).fillna(unknown)
     made = ". Others: ".join(sorted(set(named["libraries"]) - {""}))
     rows = []
     for code, part in named.groupby("code", sort=True):
@@ -207,10 +208,8 @@ def made_with(named: pd.DataFrame) -> list[Block]:
         f"The runs were made by {many} of the code. A fingerprint is that of the simulator and of the modules of the "
         "algorithm, so each algorithm has its own; commits are those of the checkout."
     )
-    return [
-        Paragraph(f"Libraries: {made}."),
-        Table(("fingerprint", "commits", "experiments", "runs"), rows, 3, caption),
-    ]
+    libraries = [Paragraph(f"Libraries: {made}.")] if made else []
+    return [*libraries, Table(("fingerprint", "commits", "experiments", "runs"), rows, 3, caption)]
 
 
 def limits(evidence: Evidence) -> list[Block]:

@@ -47,21 +47,32 @@ def undrawn(monkeypatch):
     monkeypatch.setattr("analysis.report.make.save_figure", touch)
 
 
-SCALES = [pytest.param(at, marks=[] if at.name == "quick" else pytest.mark.slow, id=at.name) for at in SHIPPED_SCALES]
+def copied(figure, path, suffixes):
+    """The shipped figure of ``path``'s name, standing for one that is drawn."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    files = [path.with_suffix(suffix) for suffix in suffixes]
+    return [Path(shutil.copy(SHIPPED / path.parents[1].name / "figures" / file.name, file)) for file in files]
+
+
+# Drawing takes most of the time: of the larger scales, only the slow tests draw.
+LARGER = [at for at in SHIPPED_SCALES if at.name != "quick"]
+SCALES = [pytest.param((at, at not in LARGER), id=at.name) for at in SHIPPED_SCALES]
+SCALES += [pytest.param((at, True), marks=pytest.mark.slow, id=f"{at.name}, drawn") for at in LARGER]
 
 
 @pytest.fixture(scope="module", params=SCALES)
 def again(request, tmp_path_factory):
     """A shipped report, and the same made anew from its tables."""
-    out = tmp_path_factory.mktemp("again")
-    return request.param, make_report(ReportConfig(str(request.param), out=str(out)))
+    shipped, drawn = request.param
+    out = tmp_path_factory.mktemp("again") / shipped.name
+    with pytest.MonkeyPatch.context() as patched:
+        if not drawn:
+            patched.setattr("analysis.report.make.save_figure", copied)
+        return shipped, make_report(ReportConfig(str(shipped), out=str(out)))
 
 
 def test_the_shipped_tables_give_the_shipped_numbers(again):
-    numbers_are_shipped(*again)
-
-
-def numbers_are_shipped(shipped, made):
+    shipped, made = again
     names = {str(path.relative_to(made.folder)) for path in made.files}
     there = [path for folder in ("figures", "statistics") for path in (shipped / folder).iterdir()]
     assert names == {"report.html", "report.pdf", "claims.csv"} | {str(path.relative_to(shipped)) for path in there}
@@ -70,27 +81,9 @@ def numbers_are_shipped(shipped, made):
 
 
 def test_the_shipped_tables_give_the_shipped_page(again):
-    page_is_shipped(*again)
-
-
-def page_is_shipped(shipped, made):
+    shipped, made = again
     page, expected = ((folder / "report.html").read_text() for folder in (made.folder, shipped))
     assert PICTURE.sub("", page) == PICTURE.sub("", expected)
-
-
-@pytest.mark.parametrize("shipped", [at for at in SHIPPED_SCALES if at.name != "quick"], ids=lambda at: at.name)
-def test_larger_shipped_tables_give_the_shipped_numbers_and_words(shipped, tmp_path, monkeypatch):
-    """Without drawing, which is most of the time that it takes; the slow tests draw."""
-
-    def copied(figure, path, suffixes):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        files = [path.with_suffix(suffix) for suffix in suffixes]
-        return [Path(shutil.copy(shipped / "figures" / file.name, file)) for file in files]
-
-    monkeypatch.setattr("analysis.report.make.save_figure", copied)
-    made = make_report(ReportConfig(str(shipped), out=str(tmp_path)))
-    numbers_are_shipped(shipped, made)
-    page_is_shipped(shipped, made)
 
 
 def test_a_page_needs_nothing_else_and_names_no_place_of_this_machine(again):
@@ -174,6 +167,13 @@ def test_versions_and_seeds_of_the_runs_are_said(tmp_path, undrawn):
     for told in ("<code>f0u2</code>", "<code>444444444</code>", "<code>5even</code>", "<code>777777777</code>"):
         assert told in page
     assert ">4, 7</td>" in page
+
+
+def test_tables_without_libraries_still_say_which_code_made_them(tmp_path, undrawn):
+    make_report(ReportConfig(str(write_results(tmp_path, {"runs": few_runs()}))))
+    page = (tmp_path / "report.html").read_text()
+    assert "made by one version of the code" in page and "<code>c0de</code>" in page
+    assert "Libraries:" not in page
 
 
 def test_runs_that_are_missing_are_said_at_the_top(tmp_path, undrawn):

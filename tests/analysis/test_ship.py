@@ -32,14 +32,11 @@ def test_a_short_run_keeps_its_curve_beside_a_long_one():
     curves = pd.DataFrame(
         {"run": run, "name": "episode/return", "frames": np.arange(1, 11) * length // 10, "value": np.arange(10.0)}
         for run, length in (("short", 1_000), ("long", 1_000_000))
-    ).explode(["frames", "value"])
-    found = thinned(curves.astype({"frames": np.int64, "value": float}))
-    pd.testing.assert_frame_equal(
-        found.sort_values(["run", "frames"], ignore_index=True)[["run", "frames", "value"]],
-        curves.astype({"frames": np.int64, "value": float}).sort_values(["run", "frames"], ignore_index=True)[
-            ["run", "frames", "value"]
-        ],
-    )
+    ).explode(["frames", "value"], ignore_index=True)
+    curves = curves.astype({"frames": np.int64, "value": float})
+    order, shown = ["run", "frames"], ["run", "frames", "value"]
+    found, expected = (table.sort_values(order, ignore_index=True)[shown] for table in (thinned(curves), curves))
+    pd.testing.assert_frame_equal(found, expected)
 
 
 def test_six_digits_are_kept_of_any_size():
