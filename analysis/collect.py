@@ -24,15 +24,15 @@ from typing import Any, cast
 import pandas as pd
 
 from analysis.tables import performance, select, write_csv
-from experiments.atomic import replacing
-from experiments.cells import cell_of
-from experiments.config import ACTION_MODES, RunConfig
-from experiments.elsewhere import RUNS, TRANSFERS
-from experiments.entry import run_simple_command
-from experiments.errors import RunFolderError
-from experiments.experiment import SEPARATOR
-from experiments.journal import read_journal
-from experiments.run_folder import (
+from experiments.runs.files import replacing
+from experiments.settings.grid import cell_of
+from experiments.settings.config import ACTION_MODES, RunConfig
+from experiments.reproduction.imported_results import RUNS, TRANSFERS
+from experiments.settings.hydra_app import run_simple_command
+from experiments.settings.errors import RunFolderError
+from experiments.reproduction.experiment_file import SEPARATOR
+from experiments.runs.journal import read_journal
+from experiments.runs.run_folder import (
     EPISODES,
     EVALUATIONS,
     PROBES,

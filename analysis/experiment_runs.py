@@ -13,12 +13,12 @@ from typing import Any
 
 import pandas as pd
 
-from analysis.style import colours
+from analysis.plotting.style import colours
 from analysis.tables import column
-from experiments.config import TrackingConfig
-from experiments.delivery import read_mark
-from experiments.mlflow_store import calling, open_store, store_uri
-from experiments.mlflow_views import COLOUR
+from experiments.settings.config import TrackingConfig
+from experiments.tracking.mlflow_sync import read_mark
+from experiments.tracking.mlflow_store import calling, open_store, store_uri
+from experiments.tracking.mlflow_views import COLOUR
 
 PARENT = "mlflow.parentRunId"  # MLflow's own tag, by which its pages nest runs
 

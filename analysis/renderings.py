@@ -15,9 +15,9 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from analysis import style
-from experiments.atomic import replacing
-from segar.entities import (
+from analysis.plotting import style
+from experiments.runs.files import replacing
+from segar.language.entities import (
     Ball,
     Bumper,
     Charger,
@@ -31,12 +31,12 @@ from segar.entities import (
     Magnet,
     SandTile,
 )
-from segar.factors import Charge, Heat, Magnetism, Mobile, Order, Position, Shape
-from segar.families import family
-from segar.levels import Levels
-from segar.observations.pixels import Pixels
-from segar.observations.textured import TexturedPixels
-from segar.shapes import Hexagon, Square, Triangle
+from segar.language.factors import Charge, Heat, Magnetism, Mobile, Order, Position, Shape
+from segar.levels.families.named import family
+from segar.levels.level_set import Levels
+from segar.observations.pixels.solid_colours import Pixels
+from segar.observations.pixels.textured import TexturedPixels
+from segar.language.shapes import Hexagon, Square, Triangle
 from segar.textures import TextureSet
 
 RESOLUTION = 128  # pixels per frame: patterns repeat after a few pixels, and should be seen

@@ -15,10 +15,10 @@ import pandas as pd
 from analysis.collect import CURVES, MISSING
 from analysis.report.results import STUDIES, read_results
 from analysis.tables import binned, column, mean_by, write_csv
-from experiments.atomic import replacing
-from experiments.elsewhere import RUNS, TRANSFERS
-from experiments.entry import run_simple_command
-from experiments.run_folder import PROBES
+from experiments.runs.files import replacing
+from experiments.reproduction.imported_results import RUNS, TRANSFERS
+from experiments.settings.hydra_app import run_simple_command
+from experiments.runs.run_folder import PROBES
 
 DIGITS = 6  # significant; errors of evaluation are in the third
 ENOUGH = 2_000_000  # [bytes] of all tables together, beyond which a repository grows too fast

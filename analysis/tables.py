@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from experiments.atomic import replacing
+from experiments.runs.files import replacing
 
 CURVE_POINTS = 40  # of a curve that is drawn or shipped
 

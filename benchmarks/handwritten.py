@@ -15,7 +15,7 @@ import numpy as np
 from benchmarks import handwritten_columns as at
 from benchmarks.handwritten_empty import step_empty
 from benchmarks.handwritten_objects import step_objects
-from segar.factors import (
+from segar.language.factors import (
     Acceleration,
     Alive,
     Charge,
@@ -33,8 +33,8 @@ from segar.factors import (
     Velocity,
     Visible,
 )
-from segar.levels import Levels
-from segar.simulator import Outcome, State
+from segar.levels.level_set import Levels
+from segar.engine.simulator import Outcome, State
 
 COLUMNS = (
     (Position, at.X),

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from segar.factors import Mass, Order, Position, Size
-from segar.levels import Levels
-from segar.observations.pixel_kernel import disc_spans
+from segar.language.factors import Mass, Order, Position, Size
+from segar.levels.level_set import Levels
+from segar.observations.pixels.pixel_kernel import disc_spans
 
 SIDE = 64
 BODIES = 4

@@ -16,10 +16,10 @@ import segar
 from benchmarks.environments import NUM_ENVS, make_env, play, random_actions
 from benchmarks.measure import Row, in_turns
 from segar.envs import VectorEnv
-from segar.factors import Charge, Mobile, Position, Size, Velocity
-from segar.levels import Levels
-from segar.simulator import Outcome, Simulator, State
-from segar.threads import Team
+from segar.language.factors import Charge, Mobile, Position, Size, Velocity
+from segar.levels.level_set import Levels
+from segar.engine.simulator import Outcome, Simulator, State
+from segar.support.threads import Team
 
 STEPS = 20
 SUB_STEPS = 5

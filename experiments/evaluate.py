@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from experiments.config import ACTION_MODES, require, require_known, require_seed
-from experiments.entry import run_simple_command
-from experiments.run_folder import LEVELS_TEST, LEVELS_TRAIN
+from experiments.settings.config import ACTION_MODES, require, require_known, require_seed
+from experiments.settings.hydra_app import run_simple_command
+from experiments.runs.run_folder import LEVELS_TEST, LEVELS_TRAIN
 
 OWN = {"train": LEVELS_TRAIN, "test": LEVELS_TEST}  # the run's own level sets
 VIDEOS = ("mp4", "gif", "none")
@@ -48,7 +48,7 @@ class EvaluateConfig:
 
 def evaluate(config: EvaluateConfig) -> None:
     """The command. Torch is imported here, after the settings were found right."""
-    from experiments import evaluation
+    from experiments.evaluation import evaluator as evaluation
 
     evaluation.evaluate(config)
 

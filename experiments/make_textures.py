@@ -1,6 +1,6 @@
 """Make the sets of textures that come with SEGAR, and say how well factors can be read from them.
 
-A set with a model below the bars of :mod:`experiments.texture_bars` is not written, and the message names model and factor.
+A set with a model below the bars of :mod:`experiments.textures.texture_bars` is not written, and the message names model and factor.
 
 python -m experiments.make_textures                     # all sets, into segar/textures/data
 python -m experiments.make_textures one --into /tmp     # one of them, elsewhere
@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from experiments.filter_sets import filter_sets
-from experiments.linear_autoencoder import Training, train_set
-from experiments.texture_bars import refuse_below_bars
+from experiments.textures.filter_sets import filter_sets
+from experiments.textures.linear_autoencoder import Training, train_set
+from experiments.textures.texture_bars import refuse_below_bars
 from segar.textures import TextureSet
 from segar.textures.inputs import is_noise
 from segar.textures.read_out import linear_read_out

@@ -20,15 +20,15 @@ from typing import Any
 import yaml
 from omegaconf import DictConfig
 
-from experiments.cells import design_hash, paper_cells
-from experiments.config import RunConfig, require, run_config
-from experiments.display import Display
-from experiments.elsewhere import read_elsewhere
-from experiments.entry import conf_dir, plain, run_command
-from experiments.errors import ConfigError, TrainingError
-from experiments.experiment import Experiment, chosen_names, experiment_at
-from experiments.mlflow_store import is_server
-from experiments.planning import (
+from experiments.settings.grid import design_hash, paper_cells
+from experiments.settings.config import RunConfig, require, run_config
+from experiments.reproduction.display import Display
+from experiments.reproduction.imported_results import read_elsewhere
+from experiments.settings.hydra_app import conf_dir, plain, run_command
+from experiments.settings.errors import ConfigError, TrainingError
+from experiments.reproduction.experiment_file import Experiment, chosen_names, experiment_at
+from experiments.tracking.mlflow_store import is_server
+from experiments.reproduction.plan import (
     STUDY_SECONDS,
     Plan,
     StudyWork,
@@ -39,11 +39,12 @@ from experiments.planning import (
     make_plan,
     measure_speeds,
 )
-from experiments.probing import PREFIX, ProbeConfig, probe_finished, probe_settings
-from experiments.run_folder import CHECKOUT, runs_root, write_json
-from experiments.sweep import Job, Outcome, run_jobs
+from experiments.evaluation.probing import PREFIX, ProbeConfig, probe_finished, probe_settings
+from experiments.settings.config import CHECKOUT
+from experiments.runs.run_folder import runs_root, write_json
+from experiments.reproduction.process_pool import Job, Outcome, run_jobs
 from experiments.train import train
-from experiments.transfers import RunWork, evaluate_transfer
+from experiments.evaluation.transfers import RunWork, evaluate_transfer
 
 PLAN = "plan.json"
 ENOUGH_LEFT = 0.85  # share of the work that is left, below which the time that was spent tells about the rest

@@ -19,13 +19,13 @@ import optuna
 from omegaconf import DictConfig
 from optuna.trial import FrozenTrial, Trial, TrialState
 
-from experiments.config import RunConfig, as_data, require, require_known, require_seed, run_config
-from experiments.construct import construct
-from experiments.entry import plain, run_command
-from experiments.errors import ConfigError, TrainingError
-from experiments.run_folder import lock, runs_root
-from experiments.search_space import Dimension, dimensions, with_values
-from experiments.sweep import Job, Outcome, run_jobs
+from experiments.settings.config import RunConfig, as_data, require, require_known, require_seed, run_config
+from experiments.settings.construct import construct
+from experiments.settings.hydra_app import plain, run_command
+from experiments.settings.errors import ConfigError, TrainingError
+from experiments.runs.run_folder import lock, runs_root
+from experiments.reproduction.search_space import Dimension, dimensions, with_values
+from experiments.reproduction.process_pool import Job, Outcome, run_jobs
 from experiments.train import train
 from segar.cli.arguments import table
 from segar.errors import did_you_mean
@@ -38,7 +38,7 @@ ERROR = "error"  # what a trial that went wrong remembers; one that was cut off 
 class SearchConfig:
     """What is searched, how long, and what counts."""
 
-    space: Mapping[str, Any] = field(default_factory=dict)  # see experiments.search_space
+    space: Mapping[str, Any] = field(default_factory=dict)  # see experiments.reproduction.search_space
     trials: int = 20  # in all, those of earlier calls included
     processes: int = 1  # runs at a time
     seeds: int = 1  # runs per trial, of which the mean counts; from ``seed`` upwards

@@ -6,13 +6,13 @@ Settings: ``python -m experiments.train --help``. Several runs: ``--multirun see
 
 from __future__ import annotations
 
-from experiments.config import RunConfig
-from experiments.entry import run_command
+from experiments.settings.config import RunConfig
+from experiments.settings.hydra_app import run_command
 
 
 def train(config: RunConfig) -> dict[str, float]:
     """Carries out the run; returns its final figures. Torch is imported here, after the settings were found right."""
-    from experiments.run import run
+    from experiments.training.run import run
 
     return {key: value for key, value in run(config).summary.items() if isinstance(value, float)}
 

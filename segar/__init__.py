@@ -6,15 +6,16 @@ is compiled from the rules, and measured. See README.md for a first run.
 
 from typing import Tuple  # noqa: UP035 - the paper's rules are written with it
 
-from segar import envs, hardness, metrics, noise, random, tasks
-from segar.conditional import Dependent
-from segar.designed_levels import design
-from segar.distribution import LevelDistribution
-from segar.effects import Aggregate, Differential, SetFactor
-from segar.engine.interpreter import Interpreter
-from segar.engine.signature import Action, Best, Every, Wall
-from segar.entities import *  # noqa: F403
-from segar.entities import __all__ as _entity_names
+from segar import envs, hardness, metrics, noise, tasks
+from segar.language import random
+from segar.levels.conditional import Dependent
+from segar.metrics.level_design import design
+from segar.levels.distribution import LevelDistribution
+from segar.language.effects import Aggregate, Differential, SetFactor
+from segar.reference.interpreter import Interpreter
+from segar.language.signature import Action, Best, Every, Wall
+from segar.language.entities import *  # noqa: F403
+from segar.language.entities import __all__ as _entity_names
 from segar.errors import (
     ActionError,
     ConflictError,
@@ -25,7 +26,7 @@ from segar.errors import (
     RuleError,
     SegarError,
 )
-from segar.factors import (
+from segar.language.factors import (
     ID,
     Acceleration,
     Alive,
@@ -58,19 +59,19 @@ from segar.factors import (
     Velocity,
     Visible,
 )
-from segar.families import families, family
-from segar.levels import Levels
+from segar.levels.families.named import families, family
+from segar.levels.level_set import Levels
 from segar.noise import *  # noqa: F403
 from segar.noise import __all__ as _noise_names
-from segar.observations.actions import PreviousActions
-from segar.observations.multi import Multi
-from segar.observations.one_of import OneOf
-from segar.observations.pixels import Pixels
-from segar.observations.stack import Stack
-from segar.observations.state import StateVector
-from segar.observations.state_presets import AllObjects, AllState, AllTiles, ObjectState, TileState
-from segar.observations.textured import TexturedPixels
-from segar.parameters import (
+from segar.observations.composed.actions import PreviousActions
+from segar.observations.composed.multi import Multi
+from segar.observations.composed.one_of import OneOf
+from segar.observations.pixels.solid_colours import Pixels
+from segar.observations.composed.stack import Stack
+from segar.observations.state.state_vector import StateVector
+from segar.observations.state.presets import AllObjects, AllState, AllTiles, ObjectState, TileState
+from segar.observations.pixels.textured import TexturedPixels
+from segar.language.parameters import (
     FloorFriction,
     Framerate,
     Gravity,
@@ -80,9 +81,9 @@ from segar.parameters import (
     Parameter,
     WallDamping,
 )
-from segar.priors import Prior
-from segar.relations import Relation, contains, is_equal, is_on, overlaps, relation
-from segar.rule import Rule, rule
+from segar.levels.priors import Prior
+from segar.language.relations import Relation, contains, is_equal, is_on, overlaps, relation
+from segar.language.rule_definition import Rule, rule
 from segar.rules import (
     DEFAULT_RULES,
     accelerate,
@@ -100,15 +101,15 @@ from segar.rules import (
     speed_limit,
     stop_condition,
 )
-from segar.shapes import Circle, ConvexHull, Hexagon, RandomConvexHull, Square, Triangle
-from segar.simulator import Simulator, State
+from segar.language.shapes import Circle, ConvexHull, Hexagon, RandomConvexHull, Square, Triangle
+from segar.engine.simulator import Simulator, State
 from segar.tasks.billiards import billiards
 from segar.tasks.invisiball import invisiball
 from segar.tasks.puttputt import puttputt
-from segar.tasks.task import Task
-from segar.values import arctan2, cos, exp, log, maximum, minimum, sin, sqrt, tanh, where
-from segar.version import __version__
-from segar.world import World
+from segar.language.task import Task
+from segar.language.values import arctan2, cos, exp, log, maximum, minimum, sin, sqrt, tanh, where
+from segar.support.version import __version__
+from segar.rules.world import World
 
 __all__ = [
     *_entity_names,

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import yaml
 
-from experiments.cells import Cell, cell_config, cell_of
-from experiments.config import RunConfig, TrackingConfig, as_data
-from experiments.run_folder import (
+from experiments.settings.grid import Cell, cell_config, cell_of
+from experiments.settings.config import RunConfig, TrackingConfig, as_data
+from experiments.runs.run_folder import (
     CONFIG,
     EPISODE_SCHEMA,
     EPISODES,

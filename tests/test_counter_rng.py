@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from segar.counter_rng import LevelGenerator, philox, stream_key
+from segar.support.counter_rng import LevelGenerator, philox, stream_key
 from segar.errors import PriorError
 
 # Random123's known answers for Philox4x32-10: counter, key (low word first), output.

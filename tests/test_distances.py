@@ -28,7 +28,7 @@ from segar.metrics import (
     w2_sliced,
     w2_unbalanced,
 )
-from segar.parameters import Parameter
+from segar.language.parameters import Parameter
 
 FAMILIES = ("empty-hard", "objectsx2-hard", "tilesx3-medium", "puttputt")
 UNIT = {(GolfBall, Position): 1.0}

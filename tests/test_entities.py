@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import segar
 from segar import Ball, Charge, Circle, GolfBall, Label, Mass, Shape, Size
-from segar.entities import Object
+from segar.language.entities import Object
 
 
 class Glow(segar.Scalar, default=1.0): ...

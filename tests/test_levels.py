@@ -51,7 +51,7 @@ from segar import (
     Velocity,
     family,
 )
-from segar.levels import LEVEL_ARRAYS
+from segar.levels.level_set import LEVEL_ARRAYS
 
 ANYWHERE = Prior(Position, RandomUniformLocation())
 SOME = ("empty-easy", "objectsx3-hard", "tilesx2-medium", "puttputt")
@@ -78,7 +78,7 @@ def test_ten_levels_are_the_first_ten_of_fifty(name):
 
 def test_the_last_of_many_levels_is_the_same_when_chunks_are_cut_elsewhere(monkeypatch):
     whole = family("puttputt").sample(60)
-    monkeypatch.setattr("segar.sampling.CHUNK", 7)
+    monkeypatch.setattr("segar.levels.sampling.draws.CHUNK", 7)
     assert family("puttputt").sample(60) == whole
 
 

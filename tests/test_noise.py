@@ -11,7 +11,7 @@ import pytest
 from scipy import stats
 
 import segar.noise as sn
-from segar.counter_rng import LevelGenerator, stream_key
+from segar.support.counter_rng import LevelGenerator, stream_key
 from segar.errors import PriorError
 from segar.noise import measures
 

@@ -29,7 +29,7 @@ from segar import (
     Size,
     family,
 )
-from segar.values import Vector
+from segar.language.values import Vector
 
 PAPER = Path(os.environ.get("SEGAR_PAPER", Path(__file__).parents[2] / "shared" / "paper" / "segar.tex"))
 LISTING = re.compile(r"\\begin\{lstlisting\}(?:\[[^\]]*\])?\n(.*?)\\end\{lstlisting\}", re.DOTALL)
@@ -152,6 +152,6 @@ def test_priors_with_identical_conditions_are_an_error_as_the_paper_says():
 
 def _argument(factor: type, value: Any) -> Vector:
     """A vector factor as a rule receives it: it remembers what it was read from."""
-    from segar.values import Source
+    from segar.language.values import Source
 
     return Vector(*value, source=Source(0, factor))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from segar.placement import closest_pair, fix_overlaps, too_close
+from segar.levels.sampling.placement import closest_pair, fix_overlaps, too_close
 
 
 def scene(rng: np.random.Generator, n: int, things: int, radius: float) -> dict[str, np.ndarray]:

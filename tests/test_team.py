@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from numba import njit
 
-from segar.engine.sharing import dismiss, finish_part, make_ledger, open_ledger, take_part
-from segar.threads import Team
+from segar.engine.runtime.ledger import dismiss, finish_part, make_ledger, open_ledger, take_part
+from segar.support.threads import Team
 
 PARTS, LENGTH = 40, 50
 

@@ -18,9 +18,9 @@ from segar.metrics import spread, w2, w2_report
 from segar.metrics.points import PointSets
 from segar.metrics.transport import balanced_costs, emd, matching_costs, sliced_costs
 from segar.metrics.wasserstein import reference_projections
-from segar.parameters import Parameter
-from segar.shapes import ConvexHull, Square
-from segar.tasks.puttputt_levels import puttputt_default_config
+from segar.language.parameters import Parameter
+from segar.language.shapes import ConvexHull, Square
+from segar.levels.families.puttputt import puttputt_default_config
 from tests.agreement.replay import folder
 
 # The vectors of 2022, in its order.

@@ -12,17 +12,17 @@ import torch
 from numpy.typing import NDArray
 
 from analysis.probes.pairs import NAME_OF_TYPE, Column, Frames
-from experiments.anchors import RandomAgent
+from experiments.evaluation.baselines import RandomAgent
 from experiments.evaluate import OWN
-from experiments.evaluation import load_agent
-from experiments.run_folder import read_config
-from experiments.worlds import distribution_of, environment_options
-from segar.entities import GlobalFriction
+from experiments.evaluation.evaluator import load_agent
+from experiments.runs.run_folder import read_config
+from experiments.levels.builders import distribution_of, environment_options
+from segar.language.entities import GlobalFriction
 from segar.envs.vector import VectorEnv
 from segar.errors import LevelError
-from segar.factors import Factor
-from segar.levels import Levels
-from segar.metrics.laws import component
+from segar.language.factors import Factor
+from segar.levels.level_set import Levels
+from segar.metrics.marginal_distributions import component
 from segar.metrics.points import relevant_factors
 from segar.noise import Choice, Noise
 

@@ -19,13 +19,13 @@ from analysis.probes.factors import probe_factors
 from analysis.probes.information import Bound, estimate_bounds, mine_of_2022
 from analysis.probes.pairs import Frames, Pairs, standardised
 from analysis.stats.estimate import mean_of_replicates
-from experiments.construct import import_object
-from experiments.evaluation import shape_in
-from experiments.probing import IDENTITY, KSG, ON_BOTH, READOUTS, TRAINED, ProbeConfig
-from experiments.run_folder import LEVELS_TRAIN, read_config
-from experiments.worlds import environment_options
+from experiments.settings.construct import import_object
+from experiments.evaluation.evaluator import shape_in
+from experiments.evaluation.probing import IDENTITY, KSG, ON_BOTH, READOUTS, TRAINED, ProbeConfig
+from experiments.runs.run_folder import LEVELS_TRAIN, read_config
+from experiments.levels.builders import environment_options
 from segar.errors import SegarError
-from segar.levels import Levels
+from segar.levels.level_set import Levels
 
 TEST_LEVELS = 4  # at least two in each fold
 COMPONENTS = 64  # of the pixels
@@ -121,7 +121,7 @@ def represent(kind: str, frames: Frames, trained: Pairs, folder: Path, rng: np.r
 
 def untrained(folder: Path, rng: np.random.Generator) -> Any:
     """The network of a run with fresh weights."""
-    from experiments.encoders import initialize
+    from experiments.networks.encoders import initialize
 
     config = read_config(folder)
     learner = import_object(config.algorithm.learner, "algorithm")

@@ -12,8 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from analysis import style
-from analysis.figures import DOT, draw_line, draw_points, legend_of, new_figure, zero_line
+from analysis.plotting import style
+from analysis.plotting.figures import DOT, draw_line, draw_points, legend_of, new_figure, zero_line
 from analysis.report.evidence import BLOCKS, DISTANCES, GIVEN, Evidence, design, pearson
 from analysis.report.words import said
 from analysis.stats.correlation import residuals

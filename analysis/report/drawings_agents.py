@@ -7,8 +7,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from analysis import style
-from analysis.figures import DOT, draw_line, new_figure, zero_line
+from analysis.plotting import style
+from analysis.plotting.figures import DOT, draw_line, new_figure, zero_line
 from analysis.report.claims import CORRECTED, PAPER
 from analysis.report.claims_information import ACCURACIES, GAPS, PROBES, accuracies, auxiliary
 from analysis.report.drawings import CELL, GAP, SHORT_GAP, Drawn

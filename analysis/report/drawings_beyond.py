@@ -7,8 +7,8 @@ from itertools import product
 import numpy as np
 import pandas as pd
 
-from analysis import style
-from analysis.figures import DOT, draw_points, legend_of, new_figure, zero_line
+from analysis.plotting import style
+from analysis.plotting.figures import DOT, draw_points, legend_of, new_figure, zero_line
 from analysis.report.drawings import CELL, GAP, Drawn, log_axis
 from analysis.report.drawings_agents import dots
 from analysis.report.evidence import Evidence, pearson

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from analysis.collect import PLAN
-from analysis.figures import save_figure
+from analysis.plotting.figures import save_figure
 from analysis.report import drawings, drawings_agents, drawings_beyond, verdicts
 from analysis.report.claims import CORRECTED, PAPER, Claim, claims_table
 from analysis.report.document import Picture
@@ -23,12 +23,12 @@ from analysis.report.results import read_results
 from analysis.report.sections import CLAIMS, Drawings, document
 from analysis.report.tabulated import statistics
 from analysis.tables import write_csv
-from experiments.atomic import write_bytes, write_text
-from experiments.config import TrackingConfig, require_known
-from experiments.elsewhere import RUNS
-from experiments.errors import RunFolderError
-from experiments.mlflow_store import calling, open_store
-from experiments.run_folder import CHECKOUT
+from experiments.runs.files import write_bytes, write_text
+from experiments.settings.config import TrackingConfig, require_known
+from experiments.reproduction.imported_results import RUNS
+from experiments.settings.errors import RunFolderError
+from experiments.tracking.mlflow_store import calling, open_store
+from experiments.settings.config import CHECKOUT
 
 FIGURES: Mapping[str, Callable[[Evidence], Drawn | str]] = {
     "figure_3a": drawings.figure_3a,

@@ -12,13 +12,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from analysis import style
+from analysis.plotting import style
 from analysis.collect import CURVES, MISSING, PLAN
 from analysis.stats.association import labels
 from analysis.tables import column, keep, select
-from experiments.elsewhere import RUNS, TRANSFERS
-from experiments.errors import RunFolderError
-from experiments.run_folder import PROBES
+from experiments.reproduction.imported_results import RUNS, TRANSFERS
+from experiments.settings.errors import RunFolderError
+from experiments.runs.run_folder import PROBES
 from segar.errors import did_you_mean
 
 STUDIES = "studies"

@@ -18,9 +18,9 @@ from scipy import stats
 from analysis.stats.association import require
 from analysis.stats.estimate import Estimate, mean_of_replicates
 from analysis.tables import column
-from experiments.hybrids import REST, Groups, hybrid_levels
+from experiments.levels.mixed_levels import REST, Groups, hybrid_levels
 from segar.errors import SegarError
-from segar.levels import Levels
+from segar.levels.level_set import Levels
 
 MOST_GROUPS = 8  # 256 sets of levels
 

@@ -9,14 +9,14 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from segar.distribution import LevelDistribution
+from segar.levels.distribution import LevelDistribution
 from segar.errors import SegarError
-from segar.families import family
-from segar.levels import Levels
-from segar.named import named_object
-from segar.tasks.find import make_task, task_of
-from segar.tasks.task import Task
-from segar.world import World
+from segar.levels.families.named import family
+from segar.levels.level_set import Levels
+from segar.support.imports import named_object
+from segar.tasks.registry import make_task, task_of
+from segar.language.task import Task
+from segar.rules.world import World
 
 NAME_HELP = "a level family, or 'module:attribute': a LevelDistribution of your own or a function that makes one"
 TASK_HELP = "puttputt, billiards, invisiball, or 'module:attribute'; by default what the levels name"

@@ -12,13 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from segar.cli.laws import Described, composition, described, is_constant, numbers
-from segar.distribution import LevelDistribution
+from segar.cli.priors_text import Described, composition, described, is_constant, numbers
+from segar.levels.distribution import LevelDistribution
 from segar.errors import PriorError, SegarError, did_you_mean
-from segar.factors import Position
+from segar.language.factors import Position
 from segar.noise import Empirical, Noise
-from segar.replacing import replacing
-from segar.shapes import BaseShape
+from segar.support.atomic_files import replacing
+from segar.language.shapes import BaseShape
 
 FORMATS = (".png", ".pdf", ".svg")
 COLUMNS = 4  # panels side by side

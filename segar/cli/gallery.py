@@ -6,8 +6,8 @@ import argparse
 from typing import Any
 
 from segar.cli.arguments import at_least, command, print_json
-from segar.rendering.gallery import contact_sheet, save_png
-from segar.rendering.legend import legend
+from segar.cli.contact_sheet import contact_sheet, save_png
+from segar.cli.legend import legend
 
 
 def add_commands(commands: Any) -> None:

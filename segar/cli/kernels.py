@@ -12,19 +12,20 @@ from typing import Any
 import numpy as np
 
 from segar.cli.arguments import NAME_HELP, TASK_HELP, find_distribution, task_named
-from segar.engine import device, device_contacts
-from segar.engine.cache import cache_folder, is_compiled, kernel_path
-from segar.engine.kernel import KernelSource, generate
+from segar.engine.runtime import device
+from segar.engine.runtime import device_contacts
+from segar.engine.compiler.kernel_cache import cache_folder, is_compiled, kernel_path
+from segar.engine.compiler.kernel import KernelSource, generate
 from segar.envs.registration import REWARDS
 from segar.envs.vector import VectorEnv, world_of
-from segar.families import TASK_LEVELS, families
-from segar.levels import Levels
-from segar.observations.find import OBSERVATIONS
-from segar.rule import Rule
-from segar.simulator import Outcome, Simulator, State
-from segar.tasks.find import task_of
+from segar.levels.families.named import TASK_LEVELS, families
+from segar.levels.level_set import Levels
+from segar.observations.registry import OBSERVATIONS
+from segar.language.rule_definition import Rule
+from segar.engine.simulator import Outcome, Simulator, State
+from segar.tasks.registry import task_of
 from segar.tasks.puttputt import puttputt
-from segar.tasks.task import Task
+from segar.language.task import Task
 
 NO_LINES = "  (matches nothing here)"
 

@@ -19,7 +19,7 @@ from segar.cli.arguments import (
     print_json,
     table,
 )
-from segar.cli.laws import composition, described
+from segar.cli.priors_text import composition, described
 
 MODES = ("exact", "reference", "paper")
 

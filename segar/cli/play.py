@@ -6,7 +6,7 @@ import argparse
 from typing import Any
 
 from segar.cli.arguments import NAME_HELP, TASK_HELP, at_least, find_distribution, task_named
-from segar.extras import need_pygame
+from segar.support.optional_dependencies import need_pygame
 from segar.rendering.view import View
 
 
@@ -31,7 +31,7 @@ def add_commands(commands: Any) -> None:
 def play(chosen: argparse.Namespace) -> None:
     """``segar play``."""
     need_pygame("playing")
-    from segar.rendering.game import Game
+    from segar.cli.game import Game
 
     levels = find_distribution(chosen.name).sample(chosen.number, chosen.seed, chosen.split)
     game = Game(

@@ -15,10 +15,10 @@ from segar.datasets import check_replay, record, to_minari
 from segar.datasets.rollouts import Policy
 from segar.envs.gym_env import Env
 from segar.errors import SegarError, did_you_mean
-from segar.levels import Levels
-from segar.observations.find import OBSERVATIONS
+from segar.levels.level_set import Levels
+from segar.observations.registry import OBSERVATIONS
 from segar.rendering import View, video
-from segar.tasks.task import Task
+from segar.language.task import Task
 
 POLICIES = ("uniform", "script")
 

@@ -21,9 +21,9 @@ from segar.datasets.shards import Episode
 from segar.envs.registration import REWARDS
 from segar.envs.vector import VectorEnv
 from segar.errors import SegarError
-from segar.extras import need
-from segar.families import family
-from segar.tasks.find import TASKS
+from segar.support.optional_dependencies import need
+from segar.levels.families.named import family
+from segar.tasks.registry import TASKS
 
 ROOT = "MINARI_DATASETS_PATH"  # the variable in which Minari looks for its folder
 UNFINISHED = ".segar-writing-"

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from segar.datasets.dataset import Dataset
-from segar.datasets.in_words import in_words
+from segar.datasets.fingerprint_text import in_words
 from segar.datasets.manifest import (
     LEVELS,
     MANIFEST,
@@ -26,11 +26,11 @@ from segar.datasets.rollouts import Policy, leaves, play, uniform
 from segar.datasets.shards import factor_columns, write_shard
 from segar.envs.vector import VectorEnv
 from segar.errors import SegarError
-from segar.extras import need
-from segar.levels import LEVEL_ARRAYS, Levels
-from segar.replacing import remove_unfinished
-from segar.tasks.task import Task
-from segar.world import World
+from segar.support.optional_dependencies import need
+from segar.levels.level_set import LEVEL_ARRAYS, Levels
+from segar.support.atomic_files import remove_unfinished
+from segar.language.task import Task
+from segar.rules.world import World
 
 HASH_DIGITS = 16
 UNIFORM = "uniform"

@@ -13,9 +13,9 @@ from segar.datasets.rollouts import Rollouts, play
 from segar.datasets.shards import TRUTHS, Shard
 from segar.envs.vector import VectorEnv
 from segar.errors import SegarError
-from segar.observations.find import OBSERVATIONS
-from segar.tasks.task import Task
-from segar.world import World
+from segar.observations.registry import OBSERVATIONS
+from segar.language.task import Task
+from segar.rules.world import World
 
 
 def check_replay(

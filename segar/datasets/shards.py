@@ -12,10 +12,10 @@ import numpy as np
 
 from segar.datasets.manifest import Manifest, ShardEntry, check_files, sha256
 from segar.datasets.rollouts import Rollouts
-from segar.engine.layout import Layout
+from segar.language.layout import Layout
 from segar.errors import SegarError
-from segar.extras import need
-from segar.replacing import replacing
+from segar.support.optional_dependencies import need
+from segar.support.atomic_files import replacing
 
 INTEGERS = ("episode", "step", "level")
 TRUTHS = ("terminated", "truncated", "success", "death")

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from segar.engine.layout import Layout
-from segar.entities import Entity
+from segar.language.layout import Layout
+from segar.language.entities import Entity
 from segar.errors import LevelError, SegarError, did_you_mean
 
 

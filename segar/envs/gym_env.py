@@ -14,7 +14,7 @@ from segar.errors import SegarError, did_you_mean
 from segar.observations.arrays import map_leaves
 from segar.rendering.camera import RENDER_MODES, Camera, ending_of
 from segar.rendering.view import View
-from segar.tasks.task import Task
+from segar.language.task import Task
 
 
 class Env(gymnasium.Env):

@@ -9,8 +9,8 @@ from typing import Any
 
 import gymnasium
 
-from segar.families import families, family
-from segar.tasks.find import TASKS
+from segar.levels.families.named import families, family
+from segar.tasks.registry import TASKS
 
 OBSERVATION_NAMES = ("rgb", "state")
 REWARDS = {"v0": "squared", "v1": "linear"}

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from segar.archives import ArchiveFormat
+from segar.support.archives import ArchiveFormat
 from segar.errors import SegarError
-from segar.simulator import State
+from segar.engine.simulator import State
 
 if TYPE_CHECKING:
-    from segar.levels import Levels
+    from segar.levels.level_set import Levels
 
 FORMAT = ArchiveFormat("segar-snapshot", 1, "a snapshot", "snapshot", SegarError)
 STATE_ARRAYS = ("values", "level", "key", "tick", "contacts", "gave_up")

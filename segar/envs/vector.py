@@ -17,19 +17,19 @@ from segar.envs.buffers import Buffers
 from segar.envs.factors_view import Factors, Results
 from segar.envs.snapshots import Snapshot
 from segar.errors import ActionError, LevelError, SegarError, did_you_mean
-from segar.factors import Factor
+from segar.language.factors import Factor
 from segar.observations.arrays import leaves
 from segar.observations.copying import copy_rows
-from segar.observations.find import for_task, make_observation
+from segar.observations.registry import for_task, make_observation
 from segar.rendering.camera import RENDER_MODES, Camera, steps_per_second
-from segar.simulator import Outcome, Simulator, State
-from segar.tasks.find import task_of
-from segar.tasks.task import Task
-from segar.threads import Team
-from segar.world import World
+from segar.engine.simulator import Outcome, Simulator, State
+from segar.tasks.registry import task_of
+from segar.language.task import Task
+from segar.support.threads import Team
+from segar.rules.world import World
 
 if TYPE_CHECKING:
-    from segar.levels import Levels
+    from segar.levels.level_set import Levels
     from segar.rendering.view import View
 
 
@@ -48,7 +48,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
     Args:
         levels: the level set.
         num_envs: number of environments.
-        observation: a name in :data:`segar.observations.find.OBSERVATIONS` such as 'state', 'rgb' or 'textures', an
+        observation: a name in :data:`segar.observations.registry.OBSERVATIONS` such as 'state', 'rgb' or 'textures', an
             :class:`segar.observations.protocol.Observation`, or a tuple or dict of these, which makes tuples or dicts
             of arrays.
         task: the task; the one that the levels name where it is None, and PuttPutt where they name none.

@@ -1,6 +1,6 @@
 """How hard levels are, what can be done in them, and how alike they are in that: all without training."""
 
-from segar.hardness.influence import FactorInfluence, Influence, influence
+from segar.hardness.controllability import FactorInfluence, Influence, influence
 from segar.hardness.planner import Plan, plan, replay
 from segar.hardness.report import Hardness, hardness
 from segar.hardness.rollouts import Episodes

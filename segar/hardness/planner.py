@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from segar.archives import ArchiveFormat
-from segar.arguments import require_generator
+from segar.support.archives import ArchiveFormat
+from segar.levels.checks import require_generator
 from segar.envs.vector import VectorEnv
 from segar.errors import SegarError
 from segar.hardness.rollouts import Episodes, Player, Starts, make_starts, open_loop, play, scripted
-from segar.levels import Levels
-from segar.tasks.task import Task
+from segar.levels.level_set import Levels
+from segar.language.task import Task
 
 BATCH = 16384  # rollouts that are simulated side by side; bounds the memory
 ELITES = 0.125  # share of the candidates that the next ones are drawn around

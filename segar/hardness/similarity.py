@@ -6,13 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from segar.arguments import require_factors, require_generator, require_levels
+from segar.levels.checks import require_factors, require_generator, require_levels
 from segar.errors import LevelError, SegarError
-from segar.factors import Factor, Position
+from segar.language.factors import Factor, Position
 from segar.hardness.planner import Plan
 from segar.hardness.rollouts import Episodes, Starts, make_starts, trace, uniform_actions
-from segar.levels import Levels
-from segar.tasks.task import Task
+from segar.levels.level_set import Levels
+from segar.language.task import Task
 
 
 def dynamics_distances(

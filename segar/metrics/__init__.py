@@ -6,14 +6,14 @@ from segar.metrics.embedding import embed
 from segar.metrics.kolmogorov import FactorKS, KSReport, dkw_band, ks, ks_by_factor, ks_report
 from segar.metrics.large_sets import EntropicW2, SlicedW2, w2_entropic, w2_sliced
 from segar.metrics.points import spread
-from segar.metrics.representativeness import (
+from segar.metrics.representative_sets import (
     Coverage,
     Representativeness,
     coverage,
     effective_number,
     representativeness,
 )
-from segar.metrics.sample_entropy import SampleEntropy, sample_entropy
+from segar.metrics.entropy_estimate import SampleEntropy, sample_entropy
 from segar.metrics.two_sample import TwoSampleTest, classifier_test, energy_test, mmd_test
 from segar.metrics.unbalanced import UnbalancedW2, w2_partial, w2_unbalanced
 from segar.metrics.visual import VisualDistance, clustering_w2, visual_distance, visual_w2

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from segar.arguments import require_factors, require_levels, require_units
-from segar.factors import Factor
-from segar.levels import Levels
+from segar.levels.checks import require_factors, require_levels, require_units
+from segar.language.factors import Factor
+from segar.levels.level_set import Levels
 from segar.metrics.points import (
     PointSets,
     Spread,
@@ -23,7 +23,7 @@ from segar.metrics.points import (
 )
 from segar.metrics.transport import plan_of
 from segar.metrics.wasserstein import MISMATCH, exact_costs
-from segar.parameters import Parameter
+from segar.language.parameters import Parameter
 
 NEGLIGIBLE = 1e-15  # mass of a pair of levels that is the rounding of none
 

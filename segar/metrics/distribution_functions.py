@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from segar.arguments import require_factors
-from segar.entities import Entity
+from segar.levels.checks import require_factors
+from segar.language.entities import Entity
 from segar.errors import LevelError
-from segar.factors import Factor
-from segar.levels import Levels
-from segar.metrics.laws import component, count_law, factor_law, law_types, parameter_law
+from segar.language.factors import Factor
+from segar.levels.level_set import Levels
+from segar.metrics.marginal_distributions import component, count_law, factor_law, law_types, parameter_law
 from segar.metrics.points import (
     PointSets,
     all_parameters,
@@ -28,7 +28,7 @@ from segar.metrics.points import (
 )
 from segar.noise import Noise, Wrapped
 from segar.noise.measures import ks_line
-from segar.parameters import Parameter
+from segar.language.parameters import Parameter
 
 GRID = 512  # steps of probability at which the curve of two laws is taken
 ROUNDING = 1e-12  # that two computations of one probability may differ by
@@ -195,7 +195,7 @@ class _Side:
     as_drawn: bool
 
     def __post_init__(self) -> None:
-        from segar.distribution import LevelDistribution  # distributions stand above metrics
+        from segar.levels.distribution import LevelDistribution  # distributions stand above metrics
 
         if not isinstance(self.one, (Levels, LevelDistribution)):
             raise LevelError(

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from segar.arguments import require_factors, require_levels, require_units
-from segar.factors import Factor
-from segar.levels import Levels
+from segar.levels.checks import require_factors, require_levels, require_units
+from segar.language.factors import Factor
+from segar.levels.level_set import Levels
 from segar.metrics.points import (
     PointSets,
     Spread,

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from segar.arguments import require_generator
+from segar.levels.checks import require_generator
 from segar.errors import LevelError
-from segar.factors import Factor
-from segar.levels import Levels
+from segar.language.factors import Factor
+from segar.levels.level_set import Levels
 from segar.metrics.distribution_functions import (
     Curve,
     Dealt,
@@ -23,7 +23,7 @@ from segar.metrics.distribution_functions import (
 from segar.metrics.joint_kernel import largest_difference
 
 if TYPE_CHECKING:
-    from segar.distribution import LevelDistribution
+    from segar.levels.distribution import LevelDistribution
 
     Side = Levels | LevelDistribution
 

@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from segar.arguments import require_distribution
-from segar.entities import Entity, GlobalFriction
-from segar.factors import Acceleration, Alive, Density, Done, Drag, Factor, Order, Size, Visible
-from segar.levels import Levels
+from segar.levels.checks import require_distribution
+from segar.language.entities import Entity, GlobalFriction
+from segar.language.factors import Acceleration, Alive, Density, Done, Drag, Factor, Order, Size, Visible
+from segar.levels.level_set import Levels
 from segar.noise.circle import wrap
-from segar.parameters import Parameter
-from segar.shapes import HULL
+from segar.language.parameters import Parameter
+from segar.language.shapes import HULL
 
 if TYPE_CHECKING:
-    from segar.distribution import LevelDistribution
+    from segar.levels.distribution import LevelDistribution
 
 IRRELEVANT: tuple[type[Factor], ...] = (Order, Visible, Alive, Done, Acceleration, Drag, Density)
 """Factors that say nothing of where a level leads: rendering, flags that every level starts with, quantities derived

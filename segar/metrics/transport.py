@@ -10,7 +10,7 @@ import numpy as np
 
 from segar.errors import SegarError
 from segar.metrics.points import PointSets, shorter_way
-from segar.pot import TRANSPORT_STEPS, pot
+from segar.support.pot import TRANSPORT_STEPS, pot
 
 FEW_MATCHINGS = 24
 """Up to so many ways to match two sets, all are tried at once over all pairs of levels; beyond, scipy solves each pair."""

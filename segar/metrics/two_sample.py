@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from segar.arguments import require_generator, require_levels
+from segar.levels.checks import require_generator, require_levels
 from segar.errors import LevelError
-from segar.factors import Factor
-from segar.levels import Levels
+from segar.language.factors import Factor
+from segar.levels.level_set import Levels
 from segar.metrics.embedding import embed
 from segar.metrics.points import Spread
 

@@ -9,10 +9,10 @@ from typing import Literal
 
 import numpy as np
 
-from segar.arguments import require_factors, require_generator, require_levels, require_units
-from segar.entities import Entity
+from segar.levels.checks import require_factors, require_generator, require_levels, require_units
+from segar.language.entities import Entity
 from segar.errors import LevelError, did_you_mean
-from segar.factors import (
+from segar.language.factors import (
     Acceleration,
     Alive,
     Charge,
@@ -33,7 +33,7 @@ from segar.factors import (
     Velocity,
     Visible,
 )
-from segar.levels import Levels
+from segar.levels.level_set import Levels
 from segar.metrics.points import (
     Spread,
     entity_types,
@@ -45,7 +45,7 @@ from segar.metrics.points import (
     weighed_parameters,
 )
 from segar.metrics.transport import balanced_costs, emd, matching_costs, sliced_costs
-from segar.pot import pot
+from segar.support.pot import pot
 
 Mode = Literal["exact", "reference", "paper"]
 

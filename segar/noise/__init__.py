@@ -4,7 +4,7 @@ from segar.noise.angles import VonMises
 from segar.noise.circle import Wrapped
 from segar.noise.continuous import GaussianNoise, LogUniform, UniformNoise
 from segar.noise.discrete import Bernoulli, Choice, Deterministic, DiscreteRangeNoise, Empirical
-from segar.noise.law import Noise
+from segar.noise.base import Noise
 from segar.noise.locations import (
     CenterLocation,
     GaussianNoise2D,

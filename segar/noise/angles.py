@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from segar.errors import PriorError
-from segar.noise.law import Noise, finite, fraction, gauss_legendre
+from segar.noise.base import Noise, finite, fraction, gauss_legendre
 
 SIGMAS = 10  # pieces of one standard deviation, to either side of the mean, before the rest in one piece
 CDF_NODES = 16  # of Gauss-Legendre quadrature within a piece: errors below 1e-14

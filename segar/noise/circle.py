@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from segar.errors import PriorError
-from segar.estimates import Estimate
+from segar.support.estimates import Estimate
 from segar.noise.discrete import DiscreteNoise
-from segar.noise.law import Noise, finite
+from segar.noise.base import Noise, finite
 from segar.noise.measures import NODES, greatest_difference, quadrature, supremum
 
 TABLE = 2048  # quantiles from which the best place to cut two circles is found roughly

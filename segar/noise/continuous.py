@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from segar.errors import PriorError
-from segar.noise.law import Noise, finite, fraction, interval
+from segar.noise.base import Noise, finite, fraction, interval
 
 SIGMAS = 10  # a Gaussian is integrated this far to either side: beyond lies a mass of 1e-23
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from segar.errors import PriorError
-from segar.noise.law import Noise, finite, fraction, interval, members, points, probabilities, shape_of
+from segar.noise.base import Noise, finite, fraction, interval, members, points, probabilities, shape_of
 
 SHOWN = 8  # values that the repr of an empirical law says
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from segar.errors import PriorError
 from segar.noise.continuous import GaussianNoise
-from segar.noise.law import Noise, members, probabilities
+from segar.noise.base import Noise, members, probabilities
 
 
 class MixtureNoise(Noise):

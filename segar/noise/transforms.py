@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from segar.errors import PriorError
-from segar.noise.law import Noise, finite
+from segar.noise.base import Noise, finite
 
 
 @dataclass(frozen=True, repr=False)

@@ -1,0 +1,1 @@
+"""What an agent sees: states, pixels, and observations that are composed of others."""

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     import gymnasium
     import numpy as np
 
-    from segar.factors import Factor
-    from segar.levels import Levels
-    from segar.tasks.task import Task
+    from segar.language.factors import Factor
+    from segar.levels.level_set import Levels
+    from segar.language.task import Task
 
 
 @runtime_checkable

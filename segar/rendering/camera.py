@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from segar.errors import SegarError, did_you_mean
-from segar.extras import need_pygame
-from segar.parameters import Framerate
+from segar.support.optional_dependencies import need_pygame
+from segar.language.parameters import Framerate
 from segar.rendering.scene import Stage
 from segar.rendering.view import View
 

@@ -8,10 +8,10 @@ from functools import cached_property
 
 import numpy as np
 
-from segar.engine.layout import Layout, Slot, holds
-from segar.engine.signature import Pattern
-from segar.entities import Entity, entity_name
-from segar.factors import (
+from segar.language.layout import Layout, Slot, holds
+from segar.language.signature import Pattern
+from segar.language.entities import Entity, entity_name
+from segar.language.factors import (
     Alive,
     Charge,
     Consumes,
@@ -31,11 +31,11 @@ from segar.factors import (
     Velocity,
     Visible,
 )
-from segar.levels import Levels
-from segar.observations.colours import COLOURS, RGB, Colour, colour_of
-from segar.shapes import CIRCLE, HULL
-from segar.tasks.task import Task
-from segar.world import World
+from segar.levels.level_set import Levels
+from segar.observations.pixels.colours import COLOURS, RGB, Colour, colour_of
+from segar.language.shapes import CIRCLE, HULL
+from segar.language.task import Task
+from segar.rules.world import World
 
 # In letters as physics has them, with the value that goes without saying.
 SYMBOLS: Mapping[type[Factor], tuple[str, float]] = {
@@ -53,7 +53,7 @@ NUMBERS = {
     "friction": Friction,
     "heat": Heat,
 }
-BUILT_IN = "segar.factors"
+BUILT_IN = "segar.language.factors"
 
 
 @dataclass(frozen=True)

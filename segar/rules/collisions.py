@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Tuple  # noqa: UP035 - the paper writes rules with typing.Tuple
 
-from segar.effects import SetFactor
-from segar.engine.signature import Wall
-from segar.factors import Alive, Collides, Done, InfiniteEnergy, Mass, Mobile, Position, StoredEnergy, Velocity
-from segar.parameters import WallDamping
-from segar.rule import rule, value_rule
-from segar.values import where
+from segar.language.effects import SetFactor
+from segar.language.signature import Wall
+from segar.language.factors import Alive, Collides, Done, InfiniteEnergy, Mass, Mobile, Position, StoredEnergy, Velocity
+from segar.language.parameters import WallDamping
+from segar.language.rule_definition import rule, value_rule
+from segar.language.values import where
 
 IMMOVABLE_MASS = 1e8  # [kg] a body that does not move exchanges momentum as if it were this heavy; as in 2022
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Tuple  # noqa: UP035 - the paper writes rules with typing.Tuple
 
-from segar.effects import Aggregate
-from segar.factors import Acceleration, Charge, Magnetism, Mass, Position, Velocity
-from segar.rule import rule
-from segar.values import ZERO, sqrt, where
+from segar.language.effects import Aggregate
+from segar.language.factors import Acceleration, Charge, Magnetism, Mass, Position, Velocity
+from segar.language.rule_definition import rule
+from segar.language.values import ZERO, sqrt, where
 
 
 @rule

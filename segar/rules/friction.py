@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Tuple  # noqa: UP035 - the paper writes rules with typing.Tuple
 
-from segar.effects import Aggregate, SetFactor
-from segar.factors import Acceleration, Drag, Friction, Mass, Velocity
-from segar.parameters import Framerate, Gravity
-from segar.relations import is_on
-from segar.rule import rule
-from segar.values import ZERO
+from segar.language.effects import Aggregate, SetFactor
+from segar.language.factors import Acceleration, Drag, Friction, Mass, Velocity
+from segar.language.parameters import Framerate, Gravity
+from segar.language.relations import is_on
+from segar.language.rule_definition import rule
+from segar.language.values import ZERO
 
 SLIDING_SPEED = 1e-6  # [m/s] below this a body counts as at rest; the 2022 rule uses the same
 REST_PRIORITY = 10  # above every relation and entity class, below death

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from segar.effects import SetFactor
-from segar.engine.signature import Action, Best, Every
-from segar.entities import Ball, CueBall, Hole
+from segar.language.effects import SetFactor
+from segar.language.signature import Action, Best, Every
+from segar.language.entities import Ball, CueBall, Hole
 from segar.errors import SegarError, did_you_mean
-from segar.factors import Alive, Done, Mass, Position, Velocity
+from segar.language.factors import Alive, Done, Mass, Position, Velocity
 from segar.tasks.puttputt import ARENA_DIAGONAL, DEATH_PENALTY, IMPULSE, factor_of, push_towards
-from segar.tasks.task import Task
-from segar.values import Vector
+from segar.language.task import Task
+from segar.language.values import Vector
 
 if TYPE_CHECKING:
     from segar.envs.factors_view import Factors

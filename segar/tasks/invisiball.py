@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from segar.effects import SetFactor
-from segar.entities import GolfBall
-from segar.factors import Visible
+from segar.language.effects import SetFactor
+from segar.language.entities import GolfBall
+from segar.language.factors import Visible
 from segar.tasks.puttputt import demo_actions, puttputt
-from segar.tasks.task import Task
+from segar.language.task import Task
 
 __all__ = ["demo_actions", "invisiball"]
 

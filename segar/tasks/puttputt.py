@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from segar.effects import SetFactor
-from segar.engine.signature import Action
-from segar.entities import Entity, GoalTile, GolfBall
+from segar.language.effects import SetFactor
+from segar.language.signature import Action
+from segar.language.entities import Entity, GoalTile, GolfBall
 from segar.errors import SegarError, did_you_mean
-from segar.factors import Acceleration, Alive, Done, Factor, Flag, Mass, Position, Velocity
-from segar.tasks.task import Task
-from segar.values import Vector
+from segar.language.factors import Acceleration, Alive, Done, Factor, Flag, Mass, Position, Velocity
+from segar.language.task import Task
+from segar.language.values import Vector
 
 if TYPE_CHECKING:
     from segar.envs.factors_view import Factors

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from segar.entities import Entity
+from segar.language.entities import Entity
 from segar.textures.inputs import is_noise
 from segar.textures.samples import product_of_marginals
 from segar.textures.standard import KINDS, looks

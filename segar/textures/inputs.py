@@ -18,10 +18,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from segar.engine.layout import Layout, holds
-from segar.entities import Entity
+from segar.language.layout import Layout, holds
+from segar.language.entities import Entity
 from segar.errors import SegarError, did_you_mean
-from segar.factors import Factor, concrete_factors
+from segar.language.factors import Factor, concrete_factors
 
 if TYPE_CHECKING:
     from segar.textures.texture_set import TextureSet

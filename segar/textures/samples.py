@@ -34,8 +34,8 @@ UNIFORM: Laws = {
 @cache
 def family_laws() -> Laws:
     """What the named level distributions draw each factor of ``UNIFORM`` from: the mixture over all their entities."""
-    from segar.families import TASK_LEVELS, families, family  # families stand above textures
-    from segar.marginals import mix
+    from segar.levels.families.named import TASK_LEVELS, families, family  # families stand above textures
+    from segar.levels.probability.marginals import mix
 
     parts: dict[str, list[tuple[Noise, float]]] = {}
     for name in (*families(), *TASK_LEVELS):

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from segar.entities import (
+from segar.language.entities import (
     Ball,
     Bumper,
     Charger,
@@ -22,7 +22,7 @@ from segar.entities import (
     Tile,
 )
 from segar.errors import SegarError
-from segar.factors import Alive, Charge, Density, Friction, Heat, Magnetism, Mass
+from segar.language.factors import Alive, Charge, Density, Friction, Heat, Magnetism, Mass
 from segar.textures.inputs import BACKGROUND, is_noise
 from segar.textures.samples import UNIFORM, Laws
 from segar.textures.texture_set import TextureSet

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from segar.archives import ArchiveFormat
-from segar.entities import Entity
+from segar.support.archives import ArchiveFormat
+from segar.language.entities import Entity
 from segar.errors import SegarError, did_you_mean
 from segar.textures.inputs import BACKGROUND, entity_values, is_noise, name_of_input
 

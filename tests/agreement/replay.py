@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from segar.effects import Differential
-from segar.engine.layout import Layout, Slot
-from segar.engine.signature import Action
-from segar.entities import Entity, GlobalFriction, Hole, Object, Tile
-from segar.factors import (
+from segar.language.effects import Differential
+from segar.language.layout import Layout, Slot
+from segar.language.signature import Action
+from segar.language.entities import Entity, GlobalFriction, Hole, Object, Tile
+from segar.language.factors import (
     Acceleration,
     Alive,
     Charge,
@@ -34,11 +34,11 @@ from segar.factors import (
     Velocity,
     Visible,
 )
-from segar.levels import Levels, Provenance
-from segar.shapes import CIRCLE, HULL
-from segar.simulator import Simulator, State
-from segar.tasks.task import Task
-from segar.world import World
+from segar.levels.level_set import Levels, Provenance
+from segar.language.shapes import CIRCLE, HULL
+from segar.engine.simulator import Simulator, State
+from segar.language.task import Task
+from segar.rules.world import World
 
 TOLERANCE = 1e-6
 ROOM = 15  # things of the largest recorded scene, the floor apart

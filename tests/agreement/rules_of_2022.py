@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from typing import Tuple  # as the paper writes rules
 
-from segar.effects import Aggregate, SetFactor
-from segar.factors import (
+from segar.language.effects import Aggregate, SetFactor
+from segar.language.factors import (
     Acceleration,
     Charge,
     Collides,
@@ -22,12 +22,12 @@ from segar.factors import (
     StoredEnergy,
     Velocity,
 )
-from segar.parameters import Gravity
-from segar.relations import is_on
-from segar.rule import rule
+from segar.language.parameters import Gravity
+from segar.language.relations import is_on
+from segar.language.rule_definition import rule
 from segar.rules import accelerate, consume, kill_condition, move, stop_condition
-from segar.values import ZERO, where
-from segar.world import World
+from segar.language.values import ZERO, where
+from segar.rules.world import World
 
 IMMOVABLE_MASS = 1e8  # [kg]
 

@@ -17,11 +17,11 @@ from analysis.stats.attribution import (
     play_design,
     shapley,
 )
-from experiments.anchors import IdleAgent
-from experiments.episodes import play
+from experiments.evaluation.baselines import IdleAgent
+from experiments.evaluation.episodes import play
 from segar import Charge, Position, Size
 from segar.errors import LevelError, SegarError
-from segar.parameters import FloorFriction, Gravity
+from segar.language.parameters import FloorFriction, Gravity
 
 GROUPS = {"position": [Position], "size": ["Size"]}
 NAMES = ["position", "size", REST]

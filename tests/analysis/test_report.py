@@ -18,9 +18,9 @@ from analysis.report.make import FIGURES, SHIPPED, ReportConfig, make_report, tr
 from analysis.report.results import read_results
 from analysis.report.words import p_value, said, signed
 from analysis.stats.estimate import Estimate
-from experiments.config import TrackingConfig
-from experiments.errors import ConfigError, RunFolderError
-from experiments.mlflow_store import open_store
+from experiments.settings.config import TrackingConfig
+from experiments.settings.errors import ConfigError, RunFolderError
+from experiments.tracking.mlflow_store import open_store
 from tests.synthetic_results import PARTS, everything, run_rows, write_results
 
 ROOT = Path(__file__).parents[2]

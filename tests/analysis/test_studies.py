@@ -4,9 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.anchor_study import players
-from analysis.hardness_study import hardness_with
-from analysis.illustrations import KS_COUNTS, densities, ks_curves, matching
+from analysis.studies.baselines import players
+from analysis.studies.hardness import hardness_with
+from analysis.studies.illustrations import KS_COUNTS, densities, ks_curves, matching
 
 
 def test_the_planner_is_no_worse_than_the_script_and_better_than_chance():

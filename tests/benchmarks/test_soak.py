@@ -10,14 +10,14 @@ import pytest
 
 from benchmarks.soak import Tally, play, soak
 from benchmarks.soak_worlds import Case
-from segar.effects import SetFactor
-from segar.entities import Ball, GoalTile, GolfBall
+from segar.language.effects import SetFactor
+from segar.language.entities import Ball, GoalTile, GolfBall
 from segar.errors import ConflictError
-from segar.factors import Charge, Mass, Mobile, Position, Velocity
-from segar.levels import Levels
+from segar.language.factors import Charge, Mass, Mobile, Position, Velocity
+from segar.levels.level_set import Levels
 from segar.rules import DEFAULT_RULES, move
-from segar.simulator import State
-from segar.world import World
+from segar.engine.simulator import State
+from segar.rules.world import World
 from tests.engine.worlds import read, uncompiled
 
 LEVELS = Levels.from_entities([

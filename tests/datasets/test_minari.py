@@ -9,7 +9,7 @@ import pytest
 import segar
 from segar.datasets import record, to_minari
 from segar.datasets.recording import hash_of_levels
-from segar.observations.pixels import Pixels
+from segar.observations.pixels.solid_colours import Pixels
 from tests.datasets.folders import names_in
 
 NAME = "segar/objectsx1-hard-v0"

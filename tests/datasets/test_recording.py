@@ -11,13 +11,13 @@ import pytest
 
 import segar
 from segar.datasets import Dataset, Episode, check_replay, record
-from segar.datasets.in_words import in_words
+from segar.datasets.fingerprint_text import in_words
 from segar.datasets.rollouts import from_leaves, leaves
-from segar.observations.colours import Colour
-from segar.observations.pixels import Pixels
-from segar.observations.stack import Stack
-from segar.observations.state import StateVector
-from segar.observations.textured import TexturedPixels
+from segar.observations.pixels.colours import Colour
+from segar.observations.pixels.solid_colours import Pixels
+from segar.observations.composed.stack import Stack
+from segar.observations.state.state_vector import StateVector
+from segar.observations.pixels.textured import TexturedPixels
 from tests.datasets.folders import names_in
 
 OPTIONS = {"episodes": 7, "episodes_per_shard": 3, "max_steps": 9}
@@ -171,7 +171,7 @@ def test_a_recording_that_was_killed_before_its_first_shard_starts_anew(tmp_path
         file.write(b"half a file")
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("segar.archives.np.savez_compressed", save_half)
+    monkeypatch.setattr("segar.support.archives.np.savez_compressed", save_half)
     with pytest.raises(KeyboardInterrupt):
         record(tmp_path, levels, **OPTIONS)
     monkeypatch.undo()
@@ -301,4 +301,4 @@ def test_words_tell_observations_apart_and_are_the_same_in_every_process():
     a, b = np.zeros(2000), np.zeros(2000)
     b[1000] = 1e-9
     assert in_words(a) == in_words(a.copy()) != in_words(b)
-    assert in_words(object()) == "builtins.object" and in_words(in_words) == "segar.datasets.in_words.in_words"
+    assert in_words(object()) == "builtins.object" and in_words(in_words) == "segar.datasets.fingerprint_text.in_words"

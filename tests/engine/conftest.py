@@ -7,13 +7,13 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from segar.entities import Ball, GoalTile, GolfBall
-from segar.factors import ID, Position
-from segar.families import family
-from segar.levels import Levels
+from segar.language.entities import Ball, GoalTile, GolfBall
+from segar.language.factors import ID, Position
+from segar.levels.families.named import family
+from segar.levels.level_set import Levels
 from segar.rules import accelerate, move
-from segar.simulator import Simulator
-from segar.world import World
+from segar.engine.simulator import Simulator
+from segar.rules.world import World
 from tests.engine.random_rules import Author, mixed_levels
 
 

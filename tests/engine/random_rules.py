@@ -6,10 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-import segar.random
-from segar.effects import Aggregate, Differential, SetFactor
-from segar.entities import Ball, Entity, GoalTile, GolfBall, Magnet, Object, SandTile, Thing, Tile
-from segar.factors import (
+import segar.language.random
+from segar.language.effects import Aggregate, Differential, SetFactor
+from segar.language.entities import Ball, Entity, GoalTile, GolfBall, Magnet, Object, SandTile, Thing, Tile
+from segar.language.factors import (
     ID,
     Charge,
     Flag,
@@ -25,12 +25,12 @@ from segar.factors import (
     Vector,
     Velocity,
 )
-from segar.levels import Levels
-from segar.parameters import FloorFriction, Gravity, Parameter
-from segar.relations import as_relation, contains, is_equal, is_on, overlaps
-from segar.rule import Rule, rule
-from segar.shapes import Circle, Square, Triangle
-from segar.values import ZERO, maximum, minimum, tanh, where
+from segar.levels.level_set import Levels
+from segar.language.parameters import FloorFriction, Gravity, Parameter
+from segar.language.relations import as_relation, contains, is_equal, is_on, overlaps
+from segar.language.rule_definition import Rule, rule
+from segar.language.shapes import Circle, Square, Triangle
+from segar.language.values import ZERO, maximum, minimum, tanh, where
 
 
 class Temperature(Scalar, default=20.0): ...
@@ -192,12 +192,12 @@ class Author:
             choice = self.one(("read", "read", "read", "constant", "parameter", "draw"))
             if choice == "constant" or (choice == "draw" and not self.draws):
                 c = float(self.one((0.0, 1.0, -2.0, 0.3)))
-                return lambda s: segar.values.Number(c)
+                return lambda s: segar.language.values.Number(c)
             if choice == "parameter":
                 which = self.one((1, 2))
                 return lambda s: s[which]
             if choice == "draw":
-                return self.one((lambda s: segar.random.uniform(-1, 1), lambda s: segar.random.normal(0.2, 0.5)))
+                return self.one((lambda s: segar.language.random.uniform(-1, 1), lambda s: segar.language.random.normal(0.2, 0.5)))
             a, f = self.one(reads)
             if f.width == 2:
                 return self.one((lambda s: s[0][a][f].x, lambda s: s[0][a][f].norm(), lambda s: s[0][a][f][1]))
@@ -222,9 +222,9 @@ class Author:
                 lambda s: x(s) ** 3,
                 lambda s: -x(s),
                 lambda s: tanh(x(s)).sign() * y(s),
-                lambda s: segar.values.exp(tanh(x(s))) + segar.values.log(abs(y(s))),
-                lambda s: segar.values.sin(x(s)) * segar.values.cos(y(s)),
-                lambda s: segar.values.arctan2(x(s), y(s)),
+                lambda s: segar.language.values.exp(tanh(x(s))) + segar.language.values.log(abs(y(s))),
+                lambda s: segar.language.values.sin(x(s)) * segar.language.values.cos(y(s)),
+                lambda s: segar.language.values.arctan2(x(s), y(s)),
                 lambda s: minimum(x(s), y(s)),
                 lambda s: maximum(x(s), 0.1) + 1,
                 lambda s: where(test(s), x(s), y(s)),
@@ -239,7 +239,7 @@ class Author:
         if depth == 0 or self.chance(0.2):
             if not reads:
                 x = self.scalar(held, 0)
-                return lambda s: segar.values.Vector(x(s), 0.25)
+                return lambda s: segar.language.values.Vector(x(s), 0.25)
             a, f = self.one(reads)
             return lambda s: s[0][a][f]
         u, v, x = self.vector(held, depth - 1), self.vector(held, depth - 1), self.scalar(held, depth - 1)

@@ -5,18 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from segar.effects import SetFactor
-from segar.engine import cache
-from segar.engine.cache import cache_folder, load_module
-from segar.engine.kernel import generate
+from segar.language.effects import SetFactor
+from segar.engine.compiler import kernel_cache as cache
+from segar.engine.compiler.kernel_cache import cache_folder, load_module
+from segar.engine.compiler.kernel import generate
 from segar.errors import SegarError
-from segar.factors import Mass
-from segar.families import family
-from segar.rule import rule
+from segar.language.factors import Mass
+from segar.levels.families.named import family
+from segar.language.rule_definition import rule
 from segar.rules import DEFAULT_RULES, move
-from segar.simulator import Outcome, Simulator
+from segar.engine.simulator import Outcome, Simulator
 from segar.tasks.puttputt import puttputt
-from segar.world import World
+from segar.rules.world import World
 from tests.engine.worlds import start
 
 LAYOUT = family("empty-hard").layout

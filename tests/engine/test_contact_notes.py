@@ -7,20 +7,20 @@ from typing import Tuple  # as the paper writes rules
 import numpy as np
 import pytest
 
-from segar.effects import Aggregate, SetFactor
-from segar.engine.interpreter import Interpreter
-from segar.engine.signature import Wall
-from segar.entities import Ball, Bumper, GoalTile, GolfBall, Object
+from segar.language.effects import Aggregate, SetFactor
+from segar.reference.interpreter import Interpreter
+from segar.language.signature import Wall
+from segar.language.entities import Ball, Bumper, GoalTile, GolfBall, Object
 from segar.errors import ConflictError, RuleError
-from segar.factors import ID, Count, Label, Mass, Mobile, Position, Scalar, Size, StoredEnergy, Vector, Velocity
-from segar.levels import Levels
-from segar.parameters import WallDamping
-from segar.relations import is_equal
-from segar.rule import rule
+from segar.language.factors import ID, Count, Label, Mass, Mobile, Position, Scalar, Size, StoredEnergy, Vector, Velocity
+from segar.levels.level_set import Levels
+from segar.language.parameters import WallDamping
+from segar.language.relations import is_equal
+from segar.language.rule_definition import rule
 from segar.rules import move
-from segar.simulator import Simulator
-from segar.values import ZERO
-from segar.world import World
+from segar.engine.simulator import Simulator
+from segar.language.values import ZERO
+from segar.rules.world import World
 from tests.engine.worlds import after, compare, random_states, read, start, uncompiled
 
 both_engines = pytest.mark.parametrize("engine", ["interpreter", "source"])

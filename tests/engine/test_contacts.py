@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 import segar
-from segar.entities import Ball, GoalTile, GolfBall
+from segar.language.entities import Ball, GoalTile, GolfBall
 from segar.errors import RuleError
-from segar.factors import ID, Alive, Charge, Done, Mass, Mobile, Position, Shape, Size, StoredEnergy, Velocity
-from segar.levels import Levels
+from segar.language.factors import ID, Alive, Charge, Done, Mass, Mobile, Position, Shape, Size, StoredEnergy, Velocity
+from segar.levels.level_set import Levels
 from segar.rules import move
-from segar.shapes import Square
-from segar.simulator import State
-from segar.world import World
+from segar.language.shapes import Square
+from segar.engine.simulator import State
+from segar.rules.world import World
 from tests.engine.worlds import after, random_states, read, set_factor, start
 
 OVERLAP = 1e-6  # [m] what two bodies or a body and a wall may share at the end of a sub-step

@@ -8,15 +8,15 @@ from typing import Tuple  # as the paper writes rules
 import numpy as np
 import pytest
 
-import segar.random
-from segar.effects import Aggregate, Differential, SetFactor
-from segar.engine.interpreter import Interpreter
-from segar.engine.signature import Action, Wall
-from segar.engine.spec import leaves_of
-from segar.engine.trace import Leaf
-from segar.entities import Ball, Entity, GoalTile, GolfBall
+import segar.language.random
+from segar.language.effects import Aggregate, Differential, SetFactor
+from segar.reference.interpreter import Interpreter
+from segar.language.signature import Action, Wall
+from segar.engine.compiler.spec import leaves_of
+from segar.language.trace import Leaf
+from segar.language.entities import Ball, Entity, GoalTile, GolfBall
 from segar.errors import ConflictError, RuleError, SegarError
-from segar.factors import (
+from segar.language.factors import (
     ID,
     Acceleration,
     Charge,
@@ -31,14 +31,14 @@ from segar.factors import (
     StoredEnergy,
     Velocity,
 )
-from segar.levels import Levels
-from segar.parameters import Gravity, MaxVelocity, MinMass, Parameter
-from segar.relations import is_equal, is_on, overlaps, relation
-from segar.rule import rule, value_rule
+from segar.levels.level_set import Levels
+from segar.language.parameters import Gravity, MaxVelocity, MinMass, Parameter
+from segar.language.relations import is_equal, is_on, overlaps, relation
+from segar.language.rule_definition import rule, value_rule
 from segar.rules import accelerate, move
-from segar.tasks.task import Task
-from segar.values import where
-from segar.world import World
+from segar.language.task import Task
+from segar.language.values import where
+from segar.rules.world import World
 from tests.engine.worlds import compare, random_states, start, uncompiled
 
 LEVELS = Levels.from_entities([[GolfBall({Position: (0, 0)}), GoalTile({Position: (0.8, 0.8)}), Ball()]])
@@ -345,7 +345,7 @@ def test_actions_walls_and_draws_stay_where_they_belong():
         return Differential[Velocity](v, wall.normal)
 
     def jumps(x: Position) -> Differential[Position]:
-        return Differential[Position](x, segar.random.uniform())
+        return Differential[Position](x, segar.language.random.uniform())
 
     @rule(relation=is_equal(Mobile, True))
     def slides(x: Position, mobile: Mobile) -> Differential[Position]:

@@ -8,8 +8,8 @@ from typing import Tuple  # as the paper writes rules
 import numpy as np
 import pytest
 
-from segar.effects import Aggregate
-from segar.factors import (
+from segar.language.effects import Aggregate
+from segar.language.factors import (
     Acceleration,
     Charge,
     Drag,
@@ -22,15 +22,15 @@ from segar.factors import (
     StoredEnergy,
     Velocity,
 )
-from segar.factors import Friction as Mu
-from segar.levels import Levels
-from segar.parameters import FloorFriction, Gravity, MaxVelocity
-from segar.relations import is_on
-from segar.rule import rule
+from segar.language.factors import Friction as Mu
+from segar.levels.level_set import Levels
+from segar.language.parameters import FloorFriction, Gravity, MaxVelocity
+from segar.language.relations import is_on
+from segar.language.rule_definition import rule
 from segar.rules import DEFAULT_RULES, apply_friction, lorentz_law
-from segar.simulator import State
-from segar.values import ZERO
-from segar.world import World
+from segar.engine.simulator import State
+from segar.language.values import ZERO
+from segar.rules.world import World
 from tests.engine.worlds import random_states, read, set_factor, start, uncompiled
 
 BALLS = [0, 2, 3, 4]  # slots of the table's balls

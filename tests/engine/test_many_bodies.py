@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 import segar
-from segar.effects import Aggregate, Differential, SetFactor
-from segar.engine.gates import MANY_PARTNERS
-from segar.engine.kernel import MANY_BODIES
-from segar.entities import Ball, GoalTile, GolfBall
-from segar.factors import Acceleration, Charge, Mass, Mobile, Position, Size, StoredEnergy, Velocity
-from segar.levels import Levels
+from segar.language.effects import Aggregate, Differential, SetFactor
+from segar.engine.compiler.sparse_pairs import MANY_PARTNERS
+from segar.engine.compiler.kernel import MANY_BODIES
+from segar.language.entities import Ball, GoalTile, GolfBall
+from segar.language.factors import Acceleration, Charge, Mass, Mobile, Position, Size, StoredEnergy, Velocity
+from segar.levels.level_set import Levels
 from segar.rules import DEFAULT_RULES
-from segar.simulator import State
-from segar.values import Vector
-from segar.world import World
+from segar.engine.simulator import State
+from segar.language.values import Vector
+from segar.rules.world import World
 from tests.engine.test_contacts import OVERLAP, depths
 from tests.engine.worlds import compare, read, start, uncompiled
 
@@ -59,7 +59,7 @@ def test_sorted_bodies_meet_as_unsorted_ones_do(monkeypatch):
     """The same crowd with the sweep and with all pairs compared: equal to the bit."""
     levels, ends = crowd(BODIES, np.random.default_rng(2)), []
     for many in (MANY_BODIES, 1000):
-        monkeypatch.setattr("segar.engine.kernel.MANY_BODIES", many)
+        monkeypatch.setattr("segar.engine.compiler.kernel.MANY_BODIES", many)
         simulator, state = uncompiled(World(), levels.layout), start(levels)
         simulator.step(state, levels, 8)
         ends.append(state)

@@ -13,12 +13,12 @@ import pytest
 
 import segar
 import segar.rules
-from segar.effects import SetFactor
-from segar.entities import GoalTile, GolfBall, Object, Thing
-from segar.factors import ID, Label, Mass, Mobile, Position, Size
-from segar.levels import Levels
-from segar.relations import as_relation, is_equal
-from segar.rule import Rule, rule
+from segar.language.effects import SetFactor
+from segar.language.entities import GoalTile, GolfBall, Object, Thing
+from segar.language.factors import ID, Label, Mass, Mobile, Position, Size
+from segar.levels.level_set import Levels
+from segar.language.relations import as_relation, is_equal
+from segar.language.rule_definition import Rule, rule
 from tests.engine.worlds import after, read
 
 PAGE = Path(__file__).parents[2] / "docs" / "conflicts.md"
@@ -52,7 +52,7 @@ def test_the_table_says_what_the_code_does(what, number, example):
 def test_the_table_names_every_number_that_the_code_has():
     names = [
         "segar.rule",
-        "segar.relations",
+        "segar.language.relations",
         *(f"segar.rules.{m.name}" for m in pkgutil.iter_modules(segar.rules.__path__)),
     ]
     modules = map(importlib.import_module, names)

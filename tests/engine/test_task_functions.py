@@ -25,9 +25,9 @@ from segar import (
     Velocity,
     World,
 )
-from segar.engine.signature import Action
+from segar.language.signature import Action
 from segar.noise import DiscreteRangeNoise
-from segar.rule import rule, value_rule
+from segar.language.rule_definition import rule, value_rule
 from tests.engine.worlds import compare, random_states, read, uncompiled
 
 SOME = LevelDistribution(
@@ -68,7 +68,7 @@ TASK = Task(
 
 
 def states_and_outcome():
-    from segar.simulator import Outcome
+    from segar.engine.simulator import Outcome
 
     state = random_states(SOME, 300, np.random.default_rng(0), speed=0.1)
     read(state, SOME, Done)[::3] = 1.0

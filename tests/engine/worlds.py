@@ -10,9 +10,9 @@ from unittest import mock
 
 import numpy as np
 
-from segar.engine.interpreter import Interpreter
+from segar.reference.interpreter import Interpreter
 from segar.errors import ConflictError
-from segar.factors import (
+from segar.language.factors import (
     Acceleration,
     Alive,
     Charge,
@@ -26,9 +26,9 @@ from segar.factors import (
     StoredEnergy,
     Velocity,
 )
-from segar.levels import Levels
-from segar.simulator import Outcome, Simulator, State
-from segar.world import World
+from segar.levels.level_set import Levels
+from segar.engine.simulator import Outcome, Simulator, State
+from segar.rules.world import World
 
 
 def start(levels: Levels, copies: int = 1) -> State:
@@ -158,7 +158,7 @@ def after(engine: str, rules: Sequence[Any], levels: Levels, n: int = 1, key: An
 
 def uncompiled(world: World, layout: Any, task: Any = None) -> Simulator:
     """A simulator whose generated source runs as plain Python: slow, but there is nothing to compile."""
-    with mock.patch("segar.simulator.load_module", _plain_module):
+    with mock.patch("segar.engine.simulator.load_module", _plain_module):
         return Simulator(world, layout) if task is None else Simulator(world, layout, task)
 
 

@@ -33,10 +33,10 @@ def test_many_python_threads_may_step_their_own_environments_at_once(eager_threa
 
 def test_a_forked_child_steps_as_its_parent() -> None:
     code = (
-        "import os, sys, segar.threads\n"
+        "import os, sys, segar.support.threads\n"
         f"sys.path.insert(0, {os.path.dirname(__file__)!r})\n"
         "from test_threads import rewards\n"
-        "segar.threads.WORTH_WAKING = -1.0\n"
+        "segar.support.threads.WORTH_WAKING = -1.0\n"
         "expected = rewards(2)\n"
         "pid = os.fork()\n"
         "if pid == 0:\n"

@@ -7,10 +7,10 @@ from typing import Any
 import pytest
 import torch
 
-from experiments.checkpoint import read_checkpoint
-from experiments.config import EvaluationConfig, LevelsConfig, PPOConfig, RunConfig, ScaleConfig, TrackingConfig
-from experiments.ppo import PPO
-from experiments.run_folder import CHECKPOINT, read_episodes, read_metrics
+from experiments.training.checkpoint import read_checkpoint
+from experiments.settings.config import EvaluationConfig, LevelsConfig, PPOConfig, RunConfig, ScaleConfig, TrackingConfig
+from experiments.algorithms.ppo import PPO
+from experiments.runs.run_folder import CHECKPOINT, read_episodes, read_metrics
 
 FRAMES = 64  # of an iteration
 ITERATIONS = 4

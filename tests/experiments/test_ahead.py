@@ -6,12 +6,12 @@ from concurrent.futures import Executor, Future
 import pytest
 import torch
 
-from experiments.ahead import CollectorAhead
-from experiments.config import PPOConfig
-from experiments.curl import CURL, CURLConfig
-from experiments.ppo import PPO
-from experiments.recurrent_ppo import RecurrentPPO, RecurrentPPOConfig
-from experiments.run import run
+from experiments.collection.async_collector import CollectorAhead
+from experiments.settings.config import PPOConfig
+from experiments.algorithms.curl import CURL, CURLConfig
+from experiments.algorithms.ppo import PPO
+from experiments.algorithms.recurrent_ppo import RecurrentPPO, RecurrentPPOConfig
+from experiments.training.run import run
 from segar import family
 from segar.errors import ActionError
 from tests.experiments.short_runs import FRAMES, ITERATIONS, killed_after, same_results, short_run

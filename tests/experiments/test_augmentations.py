@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from experiments.augmentations import random_crop, random_intensity, random_shift, windows_by_index
+from experiments.networks.augmentations import random_crop, random_intensity, random_shift, windows_by_index
 
 
 def generator(seed=0):

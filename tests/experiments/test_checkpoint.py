@@ -7,13 +7,13 @@ import pickle
 import pytest
 import torch
 
-from experiments import checkpoint
-from experiments.checkpoint import load_policy, read_checkpoint, resume_checkpoint, save_checkpoint
-from experiments.config import PPOConfig, RunConfig
-from experiments.errors import CheckpointError
-from experiments.ppo import PPO, PPOPolicy
-from experiments.run_folder import CHECKPOINT
-from experiments.worlds import make_levels
+from experiments.training import checkpoint
+from experiments.training.checkpoint import load_policy, read_checkpoint, resume_checkpoint, save_checkpoint
+from experiments.settings.config import PPOConfig, RunConfig
+from experiments.settings.errors import CheckpointError
+from experiments.algorithms.ppo import PPO, PPOPolicy
+from experiments.runs.run_folder import CHECKPOINT
+from experiments.levels.builders import make_levels
 
 CONFIG = RunConfig(algorithm=PPOConfig(num_envs=4, num_steps=4, widths=(8,), head_width=8))
 

@@ -8,16 +8,16 @@ import sys
 import pytest
 
 import segar
-from experiments.config import PPOConfig, RunConfig, as_data, run_config
-from experiments.entry import compose
-from experiments.errors import ConfigError
-from experiments.run_folder import CHECKOUT
-from experiments.worlds import environment_options, make_levels
+from experiments.settings.config import PPOConfig, RunConfig, as_data, run_config
+from experiments.settings.hydra_app import compose
+from experiments.settings.errors import ConfigError
+from experiments.settings.config import CHECKOUT
+from experiments.levels.builders import environment_options, make_levels
 from segar.envs import VectorEnv
 from segar.errors import PlacementError
-from segar.families import TASK_LEVELS
-from segar.observations.textured import TexturedPixels
-from segar.tasks.find import TASKS
+from segar.levels.families.named import TASK_LEVELS
+from segar.observations.pixels.textured import TexturedPixels
+from segar.tasks.registry import TASKS
 
 OWN_MODULE = """
 import segar
@@ -72,7 +72,7 @@ def own_module(tmp_path, monkeypatch):
         ("algorithm.num_envs=0", "algorithm.num_envs: 0 is not allowed"),
         ("algorithm.minibatches=2000", "algorithm.minibatches: 2000 is not allowed; it must be at most half the batch"),
         ("algorithm.min_log_std=3", "algorithm.min_log_std: 3.0 is not allowed; it must be less than max_log_std"),
-        ("algorithm.type=experiments.config:PPOConfg", "has no 'PPOConfg'. Did you mean 'PPOConfig'?"),
+        ("algorithm.type=experiments.settings.config:PPOConfg", "has no 'PPOConfg'. Did you mean 'PPOConfig'?"),
         ("evaluation.distances=[exat]", "evaluation.distances: 'exat' is unknown. Did you mean 'exact'?"),
         ("scale.families=[emtpy]", "scale.families: 'emtpy' is unknown. Did you mean 'empty'?"),
         ("tracking.uri=mlruns", "tracking.uri: 'mlruns' is not allowed; it must be an address"),
@@ -116,7 +116,7 @@ def test_levels_that_cannot_be_placed_are_told(own_module):
         make_levels(compose(["levels.train=own_levels:crowded"]).levels)
 
 
-@pytest.mark.parametrize("family", segar.families())
+@pytest.mark.parametrize("family", segar.levels.families.named())
 def test_every_named_family_is_a_choice_of_levels(family):
     assert compose([f"levels={family}"]).levels.train == family
 

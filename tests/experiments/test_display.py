@@ -4,9 +4,9 @@ import io
 
 from rich.console import Console
 
-from experiments.display import Display, progress_in
-from experiments.progress import Progress
-from experiments.sweep import Job, Outcome
+from experiments.reproduction.display import Display, progress_in
+from experiments.training.progress import Progress
+from experiments.reproduction.process_pool import Job, Outcome
 
 
 def display_of(folder, terminal, **weights):
@@ -26,7 +26,7 @@ def test_elsewhere_there_is_one_plain_line_per_ending(tmp_path):
 
 
 def test_a_terminal_shows_bars_of_all_work_and_of_what_runs(tmp_path, monkeypatch):
-    monkeypatch.setattr("experiments.display.LOOK_INTERVAL", 0.01)
+    monkeypatch.setattr("experiments.reproduction.display.LOOK_INTERVAL", 0.01)
     display, stream = display_of(tmp_path, True, first=1.0, second=1.0)
     (tmp_path / "first.log").write_text("first: 512 of 2,048 frames, 900 frames/s\n")
     with display.shown():
@@ -38,7 +38,7 @@ def test_a_terminal_shows_bars_of_all_work_and_of_what_runs(tmp_path, monkeypatc
 
 
 def test_frames_are_read_from_what_a_run_says(tmp_path, monkeypatch):
-    monkeypatch.setattr("experiments.progress.LINE_INTERVAL", -1.0)
+    monkeypatch.setattr("experiments.training.progress.LINE_INTERVAL", -1.0)
     log = tmp_path / "run.log"
     assert progress_in(log) == (0, 0, False)
     with log.open("w") as stream:

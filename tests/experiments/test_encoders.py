@@ -6,12 +6,12 @@ import pytest
 import torch
 from torch import nn
 
-from experiments import encoders
-from experiments.config import CNNS, PPOConfig
-from experiments.encoders import MLP, FrameEncoder, initialize, make_encoder, successive
-from experiments.errors import ConfigError
-from experiments.keypoints import SoftArgmax, squares_by_torch
-from experiments.shared_frames import are_stacks_by_torch
+from experiments.networks import encoders
+from experiments.settings.config import CNNS, PPOConfig
+from experiments.networks.encoders import MLP, FrameEncoder, initialize, make_encoder, successive
+from experiments.settings.errors import ConfigError
+from experiments.networks.keypoints import SoftArgmax, squares_by_torch
+from experiments.networks.shared_frames import are_stacks_by_torch
 
 FRAMES = torch.randint(0, 256, (6, 64, 64, 3), dtype=torch.uint8, generator=torch.Generator().manual_seed(0))
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import torch
 
-from experiments import episodes
-from experiments.config import EvaluationConfig, RunConfig
-from experiments.episodes import distance_figures, diversity_figures, evaluate_run, evaluation_figures, play
+from experiments.evaluation import episodes
+from experiments.settings.config import EvaluationConfig, RunConfig
+from experiments.evaluation.episodes import distance_figures, diversity_figures, evaluate_run, evaluation_figures, play
 from segar import family
 from segar.envs import VectorEnv
 from segar.metrics import ks, w2

@@ -11,14 +11,15 @@ import pyarrow.parquet as pq
 import pytest
 
 import segar
-from experiments.anchors import find_anchors
-from experiments.config import ObservationConfig
-from experiments.entry import run_simple_command
-from experiments.errors import CheckpointError, ConfigError, RunFolderError
+from experiments.evaluation.baselines import find_anchors
+from experiments.settings.config import ObservationConfig
+from experiments.settings.hydra_app import run_simple_command
+from experiments.settings.errors import CheckpointError, ConfigError, RunFolderError
 from experiments.evaluate import EvaluateConfig
-from experiments.evaluation import choose_levels, evaluate
-from experiments.run import run
-from experiments.run_folder import CHECKOUT, CHECKPOINT, PREVIOUS, read_episodes, read_summary
+from experiments.evaluation.evaluator import choose_levels, evaluate
+from experiments.training.run import run
+from experiments.settings.config import CHECKOUT
+from experiments.runs.run_folder import CHECKPOINT, PREVIOUS, read_episodes, read_summary
 from tests.experiments.short_runs import short_run
 
 QUICK = {"scores": False, "videos": "none"}

@@ -5,11 +5,11 @@ import copy
 import pytest
 import yaml
 
-from experiments.config import RunConfig
-from experiments.entry import compose, conf_dir
-from experiments.errors import ConfigError
-from experiments.experiment import BASE, SCALES, TransferConfig, experiment_at, other_panel
-from experiments.planning import make_plan
+from experiments.settings.config import RunConfig
+from experiments.settings.hydra_app import compose, conf_dir
+from experiments.settings.errors import ConfigError
+from experiments.reproduction.experiment_file import BASE, SCALES, TransferConfig, experiment_at, other_panel
+from experiments.reproduction.plan import make_plan
 from experiments.reproduce import ReproduceConfig, experiment_files, help_text
 
 GOOD = {

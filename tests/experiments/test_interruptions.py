@@ -12,14 +12,15 @@ import time
 import pytest
 import torch
 
-from experiments.checkpoint import read_checkpoint
-from experiments.config import ScaleConfig
-from experiments.errors import CheckpointError, RunFolderError, TrainingError
-from experiments.journal import read_journal
-from experiments.ppo import PPO
-from experiments.run import run
-from experiments.run_folder import CHECKOUT, CHECKPOINT, DAMAGED, JOURNAL, PREVIOUS, is_finished, read_metrics
-from experiments.signals import Stopped
+from experiments.training.checkpoint import read_checkpoint
+from experiments.settings.config import ScaleConfig
+from experiments.settings.errors import CheckpointError, RunFolderError, TrainingError
+from experiments.runs.journal import read_journal
+from experiments.algorithms.ppo import PPO
+from experiments.training.run import run
+from experiments.settings.config import CHECKOUT
+from experiments.runs.run_folder import CHECKPOINT, DAMAGED, JOURNAL, PREVIOUS, is_finished, read_metrics
+from experiments.runs.signals import Stopped
 from tests.experiments.short_runs import (
     COMMAND,
     FRAMES,
@@ -180,7 +181,7 @@ def test_a_disk_that_is_full_is_told_and_costs_the_work_since_the_last_checkpoin
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
         full.setattr("pathlib.Path.write_bytes", no_room)
-        full.setattr("experiments.journal.Path.open", no_room)
+        full.setattr("experiments.runs.journal.Path.open", no_room)
 
     with (
         monkeypatch.context() as full,
@@ -249,7 +250,7 @@ def test_where_both_checkpoints_are_damaged_nothing_is_guessed(tmp_path, monkeyp
 
 def test_a_run_that_stops_in_its_evaluation_is_evaluated_when_it_goes_on(tmp_path, monkeypatch):
     with monkeypatch.context() as patch, pytest.raises(Stopped):
-        patch.setattr("experiments.run.evaluate_run", lambda *_: os.kill(os.getpid(), signal.SIGTERM))
+        patch.setattr("experiments.training.run.evaluate_run", lambda *_: os.kill(os.getpid(), signal.SIGTERM))
         run(short_run(tmp_path / "run"))
     last = read_journal(tmp_path / "run")[-1]
     assert (last["event"], last["during"]) == ("stopped", "evaluation")

@@ -10,10 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from experiments.config import RunConfig
-from experiments.entry import compose
-from experiments.journal import read_journal
-from experiments.run_folder import CHECKOUT, CHECKPOINT, is_finished, read_config, run_folders
+from experiments.settings.config import RunConfig
+from experiments.settings.hydra_app import compose
+from experiments.runs.journal import read_journal
+from experiments.settings.config import CHECKOUT
+from experiments.runs.run_folder import CHECKPOINT, is_finished, read_config, run_folders
 from tests.experiments.short_runs import COMMAND
 
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(CHECKOUT)}

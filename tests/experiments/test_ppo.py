@@ -9,16 +9,16 @@ import pytest
 import torch
 from tensordict import TensorDict
 
-from experiments.config import LevelsConfig, PPOConfig
-from experiments.encoders import MLP, FrameEncoder
-from experiments.entry import compose
-from experiments.episodes import play
-from experiments.errors import ConfigError, TrainingError
-from experiments.policies import SquashedNormal
-from experiments.ppo import PPO, check_finite, make_batch
-from experiments.rewards import ReturnScale, learner_reward
-from experiments.rollouts import Rollout
-from experiments.worlds import make_levels
+from experiments.settings.config import LevelsConfig, PPOConfig
+from experiments.networks.encoders import MLP, FrameEncoder
+from experiments.settings.hydra_app import compose
+from experiments.evaluation.episodes import play
+from experiments.settings.errors import ConfigError, TrainingError
+from experiments.networks.policies import SquashedNormal
+from experiments.algorithms.ppo import PPO, check_finite, make_batch
+from experiments.collection.rewards import ReturnScale, learner_reward
+from experiments.collection.collector import Rollout
+from experiments.levels.builders import make_levels
 from segar import family
 from segar.envs import VectorEnv
 from segar.envs.torchrl_env import TorchRLEnv

@@ -11,19 +11,19 @@ import yaml
 
 from analysis.probes.pairs import Column, Pairs
 from analysis.probes.table import probe_pairs
-from experiments import probing
-from experiments.config import TrackingConfig
-from experiments.delivery import Delivery
-from experiments.entry import conf_dir
-from experiments.errors import ConfigError, RunFolderError, TrackingError
-from experiments.experiment import experiment_at
-from experiments.mlflow_store import open_store
-from experiments.planning import as_text, make_plan, measure_speeds
-from experiments.probing import ProbeConfig, is_probed, probe_finished, probe_settings
+from experiments.evaluation import probing
+from experiments.settings.config import TrackingConfig
+from experiments.tracking.mlflow_sync import Delivery
+from experiments.settings.hydra_app import conf_dir
+from experiments.settings.errors import ConfigError, RunFolderError, TrackingError
+from experiments.reproduction.experiment_file import experiment_at
+from experiments.tracking.mlflow_store import open_store
+from experiments.reproduction.plan import as_text, make_plan, measure_speeds
+from experiments.evaluation.probing import ProbeConfig, is_probed, probe_finished, probe_settings
 from experiments.reproduce import ReproduceConfig, carry_out
-from experiments.run import run
-from experiments.run_folder import PROBES, folder_path, read_metrics
-from experiments.transfers import RunWork
+from experiments.training.run import run
+from experiments.runs.run_folder import PROBES, folder_path, read_metrics
+from experiments.evaluation.transfers import RunWork
 from experiments.upload import upload_run
 from segar.errors import SegarError
 from tests.experiments.short_runs import short_run
@@ -204,7 +204,7 @@ def test_probes_need_agents():
         ConfigError, match=r"grids.mine.probes: True is not allowed; it must be beside a grid of agents"
     ):
         experiment_at(
-            "mine", {"title": "Mine", "study": "analysis.w2_study", "probes": True, "scales": {"quick": {}}}, "quick"
+            "mine", {"title": "Mine", "study": "analysis.studies.w2", "probes": True, "scales": {"quick": {}}}, "quick"
         )
     without = experiment_at("mine", {**MAIN, "scales": {"single": {"probes": False}}}, "single")
     assert without is not None and not without.probes

@@ -8,9 +8,9 @@ import torch
 from tensordict import TensorDict
 from torchrl.modules import set_recurrent_mode
 
-from experiments.encoders import MLP
-from experiments.errors import ConfigError
-from experiments.recurrent_ppo import RecurrentPolicy, RecurrentPPO, RecurrentPPOConfig
+from experiments.networks.encoders import MLP
+from experiments.settings.errors import ConfigError
+from experiments.algorithms.recurrent_ppo import RecurrentPolicy, RecurrentPPO, RecurrentPPOConfig
 from segar import family
 from segar.envs import VectorEnv
 from segar.tasks.puttputt import puttputt

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from experiments.cells import cell_of, paper_cells
-from experiments.config import ScaleConfig, TrackingConfig
-from experiments.entry import compose
-from experiments.errors import ConfigError, TrainingError
-from experiments.planning import StudyWork
+from experiments.settings.grid import cell_of, paper_cells
+from experiments.settings.config import ScaleConfig, TrackingConfig
+from experiments.settings.hydra_app import compose
+from experiments.settings.errors import ConfigError, TrainingError
+from experiments.reproduction.plan import StudyWork
 from experiments.reproduce import ReproduceConfig, dashboard, quoted, reproduce
-from experiments.run_folder import folder_path, is_finished
+from experiments.runs.run_folder import folder_path, is_finished
 from tests.synthetic_runs import pretend_to_train, settings
 
 ROOT = Path(__file__).parents[2]
@@ -147,7 +147,7 @@ def test_tables_that_cannot_be_made_are_an_error(tmp_path):
 
 
 def test_a_study_is_done_once_for_the_same_options(tmp_path, capfd):
-    study = {"title": "Pictures", "study": "analysis.illustrations", "scales": {"smoke": {}}}
+    study = {"title": "Pictures", "study": "analysis.studies.illustrations", "scales": {"smoke": {}}}
     reproduce(asked(tmp_path, {"pictures": study}), None, finish_nothing)
     out = asked(tmp_path).folder / "studies" / "pictures"
     assert {"densities.csv", "ks.csv", "w2.csv", "study.json"} == {path.name for path in out.iterdir()}

@@ -8,12 +8,12 @@ from contextlib import contextmanager
 
 import pytest
 
-from experiments import run as run_module
-from experiments.atomic import write_text
-from experiments.errors import CheckpointError, RunFolderError
-from experiments.ppo import PPO
-from experiments.run import run
-from experiments.run_folder import (
+from experiments.training import run as run_module
+from experiments.runs.files import write_text
+from experiments.settings.errors import CheckpointError, RunFolderError
+from experiments.algorithms.ppo import PPO
+from experiments.training.run import run
+from experiments.runs.run_folder import (
     CHECKPOINT,
     CONFIG,
     METRICS,
@@ -26,7 +26,7 @@ from experiments.run_folder import (
     read_metrics,
     read_summary,
 )
-from experiments.worlds import make_levels
+from experiments.levels.builders import make_levels
 from segar.tasks.puttputt import puttputt
 from tests.experiments.short_runs import ITERATIONS, killed_after, same_results, short_run
 

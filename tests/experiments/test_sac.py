@@ -8,10 +8,10 @@ import torch
 from tensordict import TensorDict
 from torch.nn import functional as F
 
-from experiments.drq import DrQ, DrQConfig, DrQPolicy, cnn_2022
-from experiments.encoders import make_encoder
-from experiments.errors import ConfigError
-from experiments.sac import SAC, SACConfig, SACPolicy
+from experiments.algorithms.drq import DrQ, DrQConfig, DrQPolicy, cnn_2022
+from experiments.networks.encoders import make_encoder
+from experiments.settings.errors import ConfigError
+from experiments.algorithms.sac import SAC, SACConfig, SACPolicy
 from segar import family
 from segar.envs.vector import VectorEnv
 from segar.tasks.puttputt import puttputt
@@ -206,7 +206,7 @@ def test_losses_reach_exactly_whom_they_should_behind_a_cnn():
 
 
 def test_what_follows_is_seen_by_the_slow_cnn_for_critics_and_by_the_quick_one_for_the_policy(monkeypatch):
-    monkeypatch.setattr("experiments.drq.random_shift", lambda frames, pixels, rng: frames)
+    monkeypatch.setattr("experiments.algorithms.drq.random_shift", lambda frames, pixels, rng: frames)
     one = learner(FRAMES)
     for _ in range(3):
         one.iterate()
@@ -223,7 +223,7 @@ def test_what_follows_is_seen_by_the_slow_cnn_for_critics_and_by_the_quick_one_f
 
 def test_frames_before_and_after_a_step_are_shifted_by_draws_of_their_own(monkeypatch):
     shifted = []
-    monkeypatch.setattr("experiments.drq.random_shift", lambda frames, pixels, rng: shifted.append(pixels) or frames)
+    monkeypatch.setattr("experiments.algorithms.drq.random_shift", lambda frames, pixels, rng: shifted.append(pixels) or frames)
     one = learner(FRAMES)
     while not one.due():
         one.step()
@@ -234,7 +234,7 @@ def test_frames_before_and_after_a_step_are_shifted_by_draws_of_their_own(monkey
 def test_the_cnn_of_2022_has_the_size_that_its_description_says():
     cnn = cnn_2022(64, 64, 3)
     assert sum(p.numel() for p in cnn.parameters()) == 388_416
-    config = dataclasses.replace(FRAMES, encoder="experiments.drq:cnn_2022")
+    config = dataclasses.replace(FRAMES, encoder="experiments.algorithms.drq:cnn_2022")
     assert DrQPolicy(config, (64, 64, 3), 2).represent(np.zeros((2, 64, 64, 3), np.uint8)).shape == (2, 4096)
 
 

@@ -6,11 +6,11 @@ import hydra
 import pytest
 from optuna.trial import TrialState
 
-from experiments.config import PPOConfig, RunConfig
-from experiments.entry import conf_dir, register_defaults, register_settings
-from experiments.errors import ConfigError, TrainingError
+from experiments.settings.config import PPOConfig, RunConfig
+from experiments.settings.hydra_app import conf_dir, register_defaults, register_settings
+from experiments.settings.errors import ConfigError, TrainingError
 from experiments.search import SETTINGS, Search, SearchConfig, build, search
-from experiments.search_space import dimensions, with_values
+from experiments.reproduction.search_space import dimensions, with_values
 
 SPACE = {
     "algorithm": {

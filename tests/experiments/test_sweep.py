@@ -9,7 +9,7 @@ from pathlib import Path
 
 import psutil
 
-from experiments.sweep import Job, run_jobs
+from experiments.reproduction.process_pool import Job, run_jobs
 
 ROOT = Path(__file__).parents[2]
 
@@ -44,7 +44,7 @@ MAIN = """
 import numpy as np  # loads its library in every process of the pool, before the pool can say how many threads it has
 from pathlib import Path
 from threadpoolctl import threadpool_info
-from experiments.sweep import Job, run_jobs
+from experiments.reproduction.process_pool import Job, run_jobs
 
 def count_threads(_):
     return [pool["num_threads"] for pool in threadpool_info()]
@@ -88,7 +88,7 @@ def test_a_process_that_dies_costs_its_own_job_only(tmp_path):
 def test_killing_the_owner_ends_its_processes(tmp_path):
     code = (
         "import time\n"
-        "from experiments.sweep import Job, run_jobs\n"
+        "from experiments.reproduction.process_pool import Job, run_jobs\n"
         "from pathlib import Path\n"
         "if __name__ == '__main__':\n"
         f"    run_jobs([Job(str(i), 600, Path({str(tmp_path)!r}) / str(i)) for i in range(2)], time.sleep, 2)\n"

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from experiments import make_textures
-from experiments.linear_autoencoder import Training, train_model, train_set
-from experiments.texture_bars import refuse_below_bars, shortfalls
+from experiments.textures.linear_autoencoder import Training, train_model, train_set
+from experiments.textures.texture_bars import refuse_below_bars, shortfalls
 from segar.errors import SegarError
 from segar.textures import TextureSet
 from segar.textures.standard import INPUTS

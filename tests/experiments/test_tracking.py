@@ -11,22 +11,23 @@ import time
 
 import pytest
 
-from experiments import delivery as delivery_module
-from experiments.config import LevelsConfig, RunConfig, TrackingConfig
-from experiments.delivery import read_mark
-from experiments.errors import TrackingError
-from experiments.mlflow_store import is_remote, open_store, store_uri
-from experiments.run import run
-from experiments.run_folder import CHECKOUT, MARK, METRIC_SCHEMA, METRICS, read_metrics, write_rows
-from experiments.tracking import NoTracker, start_tracking
+from experiments.tracking import mlflow_sync as delivery_module
+from experiments.settings.config import LevelsConfig, RunConfig, TrackingConfig
+from experiments.tracking.mlflow_sync import read_mark
+from experiments.settings.errors import TrackingError
+from experiments.tracking.mlflow_store import is_remote, open_store, store_uri
+from experiments.training.run import run
+from experiments.settings.config import CHECKOUT
+from experiments.runs.run_folder import MARK, METRIC_SCHEMA, METRICS, read_metrics, write_rows
+from experiments.tracking.tracker import NoTracker, start_tracking
 from experiments.upload import UploadConfig, upload
 from tests.experiments.short_runs import before_iteration, killed_after, short_run
 
 START = """
 import sys
 from pathlib import Path
-from experiments.config import RunConfig
-from experiments.tracking import start_tracking
+from experiments.settings.config import RunConfig
+from experiments.tracking.tracker import start_tracking
 
 tracker = start_tracking(RunConfig(root=sys.argv[1], seed=int(sys.argv[2])), Path(sys.argv[1]) / sys.argv[2])
 tracker.begin([{"name": "episode/return", "frames": k, "seconds": 0.5 * k, "value": -k} for k in range(5)])

@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-from experiments.versions import code_fingerprint, learning_modules
+from experiments.runs.versions import code_fingerprint, learning_modules
 
 
 @pytest.fixture
@@ -14,7 +14,7 @@ def package(tmp_path, monkeypatch):
     folder.mkdir()
     (folder / "__init__.py").touch()
     (folder / "mine.py").write_text(
-        "from experiments.ppo import PPO\nfrom . import parts\nfrom .sums import add as plus\n"
+        "from experiments.algorithms.ppo import PPO\nfrom . import parts\nfrom .sums import add as plus\n"
     )
     for name in ("parts", "sums", "other"):
         (folder / f"{name}.py").write_text("add = max\n")
@@ -33,8 +33,8 @@ def test_all_that_a_learner_imports_of_its_package_and_of_ours_counts(package):
     found = learning_modules("my_lab.mine")
     ours = {name for name in found if name.startswith("experiments.")}
     assert {*found} - ours == {"my_lab", "my_lab.mine", "my_lab.parts", "my_lab.sums"}
-    assert {"experiments.ppo", "experiments.encoders", "experiments.policies"} <= ours
-    assert "experiments.config" not in ours
+    assert {"experiments.algorithms.ppo", "experiments.networks.encoders", "experiments.networks.policies"} <= ours
+    assert "experiments.settings.config" not in ours
 
 
 @pytest.mark.parametrize(("file", "counts"), [("mine", True), ("sums", True), ("other", False)])

@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from segar.entities import GlobalFriction
-from segar.factors import Floor, Mobile, Order, Position, Size, Visible
-from segar.shapes import CIRCLE
+from segar.language.entities import GlobalFriction
+from segar.language.factors import Floor, Mobile, Order, Position, Size, Visible
+from segar.language.shapes import CIRCLE
 from tests.observations.scenes import Scene
 
 Look = Callable[[int, int, int], np.ndarray]

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from segar.engine.layout import Layout, Slot
-from segar.entities import (
+from segar.language.layout import Layout, Slot
+from segar.language.entities import (
     Ball,
     Bumper,
     Charger,
@@ -21,12 +21,12 @@ from segar.entities import (
     Magnet,
     SandTile,
 )
-from segar.factors import Floor, Mobile, Order, Position, Size
-from segar.levels import Provenance
-from segar.observations.pixels import Pixels
-from segar.shapes import CIRCLE, HULL, RandomConvexHull
+from segar.language.factors import Floor, Mobile, Order, Position, Size
+from segar.levels.level_set import Provenance
+from segar.observations.pixels.solid_colours import Pixels
+from segar.language.shapes import CIRCLE, HULL, RandomConvexHull
 from segar.textures import TextureSet
-from segar.world import World
+from segar.rules.world import World
 
 ANYTHING = (Charger, Magnet, Bumper, Damper, Ball, SandTile, MagmaTile, Hole, FireTile)
 

@@ -7,13 +7,13 @@ import dataclasses
 import numpy as np
 import pytest
 
-from segar.entities import GoalTile, GolfBall
+from segar.language.entities import GoalTile, GolfBall
 from segar.errors import SegarError
-from segar.factors import Position
-from segar.observations.canvas import grey_of
-from segar.observations.pixels import Pixels
-from segar.observations.textured import TexturedPixels
-from segar.world import World
+from segar.language.factors import Position
+from segar.observations.pixels.canvas import grey_of
+from segar.observations.pixels.solid_colours import Pixels
+from segar.observations.pixels.textured import TexturedPixels
+from segar.rules.world import World
 from tests.observations.plain_renderer import draw_plainly
 from tests.observations.scenes import ANYTHING, draw, frames_of, put, random_textures, scene, start
 from tests.observations.test_pixels import solid

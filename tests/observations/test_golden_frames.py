@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import segar
-from segar.entities import GoalTile, GolfBall
-from segar.observations.drawing import RENDERER_VERSION
-from segar.observations.pixels import Pixels
-from segar.observations.textured import TexturedPixels
+from segar.language.entities import GoalTile, GolfBall
+from segar.observations.pixels.drawing import RENDERER_VERSION
+from segar.observations.pixels.solid_colours import Pixels
+from segar.observations.pixels.textured import TexturedPixels
 from tests.observations.scenes import ANYTHING, draw, random_textures, scene
 
 KINDS = {
@@ -36,7 +36,7 @@ def test_a_hundred_frames_are_those_of_this_renderer_version(kind):
     found = hashlib.sha256(frames.tobytes()).hexdigest()[:16]
     assert (RENDERER_VERSION, found) == (GOLDEN_VERSION, GOLDEN[kind]), (
         "Frames are no longer what they were. If that is not meant, mend it. If it is: raise RENDERER_VERSION in"
-        " segar/observations/drawing.py and GOLDEN_VERSION here, put the new hashes here, and say in CHANGELOG.md under"
+        " segar/observations/pixels/drawing.py and GOLDEN_VERSION here, put the new hashes here, and say in CHANGELOG.md under"
         f" 'Changes results' what looks different and since which version. '{kind}' is now {found}."
     )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from segar.entities import (
+from segar.language.entities import (
     Ball,
     Bumper,
     Charger,
@@ -19,9 +19,9 @@ from segar.entities import (
     SandTile,
 )
 from segar.errors import FactorError, SegarError
-from segar.factors import Charge, Magnetism, Mobile, Order, Position, Size, Visible
-from segar.observations.colours import COLOURS, FLOOR, Colour, colour_of
-from segar.observations.pixels import Pixels
+from segar.language.factors import Charge, Magnetism, Mobile, Order, Position, Size, Visible
+from segar.observations.pixels.colours import COLOURS, FLOOR, Colour, colour_of
+from segar.observations.pixels.solid_colours import Pixels
 from segar.observations.protocol import BoundObservation, Observation
 from tests.observations.plain_renderer import Look, draw_plainly
 from tests.observations.scenes import ANYTHING, Scene, draw, put, scene

@@ -21,7 +21,7 @@ from segar import (
     Velocity,
     Visible,
 )
-from segar.factors import Count, Factor, Flag
+from segar.language.factors import Count, Factor, Flag
 from segar.observations.arrays import empty_batch, leaves
 
 THINGS = (
@@ -52,7 +52,7 @@ FRAMES = [
     Pixels(),
     Multi([Pixels(), StateVector(factors=[Mass])]),
     Stack(
-        Pixels(colours={segar.Ball: segar.observations.colours.Colour((0, 0, 0), (200, 90, 9), Mass, (0.0, 2.0))}), 2
+        Pixels(colours={segar.Ball: segar.observations.pixels.colours.Colour((0, 0, 0), (200, 90, 9), Mass, (0.0, 2.0))}), 2
     ),
     TexturedPixels(hidden=(Charge,)),
     OneOf([TexturedPixels(hidden=(Charge,)), Pixels()], per="level"),

@@ -26,7 +26,7 @@ from segar import (
     Velocity,
 )
 from segar.observations.arrays import empty_batch
-from segar.observations.state import HIDDEN, MISSING_2022
+from segar.observations.state.state_vector import HIDDEN, MISSING_2022
 
 # One to three things of four types, so that slots can be empty and can hold what has the factor or lacks it.
 DIST = segar.LevelDistribution(
@@ -200,7 +200,7 @@ def test_what_may_not_be_seen_is_missing_while_it_is_invisible():
         ({"slots": 3}, "slots are the rows of a table, at least 1; not 3 of a vector"),
         ({"missing": float("nan")}, "missing must be a finite number"),
         ({"factors": ["Mas"]}, "factors: no factor is called 'Mas'. Did you mean 'Mass'"),
-        ({"hidden": [GolfBall]}, "hidden: <class 'segar.entities.GolfBall'> is not a factor"),
+        ({"hidden": [GolfBall]}, "hidden: <class 'segar.language.entities.GolfBall'> is not a factor"),
         ({"factors": [segar.Label]}, "Label is not a number"),
     ],
 )

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import segar
-from segar.factors import Charge, Mass, StoredEnergy
-from segar.observations.textured import TexturedPixels
+from segar.language.factors import Charge, Mass, StoredEnergy
+from segar.observations.pixels.textured import TexturedPixels
 from tests.observations.scenes import random_textures
 
 LEVELS = segar.family("objectsx3-hard").sample(20, seed=0)

@@ -11,10 +11,10 @@ import pytest
 
 import segar
 from segar import cli
-from segar.observations.pixels import Pixels
+from segar.observations.pixels.solid_colours import Pixels
 from segar.rendering import View
-from segar.rendering.gallery import Cell, contact_sheet, default_renderers, draw_level, people, save_png, sheet
-from segar.rendering.legend import THINGS
+from segar.cli.contact_sheet import Cell, contact_sheet, default_renderers, draw_level, people, save_png, sheet
+from segar.cli.legend import THINGS
 from segar.textures import shipped_sets
 
 LEVELS = segar.family("objectsx3-hard").sample(2, seed=0)
@@ -123,7 +123,7 @@ def test_every_thing_of_the_legend_has_another_sign():
 
 
 def test_the_command_plays_the_levels_that_were_asked_for(capsys, monkeypatch):
-    from segar.rendering.game import Game
+    from segar.cli.game import Game
 
     played = []
 

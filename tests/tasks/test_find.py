@@ -10,7 +10,7 @@ import pytest
 import segar
 from segar import GoalTile, GolfBall, LevelDistribution, LevelError, Levels, SegarError
 from segar.envs import VectorEnv
-from segar.tasks.find import TASKS, find_task, make_task, task_of
+from segar.tasks.registry import TASKS, find_task, make_task, task_of
 
 mine = dataclasses.replace(segar.puttputt("linear"), name="mine")
 NUMBERS = [(GolfBall, 1), (GoalTile, 1)]

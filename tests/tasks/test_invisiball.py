@@ -8,7 +8,7 @@ import pytest
 import segar
 from segar import Charge, Charger, GoalTile, GolfBall, Mass, Mobile, Position, Size
 from segar.envs import Env, VectorEnv
-from segar.observations.state import StateVector
+from segar.observations.state.state_vector import StateVector
 from segar.rendering import View
 from tests.tasks.play import at_random, by_script, episodes
 

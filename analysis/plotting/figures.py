@@ -1,0 +1,103 @@
+"""What all figures share: an empty figure, points and lines in one style, and files whose bytes repeat."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from PIL import Image
+
+from analysis.plotting import style
+from analysis.stats.correlation import Line, NotAvailable, fit_line
+from analysis.tables import column, select
+from experiments.runs.files import write_bytes
+
+METADATA: dict[str, dict[str, Any]] = {
+    ".png": {"Software": None},
+    ".pdf": {"CreationDate": None, "Producer": None},
+    ".svg": {"Date": None, "Creator": None},
+}
+DOT: dict[str, Any] = {"edgecolors": "white", "linewidths": 0.6}  # what all scattered dots look like
+COLOURS_OF_PNG = 128  # a palette makes files a third as large, and line art does not show it
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """An empty figure in inches, laid out so that nothing overlaps; no window and no global state."""
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def save_figure(figure: Figure, path: Path, suffixes: Sequence[str] = (".png", ".pdf")) -> list[Path]:
+    """Writes ``path`` with each suffix, whole or not at all and the same bytes for the same figure; returns the files."""
+    written = []
+    for suffix in suffixes:
+        stream = io.BytesIO()
+        with style.applied():
+            figure.savefig(stream, format=suffix[1:], metadata=METADATA[suffix])
+        write_bytes(path.with_suffix(suffix), smaller(stream) if suffix == ".png" else stream.getvalue())
+        written.append(path.with_suffix(suffix))
+    return written
+
+
+def smaller(stream: io.BytesIO) -> bytes:
+    """A PNG with a palette."""
+    out = io.BytesIO()
+    with Image.open(stream) as picture:
+        flat = picture.convert("RGB").quantize(COLOURS_OF_PNG, dither=Image.Dither.NONE)
+        flat.save(out, "PNG", optimize=True)
+    return out.getvalue()
+
+
+def draw_points(axes: Axes, table: pd.DataFrame, x: str, y: str, error: str = "") -> None:
+    """One point per row: colour says family, marker says difficulty; a thin bar the standard error, where one is named."""
+    colours, markers = style.colours(table["family"]), style.markers(table["difficulty"])
+    for family, difficulty in product(style.ordered(table["family"]), style.ordered(table["difficulty"])):
+        part, colour = select(table, family=family, difficulty=difficulty), colours[family]
+        if error:
+            bars = {"fmt": "none", "ecolor": colour, "alpha": 0.35, "elinewidth": 1, "zorder": 2}
+            axes.errorbar(column(part, x), column(part, y), yerr=column(part, error), **bars)
+        look = {"marker": markers[difficulty], "color": colour, **DOT}
+        axes.scatter(column(part, x), column(part, y), s=36, zorder=3, **look)
+
+
+def zero_line(axes: Axes) -> None:
+    """A thin line at height 0, behind everything."""
+    axes.axhline(0, color="#999999", linewidth=0.8, zorder=1)
+
+
+def draw_line(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str = "#333333", band: bool = True) -> None:
+    """The least-squares line, with the 95 % band of its height; nothing where there is no line."""
+    line = fit_line(x, y)
+    if isinstance(line, NotAvailable):
+        return
+    at = np.linspace(x.min(), x.max(), 100)
+    limits = axes.get_ylim()
+    axes.plot(at, line.at(at), color=colour, linewidth=style.LINE_WIDTH, zorder=4)
+    if band:
+        draw_band(axes, line, at, colour)
+    axes.set_ylim(*limits)  # the wide band of a few points would flatten everything else
+
+
+def draw_band(axes: Axes, line: Line, at: np.ndarray, colour: str) -> None:
+    """The 95 % band of a line's height."""
+    half = line.half_width(at)
+    axes.fill_between(at, line.at(at) - half, line.at(at) + half, color=colour, alpha=0.13, linewidth=0, zorder=1.5)
+
+
+def legend_of(table: pd.DataFrame) -> list[Line2D]:
+    """Legend entries: a dot per family, a grey marker per difficulty."""
+    dot = {"linestyle": "none", "markersize": 7}
+    colours, markers = style.colours(table["family"]), style.markers(table["difficulty"])
+    families = [Line2D([], [], marker="o", color=colour, label=name, **dot) for name, colour in colours.items()]
+    grey = [Line2D([], [], marker=mark, color="#777777", label=name, **dot) for name, mark in markers.items()]
+    return families + grey

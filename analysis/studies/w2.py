@@ -1,0 +1,127 @@
+"""``python -m analysis.studies.w2 --output DIR``: how far n training levels are from 100 test levels, without training.
+
+Nine panels, and six pairs of a panel and the next harder one, for eight n and several seeds. What comes of it:
+
+``distances.csv``  W2 in three modes and KS, one row per pair, n and seed
+``means.csv``      mean, deviation and standard error over seeds, and for the reference mode the mean of 2022 beside it
+``explained.csv``  R^2 of log W2 on panel, on log n, on both, and on their cells: is W2 more than how many levels there are?
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from analysis.stats.correlation import NotAvailable, explained, indicators
+from analysis.tables import column, select, write_csv
+from segar.levels.families.named import family
+from segar.metrics import ks, w2
+
+COUNTS = (1, 2, 5, 10, 25, 50, 100, 200)
+IN_MODELS = (1, 10, 50, 100, 200)  # the n of the paper's figures, which the confound is about
+TEST_LEVELS = 100
+MODES = ("reference", "exact", "paper")
+SEEDS_OF_2022 = 5
+# Mean reference W2 over 5 seeds, as the code of 2022 gives it, for each n of COUNTS.
+MEANS_OF_2022: dict[tuple[str, str], tuple[float, ...]] = {
+    ("empty-easy", "empty-easy"): (0.187, 0.128, 0.114, 0.082, 0.066, 0.054, 0.047, 0.055),
+    ("empty-medium", "empty-medium"): (0.330, 0.294, 0.221, 0.173, 0.141, 0.118, 0.106, 0.104),
+    ("empty-hard", "empty-hard"): (0.505, 0.422, 0.358, 0.307, 0.242, 0.208, 0.188, 0.178),
+    ("objectsx1-easy", "objectsx1-easy"): (0.312, 0.279, 0.245, 0.219, 0.183, 0.163, 0.147, 0.139),
+    ("objectsx1-medium", "objectsx1-medium"): (0.449, 0.378, 0.299, 0.271, 0.242, 0.222, 0.206, 0.198),
+    ("objectsx1-hard", "objectsx1-hard"): (0.539, 0.501, 0.407, 0.365, 0.318, 0.294, 0.277, 0.269),
+    ("tilesx1-easy", "tilesx1-easy"): (0.504, 0.409, 0.313, 0.249, 0.203, 0.181, 0.152, 0.142),
+    ("tilesx1-medium", "tilesx1-medium"): (0.564, 0.452, 0.349, 0.291, 0.243, 0.212, 0.199, 0.185),
+    ("tilesx1-hard", "tilesx1-hard"): (0.664, 0.555, 0.474, 0.437, 0.390, 0.355, 0.328, 0.317),
+    ("empty-easy", "empty-medium"): (0.429, 0.393, 0.372, 0.359, 0.352, 0.351, 0.351, 0.350),
+    ("empty-medium", "empty-hard"): (0.567, 0.535, 0.503, 0.476, 0.452, 0.438, 0.432, 0.431),
+    ("objectsx1-easy", "objectsx1-medium"): (0.482, 0.459, 0.435, 0.422, 0.406, 0.394, 0.387, 0.383),
+    ("objectsx1-medium", "objectsx1-hard"): (0.712, 0.659, 0.607, 0.594, 0.579, 0.572, 0.570, 0.565),
+    ("tilesx1-easy", "tilesx1-medium"): (0.593, 0.526, 0.466, 0.422, 0.406, 0.389, 0.382, 0.379),
+    ("tilesx1-medium", "tilesx1-hard"): (0.790, 0.696, 0.632, 0.603, 0.577, 0.558, 0.547, 0.542),
+}
+ROUNDING = 0.0005  # of the numbers above
+
+
+def main() -> None:
+    """The command."""
+    parser = argparse.ArgumentParser("python -m analysis.studies.w2", description=__doc__)
+    parser.add_argument("-o", "--output", type=Path, default=Path("w2_study"), help="folder for the tables")
+    parser.add_argument("--seeds", type=int, default=SEEDS_OF_2022, help="pairs of level sets per pair of panels and n")
+    chosen = parser.parse_args()
+    table = distances(range(chosen.seeds))
+    means, models = means_of(table), models_of(table)
+    for name, one in {"distances": table, "means": means, "explained": models}.items():
+        write_csv(chosen.output / f"{name}.csv", one)
+    print(models.to_string(index=False))
+
+
+def distances(
+    seeds: Sequence[int], pairs: Sequence[tuple[str, str]] = tuple(MEANS_OF_2022), counts: Sequence[int] = COUNTS
+) -> pd.DataFrame:
+    """One row per pair of panels, seed and n. Smaller training sets of a seed are the first levels of larger ones, and
+    each seed has test levels of its own, as in 2022."""
+    rows: list[dict[str, Any]] = []
+    for (train, test), seed in product(pairs, seeds):
+        levels = family(train).sample(max(counts), seed=seed, split="train")
+        others = family(test).sample(TEST_LEVELS, seed=seed, split="test")
+        for n in counts:
+            some = levels[:n]
+            found = {f"w2_{mode}": float(w2(some, others, mode=mode)) for mode in MODES}
+            rows.append({"train": train, "test": test, "n": n, "seed": seed, **found, "ks": float(ks(some, others))})
+    return pd.DataFrame(rows)
+
+
+def means_of(table: pd.DataFrame) -> pd.DataFrame:
+    """Per pair of panels, n and mode: mean, deviation and standard error over seeds; the reference mode's mean of 2022,
+    and how many standard errors of the difference of both means lie between them.
+
+    Of 2022 only means are known: its deviation is taken to be the one measured here.
+    """
+    rows = []
+    for train, test, n in table[["train", "test", "n"]].drop_duplicates().itertuples(index=False, name=None):
+        part = select(table, train=train, test=test, n=n)
+        for mode in MODES:
+            values = column(part, f"w2_{mode}")
+            deviation = float(values.std(ddof=1)) if len(values) > 1 else float("nan")
+            error = deviation / np.sqrt(len(values))
+            row = {
+                "train": train,
+                "test": test,
+                "n": n,
+                "mode": mode,
+                "mean": values.mean(),
+                "sd": deviation,
+                "se": error,
+            }
+            if mode == "reference":
+                published = MEANS_OF_2022[train, test][COUNTS.index(n)]
+                apart = np.hypot(error, deviation / np.sqrt(SEEDS_OF_2022)) + ROUNDING
+                row |= {"mean_2022": published, "standard_errors_apart": (values.mean() - published) / apart}
+            rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def models_of(table: pd.DataFrame) -> pd.DataFrame:
+    """R^2 of log W2 in distribution, per mode: on panel, on log n, on both, and on the cells of panel and n."""
+    inside = table.loc[(table["train"] == table["test"]) & table["n"].isin(IN_MODELS)]
+    panel, log_n = indicators(list(inside["train"])), np.log(column(inside, "n"))[:, None]
+    cells = indicators([f"{a} {n}" for a, n in zip(inside["train"], inside["n"], strict=True)])
+    models = {"panel": panel, "log_n": log_n, "panel_and_log_n": np.column_stack([panel, log_n]), "cell": cells}
+    rows = []
+    for mode in MODES:
+        y = np.log(column(inside, f"w2_{mode}"))
+        found = {name: explained(y, predictors) for name, predictors in models.items()}
+        numbers = {k: float("nan") if isinstance(v, NotAvailable) else v for k, v in found.items()}
+        rows.append({"mode": mode, "points": len(y), **numbers})
+    return pd.DataFrame(rows)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""The algorithms: each a learner behind one protocol."""

@@ -1,0 +1,153 @@
+"""PPO beside a loss of its encoder's own: after each of PPO's updates, more gradient steps on the frames that it saw.
+
+A learner of this kind is a sub-class that says which loss, and how a rollout becomes batches for it.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import torch
+from tensordict import TensorDict
+from torch import Tensor, nn
+from torchrl.objectives import SoftUpdate
+from torchrl.objectives.common import LossModule
+
+from experiments.networks.augmentations import random_crop, random_intensity, random_shift
+from experiments.settings.config import PPOConfig, require
+from experiments.networks.encoders import initialize
+from experiments.settings.errors import ConfigError
+from experiments.algorithms.ppo import PPO, PPOPolicy, check_finite
+from experiments.collection.collector import Rollout, action_size, observation_shape
+from segar.envs.vector import VectorEnv
+
+M = TypeVar("M", bound=nn.Module)
+
+
+@dataclass(frozen=True)
+class AuxiliaryConfig(PPOConfig):
+    """What all auxiliary losses share, beside PPO's settings."""
+
+    name: str = "auxiliary"
+    auxiliary_minibatches: int = (
+        4  # gradient steps after each of PPO's updates, which take epochs x minibatches of theirs
+    )
+    auxiliary_learning_rate: float | None = None  # of an Adam of its own; null: PPO's Adam, with its state
+    tau: float = 0.01  # share of the encoder that enters the target encoder after each such step; 1: they are one
+    crop: float = 1.0  # frames are cut to a random window of this share of their sides, and enlarged again
+    shift: int = 0  # frames are moved by up to this many pixels
+    intensity: float = 0.0  # brightness changes by a factor of this deviation
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        most = self.num_envs * self.num_steps // 2  # a contrast needs two frames
+        steps = self.auxiliary_minibatches
+        require(
+            1 <= steps <= most, "algorithm.auxiliary_minibatches", steps, f"from 1 to half a rollout's frames, {most}"
+        )
+        rate = self.auxiliary_learning_rate
+        require(rate is None or rate > 0, "algorithm.auxiliary_learning_rate", rate, "more than 0, or null")
+        require(0 < self.tau <= 0.5 or self.tau == 1, "algorithm.tau", self.tau, "more than 0 and at most 0.5, or 1")
+        require(0 < self.crop <= 1, "algorithm.crop", self.crop, "more than 0, and at most 1")
+        for name in ("shift", "intensity"):
+            require(getattr(self, name) >= 0, f"algorithm.{name}", getattr(self, name), "0 or more")
+
+
+class Auxiliary(ABC):
+    """The learner, see :class:`experiments.algorithms.learner.Learner`: a PPO, a loss, and the optimiser of both."""
+
+    def __init__(self, config: Any, env: VectorEnv, frames: int, seed: int) -> None:
+        shape = observation_shape(env)
+        if len(shape) != 3:
+            raise ConfigError(
+                f"algorithm: {config.name} reads frames, not observations of shape {list(shape)}; observation=rgb shows frames"
+            )
+        self.config = config
+        self.ppo = PPO(config, env, frames, seed)
+        self.policy, self.rng = self.ppo.policy, self.ppo.rng
+        self.encoder: Any = self.policy.actor.encoder
+        self.loss: Any = self.make_loss(action_size(env))
+        self.targets: Any = SoftUpdate(self.loss, tau=config.tau) if config.tau < 1 else None
+        known = {id(weight) for weight in self.encoder.parameters()}
+        own = [weight for weight in self.loss.parameters() if id(weight) not in known]
+        self.weights = [*self.encoder.parameters(), *own]
+        if config.auxiliary_learning_rate is None:
+            self.optimizer = self.ppo.optimizer
+            self.optimizer.add_param_group({"params": own})
+        else:
+            self.optimizer = torch.optim.Adam(self.weights, lr=config.auxiliary_learning_rate, fused=True)
+
+    make_env = staticmethod(PPO.make_env)
+
+    @staticmethod
+    def make_policy(config: PPOConfig, observation_shape: tuple[int, ...], actions: int) -> PPOPolicy:
+        """The network without weights of its own."""
+        return PPO.make_policy(config, observation_shape, actions)
+
+    @abstractmethod
+    def make_loss(self, actions: int) -> LossModule:
+        """The loss, with freshly drawn weights; of its figures, the one called ``loss`` is learned by."""
+
+    @abstractmethod
+    def batches(self, rollout: Rollout) -> Iterator[TensorDict]:
+        """``auxiliary_minibatches`` batches, as the loss reads them."""
+
+    @property
+    def frames(self) -> int:
+        """Environment steps so far."""
+        return self.ppo.frames
+
+    def iterate(self) -> Mapping[str, float]:
+        """Collects, learns as PPO does, then by the auxiliary loss."""
+        rollout, figures = self.ppo.collect()
+        self.ppo.frames += rollout.reward.numel()
+        return {**figures, **self.ppo.learn(rollout), **self.learn(rollout)}
+
+    def learn(self, rollout: Rollout) -> dict[str, float]:
+        """Takes the auxiliary gradient steps on a rollout; returns the mean of the loss's figures."""
+        totals: dict[str, Tensor] = {}
+        for batch in self.batches(rollout):
+            figures = self.loss(batch)
+            self.optimizer.zero_grad()
+            figures["loss"].backward()
+            nn.utils.clip_grad_norm_(self.weights, self.config.max_grad_norm)
+            self.optimizer.step()
+            if self.targets is not None:
+                self.targets.step()
+            for name, value in figures.items():
+                totals[name] = totals.get(name, 0.0) + value.detach()
+        steps = self.config.auxiliary_minibatches
+        means = {f"auxiliary/{name}": float(total) / steps for name, total in totals.items()}
+        check_finite(means, self.frames)
+        return means
+
+    def augmented(self, frames: Tensor) -> Tensor:
+        """The frames [n, ...], each changed by its own draw."""
+        config = self.config
+        if config.crop < 1:
+            frames = random_crop(frames, config.crop, self.rng)
+        if config.shift > 0:
+            frames = random_shift(frames, config.shift, self.rng)
+        if config.intensity > 0:
+            frames = random_intensity(frames, config.intensity, self.rng)
+        return frames
+
+    def drawn(self, module: M) -> M:
+        """The module with fresh weights, where the policy is."""
+        initialize(module, self.rng)
+        return module.to(self.ppo.device)
+
+    def state_dict(self) -> dict[str, Any]:
+        """PPO's state, the loss with its target encoder, and its optimiser."""
+        own = {} if self.optimizer is self.ppo.optimizer else {"auxiliary_optimizer": self.optimizer.state_dict()}
+        return {**self.ppo.state_dict(), "auxiliary": self.loss.state_dict(), **own}
+
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
+        """Goes on from ``state``."""
+        self.ppo.load_state_dict(state)
+        self.loss.load_state_dict(state["auxiliary"])
+        if self.optimizer is not self.ppo.optimizer:
+            self.optimizer.load_state_dict(state["auxiliary_optimizer"])

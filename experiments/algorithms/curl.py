@@ -1,0 +1,90 @@
+"""CURL (Laskin et al. 2020) on PPO: two crops of one frame shall be more alike than crops of two frames.
+
+The defaults follow the paper's protocol: crops of 0.8, contrasts among the 480 frames of a minibatch by x' W y on the
+representation itself, PPO's Adam. ``curl_original`` has what Laskin et al. used, where PPO leaves room for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import torch
+from tensordict import TensorDict, TensorDictBase, TensorDictParams
+from tensordict.nn import TensorDictModule
+from torch import Tensor, nn
+from torch.nn import functional as F
+from torchrl.objectives.common import LossModule
+
+from experiments.algorithms.auxiliary import Auxiliary, AuxiliaryConfig
+from experiments.settings.config import require
+from experiments.collection.collector import Rollout
+
+
+@dataclass(frozen=True)
+class CURLConfig(AuxiliaryConfig):
+    """CURL; the defaults are the paper's protocol, with a window for every frame instead of one for all of a batch."""
+
+    name: str = "curl"
+    learner: ClassVar[str] = "experiments.algorithms.curl:CURL"
+
+    crop: float = 0.8
+    projection: int = 0  # numbers that are compared, after a normalised dense layer; 0: the representation itself
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require(self.projection >= 0, "algorithm.projection", self.projection, "0 or more")
+
+
+class CURL(Auxiliary):
+    """The learner, see :class:`experiments.algorithms.learner.Learner`."""
+
+    def make_loss(self, actions: int) -> CURLLoss:
+        """The contrast of two views of each frame."""
+        width, wanted = self.encoder.width, self.config.projection
+        code = nn.Sequential(nn.Linear(width, wanted), nn.LayerNorm(wanted)) if wanted else nn.Identity()
+        similarity = nn.Linear(wanted or width, wanted or width, bias=False)
+        return CURLLoss(self.encoder, self.drawn(code), self.drawn(similarity), distinct=self.config.tau < 1)
+
+    def batches(self, rollout: Rollout) -> Iterator[TensorDict]:
+        """Disjoint parts of the rollout's frames, two views of each."""
+        frames = rollout.observation.flatten(0, 1)
+        order = torch.randperm(len(frames), generator=self.rng).to(frames.device)
+        for rows in order.tensor_split(self.config.auxiliary_minibatches):
+            part = frames.index_select(0, rows)
+            yield TensorDict({"query": self.augmented(part), "key": self.augmented(part)}, rows.shape)
+
+
+class CURLLoss(LossModule):
+    """InfoNCE over a batch: which of all keys is the query's? Similarity is q' W k; keys are the target encoder's.
+
+    Args:
+        code: representation -> what is compared; its targets move with the encoder's.
+        similarity: W, a dense layer without bias.
+        distinct: whether targets have weights of their own, which somebody moves; otherwise they are the encoder's.
+    """
+
+    network: Any
+    network_params: TensorDictParams
+    target_network_params: TensorDictParams
+
+    def __init__(self, encoder: nn.Module, code: nn.Module, similarity: nn.Module, distinct: bool) -> None:
+        super().__init__()
+        network = TensorDictModule(nn.Sequential(encoder, code), in_keys=["frames"], out_keys=["code"])
+        self.convert_to_functional(network, "network", create_target_params=distinct)
+        self.similarity = similarity
+
+    def forward(self, tensordict: TensorDictBase) -> TensorDict:
+        """``loss`` [nats] and ``accuracy``, the share of queries whose own key is the nearest, of ``query`` and ``key``."""
+        queries = self.codes(tensordict["query"])
+        with torch.no_grad(), self.target_network_params.to_module(self.network, preserve_module_state=False):
+            keys = self.codes(tensordict["key"])
+        scores = self.similarity(queries) @ keys.T
+        own = torch.arange(len(scores), device=scores.device)
+        accuracy = (scores.detach().argmax(-1) == own).float().mean()
+        return TensorDict({"loss": F.cross_entropy(scores, own), "accuracy": accuracy})
+
+    def codes(self, frames: Tensor) -> Tensor:
+        """What is compared [n, d], by the networks as they are."""
+        return self.network(TensorDict({"frames": frames}, [len(frames)]))["code"]

@@ -1,0 +1,187 @@
+"""SAC on frames with random shifts (DrQ, Yarats et al. 2020), which is what the 2022 code called SAC.
+
+One CNN serves policy and critics. The critics' loss trains it, the policy sees it as given, and a slow copy of it looks
+at what comes next for the target critics. Frames are shifted anew, each by its own draw, whenever they are drawn.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+import torch
+from tensordict import TensorDict, TensorDictBase, TensorDictParams
+from tensordict.nn import TensorDictModule
+from torch import Tensor, nn
+from torchrl.objectives import SACLoss
+from torchrl.objectives.common import LossModule
+
+from experiments.networks.augmentations import random_shift
+from experiments.settings.config import PRECISIONS, require, require_encoder, require_known
+from experiments.networks.encoders import initialize, make_encoder
+from experiments.settings.errors import ConfigError
+from experiments.algorithms.off_policy import OffPolicy
+from experiments.algorithms.sac import Critic, GaussianActor, SACConfig, actions_of, make_sac_loss, representation_of
+
+
+@dataclass(frozen=True)
+class DrQConfig(SACConfig):
+    """DrQ; the defaults are the 2022 code's, but for its encoder and its mask, which was 0 on every step."""
+
+    name: str = "drq"
+    learner: ClassVar[str] = "experiments.algorithms.drq:DrQ"
+
+    num_envs: int = 1
+    temperature: float = 0.1
+    encoder: str = "keypoints"  # the CNN that reads frames
+    precision: str = "auto"  # of the CNN: bf16, fp32; auto: bf16 where the processor is made for it
+    projection: int = 50  # numbers of the representation that policy and critics, each by its own layer, keep
+    shift: int = 4  # pixels by which frames are moved at most
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_encoder("algorithm.encoder", self.encoder)
+        require_known("algorithm.precision", self.precision, PRECISIONS)
+        require(self.projection >= 1, "algorithm.projection", self.projection, "at least 1")
+        require(self.shift >= 0, "algorithm.shift", self.shift, "0 or more")
+
+
+class DrQPolicy(nn.Module):
+    """Frames uint8 [n, height, width, depth] -> actions; the representation is the CNN's."""
+
+    def __init__(self, config: DrQConfig, observation_shape: tuple[int, ...], actions: int) -> None:
+        super().__init__()
+        if len(observation_shape) != 3:
+            raise ConfigError(
+                f"algorithm: drq reads frames, not observations of shape {list(observation_shape)}; "
+                "algorithm=sac reads vectors, observation=rgb shows frames"
+            )
+        self.encoder = make_encoder(config, observation_shape)
+        width = features_of(self.encoder, observation_shape)
+        self.actor = nn.Sequential(projection(config, width), GaussianActor(config, config.projection, actions))
+
+    def forward(self, observation: Tensor) -> tuple[Tensor, Tensor]:
+        """``loc`` and ``scale`` of the pre-tanh action."""
+        return self.actor(self.encoder(observation))
+
+    def act(self, observation: np.ndarray, *, rng: torch.Generator | None) -> np.ndarray:
+        """Actions float32 [n, actions]; sampled with ``rng``, deterministic where it is None."""
+        return actions_of(self, observation, rng)
+
+    def represent(self, observation: np.ndarray) -> np.ndarray:
+        """The representation phi, float32 [n, width]."""
+        return representation_of(self.encoder, observation)
+
+
+class ProjectedCritic(nn.Module):
+    """Representation [n, width] and pre-tanh actions [n, actions] -> value [n, 1]."""
+
+    def __init__(self, config: DrQConfig, width: int, actions: int) -> None:
+        super().__init__()
+        self.projection = projection(config, width)
+        self.critic = Critic(config, config.projection, actions)
+
+    def forward(self, features: Tensor, u: Tensor) -> Tensor:
+        """The value of the action tanh(u)."""
+        return self.critic(self.projection(features), u)
+
+
+class DrQ(OffPolicy):
+    """The learner, see :class:`experiments.algorithms.learner.Learner`."""
+
+    @staticmethod
+    def make_policy(config: DrQConfig, observation_shape: tuple[int, ...], actions: int) -> DrQPolicy:
+        """The network without weights of its own."""
+        return DrQPolicy(config, observation_shape, actions)
+
+    def make_loss(self) -> DrQLoss:
+        """The loss over CNN, policy and two critics."""
+        width = features_of(self.policy.encoder, self.shape)
+        critics: list[nn.Module] = [ProjectedCritic(self.config, width, self.actions) for _ in range(2)]
+        for network in (self.policy, *critics):
+            initialize(network, self.rng)
+            network.to(self.device)
+        heads = make_sac_loss(
+            self.config, self.policy.actor, critics, self.rng, actor_sees="seen", critics_see="features"
+        )
+        return DrQLoss(self.config, self.policy.encoder, heads, self.rng)
+
+
+class DrQLoss(LossModule):
+    """TorchRL's SAC loss behind one CNN.
+
+    Args:
+        heads: the loss of policy and critics on ``features``, which the critics' gradient passes, and on ``seen``, the same
+            without gradient; of the next step, ``features`` are the slow CNN's and ``seen`` the quick one's.
+        rng: draws the shifts.
+    """
+
+    heads: Any
+    encoder: Any
+    encoder_params: TensorDictParams
+    target_encoder_params: TensorDictParams
+
+    def __init__(self, config: DrQConfig, encoder: nn.Module, heads: SACLoss, rng: torch.Generator) -> None:
+        super().__init__()
+        module = TensorDictModule(encoder, in_keys=["observation"], out_keys=["features"])
+        self.convert_to_functional(module, "encoder", create_target_params=True)
+        self.heads, self.shift, self.rng = heads, config.shift, rng
+
+    def forward(self, tensordict: TensorDictBase) -> TensorDict:
+        """``loss_qvalue``, ``loss_actor``, ``loss_alpha``, ``alpha`` and ``entropy`` of a batch of steps."""
+        batch = self.encoded(tensordict)
+        loss_qvalue, _ = self.heads.qvalue_v2_loss(batch)
+        as_given = batch.select("seen").set("features", batch["seen"])
+        loss_actor, noted = self.heads.actor_loss(as_given)
+        log_prob = noted["log_prob"]
+        return TensorDict({
+            "loss_qvalue": loss_qvalue,
+            "loss_actor": loss_actor,
+            "loss_alpha": self.heads.alpha_loss(log_prob).mean(),
+            "alpha": self.heads.log_alpha.detach().exp(),
+            "entropy": -log_prob.mean(),
+        })  # fmt: skip
+
+    def encoded(self, batch: TensorDictBase) -> TensorDict:
+        """The batch with representations of shifted frames in place of frames."""
+        now = random_shift(batch["observation"], self.shift, self.rng)
+        after = random_shift(batch["next", "observation"], self.shift, self.rng)
+        features = self.encode(now, self.encoder_params)
+        with torch.no_grad():
+            ahead = {
+                "seen": self.encode(after, self.encoder_params),
+                "features": self.encode(after, self.target_encoder_params),
+                **{key: batch["next", key] for key in ("reward", "terminated", "done")},
+            }
+        size = batch.batch_size
+        entries = {"features": features, "seen": features.detach(), "u": batch["u"], "next": TensorDict(ahead, size)}
+        return TensorDict(entries, size)
+
+    def encode(self, frames: Tensor, weights: TensorDictParams) -> Tensor:
+        """Representations [n, width] by the CNN with these weights."""
+        with weights.to_module(self.encoder, preserve_module_state=False):
+            return self.encoder(TensorDict({"observation": frames}, [len(frames)]))["features"]
+
+
+def projection(config: DrQConfig, width: int) -> nn.Sequential:
+    """Representation -> what a head keeps of it, normalised and between -1 and 1."""
+    return nn.Sequential(nn.Linear(width, config.projection), nn.LayerNorm(config.projection), nn.Tanh())
+
+
+def features_of(encoder: nn.Module, observation_shape: tuple[int, ...]) -> int:
+    """Size of the encoder's representation."""
+    with torch.no_grad():
+        return encoder(torch.zeros(1, *observation_shape, dtype=torch.uint8)).shape[-1]
+
+
+def cnn_2022(height: int, width: int, depth: int) -> nn.Sequential:
+    """The CNN of the 2022 code: 3x3 filters of stride 2, channels 32, 64, 128, 256, each with ReLU.
+
+    The representation is the last layer, 4096 numbers for 64 x 64 frames; 388 416 parameters.
+    """
+    layers: list[nn.Module] = []
+    for channels in (32, 64, 128, 256):
+        layers += [nn.Conv2d(depth, channels, 3, stride=2, padding=1), nn.ReLU(inplace=True)]
+        depth = channels
+    return nn.Sequential(*layers, nn.Flatten())

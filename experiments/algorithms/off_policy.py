@@ -1,0 +1,182 @@
+"""What SAC's kind shares: steps go into a replay, and gradient steps on draws from it keep pace with them.
+
+A learner of this kind is a sub-class that says which policy acts and which loss it learns by.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+from torchrl.objectives import SoftUpdate
+from torchrl.objectives.common import LossModule
+
+from experiments.settings.config import REWARD_TRANSFORMS, AlgorithmConfig, require, require_known
+from experiments.networks.devices import usable_device
+from experiments.algorithms.ppo import check_finite, learner_reward
+from experiments.collection.replay import Replay
+from experiments.collection.collector import action_size, figures_at_end, mean_figures, observation_shape
+from experiments.collection.environment_state import as_tensors, from_tensors
+from segar.envs.vector import VectorEnv
+
+
+@dataclass(frozen=True)
+class OffPolicyConfig(AlgorithmConfig):
+    """How steps and gradient steps alternate, and what is remembered."""
+
+    name: str = "off_policy"
+    num_envs: int = 4
+    num_steps: int = 64  # per environment and iteration, which is what figures are averaged over
+    warmup: int = 1000  # environment steps with uniformly random actions, before anything is learned
+    steps_per_update: int = 1  # environment steps per gradient step
+    batch_size: int = 256
+    capacity: int = 100_000  # rows of the replay: steps, and last observations of episodes
+    learning_rate: float = 3e-4
+    gamma: float = 0.99
+    tau: float = 0.005  # share of the weights that enters the target networks after each gradient step
+    reward_transform: str = "none"  # what the learner sees of the reward r: r itself, or sqrt: sign(r) |r|^1/2
+    reward_scale: float = 1.0  # times this
+    device: str = "cpu"  # where networks and replay live: cpu, cuda, cuda:1
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("num_steps", "steps_per_update", "batch_size"):
+            require(getattr(self, name) >= 1, f"algorithm.{name}", getattr(self, name), "at least 1")
+        for name in ("learning_rate", "reward_scale"):
+            require(getattr(self, name) > 0, f"algorithm.{name}", getattr(self, name), "more than 0")
+        require(0 <= self.gamma <= 1, "algorithm.gamma", self.gamma, "between 0 and 1")
+        require(0 < self.tau <= 0.5, "algorithm.tau", self.tau, "more than 0, and at most 0.5")
+        # Two steps of all environments, each with the last observations of its episodes: then one can be drawn.
+        least = 4 * self.num_envs
+        require(self.capacity >= least, "algorithm.capacity", self.capacity, f"at least {least}, 4 x num_envs")
+        require(
+            self.warmup >= 2 * self.num_envs,
+            "algorithm.warmup",
+            self.warmup,
+            f"at least 2 x num_envs, {2 * self.num_envs}",
+        )
+        require_known("algorithm.reward_transform", self.reward_transform, REWARD_TRANSFORMS)
+
+
+class OffPolicy(ABC):
+    """The learner, see :class:`experiments.algorithms.learner.Learner`."""
+
+    def __init__(self, config: Any, env: VectorEnv, frames: int, seed: int) -> None:
+        self.config, self.env, self.device = config, env, usable_device(config.device)
+        self.rng = torch.Generator().manual_seed(seed)  # of the processor, so that devices draw alike
+        self.shape, self.actions = observation_shape(env), action_size(env)
+        self.policy: Any = self.make_policy(config, self.shape, self.actions)
+        self.loss: Any = self.make_loss()
+        self.optimizer = torch.optim.Adam(self.loss.parameters(), lr=config.learning_rate, fused=True)
+        self.targets = [
+            SoftUpdate(part, tau=config.tau) for part in self.loss.modules() if isinstance(part, LossModule)
+        ]
+        self.replay = Replay(config.capacity, config.num_envs, self.rng, self.device)
+        self.frames = 0
+        self.current, _ = env.reset()
+
+    @staticmethod
+    def make_env(levels: Any, num_envs: int, **options: Any) -> VectorEnv:
+        """Environments that start the next episode by themselves."""
+        return VectorEnv(levels, num_envs, **options)
+
+    @staticmethod
+    @abstractmethod
+    def make_policy(config: Any, observation_shape: tuple[int, ...], actions: int) -> nn.Module:
+        """The network that acts: ``forward(observation)`` gives ``loc``, ``scale``, each [n, actions]."""
+
+    @abstractmethod
+    def make_loss(self) -> LossModule:
+        """Draws the weights of the policy and of all else that learns, and returns the loss that owns them."""
+
+    def iterate(self) -> Mapping[str, float]:
+        """``num_steps`` steps in every environment, each followed by the gradient steps that are due."""
+        ended: list[Mapping[str, np.ndarray]] = []
+        updates: list[dict[str, Tensor]] = []
+        for _ in range(self.config.num_steps):
+            info = self.step()
+            if "_final_info" in info:
+                ended.append(figures_at_end(info))
+            updates += [self.update() for _ in range(self.due())]
+        figures = {**mean_figures(ended), "updates": float(len(updates))}
+        if updates:
+            figures |= {name: float(torch.stack([u[name] for u in updates]).mean()) for name in updates[0]}
+        check_finite(figures, self.frames)
+        return figures
+
+    @torch.no_grad()
+    def step(self) -> Mapping[str, Any]:
+        """Steps every environment once and remembers the step; returns what the environments say about it."""
+        before, noise_shape = self.current, (self.config.num_envs, self.actions)
+        if self.frames < self.config.warmup:  # uniform actions
+            u = (2.0 * torch.rand(noise_shape, generator=self.rng) - 1.0).clamp(min=-NEAR_ONE).atanh()
+        else:
+            loc, scale = self.policy(torch.from_numpy(before).to(self.device))
+            u = loc.cpu() + scale.cpu() * torch.randn(noise_shape, generator=self.rng)
+        self.current, reward, terminated, truncated, info = self.env.step(u.tanh().numpy())
+        done = terminated | truncated
+        last = info.get("final_obs", self.current)
+        self.replay.add(
+            torch.from_numpy(before),
+            u,
+            *(torch.from_numpy(array)[:, None] for array in (reward.astype(np.float32), terminated, done)),
+            last=torch.from_numpy(last),
+        )
+        self.frames += len(u)
+        return info
+
+    def due(self) -> int:
+        """Gradient steps that the last step of the environments asks for."""
+        if self.frames < self.config.warmup:
+            return 0
+        per = self.config.steps_per_update
+        return self.frames // per - (self.frames - self.config.num_envs) // per
+
+    def update(self) -> dict[str, Tensor]:
+        """One gradient step on all losses; returns their figures."""
+        batch = self.replay.sample(self.config.batch_size)
+        batch["next", "reward"] = learner_reward(self.config, batch["next", "reward"])
+        figures = self.loss(batch)
+        losses = {name: value for name, value in figures.items() if name.startswith("loss_")}
+        self.optimizer.zero_grad()
+        torch.stack(list(losses.values())).sum().backward()
+        self.optimizer.step()
+        for target in self.targets:
+            target.step()
+        return {LOGGED[name]: value.detach() for name, value in figures.items() if name in LOGGED}
+
+    def state_dict(self) -> dict[str, Any]:
+        """All networks with their targets, optimiser, replay, generator, counter and the running episodes."""
+        return {
+            "loss": self.loss.state_dict(),
+            "optimizer": self.optimizer.state_dict(),
+            "replay": self.replay.state_dict(),
+            "rng": self.rng.get_state(),
+            "frames": self.frames,
+            "env": as_tensors(self.env.state()),
+        }
+
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
+        """Goes on from ``state``."""
+        self.loss.load_state_dict(state["loss"])
+        self.optimizer.load_state_dict(state["optimizer"])
+        self.replay.load_state_dict(state["replay"])
+        self.rng.set_state(state["rng"])
+        self.frames = state["frames"]
+        self.current = self.env.restore(from_tensors(self.env.state(), state["env"]))
+
+
+NEAR_ONE = 1.0 - 2.0**-23  # -1 itself would be an infinite pre-tanh action
+
+# What losses report under which name in metrics.
+LOGGED = {
+    "loss_actor": "loss/policy",
+    "loss_qvalue": "loss/value",
+    "alpha": "policy/temperature",
+    "entropy": "policy/entropy",
+}

@@ -1,0 +1,170 @@
+"""PPO with a memory: TorchRL's GRU or LSTM stands between the encoder and the heads, and learns through whole rollouts.
+
+Minibatches are environments, each with all of its steps. The memory is emptied where an episode begins.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+import torch
+from tensordict import TensorDict, TensorDictBase
+from tensordict.nn import TensorDictModule
+from torch import Tensor, nn
+from torchrl.modules import GRUModule, LSTMModule, set_recurrent_mode
+from torchrl.objectives import ClipPPOLoss
+
+from experiments.settings.config import PPOConfig, require, require_known
+from experiments.networks.encoders import initialize, make_encoder
+from experiments.networks.policies import make_head
+from experiments.algorithms.ppo import PPO, clipped_loss
+from experiments.collection.collector import Rollout
+from segar.envs.vector import VectorEnv
+
+CORES = {"gru": GRUModule, "lstm": LSTMModule}
+STATES = {"gru": ("h",), "lstm": ("h", "c")}  # what each core remembers
+
+
+@dataclass(frozen=True)
+class RecurrentPPOConfig(PPOConfig):
+    """PPO's settings and those of the memory."""
+
+    name: str = "ppo_recurrent"
+    learner: ClassVar[str] = "experiments.algorithms.recurrent_ppo:RecurrentPPO"
+
+    core: str = "gru"  # or lstm
+    core_width: int = 128  # numbers that the heads read
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_known("algorithm.core", self.core, tuple(CORES))
+        require(self.core_width >= 1, "algorithm.core_width", self.core_width, "at least 1")
+        require(
+            self.minibatches <= self.num_envs,
+            "algorithm.minibatches",
+            self.minibatches,
+            f"at most num_envs, {self.num_envs}: a minibatch is made of whole environments",
+        )
+        require(self.shared is not False, "algorithm.shared", self.shared, "true: policy and value read one memory")
+        require(
+            not self.compile, "algorithm.compile", self.compile, "false: torch cannot trace TorchRL's recurrent layers"
+        )
+
+
+class RecurrentPolicy(nn.Module):
+    """Encoder, core, and heads of policy and value.
+
+    Parameters of a core of width w: 3 (GRU) or 4 (LSTM) times w (w + phi + 2), phi being the representation's width.
+
+    While it acts it remembers the episodes that :meth:`begin` started; ``step`` takes and gives the memory instead.
+    """
+
+    def __init__(self, config: RecurrentPPOConfig, observation_shape: tuple[int, ...], actions: int) -> None:
+        super().__init__()
+        self.states = STATES[config.core]
+        self.memory_width = len(self.states) * config.core_width
+        self.encoder = make_encoder(config, observation_shape)
+        self.core = CORES[config.core](
+            self.encoder.width,
+            config.core_width,
+            in_keys=["phi", *self.states, "is_init"],
+            out_keys=["hidden", *(("next", state) for state in self.states)],
+        )
+        self.mean = make_head(config, config.core_width, actions)
+        self.log_std = make_head(config, config.core_width, actions)
+        self.value = make_head(config, config.core_width, 1)
+        self.log_std_range = (config.min_log_std, config.max_log_std)
+        self.initial_log_std = math.log(config.initial_std)
+        self.acting = torch.empty(0)
+
+    @property
+    def cells(self) -> nn.Module:
+        """Torch's own GRU or LSTM."""
+        return getattr(self.core, "gru" if len(self.states) == 1 else "lstm")
+
+    def initialize(self, rng: torch.Generator) -> None:
+        """Draws all weights; those of the core are uniform within 1 / sqrt(width), as torch has them."""
+        initialize(self, rng)
+        nn.init.constant_(self.log_std[-1].bias, self.initial_log_std)  # type: ignore[arg-type]
+        bound = int(self.cells.hidden_size) ** -0.5  # type: ignore[arg-type]
+        for weights in self.cells.parameters():
+            nn.init.uniform_(weights, -bound, bound, generator=rng)
+
+    def heads(self, hidden: Tensor) -> tuple[Tensor, Tensor]:
+        """``loc`` and ``scale`` [..., actions]."""
+        return self.mean(hidden), self.log_std(hidden).clamp(*self.log_std_range).exp()
+
+    def step(self, observation: Tensor, memory: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        """See :class:`experiments.collection.collector.StepPolicy`."""
+        states = [part.contiguous()[None] for part in memory.chunk(len(self.states), -1)]
+        hidden, after = self.cells(self.encoder(observation)[:, None], states[0] if len(states) == 1 else tuple(states))
+        hidden = hidden[:, 0]
+        memory = torch.cat([after] if isinstance(after, Tensor) else list(after), -1)[0]
+        return (*self.heads(hidden), self.value(hidden), memory)
+
+    def begin(self, env: VectorEnv) -> None:
+        """Forgets all: episodes start in ``env``."""
+        self.acting = torch.zeros(env.num_envs, self.memory_width, device=next(self.parameters()).device)
+
+    def prepare(self, observation: Tensor, done: Tensor) -> Tensor:
+        """A rollout's observations [T, N, ...] as the encoder is to read them several times."""
+        return self.encoder.prepare(observation, done)
+
+    @torch.no_grad()
+    def act(self, observation: np.ndarray, *, rng: torch.Generator | None) -> np.ndarray:
+        """Actions float32 [n, actions] of the next step; sampled with ``rng``, deterministic where it is None."""
+        device = self.acting.device
+        loc, scale, _, self.acting = self.step(torch.from_numpy(observation).to(device), self.acting)
+        u = loc if rng is None else loc + scale * torch.randn(loc.shape, generator=rng).to(device)
+        return u.tanh().cpu().numpy()
+
+    @torch.no_grad()
+    def represent(self, observation: np.ndarray) -> np.ndarray:
+        """The representation phi, float32 [n, width]: what the encoder makes of one observation, without memory."""
+        return self.encoder(torch.from_numpy(observation).to(next(self.parameters()).device)).cpu().numpy()
+
+
+class RecurrentPPO(PPO):
+    """The learner, see :class:`experiments.algorithms.learner.Learner`."""
+
+    config: RecurrentPPOConfig
+
+    @staticmethod
+    def make_policy(config: Any, observation_shape: tuple[int, ...], actions: int) -> Any:
+        """The network without weights of its own."""
+        return RecurrentPolicy(config, observation_shape, actions)
+
+    def make_loss(self) -> ClipPPOLoss:
+        """TorchRL's clipped loss of sequences; its critic reads what the core made of the frames, as the policy does."""
+        policy: Any = self.policy
+        encode = TensorDictModule(policy.encoder, in_keys=["observation"], out_keys=["phi"])
+        heads = TensorDictModule(policy.heads, in_keys=["hidden"], out_keys=["loc", "scale"])
+        critic = TensorDictModule(policy.value, in_keys=["hidden"], out_keys=["state_value"])
+        return clipped_loss(self.config, (encode, policy.core, heads), critic)
+
+    def losses(self, minibatch: TensorDict) -> TensorDictBase:
+        """As PPO's, of sequences [n, T]."""
+        with set_recurrent_mode(True):
+            return self.loss(minibatch)
+
+    def make_batch(self, rollout: Rollout) -> TensorDict:
+        """What the loss reads, [T, N]: PPO's batch, where episodes began, and the memory in front of the first step."""
+        batch = super().make_batch(rollout)
+        batch["is_init"] = torch.cat([torch.zeros_like(rollout.done[:1]), rollout.done[:-1]])
+        for name, first in zip(self.policy.states, rollout.memory.chunk(len(self.policy.states), -1), strict=True):
+            # The core reads the memory where a sequence begins, and nowhere else.
+            batch[name] = first.new_zeros(*batch.shape, 1, first.shape[-1])
+            batch[name][0] = first[:, None]
+        return batch
+
+    def minibatches(self, batch: TensorDict) -> Iterator[TensorDict]:
+        """Random disjoint groups of environments with all their steps [n, T], ``epochs`` times over."""
+        for _ in range(self.config.epochs):
+            order = torch.randperm(batch.shape[1], generator=self.rng).to(self.device)
+            for rows in order.tensor_split(self.config.minibatches):
+                parts = {key: value.index_select(1, rows).transpose(0, 1) for key, value in batch.items()}
+                yield TensorDict(parts, [len(rows), batch.shape[0]])

@@ -1,0 +1,180 @@
+"""Soft actor-critic on states (Haarnoja et al. 2018b): TorchRL's loss and target networks, our replay and loop.
+
+Critics look ahead from every step but those that terminated: a truncated episode's last observation is in the replay.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+import torch
+from tensordict.nn import ProbabilisticTensorDictModule, ProbabilisticTensorDictSequential, TensorDictModule
+from torch import Tensor, nn
+from torchrl.objectives import SACLoss
+
+from experiments.settings.config import require
+from experiments.networks.encoders import MLP, initialize
+from experiments.settings.errors import ConfigError
+from experiments.algorithms.off_policy import OffPolicy, OffPolicyConfig
+from experiments.networks.policies import SquashedNormal
+
+
+@dataclass(frozen=True)
+class SACConfig(OffPolicyConfig):
+    """SAC; the defaults are those of Haarnoja et al. (2018b) but for the number of environments and the replay."""
+
+    name: str = "sac"
+    learner: ClassVar[str] = "experiments.algorithms.sac:SAC"
+
+    widths: tuple[int, ...] = (256, 256)  # of the hidden layers of policy and critics
+    temperature: float = 1.0  # of the entropy, at first; it is learned
+    target_entropy: float = -2.0  # minus the number of actions
+    min_log_std: float = -10.0
+    max_log_std: float = 2.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require(self.temperature > 0, "algorithm.temperature", self.temperature, "more than 0")
+        positive = bool(self.widths) and min(self.widths) >= 1
+        require(positive, "algorithm.widths", list(self.widths), "one or more numbers, each at least 1")
+        room = self.max_log_std - self.min_log_std
+        require(room > 0, "algorithm.min_log_std", self.min_log_std, f"less than max_log_std, {self.max_log_std}")
+
+
+class GaussianActor(nn.Module):
+    """Features [n, inputs] -> ``loc``, ``scale`` of the pre-tanh action, each [n, actions]."""
+
+    def __init__(self, config: SACConfig, inputs: int, actions: int) -> None:
+        super().__init__()
+        self.trunk = MLP(inputs, config.widths)
+        self.mean = nn.Linear(self.trunk.width, actions)
+        self.log_std = nn.Linear(self.trunk.width, actions)
+        self.log_std_range = (config.min_log_std, config.max_log_std)
+
+    def forward(self, features: Tensor) -> tuple[Tensor, Tensor]:
+        """The law of the pre-tanh action."""
+        hidden = self.trunk(features)
+        return self.mean(hidden), self.log_std(hidden).clamp(*self.log_std_range).exp()
+
+
+class Critic(nn.Module):
+    """Features [n, inputs] and pre-tanh actions [n, actions] -> value [n, 1]."""
+
+    def __init__(self, config: SACConfig, inputs: int, actions: int) -> None:
+        super().__init__()
+        self.trunk = MLP(inputs + actions, config.widths)
+        self.value = nn.Linear(self.trunk.width, 1)
+
+    def forward(self, features: Tensor, u: Tensor) -> Tensor:
+        """The value of the action tanh(u)."""
+        return self.value(self.trunk(torch.cat([features, u.tanh()], -1)))
+
+
+class SACPolicy(nn.Module):
+    """State vectors -> actions; the representation is the last hidden layer."""
+
+    def __init__(self, config: SACConfig, observation_shape: tuple[int, ...], actions: int) -> None:
+        super().__init__()
+        if len(observation_shape) != 1:
+            raise ConfigError(
+                f"algorithm: sac reads vectors, not observations of shape {list(observation_shape)}; algorithm=drq reads frames"
+            )
+        self.actor = GaussianActor(config, observation_shape[0], actions)
+
+    def forward(self, observation: Tensor) -> tuple[Tensor, Tensor]:
+        """``loc`` and ``scale`` of the pre-tanh action."""
+        return self.actor(observation)
+
+    def act(self, observation: np.ndarray, *, rng: torch.Generator | None) -> np.ndarray:
+        """Actions float32 [n, actions]; sampled with ``rng``, deterministic where it is None."""
+        return actions_of(self, observation, rng)
+
+    def represent(self, observation: np.ndarray) -> np.ndarray:
+        """The representation phi, float32 [n, width]."""
+        return representation_of(self.actor.trunk, observation)
+
+
+class SAC(OffPolicy):
+    """The learner, see :class:`experiments.algorithms.learner.Learner`."""
+
+    @staticmethod
+    def make_policy(config: SACConfig, observation_shape: tuple[int, ...], actions: int) -> SACPolicy:
+        """The network without weights of its own."""
+        return SACPolicy(config, observation_shape, actions)
+
+    def make_loss(self) -> SACLoss:
+        """TorchRL's loss, over the policy and two critics."""
+        critics: list[nn.Module] = [Critic(self.config, self.shape[0], self.actions) for _ in range(2)]
+        for network in (self.policy, *critics):
+            initialize(network, self.rng)
+            network.to(self.device)
+        return make_sac_loss(self.config, self.policy.actor, critics, self.rng)
+
+
+@torch.no_grad()
+def actions_of(policy: nn.Module, observation: np.ndarray, rng: torch.Generator | None) -> np.ndarray:
+    """Actions float32 [n, actions]; sampled with ``rng``, deterministic where it is None."""
+    loc, scale = policy(torch.from_numpy(observation).to(_device(policy)))
+    u = loc if rng is None else loc + scale * torch.randn(loc.shape, generator=rng).to(loc.device)
+    return u.tanh().cpu().numpy()
+
+
+@torch.no_grad()
+def representation_of(encoder: nn.Module, observation: np.ndarray) -> np.ndarray:
+    """The encoder's output, float32 [n, width]."""
+    return encoder(torch.from_numpy(observation).to(_device(encoder))).cpu().numpy()
+
+
+def _device(module: nn.Module) -> torch.device:
+    return next(module.parameters()).device
+
+
+def make_sac_loss(
+    config: SACConfig,
+    actor: nn.Module,
+    critics: list[nn.Module],
+    rng: torch.Generator,
+    actor_sees: str = "observation",
+    critics_see: str = "observation",
+) -> SACLoss:
+    """TorchRL's loss on batches of what actor and critics see, ``u``, and the same ``next`` with reward and end.
+
+    Args:
+        actor: what it sees -> ``loc``, ``scale``.
+        critics: each what it sees, ``u`` -> value; of one architecture, with weights of their own.
+        rng: draws the actions that losses look at.
+    """
+    parts: list[Any] = [
+        TensorDictModule(actor, in_keys=[actor_sees], out_keys=["loc", "scale"]),
+        ProbabilisticTensorDictModule(
+            in_keys=["loc", "scale"], out_keys=["u"], distribution_class=_drawing_from(rng), return_log_prob=True
+        ),
+    ]
+    loss = SACLoss(
+        ProbabilisticTensorDictSequential(*parts),
+        [TensorDictModule(one, in_keys=[critics_see, "u"], out_keys=["state_action_value"]) for one in critics],
+        num_qvalue_nets=len(critics),
+        loss_function="l2",
+        alpha_init=config.temperature,
+        target_entropy=config.target_entropy,
+    )
+    loss.make_value_estimator(gamma=config.gamma)
+    return loss
+
+
+class _SeededNormal(SquashedNormal):
+    """A squashed Gaussian that draws from a generator of its own instead of torch's global one."""
+
+    def __init__(self, loc: Tensor, scale: Tensor, rng: torch.Generator) -> None:
+        super().__init__(loc, scale)
+        self.rng = rng
+
+    def rsample(self, sample_shape: Any = ()) -> Tensor:
+        noise = torch.randn((*sample_shape, *self.base_dist.loc.shape), generator=self.rng)
+        return self.base_dist.loc + self.base_dist.scale * noise.to(self.base_dist.loc.device)
+
+
+def _drawing_from(rng: torch.Generator) -> Any:
+    return lambda loc, scale: _SeededNormal(loc, scale, rng)

@@ -1,0 +1,196 @@
+"""SPR (Schwarzer et al. 2020) on PPO: from a frame and the actions after it, foretell the representations that follow.
+
+The defaults follow the paper's protocol, which foretells one step by one network of representation and action.
+``spr_original`` foretells five by a transition model, as Schwarzer et al. did, where PPO leaves room for it.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import torch
+from tensordict import TensorDict, TensorDictBase, TensorDictParams
+from tensordict.nn import TensorDictModule
+from torch import Tensor, nn
+from torch.nn import functional as F
+from torchrl.objectives.common import LossModule
+
+from experiments.algorithms.auxiliary import Auxiliary, AuxiliaryConfig
+from experiments.settings.config import require, require_known
+from experiments.collection.collector import Rollout
+
+
+@dataclass(frozen=True)
+class SPRConfig(AuxiliaryConfig):
+    """SPR; the defaults are the paper's protocol, on sequences of all environments that end with their episode."""
+
+    name: str = "spr"
+    learner: ClassVar[str] = "experiments.algorithms.spr:SPR"
+
+    crop: float = 0.8
+    horizon: int = 1  # steps that are foretold
+    model: str = "action_projection"  # the 2022 code's, which foretells one step; or transition, Schwarzer et al.'s
+    model_width: int = 256
+    weight: float = 1.0  # of the loss
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_known("algorithm.model", self.model, tuple(MODELS))
+        most = 1 if self.model == "action_projection" else self.num_steps - 1
+        require(1 <= self.horizon <= most, "algorithm.horizon", self.horizon, f"from 1 to {most}")
+        require(self.model_width >= 1, "algorithm.model_width", self.model_width, "at least 1")
+        require(self.weight > 0, "algorithm.weight", self.weight, "more than 0")
+        starts = (self.num_steps - self.horizon) * self.num_envs
+        require(
+            self.auxiliary_minibatches <= starts,
+            "algorithm.auxiliary_minibatches",
+            self.auxiliary_minibatches,
+            f"at most the number of sequences in a rollout, {starts}",
+        )
+
+
+class SPR(Auxiliary):
+    """The learner, see :class:`experiments.algorithms.learner.Learner`."""
+
+    def make_loss(self, actions: int) -> SPRLoss:
+        """The error of what is foretold."""
+        model = MODELS[self.config.model](self.encoder.width, self.config.model_width, actions)  # type: ignore[call-arg]
+        return SPRLoss(self.encoder, self.drawn(model), self.config.weight, distinct=self.config.tau < 1)
+
+    def batches(self, rollout: Rollout) -> Iterator[TensorDict]:
+        """Disjoint parts of all sequences of a rollout."""
+        horizon, (steps, envs) = self.config.horizon, rollout.done.shape[:2]
+        order = torch.randperm((steps - horizon) * envs, generator=self.rng).to(rollout.done.device)
+        for starts in order.tensor_split(self.config.auxiliary_minibatches):
+            time, env = starts // envs, starts % envs
+            part = sequences(rollout, time, env, horizon)
+            views = self.augmented(part["observation"].flatten(0, 1)).unflatten(0, (-1, horizon + 1))
+            yield part.set("first", self.augmented(part["observation"][:, 0])).set("following", views[:, 1:])
+
+
+def sequences(rollout: Rollout, time: Tensor, env: Tensor, horizon: int) -> TensorDict:
+    """Pieces of a rollout that begin at step ``time`` (int [n]) of environments ``env`` (int [n]).
+
+    ``observation`` [n, horizon + 1, ...], ``action`` [n, horizon, d], and ``valid`` bool [n, horizon]: whether
+    observation k + 1 belongs to the episode of observation 0.
+    """
+    steps = time[:, None] + torch.arange(horizon + 1, device=time.device)
+    done = rollout.done.squeeze(-1)[steps[:, :-1], env[:, None]]
+    entries = {
+        "observation": rollout.observation[steps, env[:, None]],
+        "action": rollout.u[steps[:, :-1], env[:, None]].tanh(),
+        "valid": ~done.cumsum(1).bool(),
+    }
+    return TensorDict(entries, [len(time)])
+
+
+class SPRLoss(LossModule):
+    """Twice the cosine distance between what is foretold and the target network's view of what came.
+
+    Args:
+        model: foretells, and projects what is compared; the projection's targets move with the encoder's.
+        weight: of the loss.
+        distinct: whether targets have weights of their own, which somebody moves; otherwise they are the encoder's.
+    """
+
+    network: Any
+    network_params: TensorDictParams
+    target_network_params: TensorDictParams
+
+    def __init__(self, encoder: nn.Module, model: Model, weight: float, distinct: bool) -> None:
+        super().__init__()
+        network = TensorDictModule(_Projected(encoder, model), in_keys=["frames"], out_keys=["code"])
+        self.convert_to_functional(network, "network", create_target_params=distinct)
+        self.weight = weight
+
+    def forward(self, tensordict: TensorDictBase) -> TensorDict:
+        """``loss``, and ``cosine`` between foretold and seen, of what :meth:`SPR.batches` yields."""
+        horizon = tensordict["action"].shape[1]
+        online = self.network.module
+        foretold = online.model.foretell(online.encoder(tensordict["first"]), tensordict["action"])
+        with torch.no_grad(), self.target_network_params.to_module(self.network, preserve_module_state=False):
+            frames = tensordict["following"].flatten(0, 1)
+            seen = self.network(TensorDict({"frames": frames}, [len(frames)]))["code"].unflatten(0, (-1, horizon))
+        cosine = F.cosine_similarity(foretold, seen, dim=-1)
+        valid = tensordict["valid"].float()
+        mean = (cosine * valid).sum() / valid.sum().clamp(min=1.0)
+        return TensorDict({"loss": self.weight * (2.0 - 2.0 * mean), "cosine": mean.detach()})
+
+
+class _Projected(nn.Module):
+    """Frames -> codes, by encoder and projection; holds all that has a target."""
+
+    def __init__(self, encoder: nn.Module, model: Model) -> None:
+        super().__init__()
+        self.encoder, self.model = encoder, model
+
+    def forward(self, frames: Tensor) -> Tensor:
+        return self.model.project(self.encoder(frames))
+
+
+class Model(nn.Module, ABC):
+    """What foretells."""
+
+    @abstractmethod
+    def foretell(self, representation: Tensor, actions: Tensor) -> Tensor:
+        """Codes [n, k, d] of the k next representations, from the first one [n, width] and actions [n, k, actions]."""
+
+    @abstractmethod
+    def project(self, representation: Tensor) -> Tensor:
+        """The code [n, d] of a representation that was seen."""
+
+
+class ActionProjection(Model):
+    """The 2022 code's: one projection of representation and action, and a predictor; what was seen has no action.
+
+    Each layer is dense with tanh. For 256 wide and two actions: 197 888 parameters.
+    """
+
+    def __init__(self, inputs: int, width: int, actions: int) -> None:
+        super().__init__()
+        self.width = width
+        self.action = nn.Sequential(nn.Linear(actions, width), nn.Tanh())
+        self.projection = nn.Sequential(nn.Linear(inputs + width, width), nn.Tanh())
+        self.predictor = nn.Sequential(nn.Linear(width, width), nn.Tanh())
+
+    def foretell(self, representation: Tensor, actions: Tensor) -> Tensor:
+        """See :class:`Model`; k is 1."""
+        action = self.action(actions.squeeze(1))
+        return self.predictor(self.projection(torch.cat([representation, action], -1)))[:, None]
+
+    def project(self, representation: Tensor) -> Tensor:
+        """See :class:`Model`."""
+        nothing = representation.new_zeros(len(representation), self.width)
+        return self.projection(torch.cat([representation, nothing], -1))
+
+
+class Transition(Model):
+    """Schwarzer et al.'s: a transition model that is applied again and again, a projection, and a linear predictor.
+
+    Their transition model is convolutional, as their representation is an image; here it is an MLP that adds to a vector.
+    For 256 wide and two actions: 263 936 parameters.
+    """
+
+    def __init__(self, inputs: int, width: int, actions: int) -> None:
+        super().__init__()
+        self.change = nn.Sequential(nn.Linear(inputs + actions, width), nn.ReLU(), nn.Linear(width, inputs))
+        self.projection = nn.Linear(inputs, width)
+        self.predictor = nn.Linear(width, width)
+
+    def foretell(self, representation: Tensor, actions: Tensor) -> Tensor:
+        """See :class:`Model`."""
+        ahead = []
+        for action in actions.unbind(1):
+            representation = F.relu(representation + self.change(torch.cat([representation, action], -1)))
+            ahead.append(representation)
+        return self.predictor(self.projection(torch.stack(ahead, 1)))
+
+    def project(self, representation: Tensor) -> Tensor:
+        """See :class:`Model`."""
+        return self.projection(representation)
+
+
+MODELS: Mapping[str, type[Model]] = {"action_projection": ActionProjection, "transition": Transition}

@@ -1,0 +1,1 @@
+"""Collecting experience: collectors, replay, what a learner sees of rewards."""

@@ -1,0 +1,1 @@
+"""What a trained agent achieves: episodes, transfers, baselines, videos, probes."""

@@ -1,0 +1,150 @@
+"""What scores are measured between: agents that know nothing, and one that knows everything.
+
+0 is what a uniformly random agent gets on the same levels, 1 what the planner of :mod:`segar.hardness` finds. An agent
+that does nothing can be below 0, and one can be above 1 only by luck: the planner's way is the best that was found.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+
+from segar.envs.factors_view import Factors
+from segar.envs.vector import VectorEnv
+from segar.errors import SegarError
+from segar.hardness import Plan, plan
+from segar.hardness.report import random_episodes
+from segar.hardness.rollouts import make_starts
+from segar.levels.level_set import Levels
+from segar.language.task import Task
+
+RANDOM_PLAYS = 20  # random episodes per level
+SAMPLES, ITERATIONS = 64, 5  # of the search, per level
+
+
+@dataclass(frozen=True)
+class Anchors:
+    """Mean full returns on a level set: of a uniformly random agent, and of the oracle."""
+
+    random: float
+    oracle: float
+
+    def normalised(self, value: Any) -> Any:
+        """:func:`normalised_score` of a mean return on the same levels."""
+        return normalised_score(value, self.random, self.oracle)
+
+
+def normalised_score(value: Any, random: float, oracle: float) -> Any:
+    """(value - random) / (oracle - random): 0 for the random agent's return, 1 for the oracle's; float or array.
+
+    NaN where the oracle is no better than chance, as on levels that nobody can influence.
+    """
+    span = oracle - random
+    return (np.asarray(value, float) - random) / (span if span > 0 else np.nan)
+
+
+def find_anchors(
+    levels: Levels,
+    task: Task | None = None,
+    *,
+    rng: np.random.Generator,
+    plays: int = RANDOM_PLAYS,
+    samples: int = SAMPLES,
+    iterations: int = ITERATIONS,
+    num_threads: int = 1,
+) -> Anchors:
+    """The anchors of a level set, each level counted equally; about 0.1 s per level.
+
+    Args:
+        task: what is played; the task of the levels where it is None.
+        rng: of the random agent and of the search.
+        plays: random episodes per level.
+        samples, iterations: of the search; see :func:`segar.hardness.plan`.
+
+    Raises:
+        SegarError: plays, samples or iterations are too few, or the levels do not fit the task.
+    """
+    if plays < 1:
+        raise SegarError(f"anchors need at least 1 random play per level, not {plays}")
+    _, returns = random_episodes(make_starts(levels, task, num_threads=num_threads), plays, rng)
+    oracle = plan(levels, task, rng=rng, samples=samples, iterations=iterations, num_threads=num_threads)
+    return Anchors(random=float(returns.mean()), oracle=float(oracle.returns.mean()))
+
+
+class RandomAgent:
+    """Acts uniformly at random, in both action modes.
+
+    Args:
+        seed: of the actions where evaluation gives no generator.
+    """
+
+    def __init__(self, seed: int = 0) -> None:
+        self.rng = torch.Generator().manual_seed(seed)
+
+    def begin(self, env: VectorEnv) -> None:
+        """Episodes start in ``env``."""
+        self.low, self.high = (torch.from_numpy(bound) for bound in (env.action_space.low, env.action_space.high))  # type: ignore[attr-defined]
+
+    def act(self, observation: Any, *, rng: torch.Generator | None) -> np.ndarray:
+        """Actions float32 [n, size]."""
+        share = torch.rand(self.low.shape, generator=rng or self.rng)
+        return torch.lerp(self.low, self.high, share).numpy()
+
+
+class IdleAgent:
+    """Does nothing: its action is 0, or what the task allows that is nearest to it."""
+
+    def begin(self, env: VectorEnv) -> None:
+        """Episodes start in ``env``."""
+        self.action = np.clip(np.zeros(env.action_space.shape, np.float32), env.action_space.low, env.action_space.high)  # type: ignore[attr-defined]
+
+    def act(self, observation: Any, *, rng: torch.Generator | None) -> np.ndarray:
+        """Actions float32 [n, size]."""
+        return self.action
+
+
+class ScriptedAgent:
+    """The task's scripted player; it sees the true factors, whatever the observation."""
+
+    def begin(self, env: VectorEnv) -> None:
+        """Episodes start in ``env``; raises :class:`SegarError` if its task has no scripted player."""
+        if env.task.demo_actions is None:
+            raise SegarError(f"the task {env.task.name} has no scripted player; use the oracle")
+        self.env = env
+
+    def act(self, observation: Any, *, rng: torch.Generator | None) -> np.ndarray:
+        """Actions float32 [n, size]."""
+        assert self.env.task.demo_actions is not None
+        values = self.env.state().state.values
+        return np.asarray(self.env.task.demo_actions(Factors(self.env.levels.layout, values)), np.float32)
+
+
+class Oracle:
+    """Plays a plan: the best actions that a search found for each level, from the start of an episode to its end.
+
+    Args:
+        certificate: made for the same level set; see :func:`segar.hardness.plan`.
+    """
+
+    def __init__(self, certificate: Plan) -> None:
+        self.certificate = certificate
+
+    def begin(self, env: VectorEnv) -> None:
+        """Episodes start in ``env``; raises :class:`SegarError` if the plan is for other levels or another task."""
+        made = self.certificate
+        if len(made) != len(env.levels) or made.task != env.task.name:
+            raise SegarError(
+                f"this plan is for {len(made)} levels of the task {made.task}, not for {len(env.levels)} of"
+                f" {env.task.name}; make one with segar.hardness.plan"
+            )
+        self.level, self.step = env.state().state.level.copy(), 0
+
+    def act(self, observation: Any, *, rng: torch.Generator | None) -> np.ndarray:
+        """Actions float32 [n, size]; those of step t in the t-th call since :meth:`begin`."""
+        # Environments whose episode has ended play on, on other levels, which nobody looks at.
+        actions = self.certificate.actions[self.level, min(self.step, self.certificate.actions.shape[1] - 1)]
+        self.step += 1
+        return actions

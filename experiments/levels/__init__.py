@@ -1,0 +1,1 @@
+"""What a level setting means: builders, variations, conditions, mixed levels."""

@@ -1,0 +1,117 @@
+"""From the names in a configuration to levels, task and observation."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from experiments.settings.config import TARGET_DESIGN, LevelsConfig, RunConfig
+from experiments.settings.construct import import_object
+from experiments.settings.errors import ConfigError
+from experiments.levels.variations import vary
+from segar.metrics.level_design import design
+from segar.errors import LevelError, SegarError, did_you_mean
+from segar.language.factors import Order
+from segar.levels.families.named import family
+from segar.metrics import w2
+from segar.observations.registry import OBSERVATIONS
+from segar.tasks.registry import TASKS
+
+ENVS_PER_THREAD = 128  # for fewer, to wake a thread after each call of the policy takes longer than it helps
+INDEPENDENT_SETS = 5  # whose mean distance is the unit of designs such as w2_x1.2
+
+
+def make_levels(config: LevelsConfig) -> tuple[Any, Any]:
+    """Training and test levels (:class:`segar.levels.Levels`); raises :class:`ConfigError` for an unknown distribution."""
+    train, test = (distribution_of(config, which) for which in ("train", "test"))
+    test_levels = test.sample(config.test_count, seed=config.test_seed, split="test")
+    return pick_levels(train, config, test_levels), test_levels
+
+
+def distribution_of(config: LevelsConfig, which: str) -> Any:
+    """The distribution, varied as ``config`` says, of the ``"train"`` or the ``"test"`` levels; raises :class:`ConfigError`."""
+    if which == "train":
+        return vary(find_distribution(config.train, "levels.train"), config.variation, "levels.variation")
+    variation = config.variation if config.test_variation is None else config.test_variation
+    return vary(find_distribution(config.test_distribution, "levels.test"), variation, "levels.test_variation")
+
+
+def pick_levels(distribution: Any, config: LevelsConfig, test: Any) -> Any:
+    """The training levels; where they are picked by design, raises :class:`LevelError` if there are none such."""
+    if TARGET_DESIGN.fullmatch(config.design):
+        return levels_at_target(distribution, config, test)
+    if config.design == "iid":  # which a distribution of one's own can give that is no LevelDistribution
+        return distribution.sample(config.count, seed=config.seed, split="train")
+    nuisance = [Order] if config.design == "nuisance_only" else []
+    return design(distribution, config.count, config.design, seed=config.seed, nuisance=nuisance)  # type: ignore[arg-type]
+
+
+def levels_at_target(distribution: Any, config: LevelsConfig, test: Any) -> Any:
+    """Training levels at the W2 from the test levels that the design says, within 1 %; raises :class:`ConfigError`."""
+    relative, number = TARGET_DESIGN.fullmatch(config.design).groups()  # type: ignore[union-attr]
+    target, unit = float(number), 1.0
+    if relative:
+        pool = distribution.sample(INDEPENDENT_SETS * config.count, seed=config.seed, split="train")
+        sets = np.arange(len(pool)).reshape(INDEPENDENT_SETS, -1)
+        unit = float(np.mean([w2(pool[one], test) for one in sets]))
+    try:
+        return design(distribution, config.count, "target", seed=config.seed, test=test, target=target * unit)
+    except LevelError as error:
+        times = f", which is {target:g} times the {unit:.4g} of independent levels" if relative else ""
+        raise ConfigError(f"levels.design: {config.design} cannot be had{times}. {error}") from error
+
+
+def find_distribution(name: str, place: str) -> Any:
+    """The level distribution that a family's name or ``module:attribute`` says; raises :class:`ConfigError`."""
+    if ":" in name:
+        found = import_object(name, place)
+        if not hasattr(found, "sample") and callable(found):
+            found = found()
+        if not hasattr(found, "sample"):
+            raise ConfigError(f"{place}: '{name}' is no level distribution, nor a function that makes one")
+        return found
+    try:
+        return family(name)
+    except SegarError as error:
+        raise ConfigError(f"{place}: {error}") from error
+
+
+def environment_options(config: RunConfig, num_envs: int | None = None) -> dict[str, Any]:
+    """Keyword arguments of ``VectorEnv`` and ``TorchRLEnv`` that the configuration states.
+
+    Args:
+        num_envs: environments between whose steps a policy works; few of them are stepped by fewer threads.
+
+    Raises:
+        ConfigError: there is no such observation or task.
+    """
+    most = config.num_threads if num_envs is None else max(num_envs // ENVS_PER_THREAD, 1)
+    return {
+        "observation": _find(config.observation.name, config.observation.options, "observation"),
+        "task": _find(config.task.name, config.task.options, "task"),
+        "num_threads": min(config.num_threads, most),
+    }
+
+
+def _find(name: str, options: Mapping[str, Any], group: str) -> Any:
+    """What a name of ``group`` stands for, called with ``options`` where it is a function or class."""
+    known: Mapping[str, Any] = TASKS if group == "task" else OBSERVATIONS
+    if name not in known and ":" not in name:
+        raise ConfigError(f"{group}.name: no {group} is called '{name}'.{did_you_mean(name, known)}")
+    found = known.get(name, name)
+    if isinstance(found, str):
+        found = import_object(found, f"{group}.name")
+    if not callable(found):
+        return found
+    known_options = inspect.signature(found).parameters
+    takes_any = any(one.kind is one.VAR_KEYWORD for one in known_options.values())
+    for option in options:
+        if option not in known_options and not takes_any:
+            raise ConfigError(f"{group}.options: {name} has no '{option}'.{did_you_mean(option, known_options)}")
+    try:
+        return found(**options)
+    except (TypeError, SegarError) as error:
+        raise ConfigError(f"{group}.options: {error}") from error

@@ -1,0 +1,93 @@
+"""Levels between two sets: some groups of factors are those of one level, all else is that of another."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from experiments.reproduction.experiment_file import RESERVED, REST
+from segar.errors import LevelError, did_you_mean
+from segar.language.factors import Friction
+from segar.levels.level_set import Levels, Provenance
+from segar.language.parameters import FloorFriction
+from segar.support.version import __version__
+
+Groups = Mapping[str, Sequence[Any]]
+"""Name to factors and world parameters, as classes or by name. What no group names is the group "rest": types of
+entities, outlines of hulls, and all other factors."""
+
+
+def hybrid_levels(train: Levels, test: Levels, groups: Groups, chosen: Mapping[str, Any]) -> Levels:
+    """Level i of ``train`` with the factors of ``chosen`` groups from level i of ``test``.
+
+    A factor passes where the entities of both levels have it. With all groups chosen, these are the test levels; with
+    none, the training levels. Things stay where they are put, even if they overlap.
+
+    Args:
+        train, test: as many of each, in the same slots.
+        chosen: name of a group, "rest" included, to whether it is from ``test``.
+
+    Raises:
+        LevelError: the sets do not fit each other, or a group names what is not there, or twice.
+    """
+    check_fits(train, test)
+    columns, parameters = places(train, groups)
+    owner = test if chosen.get(REST) else train
+    arrays = {
+        name: getattr(owner, name).copy() for name in ("types", "shape_kind", "vertex_count", "vertices", "values")
+    }
+    table = owner.parameters.copy()
+    for name in groups:
+        source = test if chosen.get(name) else train
+        for column in columns[name]:
+            there = np.isfinite(arrays["values"][:, :, column]) & np.isfinite(source.values[:, :, column])
+            arrays["values"][:, :, column] = np.where(
+                there, source.values[:, :, column], arrays["values"][:, :, column]
+            )
+        for column in parameters[name]:
+            table[:, column] = source.parameters[:, column]
+    if Friction in train.layout.columns:  # the floor's is the parameter's
+        floor = table[:, train.layout.parameters.index(FloorFriction)]
+        arrays["values"][:, -1, train.layout.columns[Friction]] = floor
+    made = Provenance("between training and test", "", __version__, 0, "", np.arange(len(train)))
+    return dataclasses.replace(
+        train, **arrays, parameters=table, sampled_values=arrays["values"].copy(), provenance=made, distribution=None
+    )
+
+
+def check_fits(train: Levels, test: Levels) -> None:
+    """Raises :class:`LevelError` unless levels of one set can be mixed with those of the other."""
+    if train.layout != test.layout or train.vertices.shape[2:] != test.vertices.shape[2:]:
+        raise LevelError("training and test levels have different slots, types or parameters: they cannot be mixed")
+    if len(train) != len(test):
+        raise LevelError(f"there are {len(train)} training levels but {len(test)} test levels; give pairs")
+
+
+def places(levels: Levels, groups: Groups) -> tuple[dict[str, list[int]], dict[str, list[int]]]:
+    """The columns of ``values`` and of ``parameters`` that each group names."""
+    layout = levels.layout
+    known = [parameter.__name__ for parameter in layout.parameters]
+    columns: dict[str, list[int]] = {}
+    parameters: dict[str, list[int]] = {}
+    seen: dict[str, str] = {}
+    for name, members in groups.items():
+        if name in RESERVED:
+            raise LevelError(f"a group cannot be called '{name}'")
+        columns[name], parameters[name] = [], []
+        for member in members:
+            factor = member if isinstance(member, str) else member.__name__
+            if factor in seen:
+                raise LevelError(f"{factor} is in the groups '{seen[factor]}' and '{name}'; it can be in one alone")
+            seen[factor] = name
+            if factor in layout.by_name:
+                kind, first = layout.by_name[factor]
+                columns[name] += range(first, first + kind.width)
+            elif factor in known:
+                parameters[name].append(known.index(factor))
+            else:
+                near = did_you_mean(factor, [*layout.by_name, *known])
+                raise LevelError(f"group '{name}': these levels have no factor or parameter '{factor}'.{near}")
+    return columns, parameters

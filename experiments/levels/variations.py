@@ -1,0 +1,81 @@
+"""Changes to a level distribution that have a name: other physics, another ball, one more thing on the way.
+
+``levels.variation=ball_mass`` changes the training and the test distribution, ``levels.test_variation=...`` the test
+distribution alone. One of your own is ``module:function``: it takes a :class:`segar.LevelDistribution`, returns another.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from experiments.levels.conditions import with_conditions
+from experiments.settings.construct import import_object
+from experiments.settings.errors import ConfigError
+from segar.levels.distribution import LevelDistribution
+from segar.language.entities import GolfBall
+from segar.errors import did_you_mean
+from segar.language.factors import Mass
+from segar.noise import UniformNoise
+from segar.language.parameters import FloorFriction, Gravity, Parameter
+from segar.levels.priors import Prior
+from segar.rules import DEFAULT_RULES, apply_friction, lorentz_law, lorentz_law_r2, record_drag
+
+Variation = Callable[[LevelDistribution], LevelDistribution]
+
+MASSES = UniformNoise(0.3, 3.0)  # [kg] of the ball: one push gives velocities that differ by a factor of ten
+GRAVITIES = UniformNoise(5.0, 15.0)  # [m/s^2] around the default of 10
+
+
+def with_prior(prior: Prior) -> Variation:
+    """One more prior."""
+    return lambda dist: dataclasses.replace(dist, priors=(*dist.priors, prior))
+
+
+def with_parameter(parameter: type[Parameter], value: Any) -> Variation:
+    """Another value or law of a world parameter."""
+
+    def vary(dist: LevelDistribution) -> LevelDistribution:
+        return dataclasses.replace(dist, parameters={**dict(dist.parameters), parameter: value})
+
+    return vary
+
+
+def with_rules(change: Callable[[tuple[Any, ...]], tuple[Any, ...]]) -> Variation:
+    """Another rule set, made of the default one."""
+    return lambda dist: dist.with_rules(change(DEFAULT_RULES))
+
+
+def without(*rules: Any) -> Variation:
+    """The default rules but for some."""
+    return with_rules(lambda known: tuple(rule for rule in known if rule not in rules))
+
+
+VARIATIONS: Mapping[str, Variation] = {
+    "ball_mass": with_prior(Prior(Mass, MASSES, entity_type=GolfBall)),
+    "ball_heavy": with_prior(Prior(Mass, 3.0, entity_type=GolfBall)),
+    "gravity_range": with_parameter(Gravity, GRAVITIES),
+    "gravity_2.5": with_parameter(Gravity, 2.5),
+    "gravity_40": with_parameter(Gravity, 40.0),
+    "friction_0.2": with_parameter(FloorFriction, 0.2),
+    "friction_0.8": with_parameter(FloorFriction, 0.8),
+    "frictionless": without(apply_friction, record_drag),
+    "without_fields": without(lorentz_law),
+    "fields_r2": with_rules(lambda known: tuple(lorentz_law_r2 if rule is lorentz_law else rule for rule in known)),
+    "conditions": with_conditions,
+}
+
+
+def vary(distribution: LevelDistribution, name: str, place: str) -> LevelDistribution:
+    """The distribution under the variation of that name; the same where the name is empty.
+
+    Raises:
+        ConfigError: there is no such variation; the message names ``place``.
+    """
+    if not name:
+        return distribution
+    if name not in VARIATIONS and ":" not in name:
+        raise ConfigError(f"{place}: no variation is called '{name}'.{did_you_mean(name, VARIATIONS)}")
+    change = VARIATIONS.get(name) or import_object(name, place)
+    return dataclasses.replace(change(distribution), name=f"{distribution.name or 'levels'}+{name}")

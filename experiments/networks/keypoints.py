@@ -1,0 +1,125 @@
+"""A CNN that reads off where things are: each filter becomes the point at which it answers (spatial soft-argmax).
+
+As in Finn et al. (2016), "Deep spatial autoencoders for visuomotor learning", with what a stack of frames adds: all frames
+pass the same filters, and the dense layers see the points in the newest frame and how far they moved from frame to frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from experiments.networks.frame_conv import FrameConv
+from segar.observations.copying import copy_squares
+
+SHARPNESS = 5.0  # of the soft-argmax at first; learned, one number per filter
+MOVED = 5.0  # movements are shown this much enlarged: between frames, things move by a small part of the picture
+TINY = 1e-30
+COLOURS = 3
+FILTERS = 16  # whose points are found
+STRIDE = 4  # of the first layer, whose kernel is two strides wide
+
+
+class Keypoints(nn.Module):
+    """Stacks of frames -> 256 numbers: 16 8x8 filters of stride 4, 16 3x3 ones, soft-argmax, and dense layers.
+
+    A depth that is a multiple of 3 is so many frames in colour, the newest one last; any other is as many in grey. Each frame
+    is looked at by itself (:meth:`look`), cut into squares as large as the stride (:meth:`squares`): the first layer is then
+    one of 2x2 squares.
+    """
+
+    places: Tensor  # [cells, 3]: x and y of each cell of the map, and 1; no buffer, which functional modules take for a weight
+
+    def __init__(self, height: int, width: int, depth: int, outputs: int = 256) -> None:
+        super().__init__()
+        self.stack = depth // COLOURS if depth % COLOURS == 0 else depth
+        self.first = FrameConv(depth // self.stack, 16, 2 * STRIDE, STRIDE)
+        self.second = nn.Conv2d(16, FILTERS, 3)
+        with torch.no_grad():
+            rows, columns = self.second(self.first(torch.zeros(1, depth // self.stack, height, width))).shape[-2:]
+        self.sharpness = nn.Parameter(torch.full((FILTERS,), SHARPNESS))
+        y, x = torch.meshgrid(torch.linspace(-1, 1, rows), torch.linspace(-1, 1, columns), indexing="ij")
+        self.places = torch.stack([x.flatten(), y.flatten(), torch.ones(rows * columns)], 1)
+        points = 2 * FILTERS * self.stack
+        self.dense = nn.Sequential(nn.Linear(points, outputs), nn.ReLU(), nn.Linear(outputs, outputs), nn.ReLU())
+
+    def _apply(self, fn: Callable[[Tensor], Tensor], recurse: bool = True) -> Keypoints:
+        super()._apply(fn, recurse)
+        self.places = fn(self.places)  # moves with the weights
+        return self
+
+    @staticmethod
+    def squares(frames: Tensor) -> Tensor:
+        """Frames uint8 [n, height, width, channels] as squares of 4x4 pixels: [n, height / 4, width / 4, 16 channels]."""
+        n, height, width, channels = frames.shape
+        squares = frames.new_empty(n, height // STRIDE, width // STRIDE, STRIDE * STRIDE * channels)
+        cut(frames, squares)
+        return squares
+
+    def look(self, squares: Tensor) -> Tensor:
+        """Where each filter answers in a frame, from -1 to 1: float32 [n, (x, y), filter]."""
+        x = squares.permute(0, 3, 1, 2)  # channels stay last in memory
+        x = F.relu_(F.conv2d(x, self._first_of_squares(), self.first.bias))
+        weight = self.second.weight * self.sharpness[:, None, None, None]
+        answers = F.conv2d(x, weight, self.second.bias * self.sharpness)  # type: ignore[operator]
+        with torch.autocast(x.device.type, enabled=False):
+            return SoftArgmax.apply(answers.permute(0, 2, 3, 1).flatten(1, 2), self.places)  # type: ignore[no-any-return]
+
+    def join(self, points: Tensor) -> Tensor:
+        """What the dense layers make of the points in a stack, [n, stack, (x, y), filter], and of their movements: [n, 256]."""
+        moved = (points[:, 1:] - points[:, :-1]) * MOVED
+        return self.dense(torch.cat([points[:, -1:], moved], 1).flatten(1))
+
+    def _first_of_squares(self) -> Tensor:
+        """The first layer's weights for squares: [filter, (row, column, channel), 2, 2]."""
+        weight = self.first.divided_weight
+        parts = weight.unflatten(3, (2, STRIDE)).unflatten(2, (2, STRIDE))  # filter, channel, above, row, left, column
+        return parts.permute(0, 3, 5, 1, 2, 4).flatten(1, 3).contiguous(memory_format=torch.channels_last)
+
+
+def cut(frames: Tensor, squares: Tensor) -> None:
+    """Fills ``squares``, see :meth:`Keypoints.squares`."""
+    if frames.device.type == "cpu":
+        copy_squares(frames.numpy(), squares.numpy(), STRIDE)
+    else:
+        squares.copy_(squares_by_torch(frames))
+
+
+def squares_by_torch(frames: Tensor) -> Tensor:
+    """:meth:`Keypoints.squares` by torch's operators, which a GPU has, too."""
+    _, height, width, _ = frames.shape
+    whole = frames[:, : height // STRIDE * STRIDE, : width // STRIDE * STRIDE]
+    parts = whole.unflatten(2, (-1, STRIDE)).unflatten(1, (-1, STRIDE))  # n, row, dy, column, dx, channel
+    return parts.transpose(2, 3).flatten(3)
+
+
+class SoftArgmax(torch.autograd.Function):
+    """Answers [n, cells, filters], places [cells, 3] -> the mean place of each filter, float32 [n, 2, filters], in which
+    cells count by the exponential of their answer. Derivatives in closed form take two thirds of the time of those that
+    autograd finds."""
+
+    @staticmethod
+    def forward(ctx: Any, answers: Tensor, places: Tensor) -> Tensor:
+        """The points."""
+        # One maximum for all filters is much faster to find than one each. Filters far below it point to the middle.
+        numbers = answers.to(places.dtype)
+        highest = numbers.flatten(1).amax(1)[:, None, None]
+        weights = (numbers - highest if numbers is answers else numbers.sub_(highest)).exp_()
+        sums = places.t() @ weights
+        total = sums[:, 2:] + TINY
+        points = sums[:, :2] / total
+        ctx.save_for_backward(weights, total, points, places)
+        ctx.dtype = answers.dtype
+        return points
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None]:
+        """The derivative by the answers."""
+        weights, total, points, places = ctx.saved_tensors
+        by_sums = gradients[0] / total
+        by_sums = torch.cat([by_sums, -(by_sums * points).sum(1, keepdim=True)], 1)
+        return (places @ by_sums).mul_(weights).to(ctx.dtype), None

@@ -1,0 +1,353 @@
+"""From experiments to work: which runs they need, each once; what is done already; and how long the rest may take."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import socket
+import statistics
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from itertools import combinations, product
+from pathlib import Path
+from typing import Any
+
+from experiments.settings.grid import Cell, cell_config, cell_of, paper_seeds
+from experiments.settings.config import LevelsConfig, RunConfig, ScaleConfig, as_data
+from experiments.reproduction.imported_results import Elsewhere
+from experiments.settings.hydra_app import compose
+from experiments.settings.errors import ConfigError
+from experiments.reproduction.experiment_file import BASE, REST, SEPARATOR, Experiment, GridConfig, TransferConfig, other_panel
+from experiments.runs.journal import read_journal
+from experiments.evaluation.probing import ProbeConfig, assumed_seconds, read_about
+from experiments.runs.run_folder import folder_path, is_finished, read_config, read_summary, run_folders
+from experiments.evaluation.transfers import Mixture, RunWork, Transfer
+from segar.cli.arguments import table
+from segar.errors import LevelError
+
+# [frames/s] of one process, while nothing has been measured: what two cores of a small server gave.
+ASSUMED_SPEED = {
+    "state": 6000.0, "pixels": 1800.0, "auxiliary": 900.0, "recurrent": 700.0, "impala": 250.0, "off-policy": 40.0,
+}  # fmt: skip
+ASSUMED_EVALUATION = 8.0  # [s] per run
+TRANSFER_SHARE = 0.5  # of a run's evaluation, which has two level sets instead of one
+STUDY_SECONDS = 30.0
+
+
+@dataclass(frozen=True)
+class StudyWork:
+    """A study without training: a module of analysis, its arguments, and where its files go."""
+
+    name: str
+    module: str
+    options: tuple[tuple[str, str], ...]
+    out: Path
+
+    @property
+    def mark(self) -> Path:
+        """Written when the study went through; says what it was asked."""
+        return self.out / "study.json"
+
+    def asked(self) -> dict[str, Any]:
+        """What the mark says."""
+        return {"module": self.module, "options": dict(self.options)}
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The experiments, the runs of each, and all work, each piece once."""
+
+    experiments: tuple[Experiment, ...]
+    members: Mapping[str, tuple[RunWork, ...]]  # of each experiment, with the transfers that it asks for
+    runs: tuple[RunWork, ...]  # all, with the transfers that anybody asks for
+    studies: tuple[StudyWork, ...]
+
+
+def make_plan(
+    experiments: Sequence[Experiment],
+    base: RunConfig,
+    results: Path,
+    probes: ProbeConfig | None = None,
+    elsewhere: Elsewhere = Elsewhere(),  # noqa: B008 - nothing can change it
+) -> Plan:
+    """What is to be run; raises :class:`ConfigError` for a file of ``conf/`` that does not exist.
+
+    ``probes`` is what runs of experiments with probes are asked. What was done ``elsewhere``, and is not done here, is not
+    to be run.
+    """
+    members = {e.name: tuple(works_of(e, base, probes or ProbeConfig())) for e in experiments}
+    union: dict[str, RunWork] = {}
+    for work in (work for works in members.values() for work in works):
+        label = work.run.label()
+        known = union.get(label, RunWork(work.run))
+        by_folder = {one.folder_name(): one for one in (*known.transfers, *work.transfers)}
+        union[label] = RunWork(work.run, tuple(by_folder.values()), known.probes or work.probes)
+    theirs = {label for label, work in union.items() if elsewhere.has(work) and not work.is_done_here()}
+    union = {label: dataclasses.replace(work, elsewhere=label in theirs) for label, work in union.items()}
+    members = {
+        name: tuple(dataclasses.replace(work, elsewhere=work.run.label() in theirs) for work in works)
+        for name, works in members.items()
+    }
+    studies = [
+        StudyWork(e.name, e.study, tuple((k, str(v)) for k, v in e.options.items()), results / "studies" / e.name)
+        for e in experiments
+        if e.study
+    ]
+    return Plan(tuple(experiments), members, tuple(union.values()), tuple(studies))
+
+
+def works_of(experiment: Experiment, base: RunConfig, probes: ProbeConfig) -> Iterable[RunWork]:
+    """The runs of an experiment, their transfers and probes, seed after seed."""
+    if experiment.grid is None:
+        return
+    for run in grid_runs(experiment.grid, base):
+        found = [one for one in (transfer_of(asked, run) for asked in experiment.transfers) if one is not None]
+        found += mixtures_of(experiment, run)
+        yield RunWork(run, tuple(found), probes if experiment.probes else None)
+
+
+def grid_runs(grid: GridConfig, base: RunConfig) -> Iterable[RunConfig]:
+    """A run for every combination of the grid."""
+    scale = base.scale
+    seeds = range(base.seed, base.seed + grid.seeds) if grid.seeds else paper_seeds(base)
+    places = product(
+        seeds,
+        grid.algorithms,
+        grid.observations,
+        grid.tasks,
+        grid.variations,
+        grid.designs,
+        grid.families or scale.families,
+        grid.difficulties or scale.difficulties,
+        grid.counts or scale.counts,
+    )
+    frames = grid.frames or scale.frames
+    interval = base.evaluation.interval if grid.interval is None else grid.interval
+    for seed, algorithm, observation, task, variation, design, family, difficulty, n in places:
+        cell = cell_config(base, Cell(family, difficulty, n, seed))
+        yield dataclasses.replace(
+            cell,
+            levels=dataclasses.replace(cell.levels, variation=variation, design=design),
+            algorithm=base.algorithm if algorithm == BASE else setting("algorithm", algorithm).algorithm,
+            observation=base.observation if observation == BASE else setting("observation", observation).observation,
+            task=base.task if task == BASE else setting("task", task).task,
+            scale=dataclasses.replace(scale, frames=frames),
+            evaluation=dataclasses.replace(base.evaluation, interval=interval),
+        )
+
+
+@cache
+def setting(group: str, name: str) -> RunConfig:
+    """The settings that a file of ``conf/<group>`` states; raises :class:`ConfigError` if there is none such."""
+    return compose([f"{group}={name}"])
+
+
+def transfer_of(asked: TransferConfig, run: RunConfig) -> Transfer | None:
+    """Where the agent of ``run`` is tested, too; None where there is no such place, or it is the run's own."""
+    cell = cell_of(run)
+    panel = other_panel(cell.family, cell.difficulty, asked)
+    if panel is None:
+        return None
+    variation = run.levels.variation if asked.variation is None else asked.variation
+    observation = (
+        run.observation if asked.observation is None else setting("observation", asked.observation).observation
+    )
+    if (panel, variation, observation) == (cell.panel, run.levels.variation, run.observation):
+        return None  # what the run is tested on anyway
+    parts = [panel if panel != cell.panel else "", asked.variation or "", asked.observation or ""]
+    label = "-".join(part for part in parts if part) or "unvaried"
+    return Transfer(label, panel, variation, observation, run.levels.test_count, run.levels.test_seed)
+
+
+def mixtures_of(experiment: Experiment, run: RunConfig) -> Iterable[Transfer]:
+    """The levels between training and test of an experiment that asks what makes the gap; raises :class:`ConfigError`.
+
+    Every training level counts as often as every other, so that what the agent does on the training and the test levels
+    themselves completes the design.
+    """
+    if not experiment.attribution:
+        return
+    levels = run.levels
+    if levels.test_count % levels.count:
+        raise ConfigError(
+            f"grids.{experiment.name}.attribution: {levels.test_count} test levels are no multiple of {levels.count} training "
+            "levels, which each is paired with; choose other grid.counts, or levels.test_count"
+        )
+    check_groups(experiment, levels)
+    names = (*experiment.attribution, REST)
+    panel = cell_of(run).panel
+    for size in range(1, len(names)):
+        for changed in combinations(names, size):
+            label = f"{SEPARATOR.join(changed)} of test levels"
+            mixture = Mixture(experiment.attribution, changed)
+            yield Transfer(
+                label, panel, levels.variation, run.observation, levels.test_count, levels.test_seed, mixture
+            )
+
+
+def check_groups(experiment: Experiment, levels: LevelsConfig) -> None:
+    """Raises :class:`ConfigError` unless a training and a test level can be mixed, by groups of factors that they have."""
+    from experiments.levels.mixed_levels import check_fits, places
+    from experiments.levels.builders import distribution_of
+
+    train, test = (distribution_of(levels, which).sample(1, seed=0, split=which) for which in ("train", "test"))
+    try:
+        check_fits(train, test)
+        places(train, experiment.attribution)
+    except LevelError as error:
+        raise ConfigError(f"grids.{experiment.name}.attribution: {levels.train}: {error}") from error
+
+
+@dataclass(frozen=True)
+class Speeds:
+    """Frames per second and seconds of evaluation, measured on runs of this machine as far as there are any."""
+
+    frames: Mapping[tuple[str, str], float]  # by algorithm and observation
+    evaluation: Mapping[tuple[str, str], float]
+    measured: int  # runs
+    probing: Mapping[tuple[str, str, str], float] = field(default_factory=dict)  # seconds; also by what was asked
+
+    def seconds(self, work: RunWork) -> float:
+        """How long the rest of a run may take by itself."""
+        run = work.run
+        kind = (run.algorithm.name, run.observation.name)
+        evaluation = self.evaluation.get(kind, ASSUMED_EVALUATION)
+        left = sum(not transfer.is_done(run) for transfer in work.transfers) * TRANSFER_SHARE * evaluation
+        left += self.seconds_of_probes(work)
+        if is_finished(folder_path(run)):
+            return left
+        return left + evaluation + work.frames_left() / self.frames.get(kind, assumed_speed(run))
+
+    def seconds_of_probes(self, work: RunWork) -> float:
+        """How long the probes of a run may take; 0 where it has them, or is to have none."""
+        if work.probes is None or not work.lacks_probes():
+            return 0.0
+        kind = kind_of(work.run)
+        measured = self.probing.get((*kind, in_words(as_data(work.probes))))
+        return measured or assumed_seconds(work.probes, self.frames.get(kind, assumed_speed(work.run)))
+
+
+def assumed_speed(run: RunConfig) -> float:
+    """Frames per second where nothing like it has been measured."""
+    settings = run.algorithm
+    kinds = {
+        "off-policy": hasattr(settings, "steps_per_update"),
+        "state": run.observation.name.startswith("state"),
+        "impala": str(getattr(settings, "encoder", "")).startswith("impala"),
+        "recurrent": hasattr(settings, "core"),
+        "auxiliary": hasattr(settings, "auxiliary_minibatches"),
+        "pixels": True,
+    }
+    return ASSUMED_SPEED[next(kind for kind, holds in kinds.items() if holds)]
+
+
+def measure_speeds(root: Path) -> Speeds:
+    """The medians over the finished runs under ``root`` that this machine made."""
+    frames: dict[tuple[str, str], list[float]] = {}
+    evaluation: dict[tuple[str, str], list[float]] = {}
+    probing: dict[tuple[str, str, str], list[float]] = {}
+    for folder in run_folders(root):
+        hosts = {entry.get("host") for entry in read_journal(folder) if "host" in entry}
+        if not is_finished(folder) or hosts != {socket.gethostname()}:
+            continue
+        run, summary = read_config(folder), read_summary(folder)
+        kind = (run.algorithm.name, run.observation.name)
+        if summary.get("seconds"):
+            frames.setdefault(kind, []).append(summary["frames"] / summary["seconds"])
+        if "evaluation_seconds" in summary:
+            evaluation.setdefault(kind, []).append(summary["evaluation_seconds"])
+        about = read_about(folder)
+        if about is not None:
+            probing.setdefault((*kind, in_words(about["asked"])), []).append(about["seconds"])
+    return Speeds(medians(frames), medians(evaluation), sum(map(len, frames.values())), medians(probing))
+
+
+def medians(found: Mapping[Any, Sequence[float]]) -> dict[Any, float]:
+    """The median of each list."""
+    return {kind: statistics.median(values) for kind, values in found.items()}
+
+
+def in_words(asked: Mapping[str, Any]) -> str:
+    """Settings of probes as one line, equal for equal ones."""
+    return json.dumps(asked, sort_keys=True)
+
+
+def as_text(plan: Plan, speeds: Speeds, processes: int, scale: ScaleConfig) -> str:
+    """The plan as a table for people: what each experiment is, needs, shares and has, and how long the rest may take."""
+    rows, seen = [], set()
+    for experiment in plan.experiments:
+        works = plan.members[experiment.name]
+        own = [work for work in works if work.run.label() not in seen]
+        seen |= {work.run.label() for work in works}
+        left = [work for work in own if not work.is_done()]
+        rows.append(
+            [
+                experiment.name,
+                experiment.figure or None,
+                len(works) or None,
+                len(works) - len(own) or None,
+                sum(work.is_done() for work in works) if works else None,
+                f"{sum(map(RunWork.frames_left, own)):,}" if works else "study",
+                sum(map(RunWork.lacks_probes, works)) if experiment.probes else None,
+                in_minutes(sum(map(speeds.seconds, left)) / processes) if left else None,
+            ]
+        )
+    head = ["experiment", "figure", "runs", "shared", "done", "frames to train", "to probe", "about"]
+    waiting = [work for work in plan.runs if not work.is_done()]
+    studies = [study for study in plan.studies if not is_study_done(study)]
+    total = sum(map(speeds.seconds, waiting)) + STUDY_SECONDS * len(studies)
+    known = {kind for kind in (kind_of(work.run) for work in waiting) if kind not in speeds.frames}
+    basis = f"{speeds.measured} finished runs here" if not known else "assumed speeds" + (
+        f" for {', '.join('/'.join(kind) for kind in sorted(known))}" if speeds.measured else ""
+    )  # fmt: skip
+    probing = sum(map(speeds.seconds_of_probes, waiting)) / processes
+    closing = (
+        f"{scale.name}: {len(plan.runs)} runs, {len(plan.runs) - len(waiting)} done, {len(waiting)} to do with "
+        f"{sum(map(RunWork.frames_left, waiting)):,} frames, {sum(map(RunWork.lacks_probes, waiting))} to probe"
+        f"{f' ({in_minutes(probing)})' if probing else ''}; {len(studies)} of {len(plan.studies)} studies to do; "
+        f"about {in_minutes(total / processes)} with {processes} at a time (by {basis})."
+    )
+    return f"{table(head, rows)}\n{closing}"
+
+
+def kind_of(run: RunConfig) -> tuple[str, str]:
+    """What speed depends on."""
+    return run.algorithm.name, run.observation.name
+
+
+def is_study_done(study: StudyWork) -> bool:
+    """Whether the study went through with these options."""
+    try:
+        return json.loads(study.mark.read_text()) == study.asked()
+    except (OSError, ValueError):
+        return False
+
+
+def in_minutes(seconds: float) -> str:
+    """A duration, rounded for reading."""
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"
+
+
+def as_data_of(plan: Plan) -> list[dict[str, Any]]:
+    """The plan as plain data, for the tables: each experiment with the folders of its runs and their transfers."""
+    return [
+        {
+            "name": experiment.name,
+            "title": experiment.title,
+            "figure": experiment.figure,
+            "study": experiment.study,
+            "runs": [
+                {
+                    "folder": folder_path(work.run).name,
+                    "transfers": [one.folder_name() for one in work.transfers],
+                    "probes": work.probes is not None,
+                    "elsewhere": work.elsewhere,
+                }
+                for work in plan.members[experiment.name]
+            ],
+        }
+        for experiment in plan.experiments
+    ]

@@ -1,0 +1,90 @@
+"""What happened to a run, one JSON object per line: started, stopped, failed, finished; and what nobody could write.
+
+A process that is killed outright (``kill -9``, out of memory, a power cut) writes nothing. The next one finds a start
+without an end, says so, and notes it as ``lost``.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import sys
+import traceback
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from experiments.runs.run_folder import JOURNAL
+from experiments.runs.signals import Stopped
+
+
+class Journal:
+    """The journal of a run folder, and where the run is now: what it is doing, and after how many frames."""
+
+    def __init__(self, folder: Path) -> None:
+        self.path = folder / JOURNAL
+        self.doing = "preparation"
+        self.frames = 0
+
+    def begin(self) -> str | None:
+        """Notes that this process is at work; returns what to say about one before it that ended without a word."""
+        said = None
+        before = read_journal(self.path.parent)
+        if before and before[-1]["event"] == "started":
+            last = before[-1]
+            self.note("lost", process=last["process"], host=last["host"])
+            said = (
+                f"the process before this one ({last['process']} on {last['host']}, begun {last['time']}) ended without "
+                "a word: killed, out of memory, or a power cut"
+            )
+        self.note("started", process=os.getpid(), host=socket.gethostname())
+        return said
+
+    def end(self, error: BaseException | None = None) -> None:
+        """Notes how this process ended: with this error, or well."""
+        if error is None:
+            self.note("finished", frames=self.frames)
+            return
+        event = "stopped" if isinstance(error, KeyboardInterrupt | SystemExit) else "failed"
+        self.note(event, during=self.doing, frames=self.frames, **_account(error))
+        error.add_note(f"This happened during {self.doing}, after {self.frames:,} frames; see {self.path}")
+
+    def note(self, event: str, **facts: Any) -> None:
+        """Appends a line; where that is impossible (a full disk), says so and goes on."""
+        line = {"time": datetime.now(UTC).isoformat(timespec="seconds"), "event": event, **facts}
+        try:
+            with self.path.open("ab") as stream:
+                torn = stream.tell() > 0 and not _ends_a_line(self.path)
+                stream.write(b"\n" * torn + json.dumps(line).encode() + b"\n")
+        except OSError as error:
+            print(f"cannot write {self.path}: {error.strerror}; it would say: {json.dumps(line)}", file=sys.stderr)
+
+
+def read_journal(folder: Path) -> list[dict[str, Any]]:
+    """All lines of a run's journal, without those that a full disk or a power cut has cut short."""
+    path = folder / JOURNAL
+    lines = path.read_text(errors="replace").splitlines() if path.exists() else []
+    return [entry for entry in map(_parsed, lines) if entry is not None]
+
+
+def _account(error: BaseException) -> dict[str, Any]:
+    """What an error says, and where in the code it was raised."""
+    frames = traceback.extract_tb(error.__traceback__)
+    where = f"{frames[-1].filename}:{frames[-1].lineno} in {frames[-1].name}" if frames else ""
+    what = str(error) if isinstance(error, Stopped) else f"{type(error).__name__}: {error}"
+    return {"error": what, "where": where, "traceback": traceback.format_exception(error)}
+
+
+def _ends_a_line(path: Path) -> bool:
+    with path.open("rb") as stream:
+        stream.seek(-1, os.SEEK_END)
+        return stream.read() == b"\n"
+
+
+def _parsed(line: str) -> dict[str, Any] | None:
+    try:
+        entry = json.loads(line)
+    except json.JSONDecodeError:
+        return None
+    return entry if isinstance(entry, dict) and "event" in entry else None

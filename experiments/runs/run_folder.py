@@ -1,0 +1,248 @@
+"""The run folder: what a run leaves behind, and the only thing that analysis reads.
+
+``config.yaml``           the settings; ``read_config`` makes the :class:`RunConfig` again
+``levels_train.npz``      the levels that were trained on; ``levels_test.npz`` those that were tested on
+``checkpoint/``           ``latest.pt``: weights, and what it takes to go on (tensors and plain data, nothing pickled);
+                          ``previous.pt``: the one before it
+``episodes.parquet``      one row per evaluation episode, see :data:`EPISODE_SCHEMA`
+``metrics.parquet``       one row per figure and time, see :data:`METRIC_SCHEMA`
+``versions.json``         libraries, commit, fingerprint of the code, content hashes of the level sets
+``summary.json``          the final figures; written last, so it is there if and only if the run is finished
+``journal.jsonl``         when the run was started, stopped, went wrong (with the traceback), and finished
+``tracking.json``         how much of this MLflow has
+``evaluations/``          what ``python -m experiments.evaluate`` found out later
+``probes.parquet``        what the representation knows of the factors, see :mod:`experiments.evaluation.probing`
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import shutil
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+import yaml
+
+from experiments.runs.files import TEMPORARY, remove_unfinished, replacing, write_text
+from experiments.settings.config import RunConfig, as_data, run_config
+from experiments.settings.errors import ConfigError, RunFolderError
+
+
+
+CONFIG = "config.yaml"
+LEVELS_TRAIN = "levels_train.npz"
+LEVELS_TEST = "levels_test.npz"
+JOURNAL = "journal.jsonl"
+CHECKPOINTS = "checkpoint"
+CHECKPOINT = "checkpoint/latest.pt"
+PREVIOUS = "checkpoint/previous.pt"
+DAMAGED = "checkpoint/damaged.pt"  # a newest checkpoint that could not be read
+EPISODES = "episodes.parquet"
+METRICS = "metrics.parquet"
+EVALUATIONS = "evaluations"
+PROBES = "probes.parquet"
+VERSIONS = "versions.json"
+SUMMARY = "summary.json"
+MARK = "tracking.json"  # how much of the run MLflow has
+LOCK = ".lock"
+LOCK_ATTEMPTS, LOCK_PAUSE = 5, 0.1  # [s] in all, what a glance of another process at the lock may last
+
+RESULTS = "results/"  # begins the names of further columns: what the task says of an episode's last state
+EPISODE_SCHEMA = pa.schema(
+    [
+        ("levels", pa.string()),  # "train" or "test"
+        ("action_mode", pa.string()),  # "deterministic" or "sampled"
+        ("level", pa.int64()),  # index in the level set
+        ("return", pa.float64()),  # every reward counted
+        ("return_ref", pa.float64()),  # without the last reward, as the 2022 implementation reported it
+        ("length", pa.int64()),  # steps
+        ("success", pa.bool_()),
+        ("death", pa.bool_()),
+    ]
+)
+METRIC_SCHEMA = pa.schema(
+    [
+        ("name", pa.string()),  # e.g. "episode/return", "evaluation/test/success/deterministic", "w2/exact"
+        ("frames", pa.int64()),  # environment steps trained so far
+        ("seconds", pa.float64()),  # of training so far
+        ("value", pa.float64()),
+    ]
+)
+
+
+def runs_root(config: RunConfig) -> Path:
+    """Absolute path under which run folders and MLflow's store lie."""
+    return Path(config.root).expanduser().resolve() if config.root else CHECKOUT / "runs"
+
+
+def folder_path(config: RunConfig) -> Path:
+    """Absolute path of the run's folder."""
+    return Path(config.folder).expanduser().resolve() if config.folder else runs_root(config) / config.label()
+
+
+def is_finished(folder: Path) -> bool:
+    """Whether a run went through there."""
+    return (folder / SUMMARY).exists()
+
+
+@contextmanager
+def claim(config: RunConfig) -> Iterator[Path]:
+    """The run's folder, made if need be, and locked against other processes inside the block.
+
+    Raises:
+        RunFolderError: it holds another run, or something else, or another process is at it, or ``config`` forbids to
+            go on with the run that it holds.
+    """
+    folder = folder_path(config)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RunFolderError(f"cannot use the run folder {folder}: {error.strerror}") from error
+    with lock(folder):
+        _occupy(folder, config)
+        remove_unfinished(folder)
+        yield folder
+
+
+@contextmanager
+def lock(folder: Path) -> Iterator[None]:
+    """Keeps other processes from a run folder inside the block; raises :class:`RunFolderError` if one is at it."""
+    try:
+        file = open(folder / LOCK, "a")  # noqa: SIM115 - held open, hence locked, until the block ends
+    except OSError as error:
+        raise RunFolderError(f"cannot use the run folder {folder}: {error.strerror}") from error
+    with file:
+        for attempt in range(LOCK_ATTEMPTS):
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError:
+                if attempt + 1 == LOCK_ATTEMPTS:
+                    raise RunFolderError(
+                        f"another process is at work in {folder}; wait for it, or choose folder=..."
+                    ) from None
+                time.sleep(LOCK_PAUSE)
+        yield
+
+
+def is_locked(folder: Path) -> bool:
+    """Whether a process is at work in a run folder."""
+    try:
+        with lock(folder):
+            return False
+    except RunFolderError:
+        return True
+
+
+def run_folders(root: Path) -> list[Path]:
+    """The run folders directly under ``root``."""
+    return sorted(path.parent for path in root.glob(f"*/{CONFIG}"))
+
+
+def _occupy(folder: Path, config: RunConfig) -> None:
+    """Writes the settings into an empty folder; raises :class:`RunFolderError` if it holds another run or no run."""
+    if (folder / CONFIG).exists():
+        there = read_config(folder)  # also before clearing: what is not a run of ours is not ours to remove
+        if config.restart:
+            empty(folder, config)
+            return
+        differences = list(_differences(there.identity(), config.identity()))
+        if differences:
+            shown = "; ".join(differences[:3]) + ("; ..." if len(differences) > 3 else "")
+            raise RunFolderError(
+                f"{folder} holds another run: {shown}. Choose another folder=..., or throw that run away with restart=true"
+            )
+        if not config.resume and not is_finished(folder):
+            raise RunFolderError(
+                f"{folder} holds this run, unfinished, and resume=false forbids to go on with it. Go on with resume=true, "
+                "throw it away with restart=true, or choose another folder=..."
+            )
+        return
+    foreign = sorted(p.name for p in folder.iterdir() if p.name != LOCK and not p.name.startswith(TEMPORARY))
+    if foreign:
+        raise RunFolderError(
+            f"{folder} holds no run but is not empty: {', '.join(foreign[:3])}. Choose another folder=..."
+        )
+    write_text(folder / CONFIG, yaml.safe_dump(as_data(config), sort_keys=False))
+
+
+def empty(folder: Path, config: RunConfig) -> None:
+    """Throws away the run in a folder, and nothing else that lies there, for one with these settings to begin."""
+    names = (SUMMARY, PROBES, EPISODES, METRICS, VERSIONS, LEVELS_TRAIN, LEVELS_TEST, JOURNAL, MARK, CONFIG)
+    for name in names:  # the sign of completion first
+        (folder / name).unlink(missing_ok=True)
+    for part in (CHECKPOINTS, EVALUATIONS):
+        if (folder / part).exists():
+            shutil.rmtree(folder / part)
+    write_text(folder / CONFIG, yaml.safe_dump(as_data(config), sort_keys=False))
+
+
+def _differences(there: Mapping[str, Any], here: Mapping[str, Any], place: str = "") -> Iterator[str]:
+    """Sentences that name the settings in which two runs differ."""
+    for key in sorted({*there, *here}):
+        a, b = there.get(key), here.get(key)
+        if isinstance(a, Mapping) and isinstance(b, Mapping):
+            yield from _differences(a, b, f"{place}{key}.")
+        elif a != b:
+            yield f"{place}{key} is {a!r} there and {b!r} here"
+
+
+def read_config(folder: Path) -> RunConfig:
+    """The settings of the run in ``folder``; raises :class:`RunFolderError` if there are none or they are not readable."""
+    path = Path(folder) / CONFIG
+    try:
+        data = yaml.safe_load(path.read_text())
+        if not isinstance(data, Mapping):
+            raise ConfigError("it holds no settings")
+        return run_config(data)
+    except (OSError, ValueError, yaml.YAMLError) as error:
+        raise RunFolderError(f"cannot read the settings of a run from {path}: {error}") from error
+
+
+def read_summary(folder: Path) -> dict[str, Any]:
+    """The final figures; raises :class:`RunFolderError` if the run is not finished."""
+    path = Path(folder) / SUMMARY
+    if not path.exists():
+        raise RunFolderError(f"the run in {folder} is not finished: there is no {SUMMARY}")
+    return json.loads(path.read_text())
+
+
+def read_versions(folder: Path) -> dict[str, Any]:
+    """Libraries, commit, code fingerprint and level hashes of the run."""
+    return json.loads((Path(folder) / VERSIONS).read_text())
+
+
+def read_episodes(folder: Path) -> pa.Table:
+    """The evaluation episodes, :data:`EPISODE_SCHEMA`."""
+    return pq.read_table(Path(folder) / EPISODES)
+
+
+def read_metrics(folder: Path) -> pa.Table:
+    """The figures over time, :data:`METRIC_SCHEMA`; raises :class:`RunFolderError` if they are not readable."""
+    path = Path(folder) / METRICS
+    try:
+        return pq.read_table(path)
+    except (OSError, pa.ArrowInvalid) as error:
+        raise RunFolderError(f"cannot read the figures of a run from {path}: {error}") from error
+
+
+def write_rows(path: Path, rows: Sequence[Mapping[str, Any]], schema: pa.Schema) -> None:
+    """Replaces a table by ``rows``; columns beyond ``schema`` follow it. Raises :class:`RunFolderError`."""
+    table = pa.Table.from_pylist(list(rows), schema=schema)
+    more = [name for name in (rows[0] if rows else ()) if name not in schema.names]
+    for name in more:
+        table = table.append_column(name, pa.array([row[name] for row in rows]))
+    with replacing(path) as beside:
+        pq.write_table(table, os.fspath(beside))
+
+
+def write_json(path: Path, data: Mapping[str, Any]) -> None:
+    """Replaces a JSON file by ``data``; raises :class:`RunFolderError`."""
+    write_text(path, json.dumps(data, indent=2) + "\n")

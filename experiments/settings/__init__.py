@@ -1,0 +1,1 @@
+"""The settings of a run: dataclasses, how Hydra reads them, and the errors that users see."""

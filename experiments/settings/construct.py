@@ -1,0 +1,92 @@
+"""Plain data -> frozen dataclass, with errors that say which setting is wrong and what it may be."""
+
+from __future__ import annotations
+
+import dataclasses
+import types
+import typing
+from collections.abc import Mapping
+from typing import Any, TypeVar
+
+from experiments.settings.errors import ConfigError
+from segar.errors import SegarError, did_you_mean
+from segar.support.imports import named_object
+
+T = TypeVar("T")
+
+
+def construct(cls: type[T], data: Mapping[str, Any], place: str, **ready: Any) -> T:
+    """``cls(**data)`` with nested dataclasses built and types checked; fields in ``ready`` are taken as they are.
+
+    Raises :class:`ConfigError` that names the setting by its dotted path, which begins with ``place``.
+    """
+    fields = {f.name: f for f in dataclasses.fields(cls) if f.init}  # type: ignore[arg-type]
+    hints = typing.get_type_hints(cls)
+    values = dict(ready)
+    for name, value in data.items():
+        path = path_of(place, name)
+        if name not in fields:
+            raise ConfigError(
+                f"no setting is called '{path}'.{did_you_mean(path, [path_of(place, f) for f in fields])}"
+            )
+        values[name] = _convert(value, hints[name], path)
+    for name, field in fields.items():
+        if name not in values and field.default is field.default_factory is dataclasses.MISSING:
+            raise ConfigError(f"{path_of(place, name)}: it has no default; give one as {path_of(place, name)}=...")
+    return cls(**values)
+
+
+def path_of(place: str, name: Any) -> str:
+    """The dotted path of the setting ``name`` in the group ``place``, which may be empty."""
+    return f"{place}.{name}" if place else str(name)
+
+
+def flat(data: Mapping[str, Any], place: str = "") -> dict[str, Any]:
+    """Nested groups of settings as one mapping of dotted names."""
+    found: dict[str, Any] = {}
+    for key, value in data.items():
+        name = path_of(place, key)
+        found |= flat(value, name) if isinstance(value, Mapping) else {name: value}
+    return found
+
+
+def import_object(name: str, place: str) -> Any:
+    """The object that ``module:attribute`` names; raises :class:`ConfigError` that names ``place``."""
+    try:
+        return named_object(name)
+    except SegarError as error:
+        raise ConfigError(f"{place}: {error}") from error
+
+
+def _convert(value: Any, hint: Any, path: str) -> Any:
+    origin, arguments = typing.get_origin(hint), typing.get_args(hint)
+    if origin in (types.UnionType, typing.Union):
+        if value is None and type(None) in arguments:
+            return None
+        (hint,) = (a for a in arguments if a is not type(None))
+        return _convert(value, hint, path)
+    if dataclasses.is_dataclass(hint) and isinstance(value, Mapping):
+        return construct(typing.cast(type, hint), value, path)
+    if origin is tuple and isinstance(value, list | tuple):
+        return tuple(_convert(v, arguments[0], f"{path}[{i}]") for i, v in enumerate(value))
+    if origin is not None and isinstance(origin, type) and issubclass(origin, Mapping) and isinstance(value, Mapping):
+        return dict(value)
+    if hint is float and _is_number(value):
+        return float(value)
+    if hint is int and _is_number(value) and float(value).is_integer():
+        return int(value)  # YAML reads 5e5 as a float
+    if hint in (str, bool) and isinstance(value, hint):
+        return value
+    raise ConfigError(f"{path}: {value!r} is not {_in_words(hint)}")
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _in_words(hint: Any) -> str:
+    origin, arguments = typing.get_origin(hint), typing.get_args(hint)
+    if origin is tuple:
+        return f"a list whose entries are each {_in_words(arguments[0])}"
+    names = {int: "a whole number", float: "a number", str: "text", bool: "true or false"}
+    return names.get(hint, "a group of settings")

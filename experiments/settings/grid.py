@@ -1,0 +1,76 @@
+"""The cells of the paper's experiment: families x difficulties x numbers of training levels, as run configurations."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from itertools import product
+from typing import Any
+
+from experiments.settings.config import RunConfig
+
+
+@dataclasses.dataclass(frozen=True)
+class Cell:
+    """Where a run stands in the paper's grid."""
+
+    family: str
+    difficulty: str  # empty where the distribution is none of the named families
+    count: int  # training levels
+    seed: int
+
+    def __str__(self) -> str:
+        return f"{self.panel} n={self.count} seed={self.seed}"
+
+    @property
+    def panel(self) -> str:
+        """Family and difficulty, e.g. ``empty-hard``."""
+        return f"{self.family}-{self.difficulty}" if self.difficulty else self.family
+
+
+def paper_cells(config: RunConfig) -> list[RunConfig]:
+    """A run for every cell and seed of ``config.scale``, seed after seed and panel after panel.
+
+    Level seed and training seed are equal: training levels of one seed are never those of another, nor
+    test levels (a level depends on distribution, seed, split and index). All seeds share the test levels of a panel.
+    """
+    scale = config.scale
+    places = product(paper_seeds(config), scale.families, scale.difficulties, scale.counts)
+    return [cell_config(config, Cell(family, difficulty, n, seed)) for seed, family, difficulty, n in places]
+
+
+def paper_seeds(config: RunConfig) -> range:
+    """The seeds that ``config`` asks for: ``scale.seeds`` of them, from ``seed`` upwards."""
+    return range(config.seed, config.seed + config.scale.seeds)
+
+
+def cell_config(config: RunConfig, cell: Cell) -> RunConfig:
+    """``config`` with the levels and the seed of ``cell``."""
+    levels = dataclasses.replace(config.levels, train=cell.panel, count=cell.count, seed=cell.seed)
+    return dataclasses.replace(config, levels=levels, seed=cell.seed, folder=None)
+
+
+def cell_of(config: RunConfig) -> Cell:
+    """Where a run stands, read from its settings."""
+    family, dash, difficulty = config.levels.train.rpartition("-")
+    if not dash or difficulty not in DIFFICULTIES:
+        family, difficulty = config.levels.train, ""
+    return Cell(family, difficulty, config.levels.count, config.seed)
+
+
+DIFFICULTIES = ("easy", "medium", "hard")
+
+
+def design(config: RunConfig) -> dict[str, Any]:
+    """The settings that decide the results and that all cells and seeds of one experiment share, as plain data."""
+    data = config.identity()
+    levels = {key: value for key, value in data["levels"].items() if key not in ("train", "test", "count", "seed")}
+    levels["shifted"] = config.levels.test_distribution != config.levels.train
+    levels["seed"] = "that of the run" if config.levels.seed == config.seed else config.levels.seed
+    return {**{key: value for key, value in data.items() if key != "seed"}, "levels": levels}
+
+
+def design_hash(config: RunConfig) -> str:
+    """Eight hexadecimal digits that are equal for equal :func:`design`."""
+    return hashlib.sha256(json.dumps(design(config), sort_keys=True).encode()).hexdigest()[:8]

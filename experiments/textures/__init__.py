@@ -1,0 +1,1 @@
+"""How the shipped sets of textures are made."""

@@ -1,0 +1,1 @@
+"""MLflow: the store, what is sent to it, and its pages."""

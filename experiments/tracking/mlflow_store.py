@@ -1,0 +1,95 @@
+"""The MLflow store: where it is, and how it is opened, by many processes at once if need be."""
+
+from __future__ import annotations
+
+import fcntl
+import logging
+import os
+from pathlib import Path
+from typing import Any
+
+from experiments.settings import process_defaults as runtime
+from experiments.runs.files import replacing
+from experiments.settings.config import TrackingConfig
+from experiments.settings.errors import TrackingError
+from experiments.tracking.mlflow_views import tags_of_views
+
+STORE = "mlflow.db"  # under the root of the runs
+SERVERS = ("http", "https")  # begin the addresses of MLflow's servers
+REMOTE = (*SERVERS, "postgresql", "mysql", "mssql")  # and of all that may come and go while runs are at work
+PATIENCE = {  # MLflow's own is minutes; whoever asks here tries again later anyway
+    "MLFLOW_HTTP_REQUEST_MAX_RETRIES": "1",
+    "MLFLOW_HTTP_REQUEST_TIMEOUT": "20",  # [s]
+}
+
+
+def store_uri(tracking: TrackingConfig, root: Path) -> str:
+    """The store's address: as configured, else SQLite under ``root``, whatever the working directory."""
+    return tracking.uri or f"sqlite:///{root / STORE}"
+
+
+def is_remote(uri: str) -> bool:
+    """Whether the store at this address is on a network, and may be away for a while."""
+    return scheme(uri) in REMOTE
+
+
+def is_server(uri: str) -> bool:
+    """Whether a server of MLflow's is at this address, which has pages, and keeps the files of runs."""
+    return scheme(uri) in SERVERS
+
+
+def scheme(uri: str) -> str:
+    """What an address begins with, without the name of a driver: ``postgresql`` for ``postgresql+psycopg2://...``."""
+    return uri.partition("://")[0].partition("+")[0]
+
+
+def open_store(tracking: TrackingConfig, root: Path) -> tuple[Any, str]:
+    """An ``MlflowClient`` and the id of the experiment, with its views; all made if need be.
+
+    One process at a time creates the database: when several do, most of them crash. A server keeps the files of runs
+    where it likes; beside a database they lie under ``root``.
+
+    Raises:
+        TrackingError: the store cannot be opened.
+    """
+    runtime.set_environment()
+    for name, value in PATIENCE.items():
+        os.environ.setdefault(name, value)
+    from mlflow import MlflowClient
+
+    logging.getLogger("urllib3.connectionpool").setLevel(logging.ERROR)  # it would tell of every single retry
+    root.mkdir(parents=True, exist_ok=True)
+    with open(root / ".mlflow.lock", "a") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if tracking.uri is None and not (root / STORE).exists():
+            with replacing(root / STORE) as beside:  # half a database could never be opened again
+                calling(MlflowClient, tracking_uri=f"sqlite:///{beside}")
+        client = calling(MlflowClient, tracking_uri=store_uri(tracking, root))
+        found = calling(client.get_experiment_by_name, tracking.experiment)
+        if found is None:
+            place = None if is_server(client.tracking_uri) else (root / "mlflow-artifacts").as_uri()
+            experiment = calling(client.create_experiment, tracking.experiment, artifact_location=place)
+            found = calling(client.get_experiment, experiment)
+        show_views(client, found)
+        return client, found.experiment_id
+
+
+def show_views(client: Any, experiment: Any) -> None:
+    """Gives an experiment of MLflow's the views that it lacks; raises :class:`TrackingError`."""
+    for name, value in tags_of_views().items():
+        if experiment.tags.get(name) != value:
+            calling(client.set_experiment_tag, experiment.experiment_id, name, value)
+
+
+def calling(function: Any, *arguments: Any, **options: Any) -> Any:
+    """The function's result; what MLflow, its database or the disk refuses becomes one :class:`TrackingError`."""
+    from mlflow.exceptions import MlflowException
+    from sqlalchemy.exc import SQLAlchemyError
+
+    try:
+        return function(*arguments, **options)
+    except (MlflowException, SQLAlchemyError, OSError) as error:
+        reason = (str(error).splitlines() or [type(error).__name__])[0]
+        raise TrackingError(
+            f"MLflow refuses: {reason}. The run folder has all figures; tracking=none runs without MLflow"
+        ) from error

@@ -1,0 +1,207 @@
+"""Checkpoints: weights and what it takes to go on, as tensors and plain data, loaded without unpickling objects.
+
+The newest one and the one before are kept. A newest one that is damaged (by a disk, by a copy that was cut off) is put
+aside, and the run goes on from the one before, and says so.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import os
+import pickle
+import shutil
+import zipfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import nn
+
+from experiments.runs.files import replacing, write_bytes
+from experiments.settings.config import RunConfig
+from experiments.settings.errors import CheckpointError, TrainingError
+from experiments.algorithms.learner import Learner
+from experiments.runs.run_folder import CHECKPOINT, CONFIG, DAMAGED, PREVIOUS
+from experiments.runs.versions import code_fingerprint
+
+FORMAT = 1
+TRAIN_ANEW = "restart=true trains anew"
+
+
+def save_checkpoint(folder: Path, config: RunConfig, learner: Learner, extra: Mapping[str, Any]) -> None:
+    """Writes the run's newest checkpoint; what was the newest becomes the one before.
+
+    At every moment, also when the process is killed in here, the folder holds a whole checkpoint.
+
+    Args:
+        extra: what else the run needs to go on; tensors, numbers, text, and dicts and lists of these.
+
+    Raises:
+        TrainingError: a weight is not finite; such a checkpoint would be of no use, and the old ones stay.
+        RunFolderError: it cannot be written; the old ones stay.
+    """
+    _require_finite(learner)
+    content = {
+        "format": FORMAT,
+        "config": config.hash(),
+        "code": code_fingerprint(config.algorithm.learner),
+        "architecture": architecture(learner.policy),
+        "frames": learner.frames,
+        "policy": learner.policy.state_dict(),
+        "learner": learner.state_dict(),
+        "extra": dict(extra),
+    }
+    buffer = io.BytesIO()  # a full disk would end torch.save's own writing with an error that names no cause
+    torch.save(content, buffer)
+    path = folder / CHECKPOINT
+    if path.exists():
+        with replacing(folder / PREVIOUS) as beside:
+            _link(path, beside)
+    write_bytes(path, buffer.getvalue())
+
+
+def resume_checkpoint(
+    folder: Path, config: RunConfig, learner: Learner, say: Callable[[str], None] = print
+) -> dict[str, Any] | None:
+    """Puts the learner where the run's checkpoint was; returns its ``extra``, or None where there is no checkpoint.
+
+    A damaged newest checkpoint is renamed, ``say`` is told, and the one before counts.
+
+    Raises:
+        CheckpointError: it was written by other code or for another network or configuration, or is damaged and there
+            is none before it.
+    """
+    found = newest_checkpoint(folder, say)
+    if found is None:
+        return None
+    path, content = found
+    _require_equal(path, "configuration", content["config"], config.hash())
+    _require_equal(path, "code", content["code"], code_fingerprint(config.algorithm.learner))
+    _load_weights(path, learner.policy, content)
+    learner.load_state_dict(content["learner"])
+    return content["extra"]
+
+
+def newest_checkpoint(folder: Path, say: Callable[[str], None] = print) -> tuple[Path, dict[str, Any]] | None:
+    """The newest checkpoint of a run that can be read, and its content; None where there was never one.
+
+    A damaged newest one is renamed (it must not become the one before), and ``say`` is told.
+
+    Raises:
+        CheckpointError: there are only damaged ones.
+    """
+    newest, previous = folder / CHECKPOINT, folder / PREVIOUS
+    if not newest.exists() and not previous.exists():
+        return None
+    try:
+        return newest, read_checkpoint(newest)
+    except CheckpointError as error:
+        if not previous.exists():
+            raise
+        content = read_checkpoint(previous)  # raises: both are damaged
+        kept = ""
+        if newest.exists():
+            os.replace(newest, folder / DAMAGED)
+            kept = f" (kept as {DAMAGED})"
+        reason = str(error).removesuffix(f". {TRAIN_ANEW}")
+        say(f"{reason}{kept}. The one before is used, of {content['frames']:,} frames: {previous}")
+        return previous, content
+
+
+def load_newest_policy(folder: Path, policy: nn.Module, say: Callable[[str], None] = print) -> int:
+    """Fills ``policy`` with the newest weights of the run in ``folder``; returns the frames that they were trained for.
+
+    Raises:
+        CheckpointError: there is no checkpoint yet, all are damaged, or the weights belong to another network.
+    """
+    found = newest_checkpoint(folder, say)
+    if found is None:
+        raise CheckpointError(f"there is no checkpoint in {folder} yet")
+    path, content = found
+    _load_weights(path, policy, content)
+    return content["frames"]
+
+
+def load_policy(path: Path, policy: nn.Module) -> int:
+    """Fills ``policy`` with the weights of a checkpoint; returns the frames that they were trained for.
+
+    Raises:
+        CheckpointError: the weights belong to another network, or the file is missing or damaged.
+    """
+    content = read_checkpoint(path)
+    _load_weights(path, policy, content)
+    return content["frames"]
+
+
+def read_checkpoint(path: Path) -> dict[str, Any]:
+    """The content of a checkpoint file; raises :class:`CheckpointError` if it is missing, damaged or of another format."""
+    try:
+        with zipfile.ZipFile(path) as parts:  # torch does not look at the sums that it writes
+            odd = parts.testzip()
+        if odd is not None:
+            raise zipfile.BadZipFile(f"the sum over {odd} is wrong")
+        content = torch.load(path, map_location="cpu", weights_only=True)
+    except FileNotFoundError as error:
+        raise CheckpointError(f"there is no checkpoint at {path}") from error
+    except (RuntimeError, ValueError, OSError, EOFError, pickle.UnpicklingError, zipfile.BadZipFile) as error:
+        raise CheckpointError(
+            f"the checkpoint {path} is damaged or none of ours: {_first_line(error)}. {TRAIN_ANEW}"
+        ) from error
+    if not isinstance(content, dict) or content.get("format") != FORMAT:
+        found = content.get("format") if isinstance(content, dict) else type(content).__name__
+        raise CheckpointError(
+            f"the checkpoint {path} has format {found!r}; this version reads format {FORMAT}. {TRAIN_ANEW}"
+        )
+    return content
+
+
+def architecture(policy: nn.Module) -> str:
+    """Sixteen hexadecimal digits over the names and shapes of all weights."""
+    text = "\n".join(f"{name} {tuple(value.shape)}" for name, value in policy.state_dict().items())
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _link(path: Path, other: Path) -> None:
+    """Gives a file a second name, or makes a copy where the file system has no such names."""
+    try:
+        os.link(path, other)
+    except OSError:
+        shutil.copyfile(path, other)
+
+
+def _require_finite(learner: Learner) -> None:
+    for name, value in learner.policy.state_dict().items():
+        if value.is_floating_point() and not torch.isfinite(value).all():
+            raise TrainingError(
+                f"the weight '{name}' is not finite after {learner.frames} frames; lower algorithm.learning_rate"
+            )
+
+
+def _load_weights(path: Path, policy: nn.Module, content: Mapping[str, Any]) -> None:
+    if content["architecture"] != architecture(policy):
+        stored = {name: tuple(v.shape) for name, v in content["policy"].items()}
+        here = {name: tuple(v.shape) for name, v in policy.state_dict().items()}
+        odd = next(name for name in (*here, *stored) if stored.get(name) != here.get(name))
+        raise CheckpointError(
+            f"the checkpoint {path} is of another network: '{odd}' is {_shape(stored, odd)} there and "
+            f"{_shape(here, odd)} here. The settings of its run, in {CONFIG}, make the right one"
+        )
+    policy.load_state_dict(content["policy"])
+
+
+def _shape(shapes: Mapping[str, tuple[int, ...]], name: str) -> str:
+    return str(shapes[name]) if name in shapes else "absent"
+
+
+def _require_equal(path: Path, what: str, stored: str, here: str) -> None:
+    if stored != here:
+        raise CheckpointError(
+            f"the checkpoint {path} was written by another {what} ({stored} there, {here} here). "
+            f"Go back to that {what}, or train anew with restart=true"
+        )
+
+
+def _first_line(error: BaseException) -> str:
+    return (str(error).splitlines() or [type(error).__name__])[0]

@@ -1,0 +1,164 @@
+"""One run from settings to run folder: levels, training, evaluation, distances, summary."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from experiments.settings import process_defaults as runtime
+from experiments.settings.config import RunConfig
+from experiments.settings.construct import import_object
+from experiments.tracking.mlflow_sync import files_of
+from experiments.evaluation.episodes import distance_figures, diversity_figures, evaluate_run, evaluation_figures
+from experiments.settings.errors import ConfigError, RunFolderError, TrainingError
+from experiments.runs.journal import Journal
+from experiments.algorithms.learner import Learner
+from experiments.runs.run_folder import (
+    EPISODE_SCHEMA,
+    EPISODES,
+    LEVELS_TEST,
+    LEVELS_TRAIN,
+    SUMMARY,
+    VERSIONS,
+    claim,
+    empty,
+    is_finished,
+    read_summary,
+    read_versions,
+    write_json,
+    write_rows,
+)
+from experiments.runs.signals import Watch, watch_signals
+from experiments.tracking.tracker import NoTracker, Tracker, start_tracking
+from experiments.training.training_loop import Training
+from experiments.runs.versions import code_fingerprint, levels_hash, versions
+from experiments.levels.builders import environment_options, make_levels
+from segar.envs.torchrl_env import TorchRLEnv
+from segar.errors import RuleError
+
+SHOWN = {  # in the closing lines: what it is called there
+    "evaluation/train/return/deterministic": "return on training levels",
+    "evaluation/test/return/deterministic": "return on test levels",
+    "evaluation/gap/deterministic": "generalization gap",
+    "evaluation/train/success/deterministic": "success on training levels",
+    "evaluation/test/success/deterministic": "success on test levels",
+}
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """Where a run lies, what it came to, and whether it was trained now or found finished."""
+
+    folder: Path
+    summary: Mapping[str, Any]
+    trained: bool
+
+
+def run(config: RunConfig, say: Callable[[str], None] = print) -> RunResult:
+    """Carries out a run, or goes on with it, or finds it finished; safe to call many times in one process.
+
+    However it ends, its folder holds a whole checkpoint, and its journal says what happened.
+
+    Raises:
+        SegarError: settings, run folder, checkpoint or tracking store cannot be used, or training cannot go on; the
+            message says what to do.
+        Stopped: a signal stopped it; the same call goes on from there.
+    """
+    runtime.set_process_defaults(config.num_threads)
+    with claim(config) as folder, watch_signals() as signals:
+        if config.stale == "anew" and (folder / VERSIONS).exists() and not _is_by_this_code(config, folder):
+            say(f"{config.label()}: is trained anew, because it was made by other code")
+            empty(folder, config)
+        if is_finished(folder):
+            other = "" if _is_by_this_code(config, folder) else " (by other code than this; stale=anew trains anew)"
+            say(f"{config.label()}: finished before, nothing to do{other}; {folder}")
+            return RunResult(folder, read_summary(folder), trained=False)
+        journal = Journal(folder)
+        before = journal.begin()
+        if before is not None:
+            say(f"{config.label()}: {before}")
+        tracker: Tracker = NoTracker()
+        try:
+            tracker = start_tracking(config, folder)
+            summary = _carry_out(config, folder, tracker, journal, signals, say)
+        except BaseException as error:
+            journal.end(error)
+            tracker.finish("KILLED" if isinstance(error, KeyboardInterrupt | SystemExit) else "FAILED")
+            raise
+        journal.end()
+        tracker.finish("FINISHED", files_of(folder))
+    say(_closing_lines(config, folder, summary))
+    return RunResult(folder, summary, trained=True)
+
+
+def _carry_out(
+    config: RunConfig,
+    folder: Path,
+    tracker: Tracker,
+    journal: Journal,
+    signals: Watch,
+    say: Callable[[str], None],
+) -> dict[str, Any]:
+    train, test = make_levels(config.levels)
+    kind = import_object(config.algorithm.learner, "algorithm")
+    env = _make_environment(kind, config, train)
+    learner: Learner = kind(config.algorithm, env, config.scale.frames, config.seed)
+    training = Training(config, folder, learner, journal, signals)
+    hashes = {"train": levels_hash(train), "test": levels_hash(test)}
+    training.resume(hashes, say)
+    train.save(folder / LEVELS_TRAIN)
+    test.save(folder / LEVELS_TEST)
+    code = code_fingerprint(config.algorithm.learner)
+    write_json(folder / VERSIONS, {**versions(), "code": code, "levels": hashes})
+    tracker.begin(training.history.rows)
+
+    journal.doing = "training"
+    try:
+        training.train(test)
+    except TrainingError:
+        with suppress(RunFolderError):  # the way there is what one wants to look at; a resumed run drops it
+            training.history.write(folder)
+        raise
+    journal.doing = "evaluation"
+    began = time.perf_counter()
+    episodes = evaluate_run(learner.policy, config, train, test)
+    distances = distance_figures(train, test, config.evaluation.distances)
+    final = {**evaluation_figures(episodes), **distances, **diversity_figures(train, test)}
+    evaluation_seconds = time.perf_counter() - began
+    training.history.log(final, learner.frames, training.seconds)
+    write_rows(folder / EPISODES, episodes, EPISODE_SCHEMA)
+    training.history.write(folder)
+    took = {"seconds": training.seconds, "evaluation_seconds": evaluation_seconds}
+    summary = {"label": config.label(), "frames": learner.frames, **took, **final}
+    write_json(folder / SUMMARY, summary)
+    env.close()
+    return summary
+
+
+def _make_environment(kind: Any, config: RunConfig, train: Any) -> Any:
+    make_env = getattr(kind, "make_env", TorchRLEnv)
+    try:
+        num_envs = config.algorithm.num_envs
+        return make_env(train, num_envs, seed=config.seed, **environment_options(config, num_envs))
+    except RuleError as error:
+        if train.task in (None, config.task.name):
+            raise
+        raise ConfigError(
+            f"task: the levels of {config.levels.train} are for task={train.task}, and {config.task.name} does not fit: {error}"
+        ) from error
+
+
+def _is_by_this_code(config: RunConfig, folder: Path) -> bool:
+    return read_versions(folder).get("code") == code_fingerprint(config.algorithm.learner)
+
+
+def _closing_lines(config: RunConfig, folder: Path, summary: Mapping[str, Any]) -> str:
+    speed = summary["frames"] / max(summary["seconds"], 1e-9)
+    lines = [f"{config.label()}: {summary['frames']:,} frames in {summary['seconds']:.0f} s ({speed:,.0f} frames/s)"]
+    lines += [f"  {name:<27} {summary[key]:8.3f}" for key, name in SHOWN.items()]
+    lines += [f"  W2, {key[3:]:<23} {value:8.3f}" for key, value in summary.items() if key.startswith("w2/")]
+    return "\n".join([*lines, f"  run folder                  {folder}"])

@@ -1,0 +1,136 @@
+"""The loop of a training run: iterations, figures, and checkpoints on time and on signal."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping
+from contextlib import closing
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from experiments.training.checkpoint import resume_checkpoint, save_checkpoint
+from experiments.settings.config import ACTION_MODES, RunConfig
+from experiments.evaluation.episodes import mean_figures, play
+from experiments.settings.errors import CheckpointError, TrainingError
+from experiments.runs.journal import Journal
+from experiments.algorithms.learner import Learner
+from experiments.training.progress import Progress
+from experiments.runs.run_folder import METRIC_SCHEMA, METRICS, read_metrics, read_versions, write_rows
+from experiments.runs.signals import Watch
+from experiments.levels.builders import environment_options
+
+
+@dataclass
+class History:
+    """The figures of a run so far, as rows of ``metrics.parquet``."""
+
+    rows: list[dict[str, Any]] = field(default_factory=list)
+
+    def log(self, figures: Mapping[str, float], frames: int, seconds: float) -> None:
+        """Adds figures at a time."""
+        self.rows += [{"name": k, "frames": frames, "seconds": seconds, "value": float(v)} for k, v in figures.items()]
+
+    def write(self, folder: Path) -> None:
+        """Replaces ``metrics.parquet``; raises :class:`RunFolderError`."""
+        write_rows(folder / METRICS, self.rows, METRIC_SCHEMA)
+
+
+@dataclass
+class Training:
+    """A run in training: who learns, what came of it so far, and where that goes."""
+
+    config: RunConfig
+    folder: Path
+    learner: Learner
+    journal: Journal
+    signals: Watch
+    history: History = field(default_factory=History)
+    seconds: float = 0.0  # of training, also in processes before this one
+
+    def resume(self, hashes: Mapping[str, str], say: Callable[[str], None]) -> None:
+        """Goes back to the run's last checkpoint, if there is one.
+
+        Args:
+            hashes: of the training and test levels, which must be those that the run was begun on.
+
+        Raises:
+            CheckpointError: the checkpoint belongs to other code or other levels, or is damaged.
+        """
+        extra = resume_checkpoint(self.folder, self.config, self.learner, say)
+        if extra is None:
+            return
+        # The module that defines levels may be the user's; no fingerprint of code sees it.
+        if read_versions(self.folder)["levels"] != hashes:
+            raise CheckpointError(
+                f"the run in {self.folder} was begun on other levels than those that {self.config.levels.train} gives "
+                "now. Go back to that definition, or train anew with restart=true"
+            )
+        self.seconds = extra["seconds"]
+        frames = self.journal.frames = self.learner.frames
+        self.history.rows = [row for row in read_metrics(self.folder).to_pylist() if row["frames"] <= frames]
+        say(f"{self.config.label()}: goes on from {frames:,} of {self.config.scale.frames:,} frames")
+
+    def train(self, test: Any) -> None:
+        """Iterates until the frames are used up; evaluates on the levels ``test`` on the way, where that is asked for.
+
+        Raises:
+            TrainingError: a figure or a weight is not finite any more. The checkpoints are older than that.
+            Stopped: a signal stopped the run; its checkpoint is written.
+        """
+        config, learner, total = self.config, self.learner, self.config.scale.frames
+        saved = time.monotonic()
+        with closing(Progress(config.label(), total, learner.frames, shown=config.progress)) as progress, self.signals:
+            while learner.frames < total:
+                before = learner.frames
+                figures = self.iterate()
+                progress.update(learner.frames, figures)
+                if _crossed(before, learner.frames, config.evaluation.interval):
+                    self.history.log(self.evaluate(test), learner.frames, self.seconds)
+                is_time = time.monotonic() - saved > config.checkpoint_interval
+                if is_time or learner.frames >= total or self.signals.pending:
+                    self.save()
+                    saved = time.monotonic()
+                self.signals.answer(f" after {learner.frames:,} of {total:,} frames; the checkpoint is written")
+
+    def iterate(self) -> Mapping[str, float]:
+        """One iteration of the learner, in the history; raises :class:`TrainingError`."""
+        before, began = self.learner.frames, time.perf_counter()
+        figures = self.learner.iterate()
+        duration = time.perf_counter() - began
+        self.seconds += duration
+        self.journal.frames = self.learner.frames
+        speed = {"speed/frames_per_second": (self.learner.frames - before) / duration}
+        self.history.log({**figures, **speed}, self.learner.frames, self.seconds)
+        for name, value in figures.items():
+            if not math.isfinite(value):
+                raise TrainingError(
+                    f"{name} became {value} after {self.learner.frames} frames; lower algorithm.learning_rate"
+                )
+        return figures
+
+    def save(self) -> None:
+        """Writes metrics and checkpoint; raises :class:`RunFolderError`, and :class:`TrainingError` as :meth:`train`."""
+        # Metrics first: rows beyond the checkpoint are dropped when the run goes on, rows that are missing would stay so.
+        self.history.write(self.folder)
+        save_checkpoint(self.folder, self.config, self.learner, {"seconds": self.seconds})
+
+    def evaluate(self, test: Any) -> dict[str, float]:
+        """Mean figures on the levels ``test``, one episode each, in both action modes."""
+        config = self.config
+        figures: dict[str, float] = {}
+        for mode in ACTION_MODES:
+            rng = torch.Generator().manual_seed(config.evaluation.seed) if mode == "sampled" else None
+            options, seed = environment_options(config), config.evaluation.seed
+            rows = play(self.learner.policy, test, np.arange(len(test)), options, rng=rng, seed=seed)
+            figures |= mean_figures(rows, "test", mode)
+        return figures
+
+
+def _crossed(before: int, after: int, interval: int) -> bool:
+    """Whether a multiple of ``interval`` lies in (before, after]; never for interval 0."""
+    return interval > 0 and before // interval < after // interval

@@ -1,0 +1,135 @@
+"""What ``segar describe`` shows of a distribution: which entities there may be, and the laws of all their factors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from segar.levels.distribution import LevelDistribution
+from segar.errors import PriorError
+from segar.language.factors import Factor, Shape
+from segar.noise import Choice, Deterministic, Empirical, Noise
+from segar.noise.measures import as_noise
+from segar.levels.priors import factors_needed
+from segar.levels.sampling.plan import Draw
+
+CONDITIONAL_SAMPLE = 2000  # levels that show a factor whose law depends on others
+SPLIT = "describe"
+
+
+@dataclass(frozen=True)
+class Described:
+    """The law of one factor of one entity; of shapes, which are no numbers, the shape or a choice of shapes.
+
+    Attributes:
+        reads: names of the factors that decide it level by level; the law is then that of 2,000 levels.
+    """
+
+    entity: str
+    factor: type[Factor]
+    law: Any
+    reads: tuple[str, ...] = ()
+
+    def row(self) -> dict[str, Any]:
+        """Law, mean, standard deviation and support; those of a law on the plane are pairs. What a law does not say is
+        None."""
+        depends = f"depends on {', '.join(self.reads)}; drawn: " if self.reads else ""
+        numbers = _numbers(self.law) if isinstance(self.law, Noise) and self.law.width else _nothing()
+        return {"entity": self.entity, "factor": self.factor.__name__, "law": f"{depends}{self.law!r}", **numbers}
+
+
+def described(distribution: LevelDistribution) -> list[Described]:
+    """The laws of all factors, entity by entity, and of the world parameters."""
+    found = []
+    shapes, conditional = _shapes(distribution), _conditional(distribution)
+    for entity, laws in distribution.marginals().items():
+        found += [Described(entity, factor, law) for factor, law in laws.items()]
+        found += [*conditional.get(entity, ()), *shapes.get(entity, ())]
+    return found
+
+
+def composition(distribution: LevelDistribution) -> dict[str, dict[str, Any]]:
+    """By entity: its ``types``, their ``probabilities``, whether it is ``optional``, and the probability that it is
+    ``there``."""
+    plan, found = distribution._plan, {}
+    for group in plan.groups:
+        values, masses = as_noise(group.count).atoms
+        shares: dict[str, float] = {}
+        for kind, probability in zip(group.types, group.probabilities, strict=True):
+            name = plan.layout.types[kind].__name__
+            shares[name] = shares.get(name, 0.0) + float(probability)
+        for place, slot in enumerate(group.slots):
+            found[plan.layout.names[slot]] = {
+                "types": list(shares),
+                "probabilities": list(shares.values()),
+                "optional": plan.layout.slots[slot].optional,
+                "there": float(masses[values > place].sum()),
+            }
+    floor = plan.layout.slots[-1]
+    return found | {floor.name: {"types": ["GlobalFriction"], "probabilities": [1.0], "optional": False, "there": 1.0}}
+
+
+def numbers(distribution: LevelDistribution) -> list[tuple[list[str], Noise]]:
+    """The entities of which there is a number that varies, and the law of that number."""
+    plan = distribution._plan
+    laws = [([plan.layout.names[slot] for slot in group.slots], as_noise(group.count)) for group in plan.groups]
+    return [(names, law) for names, law in laws if len(law.atoms[0]) > 1]
+
+
+def _shapes(distribution: LevelDistribution) -> dict[str, list[Described]]:
+    found: dict[str, list[Described]] = {}
+    for outline in distribution._plan.outlines:
+        name = distribution.layout.names[outline.slot]
+        found.setdefault(name, []).append(Described(name, Shape, outline.shapes))
+    return found
+
+
+def _conditional(distribution: LevelDistribution) -> dict[str, list[Described]]:
+    """What ``marginals`` leaves out, as it is in some levels; entities that share their priors are one law."""
+    plan, known = distribution._plan, distribution.marginals()
+    draws: dict[tuple[int, type[Factor]], list[Draw]] = {}
+    for draw in plan.draws:
+        if draw.factor not in known[plan.layout.names[draw.slot]]:
+            draws.setdefault((draw.slot, draw.factor), []).append(draw)
+    alike: dict[Any, list[int]] = {}
+    for (slot, factor), mine in draws.items():
+        alike.setdefault((factor, *((draw.types, draw.priors) for draw in mine)), []).append(slot)
+    found: dict[str, list[Described]] = {}
+    levels = distribution.sample(CONDITIONAL_SAMPLE, split=SPLIT) if alike else None
+    for (factor, *parts), slots in alike.items():
+        assert levels is not None
+        column = plan.layout.columns[factor]
+        values = levels.sampled_values[:, slots, column : column + factor.width].reshape(-1, factor.width)
+        values = values[~np.isnan(values[:, 0])]
+        needed = {one for _, priors in parts for prior in priors for one in factors_needed(prior)}
+        reads = sorted(f.__name__ if owner is None else f"{owner}.{f.__name__}" for owner, f in needed)
+        law = Empirical(values if factor.width == 2 else values[:, 0])
+        for slot in slots:
+            name = plan.layout.names[slot]
+            found.setdefault(name, []).append(Described(name, factor, law, tuple(reads)))
+    return found
+
+
+def _nothing() -> dict[str, None]:
+    return dict.fromkeys(("mean", "sd", "low", "high"))
+
+
+def _numbers(law: Noise) -> dict[str, Any]:
+    try:
+        mean, deviation = np.asarray(law.mean, float), np.sqrt(np.asarray(law.var, float))
+        support = np.asarray(law.support, float).reshape(-1, 2)
+    except PriorError:  # a law of one's own need not say its distribution function
+        return _nothing()
+    if isinstance(law, Deterministic):
+        deviation = np.zeros_like(mean)
+    found = {"mean": mean, "sd": deviation, "low": support[:, 0], "high": support[:, 1]}
+    return {name: value.tolist() if np.size(value) > 1 else float(np.ravel(value)[0]) for name, value in found.items()}
+
+
+def is_constant(law: Any) -> bool:
+    """Whether a factor with this law, or this shape, is the same in all levels."""
+    if isinstance(law, Choice):
+        return len(set(law.keys)) == 1
+    return isinstance(law, Deterministic) if isinstance(law, Noise) else not law.is_random

@@ -1,0 +1,61 @@
+"""What a layout, a task and the places where rules run cannot serve: errors when a world is built, by name."""
+
+from __future__ import annotations
+
+from segar.language.layout import Layout, holds
+from segar.language.signature import Action
+from segar.engine.compiler.spec import symbols_of
+from segar.errors import RuleError, did_you_mean
+from segar.language.factors import Order, Position, Size, Velocity
+from segar.language.parameters import Parameter
+from segar.language.relations import Relation
+from segar.language.rule_definition import Rule
+
+
+def check_rule(rule: Rule, layout: Layout, numbers: int, allows_action: bool, allows_wall: bool) -> None:
+    """Refuse a rule that asks for what its place does not have; the task's action has that many ``numbers``."""
+    for parameter in (*rule.signature.parameters, *_relation_parameters(rule.relation)):
+        if parameter not in layout.parameters:
+            names = [p.__name__ for p in layout.parameters]
+            raise RuleError(
+                f"{rule.where}: no value is known for the world parameter {parameter.__name__}; give it in the"
+                f" distribution's 'parameters'.{did_you_mean(parameter.__name__, names)}"
+            )
+    if rule.signature.uses("action") and not allows_action:
+        raise RuleError(f"{rule.where}: only a task's action and reward can take {Action.__name__}")
+    if rule.signature.uses("wall") and not allows_wall:
+        raise RuleError(f"{rule.where}: only World(wall_contact=...) can take Wall, and rules of on_contact")
+    for symbol in symbols_of(rule.tree):
+        if symbol.op == "action" and not 0 <= symbol.args[0] < numbers:
+            raise RuleError(
+                f"{rule.where}: takes action[{symbol.args[0]}], but the task's action has {numbers} numbers"
+            )
+
+
+def check_contact_rule(rule: Rule) -> None:
+    """Rules that contacts call see two bodies and nothing else."""
+    asked = f"{rule.where}: rules of position and of contacts, and what is solid, cannot"
+    symbols = symbols_of(rule.tree)
+    if any(s.op == "relation" and isinstance(s.args[0], str) for s in symbols):
+        raise RuleError(f"{asked} ask is_on, overlaps or contains")
+    if any(s.op == "draw" for s in symbols):
+        raise RuleError(f"{asked} draw random numbers")
+
+
+def check_geometry(layout: Layout) -> None:
+    """Geometry and contacts read columns of their own factors, which no sub-class can stand for."""
+    for kind in layout.types:
+        for factor in (Position, Velocity, Size, Order):
+            held = holds(kind, factor)
+            if held not in (None, factor):
+                raise RuleError(
+                    f"entity {kind.__name__} holds {held.__name__} in place of {factor.__name__}; let it hold"
+                    f" {factor.__name__} itself, which geometry and contacts use"
+                )
+
+
+def _relation_parameters(relation: Relation | None) -> list[type[Parameter]]:
+    """World parameters that a relation or its parts take."""
+    if relation is None:
+        return []
+    return [*relation.signature.parameters, *(p for part in relation.parts for p in _relation_parameters(part))]

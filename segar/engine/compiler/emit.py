@@ -1,0 +1,125 @@
+"""Expressions -> source text: named temporaries in nested scopes, so that each expression is computed once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from segar.language.symbols import Symbol, make
+
+BINARY = {"add": "+", "sub": "-", "mul": "*", "div": "/", "lt": "<", "le": "<=", "eq": "==", "ne": "!="}
+CALLS = {
+    "sqrt": "math.sqrt",
+    "exp": "np.exp",
+    "log": "np.log",
+    "sin": "np.sin",
+    "cos": "np.cos",
+    "tanh": "np.tanh",
+    "arctan2": "math.atan2",
+    "abs": "abs",
+    "sign": "np.sign",
+}
+
+
+class Writer:
+    """Lines of source with indentation, and the temporaries that are visible at the current place.
+
+    Args:
+        atom: the source of a leaf symbol (load, parameter, draw, relation, action, wall).
+    """
+
+    def __init__(self, atom: Callable[[Symbol], str], indent: int = 0) -> None:
+        self.lines: list[str] = []
+        self.indent = indent
+        self.groups: dict[str, Any] = {}  # the group that each loop variable runs over
+        self._atom = atom
+        self._scopes: list[dict[Symbol, str]] = [{}]
+        self._count = 0
+
+    def line(self, text: str) -> None:
+        self.lines.append("    " * self.indent + text)
+
+    def text(self) -> str:
+        """All lines."""
+        return "\n".join(self.lines)
+
+    @contextmanager
+    def block(self, header: str) -> Iterator[None]:
+        """An indented block with its own scope; an empty body becomes ``pass``."""
+        self.line(header)
+        self.indent += 1
+        self._scopes.append({})
+        start = len(self.lines)
+        yield
+        if len(self.lines) == start:
+            self.line("pass")
+        self._scopes.pop()
+        self.indent -= 1
+
+    @contextmanager
+    def scope(self) -> Iterator[None]:
+        """A scope without indentation."""
+        self._scopes.append({})
+        yield
+        self._scopes.pop()
+
+    def value(self, symbol: Symbol) -> str:
+        """The name (or constant) that holds ``symbol`` here, computing it first where it is not known yet."""
+        if symbol.op == "const":
+            return constant(symbol.args[0])
+        for scope in reversed(self._scopes):
+            if symbol in scope:
+                return scope[symbol]
+        text = self._text(symbol)
+        if symbol.op in ("parameter", "action"):
+            return text
+        self._count += 1
+        name = f"t{self._count}"
+        self.line(f"{name} = {text}")
+        self._scopes[-1][symbol] = name
+        return name
+
+    def _text(self, symbol: Symbol) -> str:
+        op, args = symbol.op, symbol.args
+        if op in BINARY:
+            return f"{self.value(args[0])} {BINARY[op]} {self.value(args[1])}"
+        if op in CALLS:
+            return f"{CALLS[op]}({', '.join(self.value(a) for a in args)})"
+        if op == "neg":
+            return f"-{self.value(args[0])}"
+        if op == "pow":
+            return f"{self.value(args[0])} ** {self.value(args[1])}"
+        if op == "select":
+            condition, yes, no = (self.value(a) for a in args)
+            return f"{yes} if {condition} else {no}"
+        if op in ("and", "or"):
+            return f"{self.value(args[0])} {op} {self.value(args[1])}"
+        if op == "not":
+            return f"not {self.value(args[0])}"
+        return self._atom(symbol)
+
+
+def constant(value: Any) -> str:
+    """Source of a constant; infinities and nan by their numpy names."""
+    if isinstance(value, bool):
+        return repr(value)
+    if value != value:
+        return "np.nan"
+    if value in (float("inf"), float("-inf")):
+        return "np.inf" if value > 0 else "-np.inf"
+    return repr(float(value)) if value >= 0 and str(value)[0] != "-" else f"({float(value)!r})"
+
+
+def bind(symbol: Symbol, variables: tuple[str, ...], rule: int) -> Symbol:
+    """The expression with its arguments replaced by loop variables: equal reads of two rules become one symbol."""
+    op, args = symbol.op, symbol.args
+    if op == "load":
+        return make("load", variables[args[0]], *args[1:])
+    if op == "relation":
+        return make("relation", args[0], variables[args[1]], variables[args[2]])
+    if op == "draw":
+        return make("draw", rule, args[0], *variables)
+    if not any(isinstance(a, Symbol) for a in args):
+        return symbol
+    return make(op, *(bind(a, variables, rule) if isinstance(a, Symbol) else a for a in args))

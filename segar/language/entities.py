@@ -1,0 +1,300 @@
+"""Entity types: sets of factors with defaults, and the factory that draws a type.
+
+An entity type is a class whose annotations name its factors; a class inherits its parent's factors and defaults::
+
+    class Ember(segar.Tile):
+        temperature: Temperature = 300.0
+"""
+
+# pyright: reportAssignmentType=false
+from __future__ import annotations
+
+import inspect
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, ClassVar
+
+from segar.errors import FactorError
+from segar.language.factors import (
+    ID,
+    Acceleration,
+    Alive,
+    Charge,
+    Collides,
+    Consumes,
+    Density,
+    Done,
+    Drag,
+    Factor,
+    Floor,
+    Friction,
+    Heat,
+    InfiniteEnergy,
+    Label,
+    Magnetism,
+    Mass,
+    Mobile,
+    Order,
+    Position,
+    Shape,
+    Size,
+    StoredEnergy,
+    Velocity,
+    Visible,
+)
+from segar.language.shapes import Circle, Square
+
+
+def _resolve(hint: str, cls: type) -> Any:
+    """Evaluate a string annotation in the class's module and in the frames that define the class."""
+    scope = dict(vars(sys.modules[cls.__module__])) if cls.__module__ in sys.modules else {}
+    frame = sys._getframe(2)
+    local: dict[str, Any] = {}
+    for _ in range(8):
+        if frame is None:
+            break
+        local = {**frame.f_locals, **local}
+        frame = frame.f_back
+    try:
+        return eval(hint, scope, local)
+    except NameError:
+        raise FactorError(f"entity {cls.__name__}: cannot find the factor '{hint}'") from None
+
+
+class Entity:
+    """A container of factors. Built from a dictionary, it may hold any factors; a sub-class declares its own.
+
+    Args:
+        factors: factor class to value. For a sub-class, values for some of its factors; the rest are the defaults.
+    """
+
+    declared: ClassVar[dict[type[Factor], Any]] = {}
+    """Factor class to default value, inherited ones included."""
+
+    _own: ClassVar[dict[type[Factor], Any]] = {}
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        cls._own = {}
+        for name, hint in inspect.get_annotations(cls).items():
+            factor = _resolve(hint, cls) if isinstance(hint, str) else hint
+            if not (isinstance(factor, type) and issubclass(factor, Factor)):
+                continue  # an ordinary attribute such as a ClassVar
+            value = cls.__dict__.get(name, None)
+            try:
+                cls._own[factor] = factor.default if value is None else factor.check(value)
+            except FactorError as error:
+                raise FactorError(f"entity {cls.__name__}.{name}: {error}") from None
+        inherited = cls._inherited()
+        if Size in cls._own and Shape not in cls._own and isinstance(inherited.get(Shape), Circle):
+            cls._own[Shape] = Circle(cls._own[Size])  # the inherited circle gets the new size
+        cls.declared = inherited | cls._own
+
+    @classmethod
+    def _inherited(cls) -> dict[type[Factor], Any]:
+        """What the parents declare, in Python's order of resolution, so that an entity may have several."""
+        found: dict[type[Factor], Any] = {}
+        for parent in reversed(cls.__mro__[1:]):
+            found |= vars(parent).get("_own", {})
+        return found
+
+    def __init__(self, factors: Mapping[type[Factor], Any] | None = None) -> None:
+        self.factors: dict[type[Factor], Any] = dict(self.declared)
+        for factor, value in (factors or {}).items():
+            if not (isinstance(factor, type) and issubclass(factor, Factor)):
+                raise FactorError(f"{type(self).__name__}: {factor!r} is not a factor class")
+            if type(self) is not Entity and factor not in self.declared:
+                raise FactorError(f"{type(self).__name__} has no factor {factor.__name__}")
+            self.factors[factor] = factor.check(value)
+        shape = self.factors.get(Shape)
+        if isinstance(shape, Circle) and Size not in (factors or {}):
+            self.factors[Size] = shape.size
+
+    def __getitem__(self, factor: type[Factor]) -> Any:
+        if factor not in self.factors:
+            raise FactorError(f"this {type(self).__name__} has no {factor.__name__}")
+        return self.factors[factor]
+
+    def __contains__(self, factor: object) -> bool:
+        return factor in self.factors
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({{{', '.join(f'{f.__name__}: {v!r}' for f, v in self.factors.items())}}})"
+
+
+class GlobalFriction(Entity):
+    """The arena's floor: it has friction but no place, and acts on everything that moves."""
+
+    friction: Friction
+    id: ID = "global_friction"
+
+
+class Thing(Entity):
+    position: Position
+    visible: Visible
+    order: Order
+    shape: Shape = Circle(0.2)
+    size: Size = 0.2
+    label: Label = "thing"
+    id: ID = ""
+
+
+class Object(Thing):
+    """A thing that moves, collides, and feels forces."""
+
+    collides: Collides
+    mobile: Mobile
+    velocity: Velocity
+    acceleration: Acceleration
+    drag: Drag
+    mass: Mass
+    charge: Charge
+    density: Density
+    magnetism: Magnetism
+    stored_energy: StoredEnergy
+    infinite_energy: InfiniteEnergy
+    alive: Alive
+    done: Done
+    label: Label = "object"
+
+
+class Ball(Object):
+    label: Label = "ball"
+
+
+class Magnet(Object):
+    magnetism: Magnetism = -1.0
+    mobile: Mobile = False
+    label: Label = "magnet"
+
+
+class Charger(Object):
+    charge: Charge = -1.0
+    mobile: Mobile = False
+    label: Label = "charger"
+
+
+class Bumper(Object):
+    stored_energy: StoredEnergy = 1.0
+    mobile: Mobile = False
+    label: Label = "bumper"
+
+
+class Damper(Object):
+    stored_energy: StoredEnergy = -0.5
+    mobile: Mobile = False
+    label: Label = "damper"
+
+
+class GolfBall(Object):
+    charge: Charge = 1.0
+    label: Label = "golfball"
+    id: ID = "golfball"
+
+
+class CueBall(Object):
+    charge: Charge = 1.0
+    label: Label = "cueball"
+    id: ID = "cueball"
+
+
+class Tile(Thing):
+    """A thing that does not move; objects roll over it."""
+
+    floor: Floor
+    friction: Friction
+    heat: Heat
+    shape: Shape = Square(1.0)
+    size: Size = 1.0
+    label: Label = "tile"
+
+
+class Hole(Tile):
+    """A tile that swallows the objects that it contains."""
+
+    consumes: Consumes
+    shape: Shape = Circle(1.0)
+    order: Order = -1
+    label: Label = "hole"
+
+
+class SandTile(Tile):
+    friction: Friction = 0.4
+    label: Label = "sand"
+
+
+class MagmaTile(Tile):
+    heat: Heat = 1.0
+    friction: Friction = 0.1
+    label: Label = "magma"
+
+
+class FireTile(MagmaTile):
+    heat: Heat = 0.5
+    friction: Friction = 0.0
+    shape: Shape = Circle(1.0)
+    label: Label = "fire"
+
+
+class GoalTile(Tile):
+    shape: Shape = Circle(0.3)
+    size: Size = 0.3
+    order: Order = -2
+    label: Label = "goal"
+    id: ID = "goal"
+
+
+class ThingFactory:
+    """A random entity type: uniform over a sequence, or by the probabilities of a dictionary.
+
+    Raises:
+        FactorError: a member is not a Thing type, a type comes twice, or the probabilities do not sum to one.
+    """
+
+    def __init__(self, types: Sequence[type[Thing]] | Mapping[type[Thing], float]) -> None:
+        names = list(types)
+        weights = list(types.values()) if isinstance(types, Mapping) else [1.0 / max(len(names), 1)] * len(names)
+        for member in names:
+            if not (isinstance(member, type) and issubclass(member, Thing)):
+                raise FactorError(f"ThingFactory takes types of things, not {member!r}")
+        if not names or len(set(names)) != len(names):
+            raise FactorError("ThingFactory needs at least one type, and each only once")
+        if any(w < 0 for w in weights) or abs(sum(weights) - 1.0) > 1e-9:
+            raise FactorError(f"ThingFactory: probabilities must be positive and sum to 1, not {weights}")
+        self.types: tuple[type[Thing], ...] = tuple(names)
+        self.probabilities: tuple[float, ...] = tuple(float(w) for w in weights)
+
+    def __iter__(self) -> Iterator[type[Thing]]:
+        return iter(self.types)
+
+    def __repr__(self) -> str:
+        members = zip(self.types, self.probabilities, strict=True)
+        return f"ThingFactory({{{', '.join(f'{t.__name__}: {p:g}' for t, p in members)}}})"
+
+
+def entity_name(entity: type[Entity]) -> str:
+    """The name of an entity type for people: its ID, else its label, else the class name in lower case."""
+    return entity.declared.get(ID) or entity.declared.get(Label) or entity.__name__.lower()
+
+
+__all__ = [
+    "Ball",
+    "Bumper",
+    "Charger",
+    "CueBall",
+    "Damper",
+    "Entity",
+    "FireTile",
+    "GlobalFriction",
+    "GoalTile",
+    "GolfBall",
+    "Hole",
+    "MagmaTile",
+    "Magnet",
+    "Object",
+    "SandTile",
+    "Thing",
+    "ThingFactory",
+    "Tile",
+    "entity_name",
+]

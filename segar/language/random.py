@@ -1,0 +1,35 @@
+"""Randomness inside rules: drawn anew in every sub-step, from a generator that is keyed, not seeded.
+
+A draw depends only on (seed, level, episode, sub-step, rule, entities, number of the draw), so a run repeats bit for
+bit whatever the batch size or the number of threads.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+from segar.errors import RuleError
+from segar.language.values import cos, log, sqrt
+
+_uniform_source: list[Callable[[], Any]] = []  # the innermost tracer or interpreter supplies uniform draws
+TINY = 2.0**-54  # keeps log() finite; half the spacing of the 53-bit uniforms
+
+
+def uniform(low: Any = 0.0, high: Any = 1.0) -> Any:
+    """A number uniform in [low, high)."""
+    if not _uniform_source:
+        raise RuleError("segar.language.random draws only inside a rule that the simulator runs")
+    return low + (high - low) * _uniform_source[-1]()
+
+
+def normal(mean: Any = 0.0, std: Any = 1.0) -> Any:
+    """A Gaussian number, by the Box-Muller transform of two uniform ones."""
+    radius = sqrt(-2.0 * log(uniform() + TINY))
+    return mean + std * (radius * cos(2.0 * math.pi * uniform()))
+
+
+def bernoulli(p: Any = 0.5) -> Any:
+    """True with probability ``p``."""
+    return uniform() < p

@@ -1,0 +1,141 @@
+"""Relations: typed functions that return a truth value and say when a rule applies.
+
+Attach them to a rule (``@rule(relation=is_on)``) or combine them first (``is_on & is_equal(Mobile, True)``). The i-th
+entity of a relation is the i-th entity of the rule.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from segar.language.signature import EntityView, Signature, read_signature, symbolic_arguments, where
+from segar.language.symbols import Symbol, make, walk
+from segar.language.trace import Leaf, Tree, trace, truth_leaf
+from segar.language.entities import Entity, Thing
+from segar.errors import RuleError
+from segar.language.factors import ID, Factor, Label
+
+SPECIFICITY_PLAIN = 1  # any relation that is not an equality; the other numbers rank equalities (2022: rules)
+SPECIFICITY_EQUAL = 2
+SPECIFICITY_LABEL = 7
+SPECIFICITY_ID = 8
+
+
+@dataclass(frozen=True)
+class Relation:
+    """A condition on entities: the truth that its function returns, and how specific it is when rules disagree."""
+
+    function: Callable[..., Any]
+    signature: Signature
+    truth: Symbol
+    specificity: int = SPECIFICITY_PLAIN
+    parts: tuple[Relation, ...] = ()
+
+    def __and__(self, other: Any) -> Relation:
+        other = as_relation(other)
+        return _combine("and", self, other, self.specificity + other.specificity)
+
+    def __or__(self, other: Any) -> Relation:
+        other = as_relation(other)
+        return _combine("or", self, other, max(self.specificity, other.specificity))
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self.function(*arguments)
+
+    @property
+    def name(self) -> str:
+        return self.function.__name__
+
+    def holds(self, build: Callable[[Signature], list[Any]]) -> bool:
+        """Whether the relation holds for arguments that ``build`` makes from a signature (plain Python)."""
+        if not self.parts:
+            return bool(self.function(*build(self.signature)))
+        results = [part.holds(build) for part in self.parts]
+        return all(results) if self.truth.op == "and" else any(results)
+
+
+def relation(function: Callable[..., bool]) -> Relation:
+    """Make a relation of a typed function that returns a truth value; raises :class:`RuleError`."""
+    return as_relation(function)
+
+
+def as_relation(function: Any, specificity: int = SPECIFICITY_PLAIN) -> Relation:
+    """A relation from a typed function; relations pass through."""
+    if isinstance(function, Relation):
+        return function
+    signature = read_signature(function, returns_effects=False)
+    if signature.uses("action") or signature.uses("wall"):
+        raise RuleError(f"{where(function)}: a relation cannot take Action or Wall")
+    truth = truth_of(trace(function, symbolic_arguments(signature), truth_leaf, where(function)))
+    if any(s.op == "draw" for s in walk(truth)):
+        raise RuleError(f"{where(function)}: a relation cannot draw random numbers; draw them in the rule")
+    return Relation(function, signature, _where_it_applies(signature, truth), specificity)
+
+
+def truth_of(tree: Tree) -> Symbol:
+    """The decision tree of a truth-valued function as one expression."""
+    if isinstance(tree, Leaf):
+        assert tree.value is not None
+        return tree.value
+    yes, no = truth_of(tree.yes), truth_of(tree.no)
+    return (tree.condition & yes) | (tree.condition.negate() & no)
+
+
+def _where_it_applies(signature: Signature, truth: Symbol) -> Symbol:
+    """The truth, and that the entities are what the relation takes and hold what it reads: else it does not hold."""
+    for index, pattern in enumerate(signature.entities):
+        loads = [s.args[1] for s in walk(truth) if s.op == "load" and s.args[0] == index]
+        kind = None if pattern.entity_type is Entity else pattern.entity_type
+        factors = tuple(dict.fromkeys((*pattern.factors, *loads)))
+        if factors or kind is not None:
+            truth = make("relation", ("needs", factors, kind), index, index) & truth
+    return truth
+
+
+def _combine(how: str, a: Relation, b: Relation, specificity: int) -> Relation:
+    def combined(*_: Any) -> Any:
+        raise NotImplementedError("a combined relation is evaluated by its parts")
+
+    combined.__name__ = f"({a.name} {how} {b.name})"
+    signature = max(a.signature, b.signature, key=lambda s: len(s.entities))
+    return Relation(combined, signature, make(how, a.truth, b.truth), specificity, (a, b))
+
+
+def is_equal(factor: type[Factor], value: Any) -> Relation:
+    """The relation that an entity's factor equals ``value``: Label and ID by type, numbers by state."""
+    specificity = {ID: SPECIFICITY_ID, Label: SPECIFICITY_LABEL}.get(factor, SPECIFICITY_EQUAL)
+    checked = factor.check(value)
+
+    def equals(entity: Entity) -> bool:
+        return entity[factor] == checked  # type: ignore[return-value]
+
+    equals.__name__ = f"{factor.__name__} == {value!r}"
+    return as_relation(equals, specificity)
+
+
+def _is_on(thing: Entity, tile: Entity) -> bool:
+    """``tile`` is the topmost floor under ``thing``'s centre or rim; an entity without a place is under everything."""
+    return _ask("is_on", thing, tile)
+
+
+def _overlaps(a: Thing, b: Thing) -> bool:
+    """The outlines of two things overlap (a disc overlaps a hull where its centre lies inside)."""
+    return _ask("overlaps", a, b)
+
+
+def _contains(thing: Entity, tile: Entity) -> bool:
+    """``thing`` is on ``tile`` and lies wholly inside its outline."""
+    return _ask("contains", thing, tile)
+
+
+def _ask(name: str, a: Any, b: Any) -> Any:
+    if not isinstance(a, EntityView) or not isinstance(b, EntityView):
+        raise TypeError(f"{name} takes two entities of the rule")
+    return a.relation(name, b)
+
+
+is_on = as_relation(_is_on)
+overlaps = as_relation(_overlaps)
+contains = as_relation(_contains)

@@ -1,0 +1,124 @@
+"""A rule: a plain typed function, read and traced when it is defined."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, overload
+
+from segar.language.signature import Signature, read_signature, symbolic_arguments, where
+from segar.language.trace import Tree, effects_leaf, number_leaf, trace, truth_leaf
+from segar.language.entities import Object, Thing, Tile
+from segar.errors import RuleError
+from segar.language.factors import Factor
+from segar.language.relations import Relation, as_relation
+
+SPECIFICITY_THING = 4  # an argument's entity class makes a rule this specific (2022: rules)
+SPECIFICITY_OBJECT = 5
+SPECIFICITY_SUBCLASS = 6
+
+
+@dataclass(frozen=True, eq=False)
+class Rule:
+    """A function with its pattern and decision tree. Calling it runs the plain function.
+
+    Attributes:
+        relation: the rule applies only where this holds.
+        priority: how specific the rule is; among several ``SetFactor`` on one factor the highest wins.
+        recheck: the rule is evaluated again, with all its effects, before velocities change (death does that).
+    """
+
+    function: Callable[..., Any]
+    signature: Signature
+    tree: Tree
+    relation: Relation | None
+    priority: int
+    recheck: bool
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self.function(*arguments)
+
+    @property
+    def name(self) -> str:
+        return self.function.__name__
+
+    @property
+    def where(self) -> str:
+        return where(self.function)
+
+    @property
+    def changes(self) -> frozenset[type[Factor]]:
+        """The factors that the rule declares to change."""
+        return frozenset(factor for _, factor in self.signature.effects)
+
+    def __repr__(self) -> str:
+        return f"<rule {self.where}>"
+
+
+@overload
+def rule(function: Callable[..., Any], /) -> Rule: ...
+@overload
+def rule(
+    *, relation: Any = None, priority: int | None = None, recheck: bool = False
+) -> Callable[[Callable[..., Any]], Rule]: ...
+def rule(
+    function: Callable[..., Any] | None = None,
+    /,
+    *,
+    relation: Any = None,
+    priority: int | None = None,
+    recheck: bool = False,
+) -> Any:
+    """Make a rule of a typed function; use as ``@rule`` or ``@rule(relation=is_on)``.
+
+    Args:
+        relation: a typed truth-valued function, or relations combined by ``&`` and ``|``.
+        priority: overrides the specificity that follows from relation and entity classes.
+        recheck: evaluate once more, with all effects, just before velocities change.
+
+    Raises:
+        RuleError: the function cannot be understood or traced; the message names the line.
+    """
+    if function is None:
+        return lambda f: _make_rule(f, relation, priority, recheck)
+    return _make_rule(function, relation, priority, recheck)
+
+
+def as_rule(function: Any) -> Rule:
+    """A rule from a rule or an undecorated typed function."""
+    return function if isinstance(function, Rule) else _make_rule(function, None, None, False)
+
+
+def value_rule(function: Callable[..., Any], truth: bool) -> Rule:
+    """A typed function that returns a number (or a truth value): a reward, a termination."""
+    signature = read_signature(function, returns_effects=False, reduction="every" if truth else "best")
+    tree = trace(function, symbolic_arguments(signature), truth_leaf if truth else number_leaf, where(function))
+    return Rule(function, signature, tree, None, 0, False)
+
+
+def _make_rule(function: Callable[..., Any], relation: Any, priority: int | None, recheck: bool) -> Rule:
+    signature = read_signature(function)
+    if not signature.entities:
+        raise RuleError(f"{where(function)}: a rule needs at least one factor or entity to act on")
+    allowed: dict[tuple[type, type], str] = {
+        (kind, factor): f"{kind.__name__}[{factor.__name__}]" for kind, factor in signature.effects
+    }
+    condition = as_relation(relation) if relation is not None else None
+    if condition is not None and len(condition.signature.entities) > len(signature.entities):
+        raise RuleError(
+            f"{where(function)}: relation {condition.name} needs {len(condition.signature.entities)} entities,"
+            f" the rule has {len(signature.entities)}"
+        )
+    tree = trace(function, symbolic_arguments(signature), effects_leaf(allowed), where(function))
+    if priority is None:
+        priority = max([condition.specificity if condition else 0, *map(_specificity, signature.entities)])
+    return Rule(function, signature, tree, condition, priority, recheck)
+
+
+def _specificity(pattern: Any) -> int:
+    kind = pattern.entity_type
+    if kind is None or not issubclass(kind, Thing):
+        return 0
+    if kind is Thing:
+        return SPECIFICITY_THING
+    return SPECIFICITY_OBJECT if kind in (Object, Tile) else SPECIFICITY_SUBCLASS

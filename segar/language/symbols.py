@@ -1,0 +1,291 @@
+"""Scalar expressions: what a rule computes with while it is traced.
+
+A :class:`Symbol` is a node of an expression graph. Nodes are interned, so equal expressions are one object and the
+generated code computes them once. Constants fold; nothing else is simplified (0 * x stays, since x may be nan or inf).
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+import weakref
+from collections.abc import Callable
+from typing import Any
+
+from segar.errors import RuleError
+from segar.language.values import Number, Source, Vector
+
+_interned: weakref.WeakValueDictionary[Any, Symbol] = weakref.WeakValueDictionary()
+_decide: list[Callable[[Symbol], bool]] = []  # the innermost tracer answers what a condition is on this path
+
+TRUTHS = frozenset({"lt", "le", "gt", "ge", "eq", "ne", "and", "or", "not", "relation"})
+
+NO_NUMPY = "a rule cannot call numpy; use arithmetic, or segar.sqrt, where, minimum ..."
+
+
+class Symbol:
+    """A node: an operation and its operands. Made by :func:`make`, never directly."""
+
+    __array_ufunc__ = None
+    __slots__ = ("__weakref__", "args", "op")
+    op: str
+    args: tuple[Any, ...]
+
+    @property
+    def is_truth(self) -> bool:
+        return self.op in TRUTHS or (self.op == "const" and isinstance(self.args[0], bool))
+
+    @property
+    def source(self) -> Source | None:
+        """The argument and factor that this symbol reads, if it is a plain read of a scalar factor."""
+        return Source(self.args[0], self.args[1]) if self.op == "load" else None
+
+    def __bool__(self) -> bool:
+        if self.op == "const":
+            return bool(self.args[0])
+        condition = self if self.is_truth else self != 0.0
+        if not _decide:
+            raise RuleError("a symbolic condition was tested outside a rule")
+        return _decide[-1](condition)
+
+    def __add__(self, other: Any) -> Any:
+        return _binary("add", self, other)
+
+    def __radd__(self, other: Any) -> Any:
+        return _binary("add", other, self)
+
+    def __sub__(self, other: Any) -> Any:
+        return _binary("sub", self, other)
+
+    def __rsub__(self, other: Any) -> Any:
+        return _binary("sub", other, self)
+
+    def __mul__(self, other: Any) -> Any:
+        return _binary("mul", self, other)
+
+    def __rmul__(self, other: Any) -> Any:
+        return _binary("mul", other, self)
+
+    def __truediv__(self, other: Any) -> Any:
+        return _binary("div", self, other)
+
+    def __rtruediv__(self, other: Any) -> Any:
+        return _binary("div", other, self)
+
+    def __pow__(self, exponent: Any) -> Any:
+        if isinstance(exponent, (int, float)):
+            if exponent == 2:
+                return self * self
+            if exponent == 0.5:
+                return self.sqrt()
+        return _binary("pow", self, exponent)
+
+    def __rpow__(self, base: Any) -> Any:
+        return _binary("pow", base, self)
+
+    def __neg__(self) -> Symbol:
+        return make("neg", self)
+
+    def __pos__(self) -> Symbol:
+        return self
+
+    def __abs__(self) -> Symbol:
+        return make("abs", self)
+
+    abs = __abs__
+    norm = __abs__
+
+    def sign(self) -> Symbol:
+        return make("sign", self)
+
+    def sqrt(self) -> Symbol:
+        return make("sqrt", self)
+
+    def exp(self) -> Symbol:
+        return make("exp", self)
+
+    def log(self) -> Symbol:
+        return make("log", self)
+
+    def sin(self) -> Symbol:
+        return make("sin", self)
+
+    def cos(self) -> Symbol:
+        return make("cos", self)
+
+    def tanh(self) -> Symbol:
+        return make("tanh", self)
+
+    def arctan2(self, other: Any) -> Any:
+        return _binary("arctan2", self, other)
+
+    def __rarctan2__(self, other: Any) -> Any:
+        return _binary("arctan2", other, self)
+
+    def select(self, yes: Any, no: Any) -> Symbol:
+        condition = self if self.is_truth else self != 0.0
+        return make("select", condition, as_symbol(yes), as_symbol(no))
+
+    def __lt__(self, other: Any) -> Any:
+        return _binary("lt", self, other)
+
+    def __le__(self, other: Any) -> Any:
+        return _binary("le", self, other)
+
+    def __gt__(self, other: Any) -> Any:
+        return _binary("lt", other, self)
+
+    def __ge__(self, other: Any) -> Any:
+        return _binary("le", other, self)
+
+    def __eq__(self, other: object) -> Any:
+        return _binary("eq", self, other)
+
+    def __ne__(self, other: object) -> Any:
+        return _binary("ne", self, other)
+
+    def __and__(self, other: Any) -> Any:
+        return make("and", as_truth(self), as_truth(other))
+
+    __rand__ = __and__
+
+    def __or__(self, other: Any) -> Any:
+        return make("or", as_truth(self), as_truth(other))
+
+    __ror__ = __or__
+
+    def negate(self) -> Symbol:
+        """True where this is not."""
+        return make("not", as_truth(self))
+
+    def __invert__(self) -> Symbol:
+        # Python's own numbers would flip their bits, so the interpreter could not follow.
+        raise RuleError("a rule cannot use '~'; write 'not x', or 'x == 0'")
+
+    def __hash__(self) -> int:
+        return id(self) >> 4
+
+    def __float__(self) -> float:
+        raise RuleError(
+            "a factor's value is not known while the rule is compiled, so float(), int(), math.* and numpy cannot use"
+            " it; use arithmetic, or segar.sqrt, exp, log, sin, cos, tanh, arctan2, minimum, maximum, where"
+        )
+
+    __int__ = __index__ = __complex__ = __float__  # type: ignore[assignment]
+
+    def __iter__(self) -> Any:
+        raise RuleError("a rule cannot loop over a factor; write a rule on several entities instead")
+
+    def __len__(self) -> int:
+        raise RuleError("a scalar factor has no length")
+
+    def __array__(self, *_: Any, **__: Any) -> Any:
+        raise RuleError(NO_NUMPY)
+
+    def __repr__(self) -> str:
+        if self.op == "const":
+            return repr(self.args[0])
+        if self.op == "load":
+            return f"{self.args[1].__name__}{self.args[0]}"
+        return f"{self.op}({', '.join(map(repr, self.args))})"
+
+
+def make(op: str, *args: Any) -> Any:
+    """The node ``op(args)``; arithmetic on constants alone is done at once."""
+    if op not in ("const", "load", "parameter", "draw", "relation", "action", "wall") and all(
+        isinstance(a, Symbol) and a.op == "const" for a in args
+    ):
+        return as_symbol(evaluate(op, [a.args[0] for a in args]))
+    key = (op, *[(Symbol, id(a)) if isinstance(a, Symbol) else _constant_key(a) for a in args])
+    symbol = _interned.get(key)
+    if symbol is None:
+        symbol = Symbol()
+        symbol.op, symbol.args = op, args
+        _interned[key] = symbol
+    return symbol
+
+
+def walk(symbol: Symbol) -> list[Symbol]:
+    """The symbol and all that it is computed from, each once."""
+    seen: dict[Symbol, None] = {}
+    stack = [symbol]
+    while stack:
+        node = stack.pop()
+        if node not in seen:
+            seen[node] = None
+            stack += [a for a in node.args if isinstance(a, Symbol)]
+    return list(seen)
+
+
+def as_symbol(value: Any) -> Symbol:
+    """A symbol for a Python number or truth value; symbols pass through."""
+    if isinstance(value, Symbol):
+        return value
+    if isinstance(value, bool):
+        return make("const", value)
+    if isinstance(value, (int, float)):
+        return make("const", float(value))
+    raise RuleError(f"a rule computes with numbers and vectors, not with {type(value).__name__} ({value!r})")
+
+
+def as_truth(value: Any) -> Symbol:
+    """A truth-valued symbol: numbers are true where they are not zero."""
+    symbol = as_symbol(value)
+    if symbol.op == "const":
+        return make("const", bool(symbol.args[0]))
+    return symbol if symbol.is_truth else make("ne", symbol, make("const", 0.0))
+
+
+def evaluate(op: str, values: list[Any]) -> Any:
+    """The operation on Python numbers, with the semantics of :class:`segar.language.values.Number`."""
+    a = Number(values[0]) if not isinstance(values[0], bool) else values[0]
+    b = values[1] if len(values) > 1 else None
+    match op:
+        case "and":
+            return bool(a) and bool(b)
+        case "or":
+            return bool(a) or bool(b)
+        case "not":
+            return not a
+        case "select":
+            return values[1] if a else values[2]
+        case "arctan2":
+            return float(Number(a).arctan2(b))
+        case "pow":
+            return float(Number(a) ** b)
+    x = Number(a)
+    if op in _ARITHMETIC and b is not None:
+        return float(_ARITHMETIC[op](x, Number(b)))
+    if op in _COMPARISON:
+        return bool(_COMPARISON[op](float(x), float(values[1])))
+    if op == "neg":
+        return -float(x)
+    return float(getattr(x, op)())
+
+
+_ARITHMETIC: dict[str, Callable[[Any, Any], Any]] = {
+    "add": lambda a, b: a + b,
+    "sub": lambda a, b: a - b,
+    "mul": lambda a, b: a * b,
+    "div": lambda a, b: a / b,
+}
+_COMPARISON: dict[str, Callable[[float, float], bool]] = {
+    "lt": lambda a, b: a < b,
+    "le": lambda a, b: a <= b,
+    "eq": lambda a, b: a == b,
+    "ne": lambda a, b: a != b,
+}
+
+
+def _binary(op: str, a: Any, b: Any) -> Any:
+    if isinstance(a, Vector) or isinstance(b, Vector):
+        return NotImplemented
+    if b is None or isinstance(b, str) or a is None:
+        raise RuleError(f"a factor cannot be combined or compared with {b!r}")
+    return make(op, as_symbol(a), as_symbol(b))
+
+
+def _constant_key(value: Any) -> Any:
+    if isinstance(value, float):
+        return ("float", struct.pack("<d", value)) if not math.isnan(value) else ("float", "nan")
+    return (type(value), value)

@@ -1,0 +1,85 @@
+"""A task: what an action does, what is rewarded, and when an episode is over, as typed functions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from segar.engine.compiler.task_functions import TaskFunctions
+from segar.errors import SegarError
+from segar.language.rule_definition import Rule, as_rule, value_rule
+
+Function = Callable[..., Any]
+
+
+@dataclass(frozen=True)
+class Task:
+    """A task, compiled into the kernel together with the rules.
+
+    Each function takes entities, factors and parameters by type, as rules do. ``reward`` is summed over all tuples of
+    entities that match, but of arguments hinted ``Best[...]`` only the greatest value counts; ``terminated``,
+    ``success`` and ``death`` hold if they hold for any, and for all of what is hinted ``Every[...]``::
+
+        def nearness(ball: Ball, hole: Best[Hole]) -> float: ...  # of the nearest hole, summed over balls
+        def all_down(cue: CueBall, ball: Every[Ball]) -> bool: ...
+
+    Each function may be a tuple of functions: their rewards add up, and a truth holds if any of them does.
+
+    A task remembers nothing but factors: what a reward needs to know of the past is written to a factor by ``act``.
+
+    Attributes:
+        act: rule with an ``Action`` (of several, some may go without); applied once per step before the first sub-step,
+            differentials unscaled.
+        reward: number, evaluated once per step after the last sub-step.
+        terminated: truth, evaluated after every sub-step; the step ends where it holds.
+        success: truth, evaluated at the end of the step; said in ``info``.
+        death: truth, evaluated at the end of the step; said in ``info``.
+        action_low, action_high: range of each number of the action; values outside are clipped.
+        max_steps: an episode is truncated after this many steps.
+        sub_steps: sub-steps per step.
+        results: name to a function of ``info["factors"]`` that gives an array ``(num_envs, ...)``: what ``info`` and
+            ``final_info`` say under ``"results"``, computed only when it is asked for.
+        demo_actions: function of ``info["factors"]`` that gives the actions of a scripted player, float32
+            ``(num_envs, action size)``, for demonstrations and as a yardstick.
+    """
+
+    name: str
+    act: Function | tuple[Function, ...]
+    reward: Function | tuple[Function, ...]
+    terminated: Function | tuple[Function, ...]
+    success: Function | tuple[Function, ...]
+    death: Function | tuple[Function, ...]
+    action_low: tuple[float, ...] = (-1.0, -1.0)
+    action_high: tuple[float, ...] = (1.0, 1.0)
+    max_steps: int = 100
+    sub_steps: int = 5
+    results: Mapping[str, Function] = field(default_factory=dict, hash=False)
+    demo_actions: Function | None = None
+
+    def __post_init__(self) -> None:
+        if len(self.action_low) != len(self.action_high) or not self.action_low:
+            raise SegarError(f"task {self.name}: action_low and action_high must have the same length, at least 1")
+        for name in ("max_steps", "sub_steps"):
+            if int(getattr(self, name)) < 1:
+                raise SegarError(f"task {self.name}: {name} must be at least 1, not {getattr(self, name)}")
+
+    def functions(self) -> TaskFunctions:
+        """The traced functions; raises :class:`RuleError`."""
+        return TaskFunctions(
+            act=tuple(map(as_rule, _several(self.act))),
+            reward=tuple(value_rule(term, truth=False) for term in _several(self.reward)),
+            terminated=_truths(self.terminated),
+            success=_truths(self.success),
+            death=_truths(self.death),
+            action_low=tuple(map(float, self.action_low)),
+            action_high=tuple(map(float, self.action_high)),
+        )
+
+
+def _truths(functions: Function | tuple[Function, ...]) -> tuple[Rule, ...]:
+    return tuple(value_rule(function, truth=True) for function in _several(functions))
+
+
+def _several(functions: Function | tuple[Function, ...]) -> tuple[Function, ...]:
+    return functions if isinstance(functions, tuple) else (functions,)

@@ -1,0 +1,181 @@
+"""Run a rule on symbols and explore every path through its ``if``s: function -> decision tree of expressions.
+
+``bool()`` of a symbolic condition asks the tracer, which answers True first and comes back for False by running the
+function again. A condition that was decided on a path keeps its answer.
+"""
+
+from __future__ import annotations
+
+import itertools
+import traceback
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from segar.language import random
+from segar.language.effects import Effect
+from segar.language import symbols
+from segar.language.symbols import NO_NUMPY, Symbol, as_symbol, as_truth
+from segar.errors import RuleError
+from segar.language.values import Vector
+
+MAX_PATHS = 64
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """An effect on one factor of one argument: its kind and the new value's components."""
+
+    kind: type[Effect]
+    argument: int
+    factor: type
+    components: tuple[Symbol, ...]
+
+
+@dataclass(frozen=True)
+class Leaf:
+    """The end of a path: effects of a rule, or the value of a function."""
+
+    outcomes: tuple[Outcome, ...] = ()
+    value: Symbol | None = None
+
+
+@dataclass(frozen=True)
+class Branch:
+    """A condition and what follows when it holds and when it does not."""
+
+    condition: Symbol
+    yes: Tree
+    no: Tree
+
+
+Tree = Leaf | Branch
+
+
+def trace(function: Callable[..., Any], arguments: list[Any], finish: Callable[[Any], Leaf], where: str) -> Tree:
+    """The decision tree of ``function(*arguments)``.
+
+    Args:
+        function: plain Python; called once per path.
+        arguments: symbolic arguments.
+        finish: turns what the function returned into a leaf.
+        where: name and place of the function, for messages.
+
+    Raises:
+        RuleError: anything that cannot be traced, at the author's line; more than 64 paths.
+    """
+    paths = 0
+
+    def explore(prefix: list[tuple[Symbol, bool]]) -> Tree:
+        nonlocal paths
+        paths += 1
+        if paths > MAX_PATHS:
+            raise RuleError(
+                f"{where}: more than {MAX_PATHS} paths through its conditions."
+                " Split the rule, or use segar.where(condition, a, b), which does not fork"
+            )
+        decided, leaf = _run(function, arguments, finish, where, prefix)
+        tree: Tree = leaf
+        for index in range(len(decided) - 1, len(prefix) - 1, -1):
+            condition, _ = decided[index]
+            other = explore([*decided[:index], (condition, False)])
+            tree = Branch(condition, tree, other)
+        return tree
+
+    return explore([])
+
+
+def _run(
+    function: Callable[..., Any],
+    arguments: list[Any],
+    finish: Callable[[Any], Leaf],
+    where: str,
+    prefix: list[tuple[Symbol, bool]],
+) -> tuple[list[tuple[Symbol, bool]], Leaf]:
+    """One path: the decisions taken (the given ones first, then True) and the leaf at its end."""
+    decided: list[tuple[Symbol, bool]] = []
+    answers: dict[int, bool] = {}
+
+    def decide(condition: Symbol) -> bool:
+        negated = condition.op == "not"
+        base = condition.args[0] if negated else condition
+        if id(base) not in answers:
+            answer = prefix[len(decided)][1] if len(decided) < len(prefix) else True
+            decided.append((base, answer))
+            answers[id(base)] = answer
+            if len(decided) > MAX_PATHS:
+                raise RuleError("a condition keeps asking: a rule cannot loop until a factor reaches a value")
+        return answers[id(base)] != negated
+
+    draws = itertools.count()
+    symbols._decide.append(decide)
+    random._uniform_source.append(lambda: symbols.make("draw", next(draws)))
+    try:
+        return decided, finish(function(*arguments))
+    except RuleError as error:
+        raise RuleError(f"{where}{_author_line(function, error)}: {error}") from error
+    except (TypeError, ValueError, AttributeError, IndexError, KeyError, NameError, ZeroDivisionError) as error:
+        said = NO_NUMPY if "__array_ufunc__" in str(error) else f"{type(error).__name__}: {error}"
+        raise RuleError(f"{where}{_author_line(function, error)}: {said}") from error
+    finally:
+        symbols._decide.pop()
+        random._uniform_source.pop()
+
+
+def _author_line(function: Callable[..., Any], error: BaseException) -> str:
+    """``" (line 12: `x = float(v)`)"``: the innermost line of the author's file."""
+    code = getattr(function, "__code__", None)
+    frames = [f for f in traceback.extract_tb(error.__traceback__) if code and f.filename == code.co_filename]
+    if not frames:
+        return ""
+    last = frames[-1]
+    return f" (line {last.lineno}: `{last.line}`)" if last.line else f" (line {last.lineno})"
+
+
+def effects_leaf(allowed: dict[tuple[type, type], str] | None) -> Callable[[Any], Leaf]:
+    """A finisher for rules: the returned effects, checked against the declared ones (kind, factor)."""
+
+    def finish(returned: Any) -> Leaf:
+        effects = returned if isinstance(returned, (tuple, list)) else () if returned is None else (returned,)
+        outcomes = []
+        for effect in effects:
+            if effect is None:
+                continue
+            if not isinstance(effect, Effect):
+                raise RuleError(
+                    f"returns {effect!r}; a rule returns Aggregate[...], Differential[...], SetFactor[...],"
+                    " a tuple of these, or None"
+                )
+            key = (effect.kind, effect.factor)
+            if allowed is not None and key not in allowed:
+                promised = ", ".join(allowed.values()) or None
+                raise RuleError(f"returns {type(effect).__name__}, but its annotation promises {promised}")
+            value = effect.value
+            parts = (value.x, value.y) if isinstance(value, Vector) else (value,)
+            outcomes.append(
+                Outcome(effect.kind, effect.target.argument, effect.target.factor, tuple(_stored(p) for p in parts))
+            )
+        return Leaf(outcomes=tuple(outcomes))
+
+    return finish
+
+
+def number_leaf(returned: Any) -> Leaf:
+    """A finisher for functions that return a number."""
+    if isinstance(returned, Vector):
+        raise RuleError("returns a vector, but a number is needed")
+    return Leaf(value=_stored(returned))
+
+
+def truth_leaf(returned: Any) -> Leaf:
+    """A finisher for functions that return a truth value."""
+    if isinstance(returned, Vector):
+        raise RuleError("returns a vector, but a truth value is needed")
+    return Leaf(value=as_truth(returned))
+
+
+def _stored(value: Any) -> Symbol:
+    symbol = as_symbol(value)
+    if symbol.is_truth:
+        return symbols.make("select", symbol, symbols.make("const", 1.0), symbols.make("const", 0.0))
+    return symbol

@@ -1,0 +1,314 @@
+"""What a factor's value can be, and the arithmetic that a rule may use.
+
+A rule sees numbers and 2-vectors. The same arithmetic runs on floats (:class:`Number`, the interpreter) and on
+symbols (:class:`segar.language.symbols.Symbol`, the compiler); :class:`Vector` holds two of either.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from segar.errors import RuleError
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where a value was read from: which argument of the rule, and which factor of it."""
+
+    argument: int
+    factor: type
+
+
+class Number(float):
+    """A float that divides as IEEE 754 does (1/0 is inf, 0/0 is nan) and remembers the factor that it was read from."""
+
+    source: Source | None = None
+
+    @classmethod
+    def of(cls, value: float, source: Source | None = None) -> Number:
+        number = cls(value)
+        number.source = source
+        return number
+
+    def __add__(self, other: Any) -> Any:
+        return Number(float(self) + float(other)) if _is_number(other) else NotImplemented
+
+    def __radd__(self, other: Any) -> Any:
+        return Number(float(other) + float(self)) if _is_number(other) else NotImplemented
+
+    def __sub__(self, other: Any) -> Any:
+        return Number(float(self) - float(other)) if _is_number(other) else NotImplemented
+
+    def __rsub__(self, other: Any) -> Any:
+        return Number(float(other) - float(self)) if _is_number(other) else NotImplemented
+
+    def __mul__(self, other: Any) -> Any:
+        return Number(float(self) * float(other)) if _is_number(other) else NotImplemented
+
+    def __rmul__(self, other: Any) -> Any:
+        return Number(float(other) * float(self)) if _is_number(other) else NotImplemented
+
+    def __truediv__(self, other: Any) -> Any:
+        return Number(_divide(float(self), float(other))) if _is_number(other) else NotImplemented
+
+    def __rtruediv__(self, other: Any) -> Any:
+        return Number(_divide(float(other), float(self))) if _is_number(other) else NotImplemented
+
+    def __pow__(self, other: Any, modulo: Any = None) -> Any:
+        if not _is_number(other):
+            return NotImplemented
+        if other == 2:
+            return self * self
+        if other == 0.5:
+            return self.sqrt()
+        try:
+            power = float(self) ** float(other)
+        except ZeroDivisionError:
+            power = math.inf
+        except OverflowError:
+            power = math.inf
+        return Number(math.nan if isinstance(power, complex) else power)
+
+    def __rpow__(self, other: Any, modulo: Any = None) -> Any:
+        return Number(other) ** self if _is_number(other) else NotImplemented
+
+    def __neg__(self) -> Number:
+        return Number(-float(self))
+
+    def __pos__(self) -> Number:
+        return Number(float(self))
+
+    def __abs__(self) -> Number:
+        return Number(abs(float(self)))
+
+    abs = __abs__
+    norm = __abs__
+
+    def sign(self) -> Number:
+        """-1, 0 or 1 (nan stays nan)."""
+        return Number(math.nan if math.isnan(self) else (self > 0) - (self < 0))
+
+    def sqrt(self) -> Number:
+        return Number(math.sqrt(self) if self >= 0 else math.nan)
+
+    def exp(self) -> Number:
+        try:
+            return Number(math.exp(self))
+        except OverflowError:
+            return Number(math.inf)
+
+    def log(self) -> Number:
+        if self > 0:
+            return Number(math.log(self))
+        return Number(-math.inf if self == 0 else math.nan)
+
+    def sin(self) -> Number:
+        return Number(math.sin(self) if math.isfinite(self) else math.nan)
+
+    def cos(self) -> Number:
+        return Number(math.cos(self) if math.isfinite(self) else math.nan)
+
+    def tanh(self) -> Number:
+        return Number(math.tanh(self))
+
+    def arctan2(self, other: Any) -> Number:
+        return Number(math.atan2(self, other))
+
+    def __repr__(self) -> str:
+        return float.__repr__(self)
+
+
+class Vector:
+    """A 2-vector of numbers or symbols. Operations are element-wise; a scalar acts on both components.
+
+    It is the value type; the factor base class of the same role is :class:`segar.language.factors.Vector`.
+    """
+
+    __array_ufunc__ = None
+    __slots__ = ("source", "x", "y")
+
+    def __init__(self, x: Any, y: Any, source: Source | None = None) -> None:
+        self.x = Number(x) if isinstance(x, (int, float)) and not isinstance(x, Number) else x
+        self.y = Number(y) if isinstance(y, (int, float)) and not isinstance(y, Number) else y
+        self.source = source
+
+    def __add__(self, other: Any) -> Vector:
+        o = _as_vector(other)
+        return Vector(self.x + o.x, self.y + o.y)
+
+    __radd__ = __add__
+
+    def __sub__(self, other: Any) -> Vector:
+        o = _as_vector(other)
+        return Vector(self.x - o.x, self.y - o.y)
+
+    def __rsub__(self, other: Any) -> Vector:
+        o = _as_vector(other)
+        return Vector(o.x - self.x, o.y - self.y)
+
+    def __mul__(self, other: Any) -> Vector:
+        o = _as_vector(other)
+        return Vector(self.x * o.x, self.y * o.y)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: Any) -> Vector:
+        o = _as_vector(other)
+        return Vector(self.x / o.x, self.y / o.y)
+
+    def __rtruediv__(self, other: Any) -> Vector:
+        o = _as_vector(other)
+        return Vector(o.x / self.x, o.y / self.y)
+
+    def __pow__(self, exponent: float) -> Vector:
+        return Vector(self.x**exponent, self.y**exponent)
+
+    def __neg__(self) -> Vector:
+        return Vector(-self.x, -self.y)
+
+    def __abs__(self) -> Vector:
+        return Vector(abs(self.x), abs(self.y))
+
+    abs = __abs__
+
+    def sign(self) -> Vector:
+        return Vector(self.x.sign(), self.y.sign())
+
+    def dot(self, other: Any) -> Any:
+        o = _as_vector(other)
+        return self.x * o.x + self.y * o.y
+
+    def norm(self) -> Any:
+        """Euclidean length."""
+        return (self.x * self.x + self.y * self.y).sqrt()
+
+    def unit_vector(self) -> Vector:
+        """The vector divided by its length: nan at zero."""
+        return self / self.norm()
+
+    def tangent_vector(self) -> Vector:
+        """The vector turned by +90 degrees: (-y, x)."""
+        return Vector(-self.y, self.x)
+
+    def __getitem__(self, index: int) -> Any:
+        if index not in (0, 1):
+            raise IndexError(f"a vector has components 0 and 1, not {index!r}")
+        return self.y if index else self.x
+
+    def __iter__(self) -> Iterator[Any]:
+        return iter((self.x, self.y))
+
+    def __len__(self) -> int:
+        return 2
+
+    def __eq__(self, other: object) -> Any:
+        o = _as_vector(other)
+        return _both(self.x == o.x, self.y == o.y)
+
+    def __ne__(self, other: object) -> Any:
+        return _negate(self == other)
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __bool__(self) -> bool:
+        raise RuleError("a vector is neither true nor false: test its norm(), or one component")
+
+    def __repr__(self) -> str:
+        return f"Vector({self.x!r}, {self.y!r})"
+
+
+ZERO = Vector(0.0, 0.0)
+
+
+def sqrt(x: Any) -> Any:
+    """Square root; nan below zero."""
+    return _as_scalar(x).sqrt()
+
+
+def exp(x: Any) -> Any:
+    """Natural exponential."""
+    return _as_scalar(x).exp()
+
+
+def log(x: Any) -> Any:
+    """Natural logarithm; -inf at zero, nan below."""
+    return _as_scalar(x).log()
+
+
+def sin(x: Any) -> Any:
+    """Sine of an angle in radians."""
+    return _as_scalar(x).sin()
+
+
+def cos(x: Any) -> Any:
+    """Cosine of an angle in radians."""
+    return _as_scalar(x).cos()
+
+
+def tanh(x: Any) -> Any:
+    """Hyperbolic tangent."""
+    return _as_scalar(x).tanh()
+
+
+def arctan2(y: Any, x: Any) -> Any:
+    """Angle in radians of the point (x, y), in [-pi, pi]."""
+    return x.__rarctan2__(y) if hasattr(x, "__rarctan2__") else _as_scalar(y).arctan2(x)
+
+
+def where(condition: Any, yes: Any, no: Any) -> Any:
+    """``yes`` if the condition holds, else ``no``; both are computed, nothing forks."""
+    if isinstance(yes, Vector) or isinstance(no, Vector):
+        a, b = _as_vector(yes), _as_vector(no)
+        return Vector(where(condition, a.x, b.x), where(condition, a.y, b.y))
+    if hasattr(condition, "select"):
+        return condition.select(yes, no)
+    return yes if condition else no
+
+
+def minimum(a: Any, b: Any) -> Any:
+    """The smaller of two numbers, element-wise."""
+    if isinstance(a, Vector) or isinstance(b, Vector):
+        a, b = _as_vector(a), _as_vector(b)
+        return Vector(minimum(a.x, b.x), minimum(a.y, b.y))
+    return where(a < b, a, b)
+
+
+def maximum(a: Any, b: Any) -> Any:
+    """The larger of two numbers, element-wise."""
+    return -minimum(-a, -b)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float))
+
+
+def _divide(a: float, b: float) -> float:
+    if b != 0.0:
+        return a / b
+    if a == 0.0 or math.isnan(a) or math.isnan(b):
+        return math.nan
+    return math.copysign(math.inf, a) * math.copysign(1.0, b)
+
+
+def _as_scalar(x: Any) -> Any:
+    return Number(x) if isinstance(x, (int, float)) and not isinstance(x, Number) else x
+
+
+def _as_vector(value: Any) -> Vector:
+    if isinstance(value, Vector):
+        return value
+    if isinstance(value, (list, tuple)) or getattr(value, "shape", None) == (2,):
+        x, y = value
+        return Vector(float(x) if hasattr(x, "dtype") else x, float(y) if hasattr(y, "dtype") else y)
+    return Vector(value, value)
+
+
+def _both(a: Any, b: Any) -> Any:
+    return (a and b) if isinstance(a, bool) and isinstance(b, bool) else a & b
+
+
+def _negate(a: Any) -> Any:
+    return (not a) if isinstance(a, bool) else a.negate()

@@ -1,0 +1,1 @@
+"""Levels: what they are, the distributions that they are sampled from, and what is known about these distributions."""

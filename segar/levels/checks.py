@@ -1,0 +1,63 @@
+"""What measures ask of their arguments: level sets, distributions, generators, factors and units, each refused by name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from segar.errors import LevelError, SegarError, did_you_mean
+from segar.language.factors import Factor
+from segar.levels.level_set import Levels
+
+
+def require_levels(what: str, *sets: object) -> None:
+    """Raise :class:`LevelError` in the name of the function ``what`` unless all are level sets."""
+    for levels in sets:
+        if not isinstance(levels, Levels):
+            raise LevelError(
+                f"{what} takes level sets (segar.Levels); a {type(levels).__name__} is not supported."
+                " Of a distribution, take levels: distribution.sample(n, seed=0, split='test')"
+            )
+
+
+def require_distribution(what: str, law: object) -> None:
+    """Raise :class:`LevelError` in the name of the function ``what`` unless it is a level distribution."""
+    from segar.levels.distribution import LevelDistribution  # distributions stand above measures
+
+    if not isinstance(law, LevelDistribution):
+        raise LevelError(f"{what} needs a level distribution (segar.LevelDistribution), not a {type(law).__name__}")
+
+
+def require_generator(what: str, rng: object) -> None:
+    """Raise :class:`SegarError` in the name of the function ``what`` unless it is a random generator of numpy."""
+    if not isinstance(rng, np.random.Generator):
+        raise SegarError(f"{what}: rng must be a generator such as np.random.default_rng(0), not {rng!r}")
+
+
+def require_factors(what: str, factors: Any, *sets: Any) -> None:
+    """Raise :class:`LevelError` in the name of the function ``what`` unless ``factors`` is None or lists factors (or world
+    parameters) that some entity (or world) of the sets or distributions has."""
+    if factors is None:
+        return
+    if isinstance(factors, (str, type)) or not isinstance(factors, Iterable):
+        raise LevelError(f"{what}: factors must be a list of factor classes such as [Position], not {factors!r}")
+    known: set[type] = set()
+    for one in sets:
+        known |= {*one.layout.parameters, *(f for t in one.layout.types for f in t.declared if f.width)}
+    for factor in factors:
+        if not (isinstance(factor, type) and issubclass(factor, Factor)):
+            raise LevelError(f"{what}: factors are classes such as segar.Position, not {factor!r}")
+        if factor not in known:
+            near = did_you_mean(factor.__name__, [f.__name__ for f in known])
+            raise LevelError(f"{what}: no entity here has the factor {factor.__name__}.{near}")
+
+
+def require_units(what: str, scale: Any) -> None:
+    """Raise :class:`LevelError` in the name of the function ``what`` unless ``scale`` is None or maps to deviations."""
+    if scale is not None and not isinstance(scale, Mapping):
+        raise LevelError(
+            f"{what}: scale must map (entity type, factor) to a standard deviation, as segar.metrics.spread(a, b) does,"
+            f" not {scale!r}"
+        )

@@ -1,0 +1,172 @@
+"""Laws that depend on other factors, of the same entity or of another one: scaled and shifted by typed functions of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from segar.language.signature import read_signature, symbolic_arguments, where
+from segar.language.symbols import Symbol, make, walk
+from segar.language.trace import Leaf, Tree, number_leaf, trace
+from segar.errors import PriorError, RuleError
+from segar.language.factors import Factor
+from segar.noise import Noise
+
+Read = Callable[[type[Factor], int], np.ndarray]
+"""Tells a component (0 or 1) of a factor, one number per entity."""
+
+UNREADABLE = ("parameter", "action", "wall", "relation", "draw")
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Dependent:
+    """The law of ``shift + scale * x`` where x follows ``law``, and shift or scale depend on the entity.
+
+    ``Prior(Mass, Dependent(UniformNoise(0.9, 1.1), scale=weight))`` with ``def weight(size: Size) -> float: ...`` makes
+    larger things heavier. ``Prior(Charge, Dependent(GaussianNoise(0, 0.1), shift=opposite, of="golfball"))`` with
+    ``def opposite(q: Charge) -> float: ...`` lets charges follow that of one thing. For another law in another case,
+    condition priors on relations instead.
+
+    Args:
+        law: on the line.
+        shift, scale: a number, or a typed function of numeric factors of one entity, written as rules are. What it
+            reads is drawn first. The scale must never be zero, which is checked where it is drawn.
+        of: name of the entity whose factors are read, one that is in every level; None for the entity itself.
+
+    Raises:
+        PriorError: the law is not on the line, or a function reads anything but factors of one entity.
+    """
+
+    law: Noise
+    shift: Any = 0.0
+    scale: Any = 1.0
+    of: str | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.law, Noise) or self.law.width != 1:
+            raise PriorError(f"Dependent needs a law on the line, not {self.law!r}")
+        if self.of is not None and not isinstance(self.of, str):
+            raise PriorError(f"Dependent: of must be the name of an entity, such as 'golfball', not {self.of!r}")
+        for name in ("shift", "scale"):
+            object.__setattr__(self, name, _expression(name, getattr(self, name)))
+
+    @property
+    def reads(self) -> frozenset[type[Factor]]:
+        """The factors that shift and scale depend on."""
+        symbols = [*walk(self.shift), *walk(self.scale)]
+        return frozenset(symbol.args[1] for symbol in symbols if symbol.op == "load")
+
+    def shift_and_scale(self, read: Read, count: int) -> tuple[np.ndarray, np.ndarray]:
+        """Both for ``count`` entities, float64 ``(count,)`` each."""
+        found: dict[int, Any] = {}
+        with np.errstate(all="ignore"):  # what is not finite is reported by who asks
+            shift, scale = (_compute(symbol, read, found) for symbol in (self.shift, self.scale))
+        return np.broadcast_to(shift, (count,)), np.broadcast_to(scale, (count,))
+
+    def log_prob(self, x: np.ndarray, shift: np.ndarray, scale: np.ndarray) -> np.ndarray:
+        """Log mass of the atom at ``x``, else log density."""
+        y = (x - shift) / scale
+        for value in self.law.atoms[0]:
+            y = np.where(x == shift + scale * value, value, y)
+        return self.law.log_prob(y) - np.where(self.law.pmf(y) > 0, 0.0, np.log(np.abs(scale)))
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Dependent):
+            return NotImplemented
+        same = self.shift is other.shift and self.scale is other.scale  # expressions are one object if equal
+        return same and self.law == other.law and self.of == other.of
+
+    def __hash__(self) -> int:
+        return hash((self.law, id(self.shift), id(self.scale), self.of))
+
+    def __repr__(self) -> str:
+        parts = [f"{name}={_shown(symbol)}" for name, symbol in (("shift", self.shift), ("scale", self.scale))]
+        parts += [] if self.of is None else [f"of={self.of!r}"]
+        return f"Dependent({self.law!r}, {', '.join(parts)})"
+
+
+def _expression(name: str, given: Any) -> Symbol:
+    if isinstance(given, Symbol):
+        return given
+    if isinstance(given, (int, float)) and not isinstance(given, bool) and math.isfinite(given):
+        return make("const", float(given))
+    if not callable(given):
+        raise PriorError(f"Dependent: {name} must be a finite number or a typed function of factors, not {given!r}")
+    try:
+        signature = read_signature(given, returns_effects=False)
+        symbol = _number_of(trace(given, symbolic_arguments(signature), number_leaf, where(given)))
+    except RuleError as error:
+        raise PriorError(f"Dependent: {name}: {error}") from None
+    strange = next((s.op for s in walk(symbol) if s.op in UNREADABLE), None)
+    if len(signature.entities) != 1 or strange:
+        reason = f"it uses a {strange}" if strange else f"it takes {len(signature.entities)} entities"
+        raise PriorError(f"Dependent: {name}: {where(given)} may read only numbers of one entity, and {reason}")
+    return symbol
+
+
+def _number_of(tree: Tree) -> Symbol:
+    if isinstance(tree, Leaf):
+        assert tree.value is not None
+        return tree.value
+    return make("select", tree.condition, _number_of(tree.yes), _number_of(tree.no))
+
+
+def _compute(symbol: Symbol, read: Read, found: dict[int, Any]) -> Any:
+    """A symbol for many entities at once."""
+    if id(symbol) not in found:
+        found[id(symbol)] = _operation(symbol, read, found)
+    return found[id(symbol)]
+
+
+def _operation(symbol: Symbol, read: Read, found: dict[int, Any]) -> Any:
+    if symbol.op == "const":
+        return symbol.args[0]
+    if symbol.op == "load":
+        factor: Any = symbol.args[1]
+        return read(factor, *symbol.args[2:] or (0,))
+    return _OPERATIONS[symbol.op](*(_compute(part, read, found) for part in symbol.args))
+
+
+_OPERATIONS: dict[str, Callable[..., Any]] = {
+    "add": np.add,
+    "sub": np.subtract,
+    "mul": np.multiply,
+    "div": np.true_divide,
+    "pow": np.float_power,
+    "neg": np.negative,
+    "abs": np.abs,
+    "sign": np.sign,
+    "sqrt": np.sqrt,
+    "exp": np.exp,
+    "log": np.log,
+    "sin": np.sin,
+    "cos": np.cos,
+    "tanh": np.tanh,
+    "arctan2": np.arctan2,
+    "lt": np.less,
+    "le": np.less_equal,
+    "eq": np.equal,
+    "ne": np.not_equal,
+    "and": np.logical_and,
+    "or": np.logical_or,
+    "not": np.logical_not,
+    "select": np.where,
+}
+_SIGNS = {"add": "+", "sub": "-", "mul": "*", "div": "/", "lt": "<", "le": "<=", "eq": "==", "ne": "!="}
+
+
+def _shown(symbol: Symbol) -> str:
+    """The expression as one would write it."""
+    if symbol.op == "const":
+        return f"{symbol.args[0]:g}"
+    if symbol.op == "load":
+        factor, *part = symbol.args[1:]
+        return factor.__name__ + (f"[{part[0]}]" if factor.width == 2 else "")
+    parts = [_shown(part) for part in symbol.args]
+    if symbol.op in _SIGNS:
+        return f"({parts[0]} {_SIGNS[symbol.op]} {parts[1]})"
+    return f"{symbol.op}({', '.join(parts)})"

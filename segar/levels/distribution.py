@@ -1,0 +1,378 @@
+"""Level distributions: how many entities of which types, and priors over their factors. Data, from which levels are
+sampled and laws are read."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from segar.levels.content_hash import content_hash
+from segar.language.layout import Layout, Slot, name_slots
+from segar.language.entities import Entity, GlobalFriction, ThingFactory
+from segar.errors import LevelError, PriorError, did_you_mean
+from segar.support.estimates import Estimate
+from segar.language.factors import Factor
+from segar.levels.level_set import Levels, Provenance
+from segar.noise import Noise
+from segar.language.parameters import BUILT_IN_PARAMETERS, Parameter
+from segar.levels.sampling.placement import MIN_DISTANCE
+from segar.levels.priors import Prior, check_priors
+from segar.levels.sampling.draws import Streams, draw_levels
+from segar.levels.sampling.plan import Group, Plan, make_plan
+from segar.support.version import __version__
+
+if TYPE_CHECKING:
+    from segar.levels.explanation import Explanation
+
+CONFIG_KEYS = ("numbers", "priors", "parameters", "positions", "name", "world", "min_distance", "task")
+
+
+@dataclass(frozen=True, init=False, eq=False, repr=False)
+class LevelDistribution:
+    """A distribution of levels, as data: how many entities of which types, and priors over their factors.
+
+    Args:
+        numbers: pairs (entity type or ``ThingFactory``, how many); how many is a whole number or a law of such.
+        priors: :class:`segar.Prior` objects; the most specific one counts. Priors for entity types that ``numbers``
+            does not name are left aside, so that distributions can share a list of priors.
+        parameters: world parameter class to value or law; the same as ``Prior(Gravity, ...)`` in ``priors``.
+        positions: pairs (entity type, places ``(k, 2)`` [m]): the first k entities of the type always start there.
+        name: for people and provenance.
+        world: the rules, a :class:`segar.World`; None for the default ones.
+        min_distance: centres of any two things start farther apart than this [m].
+        task: name of the task that the levels are for: 'puttputt', 'billiards', 'invisiball', or ``module:attribute``
+            of a :class:`segar.Task` or of a function that makes one; None for PuttPutt. Environments have it unless
+            they are given another.
+
+    Positions are drawn anew, at most 100 times per level, until all centres are farther apart than ``min_distance``;
+    all else keeps exactly the law that the priors state.
+
+    Raises:
+        LevelError: the configuration has an unknown key, or numbers or positions make no sense.
+        PriorError: priors contradict each other, or name a factor that no entity has.
+        PlacementError: things always start too close to each other.
+    """
+
+    numbers: tuple[tuple[type[Entity] | ThingFactory, int | Noise], ...]
+    priors: tuple[Prior, ...]
+    parameters: tuple[tuple[type[Parameter], Any], ...]
+    positions: tuple[tuple[type[Entity], tuple[tuple[float, float], ...]], ...]
+    name: str | None
+    world: Any
+    min_distance: float
+    task: str | None
+
+    def __init__(
+        self,
+        numbers: Sequence[tuple[Any, Any]],
+        priors: Sequence[Prior] = (),
+        parameters: Any = None,
+        positions: Any = None,
+        name: str | None = None,
+        world: Any = None,
+        min_distance: float = MIN_DISTANCE,
+        task: str | None = None,
+        **unknown: Any,
+    ) -> None:
+        for key in unknown:
+            raise LevelError(f"a level distribution has no '{key}'.{did_you_mean(key, CONFIG_KEYS)}")
+        _check_world(world)
+        if not (isinstance(min_distance, (int, float)) and min_distance >= 0):
+            raise LevelError(f"min_distance must be a number of metres, at least 0, not {min_distance!r}")
+        if not isinstance(task, str | None):
+            raise LevelError(f"task must be a name such as 'billiards' or 'module:attribute', not {task!r}")
+        set_ = object.__setattr__
+        set_(self, "name", name)
+        set_(self, "task", task)
+        set_(self, "world", world)
+        set_(self, "min_distance", float(min_distance))
+        set_(self, "numbers", tuple(map(_check_number, _sequence("numbers", numbers))))
+        set_(self, "priors", tuple(map(_check_prior, _sequence("priors", priors))))
+        set_(self, "parameters", _check_parameters(parameters))
+        set_(self, "positions", tuple(map(_check_places, _sequence("positions", positions or ()))))
+        if not len(self.layout.slots) > 1:
+            raise LevelError("numbers must name at least one entity")
+        check_priors(self.priors, self.layout.types[:-1])
+        _ = self._plan  # contradictions show here, not at the first sample
+
+    def sample(self, n: int, seed: int = 0, split: str = "train") -> Levels:
+        """The first ``n`` levels of a split. Level i depends on (distribution, seed, split, i) alone.
+
+        Raises:
+            LevelError: n, seed or split is of the wrong kind.
+            PlacementError: the things of a level find no place; the message names level and things.
+            PriorError: a law gave a value that its factor cannot take.
+        """
+        if isinstance(n, bool) or not isinstance(n, (int, np.integer)) or n < 1:
+            raise LevelError(f"{self}: the number of levels must be a whole number above 0, not {n!r}")
+        if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)):
+            raise LevelError(f"{self}: the seed must be a whole number, not {seed!r}")
+        if not isinstance(split, str):
+            raise LevelError(f"{self}: the split must be a text such as 'train' or 'test', not {split!r}")
+        indices = np.arange(int(n), dtype=np.int64)
+        block = draw_levels(self._plan, Streams(str(self), self._stream, int(seed), split), indices)
+        return Levels(
+            layout=self.layout,
+            types=block.types,
+            values=block.values,
+            shape_kind=block.shape_kind,
+            vertex_count=block.vertex_count,
+            vertices=block.vertices,
+            parameters=block.parameters,
+            sampled_values=block.sampled_values,
+            provenance=Provenance(self.name, self.hash, __version__, int(seed), split, indices),
+            distribution=self,
+            world=self.world,
+            task=self.task,
+        )
+
+    @cached_property
+    def layout(self) -> Layout:
+        """The slots: those of ``numbers`` in order, then the arena's floor; counts that vary make optional slots."""
+        groups = [(types_of(who), counts(many)[1]) for who, many in self.numbers]
+        names = iter(name_slots(groups))
+        slots = []
+        for (types, most), (_, many) in zip(groups, self.numbers, strict=True):
+            slots += [Slot(next(names), types, optional=k >= counts(many)[0]) for k in range(most)]
+        slots.append(Slot("global_friction", (GlobalFriction,)))
+        _check_names(slots)
+        extra = (p for p in self._parameter_priors if p not in BUILT_IN_PARAMETERS)
+        return Layout(tuple(slots), tuple(extra))
+
+    @cached_property
+    def hash(self) -> str:
+        """Sixteen hexadecimal digits of all that decides which levels are drawn and what their entities hold; name,
+        rules and task take no part. The same on every machine."""
+        return content_hash(self._content)
+
+    def with_rules(self, rules: Sequence[Any]) -> LevelDistribution:
+        """The same distribution, with the same levels, in a world with other ``rules``; raises :class:`RuleError`."""
+        from segar.rules.world import World  # rules know entities, not the other way round
+
+        world = self.world if self.world is not None else World()
+        return dataclasses.replace(self, world=dataclasses.replace(world, rules=rules))
+
+    def marginals(self) -> dict[str, dict[type[Factor], Noise]]:
+        """The law of every numeric factor of every slot, given that the slot is filled by an entity that holds it; and
+        under ``"parameters"`` that of every world parameter.
+
+        Positions are as their priors say, before placement draws again or moves. Factors with conditional priors have
+        no law of their own and are left out.
+        """
+        from segar.levels.probability.marginals import marginals
+
+        return marginals(self._plan)
+
+    def log_prob(self, levels: Levels, normalised: bool = True) -> np.ndarray:
+        """Log probability of each level, float64 ``(n,)``; -inf where the level cannot be drawn.
+
+        A sum of log masses (how many entities, their types, choices of shapes, ranks in the pile, atoms) and log
+        densities (with respect to length, and to area for positions and for each vertex of a random hull), of what was
+        drawn: ``levels.sampled_values``, before overlaps are fixed. Positions have the density of their priors given
+        that no two things are too close: unless ``normalised`` is False, the log of that event's probability,
+        estimated from 200,000 draws with the standard error ``log_acceptance(levels)[1]``, is taken off.
+
+        Raises:
+            LevelError: the levels have other entities, factors or parameters.
+            PriorError: a prior draws an Order that may be 0, so that a level does not show how it came about.
+            PlacementError: placement accepts too rarely for an estimate.
+        """
+        from segar.levels.probability.entropy import log_acceptance
+        from segar.levels.probability.log_prob import log_probability
+
+        found = log_probability(self._plan, self._own(levels))
+        total = found.simple + found.other
+        return total - log_acceptance(self._plan, found, self._acceptances)[0] if normalised else total
+
+    def log_acceptance(self, levels: Levels) -> tuple[np.ndarray, np.ndarray]:
+        """Log probability that positions drawn for the things of each level are far enough apart, and its standard
+        error, float64 ``(n,)`` each; raises as ``log_prob`` does."""
+        from segar.levels.probability.entropy import log_acceptance
+        from segar.levels.probability.log_prob import log_probability
+
+        return log_acceptance(self._plan, log_probability(self._plan, self._own(levels)), self._acceptances)
+
+    def acceptance(self, draws: int = 100_000, seed: int = 0) -> Estimate:
+        """The share of levels whose things are far enough apart at the first try, with its standard error.
+
+        Placement tries 100 times per level: with a share p, it fails for a level with probability ``(1 - p)^100``.
+        """
+        from segar.levels.probability.entropy import acceptance
+
+        return acceptance(self._plan, Streams(str(self), self._stream, int(seed), "acceptance"), draws)
+
+    def entropy(self, draws: int = 20_000, seed: int = 0) -> Estimate:
+        """Entropy [nats] with respect to the measure of ``log_prob``, with its standard error.
+
+        What is independent of all else counts in closed form. Conditional factors, ranks, random hulls and positions
+        (given that no two things are too close) count by the mean over ``draws`` levels of a split of their own.
+        Raises as ``sample`` and ``log_prob`` do.
+        """
+        from segar.levels.probability.entropy import entropy
+
+        return entropy(self._plan, self.sample(draws, seed, split="entropy"), self._acceptances)
+
+    def explain(self, entity: type[Entity] | str | None, factor: type[Factor]) -> Explanation:
+        """Which prior sets a factor, and why: an :class:`Explanation`, to be printed.
+
+        Args:
+            entity: an entity type, the name of an entity such as ``"golfball"``, or None for a world parameter.
+
+        Raises:
+            PriorError: there is no such entity, it may be of several types, or it lacks the factor.
+        """
+        from segar.levels.explanation import explain
+
+        return explain(self._plan, self.priors, entity, factor)
+
+    def _own(self, levels: Levels) -> Levels:
+        if levels.layout != self.layout:
+            raise LevelError(
+                f"{levels!r} have entities {', '.join(levels.layout.names)}, which are not those of {self},"
+                f" {', '.join(self.layout.names)}, or hold other factors or parameters"
+            )
+        return levels
+
+    @cached_property
+    def _acceptances(self) -> dict[Any, Estimate]:
+        """Acceptances that were estimated, by the laws of the positions."""
+        return {}
+
+    def __repr__(self) -> str:
+        if self.name:
+            return f"level distribution '{self.name}'"
+        entities = ", ".join(f"{getattr(who, '__name__', who)}: {many!r}" for who, many in self.numbers)
+        return f"level distribution ({entities})"
+
+    @cached_property
+    def _parameter_priors(self) -> dict[type[Parameter], Prior]:
+        made = {p.factor: p for p in self.priors if issubclass(p.factor, Parameter)}
+        for parameter, value in self.parameters:
+            prior = Prior(parameter, value)
+            if parameter in made:
+                raise PriorError(f"{parameter.__name__} is given twice: {made[parameter]} and {prior} in parameters")
+            made[parameter] = prior
+        return made
+
+    @cached_property
+    def _content(self) -> list[Any]:
+        priors = [p for p in self.priors if not issubclass(p.factor, Parameter)]
+        return [self.numbers, priors, list(self._parameter_priors.values()), self.positions, self.min_distance]
+
+    @cached_property
+    def _stream(self) -> str:
+        """Names the random streams: by class names only, so that a new default of some factor moves nothing else."""
+        return content_hash(self._content, with_classes=False)
+
+    @cached_property
+    def _plan(self) -> Plan:
+        groups, slot = [], 0
+        for who, many in ((who, many) for who, many in self.numbers if counts(many)[1]):
+            probabilities = who.probabilities if isinstance(who, ThingFactory) else (1.0,)
+            places = tuple(map(self.layout.types.index, types_of(who)))
+            slots = tuple(range(slot, slot + counts(many)[1]))
+            groups.append(Group(slots, many, places, probabilities))
+            slot += len(slots)
+        priors = [p for p in self.priors if not issubclass(p.factor, Parameter)]
+        fixed = _fixed_positions(self.layout, self.positions)
+        return make_plan(self.layout, groups, priors, self._parameter_priors, fixed, self.min_distance)
+
+
+def types_of(who: type[Entity] | ThingFactory) -> tuple[type[Entity], ...]:
+    """The entity types that an entry of ``numbers`` can produce."""
+    return who.types if isinstance(who, ThingFactory) else (who,)
+
+
+def counts(many: int | Noise) -> tuple[int, int]:
+    """The smallest and the largest number of entities that an entry of ``numbers`` can produce."""
+    if not isinstance(many, Noise):
+        return many, many
+    values = many.atoms[0]
+    return int(values.min()), int(values.max())
+
+
+def _sequence(name: str, entries: Any) -> Sequence[Any]:
+    if isinstance(entries, (str, Mapping)) or not isinstance(entries, Sequence):
+        raise LevelError(f"{name} must be a list, not {type(entries).__name__}")
+    return entries
+
+
+def _check_number(entry: Any) -> tuple[Any, Any]:
+    if not isinstance(entry, (tuple, list)) or len(entry) != 2:
+        raise LevelError(f"numbers: each entry is a pair (entity type or ThingFactory, how many), not {entry!r}")
+    who, many = entry
+    if not isinstance(who, ThingFactory) and not (
+        isinstance(who, type) and issubclass(who, Entity) and who is not Entity
+    ):
+        raise LevelError(f"numbers: {who!r} is not an entity type or a ThingFactory")
+    if isinstance(who, type) and issubclass(who, GlobalFriction):
+        raise LevelError("numbers: every level has GlobalFriction already; set parameters={FloorFriction: ...}")
+    name = getattr(who, "__name__", repr(who))
+    if isinstance(many, Noise):
+        values, masses = many.atoms if many.width == 1 else (np.zeros(0), np.zeros(0))
+        if abs(masses.sum() - 1) > 1e-9 or (values < 0).any() or (values != np.rint(values)).any():
+            raise LevelError(f"numbers: how many {name} must be a law of whole numbers from 0 up, not {many!r}")
+        return who, many
+    if isinstance(many, bool) or not isinstance(many, (int, np.integer)) or many < 0:
+        raise LevelError(f"numbers: how many {name} must be a whole number from 0 up or a law of such, not {many!r}")
+    return who, int(many)
+
+
+def _check_world(world: Any) -> None:
+    from segar.rules.world import World  # rules know entities, not the other way round
+
+    if world is not None and not isinstance(world, World):
+        raise LevelError(f"world must be a segar.World or None, not {world!r}; with_rules takes a list of rules")
+
+
+def _check_prior(prior: Any) -> Prior:
+    if not isinstance(prior, Prior):
+        raise LevelError(f"priors: {prior!r} is not a Prior")
+    return prior
+
+
+def _check_parameters(given: Any) -> tuple[tuple[type[Parameter], Any], ...]:
+    pairs = tuple(given.items() if isinstance(given, Mapping) else given or ())
+    for parameter, _ in pairs:
+        if not (isinstance(parameter, type) and issubclass(parameter, Parameter)):
+            raise LevelError(f"parameters: {parameter!r} is not a world parameter class such as Gravity")
+    return tuple(sorted(pairs, key=lambda pair: pair[0].__name__))
+
+
+def _check_places(entry: Any) -> tuple[type[Entity], tuple[tuple[float, float], ...]]:
+    if not isinstance(entry, (tuple, list)) or len(entry) != 2:
+        raise LevelError(f"positions: each entry is a pair (entity type, places), not {entry!r}")
+    entity, places = entry
+    if not (isinstance(entity, type) and issubclass(entity, Entity)):
+        raise LevelError(f"positions: {entity!r} is not an entity type")
+    array = np.asarray(places, dtype=float)
+    if array.ndim != 2 or array.shape[1] != 2 or not np.isfinite(array).all():
+        raise LevelError(f"positions: places of {entity.__name__} must be finite numbers of shape (k, 2)")
+    return entity, tuple((x, y) for x, y in array.tolist())
+
+
+def _fixed_positions(layout: Layout, positions: Any) -> dict[int, tuple[float, float]]:
+    fixed: dict[int, tuple[float, float]] = {}
+    for entity, places in positions:
+        slots = [k for k, slot in enumerate(layout.slots) if all(issubclass(t, entity) for t in slot.types)]
+        slots = [k for k in slots if k not in fixed]
+        if len(slots) < len(places):
+            raise LevelError(
+                f"positions: {len(places)} places for {entity.__name__}, but numbers has {len(slots)} of them"
+            )
+        fixed.update(zip(slots, places, strict=False))
+    return fixed
+
+
+def _check_names(slots: Sequence[Slot]) -> None:
+    owners: dict[str, Slot] = {}
+    for slot in slots:
+        if slot.name in owners:
+            types = sorted({t.__name__ for s in (slot, owners[slot.name]) for t in s.types})
+            raise LevelError(f"two entities are called '{slot.name}' ({', '.join(types)}); give one of them its own id")
+        owners[slot.name] = slot

@@ -1,0 +1,1 @@
+"""The named level distributions."""

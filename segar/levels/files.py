@@ -1,0 +1,137 @@
+"""Level files: npz archives without pickle, a description in JSON beside the arrays, replaced only when complete."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from segar.support.archives import ArchiveFormat
+from segar.language.layout import Layout, Slot
+from segar.language.entities import Entity
+from segar.errors import LevelError, did_you_mean
+from segar.language.factors import Factor
+from segar.levels.level_set import LEVEL_ARRAYS, Levels, Provenance
+from segar.metrics.points import Moments, law_moments
+from segar.language.parameters import Parameter
+
+FORMAT = ArchiveFormat("segar-levels", 1, "levels", "level file", LevelError)
+
+
+def save_levels(levels: Levels, path: str | PathLike[str]) -> None:
+    """See :meth:`segar.Levels.save`."""
+    arrays = {name: getattr(levels, name) for name in LEVEL_ARRAYS} | {"indices": levels.provenance.indices}
+    FORMAT.write(Path(path), arrays, _metadata(levels))
+
+
+def load_levels(path: str | PathLike[str], world: Any = None) -> Levels:
+    """See :meth:`segar.Levels.load`."""
+    arrays, metadata = FORMAT.read(Path(path), (*LEVEL_ARRAYS, "indices"))
+    layout = _layout(metadata, str(path))
+    origin = metadata["provenance"]
+    provenance = Provenance(
+        origin["name"],
+        origin["distribution"],
+        metadata["version"],
+        origin["seed"],
+        origin["split"],
+        arrays.pop("indices"),
+        tuple(metadata.get("rules", ())),
+    )
+    task, moments = metadata.get("task"), _moments(metadata, layout)
+    return Levels(layout=layout, **arrays, provenance=provenance, world=world, task=task, moments=moments)
+
+
+def _metadata(levels: Levels) -> dict[str, Any]:
+    layout, origin = levels.layout, levels.provenance
+    return {
+        "version": origin.version,
+        "provenance": {
+            "name": origin.name,
+            "distribution": origin.distribution,
+            "seed": origin.seed,
+            "split": origin.split,
+        },
+        "task": levels.task,
+        "rules": [r.where for r in levels.world.rules] if levels.world is not None else list(origin.rules),
+        "slots": [
+            {"name": s.name, "types": [layout.types.index(t) for t in s.types], "optional": s.optional}
+            for s in layout.slots
+        ],
+        "types": [_class_address(t) for t in layout.types],
+        "factors": [_class_address(f) | {"width": f.width} for f in layout.factors],
+        "extra_parameters": [_class_address(p) for p in layout.extra_parameters],
+        "moments": [
+            {
+                "type": layout.types.index(kind) if kind in layout.types else None,
+                "factor": factor.__name__,
+                "mean": mean.tolist(),
+                "variance": variance.tolist(),
+            }
+            for (kind, factor), (mean, variance) in law_moments(levels).items()
+        ],
+    }
+
+
+def _class_address(cls: type) -> dict[str, Any]:
+    return {"name": cls.__name__, "module": cls.__module__, "qualname": cls.__qualname__}
+
+
+def _layout(metadata: dict[str, Any], path: str) -> Layout:
+    types = [_find(address, _all_subclasses(Entity), "entity type", path) for address in metadata["types"]]
+    extra = [
+        _find(address, _all_subclasses(Factor), "world parameter", path) for address in metadata["extra_parameters"]
+    ]
+    slots = (Slot(s["name"], tuple(types[k] for k in s["types"]), s["optional"]) for s in metadata["slots"])
+    layout = Layout(tuple(slots), tuple(extra))
+    saved = [(f["name"], f["width"]) for f in metadata["factors"]]
+    here = [(f.__name__, f.width) for f in layout.factors]
+    if saved != here:
+        raise LevelError(
+            f"{path}: its entities have changed since it was written: it holds the factors"
+            f" {', '.join(name for name, _ in saved)}, and here they have {', '.join(name for name, _ in here)}"
+        )
+    return layout
+
+
+def _moments(metadata: dict[str, Any], layout: Layout) -> Moments:
+    """Moments of the distribution; files of earlier versions hold none."""
+    found: Moments = {}
+    for entry in metadata.get("moments", ()):
+        kind = Parameter if entry["type"] is None else layout.types[entry["type"]]
+        known = layout.parameters if entry["type"] is None else layout.factors
+        factor = next(f for f in known if f.__name__ == entry["factor"])
+        found[kind, factor] = np.array(entry["mean"]), np.array(entry["variance"])
+    return found
+
+
+def _find(address: dict[str, Any], classes: Iterable[type], kind: str, path: str) -> type:
+    """The class of that module and name, else the only class of that name; the last defined one of several."""
+    classes = list(classes)
+    same_name = [c for c in classes if c.__name__ == address["name"]]
+    exact = [c for c in same_name if (c.__module__, c.__qualname__) == (address["module"], address["qualname"])]
+    if exact:
+        return exact[-1]
+    if len(same_name) == 1:
+        return same_name[0]
+    if same_name:
+        modules = ", ".join(sorted({c.__module__ for c in same_name}))
+        raise LevelError(
+            f"{path}: several {kind}s are called '{address['name']}' ({modules}), and none is that of"
+            f" {address['module']}; import that module before loading"
+        )
+    raise LevelError(
+        f"{path} holds the {kind} '{address['name']}', which is not defined; import {address['module']}, or define it,"
+        f" before loading (on the command line: --world {address['module']}:...)."
+        f"{did_you_mean(address['name'], [c.__name__ for c in classes])}"
+    )
+
+
+def _all_subclasses(cls: type) -> list[type]:
+    found: dict[type, None] = {}
+    for child in cls.__subclasses__():
+        found |= {child: None} | dict.fromkeys(_all_subclasses(child))
+    return list(found)

@@ -1,0 +1,107 @@
+"""Levels from entities that are given one by one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from segar.language.layout import Layout, Slot, name_slots
+from segar.language.entities import Entity, GlobalFriction, entity_name
+from segar.errors import LevelError
+from segar.language.factors import ID, Friction, Label, Shape
+from segar.levels.level_set import Levels, Provenance
+from segar.language.parameters import BUILT_IN_PARAMETERS, FloorFriction, Parameter
+from segar.language.shapes import HULL, BaseShape
+from segar.support.version import __version__
+
+
+def levels_from_entities(
+    levels: Sequence[Sequence[Entity]], parameters: Mapping[type[Parameter], Any], world: Any, name: str | None
+) -> Levels:
+    """See :meth:`segar.Levels.from_entities`."""
+    _check_entities(levels)
+    layout = _layout(levels, parameters)
+    n, slots = len(levels), len(layout.slots)
+    types = np.full((n, slots), -1, dtype=np.int16)
+    values = np.full((n, slots, layout.width), np.nan)
+    shapes: dict[tuple[int, int], BaseShape] = {}
+    for i, entities in enumerate(levels):
+        for k, entity in enumerate(entities):
+            types[i, k] = layout.types.index(type(entity))
+            for factor, column in layout.columns.items():
+                if factor in entity:
+                    values[i, k, column : column + factor.width] = entity[factor]
+            if Shape in entity:
+                shapes[i, k] = entity[Shape]
+    table = _parameters(layout, parameters, n)
+    types[:, -1] = layout.types.index(GlobalFriction)
+    values[:, -1, layout.columns[Friction]] = table[:, layout.parameters.index(FloorFriction)]
+    kind, count, vertices = _outlines(shapes, n, slots)
+    provenance = Provenance(name, "", __version__, 0, "", np.arange(n))
+    return Levels(layout, types, values, kind, count, vertices, table, values.copy(), provenance, world=world)
+
+
+def _check_entities(levels: Sequence[Sequence[Entity]]) -> None:
+    if not len(levels) or not all(len(entities) for entities in levels):
+        raise LevelError("from_entities needs at least one level, and at least one entity in each")
+    for i, entities in enumerate(levels):
+        for entity in entities:
+            where = f"level {i}: {entity!r}"
+            if not isinstance(entity, Entity):
+                raise LevelError(f"{where} is not an entity; write for instance GolfBall({{Position: [0, 0]}})")
+            if type(entity) is Entity:
+                raise LevelError(f"{where} has no type of its own; declare a sub-class of Entity with these factors")
+            if isinstance(entity, GlobalFriction):
+                raise LevelError(f"{where}: every level has the floor already; give parameters={{FloorFriction: ...}}")
+            if Label in entity and entity[Label] != type(entity).declared[Label]:
+                raise LevelError(
+                    f"{where}: the label belongs to the type; declare a sub-class with label {entity[Label]!r}"
+                )
+            if Shape in entity and entity[Shape].is_random:
+                raise LevelError(f"{where}: a random shape needs a distribution; give a ConvexHull of its points")
+
+
+def _layout(levels: Sequence[Sequence[Entity]], parameters: Mapping[type[Parameter], Any]) -> Layout:
+    most = max(map(len, levels))
+    columns = [[entities[k] for entities in levels if len(entities) > k] for k in range(most)]
+    types = [tuple(dict.fromkeys(type(entity) for entity in column)) for column in columns]
+    names = name_slots([(t, 1) for t in types])
+    for k, column in enumerate(columns):
+        ids = {entity.factors.get(ID, "") for entity in column}
+        own = next(iter(ids))
+        if len(ids) == 1 and own and own != entity_name(type(column[0])):
+            names[k] = own
+    doubles = sorted({name for name in names if names.count(name) > 1})
+    if doubles:
+        raise LevelError(f"several entities are called '{doubles[0]}'; give each its own ID")
+    slots = [Slot(name, t, len(c) < len(levels)) for name, t, c in zip(names, types, columns, strict=True)]
+    extra = tuple(p for p in parameters if p not in BUILT_IN_PARAMETERS)
+    return Layout((*slots, Slot("global_friction", (GlobalFriction,))), extra)
+
+
+def _parameters(layout: Layout, given: Mapping[type[Parameter], Any], n: int) -> np.ndarray:
+    table = np.empty((n, len(layout.parameters)))
+    for column, parameter in enumerate(layout.parameters):
+        value = np.asarray(given.get(parameter, parameter.default), dtype=float)
+        low, high = parameter.bounds or (-np.inf, np.inf)
+        if value.shape not in ((), (n,)) or not (np.isfinite(value) & (value >= low) & (value <= high)).all():
+            raise LevelError(
+                f"parameters: {parameter.__name__} must be one number or {n}, from {low:g} to {high:g}, not {value!r}"
+            )
+        table[:, column] = value
+    return table
+
+
+def _outlines(shapes: Mapping[tuple[int, int], BaseShape], n: int, slots: int) -> tuple[np.ndarray, ...]:
+    kind = np.zeros((n, slots), dtype=np.int8)
+    count = np.zeros((n, slots), dtype=np.int16)
+    room = max((len(shape.vertices) for shape in shapes.values()), default=0)
+    vertices = np.zeros((n, slots, room, 2))
+    for (i, k), shape in shapes.items():
+        kind[i, k] = shape.kind
+        if shape.kind == HULL:
+            count[i, k] = len(shape.vertices)
+            vertices[i, k, : count[i, k]] = shape.vertices
+    return kind, count, vertices

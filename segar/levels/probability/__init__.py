@@ -1,0 +1,1 @@
+"""What is known about a level distribution without sampling: marginals, log-probabilities, entropy."""

@@ -1,0 +1,1 @@
+"""Drawing levels: a plan read off a distribution once, draws column by column, placement without overlap."""

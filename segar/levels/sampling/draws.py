@@ -1,0 +1,368 @@
+"""Drawing levels: arrays of levels are filled column by column, as the plan says.
+
+What is drawn for one entity and factor comes from its own stream, keyed by (distribution, seed, split, slot, factor),
+and within it level i comes from counter i (:mod:`segar.support.counter_rng`). So levels do not depend on each other, nor on how
+many are drawn at once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from segar.levels.sampling.conditional_draws import claimed, dependence
+from segar.support.counter_rng import LevelGenerator, stream_key
+from segar.language.layout import Layout
+from segar.language.entities import Object, Tile
+from segar.errors import LevelError, PlacementError, PriorError
+from segar.language.factors import Factor, Friction, Order, Position, Size
+from segar.noise import Noise
+from segar.language.parameters import FloorFriction
+from segar.levels.sampling.placement import OVERLAP_PASSES, PLACEMENT_TRIES, closest_pair, fix_overlaps, random_ranks, too_close
+from segar.levels.priors import Prior, factors_read, specificity
+from segar.levels.sampling.plan import Draw, Outline, Plan
+from segar.language.shapes import CIRCLE, HULL, BaseShape
+
+CHUNK = 4096  # levels that are drawn together: their columns fit the processor's cache
+
+
+@dataclass(frozen=True)
+class Streams:
+    """Where the randomness of one split of a distribution comes from."""
+
+    name: str
+    identity: str
+    seed: int
+    split: str
+
+    def generator(self, levels: np.ndarray, *site: Any, attempt: int = 0) -> LevelGenerator:
+        """The generator for what is drawn at ``site``; int64 ``levels`` are indices in the split."""
+        return LevelGenerator(stream_key(self.identity, self.seed, self.split, *site), levels, attempt)
+
+    def where(self, level: Any) -> str:
+        """Names a level in messages."""
+        return f"{self.name}, level {int(level)} (seed {self.seed}, split '{self.split}')"
+
+
+@dataclass
+class Block:
+    """Arrays of levels while they are drawn; the names are those of ``Levels``."""
+
+    indices: np.ndarray
+    types: np.ndarray
+    values: np.ndarray
+    shape_kind: np.ndarray
+    shape_size: np.ndarray
+    vertex_count: np.ndarray
+    vertices: np.ndarray
+    parameters: np.ndarray
+    sampled_values: np.ndarray
+
+    @classmethod
+    def empty(cls, plan: Plan, indices: np.ndarray) -> Block:
+        n, entities, width = len(indices), len(plan.layout.slots), plan.layout.width
+        return cls(
+            indices=indices,
+            types=np.full((n, entities), -1, dtype=np.int16),
+            values=np.empty((n, entities, width)),
+            shape_kind=np.zeros((n, entities), dtype=np.int8),
+            shape_size=np.full((n, entities), np.nan),
+            vertex_count=np.zeros((n, entities), dtype=np.int16),
+            vertices=np.zeros((n, entities, plan.vertices, 2)),
+            parameters=np.empty((n, len(plan.layout.parameters))),
+            sampled_values=np.empty((n, entities, width)),
+        )
+
+    def part(self, start: int, stop: int) -> Block:
+        """A view of some levels."""
+        return Block(**{name: array[start:stop] for name, array in vars(self).items()})
+
+
+def draw_levels(plan: Plan, streams: Streams, indices: np.ndarray) -> Block:
+    """Draw the levels with these indices (int64 ``(n,)``).
+
+    Raises:
+        PlacementError: the things of a level find no place.
+        PriorError: a law gave a value that its factor cannot take.
+    """
+    block = Block.empty(plan, indices)
+    for start in range(0, len(indices), CHUNK):
+        part = block.part(start, start + CHUNK)
+        draw_types(plan, streams, part)
+        draw_parameters(plan, streams, part)
+        draw_factors(plan, streams, part)
+        draw_outlines(plan, streams, part)
+        draw_positions(plan, streams, part)
+        draw_orders(plan, streams, part)
+        settle(plan, streams, part)
+    return block
+
+
+def draw_types(plan: Plan, streams: Streams, block: Block) -> None:
+    """Which entities a level has: counts, then types; and their constant factors."""
+    n = len(block.indices)
+    for place, group in enumerate(plan.groups):
+        count: Any = group.count
+        if isinstance(count, Noise):
+            count = np.asarray(count.sample(streams.generator(block.indices, "count", place), n))
+        for k, slot in enumerate(group.slots):
+            types: Any = group.types
+            if len(types) > 1:
+                rng = streams.generator(block.indices, "type", plan.layout.names[slot])
+                types = rng.choice(group.types, size=n, p=group.probabilities)
+            block.types[:, slot] = np.where(k < count, types, -1)
+    block.types[:, -1] = len(plan.layout.types) - 1  # the arena's floor, the last slot of every layout
+    block.sampled_values[:] = plan.templates[block.types]  # the last template, which -1 picks, is all nan
+
+
+def draw_parameters(plan: Plan, streams: Streams, block: Block) -> None:
+    """World parameters of each level, and the floor's friction, which is one of them."""
+    block.parameters[:] = plan.parameters
+    for column, prior in plan.parameter_priors:
+        rng = streams.generator(block.indices, "parameter", prior.factor.__name__)
+        block.parameters[:, column] = _sample(streams, prior, prior.factor, rng, block.indices)
+    floor = block.parameters[:, plan.layout.parameters.index(FloorFriction)]
+    block.sampled_values[:, -1, plan.layout.columns[Friction]] = floor
+
+
+def draw_factors(plan: Plan, streams: Streams, block: Block) -> None:
+    """All factors with a law or a conditional value, but positions."""
+    for draw in plan.draws:
+        if not issubclass(draw.factor, Position):
+            draw_factor(plan, streams, block, draw, _rows(block, draw))
+
+
+def draw_factor(plan: Plan, streams: Streams, block: Block, draw: Draw, rows: Any, attempt: int = 0) -> None:
+    """One factor of one slot in the levels ``rows``: the value without condition, then those whose relation holds."""
+    site = plan.layout.names[draw.slot], draw.factor.__name__
+    column = plan.layout.columns[draw.factor]
+    target = block.sampled_values[:, draw.slot, column : column + draw.factor.width]
+    levels = block.indices[rows]
+    claims: list[tuple[Prior, np.ndarray]] = []
+    for k, prior in reversed(list(enumerate(draw.priors))):
+        if not factors_read(prior) and not prior.is_random:
+            continue  # a constant stands in the template already
+        rng = streams.generator(levels, *site, *([k] if k else []), attempt=attempt)
+        every = np.arange(len(block.indices))[rows]
+        scaling = dependence(plan, block, draw.slot, prior.value, every)
+        claim = claimed(plan, block, draw, prior, every) if factors_read(prior) else np.ones(len(every), dtype=bool)
+        value = _sample(streams, prior, draw.factor, rng, levels, scaling, claim).reshape(
+            len(levels), draw.factor.width
+        )
+        if not factors_read(prior):
+            target[rows] = value
+            continue
+        target[rows] = np.where(claim[:, None], value, target[rows])
+        claims.append((prior, claim))
+    _check_claims(streams, draw, claims, levels)
+
+
+def draw_outlines(plan: Plan, streams: Streams, block: Block) -> None:
+    """Shapes; and Size, which without a prior of its own is the shape's."""
+    for outline in plan.outlines:
+        rows = np.flatnonzero(_has_type(block.types[:, outline.slot], outline.types))
+        if isinstance(outline.shapes, BaseShape):
+            _draw_outline(plan, streams, block, outline, outline.shapes, rows)
+            continue
+        site = plan.layout.names[outline.slot], "Shape"
+        chosen = outline.shapes.sample_index(streams.generator(block.indices[rows], *site), len(rows))
+        for k, shape in enumerate(outline.shapes.keys):
+            _draw_outline(plan, streams, block, outline, shape, rows[chosen == k])
+
+
+def draw_positions(plan: Plan, streams: Streams, block: Block) -> None:
+    """Positions; anew for levels in which two things come too close, at most 100 times."""
+    again = np.flatnonzero(draw_first_positions(plan, streams, block))
+    draws = _drawn_positions(plan)
+    for attempt in range(1, PLACEMENT_TRIES if draws else 1):
+        if not len(again):
+            return
+        for draw in draws:
+            rows = again[_has_type(block.types[again, draw.slot], draw.types)]
+            draw_factor(plan, streams, block, draw, rows, attempt)
+        x = plan.layout.columns[Position]
+        again = again[too_close(block.sampled_values[again, :, x : x + 2], plan.min_distance)]
+    if len(again):
+        raise _no_place(plan, streams, block, int(again[0]), len(draws) > 0)
+
+
+def draw_first_positions(plan: Plan, streams: Streams, block: Block) -> np.ndarray:
+    """The first try to place the things of each level; whether two of them came too close, bool ``(n,)``."""
+    if Position not in plan.layout.columns:
+        return np.zeros(len(block.indices), dtype=bool)
+    x = plan.layout.columns[Position]
+    for slot, place in plan.fixed_positions.items():
+        block.sampled_values[block.types[:, slot] >= 0, slot, x : x + 2] = place
+    for draw in _drawn_positions(plan):
+        draw_factor(plan, streams, block, draw, _rows(block, draw))
+    return too_close(block.sampled_values[:, :, x : x + 2], plan.min_distance)
+
+
+def _drawn_positions(plan: Plan) -> list[Draw]:
+    return [draw for draw in plan.draws if issubclass(draw.factor, Position) and draw.slot not in plan.fixed_positions]
+
+
+def draw_orders(plan: Plan, streams: Streams, block: Block) -> None:
+    """Heights in the pile: things whose Order is 0 get distinct random ranks among all things of the level."""
+    if Order not in plan.layout.columns:
+        return
+    order = block.sampled_values[:, :, plan.layout.columns[Order]]
+    ranks = random_ranks(streams.generator(block.indices, "Order"), ~np.isnan(order))
+    np.copyto(order, ranks, where=order == 0)
+
+
+def settle(plan: Plan, streams: Streams, block: Block) -> None:
+    """What the simulation starts from: the size of tiles and hulls is their shape's, and overlaps are fixed."""
+    block.values[:] = block.sampled_values
+    if Size in plan.layout.columns:
+        is_tile = np.array([*(issubclass(t, Tile) for t in plan.layout.types), False])
+        follows = (block.shape_kind == HULL) | (is_tile[block.types] & (block.shape_kind == CIRCLE))
+        np.copyto(block.values[:, :, plan.layout.columns[Size]], block.shape_size, where=follows)
+    stuck = fix_block(plan.layout, block)
+    if len(stuck):
+        raise _stuck(plan, streams, block, int(stuck[0]))
+
+
+def fix_block(layout: Layout, levels: Any) -> np.ndarray:
+    """Fix overlaps in ``levels.values`` (of a ``Block`` or ``Levels``), in place; indices of levels where it failed."""
+    if Position not in layout.columns:
+        return np.zeros(0, dtype=int)
+    x = layout.columns[Position]
+    position = levels.values[:, :, x : x + 2]
+    size = levels.values[:, :, layout.columns[Size]] if Size in layout.columns else np.zeros(position.shape[:2])
+    radius = np.where(levels.shape_kind == CIRCLE, size / 2, 0.0)
+    high = np.repeat(radius[..., None], 2, axis=-1)
+    low = -high
+    hull = levels.shape_kind == HULL
+    if hull.any():
+        vertices = levels.vertices[hull]
+        inside = (np.arange(vertices.shape[1]) < levels.vertex_count[hull][:, None])[..., None]
+        low[hull] = np.where(inside, vertices, np.inf).min(axis=1)
+        high[hull] = np.where(inside, vertices, -np.inf).max(axis=1)
+        radius[hull] = np.sqrt((vertices**2).sum(axis=-1)).max(axis=1)
+    is_object = np.array([*(issubclass(t, Object) for t in layout.types), False])
+    solid = is_object[levels.types] & (levels.shape_kind > 0)
+    levels.values[:, :, x : x + 2], stuck = fix_overlaps(position, low, high, radius, solid)
+    return stuck
+
+
+def _rows(block: Block, draw: Draw) -> Any:
+    """The levels in which the slot holds one of the draw's types."""
+    return slice(None) if draw.everywhere else np.flatnonzero(_has_type(block.types[:, draw.slot], draw.types))
+
+
+def _has_type(column: np.ndarray, types: tuple[int, ...]) -> np.ndarray:
+    found = column == types[0]
+    for place in types[1:]:
+        found |= column == place
+    return found
+
+
+def _sample(
+    streams: Streams,
+    prior: Prior,
+    factor: type[Factor],
+    rng: LevelGenerator,
+    levels: np.ndarray,
+    scaling: tuple[np.ndarray, np.ndarray] | None = None,
+    needed: np.ndarray | None = None,
+) -> np.ndarray:
+    """Draws of the prior for ``levels``, float64 ``(n,)`` or ``(n, 2)``; those that are ``needed`` (None: all) are
+    checked against what the factor can take. ``scaling``: shift and scale of a dependent law."""
+    shape = (len(levels), 2) if factor.width == 2 else (len(levels),)
+    if not prior.is_random:
+        return np.broadcast_to(np.asarray(prior.value, dtype=float), shape)
+    law = prior.value if scaling is None else prior.value.law
+    value = np.asarray(law.sample(rng, len(levels)), dtype=float)
+    if value.shape != shape:
+        raise PriorError(f"{prior}: the law's sample(rng, {len(levels)}) has shape {value.shape}, not {shape}")
+    low, high = factor.bounds or (-np.inf, np.inf)
+    if scaling is not None:
+        value = scaling[0] + scaling[1] * value
+        value = np.where(scaling[1] == 0, np.nan, value)
+    fits = np.isfinite(value) & (value >= low) & (value <= high)
+    if issubclass(factor, Size):
+        fits &= value > 0
+    wrong = ~fits.reshape(len(levels), factor.width).all(axis=1)
+    if needed is not None:
+        wrong &= needed
+    if wrong.any():
+        row = np.flatnonzero(wrong)[0]
+        scaled = "" if scaling is None else f" with shift {scaling[0][row]:g} and scale {scaling[1][row]:g}"
+        raise PriorError(
+            f"{streams.where(levels[row])}: {prior} gave {value[row]}{scaled}, which {factor.__name__} cannot be;"
+            " clip the law or choose another"
+        )
+    return value
+
+
+def _check_claims(streams: Streams, draw: Draw, claims: list[tuple[Prior, np.ndarray]], levels: np.ndarray) -> None:
+    """Raise :class:`PriorError` where the relations of two equally specific, differing priors hold."""
+    for k, (prior, claim) in enumerate(claims):
+        for rival, other in claims[:k]:
+            both = claim & other
+            if both.any() and specificity(prior) == specificity(rival) and prior.value != rival.value:
+                raise PriorError(
+                    f"{streams.where(levels[both.argmax()])}: {prior} and {rival} both hold and are equally specific;"
+                    " make their relations exclude each other"
+                )
+
+
+def _draw_outline(
+    plan: Plan, streams: Streams, block: Block, outline: Outline, shape: BaseShape, rows: np.ndarray
+) -> None:
+    slot = outline.slot
+    block.shape_kind[rows, slot] = shape.kind
+    block.shape_size[rows, slot] = shape.size
+    if not outline.size_is_drawn and Size in plan.layout.columns:
+        block.sampled_values[rows, slot, plan.layout.columns[Size]] = shape.size
+    if shape.kind == HULL and not shape.is_random:
+        block.vertex_count[rows, slot] = len(shape.vertices)
+        block.vertices[rows, slot, : len(shape.vertices)] = shape.vertices
+    elif shape.kind == HULL and len(rows):
+        hulls = shape.sample(streams.generator(block.indices[rows], plan.layout.names[slot], "hull"), len(rows))
+        block.vertices[rows, slot], block.vertex_count[rows, slot] = pad_hulls(hulls, plan.vertices, shape)
+
+
+def pad_hulls(hulls: list[np.ndarray], room: int, owner: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices float64 ``(n, room, 2)``, zero padded, and their counts; raises :class:`LevelError` if one has more."""
+    count = np.array([len(hull) for hull in hulls])
+    if count.max() > room:
+        raise LevelError(
+            f"{owner!r} drew a hull of {count.max()} vertices, and there is room for {room}; set max_vertices"
+        )
+    padded = np.zeros((len(hulls), room, 2))
+    padded[np.arange(room) < count[:, None]] = np.concatenate(hulls)
+    return padded, count
+
+
+def _no_place(plan: Plan, streams: Streams, block: Block, row: int, drawn: bool) -> PlacementError:
+    x = plan.layout.columns[Position]
+    i, j, distance = closest_pair(block.sampled_values[row, :, x : x + 2])
+    a, b = plan.layout.names[i], plan.layout.names[j]
+    tries = f"after {PLACEMENT_TRIES} tries" if drawn else "by their fixed positions"
+    return PlacementError(
+        f"{streams.where(block.indices[row])}: {tries} '{a}' and '{b}' are {distance:.3g} apart, and centres must be"
+        f" more than {plan.min_distance:g} apart. Use fewer things, wider location priors, or a smaller min_distance"
+    )
+
+
+def _stuck(plan: Plan, streams: Streams, block: Block, row: int) -> PlacementError:
+    x, size = plan.layout.columns[Position], plan.layout.columns[Size]
+    is_object = [t >= 0 and issubclass(plan.layout.types[t], Object) for t in block.types[row]]
+    position = np.where(np.array(is_object)[:, None], block.values[row, :, x : x + 2], np.nan)
+    i, j, distance = closest_pair(position)
+    names, sizes = plan.layout.names, block.values[row, :, size]
+    if not np.isfinite(distance):
+        widest = int(np.nanargmax(sizes))
+        return PlacementError(
+            f"{streams.where(block.indices[row])}: '{names[widest]}' (size {sizes[widest]:.3g}) does not fit between"
+            " the walls, which stand 2 apart. Make it smaller"
+        )
+    return PlacementError(
+        f"{streams.where(block.indices[row])}: things do not fit into the arena without overlap after {OVERLAP_PASSES}"
+        f" passes; the tightest are '{names[i]}' (size {sizes[i]:.3g}) and '{names[j]}' (size {sizes[j]:.3g})."
+        " Use fewer or smaller things"
+    )

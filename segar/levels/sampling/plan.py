@@ -1,0 +1,259 @@
+"""What has to be drawn for a level, read off a distribution once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from graphlib import CycleError, TopologicalSorter
+from typing import Any
+
+import numpy as np
+
+from segar.language.layout import Layout, holds
+from segar.language.entities import Entity, GlobalFriction
+from segar.errors import PlacementError, PriorError, did_you_mean
+from segar.language.factors import Factor, Order, Position, Shape, Size
+from segar.noise import Choice, Noise
+from segar.language.parameters import Parameter
+from segar.levels.sampling.placement import closest_pair
+from segar.levels.priors import Prior, factors_needed, factors_read, ranked
+from segar.language.shapes import BaseShape
+
+RANDOM_HULL_VERTICES = 32  # room for a random hull: 100 Gaussian points have 8.8 +- 1.5 vertices on their hull
+
+
+@dataclass(frozen=True)
+class Group:
+    """Slots that one entry of ``numbers`` fills: how many are filled, and by which types with which probabilities."""
+
+    slots: tuple[int, ...]
+    count: Noise | int
+    types: tuple[int, ...]
+    probabilities: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Draw:
+    """A factor of one slot that is drawn where the slot's entity has one of ``types``; priors most specific first."""
+
+    slot: int
+    factor: type[Factor]
+    types: tuple[int, ...]
+    priors: tuple[Prior, ...]
+    everywhere: bool
+
+
+@dataclass(frozen=True)
+class Outline:
+    """The shape, or the choice of shapes, of one slot's entities of ``types``."""
+
+    slot: int
+    shapes: BaseShape | Choice
+    size_is_drawn: bool
+    types: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """All that sampling needs to know about a distribution.
+
+    Attributes:
+        templates: float64 ``(types + 1, width)``: the constant factors of each entity type; the last row is all nan.
+        parameters: float64, the constant world parameters in the layout's order.
+        parameter_priors: column of a parameter and the prior that it is drawn from.
+        fixed_positions: slot to the place where its entity always starts.
+        vertices: room for the vertices of one thing.
+    """
+
+    layout: Layout
+    groups: tuple[Group, ...]
+    templates: np.ndarray
+    draws: tuple[Draw, ...]
+    outlines: tuple[Outline, ...]
+    fixed_positions: Mapping[int, tuple[float, float]]
+    parameters: np.ndarray
+    parameter_priors: tuple[tuple[int, Prior], ...]
+    min_distance: float
+    vertices: int
+
+
+def make_plan(
+    layout: Layout,
+    groups: Sequence[Group],
+    priors: Sequence[Prior],
+    parameters: Mapping[type[Parameter], Prior],
+    fixed_positions: Mapping[int, tuple[float, float]],
+    min_distance: float,
+) -> Plan:
+    """Resolve priors for every slot and entity type.
+
+    Raises:
+        PriorError: priors contradict each other or read what is not drawn yet.
+        PlacementError: things that always start at fixed places are too close to each other.
+    """
+    templates = np.full((len(layout.types) + 1, layout.width), np.nan)
+    for place, entity in enumerate(layout.types):
+        templates[place] = _template(layout, entity, () if issubclass(entity, GlobalFriction) else priors)
+    outlines = _outlines(layout, priors)
+    constants = [parameters[p].value if p in parameters else p.default for p in layout.parameters]
+    plan = Plan(
+        layout,
+        tuple(groups),
+        templates,
+        _in_order(layout, _draws(layout, groups, priors)),
+        outlines,
+        fixed_positions,
+        np.array([p.default if isinstance(v, Noise) else v for p, v in zip(layout.parameters, constants, strict=True)]),
+        tuple((layout.parameters.index(p), prior) for p, prior in parameters.items() if prior.is_random),
+        min_distance,
+        max((vertex_room(o.shapes) for o in outlines), default=0),
+    )
+    _check_constant_places(plan)
+    return plan
+
+
+def vertex_room(shape: BaseShape | Choice) -> int:
+    """How many vertices the shape can have: 0 for a circle; a random shape may say so as ``max_vertices``."""
+    if isinstance(shape, Choice):
+        return max(vertex_room(key) for key in shape.keys)
+    if shape.is_random:
+        return getattr(shape, "max_vertices", RANDOM_HULL_VERTICES)
+    return len(shape.vertices)
+
+
+def _template(layout: Layout, entity: type[Entity], priors: Sequence[Prior]) -> np.ndarray:
+    row = np.full(layout.width, np.nan)
+    defaults = entity().factors
+    for factor in layout.factors:
+        if factor not in entity.declared:
+            continue
+        value = defaults[factor]
+        setting = _unconditional(ranked(priors, entity, factor))
+        if setting is not None and not setting.is_random:
+            value = setting.value
+        elif setting is None and factor is Size and isinstance(shape := _shape(entity, priors), BaseShape):
+            value = shape.size
+        row[layout.columns[factor] : layout.columns[factor] + factor.width] = value
+    return row
+
+
+def _draws(layout: Layout, groups: Sequence[Group], priors: Sequence[Prior]) -> list[Draw]:
+    draws = []
+    for group in groups:
+        candidates: dict[tuple[type[Factor], tuple[int, ...]], tuple[Prior, ...]] = {}
+        types: dict[tuple[type[Factor], tuple[int, ...]], list[int]] = {}
+        for place in group.types:
+            entity = layout.types[place]
+            for factor in (f for f in entity.declared if f.width):
+                found = ranked(priors, entity, factor)
+                if any(p.is_random or factors_read(p) for p in found):
+                    _check_reads(layout, entity, found, priors)
+                    alike = factor, tuple(map(id, found))
+                    candidates[alike] = found
+                    types.setdefault(alike, []).append(place)
+        for slot in group.slots:
+            for alike, places in types.items():
+                everywhere = len(places) == len(group.types) and not layout.slots[slot].optional
+                draws.append(Draw(slot, alike[0], tuple(places), candidates[alike], everywhere))
+    return draws
+
+
+def _check_reads(layout: Layout, entity: type[Entity], candidates: Sequence[Prior], priors: Sequence[Prior]) -> None:
+    """Raise :class:`PriorError` if a law depends on factors that its entity lacks, or that are known too late."""
+    for prior in candidates:
+        in_relation = factors_read(prior)
+        for name, factor in factors_needed(prior):
+            for owner in (entity,) if name is None else _types_of(layout, name, prior):
+                held = holds(owner, factor)
+                if held is None and (name is not None or factor not in in_relation):
+                    advice = "" if name else "; give the prior an entity_type that has it"
+                    raise PriorError(f"{prior}: its law reads {factor.__name__}, which {owner.__name__} lacks{advice}")
+                if held is Size and not ranked(priors, owner, Size) and isinstance(_shape(owner, priors), Choice):
+                    raise PriorError(
+                        f"{prior} reads Size, which for {owner.__name__} is that of a shape that is chosen later; give"
+                        " Size a prior of its own"
+                    )
+
+
+def _types_of(layout: Layout, name: str, prior: Prior) -> tuple[type[Entity], ...]:
+    """The types that the entity of that name may have; raises :class:`PriorError` if it may be absent."""
+    if name not in layout.names:
+        raise PriorError(f"{prior}: there is no entity '{name}'.{did_you_mean(name, layout.names)}")
+    slot = layout.slots[layout.names.index(name)]
+    if slot.optional:
+        raise PriorError(f"{prior}: its law reads '{name}', which not every level has")
+    return slot.types
+
+
+def _in_order(layout: Layout, draws: list[Draw]) -> tuple[Draw, ...]:
+    """The draws such that what a conditional prior reads is drawn before it."""
+    graph: dict[tuple[int, type[Factor]], set[tuple[int, type[Factor]]]] = {(d.slot, d.factor): set() for d in draws}
+    for draw in draws:
+        for prior in draw.priors:
+            for name, read in factors_needed(prior):
+                if issubclass(read, (Position, Order)):
+                    what = "relation" if read in factors_read(prior) else "law"
+                    raise PriorError(f"{prior}: its {what} reads {read.__name__}, which is drawn last")
+                slot = draw.slot if name is None else layout.names.index(name)
+                graph[draw.slot, draw.factor] |= {
+                    node for node in graph if node[0] == slot and issubclass(node[1], read)
+                }
+    try:
+        order = list(TopologicalSorter(graph).static_order())
+    except CycleError as error:
+        nodes = error.args[1]
+        several = len({slot for slot, _ in nodes}) > 1
+        names = " -> ".join((f"{layout.names[s]}." if several else "") + f.__name__ for s, f in nodes)
+        raise PriorError(f"conditional priors need each other's factors: {names}") from None
+    return tuple(sorted(draws, key=lambda draw: order.index((draw.slot, draw.factor))))
+
+
+def _outlines(layout: Layout, priors: Sequence[Prior]) -> tuple[Outline, ...]:
+    outlines = []
+    for slot, place in enumerate(layout.slots):
+        alike: dict[Any, list[int]] = {}
+        for entity in place.types:
+            shape = _shape(entity, priors)
+            if shape is None:
+                continue
+            size_is_drawn = Size in entity.declared and bool(ranked(priors, entity, Size))
+            alike.setdefault((shape, size_is_drawn), []).append(layout.types.index(entity))
+        outlines += [Outline(slot, shape, drawn, tuple(types)) for (shape, drawn), types in alike.items()]
+    return tuple(outlines)
+
+
+def _shape(entity: type[Entity], priors: Sequence[Prior]) -> BaseShape | Choice | None:
+    if Shape not in entity.declared or issubclass(entity, GlobalFriction):
+        return None
+    candidates = ranked(priors, entity, Shape)
+    conditional = next((p for p in candidates if factors_read(p)), None)
+    if conditional is not None:
+        raise PriorError(f"{conditional}: the relation of a prior on Shape may read only Label and ID")
+    return candidates[0].value if candidates else entity.declared[Shape]
+
+
+def _unconditional(candidates: Sequence[Prior]) -> Prior | None:
+    return candidates[-1] if candidates and not factors_read(candidates[-1]) else None
+
+
+def _check_constant_places(plan: Plan) -> None:
+    """Raise :class:`PlacementError` if two things that are always there always start too close to each other."""
+    if Position not in plan.layout.columns:
+        return
+    column = plan.layout.columns[Position]
+    drawn = {draw.slot for draw in plan.draws if issubclass(draw.factor, Position)}
+    places = np.full((len(plan.layout.slots), 2), np.nan)
+    for group in plan.groups:
+        for slot in group.slots:
+            options = np.unique(plan.templates[list(group.types), column : column + 2], axis=0)
+            if slot in plan.fixed_positions:
+                places[slot] = plan.fixed_positions[slot]
+            elif slot not in drawn and len(options) == 1 and not plan.layout.slots[slot].optional:
+                places[slot] = options[0]
+    i, j, distance = closest_pair(places)
+    if distance <= plan.min_distance:
+        a, b = plan.layout.names[i], plan.layout.names[j]
+        raise PlacementError(
+            f"'{a}' and '{b}' always start {distance:.3g} apart, and centres must be more than {plan.min_distance:g}"
+            " apart; give one of them a prior on Position, or another place"
+        )

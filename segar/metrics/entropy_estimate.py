@@ -1,0 +1,161 @@
+"""The entropy of a level set's law, estimated from the levels alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from segar.levels.checks import require_factors, require_levels
+from segar.language.entities import GlobalFriction
+from segar.errors import LevelError, did_you_mean
+from segar.language.factors import Factor
+from segar.levels.level_set import Levels
+from segar.metrics.points import cut, relevant_factors
+
+NEIGHBOUR = 3  # k of the nearest-neighbour estimate: low bias, and a variance near that of larger k
+FEWEST = 10  # values from which the density of one factor is estimated
+
+
+@dataclass(frozen=True)
+class SampleEntropy:
+    """An estimate of an entropy in nats; lengths are in the factors' own units.
+
+    Attributes:
+        value: ``discrete`` + ``continuous``.
+        discrete: Shannon entropy of what is chosen: which entities there are, and which atoms factors take.
+        continuous: mean differential entropy of the rest, given what is chosen. It may be negative.
+        left_out: share of the levels (``joint``) or values (``mean_field``) that are too few of their kind to estimate a
+            density from, and of which ``continuous`` knows nothing.
+    """
+
+    value: float
+    discrete: float
+    continuous: float
+    left_out: float
+
+
+def sample_entropy(
+    levels: Levels,
+    method: Literal["joint", "mean_field"] = "joint",
+    *,
+    factors: Sequence[type[Factor]] | None = None,
+) -> SampleEntropy:
+    """The entropy of the law that levels were drawn from, estimated from the levels as drawn, slot by slot.
+
+    A value that occurs twice in a slot is an atom, since densities do not repeat; all others come from a density.
+
+    ``joint``: of all factors together. Levels of one kind (same entities in the same slots, same atoms) are vectors of
+    what is left, and their entropy is Kozachenko and Leonenko's estimate by 3rd nearest neighbours (in units of the
+    standard deviation, undone afterwards); that of the kinds is the plug-in one with Miller and Madow's correction.
+    ``mean_field``: the sum over slots and factors, as if they were independent: an upper bound, and all that few levels of
+    many kinds allow; densities by ``scipy.stats.differential_entropy``.
+
+    Both smooth over the ends of a law's support, so they are a little too high: ``joint`` by 0.3 nats for 2,000 levels
+    with five uniform or Gaussian factors, more for more factors and fewer levels.
+
+    Args:
+        factors: count these factors and no others. World parameters count.
+
+    Raises:
+        LevelError: not a level set, an unknown method, or no kind of level (``joint``) that occurs often enough.
+    """
+    require_levels("sample_entropy", levels)
+    require_factors("sample_entropy", factors, levels)
+    if method not in ("joint", "mean_field"):
+        raise LevelError(
+            f"sample_entropy: unknown method '{method}'.{did_you_mean(str(method), ('joint', 'mean_field'))}"
+        )
+    columns, slots = _columns(levels, factors)
+    return _joint(levels.types, columns) if method == "joint" else _mean_field(levels.types, columns, slots)
+
+
+def _columns(levels: Levels, factors: Sequence[type[Factor]] | None) -> tuple[np.ndarray, np.ndarray]:
+    """Values of each component of each slot's factors, float64 ``[levels, columns]``, nan where there are none; and the
+    slot of each column, that of the arena's floor for world parameters."""
+    layout = levels.layout
+    found, slots = [np.zeros((len(levels), 0))], []
+    for slot in range(len(layout.slots)):
+        kinds = [layout.types[k] for k in np.unique(levels.types[:, slot]) if k >= 0]
+        kinds = [k for k in kinds if not issubclass(k, GlobalFriction)]
+        for factor in dict.fromkeys(f for kind in kinds for f in relevant_factors(kind, factors)):
+            column = layout.columns[factor]
+            found.append(cut(levels.sampled_values[:, slot, column : column + factor.width], factor))
+            slots += [slot] * factor.width
+    chosen = [k for k, p in enumerate(layout.parameters) if factors is None or p in factors]
+    found += [cut(levels.parameters[:, [k]], layout.parameters[k]) for k in chosen]
+    slots += [len(layout.slots) - 1] * len(chosen)
+    return np.concatenate(found, axis=1), np.array(slots, dtype=int)
+
+
+def _joint(types: np.ndarray, columns: np.ndarray) -> SampleEntropy:
+    atoms = np.stack([_atoms(column) for column in columns.T], axis=1) if columns.shape[1] else columns.astype(int)
+    kinds, kind, times = np.unique(
+        np.concatenate([types, atoms], axis=1), axis=0, return_inverse=True, return_counts=True
+    )
+    kind, free = kind.ravel(), kinds[:, types.shape[1] :] == -1
+    parts = []
+    for k in range(len(kinds)):
+        if not free[k].any():
+            parts.append((times[k], 0.0))
+        elif times[k] > NEIGHBOUR:
+            parts.append((times[k], _neighbour_entropy(columns[kind == k][:, free[k]])))
+    used = sum(n for n, _ in parts)
+    if not used:
+        raise LevelError(
+            f"sample_entropy: no kind of level occurs more than {NEIGHBOUR} times among these {len(types)}; take more"
+            " levels, fewer factors=[...], or method='mean_field'"
+        )
+    continuous = sum(n * h for n, h in parts) / used
+    return _result(_plug_in(times), continuous, 1 - used / len(types))
+
+
+def _mean_field(types: np.ndarray, columns: np.ndarray, slots: np.ndarray) -> SampleEntropy:
+    from scipy import stats
+
+    discrete, continuous, seen, missed = 0.0, 0.0, 0, 0
+    for slot, chosen in enumerate(types.T):
+        discrete += _plug_in(np.unique(chosen, return_counts=True)[1])
+        for kind in np.unique(chosen[chosen >= 0]):
+            for column in columns[chosen == kind][:, slots == slot].T:
+                atom = _atoms(column)
+                share = len(column) / len(types)
+                discrete += share * _plug_in(np.unique(atom, return_counts=True)[1])
+                rest = column[atom == -1]
+                seen += len(rest)
+                if len(rest) >= FEWEST:
+                    continuous += len(rest) / len(types) * float(stats.differential_entropy(rest))
+                else:
+                    missed += len(rest)
+    return _result(discrete, continuous, missed / seen if seen else 0.0)
+
+
+def _result(discrete: float, continuous: float, left_out: float) -> SampleEntropy:
+    return SampleEntropy(float(discrete + continuous), float(discrete), float(continuous), float(left_out))
+
+
+def _atoms(column: np.ndarray) -> np.ndarray:
+    """A number for each atom of a column, -1 for values that occur once, -2 where there is no value: int ``[levels]``."""
+    _, place, times = np.unique(column, return_inverse=True, return_counts=True)
+    return np.where(np.isnan(column), -2, np.where(times[place] > 1, place, -1))
+
+
+def _plug_in(times: np.ndarray) -> float:
+    """Shannon entropy of frequencies, plus (kinds - 1) / 2n (Miller 1955)."""
+    from scipy.special import entr
+
+    return float(entr(times / times.sum()).sum() + (len(times) - 1) / (2 * times.sum()))
+
+
+def _neighbour_entropy(points: np.ndarray) -> float:
+    """psi(n) - psi(k) + log volume of the unit ball + d mean log distance to the k-th neighbour, ``points [n, d]``."""
+    from scipy.spatial import KDTree
+    from scipy.special import digamma, gammaln
+
+    n, d = points.shape
+    unit = points.std(axis=0)
+    distance = KDTree(points / unit).query(points / unit, k=NEIGHBOUR + 1)[0][:, NEIGHBOUR]
+    ball = 0.5 * d * np.log(np.pi) - gammaln(0.5 * d + 1)
+    return float(digamma(n) - digamma(NEIGHBOUR) + ball + d * np.log(distance).mean() + np.log(unit).sum())

@@ -1,0 +1,168 @@
+"""Whether a level set stands for its distribution: how far it is from it, what it leaves uncovered, how many it is worth."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from segar.levels.checks import require_distribution, require_factors, require_generator, require_levels, require_units
+from segar.errors import LevelError
+from segar.language.factors import Factor
+from segar.levels.level_set import Levels
+from segar.metrics.kolmogorov import FactorKS, ks_report
+from segar.metrics.points import Spread, entity_types, spread
+from segar.metrics.transport import emd
+from segar.metrics.wasserstein import MISMATCH, exact_costs
+
+if TYPE_CHECKING:
+    from segar.levels.distribution import LevelDistribution
+
+LAW_SAMPLE = 500  # levels that stand for the distribution
+LAW_SPLIT = "representativeness"
+"""Split of these levels, so that they are nobody's train or test levels."""
+
+
+@dataclass(frozen=True)
+class Representativeness:
+    """How a level set compares with independent sets of its size from the same distribution.
+
+    Attributes:
+        distance: exact W2 from the set to 500 levels of the distribution.
+        expected, expected_std: mean and standard deviation of that distance for independent sets.
+        farther: share of independent sets that are at least as far (the set itself counted in): small for a set that is
+            less representative than chance, near 1 for one that covers better than chance.
+        ks, ks_p_value: mean-field statistic of the set against the laws of its factors, and its test.
+        factors: the marginals, most conspicuous first; see :class:`segar.metrics.FactorKS`.
+    """
+
+    distance: float
+    expected: float
+    expected_std: float
+    farther: float
+    ks: float
+    ks_p_value: float
+    factors: tuple[FactorKS, ...]
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """Distances from levels of the distribution (or of another set) to the nearest level of a set.
+
+    Attributes:
+        radius: the largest: every level is within it of some level of the set.
+        high: their 95 % quantile. mean: their mean.
+    """
+
+    radius: float
+    high: float
+    mean: float
+
+
+def representativeness(
+    levels: Levels,
+    law: LevelDistribution,
+    *,
+    rng: np.random.Generator,
+    resamples: int = 99,
+    factors: Sequence[type[Factor]] | None = None,
+) -> Representativeness:
+    """Whether a set of levels is a fair sample of a distribution, without any training.
+
+    Args:
+        rng: seeds the levels that stand for the distribution, and ``resamples`` (at least 19) independent sets.
+        factors: count these factors and no others.
+
+    Raises:
+        LevelError: as :func:`segar.metrics.ks_report`.
+    """
+    require_levels("representativeness", levels)
+    require_distribution("representativeness", law)
+    report = ks_report(levels, law, rng=rng, resamples=resamples, factors=factors)
+    n = len(levels)
+    stand_in = law.sample(LAW_SAMPLE, seed=int(rng.integers(2**62)), split=LAW_SPLIT)
+    fresh = law.sample(n * resamples, seed=int(rng.integers(2**62)), split=LAW_SPLIT)
+    unit, types = spread(law), entity_types(levels, stand_in, fresh)
+    sets = [levels, *(fresh[k * n : (k + 1) * n] for k in range(resamples))]
+    costs = (exact_costs(one, stand_in, types, unit, MISMATCH, factors) for one in sets)
+    distances = np.sqrt([emd(cost) for cost in costs])
+    return Representativeness(
+        distance=float(distances[0]),
+        expected=float(distances[1:].mean()),
+        expected_std=float(distances[1:].std(ddof=1)),
+        farther=float((distances >= distances[0] - 1e-12).mean()),
+        ks=report.value,
+        ks_p_value=report.p_value,
+        factors=report.factors,
+    )
+
+
+def coverage(
+    levels: Levels,
+    of: Levels | LevelDistribution,
+    *,
+    rng: np.random.Generator | None = None,
+    sample: int = 2000,
+    mismatch: float = MISMATCH,
+    scale: Spread | None = None,
+    factors: Sequence[type[Factor]] | None = None,
+) -> Coverage:
+    """How far the levels of a distribution, or of another set, are from the nearest of ``levels``, in exact distance.
+
+    Args:
+        of: the other set, or a distribution, for which ``sample`` levels stand whose seed ``rng`` draws. So the radius is
+            that of these levels; with more of them it grows, slowly.
+        Others as for :func:`segar.metrics.w2`.
+
+    Raises:
+        LevelError: not a level set, or a distribution without ``rng``.
+    """
+    if not isinstance(of, Levels):
+        if rng is None:
+            raise LevelError("coverage of a distribution draws levels from it: coverage(levels, distribution, rng=...)")
+        require_distribution("coverage", of)
+        require_generator("coverage", rng)
+        of = of.sample(sample, seed=int(rng.integers(2**62)), split=LAW_SPLIT)
+    require_levels("coverage", levels, of)
+    require_factors("coverage", factors, levels, of)
+    require_units("coverage", scale)
+    unit = spread(levels, of) if scale is None else scale
+    costs = exact_costs(of, levels, entity_types(of, levels), unit, mismatch, factors)
+    nearest = np.sqrt(costs.min(axis=1))
+    return Coverage(float(nearest.max()), float(np.quantile(nearest, 0.95)), float(nearest.mean()))
+
+
+def effective_number(
+    levels: Levels,
+    *,
+    order: float = 1.0,
+    mismatch: float = MISMATCH,
+    scale: Spread | None = None,
+    factors: Sequence[type[Factor]] | None = None,
+) -> float:
+    """How many levels without any similarity the set is worth, from 1 (all equal) to its length (all unlike).
+
+    The diversity of Leinster and Cobbold (2012) for equal weights, (mean_i z_i^(order - 1))^(1 / (1 - order)), where z_i is
+    the mean similarity exp(-d) of level i to all levels, itself included, and d the exact distance in standard
+    deviations. Order 1 (the limit, exp(-mean log z)) weighs all levels alike, order 2 crowds, order 0 outliers.
+
+    Args:
+        order: at least 0, finite.
+        Others as for :func:`segar.metrics.w2`.
+
+    Raises:
+        LevelError: not a level set, or a negative order.
+    """
+    require_levels("effective_number", levels)
+    require_factors("effective_number", factors, levels)
+    require_units("effective_number", scale)
+    if not 0 <= order < np.inf:
+        raise LevelError(f"effective_number: the order must be a finite number of at least 0, not {order!r}")
+    unit = spread(levels) if scale is None else scale
+    costs = exact_costs(levels, levels, entity_types(levels), unit, mismatch, factors)
+    typical = np.exp(-np.sqrt(np.maximum(costs, 0.0))).mean(axis=1)
+    if order == 1.0:
+        return float(np.exp(-np.log(typical).mean()))
+    return float(np.mean(typical ** (order - 1)) ** (1 / (1 - order)))

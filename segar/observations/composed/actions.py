@@ -1,0 +1,90 @@
+"""What the agent did last, as an observation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import gymnasium
+import numpy as np
+
+from segar.errors import SegarError
+from segar.observations.composed.checked_memory import remembered
+from segar.tasks.registry import task_of
+
+if TYPE_CHECKING:
+    from segar.language.factors import Factor
+    from segar.levels.level_set import Levels
+    from segar.language.task import Task
+
+
+@dataclass(frozen=True)
+class PreviousActions:
+    """The last ``n`` actions as they were taken, clipped to their range: float32 ``[n * action size]``, newest last.
+
+    Zeros stand for those before the episode began.
+
+    Args:
+        n: how many.
+        task: whose actions; an environment gives its own, and where there is none it is the one that levels name.
+
+    Raises:
+        SegarError: ``n`` is less than 1.
+    """
+
+    n: int = 1
+    task: Task | None = None
+
+    def __post_init__(self) -> None:
+        if self.n < 1:
+            raise SegarError(f"PreviousActions: n must be at least 1, not {self.n!r}")
+
+    def shows(self, factor: type[Factor]) -> bool:
+        """It shows no factor."""
+        return False
+
+    def for_task(self, task: Task) -> PreviousActions:
+        """The actions of this task."""
+        return replace(self, task=task)
+
+    def bind(self, levels: Levels, num_envs: int) -> BoundPreviousActions:
+        """The observation at work."""
+        return BoundPreviousActions(self.n, self.task or task_of(levels), num_envs)
+
+
+class BoundPreviousActions:
+    """:class:`PreviousActions` in one environment; see :class:`segar.observations.protocol.Remembers`."""
+
+    def __init__(self, n: int, task: Task, num_envs: int) -> None:
+        self._low, self._high = np.array(task.action_low, np.float32), np.array(task.action_high, np.float32)
+        self._size = len(self._low)
+        low, high = np.tile(np.minimum(self._low, 0), n), np.tile(np.maximum(self._high, 0), n)  # 0: no action yet
+        self.space = gymnasium.spaces.Box(low, high, dtype=np.float32)
+        self._actions = np.zeros((num_envs, n * self._size), np.float32)
+
+    def start(self, key: np.ndarray, level: np.ndarray, mask: np.ndarray) -> None:
+        """Forget the actions of earlier episodes."""
+        self._actions[mask] = 0.0
+
+    def begin(self, values: np.ndarray, level: np.ndarray, mask: np.ndarray) -> None:
+        """Nothing to prepare."""
+
+    def advance(self, actions: np.ndarray) -> None:
+        """Remember the actions of a step."""
+        self._actions[:, : -self._size] = self._actions[:, self._size :]
+        np.clip(actions, self._low, self._high, out=self._actions[:, -self._size :])
+
+    def memory(self) -> dict[str, np.ndarray]:
+        """The actions."""
+        return {"actions": self._actions.copy()}
+
+    def recall(self, memory: Mapping[str, np.ndarray]) -> None:
+        """Remember these."""
+        actions = remembered(memory, "actions", self._actions)
+        if actions is not None:
+            self._actions[:] = actions
+
+    def write(self, values: np.ndarray, level: np.ndarray, out: np.ndarray, rows: np.ndarray) -> None:
+        """Fill ``out[rows]``."""
+        out[rows] = self._actions[rows]

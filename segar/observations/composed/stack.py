@@ -1,0 +1,191 @@
+"""Stacks: the last n observations as one array."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import gymnasium
+import numpy as np
+
+from segar.errors import SegarError
+from segar.observations.copying import copy_rows
+from segar.observations.composed.composed import Members
+from segar.observations.composed.checked_memory import remembered
+from segar.observations.protocol import DrawsPlanes
+
+if TYPE_CHECKING:
+    from segar.language.factors import Factor
+    from segar.levels.level_set import Levels
+    from segar.language.task import Task
+
+CHUNK = 64  # environments whose frames are copied while they are in the processor's cache
+TAPE = 64  # steps until what is in the stacks has to be moved
+
+
+@dataclass(frozen=True)
+class Stack:
+    """The last ``n`` of what another observation shows, the newest last.
+
+    Frames are joined along the axis of their channels (``[64, 64, 3]`` becomes ``[64, 64, 3 n]``), everything else along
+    its first axis (``[d]`` becomes ``[n d]``). When an episode starts, all n are the first one. An intervention changes
+    the newest one alone. Snapshots hold the stack, so that a restored or forked environment shows what it would have
+    shown; restored from a snapshot of an environment that kept no stack, all n are the present one. A frame is what has
+    three axes of bytes, and its channels are the last axis unless the first one is shorter.
+
+    An environment made with ``copy=False`` returns the stack itself, which is not to be written into, and draws one frame
+    per step. Each step returns another view of its memory, and where channels come last, they lie in planes there: the
+    array is contiguous once it is transposed to ``[env, channel, row, column]``, and
+    :func:`segar.observations.copying.copy_rows` is the fast way to copy it into one that is contiguous as it is. The other
+    environments do so themselves, which takes n frames per step.
+
+    Args:
+        observation: what is stacked, or its name; its space must be a box.
+        n: how many.
+
+    Raises:
+        SegarError: ``n`` is less than 1.
+    """
+
+    observation: Any
+    n: int
+
+    def __post_init__(self) -> None:
+        from segar.observations.registry import make_observation
+
+        object.__setattr__(self, "observation", make_observation(self.observation))
+        if self.n < 1:
+            raise SegarError(f"Stack: n must be at least 1, not {self.n!r}")
+
+    @property
+    def members(self) -> tuple[Any, ...]:
+        """What is stacked."""
+        return (self.observation,)
+
+    def shows(self, factor: type[Factor]) -> bool:
+        """Whether what is stacked does."""
+        return self.observation.shows(factor)
+
+    def for_task(self, task: Task) -> Stack:
+        """The stack in environments of this task."""
+        from segar.observations.registry import for_task
+
+        return replace(self, observation=for_task(self.observation, task))
+
+    def bind(self, levels: Levels, num_envs: int) -> BoundStack:
+        """The stack at work; raises :class:`SegarError` if what is stacked is not one array."""
+        if isinstance(self.observation, DrawsPlanes):
+            return BoundStack(
+                self.observation.in_planes().bind(levels, num_envs), self.n, num_envs, self.observation.channels
+            )
+        return BoundStack(self.observation.bind(levels, num_envs), self.n, num_envs)
+
+
+class BoundStack(Members):
+    """:class:`Stack` in one environment; see :class:`segar.observations.protocol.Remembers`.
+
+    All stacks lie on one tape, those of an environment side by side, the oldest frame first. A step moves no frame, but the
+    place where the tape is read, by one frame: every frame is then one older, and the newest of each environment takes the
+    place of what was the oldest of the next one. At the end of the tape, all is moved back to its start.
+
+    Args:
+        member: what is stacked, :class:`segar.observations.protocol.BoundObservation`.
+        channels: which axis of the stack is theirs, where ``member`` can write frames with channels first into the stack;
+            otherwise None: they are written elsewhere, in the form that ``member.space`` says, and then stacked.
+
+    Attributes:
+        kept: the observations of all environments, ``[env, *space.shape]``, a view of the tape; ``write`` keeps them up to
+            date, and after ``advance`` it is another one.
+    """
+
+    def __init__(self, member: Any, n: int, num_envs: int, channels: str | None = None) -> None:
+        super().__init__([member], ["stacked"])
+        box = member.space
+        if not isinstance(box, gymnasium.spaces.Box) or not box.shape:
+            raise SegarError(
+                f"Stack: it stacks arrays, not {box}; stack the parts, as in {{'pixels': Stack('rgb', 4), ...}}"
+            )
+        self._drawn = None if channels else np.zeros((num_envs, *box.shape), box.dtype)
+        edges = [np.moveaxis(edge, 0, 2) if channels == "last" else edge for edge in (box.low, box.high)]
+        axis = joined_axis(edges[0])
+        low, high = (np.concatenate([edge] * n, axis) for edge in edges)
+        self.space = gymnasium.spaces.Box(low, high, dtype=box.dtype)  # type: ignore[arg-type]
+        shape = edges[0].shape
+        self._n, self._turned = n, axis == 2
+        self._in_memory: tuple[int, ...] = (shape[2], *shape[:2]) if self._turned else shape
+        self._tape = np.zeros((num_envs * n + TAPE, *self._in_memory), box.dtype)
+        self._fresh = np.ones(num_envs, np.bool_)
+        self._read_from(0)
+
+    def start(self, key: np.ndarray, level: np.ndarray, mask: np.ndarray) -> None:
+        """The next frame fills the stacks where ``mask`` is true."""
+        self._fresh[mask] = True
+        super().start(key, level, mask)
+
+    def begin(self, values: np.ndarray, level: np.ndarray, mask: np.ndarray) -> None:
+        """Prepare what is stacked."""
+        self.members[0].begin(values, level, mask)
+
+    def advance(self, actions: np.ndarray) -> None:
+        """The next frame is a new one."""
+        if self._first < TAPE:
+            self._read_from(self._first + 1)
+        else:
+            past = self._tape[self._first + 1 :]
+            for frame in range(0, len(past), TAPE):  # pieces that do not reach into where they come from
+                self._tape[frame : frame + TAPE][: len(past) - frame] = past[frame : frame + TAPE]
+            self._read_from(0)
+        super().advance(actions)
+
+    def memory(self) -> dict[str, np.ndarray]:
+        """The stacks, and what the member remembers."""
+        stack = np.empty(self.kept.shape, self.kept.dtype)
+        copy_rows(self.kept, stack)
+        return {"stack": stack, **super().memory()}
+
+    def recall(self, memory: Mapping[str, np.ndarray]) -> None:
+        """Go on from these stacks."""
+        super().recall(memory)
+        stack = remembered(memory, "stack", self.kept)
+        if stack is not None:
+            self.kept[:] = stack
+            self._fresh[:] = False
+
+    def write(self, values: np.ndarray, level: np.ndarray, out: np.ndarray, rows: np.ndarray) -> None:
+        """Fill ``out[rows]``; nothing is copied where ``out`` is ``kept``."""
+        at_once = len(self._fresh) if out is self.kept and self._drawn is None else CHUNK
+        for first in range(0, len(rows), at_once):
+            some = rows[first : first + at_once]
+            self._draw(values, level, some)
+            fresh = some[self._fresh[some]]
+            if len(fresh):
+                self._stacks[fresh, :-1] = self._stacks[fresh, -1:]
+                self._fresh[fresh] = False
+            if out is not self.kept:
+                copy_rows(self.kept, out, some)
+
+    def _draw(self, values: np.ndarray, level: np.ndarray, rows: np.ndarray) -> None:
+        """Write the newest frames."""
+        newest = self._stacks[:, -1]
+        if self._drawn is None:
+            self.members[0].write(values, level, newest, rows)
+        else:
+            self.members[0].write(values, level, self._drawn, rows)
+            copy_rows(self._drawn, newest.transpose(0, 2, 3, 1) if self._turned else newest, rows)
+
+    def _read_from(self, first: int) -> None:
+        """Read the tape from this frame on."""
+        num_envs, n, shape = len(self._fresh), self._n, self._in_memory
+        self._first = first
+        frames = self._tape[first : first + num_envs * n]
+        self._stacks = frames.reshape(num_envs, n, *shape)
+        joined = frames.reshape(num_envs, n * shape[0], *shape[1:])
+        self.kept = joined.transpose(0, 2, 3, 1) if self._turned else joined
+
+
+def joined_axis(edge: np.ndarray) -> int:
+    """The axis along which observations like this one are stacked: that of a frame's channels, else the first."""
+    if edge.ndim != 3 or edge.dtype != np.uint8:
+        return 0
+    return 2 if edge.shape[2] <= edge.shape[0] else 0

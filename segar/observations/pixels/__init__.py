@@ -1,0 +1,1 @@
+"""Frames of the arena from above, in solid colours or textures."""

@@ -1,0 +1,286 @@
+"""The compiled kernel of the pixel observations: paint static backgrounds, copy them, stamp what moves.
+
+A frame is the bytes of a :class:`segar.observations.pixels.canvas.Canvas`. World coordinates become pixels as in 2022:
+``px = rint((x + walls) scale)`` and ``py = resolution - rint((y + walls) scale)``. What a thing looks like is a pattern that
+repeats: row r of it, ``texels[env, entity, plane, r]``, is so long that most spans of a disc are one copy out of it. A solid
+colour is a pattern of one pixel. Every environment is drawn by itself, so a frame does not depend on its batch.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numba import njit
+
+from segar.language.layout import Layout, holds
+from segar.language.entities import Entity
+from segar.language.factors import Factor, Floor, Mobile, Order, Position, Size, Visible
+from segar.observations.pixels.byte_copy import clear_bytes, copy_bytes
+from segar.language.shapes import CIRCLE, HULL
+
+if TYPE_CHECKING:
+    from segar.levels.level_set import Levels
+
+# Columns of ``Scene.columns[type]``: where a type keeps what the kernel reads; -1 where it lacks the factor.
+POSITION, SIZE, VISIBLE, ORDER, MOBILE = range(5)
+DRAWN: tuple[type[Factor], ...] = (Position, Size, Visible, Order, Mobile)  # in that order
+RUN = 8  # [pixels] a row of a pattern gives this many in one copy, whatever its phase
+LEVEL_EDGE = 1e-6  # an edge whose normal has a smaller x runs along rows, and no estimate finds its columns
+
+# Nothing here allocates, so numba's reference counting of arrays, which costs as much as the drawing, is off.
+_options = {"nogil": True, "cache": True, "error_model": "numpy", "_nrt": False}
+
+
+class Scene(NamedTuple):
+    """What the kernels know of a level set; the first five lead with the level and the entity."""
+
+    types: np.ndarray
+    kinds: np.ndarray
+    vertex_counts: np.ndarray
+    vertices: np.ndarray
+    edges: np.ndarray
+    """float64 ``[level, entity, k, 4]``; see :func:`edge_lines`."""
+    columns: np.ndarray
+    """int64 ``[type, 5]``, in the order of ``POSITION`` and so on."""
+    is_floor: np.ndarray
+    """bool ``[type]``: tiles, which are painted once per episode."""
+    spans: np.ndarray
+    """int32; see :func:`disc_spans`."""
+
+
+def scene_of(levels: Levels, resolution: int) -> Scene:
+    """The scene of a level set in frames of ``resolution`` pixels."""
+    types = levels.layout.types
+    columns = [[column_of(levels.layout, t, factor) for factor in DRAWN] for t in types]
+    return Scene(
+        levels.types,
+        levels.shape_kind,
+        levels.vertex_count,
+        levels.vertices,
+        edge_lines(levels.vertices, levels.vertex_count),
+        np.array(columns, np.int64),
+        np.array([Floor in t.declared for t in types]),
+        disc_spans(resolution),
+    )
+
+
+def column_of(layout: Layout, entity: type[Entity], factor: type[Factor]) -> int:
+    """The column in which an entity type holds a factor, -1 if it does not."""
+    held = holds(entity, factor)
+    return layout.columns[held] if held is not None else -1
+
+
+def disc_spans(resolution: int) -> np.ndarray:
+    """Half-widths of discs, int32 ``[radius, |dy|, 2]`` in pixels for radii 0 to ``resolution``.
+
+    The disc of radius r holds the pixels with dx^2 + dy^2 <= r (r + 1), the midpoint circle's rule; its outline are
+    those with one of the four neighbours outside. Entry 0 is the half-width of the disc in the row, entry 1 that of the
+    disc without its outline; -1 where the row holds none.
+    """
+    spans = np.full((resolution + 1, resolution + 1, 2), -1, dtype=np.int32)
+    for r in range(resolution + 1):
+        dy = np.arange(r + 2)
+        inside = r * (r + 1) - dy**2
+        half = np.where(inside >= 0, np.sqrt(np.maximum(inside, 0)).astype(np.int32), -1)  # half[r + 1] is -1
+        spans[r, : r + 1, 0] = half[:-1]
+        spans[r, : r + 1, 1] = np.minimum(half[:-1] - 1, half[1:])
+    return spans
+
+
+def edge_lines(vertices: np.ndarray, counts: np.ndarray) -> np.ndarray:
+    """Edges of convex counter-clockwise polygons as lines, float64 ``[..., k, 4]``: (a, b, c, 1 / a) with a x + b y + c the
+    distance from (x, y) to the line of edge k, positive inside; 0 for 1 / a where the line nearly runs along a row.
+
+    Args:
+        vertices: float64 ``[..., k, 2]``; counts: int ``[...]``, how many of them count.
+    """
+    room = vertices.shape[-2]
+    following = (np.arange(room) + 1) % np.maximum(counts, 1)[..., None]
+    step = np.take_along_axis(vertices, following[..., None], axis=-2) - vertices
+    length = np.sqrt((step**2).sum(-1))
+    normal = np.stack([-step[..., 1], step[..., 0]], axis=-1) / np.where(length > 0, length, 1.0)[..., None]
+    distance = -(normal * vertices).sum(-1, keepdims=True)
+    inclined = np.abs(normal[..., :1]) > LEVEL_EDGE
+    inverse = np.divide(1.0, normal[..., :1], out=np.zeros_like(distance), where=inclined)
+    return np.concatenate([normal, distance, inverse], axis=-1)
+
+
+@njit(**_options)
+def paint_backgrounds(values, level, rows, scene, canvas, texels, floor, floors, backgrounds, chosen):
+    """Paint floor ``floor[env]`` and the tiles of environments ``rows``: highest Order first, so the lowest is on top."""
+    for r in range(len(rows)):
+        env = rows[r]
+        size = backgrounds.shape[1]
+        copy_bytes(backgrounds, env * size, floors, floor[env] * size, size)
+        n = sort_by_order(values, env, level[env], scene, True, chosen)
+        for k in range(n - 1, -1, -1):
+            stamp(values, env, level[env], chosen[k], scene, canvas, True, texels, backgrounds, env * size)
+
+
+@njit(**_options)
+def draw_frames(values, level, rows, scene, canvas, texels, backgrounds, frames, stride, chosen):
+    """Copy each environment's background into ``frames[env * stride :]`` and stamp its objects: highest Order on top."""
+    for r in range(len(rows)):
+        env = rows[r]
+        size = backgrounds.shape[1]
+        copy_bytes(frames, env * stride, backgrounds, env * size, size)
+        n = sort_by_order(values, env, level[env], scene, False, chosen)
+        for k in range(n):
+            stamp(values, env, level[env], chosen[k], scene, canvas, False, texels, frames, env * stride)
+
+
+# Below, arrays are passed whole with indices: a view of one row costs more than what is done with it.
+
+
+@njit(**_options)
+def sort_by_order(values, env, level, scene, floor, chosen):
+    """Collect the visible tiles (``floor``) or objects of a level in ascending Order, ties by slot; return how many."""
+    n = 0
+    for entity in range(scene.types.shape[1]):
+        kind = scene.types[level, entity]
+        if kind < 0 or scene.is_floor[kind] != floor or scene.columns[kind, POSITION] < 0:
+            continue
+        if scene.columns[kind, VISIBLE] >= 0 and not values[env, entity, scene.columns[kind, VISIBLE]] > 0.0:
+            continue
+        order = order_of(values, env, level, entity, scene)
+        k = n
+        while k > 0 and order_of(values, env, level, chosen[k - 1], scene) > order:
+            chosen[k] = chosen[k - 1]
+            k -= 1
+        chosen[k] = entity
+        n += 1
+    return n
+
+
+@njit(**_options)
+def order_of(values, env, level, entity, scene):
+    column = scene.columns[scene.types[level, entity], ORDER]
+    return values[env, entity, column] if column >= 0 else 0.0
+
+
+@njit(**_options)
+def stamp(values, env, level, entity, scene, canvas, is_tile, texels, frames, begin):
+    """Draw one entity, if it has a finite place, into the frame at byte ``begin``; tiles always have an outline, others if
+    they are mobile."""
+    kind = scene.types[level, entity]
+    x = values[env, entity, scene.columns[kind, POSITION]]
+    y = values[env, entity, scene.columns[kind, POSITION] + 1]
+    if not (math.isfinite(x) and math.isfinite(y)):
+        return
+    outlined = is_tile
+    if not is_tile and scene.columns[kind, MOBILE] >= 0:
+        outlined = values[env, entity, scene.columns[kind, MOBILE]] > 0.0
+    if scene.kinds[level, entity] == CIRCLE:
+        diameter = values[env, entity, scene.columns[kind, SIZE]]
+        if diameter >= 0.0:
+            stamp_disc(env, entity, x, y, diameter / 2, outlined, scene, canvas, texels, frames, begin)
+    elif scene.kinds[level, entity] == HULL:
+        stamp_hull(env, level, entity, x, y, outlined, scene, canvas, texels, frames, begin)
+
+
+@njit(**_options)
+def stamp_disc(env, entity, x, y, radius, outlined, scene, canvas, texels, frames, begin):
+    cx, cy = column_at(x, canvas), canvas.resolution - column_at(y, canvas)
+    r = int(np.rint(min(radius * canvas.scale, float(canvas.resolution))))
+    first_row = max(cy - r, 0)
+    period = texels.shape[3]
+    r0 = (first_row - cy) % period
+    for row in range(first_row, min(cy + r, canvas.resolution - 1) + 1):
+        outer = scene.spans[r, abs(row - cy), 0]
+        inner = scene.spans[r, abs(row - cy), 1] if outlined else outer
+        a, b, c, d = cx - outer, cx + outer, cx - inner, cx + inner
+        stamp_row(env, entity, row, a, b, c, d, cx, r0, canvas, texels, frames, begin)
+        r0 = r0 + 1 if r0 + 1 < period else 0
+
+
+@njit(**_options)
+def column_at(x, canvas):
+    """The column of a coordinate, or the distance of its row from the bottom; far outside, somewhere outside."""
+    limit = 4.0 * canvas.resolution
+    return int(np.rint(min(max((x + canvas.walls) * canvas.scale, -limit), limit)))
+
+
+@njit(**_options)
+def stamp_row(env, entity, row, first, last, inner_first, inner_last, cx, r0, canvas, texels, frames, begin):
+    """Fill the columns ``first`` to ``last`` of a row, black but for the pattern's row ``r0`` from ``inner_first`` to
+    ``inner_last``; column ``cx`` has the pattern's first pixel."""
+    first, last = max(first, 0), min(last, canvas.resolution - 1)
+    inner_first, inner_last = max(inner_first, 0), min(inner_last, canvas.resolution - 1)
+    if first > last:
+        return
+    period = texels.shape[3]
+    at = ((inner_first - cx) % period) * canvas.texel
+    run = texels.shape[4] - (period - 1) * canvas.texel
+    for plane in range(canvas.planes):
+        start = begin + (plane * canvas.resolution + row) * canvas.resolution * canvas.texel
+        if first < inner_first or inner_last < last:
+            clear_bytes(frames, start + first * canvas.texel, (last - first + 1) * canvas.texel)
+        to = start + inner_first * canvas.texel
+        source = (((env * texels.shape[1] + entity) * canvas.planes + plane) * period + r0) * texels.shape[4] + at
+        left = (inner_last - inner_first + 1) * canvas.texel
+        while left > 0:
+            copy_bytes(frames, to, texels, source, min(left, run))
+            to += run
+            left -= run
+
+
+@njit(**_options)
+def stamp_hull(env, level, entity, x, y, outlined, scene, canvas, texels, frames, begin):
+    """Fill the pixels whose world point lies in a convex polygon; those within one pixel of an edge are its outline."""
+    left, right, bottom, top = np.inf, -np.inf, np.inf, -np.inf
+    for k in range(scene.vertex_counts[level, entity]):
+        left, right = min(left, scene.vertices[level, entity, k, 0]), max(right, scene.vertices[level, entity, k, 0])
+        bottom, top = min(bottom, scene.vertices[level, entity, k, 1]), max(top, scene.vertices[level, entity, k, 1])
+    resolution, scale, edge = canvas.resolution, canvas.scale, float(canvas.resolution)
+    first = int(min(max(np.ceil((x + left + canvas.walls) * scale), 0.0), edge))
+    last = int(min(max(np.floor((x + right + canvas.walls) * scale), -1.0), edge - 1.0))
+    first_row = int(min(max(np.ceil(resolution - (y + top + canvas.walls) * scale), 0.0), edge))
+    last_row = int(min(max(np.floor(resolution - (y + bottom + canvas.walls) * scale), -1.0), edge - 1.0))
+    cx, cy = column_at(x, canvas), resolution - column_at(y, canvas)
+    for row in range(first_row, last_row + 1):
+        py = (resolution - row) / scale - canvas.walls - y
+        a, b = hull_span(level, entity, x, py, 0.0, first, last, scene, canvas)
+        if a > b:
+            continue
+        c, d = hull_span(level, entity, x, py, 1.0, a, b, scene, canvas) if outlined else (a, b)
+        r0 = (row - cy) % texels.shape[3]
+        stamp_row(env, entity, row, a, b, c, d, cx, r0, canvas, texels, frames, begin)
+
+
+@njit(**_options)
+def hull_span(level, entity, x, py, depth, first, last, scene, canvas):
+    """First and last of the columns ``first`` to ``last`` whose pixels lie at least ``depth`` pixels within a hull.
+
+    Each edge bounds the columns on one side. An estimate finds the bound to a rounding; the distance itself decides, so
+    that the span holds exactly the pixels for which all distances are large enough.
+    """
+    within = depth / canvas.scale
+    for k in range(scene.vertex_counts[level, entity]):
+        a, rest = scene.edges[level, entity, k, 0], scene.edges[level, entity, k, 1] * py
+        c, inverse = scene.edges[level, entity, k, 2], scene.edges[level, entity, k, 3]
+        bound = ((within - c - rest) * inverse + x + canvas.walls) * canvas.scale
+        if inverse != 0.0 and (bound < first - 1 if a > 0.0 else bound > last + 1):
+            continue
+        if a >= 0.0:
+            at = int(min(max(np.ceil(bound), float(first)), float(last + 1))) if inverse != 0.0 else first
+            while at > first and depth_at(at - 1, x, a, rest, c, canvas) >= depth:
+                at -= 1
+            while at <= last and depth_at(at, x, a, rest, c, canvas) < depth:
+                at += 1
+            first = at
+        else:
+            at = int(max(min(np.floor(bound), float(last)), float(first - 1))) if inverse != 0.0 else last
+            while at < last and depth_at(at + 1, x, a, rest, c, canvas) >= depth:
+                at += 1
+            while at >= first and depth_at(at, x, a, rest, c, canvas) < depth:
+                at -= 1
+            last = at
+    return first, last
+
+
+@njit(**_options)
+def depth_at(column, x, a, rest, c, canvas):
+    """How far inside an edge the pixel of a column lies, in pixels."""
+    return (a * (column / canvas.scale - canvas.walls - x) + rest + c) * canvas.scale

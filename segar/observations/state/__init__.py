@@ -1,0 +1,1 @@
+"""State observations: the factors of things as one float32 vector."""

@@ -1,0 +1,211 @@
+"""Which number of a state observation is what: slots by their names and types, factors, types, masks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from segar.language.layout import Layout, Slot
+from segar.language.entities import Entity
+from segar.errors import LevelError, did_you_mean
+from segar.language.factors import Factor, Position, Visible
+
+if TYPE_CHECKING:
+    from segar.observations.state.state_vector import StateVector
+
+FORMS = ("vector", "table")
+MASKS = (None, "numbers", "dict")
+EMPTY = -1  # the slot of a table's row that nothing fills
+
+
+@dataclass(frozen=True)
+class Places:
+    """Where the numbers of an observation come from.
+
+    Attributes:
+        shape: of the observation.
+        names: what each number is, in C order.
+        reads: int64 ``[k, 5]``: slot, column, place of the number, column that must be true or -1, place of its mask.
+        type_reads: int64 ``[k, 4]``: place of the number, slot, type, place of its mask.
+        seen: bool ``[slot, type + 1]`` (the last for absent ones), which types are shown; None where all are.
+        read_factors: what each of ``reads`` is: its factor and component.
+    """
+
+    shape: tuple[int, ...]
+    names: list[str]
+    reads: np.ndarray
+    type_reads: np.ndarray
+    seen: np.ndarray | None
+    read_factors: list[tuple[type[Factor], int]]
+
+
+@dataclass
+class _Draft:
+    """The numbers found so far: ``numbers`` as (slot, factor, component), ``types`` as (slot, type), by place."""
+
+    layout: Layout
+    names: list[str] = field(default_factory=list)
+    numbers: dict[int, tuple[int, type[Factor], int]] = field(default_factory=dict)
+    types: dict[int, tuple[int, type[Entity]]] = field(default_factory=dict)
+
+    def add_factor(self, slot: int, factor: type[Factor]) -> None:
+        for component in range(factor.width):
+            self.numbers[len(self.names)] = slot, factor, component
+            suffix = f".{'xy'[component]}" if factor.width == 2 else ""
+            self.names.append(f"{self._slot_name(slot)}.{factor.__name__}{suffix}")
+
+    def add_type(self, slot: int, kind: type[Entity]) -> None:
+        self.types[len(self.names)] = slot, kind
+        self.names.append(f"{self._slot_name(slot)}.is_{kind.__name__}")
+
+    def _slot_name(self, slot: int) -> str:
+        return self.layout.slots[slot].name if slot != EMPTY else "empty"
+
+
+def lay_out(state: StateVector, layout: Layout) -> Places:
+    """The places of a state observation on a layout; raises :class:`LevelError` for what is not there."""
+    chosen = _chosen_slots(state, layout)
+    draft = _Draft(layout)
+    rows = _lay_out_table(state, draft, chosen) if state.form == "table" else _lay_out_vector(state, draft, chosen)
+    if not draft.names:
+        raise LevelError("StateVector: nothing is left to show; give it other entities, factors or hidden factors")
+    seen = _seen(layout, chosen)
+    return _places(state, draft, rows, seen)
+
+
+def _lay_out_vector(state: StateVector, draft: _Draft, chosen: dict[int, tuple[type[Entity], ...]]) -> int:
+    """Each slot has the numbers of the factors that its types declare. Returns the number of rows, 1."""
+    factors = _chosen_factors(state, draft.layout)
+    for factor in state.chosen_factors or ():
+        if not any(issubclass(f, factor) for kinds in chosen.values() for t in kinds for f in t.declared):
+            raise LevelError(
+                f"StateVector: none of the entities shown, {', '.join(draft.layout.slots[k].name for k in chosen)}, has"
+                f" a factor '{factor.__name__}'; leave it out, or take form='table', where it is missing"
+            )
+    for index, kinds in chosen.items():
+        for factor in factors:
+            if any(factor in t.declared for t in kinds):
+                draft.add_factor(index, factor)
+        if state.types or (state.types is None and _is_open(draft.layout.slots[index])):
+            for kind in kinds:
+                draft.add_type(index, kind)
+    return 1
+
+
+def _lay_out_table(state: StateVector, draft: _Draft, chosen: dict[int, tuple[type[Entity], ...]]) -> int:
+    """All slots have the same columns. Returns the number of rows."""
+    layout, rows = draft.layout, state.slots or len(chosen)
+    if len(chosen) > rows:
+        names = ", ".join(layout.slots[k].name for k in chosen)
+        raise LevelError(f"StateVector: {len(chosen)} entities do not fit into slots={rows}: {names}")
+    factors = _chosen_factors(state, layout)
+    if state.factors is None:
+        factors = [f for f in factors if any(f in t.declared for kinds in chosen.values() for t in kinds)]
+    kinds = tuple(dict.fromkeys(t for types in chosen.values() for t in types))
+    if not (state.types or (state.types is None and any(_is_open(layout.slots[k]) for k in chosen))):
+        kinds = ()
+    for index in [*chosen, *[EMPTY] * (rows - len(chosen))]:
+        for factor in factors:
+            draft.add_factor(index, factor)
+        for kind in kinds:
+            draft.add_type(index, kind)
+    return rows
+
+
+def _places(state: StateVector, draft: _Draft, rows: int, seen: np.ndarray | None) -> Places:
+    layout, length = draft.layout, len(draft.names)
+    needs = -1 if state.sees_invisible else layout.columns.get(Visible, -1)
+    width = length // rows
+    place_of, mask_of, names = np.arange(length), np.arange(length), draft.names
+    shape: tuple[int, ...] = (rows, width)
+    if state.mask == "numbers":
+        place_of = place_of + place_of // width * width
+        mask_of, shape = place_of + width, (rows, 2 * width)
+        masks = [f"{name}.mask" for name in names]
+        names = [n for r in range(rows) for part in (names, masks) for n in part[r * width : (r + 1) * width]]
+    reads = []
+    for at, (slot, factor, component) in draft.numbers.items():
+        here = slot != EMPTY and factor in layout.columns
+        column = layout.columns[factor] + component if here else 0
+        reads.append((slot if here else EMPTY, column, place_of[at], needs if here else -1, mask_of[at]))
+    type_reads = [
+        (place_of[at], slot, layout.types.index(kind), mask_of[at]) for at, (slot, kind) in draft.types.items()
+    ]
+    if seen is None and any(read[0] == EMPTY for read in reads):
+        seen = np.ones((len(layout.slots), len(layout.types) + 1), np.bool_)
+    return Places(
+        shape if state.form == "table" else shape[1:],
+        names,
+        np.array(reads, np.int64).reshape(-1, 5),
+        np.array(type_reads, np.int64).reshape(-1, 4),
+        seen,
+        [(factor, component) for _, factor, component in draft.numbers.values()],
+    )
+
+
+def _chosen_slots(state: StateVector, layout: Layout) -> dict[int, tuple[type[Entity], ...]]:
+    """The slots that are shown, in order, with those of their types that are."""
+    if state.entities is None:  # all but abstract entities such as the floor
+        return {k: slot.types for k, slot in enumerate(layout.slots) if slot.may_have(Position)}
+    chosen: dict[int, tuple[type[Entity], ...]] = {}
+    for wanted in state.entities:
+        for index in _slots_of(wanted, layout, padded=state.slots is not None):
+            kinds = layout.slots[index].types
+            if isinstance(wanted, type):
+                kinds = tuple(t for t in kinds if issubclass(t, wanted))
+            elif wanted not in layout.names:
+                kinds = tuple(t for t in kinds if wanted in _names_of(t))
+            chosen[index] = tuple(dict.fromkeys((*chosen.get(index, ()), *kinds)))
+    return chosen
+
+
+def _slots_of(wanted: str | type[Entity], layout: Layout, padded: bool) -> list[int]:
+    """The slots that an entity type, its name or the name of a slot stands for."""
+    if isinstance(wanted, str):
+        if wanted in layout.names:
+            return [layout.names.index(wanted)]
+        known = {name for t in layout.types for name in _names_of(t)}
+        found = [k for k, slot in enumerate(layout.slots) if any(wanted in _names_of(t) for t in slot.types)]
+        if not found:
+            raise LevelError(
+                f"StateVector: no entity is called '{wanted}'.{did_you_mean(wanted, {*layout.names, *known})}"
+            )
+        return found
+    if not (isinstance(wanted, type) and issubclass(wanted, Entity)):
+        raise LevelError(f"StateVector: entities are names or entity types, not {wanted!r}")
+    found = [k for k, slot in enumerate(layout.slots) if any(issubclass(t, wanted) for t in slot.types)]
+    if not found and not padded:  # a table of so many slots has room for what some distributions lack
+        raise LevelError(
+            f"StateVector: none of these levels' entities, {', '.join(layout.names)}, can be a {wanted.__name__}"
+        )
+    return found
+
+
+def _names_of(entity: type[Entity]) -> set[str]:
+    """Names of the classes of things that an entity type is."""
+    return {t.__name__ for t in entity.__mro__ if issubclass(t, Entity)}
+
+
+def _chosen_factors(state: StateVector, layout: Layout) -> list[type[Factor]]:
+    """The factors that are shown, in order; a chosen one that no entity has stands for itself."""
+    found = dict.fromkeys(layout.factors if state.chosen_factors is None else ())
+    for factor in state.chosen_factors or ():
+        found |= dict.fromkeys([f for f in layout.factors if issubclass(f, factor)] or [factor])
+    return [f for f in found if state.has_number_of(f)]
+
+
+def _seen(layout: Layout, chosen: dict[int, tuple[type[Entity], ...]]) -> np.ndarray | None:
+    """Which types are shown; see :class:`Places`."""
+    if all(set(kinds) == set(layout.slots[k].types) for k, kinds in chosen.items()):
+        return None
+    seen = np.zeros((len(layout.slots), len(layout.types) + 1), np.bool_)
+    for index, kinds in chosen.items():
+        seen[index, [layout.types.index(kind) for kind in kinds]] = True
+    return seen
+
+
+def _is_open(slot: Slot) -> bool:
+    """Whether the level decides what the slot holds."""
+    return slot.optional or len(slot.types) > 1

@@ -1,0 +1,145 @@
+"""State observations: the factors of things in fixed places, float32."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+import gymnasium
+import numpy as np
+
+from segar.engine.runtime.gather import Reads, gather
+from segar.language.entities import Entity
+from segar.errors import SegarError, did_you_mean
+from segar.language.factors import Acceleration, Density, Done, Drag, Factor, InfiniteEnergy, Order, Visible
+from segar.observations.state.factor_names import factors_of
+from segar.observations.state.places import FORMS, MASKS, lay_out
+from segar.observations.state.scales import shift_and_scale
+
+if TYPE_CHECKING:
+    from segar.levels.level_set import Levels
+
+HIDDEN: tuple[type[Factor], ...] = (Acceleration, Drag, Density, Done, InfiniteEnergy, Order, Visible)
+"""Not shown unless asked for: they follow from others, concern drawing, or no rule reads them."""
+FACTOR_LIMIT = 1e6  # values beyond are clipped, so that observations stay finite
+MISSING_2022 = -1000.0  # what the implementation of 2022 puts where an entity lacks a factor
+
+
+@dataclass(frozen=True)
+class StateVector:
+    """The factors of things in fixed places, float32: one after the other, or as a table ``[slots, features]``.
+
+    Its shape depends on the distribution alone. Unless other ``entities`` are chosen, each slot that can hold a thing
+    has its place, in the order of ``info["factors"].entities``. As a vector, a slot shows the factors that its types
+    have; as a table, all slots have the same columns. Where the level decides the type, there is one number per type,
+    1 for the one that fills the slot. What is invisible to pixels (Invisiball's ball, what is dead or swallowed) is
+    shown like everything else, unless it is not to be seen.
+
+    Args:
+        entities: what is shown, in this order: names of slots, entity types (sub-classes included) or names of types.
+            In a slot that other types may fill, too, these are missing. All things where it is None.
+        factors: what is shown of them, in this order: factors or their names, sub-classes included. All but the hidden
+            ones, the user's own among them, where it is None.
+        hidden: factors or names, sub-classes included, that are not shown. Where no ``factors`` are chosen, those of
+            ``HIDDEN`` are not, either.
+        form: "vector" or "table".
+        slots: rows of the table; those that the levels do not need are missing. As many as needed where it is None.
+        types: whether type numbers are shown; None for those slots (of a table: all, if there are such) whose type
+            the level decides.
+        missing: the number where an entity is absent, or lacks the factor; ``MISSING_2022`` is that of 2022.
+        mask: how it is marked which numbers are not missing: None for not at all; "numbers" for one number each (1 if
+            it is there) after all numbers of the vector or of the row; "dict" for observations ``{"state", "mask"}``
+            of equal shapes.
+        normalise: whether numbers are measured from the prior's mean in units of its spread; see
+            :mod:`segar.observations.state.scales`.
+        sees_invisible: whether things are shown that are not Visible; otherwise their numbers are missing.
+
+    Raises:
+        SegarError: an option is unknown, or a factor is no factor or has no number.
+    """
+
+    entities: Sequence[str | type[Entity]] | None = None
+    factors: Sequence[str | type[Factor]] | None = None
+    hidden: Sequence[str | type[Factor]] = ()
+    form: Literal["vector", "table"] = "vector"
+    slots: int | None = None
+    types: bool | None = None
+    missing: float = 0.0
+    mask: Literal["numbers", "dict"] | None = None
+    normalise: bool = False
+    sees_invisible: bool = True
+
+    def __post_init__(self) -> None:
+        for option, known in (("form", FORMS), ("mask", MASKS)):
+            value = getattr(self, option)
+            if value not in known:
+                names = [str(k) for k in known]
+                raise SegarError(f"StateVector has no {option} {value!r}.{did_you_mean(str(value), names)}")
+        if self.slots is not None and (self.form != "table" or self.slots < 1):
+            raise SegarError(
+                f"StateVector: slots are the rows of a table, at least 1; not {self.slots} of a {self.form}"
+            )
+        if not np.isfinite(self.missing):
+            raise SegarError(f"StateVector: missing must be a finite number, not {self.missing!r}; mask= marks it")
+        _ = self.chosen_factors, self.hidden_factors  # raise for what is no factor
+
+    def shows(self, factor: type[Factor]) -> bool:
+        """Whether the vector changes with the factor's values, of the entities shown that have it."""
+        return self.has_number_of(factor) or (factor is Visible and not self.sees_invisible)
+
+    def has_number_of(self, factor: type[Factor]) -> bool:
+        """Whether the factor's values are among the numbers, of the entities shown that have it."""
+        chosen = self.chosen_factors is None or issubclass(factor, self.chosen_factors)
+        return factor.width > 0 and chosen and not issubclass(factor, self.hidden_factors)
+
+    @property
+    def chosen_factors(self) -> tuple[type[Factor], ...] | None:
+        """The classes of ``factors``; None stands for all."""
+        return None if self.factors is None else factors_of("StateVector: factors", self.factors)
+
+    @property
+    def hidden_factors(self) -> tuple[type[Factor], ...]:
+        """The classes of what is not shown though it might be chosen."""
+        return (HIDDEN if self.factors is None else ()) + factors_of("StateVector: hidden", self.hidden)
+
+    def bind(self, levels: Levels, num_envs: int) -> BoundStateVector:
+        """The observation at work on these levels.
+
+        Raises:
+            LevelError: they lack a chosen entity or factor, or, to be normalised, know no distribution.
+        """
+        return BoundStateVector(self, levels)
+
+
+class BoundStateVector:
+    """:class:`StateVector` in one environment; ``names`` says what each number is, e.g. ``golfball.Position.x``."""
+
+    def __init__(self, state: StateVector, levels: Levels) -> None:
+        self._places = lay_out(state, levels.layout)
+        self.names = self._places.names
+        self._shift, self._scale = shift_and_scale(self._places, levels) if state.normalise else (None, None)
+        self._types, self._missing, self._mask = levels.types, float(state.missing), state.mask
+        self.reads: Reads | None = None  # what is shown, where it is shown as it is: the simulator may then write it
+        if self._places.seen is None and self._shift is None and self._mask is None:
+            places = self._places
+            self.reads = Reads(levels.types, places.reads, places.type_reads, self._missing, FACTOR_LIMIT)
+        box = gymnasium.spaces.Box(-FACTOR_LIMIT, FACTOR_LIMIT, self._places.shape, np.float32)
+        self.space: gymnasium.Space = box
+        if state.mask == "dict":
+            self.space = gymnasium.spaces.Dict(
+                {"state": box, "mask": gymnasium.spaces.Box(0, 1, box.shape, np.float32)}
+            )
+
+    def begin(self, values: np.ndarray, level: np.ndarray, mask: np.ndarray) -> None:
+        """Nothing to prepare."""
+
+    def write(self, values: np.ndarray, level: np.ndarray, out: Any, rows: np.ndarray) -> None:
+        """Fill ``out[rows]``, float32 ``[env, *space.shape]``, or both arrays of ``{"state", "mask"}``."""
+        state, mask = (out["state"], out["mask"]) if self._mask == "dict" else (out, out)
+        mask = mask.reshape(len(mask), -1) if self._mask is not None else None
+        places = self._places
+        gather(
+            values, level, rows, self._types, places.reads, places.type_reads, places.seen, self._shift, self._scale,
+            self._missing, FACTOR_LIMIT, state.reshape(len(state), -1), mask,
+        )  # fmt: skip

@@ -1,0 +1,1 @@
+"""The reference interpreter: the same rules as plain Python, which the kernels are held against."""

@@ -1,0 +1,95 @@
+"""A world: the rules of motion and contact that hold in it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from segar.language.effects import SetFactor
+from segar.errors import RuleError
+from segar.language.factors import Velocity
+from segar.language.rule_definition import Rule, as_rule
+from segar.rules import DEFAULT_RULES, bounce, collide, is_solid, speed_limit
+
+ARENA = 1.0  # [m] distance of the walls from the middle of the arena that distributions know
+
+
+@dataclass(frozen=True, init=False)
+class World:
+    """Rules, and the contact rules that run after positions changed.
+
+    Args:
+        rules: rules or undecorated typed functions; they replace the default ones.
+        limit: applied to velocities after all other rules of velocity; None for no limit.
+        wall_contact: what a wall does to a body that touches it; None: bodies stop there.
+        pair_contact: what two bodies do to each other when they touch; None: bodies pass through each other.
+        solid: which bodies take part in pair contacts.
+        on_contact: rules that note a contact: on two bodies that touch, in both orders, or on one body and the ``Wall``
+            that it touches. They see the state in which the bodies meet; what they set holds after the exchange.
+
+        walls: distance of the arena's walls from its middle [m]. Level distributions place things in an arena of 1;
+            in another, levels are made by hand (:meth:`segar.Levels.from_entities`).
+
+    Raises:
+        RuleError: a rule cannot be understood, stands in its sequence twice, or does not suit its place.
+    """
+
+    rules: tuple[Rule, ...]
+    limit: Rule | None
+    wall_contact: Rule | None
+    pair_contact: Rule | None
+    solid: Rule | None
+    on_contact: tuple[Rule, ...]
+    walls: float
+
+    def __init__(
+        self,
+        rules: Sequence[Any] = DEFAULT_RULES,
+        limit: Any = speed_limit,
+        wall_contact: Any = bounce,
+        pair_contact: Any = collide,
+        solid: Rule | None = is_solid,
+        on_contact: Sequence[Any] = (),
+        walls: float = ARENA,
+    ) -> None:
+        set_ = object.__setattr__
+        set_(self, "rules", _made("rules", rules))
+        set_(self, "on_contact", _made("on_contact", on_contact))
+        set_(self, "limit", None if limit is None else as_rule(limit))
+        set_(self, "wall_contact", None if wall_contact is None else as_rule(wall_contact))
+        set_(self, "pair_contact", None if pair_contact is None else as_rule(pair_contact))
+        set_(self, "solid", solid)
+        set_(self, "walls", float(walls))
+        if not 0.0 < self.walls < float("inf"):
+            raise RuleError(f"World(walls={walls!r}): the distance of the walls must be a finite number above 0")
+        if self.limit is not None and not all(issubclass(f, Velocity) for f in self.limit.changes):
+            raise RuleError(f"{self.limit.where}: the limit may only set Velocity")
+        for rule in self.on_contact:
+            _check_note(rule, self.pair_contact)
+
+
+def _made(name: str, rules: Sequence[Any]) -> tuple[Rule, ...]:
+    """The rules of a sequence of rules and typed functions."""
+    if callable(rules):
+        raise RuleError(f"{name} must be a sequence of rules, not {rules!r}; write ({rules!r},)")
+    made = tuple(as_rule(r) for r in rules)
+    for rule in made:
+        if sum(r is rule for r in made) > 1:
+            raise RuleError(f"{rule.where} stands in {'the rules' if name == 'rules' else name} twice")
+    return made
+
+
+def _check_note(rule: Rule, pair_contact: Rule | None) -> None:
+    """Refuse what a rule of ``on_contact`` cannot be."""
+    bodies, asks_wall = len(rule.signature.entities), rule.signature.uses("wall")
+    if bodies != (1 if asks_wall else 2):
+        raise RuleError(
+            f"{rule.where}: a rule of on_contact takes two entities that touch, or one and the Wall that it touches"
+        )
+    if bodies == 2 and pair_contact is None:
+        raise RuleError(f"{rule.where}: bodies pass through each other without a pair_contact, so they never touch")
+    if rule.relation is not None:
+        raise RuleError(f"{rule.where}: a contact rule cannot have a relation; test inside the rule")
+    if any(effect is not SetFactor for effect, _ in rule.signature.effects):
+        raise RuleError(f"{rule.where}: a contact happens at an instant, so it can only return SetFactor")

@@ -1,0 +1,72 @@
+"""npz archives without pickle: arrays and a description in JSON, replaced only when complete."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+import zlib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from segar.errors import SegarError
+from segar.support.atomic_files import replacing
+from segar.support.version import __version__
+
+
+@dataclass(frozen=True)
+class ArchiveFormat:
+    """One kind of archive.
+
+    Attributes:
+        name: in the archive, e.g. ``segar-levels``.
+        version: raised when older versions of SEGAR cannot read what is written any more.
+        contents, file: what it holds and what it is, for messages, e.g. ``levels`` and ``level file``.
+        error: what is raised.
+    """
+
+    name: str
+    version: int
+    contents: str
+    file: str
+    error: type[SegarError]
+
+    def write(self, path: Path, arrays: Mapping[str, np.ndarray], metadata: Mapping[str, Any]) -> None:
+        """Write arrays and description to ``path``, by way of a file beside it.
+
+        Args:
+            metadata: the description; a ``version`` in it stands in place of this one's.
+
+        Raises:
+            error: the file cannot be written; what stood at ``path`` still stands there.
+        """
+        head = {"format": self.name, "format_version": self.version, "version": __version__}
+        text = json.dumps(head | dict(metadata), indent=1).encode()
+        contents: dict[str, Any] = {**arrays, "metadata": np.frombuffer(text, dtype=np.uint8)}
+        with replacing(path, self.contents, self.error) as beside, open(beside, "wb") as file:
+            np.savez_compressed(file, **contents)
+
+    def read(self, path: Path, names: Iterable[str]) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+        """The arrays of these names, and the description.
+
+        Raises:
+            error: there is no such file, it is no archive of this format, it is incomplete, or of a newer version.
+        """
+        if not path.exists():
+            raise self.error(f"there is no {self.file} {path}")
+        if not zipfile.is_zipfile(path):
+            raise self.error(f"{path} is not a {self.file}, or only part of one")
+        try:
+            with np.load(path, allow_pickle=False) as archive:
+                arrays = {name: archive[name] for name in names}
+                metadata = json.loads(archive["metadata"].tobytes())
+        except (zipfile.BadZipFile, zlib.error, KeyError, ValueError, EOFError, OSError) as said:
+            raise self.error(f"{path} is not a {self.file}, or only part of one: {said}") from said
+        if metadata.get("format") != self.name:
+            raise self.error(f"{path} is not a {self.file}")
+        if metadata["format_version"] > self.version:
+            raise self.error(f"{path} was written by a newer SEGAR ({metadata['version']}); this one cannot read it")
+        return arrays, metadata

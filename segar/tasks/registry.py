@@ -1,0 +1,56 @@
+"""Tasks by name: the built-in ones, one's own, and the one that levels were made for."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from segar.errors import LevelError, SegarError, did_you_mean
+from segar.support.imports import named_object
+from segar.language.task import Task
+
+if TYPE_CHECKING:
+    from segar.levels.level_set import Levels
+
+TASKS = {name: f"segar.tasks.{name}:{name}" for name in ("puttputt", "billiards", "invisiball")}
+
+
+def find_task(name: str) -> Callable[..., Task] | Task:
+    """The function that makes the task of that name: one of ``TASKS``, or what ``module:attribute`` names.
+
+    Raises:
+        SegarError: there is no such task; the message says the nearest name.
+    """
+    if name not in TASKS and ":" not in name:
+        raise SegarError(
+            f"no task is called '{name}'.{did_you_mean(name, TASKS)} One of your own is 'module:attribute'"
+        )
+    return named_object(TASKS.get(name, name))
+
+
+def make_task(name: str) -> Task:
+    """The task of that name with its default options.
+
+    Raises:
+        SegarError: there is no such task, or what ``module:attribute`` names is neither a task nor a function that makes
+            one.
+    """
+    found: Any = find_task(name)
+    if inspect.isfunction(found):
+        found = found()
+    if not isinstance(found, Task):
+        raise SegarError(f"'{name}' is no segar.Task, nor a function that makes one, but {found!r}")
+    return found
+
+
+def task_of(levels: Levels) -> Task:
+    """The task that the levels' distribution names, with its default options; PuttPutt where it names none.
+
+    Raises:
+        SegarError: there is no such task, or a level file names one that is not built in: a file imports no code.
+    """
+    name = levels.task or "puttputt"
+    if name not in TASKS and levels.distribution is None:
+        raise LevelError(f"these levels were saved for the task '{name}', which a level file does not hold; give task=")
+    return make_task(name)
