@@ -24,13 +24,10 @@ from typing import Any, cast
 import pandas as pd
 
 from analysis.tables import performance, select, write_csv
-from experiments.runs.files import replacing
-from experiments.settings.grid import cell_of
-from experiments.settings.config import ACTION_MODES, RunConfig
+from experiments.commands.hydra_app import run_simple_command
+from experiments.levels.mixed_levels import SEPARATOR
 from experiments.reproduction.imported_results import RUNS, TRANSFERS
-from experiments.settings.hydra_app import run_simple_command
-from experiments.settings.errors import RunFolderError
-from experiments.reproduction.experiment_file import SEPARATOR
+from experiments.runs.files import replacing
 from experiments.runs.journal import read_journal
 from experiments.runs.run_folder import (
     EPISODES,
@@ -44,6 +41,9 @@ from experiments.runs.run_folder import (
     read_summary,
     read_versions,
 )
+from experiments.settings.config import ACTION_MODES, RunConfig
+from experiments.settings.errors import RunFolderError
+from experiments.settings.grid import cell_of
 
 PLAN = "plan.json"
 LEVELS, CURVES = "levels.parquet", "curves.parquet"

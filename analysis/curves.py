@@ -18,13 +18,12 @@ from matplotlib.figure import Figure
 from analysis.plotting import style
 from analysis.plotting.figures import new_figure, save_figure
 from analysis.tables import write_csv
+from experiments.commands.hydra_app import compose, run_simple_command
 from experiments.evaluation.baselines import find_anchors
 from experiments.runs.files import write_text
-from experiments.settings.config import ACTION_MODES, require, require_known
-from experiments.settings.hydra_app import compose, run_simple_command
-from experiments.training.run import run
-from experiments.settings.config import CHECKOUT
 from experiments.runs.run_folder import LEVELS_TEST, read_config, read_metrics, read_summary
+from experiments.settings.config import ACTION_MODES, CHECKOUT, require, require_known
+from experiments.training.run import run
 from segar import Levels
 
 CURVES_CSV, TABLE_CSV, FIGURE = "curves.csv", "algorithms.csv", "algorithms"

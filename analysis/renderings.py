@@ -17,26 +17,32 @@ from matplotlib.figure import Figure
 
 from analysis.plotting import style
 from experiments.runs.files import replacing
-from segar.language.entities import (
+from segar.language import (
     Ball,
     Bumper,
+    Charge,
     Charger,
     Damper,
     Entity,
     FireTile,
     GoalTile,
     GolfBall,
+    Heat,
+    Hexagon,
     Hole,
     MagmaTile,
     Magnet,
+    Magnetism,
+    Mobile,
+    Order,
+    Position,
     SandTile,
+    Shape,
+    Square,
+    Triangle,
 )
-from segar.language.factors import Charge, Heat, Magnetism, Mobile, Order, Position, Shape
-from segar.levels.families.named import family
-from segar.levels.level_set import Levels
-from segar.observations.pixels.solid_colours import Pixels
-from segar.observations.pixels.textured import TexturedPixels
-from segar.language.shapes import Hexagon, Square, Triangle
+from segar.levels import Levels, family
+from segar.observations import Pixels, TexturedPixels
 from segar.textures import TextureSet
 
 RESOLUTION = 128  # pixels per frame: patterns repeat after a few pixels, and should be seen

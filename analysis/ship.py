@@ -15,9 +15,9 @@ import pandas as pd
 from analysis.collect import CURVES, MISSING
 from analysis.report.results import STUDIES, read_results
 from analysis.tables import binned, column, mean_by, write_csv
-from experiments.runs.files import replacing
+from experiments.commands.hydra_app import run_simple_command
 from experiments.reproduction.imported_results import RUNS, TRANSFERS
-from experiments.settings.hydra_app import run_simple_command
+from experiments.runs.files import replacing
 from experiments.runs.run_folder import PROBES
 
 DIGITS = 6  # significant; errors of evaluation are in the third

@@ -14,8 +14,8 @@ import segar
 from benchmarks.environments import NUM_ENVS, play, random_actions
 from benchmarks.handwritten_drawing import BODIES, Album, bodies, columns
 from benchmarks.measure import Row, in_turns, timed
-from segar.observations.pixels.solid_colours import Pixels
 from segar.observations.composed.stack import Stack
+from segar.observations.pixels.solid_colours import Pixels
 from segar.observations.pixels.textured import TexturedPixels
 
 FAMILY = "objectsx3-hard"

@@ -15,6 +15,7 @@ import numpy as np
 from benchmarks import handwritten_columns as at
 from benchmarks.handwritten_empty import step_empty
 from benchmarks.handwritten_objects import step_objects
+from segar.engine.simulator import Outcome, State
 from segar.language.factors import (
     Acceleration,
     Alive,
@@ -34,7 +35,6 @@ from segar.language.factors import (
     Visible,
 )
 from segar.levels.level_set import Levels
-from segar.engine.simulator import Outcome, State
 
 COLUMNS = (
     (Position, at.X),

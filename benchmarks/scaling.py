@@ -15,10 +15,10 @@ from numba import njit
 import segar
 from benchmarks.environments import NUM_ENVS, make_env, play, random_actions
 from benchmarks.measure import Row, in_turns
+from segar.engine.simulator import Outcome, Simulator, State
 from segar.envs import VectorEnv
 from segar.language.factors import Charge, Mobile, Position, Size, Velocity
 from segar.levels.level_set import Levels
-from segar.engine.simulator import Outcome, Simulator, State
 from segar.support.threads import Team
 
 STEPS = 20

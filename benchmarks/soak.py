@@ -26,10 +26,10 @@ import numpy as np
 from benchmarks.measure import load, machine
 from benchmarks.soak_checks import Checks
 from benchmarks.soak_worlds import Case, cases, make_case
-from segar.reference.interpreter import Interpreter
+from segar.engine.simulator import Outcome, State
 from segar.errors import ConflictError
 from segar.levels.level_set import Levels
-from segar.engine.simulator import Outcome, State
+from segar.reference.interpreter import Interpreter
 
 NUM_ENVS = 512
 HANG = 900  # [s] a world that takes longer ends the soak, with a traceback

@@ -7,10 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from segar.engine.runtime.device_contacts import MAX_CONTACTS
-from segar.language.layout import holds
-from segar.language.factors import Alive, Collides, Done, Mobile, Position, Size, Velocity
-from segar.levels.level_set import Levels
 from segar.engine.simulator import State
+from segar.language.factors import Alive, Collides, Done, Mobile, Position, Size, Velocity
+from segar.language.layout import holds
+from segar.levels.level_set import Levels
 
 TOLERANCE = 1e-6  # [m] by which bodies may overlap each other and the walls
 

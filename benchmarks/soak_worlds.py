@@ -8,18 +8,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import segar
-from segar.reference.interpreter import Interpreter
 from segar.engine.compiler.kernel import generate
+from segar.engine.simulator import Simulator
 from segar.envs.registration import REWARDS
 from segar.errors import ConflictError, RuleError
 from segar.language.factors import Charge, InfiniteEnergy, Magnetism, Mass, Mobile, Position, Size, StoredEnergy
-from segar.levels.families.named import OBJECTS, TASK_LEVELS, TILES
-from segar.levels.level_set import Levels
-from segar.rules import DEFAULT_RULES
-from segar.engine.simulator import Simulator
-from segar.tasks.registry import task_of
-from segar.tasks.puttputt import puttputt
 from segar.language.task import Task
+from segar.levels.level_set import Levels
+from segar.levels.named_families.registry import OBJECTS, TASK_LEVELS, TILES
+from segar.reference.interpreter import Interpreter
+from segar.rules import DEFAULT_RULES
+from segar.tasks.puttputt_task import puttputt
+from segar.tasks.registry import task_of
 from tests.engine.random_rules import Author, mixed_levels
 
 NUM_LEVELS = 500
@@ -47,7 +47,7 @@ class Case:
 
 def cases(seed: int) -> Iterator[tuple[str, int]]:
     """Names of all cases, each with the number that :func:`make_case` draws its random parts from."""
-    names = [f"{name} {version}" for name in segar.levels.families.named() for version in REWARDS] + list(TASK_LEVELS)
+    names = [f"{name} {version}" for name in segar.families() for version in REWARDS] + list(TASK_LEVELS)
     for kind, count in (("crowd", CROWDS), ("rules", RULE_SETS), ("quarrel", QUARRELS)):
         names += [f"{kind} {n}" for n in range(count)]
     return ((name, seed * 1000 + n) for n, name in enumerate(names))

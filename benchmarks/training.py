@@ -72,11 +72,11 @@ def train_side_by_side(runs: Sequence[Sequence[str]], iterations: int) -> list[d
 
 def train(overrides: Sequence[str], iterations: int) -> dict[str, list[float]]:
     """Trains a little; per iteration: frames per second, the same per core-second, the environments' share in %."""
-    from experiments.settings import process_defaults as runtime
-    from experiments.settings.construct import import_object
-    from experiments.settings.hydra_app import compose
-    from experiments.training.training_loop import History
+    from experiments.commands import process_defaults as runtime
+    from experiments.commands.hydra_app import compose
     from experiments.levels.builders import environment_options, make_levels
+    from experiments.settings.construct import import_object
+    from experiments.training.training_loop import History
 
     config = compose(["levels=empty-hard", "levels.count=200", "observation=rgb", *overrides])
     runtime.set_process_defaults(config.num_threads)

@@ -14,8 +14,8 @@ import pymunk
 from benchmarks.environments import NUM_ENVS, make_env, random_actions
 from benchmarks.handwritten import Table
 from benchmarks.measure import Row, in_turns, timed
-from segar.levels.level_set import Levels
 from segar.engine.simulator import Outcome, Simulator, State
+from segar.levels.level_set import Levels
 
 STEPS = 20
 WARM_UP = 50  # steps until speeds and places are those of play, not of the start

@@ -10,14 +10,12 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from experiments.settings import process_defaults as runtime
-from experiments.settings.config import TrackingConfig, as_data, require
+from experiments.commands.hydra_app import plain, run_command
+from experiments.settings.config import CHECKOUT, TrackingConfig, as_data, require
 from experiments.settings.construct import construct
-from experiments.settings.hydra_app import plain, run_command
 from experiments.settings.errors import TrackingError
 from experiments.tracking.mlflow_store import STORE, calling, show_views, store_uri
 from experiments.tracking.mlflow_views import VIEWS, link
-from experiments.settings.config import CHECKOUT
 
 HOST = "127.0.0.1"  # loopback: no other machine can reach it
 UNUSED = "Default"  # the experiment that every store of MLflow's has from the beginning

@@ -18,11 +18,7 @@ import torch
 from experiments.textures.filter_sets import filter_sets
 from experiments.textures.linear_autoencoder import Training, train_set
 from experiments.textures.texture_bars import refuse_below_bars
-from segar.textures import TextureSet
-from segar.textures.inputs import is_noise
-from segar.textures.read_out import linear_read_out
-from segar.textures.samples import UNIFORM, family_laws
-from segar.textures.texture_set import DATA
+from segar.textures import DATA, UNIFORM, TextureSet, family_laws, is_noise, linear_read_out
 
 # Sets share no seed, so that one can be trained on and another be tested on.
 FILTER_SETS = ("baseline", "close", "far")

@@ -20,14 +20,12 @@ from typing import Any
 import yaml
 from omegaconf import DictConfig
 
-from experiments.settings.grid import design_hash, paper_cells
-from experiments.settings.config import RunConfig, require, run_config
+from experiments.commands.hydra_app import conf_dir, plain, run_command
+from experiments.evaluation.probing import PREFIX, ProbeConfig, probe_finished, probe_settings
+from experiments.evaluation.transfers import RunWork, evaluate_transfer
 from experiments.reproduction.display import Display
-from experiments.reproduction.imported_results import read_elsewhere
-from experiments.settings.hydra_app import conf_dir, plain, run_command
-from experiments.settings.errors import ConfigError, TrainingError
 from experiments.reproduction.experiment_file import Experiment, chosen_names, experiment_at
-from experiments.tracking.mlflow_store import is_server
+from experiments.reproduction.imported_results import read_elsewhere
 from experiments.reproduction.plan import (
     STUDY_SECONDS,
     Plan,
@@ -39,12 +37,13 @@ from experiments.reproduction.plan import (
     make_plan,
     measure_speeds,
 )
-from experiments.evaluation.probing import PREFIX, ProbeConfig, probe_finished, probe_settings
-from experiments.settings.config import CHECKOUT
-from experiments.runs.run_folder import runs_root, write_json
 from experiments.reproduction.process_pool import Job, Outcome, run_jobs
+from experiments.runs.run_folder import runs_root, write_json
+from experiments.settings.config import CHECKOUT, RunConfig, require, run_config
+from experiments.settings.errors import ConfigError, TrainingError
+from experiments.settings.grid import design_hash, paper_cells
+from experiments.tracking.mlflow_store import is_server
 from experiments.train import train
-from experiments.evaluation.transfers import RunWork, evaluate_transfer
 
 PLAN = "plan.json"
 ENOUGH_LEFT = 0.85  # share of the work that is left, below which the time that was spent tells about the rest

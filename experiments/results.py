@@ -9,13 +9,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from experiments.settings.config import RunConfig
-from experiments.settings.construct import flat
-from experiments.settings.hydra_app import run_simple_command
-from experiments.settings.errors import RunFolderError
+from experiments.commands.hydra_app import run_simple_command
 from experiments.runs.journal import read_journal
-from experiments.settings.config import CHECKOUT
 from experiments.runs.run_folder import is_finished, is_locked, read_config, read_summary, run_folders
+from experiments.settings.config import CHECKOUT, RunConfig
+from experiments.settings.construct import flat
+from experiments.settings.errors import RunFolderError
 from segar.cli.arguments import table
 
 FIGURES = {  # of a summary: what it is called in the table

@@ -7,15 +7,7 @@ is compiled from the rules, and measured. See README.md for a first run.
 from typing import Tuple  # noqa: UP035 - the paper's rules are written with it
 
 from segar import envs, hardness, metrics, noise, tasks
-from segar.language import random
-from segar.levels.conditional import Dependent
-from segar.metrics.level_design import design
-from segar.levels.distribution import LevelDistribution
-from segar.language.effects import Aggregate, Differential, SetFactor
-from segar.reference.interpreter import Interpreter
-from segar.language.signature import Action, Best, Every, Wall
-from segar.language.entities import *  # noqa: F403
-from segar.language.entities import __all__ as _entity_names
+from segar.engine.simulator import Simulator, State
 from segar.errors import (
     ActionError,
     ConflictError,
@@ -26,6 +18,10 @@ from segar.errors import (
     RuleError,
     SegarError,
 )
+from segar.language import random
+from segar.language.effects import Aggregate, Differential, SetFactor
+from segar.language.entities import *  # noqa: F403
+from segar.language.entities import __all__ as _entity_names
 from segar.language.factors import (
     ID,
     Acceleration,
@@ -59,18 +55,6 @@ from segar.language.factors import (
     Velocity,
     Visible,
 )
-from segar.levels.families.named import families, family
-from segar.levels.level_set import Levels
-from segar.noise import *  # noqa: F403
-from segar.noise import __all__ as _noise_names
-from segar.observations.composed.actions import PreviousActions
-from segar.observations.composed.multi import Multi
-from segar.observations.composed.one_of import OneOf
-from segar.observations.pixels.solid_colours import Pixels
-from segar.observations.composed.stack import Stack
-from segar.observations.state.state_vector import StateVector
-from segar.observations.state.presets import AllObjects, AllState, AllTiles, ObjectState, TileState
-from segar.observations.pixels.textured import TexturedPixels
 from segar.language.parameters import (
     FloorFriction,
     Framerate,
@@ -81,9 +65,29 @@ from segar.language.parameters import (
     Parameter,
     WallDamping,
 )
-from segar.levels.priors import Prior
 from segar.language.relations import Relation, contains, is_equal, is_on, overlaps, relation
 from segar.language.rule_definition import Rule, rule
+from segar.language.shapes import Circle, ConvexHull, Hexagon, RandomConvexHull, Square, Triangle
+from segar.language.signature import Action, Best, Every, Wall
+from segar.language.task import Task
+from segar.language.values import arctan2, cos, exp, log, maximum, minimum, sin, sqrt, tanh, where
+from segar.levels.conditional import Dependent
+from segar.levels.distribution import LevelDistribution
+from segar.levels.level_set import Levels
+from segar.levels.named_families.registry import families, family
+from segar.levels.priors import Prior
+from segar.metrics.level_design import design
+from segar.noise import *  # noqa: F403
+from segar.noise import __all__ as _noise_names
+from segar.observations.composed.actions import PreviousActions
+from segar.observations.composed.multi import Multi
+from segar.observations.composed.one_of import OneOf
+from segar.observations.composed.stack import Stack
+from segar.observations.pixels.solid_colours import Pixels
+from segar.observations.pixels.textured import TexturedPixels
+from segar.observations.state.presets import AllObjects, AllState, AllTiles, ObjectState, TileState
+from segar.observations.state.state_vector import StateVector
+from segar.reference.interpreter import Interpreter
 from segar.rules import (
     DEFAULT_RULES,
     accelerate,
@@ -101,15 +105,11 @@ from segar.rules import (
     speed_limit,
     stop_condition,
 )
-from segar.language.shapes import Circle, ConvexHull, Hexagon, RandomConvexHull, Square, Triangle
-from segar.engine.simulator import Simulator, State
-from segar.tasks.billiards import billiards
-from segar.tasks.invisiball import invisiball
-from segar.tasks.puttputt import puttputt
-from segar.language.task import Task
-from segar.language.values import arctan2, cos, exp, log, maximum, minimum, sin, sqrt, tanh, where
-from segar.support.version import __version__
 from segar.rules.world import World
+from segar.support.version import __version__
+from segar.tasks.billiards_task import billiards
+from segar.tasks.invisiball_task import invisiball
+from segar.tasks.puttputt_task import puttputt
 
 __all__ = [
     *_entity_names,

@@ -6,8 +6,6 @@ from typing import Any
 import numpy as np
 import yaml
 
-from experiments.settings.grid import Cell, cell_config, cell_of
-from experiments.settings.config import RunConfig, TrackingConfig, as_data
 from experiments.runs.run_folder import (
     CONFIG,
     EPISODE_SCHEMA,
@@ -20,6 +18,8 @@ from experiments.runs.run_folder import (
     write_json,
     write_rows,
 )
+from experiments.settings.config import RunConfig, TrackingConfig, as_data
+from experiments.settings.grid import Cell, cell_config, cell_of
 
 TEST_LEVELS = 20
 MADE_WITH = {

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from segar.support.counter_rng import LevelGenerator, philox, stream_key
 from segar.errors import PriorError
+from segar.support.counter_rng import LevelGenerator, philox, stream_key
 
 # Random123's known answers for Philox4x32-10: counter, key (low word first), output.
 KNOWN_ANSWERS = [

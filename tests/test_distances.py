@@ -13,6 +13,7 @@ from scipy import stats
 
 import segar
 from segar import Bumper, Charger, GolfBall, Gravity, LevelError, Levels, Magnet, Position
+from segar.language.parameters import Parameter
 from segar.metrics import (
     classifier_test,
     decompose,
@@ -28,7 +29,6 @@ from segar.metrics import (
     w2_sliced,
     w2_unbalanced,
 )
-from segar.language.parameters import Parameter
 
 FAMILIES = ("empty-hard", "objectsx2-hard", "tilesx3-medium", "puttputt")
 UNIT = {(GolfBall, Position): 1.0}

@@ -35,7 +35,7 @@ from segar import (
 from segar.language.parameters import FloorFriction, Framerate, Gravity, MaxVelocity, WallDamping
 from segar.language.shapes import CIRCLE, HULL
 
-every_family = pytest.mark.parametrize("name", segar.levels.families.named())
+every_family = pytest.mark.parametrize("name", segar.families())
 QUARTERS = {"whole": (-0.95, 0.95), "low": (-0.95, -0.475), "middle": (-0.475, 0.475), "high": (0.475, 0.95)}
 PLACES = {
     "easy": {"golfball": None, "goal": ("high", "high"), "others": ("whole", "high")},
@@ -51,8 +51,8 @@ def drawn(levels: Levels, slot: int, factor: type) -> np.ndarray:
 
 
 def test_there_are_21_families():
-    assert len(segar.levels.families.named()) == len(set(segar.levels.families.named())) == 21
-    assert "objectsx3-hard" in segar.levels.families.named() and "empty-easy" in segar.levels.families.named()
+    assert len(segar.families()) == len(set(segar.families())) == 21
+    assert "objectsx3-hard" in segar.families() and "empty-easy" in segar.families()
 
 
 @every_family
@@ -94,7 +94,7 @@ def test_the_world_parameters_are_the_defaults(name):
         assert (levels.parameters[:, levels.layout.parameters.index(parameter)] == value).all()
 
 
-@pytest.mark.parametrize("name", [f for f in segar.levels.families.named() if not f.startswith("empty")])
+@pytest.mark.parametrize("name", [f for f in segar.families() if not f.startswith("empty")])
 def test_the_others_are_of_all_types_equally_often(name):
     levels = family(name).sample(2000)
     kinds = (

@@ -138,7 +138,7 @@ def test_the_joint_of_laws_is_the_largest_difference_of_products_of_distribution
 
 
 def test_many_levels_are_near_their_law_in_every_family():
-    for name in (*segar.levels.families.named(), "puttputt", "billiards", "invisiball"):
+    for name in (*segar.families(), "puttputt", "billiards", "invisiball"):
         law = segar.family(name)
         for marginal in factor_marginals("test", law.sample(1000, seed=1, split="train"), law, None):
             # A wrong law would be off by far more than 1.5 times the band, which chance exceeds once in 3,000.

@@ -43,7 +43,7 @@ from segar import (
     Tile,
     UniformNoise,
 )
-from segar.levels.content_hash import content_hash
+from segar.levels.hashing import content_hash
 
 ANYWHERE = Prior(Position, RandomUniformLocation())
 

@@ -51,7 +51,7 @@ from segar import (
     Velocity,
     family,
 )
-from segar.levels.level_set import LEVEL_ARRAYS
+from segar.levels.level_data import LEVEL_ARRAYS
 
 ANYWHERE = Prior(Position, RandomUniformLocation())
 SOME = ("empty-easy", "objectsx3-hard", "tilesx2-medium", "puttputt")

@@ -11,9 +11,9 @@ import pytest
 from scipy import stats
 
 import segar.noise as sn
-from segar.support.counter_rng import LevelGenerator, stream_key
 from segar.errors import PriorError
 from segar.noise import measures
+from segar.support.counter_rng import LevelGenerator, stream_key
 
 DRAWS = 40_000
 MANY_DRAWS = 1_000_000

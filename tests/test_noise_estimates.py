@@ -13,9 +13,9 @@ import segar
 import segar.noise as sn
 from segar.language.hull_statistics import gaussian_mass, hull_log_density, mean_area, mean_perimeter, mean_vertices
 from segar.language.hulls import convex_hulls
-from segar.noise import measures
-from segar.levels.sampling.draws import pad_hulls
 from segar.language.shapes import area
+from segar.levels.sampling.draws import pad_hulls
+from segar.noise import measures
 
 SMOOTH = [
     sn.GaussianNoise(0.0, 1.0),

@@ -29,7 +29,7 @@ from segar import (
     Size,
     family,
 )
-from segar.language.values import Vector
+from segar.language.values import VectorValue as Vector
 
 PAPER = Path(os.environ.get("SEGAR_PAPER", Path(__file__).parents[2] / "shared" / "paper" / "segar.tex"))
 LISTING = re.compile(r"\\begin\{lstlisting\}(?:\[[^\]]*\])?\n(.*?)\\end\{lstlisting\}", re.DOTALL)

@@ -9,9 +9,8 @@ import pytest
 
 import segar
 from segar import FactorError, GoalTile, GolfBall, LevelDistribution, Levels, Position, Prior, UniformNoise, VonMises
-from segar.metrics import decompose, embed, energy_test, ks, ks_by_factor, ks_report, spread, w2
-from segar.metrics import entropy_estimate as sample_entropy
 from segar.language.parameters import Parameter
+from segar.metrics import decompose, embed, energy_test, ks, ks_by_factor, ks_report, sample_entropy, spread, w2
 
 
 class Heading(segar.Scalar, unit="rad", period=math.tau): ...

@@ -20,9 +20,7 @@ from segar import (
     Prior,
     UniformNoise,
 )
-from segar.metrics import coverage, effective_number
-from segar.metrics import representative_sets as representativeness
-from segar.metrics import entropy_estimate as sample_entropy
+from segar.metrics import coverage, effective_number, representativeness, sample_entropy
 
 UNIT = {(GolfBall, Position): 1.0}
 

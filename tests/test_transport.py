@@ -14,13 +14,14 @@ import pytest
 
 import segar
 from segar import Bumper, Charger, Friction, GoalTile, GolfBall, Gravity, LevelError, Levels, Position, SandTile, Size
-from segar.metrics import spread, w2, w2_report
-from segar.metrics.points import PointSets
-from segar.metrics.transport import balanced_costs, emd, matching_costs, sliced_costs
-from segar.metrics.wasserstein import reference_projections
 from segar.language.parameters import Parameter
 from segar.language.shapes import ConvexHull, Square
-from segar.levels.families.puttputt import puttputt_default_config
+from segar.levels.moments import PointSets
+from segar.levels.named_families.puttputt import puttputt_default_config
+from segar.metrics import spread, w2, w2_report
+from segar.metrics.transport import balanced_costs, matching_costs, sliced_costs
+from segar.metrics.wasserstein import reference_projections
+from segar.support.optimal_transport import emd
 from tests.agreement.replay import folder
 
 # The vectors of 2022, in its order.

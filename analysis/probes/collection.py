@@ -13,17 +13,14 @@ from numpy.typing import NDArray
 
 from analysis.probes.pairs import NAME_OF_TYPE, Column, Frames
 from experiments.evaluation.baselines import RandomAgent
-from experiments.evaluate import OWN
-from experiments.evaluation.evaluator import load_agent
-from experiments.runs.run_folder import read_config
+from experiments.evaluation.evaluator import OWN, load_agent
 from experiments.levels.builders import distribution_of, environment_options
-from segar.language.entities import GlobalFriction
-from segar.envs.vector import VectorEnv
+from experiments.runs.run_folder import read_config
+from segar.envs import VectorEnv
 from segar.errors import LevelError
-from segar.language.factors import Factor
-from segar.levels.level_set import Levels
-from segar.metrics.marginal_distributions import component
-from segar.metrics.points import relevant_factors
+from segar.language import Factor, GlobalFriction
+from segar.levels import Levels
+from segar.metrics import component, relevant_factors
 from segar.noise import Choice, Noise
 
 FRAMES = 5000

@@ -19,13 +19,13 @@ from analysis.probes.factors import probe_factors
 from analysis.probes.information import Bound, estimate_bounds, mine_of_2022
 from analysis.probes.pairs import Frames, Pairs, standardised
 from analysis.stats.estimate import mean_of_replicates
-from experiments.settings.construct import import_object
 from experiments.evaluation.evaluator import shape_in
 from experiments.evaluation.probing import IDENTITY, KSG, ON_BOTH, READOUTS, TRAINED, ProbeConfig
-from experiments.runs.run_folder import LEVELS_TRAIN, read_config
 from experiments.levels.builders import environment_options
+from experiments.runs.run_folder import LEVELS_TRAIN, read_config
+from experiments.settings.construct import import_object
 from segar.errors import SegarError
-from segar.levels.level_set import Levels
+from segar.levels import Levels
 
 TEST_LEVELS = 4  # at least two in each fold
 COMPONENTS = 64  # of the pixels

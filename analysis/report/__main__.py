@@ -13,7 +13,7 @@ from collections import Counter
 from analysis.report.claims import CORRECTED, PAPER
 from analysis.report.make import PAGE, ReportConfig, make_report
 from analysis.report.words import said
-from experiments.settings.hydra_app import run_simple_command
+from experiments.commands.hydra_app import run_simple_command
 
 
 def main(config: ReportConfig) -> None:

@@ -21,7 +21,7 @@ from analysis.stats.power import power_of_design
 from analysis.stats.prediction import left_out
 from analysis.stats.resampling import cluster_bootstrap, cluster_jackknife, cosine, permutation_within
 from analysis.tables import column, count_of, keep, pick, select
-from experiments.reproduction.experiment_file import REST, SEPARATOR
+from experiments.levels.mixed_levels import REST, SEPARATOR
 from segar.errors import SegarError
 
 BLOCKS, PERMUTATION = "(panel, seed) blocks", "permutation"  # within panels, or within cells

@@ -23,12 +23,11 @@ from analysis.report.results import read_results
 from analysis.report.sections import CLAIMS, Drawings, document
 from analysis.report.tabulated import statistics
 from analysis.tables import write_csv
-from experiments.runs.files import write_bytes, write_text
-from experiments.settings.config import TrackingConfig, require_known
 from experiments.reproduction.imported_results import RUNS
+from experiments.runs.files import write_bytes, write_text
+from experiments.settings.config import CHECKOUT, TrackingConfig, require_known
 from experiments.settings.errors import RunFolderError
 from experiments.tracking.mlflow_store import calling, open_store
-from experiments.settings.config import CHECKOUT
 
 FIGURES: Mapping[str, Callable[[Evidence], Drawn | str]] = {
     "figure_3a": drawings.figure_3a,

@@ -12,13 +12,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from analysis.plotting import style
 from analysis.collect import CURVES, MISSING, PLAN
+from analysis.plotting import style
 from analysis.stats.association import labels
 from analysis.tables import column, keep, select
 from experiments.reproduction.imported_results import RUNS, TRANSFERS
-from experiments.settings.errors import RunFolderError
 from experiments.runs.run_folder import PROBES
+from experiments.settings.errors import RunFolderError
 from segar.errors import did_you_mean
 
 STUDIES = "studies"

@@ -20,7 +20,7 @@ from analysis.stats.estimate import Estimate, mean_of_replicates
 from analysis.tables import column
 from experiments.levels.mixed_levels import REST, Groups, hybrid_levels
 from segar.errors import SegarError
-from segar.levels.level_set import Levels
+from segar.levels import Levels
 
 MOST_GROUPS = 8  # 256 sets of levels
 

@@ -17,8 +17,8 @@ import pandas as pd
 from analysis.tables import write_csv
 from experiments.evaluation.baselines import IdleAgent
 from experiments.evaluation.episodes import play
-from segar.levels.families.named import DIFFICULTIES, family
 from segar.hardness import hardness
+from segar.levels import DIFFICULTIES, family
 
 FAMILIES = ("empty", "objectsx1", "tilesx1")
 PLAYS = 20  # random episodes per level

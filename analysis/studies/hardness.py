@@ -16,8 +16,8 @@ import pandas as pd
 from analysis.tables import write_csv
 from experiments.levels.conditions import CONDITIONS, conditional_puttputt
 from experiments.levels.variations import vary
-from segar.levels.families.named import family
 from segar.hardness import hardness
+from segar.levels import family
 
 PANEL = "empty-hard"
 PLAYS = 20  # random episodes per level

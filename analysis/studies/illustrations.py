@@ -16,10 +16,8 @@ import pandas as pd
 from scipy.optimize import linear_sum_assignment
 
 from analysis.tables import write_csv
-from segar.language.entities import GoalTile, GolfBall
-from segar.language.factors import Factor, Position
-from segar.levels.families.named import family
-from segar.levels.level_set import Levels
+from segar.language import Factor, GoalTile, GolfBall, Position
+from segar.levels import Levels, family
 from segar.metrics import ks_by_factor, spread, w2
 
 PANEL = "empty-hard"

@@ -20,7 +20,7 @@ import pandas as pd
 
 from analysis.stats.correlation import NotAvailable, explained, indicators
 from analysis.tables import column, select, write_csv
-from segar.levels.families.named import family
+from segar.levels import family
 from segar.metrics import ks, w2
 
 COUNTS = (1, 2, 5, 10, 25, 50, 100, 200)

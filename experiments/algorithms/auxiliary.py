@@ -16,13 +16,13 @@ from torch import Tensor, nn
 from torchrl.objectives import SoftUpdate
 from torchrl.objectives.common import LossModule
 
-from experiments.networks.augmentations import random_crop, random_intensity, random_shift
-from experiments.settings.config import PPOConfig, require
-from experiments.networks.encoders import initialize
-from experiments.settings.errors import ConfigError
 from experiments.algorithms.ppo import PPO, PPOPolicy, check_finite
 from experiments.collection.collector import Rollout, action_size, observation_shape
-from segar.envs.vector import VectorEnv
+from experiments.networks.augmentations import random_crop, random_intensity, random_shift
+from experiments.networks.encoders import initialize
+from experiments.settings.config import PPOConfig, require
+from experiments.settings.errors import ConfigError
+from segar.envs import VectorEnv
 
 M = TypeVar("M", bound=nn.Module)
 

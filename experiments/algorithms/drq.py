@@ -17,12 +17,12 @@ from torch import Tensor, nn
 from torchrl.objectives import SACLoss
 from torchrl.objectives.common import LossModule
 
-from experiments.networks.augmentations import random_shift
-from experiments.settings.config import PRECISIONS, require, require_encoder, require_known
-from experiments.networks.encoders import initialize, make_encoder
-from experiments.settings.errors import ConfigError
 from experiments.algorithms.off_policy import OffPolicy
 from experiments.algorithms.sac import Critic, GaussianActor, SACConfig, actions_of, make_sac_loss, representation_of
+from experiments.networks.augmentations import random_shift
+from experiments.networks.encoders import initialize, make_encoder
+from experiments.settings.config import PRECISIONS, require, require_encoder, require_known
+from experiments.settings.errors import ConfigError
 
 
 @dataclass(frozen=True)

@@ -16,13 +16,13 @@ from torch import Tensor, nn
 from torchrl.objectives import SoftUpdate
 from torchrl.objectives.common import LossModule
 
-from experiments.settings.config import REWARD_TRANSFORMS, AlgorithmConfig, require, require_known
-from experiments.networks.devices import usable_device
 from experiments.algorithms.ppo import check_finite, learner_reward
-from experiments.collection.replay import Replay
 from experiments.collection.collector import action_size, figures_at_end, mean_figures, observation_shape
 from experiments.collection.environment_state import as_tensors, from_tensors
-from segar.envs.vector import VectorEnv
+from experiments.collection.replay import Replay
+from experiments.networks.devices import usable_device
+from experiments.settings.config import REWARD_TRANSFORMS, AlgorithmConfig, require, require_known
+from segar.envs import VectorEnv
 
 
 @dataclass(frozen=True)

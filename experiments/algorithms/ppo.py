@@ -20,14 +20,14 @@ from torchrl.objectives import ClipPPOLoss
 from torchrl.objectives.value.functional import generalized_advantage_estimate
 
 from experiments.collection.async_collector import CollectorAhead
-from experiments.settings.config import PPOConfig
+from experiments.collection.collector import Collected, Collector, Rollout, action_size, observation_shape
+from experiments.collection.rewards import ReturnScale, learner_reward
 from experiments.networks.devices import usable_device
 from experiments.networks.encoders import FrameEncoder, initialize, make_encoder
-from experiments.settings.errors import TrainingError
 from experiments.networks.policies import Actor, SquashedNormal, make_head
-from experiments.collection.rewards import ReturnScale, learner_reward
-from experiments.collection.collector import Collected, Collector, Rollout, action_size, observation_shape
-from segar.envs.vector import VectorEnv
+from experiments.settings.config import PPOConfig
+from experiments.settings.errors import TrainingError
+from segar.envs import VectorEnv
 
 
 class PPOPolicy(nn.Module):

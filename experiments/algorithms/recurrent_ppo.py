@@ -18,12 +18,12 @@ from torch import Tensor, nn
 from torchrl.modules import GRUModule, LSTMModule, set_recurrent_mode
 from torchrl.objectives import ClipPPOLoss
 
-from experiments.settings.config import PPOConfig, require, require_known
-from experiments.networks.encoders import initialize, make_encoder
-from experiments.networks.policies import make_head
 from experiments.algorithms.ppo import PPO, clipped_loss
 from experiments.collection.collector import Rollout
-from segar.envs.vector import VectorEnv
+from experiments.networks.encoders import initialize, make_encoder
+from experiments.networks.policies import make_head
+from experiments.settings.config import PPOConfig, require, require_known
+from segar.envs import VectorEnv
 
 CORES = {"gru": GRUModule, "lstm": LSTMModule}
 STATES = {"gru": ("h",), "lstm": ("h", "c")}  # what each core remembers

@@ -14,11 +14,11 @@ from tensordict.nn import ProbabilisticTensorDictModule, ProbabilisticTensorDict
 from torch import Tensor, nn
 from torchrl.objectives import SACLoss
 
-from experiments.settings.config import require
-from experiments.networks.encoders import MLP, initialize
-from experiments.settings.errors import ConfigError
 from experiments.algorithms.off_policy import OffPolicy, OffPolicyConfig
+from experiments.networks.encoders import MLP, initialize
 from experiments.networks.policies import SquashedNormal
+from experiments.settings.config import require
+from experiments.settings.errors import ConfigError
 
 
 @dataclass(frozen=True)

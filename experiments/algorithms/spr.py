@@ -19,8 +19,8 @@ from torch.nn import functional as F
 from torchrl.objectives.common import LossModule
 
 from experiments.algorithms.auxiliary import Auxiliary, AuxiliaryConfig
-from experiments.settings.config import require, require_known
 from experiments.collection.collector import Rollout
+from experiments.settings.config import require, require_known
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ import torch
 from torch import Tensor
 
 from experiments.collection.collector import Collected, Collector
-from segar.envs.vector import VectorEnv
+from segar.envs import VectorEnv
 
 
 class CollectorAhead:

@@ -12,11 +12,11 @@ import torch
 from gymnasium.spaces import Box
 from torch import Tensor
 
+from experiments.collection.environment_state import as_tensors, from_tensors
 from experiments.networks.encoders import successive
 from experiments.settings.errors import ConfigError
-from experiments.collection.environment_state import as_tensors, from_tensors
-from segar.envs.vector import VectorEnv
-from segar.observations.copying import copy_rows
+from segar.envs import VectorEnv
+from segar.observations import copy_rows
 
 
 def observation_shape(env: VectorEnv) -> tuple[int, ...]:

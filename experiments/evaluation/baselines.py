@@ -12,14 +12,11 @@ from typing import Any
 import numpy as np
 import torch
 
-from segar.envs.factors_view import Factors
-from segar.envs.vector import VectorEnv
+from segar.envs import VectorEnv
 from segar.errors import SegarError
-from segar.hardness import Plan, plan
-from segar.hardness.report import random_episodes
-from segar.hardness.rollouts import make_starts
-from segar.levels.level_set import Levels
-from segar.language.task import Task
+from segar.hardness import Plan, make_starts, plan, random_episodes
+from segar.language import Factors, Task
+from segar.levels import Levels
 
 RANDOM_PLAYS = 20  # random episodes per level
 SAMPLES, ITERATIONS = 64, 5  # of the search, per level

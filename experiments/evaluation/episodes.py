@@ -8,12 +8,12 @@ from typing import Any, Protocol
 import numpy as np
 import torch
 
-from experiments.settings.config import ACTION_MODES, RunConfig
-from experiments.networks.encoders import successive
 from experiments.collection.collector import action_size
-from experiments.runs.run_folder import RESULTS
 from experiments.levels.builders import environment_options
-from segar.envs.vector import VectorEnv
+from experiments.networks.encoders import successive
+from experiments.runs.run_folder import RESULTS
+from experiments.settings.config import ACTION_MODES, RunConfig
+from segar.envs import VectorEnv
 
 BATCH = 512  # episodes that are played at once
 QUANTITIES = ("return", "return_ref", "length", "success", "death")
@@ -140,8 +140,7 @@ def diversity_figures(train: Any, test: Any) -> dict[str, float]:
     by factor, from the share of values that ``entropy_left_out`` does not count. ``radius``: how far the worst served
     test level is from the nearest of them, in standard deviations.
     """
-    from segar.metrics import coverage, effective_number
-    from segar.metrics import entropy_estimate as sample_entropy
+    from segar.metrics import coverage, effective_number, sample_entropy
 
     entropy = sample_entropy(train, "mean_field")
     found = {

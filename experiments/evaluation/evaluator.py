@@ -11,33 +11,35 @@ from typing import Any
 import numpy as np
 import torch
 
-from experiments.settings import process_defaults as runtime
-from experiments.evaluation.baselines import Anchors, IdleAgent, find_anchors
-from experiments.training.checkpoint import load_newest_policy
-from experiments.settings.config import RunConfig
-from experiments.settings.construct import import_object
-from experiments.evaluation.episodes import QUANTITIES, play
-from experiments.settings.errors import ConfigError, RunFolderError
-from experiments.evaluate import OWN, EvaluateConfig
-from experiments.evaluation.videos import film
+from experiments.algorithms.checkpoint import load_newest_policy
 from experiments.collection.collector import observation_shape
+from experiments.commands import process_defaults as runtime
+from experiments.evaluation.baselines import Anchors, IdleAgent, find_anchors
+from experiments.evaluation.episodes import QUANTITIES, play
+from experiments.evaluation.videos import film
+from experiments.levels.builders import distribution_of, environment_options, find_distribution
 from experiments.runs.run_folder import (
     EPISODE_SCHEMA,
     EPISODES,
     EVALUATIONS,
+    LEVELS_TEST,
     LEVELS_TRAIN,
     SUMMARY,
     read_config,
     write_json,
     write_rows,
 )
-from experiments.levels.builders import distribution_of, environment_options, find_distribution
+from experiments.settings.config import RunConfig
+from experiments.settings.construct import import_object
+from experiments.settings.errors import ConfigError, RunFolderError
+from experiments.settings.evaluate import EvaluateConfig
 from segar.cli.arguments import load_levels, table
-from segar.envs.vector import VectorEnv
-from segar.levels.level_set import Levels
+from segar.envs import VectorEnv
+from segar.levels import Levels
 
 COUNT = 100  # levels of a distribution, where the number is not given
 LEVELS = "levels.npz"
+OWN = {"train": LEVELS_TRAIN, "test": LEVELS_TEST}  # the run's own level sets
 
 
 @dataclass(frozen=True)

@@ -18,10 +18,6 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from experiments.runs.files import replacing
-from experiments.settings.config import ACTION_MODES, RunConfig, as_data, require, require_known
-from experiments.settings.construct import construct, import_object
-from experiments.tracking.mlflow_sync import Delivery, files_of, read_mark
-from experiments.settings.errors import ConfigError, RunFolderError, TrackingError
 from experiments.runs.run_folder import (
     MARK,
     METRIC_SCHEMA,
@@ -34,6 +30,10 @@ from experiments.runs.run_folder import (
     write_rows,
 )
 from experiments.runs.versions import package_fingerprint
+from experiments.settings.config import ACTION_MODES, RunConfig, as_data, require, require_known
+from experiments.settings.construct import construct, import_object
+from experiments.settings.errors import ConfigError, RunFolderError, TrackingError
+from experiments.tracking.mlflow_sync import Delivery, files_of, read_mark
 from segar.errors import SegarError
 
 PROBER = "analysis.probes.table:probe_run"  # (run folder, ProbeConfig) -> pandas.DataFrame

@@ -17,9 +17,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments.settings.config import ACTION_MODES, LevelsConfig, ObservationConfig, RunConfig, as_data
-from experiments.runs.journal import read_journal
 from experiments.evaluation.probing import ProbeConfig, is_probed
+from experiments.runs.journal import read_journal
 from experiments.runs.run_folder import (
     EPISODE_SCHEMA,
     EPISODES,
@@ -32,9 +31,10 @@ from experiments.runs.run_folder import (
     write_json,
     write_rows,
 )
+from experiments.settings.config import ACTION_MODES, LevelsConfig, ObservationConfig, RunConfig, as_data
 
 if TYPE_CHECKING:
-    from segar.levels.level_set import Levels
+    from segar.levels import Levels
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ def evaluate_transfer(run: RunConfig, transfer: Transfer, say: Callable[[str], N
     from experiments.evaluation.episodes import distance_figures, mean_figures, play
     from experiments.evaluation.evaluator import load_agent
     from experiments.levels.builders import environment_options
-    from segar.levels.level_set import Levels
+    from segar.levels import Levels
 
     folder, out = folder_path(run), transfer.folder(run)
     test = levels_of(run, transfer)
@@ -145,9 +145,9 @@ def evaluate_transfer(run: RunConfig, transfer: Transfer, say: Callable[[str], N
 
 def levels_of(run: RunConfig, transfer: Transfer) -> Levels:
     """The levels of a transfer; raises :class:`SegarError` if there are none such."""
-    from experiments.levels.mixed_levels import hybrid_levels
     from experiments.levels.builders import make_levels
-    from segar.levels.level_set import Levels
+    from experiments.levels.mixed_levels import hybrid_levels
+    from segar.levels import Levels
 
     if transfer.mixture is None:
         levels = LevelsConfig(

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 import torch
 
-from segar.envs.vector import VectorEnv
-from segar.levels.level_set import Levels
-from segar.rendering.video import write_video
-from segar.rendering.view import View
+from segar.envs import VectorEnv
+from segar.levels import Levels
+from segar.rendering import View, write_video
 
 FORMATS = ("mp4", "gif")
 VIEW = View(size=384)

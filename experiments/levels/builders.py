@@ -8,17 +8,16 @@ from typing import Any
 
 import numpy as np
 
+from experiments.levels.variations import vary
 from experiments.settings.config import TARGET_DESIGN, LevelsConfig, RunConfig
 from experiments.settings.construct import import_object
 from experiments.settings.errors import ConfigError
-from experiments.levels.variations import vary
-from segar.metrics.level_design import design
 from segar.errors import LevelError, SegarError, did_you_mean
-from segar.language.factors import Order
-from segar.levels.families.named import family
-from segar.metrics import w2
-from segar.observations.registry import OBSERVATIONS
-from segar.tasks.registry import TASKS
+from segar.language import Order
+from segar.levels import family
+from segar.metrics import design, w2
+from segar.observations import OBSERVATIONS
+from segar.tasks import TASKS
 
 ENVS_PER_THREAD = 128  # for fewer, to wake a thread after each call of the policy takes longer than it helps
 INDEPENDENT_SETS = 5  # whose mean distance is the unit of designs such as w2_x1.2

@@ -9,21 +9,28 @@ from __future__ import annotations
 import dataclasses
 from typing import Tuple  # noqa: UP035 - rules are hinted as the paper prints them
 
-from segar.levels.distribution import LevelDistribution
-from segar.language.effects import SetFactor
-from segar.language.signature import Wall
-from segar.language.entities import GoalTile, GolfBall, SandTile
 from segar.errors import SegarError
-from segar.language.factors import Alive, Done, Flag, Position, Shape, Velocity
+from segar.language import (
+    Alive,
+    Done,
+    Flag,
+    GoalTile,
+    GolfBall,
+    Position,
+    SandTile,
+    SetFactor,
+    Shape,
+    Square,
+    Task,
+    Velocity,
+    Wall,
+    is_on,
+    rule,
+)
+from segar.levels import LevelDistribution, Prior
 from segar.noise import RandomUniformLocation
-from segar.levels.priors import Prior
-from segar.language.relations import is_on
-from segar.language.rule_definition import rule
-from segar.rules import DEFAULT_RULES
-from segar.language.shapes import Square
-from segar.tasks.puttputt import DEATH_PENALTY, GOAL_DISTANCE, distance, puttputt
-from segar.language.task import Task
-from segar.rules.world import World
+from segar.rules import DEFAULT_RULES, World
+from segar.tasks import DEATH_PENALTY, GOAL_DISTANCE, distance, puttputt
 
 CONDITIONS = 3
 GOAL_SPEED = 1.0  # [m/s] with the first condition, the ball must be as slow as this at the goal

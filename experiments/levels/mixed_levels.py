@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from experiments.reproduction.experiment_file import RESERVED, REST
 from segar.errors import LevelError, did_you_mean
-from segar.language.factors import Friction
-from segar.levels.level_set import Levels, Provenance
-from segar.language.parameters import FloorFriction
-from segar.support.version import __version__
+from segar.language import FloorFriction, Friction
+from segar.levels import Levels, Provenance
+from segar.support import __version__
+
+REST, SEPARATOR = "rest", "+"  # what no group of factors names; between the names of groups that are changed
+RESERVED = (REST, "pair", "value", "total")  # no names of groups: the tables of an attribution have columns called so
 
 Groups = Mapping[str, Sequence[Any]]
 """Name to factors and world parameters, as classes or by name. What no group names is the group "rest": types of

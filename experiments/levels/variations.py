@@ -13,13 +13,10 @@ from typing import Any
 from experiments.levels.conditions import with_conditions
 from experiments.settings.construct import import_object
 from experiments.settings.errors import ConfigError
-from segar.levels.distribution import LevelDistribution
-from segar.language.entities import GolfBall
 from segar.errors import did_you_mean
-from segar.language.factors import Mass
+from segar.language import FloorFriction, GolfBall, Gravity, Mass, Parameter
+from segar.levels import LevelDistribution, Prior
 from segar.noise import UniformNoise
-from segar.language.parameters import FloorFriction, Gravity, Parameter
-from segar.levels.priors import Prior
 from segar.rules import DEFAULT_RULES, apply_friction, lorentz_law, lorentz_law_r2, record_drag
 
 Variation = Callable[[LevelDistribution], LevelDistribution]

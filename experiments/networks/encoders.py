@@ -18,11 +18,11 @@ from typing import Protocol
 import torch
 from torch import Tensor, nn
 
-from experiments.settings.construct import import_object
-from experiments.settings.errors import ConfigError
 from experiments.networks.frame_conv import WHITE, FrameConv
 from experiments.networks.keypoints import Keypoints, cut
 from experiments.networks.shared_frames import are_stacks, places_of_frames
+from experiments.settings.construct import import_object
+from experiments.settings.errors import ConfigError
 
 REPRESENTATION = 256  # numbers in phi(s), whatever the CNN
 

@@ -14,7 +14,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from experiments.networks.frame_conv import FrameConv
-from segar.observations.copying import copy_squares
+from segar.observations import copy_squares
 
 SHARPNESS = 5.0  # of the soft-argmax at first; learned, one number per filter
 MOVED = 5.0  # movements are shown this much enlarged: between frames, things move by a small part of the picture

@@ -10,18 +10,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any
 
-from experiments.settings.grid import DIFFICULTIES
+from experiments.levels.mixed_levels import RESERVED, SEPARATOR
+from experiments.levels.variations import VARIATIONS
 from experiments.settings.config import require, require_design, require_known
 from experiments.settings.construct import construct
 from experiments.settings.errors import ConfigError
-from experiments.levels.variations import VARIATIONS
+from experiments.settings.grid import DIFFICULTIES
 from segar.errors import did_you_mean
-from segar.levels.families.named import families
+from segar.levels import families
 
 BASE = "base"  # in a grid: the algorithm, observation or task of the scale
 SCALES = ("smoke", "quick", "standard", "paper")
-REST, SEPARATOR = "rest", "+"  # what no group of factors names; between the names of groups that are changed
-RESERVED = (REST, "pair", "value", "total")  # no names of groups: the tables of an attribution have columns called so
 MOST_GROUPS = 4  # 30 sets of levels in between, with the rest
 STEPS = {"harder": 1, "easier": -1}  # difficulties relative to that of the training levels
 
@@ -38,7 +37,9 @@ class GridConfig:
     algorithms: tuple[str, ...] = (BASE,)  # files of conf/algorithm
     observations: tuple[str, ...] = (BASE,)  # files of conf/observation
     tasks: tuple[str, ...] = (BASE,)  # files of conf/task
-    designs: tuple[str, ...] = ("iid",)  # how training levels are picked, see experiments.settings.config.require_design
+    designs: tuple[str, ...] = (
+        "iid",
+    )  # how training levels are picked, see experiments.settings.config.require_design
     variations: tuple[str, ...] = ("",)  # names in experiments.levels.variations
     interval: int | None = None  # frames between evaluations on the test levels; None: as the scale has it
 

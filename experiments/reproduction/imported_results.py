@@ -13,9 +13,9 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from experiments.settings.errors import ConfigError
-from experiments.runs.run_folder import PROBES
 from experiments.evaluation.transfers import RunWork
+from experiments.runs.run_folder import PROBES
+from experiments.settings.errors import ConfigError
 
 RUNS, TRANSFERS = "runs.parquet", "transfers.parquet"
 

@@ -13,16 +13,17 @@ from itertools import combinations, product
 from pathlib import Path
 from typing import Any
 
-from experiments.settings.grid import Cell, cell_config, cell_of, paper_seeds
-from experiments.settings.config import LevelsConfig, RunConfig, ScaleConfig, as_data
-from experiments.reproduction.imported_results import Elsewhere
-from experiments.settings.hydra_app import compose
-from experiments.settings.errors import ConfigError
-from experiments.reproduction.experiment_file import BASE, REST, SEPARATOR, Experiment, GridConfig, TransferConfig, other_panel
-from experiments.runs.journal import read_journal
+from experiments.commands.hydra_app import compose
 from experiments.evaluation.probing import ProbeConfig, assumed_seconds, read_about
-from experiments.runs.run_folder import folder_path, is_finished, read_config, read_summary, run_folders
 from experiments.evaluation.transfers import Mixture, RunWork, Transfer
+from experiments.levels.mixed_levels import REST, SEPARATOR
+from experiments.reproduction.experiment_file import BASE, Experiment, GridConfig, TransferConfig, other_panel
+from experiments.reproduction.imported_results import Elsewhere
+from experiments.runs.journal import read_journal
+from experiments.runs.run_folder import folder_path, is_finished, read_config, read_summary, run_folders
+from experiments.settings.config import LevelsConfig, RunConfig, ScaleConfig, as_data
+from experiments.settings.errors import ConfigError
+from experiments.settings.grid import Cell, cell_config, cell_of, paper_seeds
 from segar.cli.arguments import table
 from segar.errors import LevelError
 
@@ -188,8 +189,8 @@ def mixtures_of(experiment: Experiment, run: RunConfig) -> Iterable[Transfer]:
 
 def check_groups(experiment: Experiment, levels: LevelsConfig) -> None:
     """Raises :class:`ConfigError` unless a training and a test level can be mixed, by groups of factors that they have."""
-    from experiments.levels.mixed_levels import check_fits, places
     from experiments.levels.builders import distribution_of
+    from experiments.levels.mixed_levels import check_fits, places
 
     train, test = (distribution_of(levels, which).sample(1, seed=0, split=which) for which in ("train", "test"))
     try:

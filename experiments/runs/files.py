@@ -7,9 +7,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from experiments.settings.errors import RunFolderError
+from segar.support import UNFINISHED as TEMPORARY
 from segar.support import atomic_files as files
-from segar.support.atomic_files import UNFINISHED as TEMPORARY
-from segar.support.atomic_files import remove_unfinished
+from segar.support import remove_unfinished
 
 __all__ = ["TEMPORARY", "remove_unfinished", "replacing", "write_bytes", "write_text"]
 

@@ -15,8 +15,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from experiments.commands.signals import Stopped
 from experiments.runs.run_folder import JOURNAL
-from experiments.runs.signals import Stopped
 
 
 class Journal:

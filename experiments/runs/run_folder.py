@@ -31,10 +31,8 @@ import pyarrow.parquet as pq
 import yaml
 
 from experiments.runs.files import TEMPORARY, remove_unfinished, replacing, write_text
-from experiments.settings.config import RunConfig, as_data, run_config
+from experiments.settings.config import CHECKOUT, RunConfig, as_data, run_config
 from experiments.settings.errors import ConfigError, RunFolderError
-
-
 
 CONFIG = "config.yaml"
 LEVELS_TRAIN = "levels_train.npz"

@@ -18,7 +18,7 @@ from typing import Any, ClassVar
 from experiments.settings.construct import construct, import_object
 from experiments.settings.errors import ConfigError
 from segar.errors import did_you_mean
-from segar.levels.families.named import families
+from segar.levels import families
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 LATER = "later"

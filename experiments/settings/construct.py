@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 from experiments.settings.errors import ConfigError
 from segar.errors import SegarError, did_you_mean
-from segar.support.imports import named_object
+from segar.support import named_object
 
 T = TypeVar("T")
 

@@ -9,18 +9,22 @@ import numpy as np
 
 from experiments.textures.linear_autoencoder import untrained
 from experiments.textures.texture_bars import shortfalls
-from segar.language.entities import Object
+from segar.language import Object
 from segar.metrics import visual_distance, visual_w2
-from segar.textures import FilterBank, TextureSet
-from segar.textures.filter_clusters import (
+from segar.textures import (
+    CHIEF,
+    INPUTS,
+    KINDS,
+    FilterBank,
     FilterClusters,
+    TextureSet,
     aligned,
     cluster_filters,
     filter_patterns,
     filter_weights,
+    looks,
     texture_set,
 )
-from segar.textures.standard import CHIEF, INPUTS, KINDS, looks
 
 ASSOCIATIONS = 2000  # ways to deal clusters to inputs that are tried for the baseline
 BASELINES = range(60)

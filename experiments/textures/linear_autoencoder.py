@@ -10,10 +10,19 @@ from torch.nn import functional
 
 from experiments.textures.texture_bars import shortfalls
 from segar.errors import SegarError
-from segar.textures import TextureSet
-from segar.textures.inputs import is_noise
-from segar.textures.samples import UNIFORM, family_laws, product_of_marginals
-from segar.textures.standard import CHIEF, EXTREMES, INPUTS, KINDS, looks, units
+from segar.textures import (
+    CHIEF,
+    EXTREMES,
+    INPUTS,
+    KINDS,
+    UNIFORM,
+    TextureSet,
+    family_laws,
+    is_noise,
+    looks,
+    product_of_marginals,
+    units,
+)
 
 # The paper's geometry: 3 pixels per cell, 5 x 5 of them from each.
 STRIDE, KERNEL = 3, 5

@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from segar.language.entities import Entity
 from segar.errors import SegarError
-from segar.language.factors import Charge, Friction, Heat, Magnetism
-from segar.textures import TextureSet, linear_read_out, look_distances
-from segar.textures.inputs import is_noise
-from segar.textures.samples import UNIFORM, family_laws
-from segar.textures.standard import CHIEF, KINDS, looks
+from segar.language import Charge, Entity, Friction, Heat, Magnetism
+from segar.textures import (
+    CHIEF,
+    KINDS,
+    UNIFORM,
+    TextureSet,
+    family_laws,
+    is_noise,
+    linear_read_out,
+    look_distances,
+    looks,
+)
 
 READ_OUT = 0.957  # least R^2 of a factor that is shown, on held-out things; the tests ask for 0.95
 HIDDEN = 0.015  # largest R^2 of a factor that is hidden; the tests allow 0.02

@@ -8,7 +8,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from experiments.settings import process_defaults as runtime
+from experiments.commands import process_defaults as runtime
 from experiments.runs.files import replacing
 from experiments.settings.config import TrackingConfig
 from experiments.settings.errors import TrackingError

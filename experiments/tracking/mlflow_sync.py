@@ -16,11 +16,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from experiments.settings.grid import cell_of
+from experiments.runs.run_folder import EPISODES, MARK, SUMMARY, runs_root, write_json
 from experiments.settings.config import RunConfig
 from experiments.settings.construct import flat
+from experiments.settings.grid import cell_of
 from experiments.tracking.mlflow_store import calling, open_store, store_uri
-from experiments.runs.run_folder import EPISODES, MARK, SUMMARY, runs_root, write_json
 
 BATCH = 1000  # metrics in one call, at most; MLflow's limit
 VALUE_LENGTH = 500  # of a parameter, in characters

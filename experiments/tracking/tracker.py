@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from experiments.settings.config import RunConfig
-from experiments.tracking.mlflow_sync import Delivery
 from experiments.settings.errors import RunFolderError, TrackingError
 from experiments.tracking.mlflow_store import is_remote
+from experiments.tracking.mlflow_sync import Delivery
 
 LONGEST_PAUSE = 60.0  # [s] between attempts, while the store is away
 LAST_WAIT = 30.0  # [s] that the end of a run waits for the store

@@ -9,14 +9,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from experiments.settings import process_defaults as runtime
-from experiments.settings.config import RunConfig
-from experiments.settings.construct import import_object
-from experiments.tracking.mlflow_sync import files_of
-from experiments.evaluation.episodes import distance_figures, diversity_figures, evaluate_run, evaluation_figures
-from experiments.settings.errors import ConfigError, RunFolderError, TrainingError
-from experiments.runs.journal import Journal
 from experiments.algorithms.learner import Learner
+from experiments.commands import process_defaults as runtime
+from experiments.commands.signals import Watch, watch_signals
+from experiments.evaluation.episodes import distance_figures, diversity_figures, evaluate_run, evaluation_figures
+from experiments.levels.builders import environment_options, make_levels
+from experiments.runs.journal import Journal
 from experiments.runs.run_folder import (
     EPISODE_SCHEMA,
     EPISODES,
@@ -32,11 +30,13 @@ from experiments.runs.run_folder import (
     write_json,
     write_rows,
 )
-from experiments.runs.signals import Watch, watch_signals
+from experiments.runs.versions import code_fingerprint, levels_hash, versions
+from experiments.settings.config import RunConfig
+from experiments.settings.construct import import_object
+from experiments.settings.errors import ConfigError, RunFolderError, TrainingError
+from experiments.tracking.mlflow_sync import files_of
 from experiments.tracking.tracker import NoTracker, Tracker, start_tracking
 from experiments.training.training_loop import Training
-from experiments.runs.versions import code_fingerprint, levels_hash, versions
-from experiments.levels.builders import environment_options, make_levels
 from segar.envs.torchrl_env import TorchRLEnv
 from segar.errors import RuleError
 

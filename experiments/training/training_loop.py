@@ -13,16 +13,16 @@ from typing import Any
 import numpy as np
 import torch
 
-from experiments.training.checkpoint import resume_checkpoint, save_checkpoint
-from experiments.settings.config import ACTION_MODES, RunConfig
-from experiments.evaluation.episodes import mean_figures, play
-from experiments.settings.errors import CheckpointError, TrainingError
-from experiments.runs.journal import Journal
+from experiments.algorithms.checkpoint import resume_checkpoint, save_checkpoint
 from experiments.algorithms.learner import Learner
-from experiments.training.progress import Progress
-from experiments.runs.run_folder import METRIC_SCHEMA, METRICS, read_metrics, read_versions, write_rows
-from experiments.runs.signals import Watch
+from experiments.commands.signals import Watch
+from experiments.evaluation.episodes import mean_figures, play
 from experiments.levels.builders import environment_options
+from experiments.runs.journal import Journal
+from experiments.runs.run_folder import METRIC_SCHEMA, METRICS, read_metrics, read_versions, write_rows
+from experiments.settings.config import ACTION_MODES, RunConfig
+from experiments.settings.errors import CheckpointError, TrainingError
+from experiments.training.progress import Progress
 
 
 @dataclass

@@ -10,7 +10,7 @@ from typing import NoReturn
 
 from segar.cli import gallery, hardness, kernels, levels, play, record
 from segar.errors import SegarError
-from segar.support.version import __version__
+from segar.support import __version__
 
 USAGE_ERROR = 2  # exit status of what is not known or makes no sense, as argparse has it
 

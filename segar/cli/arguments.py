@@ -9,14 +9,12 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from segar.levels.distribution import LevelDistribution
 from segar.errors import SegarError
-from segar.levels.families.named import family
-from segar.levels.level_set import Levels
-from segar.support.imports import named_object
-from segar.tasks.registry import make_task, task_of
-from segar.language.task import Task
-from segar.rules.world import World
+from segar.language import Task
+from segar.levels import LevelDistribution, Levels, family
+from segar.rules import World
+from segar.support import named_object
+from segar.tasks import make_task, task_of
 
 NAME_HELP = "a level family, or 'module:attribute': a LevelDistribution of your own or a function that makes one"
 TASK_HELP = "puttputt, billiards, invisiball, or 'module:attribute'; by default what the levels name"

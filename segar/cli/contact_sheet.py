@@ -10,16 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from segar.envs.vector import VectorEnv
+from segar.envs import VectorEnv
 from segar.errors import SegarError, did_you_mean
-from segar.support.optional_dependencies import need, need_pygame
-from segar.levels.families.named import DIFFICULTIES, TASKS, family
-from segar.levels.level_set import Levels
-from segar.observations.pixels.solid_colours import Pixels
-from segar.observations.pixels.textured import TexturedPixels
-from segar.rendering.scene import Stage
-from segar.rendering.view import View
-from segar.support.atomic_files import replacing
+from segar.levels import DIFFICULTIES, TASKS, Levels, family
+from segar.observations import Pixels, TexturedPixels
+from segar.rendering import Stage, View
+from segar.support import need, need_pygame, replacing
 from segar.textures import shipped_sets
 
 PEOPLE, COLOURS = "for people", "solid colours"

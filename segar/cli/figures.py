@@ -13,12 +13,11 @@ from typing import Any
 import numpy as np
 
 from segar.cli.priors_text import Described, composition, described, is_constant, numbers
-from segar.levels.distribution import LevelDistribution
 from segar.errors import PriorError, SegarError, did_you_mean
-from segar.language.factors import Position
+from segar.language import BaseShape, Position
+from segar.levels import LevelDistribution
 from segar.noise import Empirical, Noise
-from segar.support.atomic_files import replacing
-from segar.language.shapes import BaseShape
+from segar.support import replacing
 
 FORMATS = (".png", ".pdf", ".svg")
 COLUMNS = 4  # panels side by side

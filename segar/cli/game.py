@@ -8,16 +8,13 @@ from dataclasses import dataclass, field
 import numpy as np
 import pygame
 
-from segar.envs.vector import VectorEnv
+from segar.envs import VectorEnv
 from segar.errors import SegarError
-from segar.levels.level_set import Levels
-from segar.rendering import marks
-from segar.rendering.camera import ending_of, status_line, steps_per_second
+from segar.language import Task
+from segar.levels import Levels
+from segar.rendering import Figure, Stage, View, ending_of, marks, status_line, steps_per_second
 from segar.rendering.painter import Painter
-from segar.rendering.scene import Figure, Stage
-from segar.rendering.view import View
 from segar.rendering.window import Window
-from segar.language.task import Task
 
 REACH = 0.6  # [m] from the ball to where a hit is as hard as can be
 HELP = "hit: drag from the ball, or click      R again      N next level      space pause      Esc quit"

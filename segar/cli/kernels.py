@@ -12,20 +12,13 @@ from typing import Any
 import numpy as np
 
 from segar.cli.arguments import NAME_HELP, TASK_HELP, find_distribution, task_named
-from segar.engine.runtime import device
-from segar.engine.runtime import device_contacts
-from segar.engine.compiler.kernel_cache import cache_folder, is_compiled, kernel_path
-from segar.engine.compiler.kernel import KernelSource, generate
-from segar.envs.registration import REWARDS
-from segar.envs.vector import VectorEnv, world_of
-from segar.levels.families.named import TASK_LEVELS, families
-from segar.levels.level_set import Levels
-from segar.observations.registry import OBSERVATIONS
-from segar.language.rule_definition import Rule
-from segar.engine.simulator import Outcome, Simulator, State
-from segar.tasks.registry import task_of
-from segar.tasks.puttputt import puttputt
-from segar.language.task import Task
+from segar.engine import KernelSource, Outcome, Simulator, State, cache_folder, generate, is_compiled, kernel_path
+from segar.engine.runtime import device, device_contacts
+from segar.envs import REWARDS, VectorEnv, world_of
+from segar.language import Rule, Task
+from segar.levels import TASK_LEVELS, Levels, families
+from segar.observations import OBSERVATIONS
+from segar.tasks import puttputt, task_of
 
 NO_LINES = "  (matches nothing here)"
 

@@ -4,40 +4,41 @@ from __future__ import annotations
 
 import numpy as np
 
-from segar.language.entities import (
+from segar.envs import VectorEnv
+from segar.language import (
+    Alive,
     Ball,
     Bumper,
+    Charge,
     Charger,
+    Circle,
     Damper,
+    Done,
     Entity,
     FireTile,
+    Friction,
     GoalTile,
     GolfBall,
+    Heat,
+    Hexagon,
     Hole,
     MagmaTile,
     Magnet,
-    Object,
-    SandTile,
-    Tile,
-)
-from segar.envs.vector import VectorEnv
-from segar.language.factors import (
-    Alive,
-    Charge,
-    Done,
-    Friction,
-    Heat,
     Magnetism,
     Mobile,
+    Object,
     Position,
+    SandTile,
     Shape,
+    Square,
     StoredEnergy,
+    Tile,
+    Triangle,
     Velocity,
     Visible,
 )
-from segar.levels.level_set import Levels
-from segar.rendering.view import View
-from segar.language.shapes import Circle, Hexagon, Square, Triangle
+from segar.levels import Levels
+from segar.rendering import View
 
 THINGS: tuple[Entity, ...] = (
     GolfBall({Position: (-0.6, 0.6), Velocity: (3.0, -1.0)}),

@@ -6,8 +6,8 @@ import argparse
 from typing import Any
 
 from segar.cli.arguments import NAME_HELP, TASK_HELP, at_least, find_distribution, task_named
-from segar.support.optional_dependencies import need_pygame
-from segar.rendering.view import View
+from segar.rendering import View
+from segar.support import need_pygame
 
 
 def add_commands(commands: Any) -> None:

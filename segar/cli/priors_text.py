@@ -7,13 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from segar.levels.distribution import LevelDistribution
 from segar.errors import PriorError
-from segar.language.factors import Factor, Shape
-from segar.noise import Choice, Deterministic, Empirical, Noise
-from segar.noise.measures import as_noise
-from segar.levels.priors import factors_needed
-from segar.levels.sampling.plan import Draw
+from segar.language import Factor, Shape
+from segar.levels import Draw, LevelDistribution, factors_needed
+from segar.noise import Choice, Deterministic, Empirical, Noise, as_noise
 
 CONDITIONAL_SAMPLE = 2000  # levels that show a factor whose law depends on others
 SPLIT = "describe"

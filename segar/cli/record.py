@@ -11,14 +11,13 @@ from typing import Any
 import numpy as np
 
 from segar.cli.arguments import NAME_HELP, TASK_HELP, at_least, command, find_distribution, print_json, task_named
-from segar.datasets import check_replay, record, to_minari
-from segar.datasets.rollouts import Policy
-from segar.envs.gym_env import Env
+from segar.datasets import Policy, check_replay, record, to_minari
+from segar.envs import Env
 from segar.errors import SegarError, did_you_mean
-from segar.levels.level_set import Levels
-from segar.observations.registry import OBSERVATIONS
+from segar.language import Task
+from segar.levels import Levels
+from segar.observations import OBSERVATIONS
 from segar.rendering import View, video
-from segar.language.task import Task
 
 POLICIES = ("uniform", "script")
 

@@ -5,7 +5,18 @@ from segar.datasets.manifest import Manifest, Settings
 from segar.datasets.minari_export import to_minari
 from segar.datasets.recording import record
 from segar.datasets.replay import check_replay
-from segar.datasets.rollouts import Rollouts
+from segar.datasets.rollouts import Policy, Rollouts
 from segar.datasets.shards import Episode, Shard
 
-__all__ = ["Dataset", "Episode", "Manifest", "Rollouts", "Settings", "Shard", "check_replay", "record", "to_minari"]
+__all__ = [
+    "Dataset",
+    "Episode",
+    "Manifest",
+    "Policy",
+    "Rollouts",
+    "Settings",
+    "Shard",
+    "check_replay",
+    "record",
+    "to_minari",
+]

@@ -10,8 +10,8 @@ from pathlib import Path
 from segar.datasets.manifest import LEVELS, Manifest, check_files
 from segar.datasets.shards import Episode, Shard, read_shard
 from segar.errors import SegarError
-from segar.levels.level_set import Levels
-from segar.rules.world import World
+from segar.levels import Levels
+from segar.rules import World
 
 
 @dataclass(frozen=True, eq=False)

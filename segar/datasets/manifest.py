@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from segar.errors import SegarError
-from segar.support.atomic_files import replacing
-from segar.support.version import __version__
+from segar.support import __version__, replacing
 
 FORMAT, FORMAT_VERSION = "segar-dataset", 1
 MANIFEST, LEVELS = "manifest.json", "levels.npz"

@@ -18,12 +18,11 @@ from gymnasium.envs.registration import EnvSpec
 from segar.datasets.dataset import Dataset
 from segar.datasets.rollouts import from_leaves
 from segar.datasets.shards import Episode
-from segar.envs.registration import REWARDS
-from segar.envs.vector import VectorEnv
+from segar.envs import REWARDS, VectorEnv
 from segar.errors import SegarError
-from segar.support.optional_dependencies import need
-from segar.levels.families.named import family
-from segar.tasks.registry import TASKS
+from segar.levels import family
+from segar.support import need
+from segar.tasks import TASKS
 
 ROOT = "MINARI_DATASETS_PATH"  # the variable in which Minari looks for its folder
 UNFINISHED = ".segar-writing-"

@@ -24,13 +24,12 @@ from segar.datasets.manifest import (
 )
 from segar.datasets.rollouts import Policy, leaves, play, uniform
 from segar.datasets.shards import factor_columns, write_shard
-from segar.envs.vector import VectorEnv
+from segar.envs import VectorEnv
 from segar.errors import SegarError
-from segar.support.optional_dependencies import need
-from segar.levels.level_set import LEVEL_ARRAYS, Levels
-from segar.support.atomic_files import remove_unfinished
-from segar.language.task import Task
-from segar.rules.world import World
+from segar.language import Task
+from segar.levels import LEVEL_ARRAYS, Levels
+from segar.rules import World
+from segar.support import need, remove_unfinished
 
 HASH_DIGITS = 16
 UNIFORM = "uniform"

@@ -11,11 +11,11 @@ from segar.datasets.dataset import Dataset
 from segar.datasets.recording import hash_of_kernel
 from segar.datasets.rollouts import Rollouts, play
 from segar.datasets.shards import TRUTHS, Shard
-from segar.envs.vector import VectorEnv
+from segar.envs import VectorEnv
 from segar.errors import SegarError
-from segar.observations.registry import OBSERVATIONS
-from segar.language.task import Task
-from segar.rules.world import World
+from segar.language import Task
+from segar.observations import OBSERVATIONS
+from segar.rules import World
 
 
 def check_replay(

@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import gymnasium
 import numpy as np
 
-from segar.envs.vector import VectorEnv
+from segar.envs import VectorEnv
 
 Policy: TypeAlias = Callable[[Any, dict[str, Any], np.random.Generator], np.ndarray]
 SEPARATOR = "."  # between the parts of the name of an array within an observation

@@ -12,10 +12,9 @@ import numpy as np
 
 from segar.datasets.manifest import Manifest, ShardEntry, check_files, sha256
 from segar.datasets.rollouts import Rollouts
-from segar.language.layout import Layout
 from segar.errors import SegarError
-from segar.support.optional_dependencies import need
-from segar.support.atomic_files import replacing
+from segar.language import Layout
+from segar.support import need, replacing
 
 INTEGERS = ("episode", "step", "level")
 TRUTHS = ("terminated", "truncated", "success", "death")

@@ -8,19 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from segar.engine.compiler.kernel import KernelSource, generate
 from segar.engine.compiler.kernel_cache import load_module
 from segar.engine.runtime.gather import Reads, no_reads
-from segar.engine.compiler.kernel import KernelSource, generate
-from segar.language.layout import Layout
 from segar.engine.runtime.ledger import dismiss, make_ledger
 from segar.errors import ConflictError, SegarError
-from segar.tasks.puttputt import puttputt
-from segar.language.task import Task
-from segar.support.threads import Team
-from segar.rules.world import World
+from segar.language import Layout, Task, WorldRules, default_task
+from segar.support import Team
 
 if TYPE_CHECKING:
-    from segar.levels.level_set import Levels
+    from segar.levels import Levels
 
 PART = 32  # environments that a thread takes at a time
 
@@ -100,9 +97,9 @@ class Simulator:
         RuleError, ConflictError: the world does not fit the layout or contradicts itself.
     """
 
-    world: World
+    world: WorldRules
     layout: Layout
-    task: Task = field(default_factory=puttputt)
+    task: Task = field(default_factory=default_task)
     num_threads: int = 1
 
     def __post_init__(self) -> None:

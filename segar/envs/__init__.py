@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from segar.envs.gym_env import Env
-from segar.envs.registration import register_all
+from segar.envs.registration import REWARDS, register_all
 from segar.envs.snapshots import Snapshot
-from segar.envs.vector import VectorEnv
+from segar.envs.vector import VectorEnv, world_of
 
-__all__ = ["Env", "Snapshot", "TorchRLEnv", "VectorEnv", "register_all"]
+__all__ = ["REWARDS", "Any", "Env", "Snapshot", "TorchRLEnv", "VectorEnv", "annotations", "register_all", "world_of"]
 
 
 def __getattr__(name: str) -> Any:

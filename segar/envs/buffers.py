@@ -9,7 +9,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from segar.observations.arrays import build, empty_batch, leaves
+from segar.observations import build, empty_batch, leaves
 
 MAX_BUFFERS = 4  # observations that are kept for use again
 UNSHARED = 3  # reference count of an array that only the list of a buffer, the loop and getrefcount hold

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from segar.support.counter_kernel import GOLDEN, mix, uniform
+from segar.support import GOLDEN, mix, uniform
 
 _options = {"nogil": True, "cache": True, "error_model": "numpy", "_nrt": False}
 

@@ -8,13 +8,11 @@ import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
-from segar.envs.factors_view import SingleFactors, SingleResults
 from segar.envs.vector import VectorEnv
 from segar.errors import SegarError, did_you_mean
-from segar.observations.arrays import map_leaves
-from segar.rendering.camera import RENDER_MODES, Camera, ending_of
-from segar.rendering.view import View
-from segar.language.task import Task
+from segar.language import SingleFactors, SingleResults, Task
+from segar.observations import map_leaves
+from segar.rendering import RENDER_MODES, Camera, View, ending_of
 
 
 class Env(gymnasium.Env):

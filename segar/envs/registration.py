@@ -9,8 +9,8 @@ from typing import Any
 
 import gymnasium
 
-from segar.levels.families.named import families, family
-from segar.tasks.registry import TASKS
+from segar.levels import families, family
+from segar.tasks import TASKS
 
 OBSERVATION_NAMES = ("rgb", "state")
 REWARDS = {"v0": "squared", "v1": "linear"}
@@ -61,7 +61,7 @@ def make_vector_env(
 
 
 def _arguments(family_name: str, reward: str | None, options: dict[str, Any]) -> dict[str, Any]:
-    from segar.tasks.puttputt import puttputt
+    from segar.tasks import puttputt
 
     seed = options.pop("seed", 0)
     levels = family(family_name).sample(options.pop("num_levels", 100), seed=seed, split=options.pop("split", "train"))

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from segar.support.archives import ArchiveFormat
+from segar.engine import State
 from segar.errors import SegarError
-from segar.engine.simulator import State
+from segar.support import ArchiveFormat
 
 if TYPE_CHECKING:
-    from segar.levels.level_set import Levels
+    from segar.levels import Levels
 
 FORMAT = ArchiveFormat("segar-snapshot", 1, "a snapshot", "snapshot", SegarError)
 STATE_ARRAYS = ("values", "level", "key", "tick", "contacts", "gave_up")

@@ -12,25 +12,21 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
+from segar.engine import Outcome, Simulator, State
 from segar.envs import episode_kernel
 from segar.envs.buffers import Buffers
-from segar.envs.factors_view import Factors, Results
 from segar.envs.snapshots import Snapshot
 from segar.errors import ActionError, LevelError, SegarError, did_you_mean
-from segar.language.factors import Factor
-from segar.observations.arrays import leaves
-from segar.observations.copying import copy_rows
-from segar.observations.registry import for_task, make_observation
-from segar.rendering.camera import RENDER_MODES, Camera, steps_per_second
-from segar.engine.simulator import Outcome, Simulator, State
-from segar.tasks.registry import task_of
-from segar.language.task import Task
-from segar.support.threads import Team
-from segar.rules.world import World
+from segar.language import Factor, Factors, Results, Task
+from segar.observations import copy_rows, for_task, leaves, make_observation
+from segar.rendering import RENDER_MODES, Camera, steps_per_second
+from segar.rules import World
+from segar.support import Team
+from segar.tasks import task_of
 
 if TYPE_CHECKING:
-    from segar.levels.level_set import Levels
-    from segar.rendering.view import View
+    from segar.levels import Levels
+    from segar.rendering import View
 
 
 class VectorEnv(gymnasium.vector.VectorEnv):

@@ -2,8 +2,8 @@
 
 from segar.hardness.controllability import FactorInfluence, Influence, influence
 from segar.hardness.planner import Plan, plan, replay
-from segar.hardness.report import Hardness, hardness
-from segar.hardness.rollouts import Episodes
+from segar.hardness.report import Hardness, hardness, random_episodes
+from segar.hardness.rollouts import Episodes, make_starts
 from segar.hardness.similarity import dynamics_distances, policy_similarity, policy_similarity_of_states
 
 __all__ = [
@@ -15,8 +15,10 @@ __all__ = [
     "dynamics_distances",
     "hardness",
     "influence",
+    "make_starts",
     "plan",
     "policy_similarity",
     "policy_similarity_of_states",
+    "random_episodes",
     "replay",
 ]

@@ -6,12 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from segar.levels.checks import require_generator
-from segar.language.layout import Layout
 from segar.errors import SegarError
 from segar.hardness.rollouts import Starts, make_starts, play, scripted, trace, uniform_actions
-from segar.levels.level_set import Levels
-from segar.language.task import Task
+from segar.language import Layout, Task
+from segar.levels import Levels, require_generator
 
 TRACES = 2048  # that are held at a time; bounds the memory
 

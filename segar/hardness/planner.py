@@ -9,13 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from segar.support.archives import ArchiveFormat
-from segar.levels.checks import require_generator
-from segar.envs.vector import VectorEnv
+from segar.envs import VectorEnv
 from segar.errors import SegarError
 from segar.hardness.rollouts import Episodes, Player, Starts, make_starts, open_loop, play, scripted
-from segar.levels.level_set import Levels
-from segar.language.task import Task
+from segar.language import Task
+from segar.levels import Levels, require_generator
+from segar.support import ArchiveFormat
 
 BATCH = 16384  # rollouts that are simulated side by side; bounds the memory
 ELITES = 0.125  # share of the candidates that the next ones are drawn around

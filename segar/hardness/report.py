@@ -7,12 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from segar.levels.checks import require_generator
 from segar.errors import SegarError
 from segar.hardness.planner import BATCH, Plan, require_search, scripted_episodes, search
 from segar.hardness.rollouts import Episodes, Starts, make_starts, play, uniform_actions
-from segar.levels.level_set import Levels
-from segar.language.task import Task
+from segar.language import Task
+from segar.levels import Levels, require_generator
 
 NORMAL_95 = 1.959963984540054  # two-sided 95 % point of the standard normal law
 

@@ -7,13 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from segar.levels.checks import require_levels
-from segar.envs.factors_view import Factors
-from segar.envs.vector import VectorEnv
+from segar.engine import Outcome, Simulator, State
+from segar.envs import VectorEnv
 from segar.errors import SegarError
-from segar.levels.level_set import Levels
-from segar.engine.simulator import Outcome, Simulator, State
-from segar.language.task import Task
+from segar.language import Factors, Task
+from segar.levels import Levels, require_levels
 
 Player = Callable[[int, np.ndarray, np.ndarray], np.ndarray]
 """``player(step, rows, values)`` gives float ``(len(rows), action size)``: what these rows of the batch do in the states

@@ -6,13 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from segar.levels.checks import require_factors, require_generator, require_levels
 from segar.errors import LevelError, SegarError
-from segar.language.factors import Factor, Position
 from segar.hardness.planner import Plan
 from segar.hardness.rollouts import Episodes, Starts, make_starts, trace, uniform_actions
-from segar.levels.level_set import Levels
-from segar.language.task import Task
+from segar.language import Factor, Position, Task
+from segar.levels import Levels, require_factors, require_generator, require_levels
 
 
 def dynamics_distances(

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any, ClassVar, Generic, TypeVar
 
 from segar.errors import RuleError
-from segar.language.values import Source, Vector
+from segar.language.values import Source, VectorValue
 
 F = TypeVar("F")
 
@@ -50,9 +50,9 @@ class Effect(Generic[F]):
             raise RuleError(
                 f"{type(self).__name__} was given a {source.factor.__name__} to change, not a {self.factor.__name__}"
             )
-        if getattr(source.factor, "width", 1) == 2 and not isinstance(value, Vector):
-            value = Vector(value[0], value[1]) if isinstance(value, (list, tuple)) else Vector(value, value)
-        elif getattr(source.factor, "width", 1) == 1 and isinstance(value, Vector):
+        if getattr(source.factor, "width", 1) == 2 and not isinstance(value, VectorValue):
+            value = VectorValue(value[0], value[1]) if isinstance(value, (list, tuple)) else VectorValue(value, value)
+        elif getattr(source.factor, "width", 1) == 1 and isinstance(value, VectorValue):
             raise RuleError(f"{type(self).__name__} was given a vector for a scalar factor")
         self.target: Source = source
         self.value = value

@@ -14,8 +14,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from segar.errors import FactorError, did_you_mean
-from segar.language.values import Number
-from segar.language.values import Vector as VectorValue
+from segar.language.values import Number, VectorValue
 
 
 class Factor:
@@ -252,7 +251,7 @@ class Shape(Factor):
 
     @classmethod
     def check(cls, value: Any) -> Any:
-        from segar.language.shapes import BaseShape  # shapes need Size, which is defined here
+        from segar.language.shapes import BaseShape
 
         if isinstance(value, type) and issubclass(value, BaseShape):
             value = value()  # type: ignore[call-arg] - each shape has a default size

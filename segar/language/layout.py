@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from segar.language.entities import Entity, entity_name
 from segar.errors import LevelError, did_you_mean
+from segar.language.entities import Entity, entity_name
 from segar.language.factors import Factor
 from segar.language.parameters import BUILT_IN_PARAMETERS, Parameter
 

@@ -20,7 +20,7 @@ TINY = 2.0**-54  # keeps log() finite; half the spacing of the 53-bit uniforms
 def uniform(low: Any = 0.0, high: Any = 1.0) -> Any:
     """A number uniform in [low, high)."""
     if not _uniform_source:
-        raise RuleError("segar.language.random draws only inside a rule that the simulator runs")
+        raise RuleError("segar.random draws only inside a rule that the simulator runs")
     return low + (high - low) * _uniform_source[-1]()
 
 

@@ -10,12 +10,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from segar.language.signature import EntityView, Signature, read_signature, symbolic_arguments, where
-from segar.language.symbols import Symbol, make, walk
-from segar.language.trace import Leaf, Tree, trace, truth_leaf
-from segar.language.entities import Entity, Thing
 from segar.errors import RuleError
+from segar.language.entities import Entity, Thing
 from segar.language.factors import ID, Factor, Label
+from segar.language.signature import EntityView, Signature, code_place, read_signature, symbolic_arguments
+from segar.language.symbols import Symbol, make, walk
+from segar.language.tracing import Leaf, Tree, trace, truth_leaf
 
 SPECIFICITY_PLAIN = 1  # any relation that is not an equality; the other numbers rank equalities (2022: rules)
 SPECIFICITY_EQUAL = 2
@@ -67,10 +67,10 @@ def as_relation(function: Any, specificity: int = SPECIFICITY_PLAIN) -> Relation
         return function
     signature = read_signature(function, returns_effects=False)
     if signature.uses("action") or signature.uses("wall"):
-        raise RuleError(f"{where(function)}: a relation cannot take Action or Wall")
-    truth = truth_of(trace(function, symbolic_arguments(signature), truth_leaf, where(function)))
+        raise RuleError(f"{code_place(function)}: a relation cannot take Action or Wall")
+    truth = truth_of(trace(function, symbolic_arguments(signature), truth_leaf, code_place(function)))
     if any(s.op == "draw" for s in walk(truth)):
-        raise RuleError(f"{where(function)}: a relation cannot draw random numbers; draw them in the rule")
+        raise RuleError(f"{code_place(function)}: a relation cannot draw random numbers; draw them in the rule")
     return Relation(function, signature, _where_it_applies(signature, truth), specificity)
 
 

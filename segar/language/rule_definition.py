@@ -6,12 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, overload
 
-from segar.language.signature import Signature, read_signature, symbolic_arguments, where
-from segar.language.trace import Tree, effects_leaf, number_leaf, trace, truth_leaf
-from segar.language.entities import Object, Thing, Tile
 from segar.errors import RuleError
+from segar.language.entities import Object, Thing, Tile
 from segar.language.factors import Factor
 from segar.language.relations import Relation, as_relation
+from segar.language.signature import Signature, code_place, read_signature, symbolic_arguments
+from segar.language.tracing import Tree, effects_leaf, number_leaf, trace, truth_leaf
 
 SPECIFICITY_THING = 4  # an argument's entity class makes a rule this specific (2022: rules)
 SPECIFICITY_OBJECT = 5
@@ -44,7 +44,7 @@ class Rule:
 
     @property
     def where(self) -> str:
-        return where(self.function)
+        return code_place(self.function)
 
     @property
     def changes(self) -> frozenset[type[Factor]]:
@@ -92,24 +92,24 @@ def as_rule(function: Any) -> Rule:
 def value_rule(function: Callable[..., Any], truth: bool) -> Rule:
     """A typed function that returns a number (or a truth value): a reward, a termination."""
     signature = read_signature(function, returns_effects=False, reduction="every" if truth else "best")
-    tree = trace(function, symbolic_arguments(signature), truth_leaf if truth else number_leaf, where(function))
+    tree = trace(function, symbolic_arguments(signature), truth_leaf if truth else number_leaf, code_place(function))
     return Rule(function, signature, tree, None, 0, False)
 
 
 def _make_rule(function: Callable[..., Any], relation: Any, priority: int | None, recheck: bool) -> Rule:
     signature = read_signature(function)
     if not signature.entities:
-        raise RuleError(f"{where(function)}: a rule needs at least one factor or entity to act on")
+        raise RuleError(f"{code_place(function)}: a rule needs at least one factor or entity to act on")
     allowed: dict[tuple[type, type], str] = {
         (kind, factor): f"{kind.__name__}[{factor.__name__}]" for kind, factor in signature.effects
     }
     condition = as_relation(relation) if relation is not None else None
     if condition is not None and len(condition.signature.entities) > len(signature.entities):
         raise RuleError(
-            f"{where(function)}: relation {condition.name} needs {len(condition.signature.entities)} entities,"
+            f"{code_place(function)}: relation {condition.name} needs {len(condition.signature.entities)} entities,"
             f" the rule has {len(signature.entities)}"
         )
-    tree = trace(function, symbolic_arguments(signature), effects_leaf(allowed), where(function))
+    tree = trace(function, symbolic_arguments(signature), effects_leaf(allowed), code_place(function))
     if priority is None:
         priority = max([condition.specificity if condition else 0, *map(_specificity, signature.entities)])
     return Rule(function, signature, tree, condition, priority, recheck)

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from segar.errors import FactorError
-from segar.support.estimates import Estimate
 from segar.language.hull_statistics import hull_log_density, mean_area, mean_perimeter, mean_vertices
 from segar.language.hulls import convex_hulls
+from segar.support import Estimate
 
 CIRCLE = 1  # shape kinds as the kernels see them; 0 means no shape
 HULL = 2

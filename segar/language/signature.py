@@ -15,13 +15,13 @@ from dataclasses import dataclass
 from types import NoneType, UnionType
 from typing import Annotated, Any, TypeVar
 
-from segar.language.effects import Effect
-from segar.language.symbols import Symbol, make
-from segar.language.entities import Entity
 from segar.errors import RuleError, did_you_mean
+from segar.language.effects import Effect
+from segar.language.entities import Entity
 from segar.language.factors import Factor, Text, concrete_factors
 from segar.language.parameters import Parameter
-from segar.language.values import Source, Vector
+from segar.language.symbols import Symbol, make
+from segar.language.values import Source, VectorValue
 
 RELATIONS = ("is_on", "overlaps", "contains")
 T = TypeVar("T")
@@ -111,11 +111,11 @@ class EntityView:
 class WallView:
     """The wall as a contact rule sees it."""
 
-    def __init__(self, normal: Vector) -> None:
+    def __init__(self, normal: VectorValue) -> None:
         self.normal = normal
 
 
-def where(function: Callable[..., Any]) -> str:
+def code_place(function: Callable[..., Any]) -> str:
     """``name (file.py:12)``, for messages."""
     code = getattr(function, "__code__", None)
     name = getattr(function, "__qualname__", repr(function))
@@ -138,9 +138,11 @@ def read_signature(function: Callable[..., Any], returns_effects: bool = True, r
     reduced = 0
     for name, parameter in inspect.signature(function).parameters.items():
         if parameter.kind in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD):
-            raise RuleError(f"{where(function)}: '*{name}' cannot be matched; name every argument")
+            raise RuleError(f"{code_place(function)}: '*{name}' cannot be matched; name every argument")
         if name not in hints:
-            raise RuleError(f"{where(function)}: argument '{name}' has no type hint; hint a factor, e.g. {name}: Mass")
+            raise RuleError(
+                f"{code_place(function)}: argument '{name}' has no type hint; hint a factor, e.g. {name}: Mass"
+            )
         hint, asked = _without_reduction(hints[name])
         before = len(entities)
         if isinstance(hint, type) and issubclass(hint, Factor) and not issubclass(hint, Parameter):
@@ -154,7 +156,7 @@ def read_signature(function: Callable[..., Any], returns_effects: bool = True, r
     if plain:
         if entities:
             raise RuleError(
-                f"{where(function)}: mixes plain factors ({plain[0][1].__name__}) with tuples or entity classes;"
+                f"{code_place(function)}: mixes plain factors ({plain[0][1].__name__}) with tuples or entity classes;"
                 " put the factors of each entity in its own Tuple[...]"
             )
         entities.append(Pattern(factors=tuple(f for _, f in plain)))
@@ -163,7 +165,7 @@ def read_signature(function: Callable[..., Any], returns_effects: bool = True, r
         return signature
     if "return" not in hints:
         raise RuleError(
-            f"{where(function)}: the return has no type hint; say what it changes, e.g. -> Aggregate[Acceleration]"
+            f"{code_place(function)}: the return has no type hint; say what it changes, e.g. -> Aggregate[Acceleration]"
         )
     effects = tuple(_effects(function, hints["return"]))
     _check_held(function, signature, effects)
@@ -190,11 +192,11 @@ def _load(entity: int, factor: Any) -> Any:
     if factor is Action:
         return _ActionSymbols()
     if factor is Wall:
-        return WallView(Vector(make("wall", 0), make("wall", 1)))
+        return WallView(VectorValue(make("wall", 0), make("wall", 1)))
     if issubclass(factor, Parameter):
         return make("parameter", factor)
     if factor.width == 2:
-        return Vector(make("load", entity, factor, 0), make("load", entity, factor, 1), Source(entity, factor))
+        return VectorValue(make("load", entity, factor, 0), make("load", entity, factor, 1), Source(entity, factor))
     if factor.width == 1:
         return make("load", entity, factor, 0)
     if issubclass(factor, Text):
@@ -246,11 +248,11 @@ def _argument(function: Callable[..., Any], name: str, hint: Any, entities: list
         factors = typing.get_args(hint)
         for factor in factors:
             if not (isinstance(factor, type) and issubclass(factor, Factor)) or issubclass(factor, Parameter):
-                raise RuleError(f"{where(function)}: argument '{name}': {_show(factor)} is not a factor")
+                raise RuleError(f"{code_place(function)}: argument '{name}': {_show(factor)} is not a factor")
         entities.append(Pattern(factors=factors))
         return Argument(name, "tuple", len(entities) - 1, factors)
     raise RuleError(
-        f"{where(function)}: argument '{name}' has the hint {_show(hint)}, which is not a factor, a Tuple of factors,"
+        f"{code_place(function)}: argument '{name}' has the hint {_show(hint)}, which is not a factor, a Tuple of factors,"
         " an entity class or a world parameter"
     )
 
@@ -264,7 +266,7 @@ def _without_reduction(hint: Any) -> tuple[Any, str]:
 
 def _check_reduction(function: Callable[..., Any], name: str, asked: str, allowed: str, is_entity: bool) -> None:
     """Refuse a hint ``Every`` or ``Best`` where it means nothing."""
-    place = f"{where(function)}: argument '{name}'"
+    place = f"{code_place(function)}: argument '{name}'"
     if not asked:
         raise RuleError(f"{place}: arguments with {REDUCTIONS[allowed]}[...] come last")
     if asked != allowed:
@@ -282,7 +284,9 @@ def _effects(function: Callable[..., Any], hint: Any) -> typing.Iterator[tuple[t
         return
     if isinstance(hint, type) and issubclass(hint, Effect) and hasattr(hint, "factor"):
         if not (isinstance(hint.factor, type) and issubclass(hint.factor, Factor)):
-            raise RuleError(f"{where(function)}: returns {hint.__name__}, but {_show(hint.factor)} is not a factor")
+            raise RuleError(
+                f"{code_place(function)}: returns {hint.__name__}, but {_show(hint.factor)} is not a factor"
+            )
         yield hint.kind, hint.factor
         return
     if typing.get_origin(hint) in (tuple, typing.Union, UnionType):
@@ -290,7 +294,7 @@ def _effects(function: Callable[..., Any], hint: Any) -> typing.Iterator[tuple[t
             yield from _effects(function, part)
         return
     raise RuleError(
-        f"{where(function)}: returns {_show(hint)}; a rule returns Aggregate[...], Differential[...], SetFactor[...],"
+        f"{code_place(function)}: returns {_show(hint)}; a rule returns Aggregate[...], Differential[...], SetFactor[...],"
         " a Tuple of these, or None"
     )
 
@@ -305,7 +309,7 @@ def _check_held(function: Callable[..., Any], signature: Signature, effects: Any
         if not any(issubclass(h, factor) or issubclass(factor, h) for h in held):
             names = [h.__name__ for h in held]
             raise RuleError(
-                f"{where(function)}: returns {kind.__name__}[{factor.__name__}], but no argument holds"
+                f"{code_place(function)}: returns {kind.__name__}[{factor.__name__}], but no argument holds"
                 f" {factor.__name__}; take it as an argument.{did_you_mean(factor.__name__, names)}"
             )
 
@@ -332,10 +336,10 @@ def _hints(function: Callable[..., Any]) -> dict[str, Any]:
             known = [f.__name__ for f in concrete_factors()]
             label = "the return" if name == "return" else f"argument '{name}'"
             raise RuleError(
-                f"{where(function)}: {label}: '{error.name}' is not a factor.{did_you_mean(str(error.name), known)}"
+                f"{code_place(function)}: {label}: '{error.name}' is not a factor.{did_you_mean(str(error.name), known)}"
             ) from None
         except (SyntaxError, TypeError, AttributeError) as error:
-            raise RuleError(f"{where(function)}: cannot read the hint '{hint}' of '{name}': {error}") from None
+            raise RuleError(f"{code_place(function)}: cannot read the hint '{hint}' of '{name}': {error}") from None
     return hints
 
 

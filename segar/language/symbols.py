@@ -13,7 +13,7 @@ from collections.abc import Callable
 from typing import Any
 
 from segar.errors import RuleError
-from segar.language.values import Number, Source, Vector
+from segar.language.values import Number, Source, VectorValue
 
 _interned: weakref.WeakValueDictionary[Any, Symbol] = weakref.WeakValueDictionary()
 _decide: list[Callable[[Symbol], bool]] = []  # the innermost tracer answers what a condition is on this path
@@ -278,7 +278,7 @@ _COMPARISON: dict[str, Callable[[float, float], bool]] = {
 
 
 def _binary(op: str, a: Any, b: Any) -> Any:
-    if isinstance(a, Vector) or isinstance(b, Vector):
+    if isinstance(a, VectorValue) or isinstance(b, VectorValue):
         return NotImplemented
     if b is None or isinstance(b, str) or a is None:
         raise RuleError(f"a factor cannot be combined or compared with {b!r}")

@@ -6,11 +6,31 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from segar.engine.compiler.task_functions import TaskFunctions
 from segar.errors import SegarError
 from segar.language.rule_definition import Rule, as_rule, value_rule
 
 Function = Callable[..., Any]
+
+
+@dataclass(frozen=True)
+class TaskFunctions:
+    """What a task adds to a kernel: the rules of its action, and functions of the state.
+
+    Rewards add up; a truth holds if any of its functions holds.
+    """
+
+    act: tuple[Rule, ...]
+    reward: tuple[Rule, ...]
+    terminated: tuple[Rule, ...]
+    success: tuple[Rule, ...]
+    death: tuple[Rule, ...]
+    action_low: tuple[float, ...]
+    action_high: tuple[float, ...]
+
+    @property
+    def of_state(self) -> tuple[Rule, ...]:
+        """All functions of the state, in the order in which they are numbered."""
+        return (*self.reward, *self.terminated, *self.success, *self.death)
 
 
 @dataclass(frozen=True)
@@ -83,3 +103,18 @@ def _truths(functions: Function | tuple[Function, ...]) -> tuple[Rule, ...]:
 
 def _several(functions: Function | tuple[Function, ...]) -> tuple[Function, ...]:
     return functions if isinstance(functions, tuple) else (functions,)
+
+
+_default: list[Callable[[], Task]] = []
+
+
+def set_default_task(make: Callable[[], Task]) -> None:
+    """Registers what simulator and interpreter use where no task is given; :mod:`segar.tasks` calls it once."""
+    _default[:] = [make]
+
+
+def default_task() -> Task:
+    """The task that is used where none is given: PuttPutt, once :mod:`segar.tasks` is imported."""
+    if not _default:
+        raise SegarError("no default task is registered; import segar, or give task=")
+    return _default[0]()

@@ -1,7 +1,7 @@
 """What a factor's value can be, and the arithmetic that a rule may use.
 
 A rule sees numbers and 2-vectors. The same arithmetic runs on floats (:class:`Number`, the interpreter) and on
-symbols (:class:`segar.language.symbols.Symbol`, the compiler); :class:`Vector` holds two of either.
+symbols (:class:`segar.language.symbols.Symbol`, the compiler); :class:`VectorValue` holds two of either.
 """
 
 from __future__ import annotations
@@ -121,7 +121,7 @@ class Number(float):
         return float.__repr__(self)
 
 
-class Vector:
+class VectorValue:
     """A 2-vector of numbers or symbols. Operations are element-wise; a scalar acts on both components.
 
     It is the value type; the factor base class of the same role is :class:`segar.language.factors.Vector`.
@@ -135,47 +135,47 @@ class Vector:
         self.y = Number(y) if isinstance(y, (int, float)) and not isinstance(y, Number) else y
         self.source = source
 
-    def __add__(self, other: Any) -> Vector:
+    def __add__(self, other: Any) -> VectorValue:
         o = _as_vector(other)
-        return Vector(self.x + o.x, self.y + o.y)
+        return VectorValue(self.x + o.x, self.y + o.y)
 
     __radd__ = __add__
 
-    def __sub__(self, other: Any) -> Vector:
+    def __sub__(self, other: Any) -> VectorValue:
         o = _as_vector(other)
-        return Vector(self.x - o.x, self.y - o.y)
+        return VectorValue(self.x - o.x, self.y - o.y)
 
-    def __rsub__(self, other: Any) -> Vector:
+    def __rsub__(self, other: Any) -> VectorValue:
         o = _as_vector(other)
-        return Vector(o.x - self.x, o.y - self.y)
+        return VectorValue(o.x - self.x, o.y - self.y)
 
-    def __mul__(self, other: Any) -> Vector:
+    def __mul__(self, other: Any) -> VectorValue:
         o = _as_vector(other)
-        return Vector(self.x * o.x, self.y * o.y)
+        return VectorValue(self.x * o.x, self.y * o.y)
 
     __rmul__ = __mul__
 
-    def __truediv__(self, other: Any) -> Vector:
+    def __truediv__(self, other: Any) -> VectorValue:
         o = _as_vector(other)
-        return Vector(self.x / o.x, self.y / o.y)
+        return VectorValue(self.x / o.x, self.y / o.y)
 
-    def __rtruediv__(self, other: Any) -> Vector:
+    def __rtruediv__(self, other: Any) -> VectorValue:
         o = _as_vector(other)
-        return Vector(o.x / self.x, o.y / self.y)
+        return VectorValue(o.x / self.x, o.y / self.y)
 
-    def __pow__(self, exponent: float) -> Vector:
-        return Vector(self.x**exponent, self.y**exponent)
+    def __pow__(self, exponent: float) -> VectorValue:
+        return VectorValue(self.x**exponent, self.y**exponent)
 
-    def __neg__(self) -> Vector:
-        return Vector(-self.x, -self.y)
+    def __neg__(self) -> VectorValue:
+        return VectorValue(-self.x, -self.y)
 
-    def __abs__(self) -> Vector:
-        return Vector(abs(self.x), abs(self.y))
+    def __abs__(self) -> VectorValue:
+        return VectorValue(abs(self.x), abs(self.y))
 
     abs = __abs__
 
-    def sign(self) -> Vector:
-        return Vector(self.x.sign(), self.y.sign())
+    def sign(self) -> VectorValue:
+        return VectorValue(self.x.sign(), self.y.sign())
 
     def dot(self, other: Any) -> Any:
         o = _as_vector(other)
@@ -185,13 +185,13 @@ class Vector:
         """Euclidean length."""
         return (self.x * self.x + self.y * self.y).sqrt()
 
-    def unit_vector(self) -> Vector:
+    def unit_vector(self) -> VectorValue:
         """The vector divided by its length: nan at zero."""
         return self / self.norm()
 
-    def tangent_vector(self) -> Vector:
+    def tangent_vector(self) -> VectorValue:
         """The vector turned by +90 degrees: (-y, x)."""
-        return Vector(-self.y, self.x)
+        return VectorValue(-self.y, self.x)
 
     def __getitem__(self, index: int) -> Any:
         if index not in (0, 1):
@@ -220,7 +220,7 @@ class Vector:
         return f"Vector({self.x!r}, {self.y!r})"
 
 
-ZERO = Vector(0.0, 0.0)
+ZERO = VectorValue(0.0, 0.0)
 
 
 def sqrt(x: Any) -> Any:
@@ -260,9 +260,9 @@ def arctan2(y: Any, x: Any) -> Any:
 
 def where(condition: Any, yes: Any, no: Any) -> Any:
     """``yes`` if the condition holds, else ``no``; both are computed, nothing forks."""
-    if isinstance(yes, Vector) or isinstance(no, Vector):
+    if isinstance(yes, VectorValue) or isinstance(no, VectorValue):
         a, b = _as_vector(yes), _as_vector(no)
-        return Vector(where(condition, a.x, b.x), where(condition, a.y, b.y))
+        return VectorValue(where(condition, a.x, b.x), where(condition, a.y, b.y))
     if hasattr(condition, "select"):
         return condition.select(yes, no)
     return yes if condition else no
@@ -270,9 +270,9 @@ def where(condition: Any, yes: Any, no: Any) -> Any:
 
 def minimum(a: Any, b: Any) -> Any:
     """The smaller of two numbers, element-wise."""
-    if isinstance(a, Vector) or isinstance(b, Vector):
+    if isinstance(a, VectorValue) or isinstance(b, VectorValue):
         a, b = _as_vector(a), _as_vector(b)
-        return Vector(minimum(a.x, b.x), minimum(a.y, b.y))
+        return VectorValue(minimum(a.x, b.x), minimum(a.y, b.y))
     return where(a < b, a, b)
 
 
@@ -297,13 +297,13 @@ def _as_scalar(x: Any) -> Any:
     return Number(x) if isinstance(x, (int, float)) and not isinstance(x, Number) else x
 
 
-def _as_vector(value: Any) -> Vector:
-    if isinstance(value, Vector):
+def _as_vector(value: Any) -> VectorValue:
+    if isinstance(value, VectorValue):
         return value
     if isinstance(value, (list, tuple)) or getattr(value, "shape", None) == (2,):
         x, y = value
-        return Vector(float(x) if hasattr(x, "dtype") else x, float(y) if hasattr(y, "dtype") else y)
-    return Vector(value, value)
+        return VectorValue(float(x) if hasattr(x, "dtype") else x, float(y) if hasattr(y, "dtype") else y)
+    return VectorValue(value, value)
 
 
 def _both(a: Any, b: Any) -> Any:

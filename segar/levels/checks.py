@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from segar.errors import LevelError, SegarError, did_you_mean
-from segar.language.factors import Factor
+from segar.language import Factor
 from segar.levels.level_set import Levels
 
 
@@ -24,7 +24,7 @@ def require_levels(what: str, *sets: object) -> None:
 
 def require_distribution(what: str, law: object) -> None:
     """Raise :class:`LevelError` in the name of the function ``what`` unless it is a level distribution."""
-    from segar.levels.distribution import LevelDistribution  # distributions stand above measures
+    from segar.levels.distribution import LevelDistribution
 
     if not isinstance(law, LevelDistribution):
         raise LevelError(f"{what} needs a level distribution (segar.LevelDistribution), not a {type(law).__name__}")

@@ -9,11 +9,20 @@ from typing import Any
 
 import numpy as np
 
-from segar.language.signature import read_signature, symbolic_arguments, where
-from segar.language.symbols import Symbol, make, walk
-from segar.language.trace import Leaf, Tree, number_leaf, trace
 from segar.errors import PriorError, RuleError
-from segar.language.factors import Factor
+from segar.language import (
+    Factor,
+    Leaf,
+    Symbol,
+    Tree,
+    code_place,
+    make,
+    number_leaf,
+    read_signature,
+    symbolic_arguments,
+    trace,
+    walk,
+)
 from segar.noise import Noise
 
 Read = Callable[[type[Factor], int], np.ndarray]
@@ -98,13 +107,13 @@ def _expression(name: str, given: Any) -> Symbol:
         raise PriorError(f"Dependent: {name} must be a finite number or a typed function of factors, not {given!r}")
     try:
         signature = read_signature(given, returns_effects=False)
-        symbol = _number_of(trace(given, symbolic_arguments(signature), number_leaf, where(given)))
+        symbol = _number_of(trace(given, symbolic_arguments(signature), number_leaf, code_place(given)))
     except RuleError as error:
         raise PriorError(f"Dependent: {name}: {error}") from None
     strange = next((s.op for s in walk(symbol) if s.op in UNREADABLE), None)
     if len(signature.entities) != 1 or strange:
         reason = f"it uses a {strange}" if strange else f"it takes {len(signature.entities)} entities"
-        raise PriorError(f"Dependent: {name}: {where(given)} may read only numbers of one entity, and {reason}")
+        raise PriorError(f"Dependent: {name}: {code_place(given)} may read only numbers of one entity, and {reason}")
     return symbol
 
 

@@ -11,20 +11,28 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from segar.levels.content_hash import content_hash
-from segar.language.layout import Layout, Slot, name_slots
-from segar.language.entities import Entity, GlobalFriction, ThingFactory
 from segar.errors import LevelError, PriorError, did_you_mean
-from segar.support.estimates import Estimate
-from segar.language.factors import Factor
-from segar.levels.level_set import Levels, Provenance
-from segar.noise import Noise
-from segar.language.parameters import BUILT_IN_PARAMETERS, Parameter
-from segar.levels.sampling.placement import MIN_DISTANCE
+from segar.language import (
+    BUILT_IN_PARAMETERS,
+    Entity,
+    Factor,
+    GlobalFriction,
+    Layout,
+    Parameter,
+    Slot,
+    ThingFactory,
+    name_slots,
+)
+from segar.levels.hashing import content_hash
+from segar.levels.level_data import Provenance
+from segar.levels.level_set import Levels
 from segar.levels.priors import Prior, check_priors
 from segar.levels.sampling.draws import Streams, draw_levels
+from segar.levels.sampling.placement import MIN_DISTANCE
 from segar.levels.sampling.plan import Group, Plan, make_plan
-from segar.support.version import __version__
+from segar.noise import Noise
+from segar.rules import World
+from segar.support import Estimate, __version__
 
 if TYPE_CHECKING:
     from segar.levels.explanation import Explanation
@@ -152,8 +160,6 @@ class LevelDistribution:
 
     def with_rules(self, rules: Sequence[Any]) -> LevelDistribution:
         """The same distribution, with the same levels, in a world with other ``rules``; raises :class:`RuleError`."""
-        from segar.rules.world import World  # rules know entities, not the other way round
-
         world = self.world if self.world is not None else World()
         return dataclasses.replace(self, world=dataclasses.replace(world, rules=rules))
 
@@ -324,8 +330,6 @@ def _check_number(entry: Any) -> tuple[Any, Any]:
 
 
 def _check_world(world: Any) -> None:
-    from segar.rules.world import World  # rules know entities, not the other way round
-
     if world is not None and not isinstance(world, World):
         raise LevelError(f"world must be a segar.World or None, not {world!r}; with_rules takes a list of rules")
 

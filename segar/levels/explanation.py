@@ -5,11 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from segar.language.layout import Layout, holds
-from segar.language.entities import Entity
 from segar.errors import PriorError, did_you_mean
-from segar.language.factors import Factor, Position
-from segar.language.parameters import Parameter
+from segar.language import Entity, Factor, Layout, Parameter, Position, holds
 from segar.levels.priors import Prior, factors_read, ranked, specificity
 from segar.levels.sampling.plan import Plan
 

@@ -9,26 +9,23 @@ from typing import Any
 
 import numpy as np
 
-from segar.support.archives import ArchiveFormat
-from segar.language.layout import Layout, Slot
-from segar.language.entities import Entity
 from segar.errors import LevelError, did_you_mean
-from segar.language.factors import Factor
-from segar.levels.level_set import LEVEL_ARRAYS, Levels, Provenance
-from segar.metrics.points import Moments, law_moments
-from segar.language.parameters import Parameter
+from segar.language import Entity, Factor, Layout, Parameter, Slot
+from segar.levels.level_data import LEVEL_ARRAYS, LevelData, Provenance
+from segar.levels.moments import Moments, law_moments
+from segar.support import ArchiveFormat
 
 FORMAT = ArchiveFormat("segar-levels", 1, "levels", "level file", LevelError)
 
 
-def save_levels(levels: Levels, path: str | PathLike[str]) -> None:
+def write_level_file(levels: LevelData, path: str | PathLike[str]) -> None:
     """See :meth:`segar.Levels.save`."""
     arrays = {name: getattr(levels, name) for name in LEVEL_ARRAYS} | {"indices": levels.provenance.indices}
     FORMAT.write(Path(path), arrays, _metadata(levels))
 
 
-def load_levels(path: str | PathLike[str], world: Any = None) -> Levels:
-    """See :meth:`segar.Levels.load`."""
+def read_level_file(path: str | PathLike[str]) -> dict[str, Any]:
+    """The arguments of :class:`segar.Levels`, but for the world; see :meth:`segar.Levels.load`."""
     arrays, metadata = FORMAT.read(Path(path), (*LEVEL_ARRAYS, "indices"))
     layout = _layout(metadata, str(path))
     origin = metadata["provenance"]
@@ -42,10 +39,10 @@ def load_levels(path: str | PathLike[str], world: Any = None) -> Levels:
         tuple(metadata.get("rules", ())),
     )
     task, moments = metadata.get("task"), _moments(metadata, layout)
-    return Levels(layout=layout, **arrays, provenance=provenance, world=world, task=task, moments=moments)
+    return {**arrays, "layout": layout, "provenance": provenance, "task": task, "moments": moments}
 
 
-def _metadata(levels: Levels) -> dict[str, Any]:
+def _metadata(levels: LevelData) -> dict[str, Any]:
     layout, origin = levels.layout, levels.provenance
     return {
         "version": origin.version,

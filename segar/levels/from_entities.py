@@ -7,20 +7,32 @@ from typing import Any
 
 import numpy as np
 
-from segar.language.layout import Layout, Slot, name_slots
-from segar.language.entities import Entity, GlobalFriction, entity_name
 from segar.errors import LevelError
-from segar.language.factors import ID, Friction, Label, Shape
-from segar.levels.level_set import Levels, Provenance
-from segar.language.parameters import BUILT_IN_PARAMETERS, FloorFriction, Parameter
-from segar.language.shapes import HULL, BaseShape
-from segar.support.version import __version__
+from segar.language import (
+    BUILT_IN_PARAMETERS,
+    HULL,
+    ID,
+    BaseShape,
+    Entity,
+    FloorFriction,
+    Friction,
+    GlobalFriction,
+    Label,
+    Layout,
+    Parameter,
+    Shape,
+    Slot,
+    entity_name,
+    name_slots,
+)
+from segar.levels.level_data import Provenance
+from segar.support import __version__
 
 
-def levels_from_entities(
-    levels: Sequence[Sequence[Entity]], parameters: Mapping[type[Parameter], Any], world: Any, name: str | None
-) -> Levels:
-    """See :meth:`segar.Levels.from_entities`."""
+def arrays_of_entities(
+    levels: Sequence[Sequence[Entity]], parameters: Mapping[type[Parameter], Any], name: str | None
+) -> dict[str, Any]:
+    """The arguments of :class:`segar.Levels`, but for the world; see :meth:`segar.Levels.from_entities`."""
     _check_entities(levels)
     layout = _layout(levels, parameters)
     n, slots = len(levels), len(layout.slots)
@@ -40,7 +52,10 @@ def levels_from_entities(
     values[:, -1, layout.columns[Friction]] = table[:, layout.parameters.index(FloorFriction)]
     kind, count, vertices = _outlines(shapes, n, slots)
     provenance = Provenance(name, "", __version__, 0, "", np.arange(n))
-    return Levels(layout, types, values, kind, count, vertices, table, values.copy(), provenance, world=world)
+    return {
+        "layout": layout, "types": types, "values": values, "shape_kind": kind, "vertex_count": count,
+        "vertices": vertices, "parameters": table, "sampled_values": values.copy(), "provenance": provenance,
+    }  # fmt: skip
 
 
 def _check_entities(levels: Sequence[Sequence[Entity]]) -> None:

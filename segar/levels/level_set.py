@@ -10,48 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from segar.language.layout import Layout
-from segar.language.entities import Entity
 from segar.errors import LevelError, PlacementError
-from segar.language.parameters import Parameter
-
-LEVEL_ARRAYS = (
-    "types",
-    "values",
-    "shape_kind",
-    "vertex_count",
-    "vertices",
-    "parameters",
-    "sampled_values",
-)
-
-
-@dataclass(frozen=True, eq=False)
-class Provenance:
-    """Where levels come from: distribution (name and content hash), version, seed, split, and indices in the split.
-
-    Levels that were made by hand have an empty ``distribution``. ``rules`` names the rules of their own that levels had
-    when they were saved; it is empty for the default ones.
-    """
-
-    name: str | None
-    distribution: str
-    version: str
-    seed: int
-    split: str
-    indices: np.ndarray
-    rules: tuple[str, ...] = ()
-
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, Provenance):
-            return NotImplemented
-        fields = ("name", "distribution", "version", "seed", "split")
-        same = all(getattr(self, f) == getattr(other, f) for f in fields)
-        return same and np.array_equal(self.indices, other.indices)
+from segar.language import Entity, Parameter
+from segar.levels.files import read_level_file, write_level_file
+from segar.levels.from_entities import arrays_of_entities
+from segar.levels.level_data import LEVEL_ARRAYS, LevelData
+from segar.levels.sampling.draws import fix_block
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Levels:
+class Levels(LevelData):
     """``n`` levels with the entity slots of one layout (``E`` slots).
 
     Attributes:
@@ -71,20 +39,6 @@ class Levels:
         task: name of the task that the levels are for; None for PuttPutt.
     """
 
-    layout: Layout
-    types: np.ndarray
-    values: np.ndarray
-    shape_kind: np.ndarray
-    vertex_count: np.ndarray
-    vertices: np.ndarray
-    parameters: np.ndarray
-    sampled_values: np.ndarray
-    provenance: Provenance
-    distribution: Any = None
-    world: Any = None
-    task: str | None = None
-    moments: Mapping[Any, tuple[np.ndarray, np.ndarray]] = dataclasses.field(default_factory=dict)
-
     @classmethod
     def load(cls, path: str | PathLike[str], world: Any = None) -> Levels:
         """Levels from a file that ``save`` wrote, in ``world`` (None: the default rules; files do not hold rules).
@@ -92,9 +46,7 @@ class Levels:
         Raises:
             LevelError: the file is no level file, is incomplete, or holds entity types that are not defined.
         """
-        from segar.levels.files import load_levels
-
-        return load_levels(path, world)
+        return cls(**read_level_file(path), world=world)
 
     @classmethod
     def from_entities(
@@ -116,9 +68,7 @@ class Levels:
             LevelError: there are no levels, or an entity or parameter cannot be used.
             PlacementError: ``fix_overlaps`` is asked for and impossible.
         """
-        from segar.levels.from_entities import levels_from_entities
-
-        made = levels_from_entities(levels, parameters or {}, world, name)
+        made = cls(**arrays_of_entities(levels, parameters or {}, name), world=world)
         return made.without_overlaps() if fix_overlaps else made
 
     def save(self, path: str | PathLike[str]) -> None:
@@ -127,9 +77,7 @@ class Levels:
         Raises:
             LevelError: the file cannot be written; what stood at ``path`` still stands there.
         """
-        from segar.levels.files import save_levels
-
-        save_levels(self, path)
+        write_level_file(self, path)
 
     def without_overlaps(self) -> Levels:
         """The same levels with things moved out of walls, and objects out of each other; see :mod:`segar.levels.sampling.placement`.
@@ -137,16 +85,11 @@ class Levels:
         Raises:
             PlacementError: the things of a level do not fit; the message names it.
         """
-        from segar.levels.sampling.draws import fix_block
-
         fixed = dataclasses.replace(self, values=self.values.copy())
         stuck = fix_block(fixed.layout, fixed)
         if len(stuck):
             raise PlacementError(f"level {stuck[0]}: its things do not fit into the arena without overlap")
         return fixed
-
-    def __len__(self) -> int:
-        return len(self.types)
 
     def __getitem__(self, index: Any) -> Levels:
         """Levels at an index, a slice, or an array of indices or truth values; always levels, never a single array."""

@@ -24,16 +24,34 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from segar.levels.conditional import Dependent
-from segar.language.layout import holds
-from segar.language.symbols import Symbol, evaluate, walk
-from segar.language.entities import Entity, GlobalFriction, Object, Thing, ThingFactory, Tile
 from segar.errors import FactorError, PriorError, did_you_mean
-from segar.language.factors import Count, Factor, Flag, Marker, Shape, Size, Text
+from segar.language import (
+    SPECIFICITY_OBJECT,
+    SPECIFICITY_SUBCLASS,
+    SPECIFICITY_THING,
+    Count,
+    Entity,
+    Factor,
+    Flag,
+    GlobalFriction,
+    Marker,
+    Object,
+    Parameter,
+    Relation,
+    Shape,
+    Size,
+    Symbol,
+    Text,
+    Thing,
+    ThingFactory,
+    Tile,
+    as_relation,
+    evaluate,
+    holds,
+    walk,
+)
+from segar.levels.conditional import Dependent
 from segar.noise import Choice, Noise
-from segar.language.parameters import Parameter
-from segar.language.relations import Relation, as_relation
-from segar.language.rule_definition import SPECIFICITY_OBJECT, SPECIFICITY_SUBCLASS, SPECIFICITY_THING
 
 Specificity = tuple[int, int, bool, int]
 

@@ -3,9 +3,12 @@
 from segar.metrics.debiased import DebiasedW2, Floor, same_distribution_floor, w2_debiased
 from segar.metrics.decomposition import Decomposition, decompose
 from segar.metrics.embedding import embed
+from segar.metrics.entropy_estimate import SampleEntropy, sample_entropy
 from segar.metrics.kolmogorov import FactorKS, KSReport, dkw_band, ks, ks_by_factor, ks_report
 from segar.metrics.large_sets import EntropicW2, SlicedW2, w2_entropic, w2_sliced
-from segar.metrics.points import spread
+from segar.metrics.level_design import design
+from segar.metrics.marginal_distributions import component
+from segar.metrics.points import relevant_factors, spread
 from segar.metrics.representative_sets import (
     Coverage,
     Representativeness,
@@ -13,7 +16,6 @@ from segar.metrics.representative_sets import (
     effective_number,
     representativeness,
 )
-from segar.metrics.entropy_estimate import SampleEntropy, sample_entropy
 from segar.metrics.two_sample import TwoSampleTest, classifier_test, energy_test, mmd_test
 from segar.metrics.unbalanced import UnbalancedW2, w2_partial, w2_unbalanced
 from segar.metrics.visual import VisualDistance, clustering_w2, visual_distance, visual_w2
@@ -36,8 +38,10 @@ __all__ = [
     "W2Report",
     "classifier_test",
     "clustering_w2",
+    "component",
     "coverage",
     "decompose",
+    "design",
     "dkw_band",
     "effective_number",
     "embed",
@@ -46,6 +50,7 @@ __all__ = [
     "ks_by_factor",
     "ks_report",
     "mmd_test",
+    "relevant_factors",
     "representativeness",
     "same_distribution_floor",
     "sample_entropy",

@@ -8,16 +8,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from segar.levels.checks import require_distribution, require_generator, require_levels
 from segar.errors import LevelError
-from segar.language.factors import Factor
-from segar.levels.level_set import Levels
+from segar.language import Factor
+from segar.levels import Levels, require_distribution, require_generator, require_levels
 from segar.metrics.points import Spread, spread
-from segar.metrics.transport import emd
 from segar.metrics.wasserstein import Mode, cost_function
+from segar.support import emd
 
 if TYPE_CHECKING:
-    from segar.levels.distribution import LevelDistribution
+    from segar.levels import LevelDistribution
 
 FRESH_SPLIT = "same-distribution floor"
 """Split of the levels that stand for a distribution here, so that they are nobody's train or test levels."""

@@ -7,13 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from segar.levels.checks import require_factors, require_levels, require_units
-from segar.language.factors import Factor
-from segar.levels.level_set import Levels
+from segar.language import Factor, Parameter
+from segar.levels import Levels, PointSets, entity_types, require_factors, require_levels, require_units
 from segar.metrics.points import (
-    PointSets,
     Spread,
-    entity_types,
     scaled_parameters,
     scaled_state,
     shorter_way,
@@ -21,9 +18,8 @@ from segar.metrics.points import (
     weighed_factors,
     weighed_parameters,
 )
-from segar.metrics.transport import plan_of
 from segar.metrics.wasserstein import MISMATCH, exact_costs
-from segar.language.parameters import Parameter
+from segar.support import plan_of
 
 NEGLIGIBLE = 1e-15  # mass of a pair of levels that is the rounding of none
 

@@ -10,25 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from segar.levels.checks import require_factors
-from segar.language.entities import Entity
 from segar.errors import LevelError
-from segar.language.factors import Factor
-from segar.levels.level_set import Levels
+from segar.language import Entity, Factor, Parameter
+from segar.levels import Levels, PointSets, entity_types, gather, gather_parameters, gather_state, require_factors
 from segar.metrics.marginal_distributions import component, count_law, factor_law, law_types, parameter_law
-from segar.metrics.points import (
-    PointSets,
-    all_parameters,
-    cut,
-    entity_types,
-    gather,
-    gather_parameters,
-    gather_state,
-    relevant_factors,
-)
-from segar.noise import Noise, Wrapped
-from segar.noise.measures import ks_line
-from segar.language.parameters import Parameter
+from segar.metrics.points import all_parameters, cut, relevant_factors
+from segar.noise import Noise, Wrapped, ks_line
 
 GRID = 512  # steps of probability at which the curve of two laws is taken
 ROUNDING = 1e-12  # that two computations of one probability may differ by
@@ -195,7 +182,7 @@ class _Side:
     as_drawn: bool
 
     def __post_init__(self) -> None:
-        from segar.levels.distribution import LevelDistribution  # distributions stand above metrics
+        from segar.levels import LevelDistribution
 
         if not isinstance(self.one, (Levels, LevelDistribution)):
             raise LevelError(

@@ -6,19 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from segar.levels.checks import require_factors, require_levels, require_units
-from segar.language.factors import Factor
-from segar.levels.level_set import Levels
-from segar.metrics.points import (
-    PointSets,
-    Spread,
-    entity_types,
-    scaled_parameters,
-    scaled_state,
-    spread,
-    weighed_factors,
-    weighed_parameters,
-)
+from segar.language import Factor
+from segar.levels import Levels, PointSets, entity_types, require_factors, require_levels, require_units
+from segar.metrics.points import Spread, scaled_parameters, scaled_state, spread, weighed_factors, weighed_parameters
 from segar.metrics.wasserstein import MISMATCH
 
 DIRECTIONS = 50  # at least so many for a type that a level can have several of; as many as the 2022 code projects on

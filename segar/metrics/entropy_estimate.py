@@ -8,11 +8,9 @@ from typing import Literal
 
 import numpy as np
 
-from segar.levels.checks import require_factors, require_levels
-from segar.language.entities import GlobalFriction
 from segar.errors import LevelError, did_you_mean
-from segar.language.factors import Factor
-from segar.levels.level_set import Levels
+from segar.language import Factor, GlobalFriction
+from segar.levels import Levels, require_factors, require_levels
 from segar.metrics.points import cut, relevant_factors
 
 NEIGHBOUR = 3  # k of the nearest-neighbour estimate: low bias, and a variance near that of larger k

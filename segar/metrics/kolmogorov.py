@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from segar.levels.checks import require_generator
 from segar.errors import LevelError
-from segar.language.factors import Factor
-from segar.levels.level_set import Levels
+from segar.language import Factor
+from segar.levels import Levels, require_generator
 from segar.metrics.distribution_functions import (
     Curve,
     Dealt,
@@ -23,7 +22,7 @@ from segar.metrics.distribution_functions import (
 from segar.metrics.joint_kernel import largest_difference
 
 if TYPE_CHECKING:
-    from segar.levels.distribution import LevelDistribution
+    from segar.levels import LevelDistribution
 
     Side = Levels | LevelDistribution
 

@@ -7,14 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from segar.levels.checks import require_generator, require_levels
 from segar.errors import LevelError, SegarError
-from segar.language.factors import Factor
-from segar.levels.level_set import Levels
+from segar.language import Factor
+from segar.levels import Levels, require_generator, require_levels
 from segar.metrics.embedding import embed, frames
 from segar.metrics.points import Spread
 from segar.metrics.wasserstein import MISMATCH, Mode, cost_function
-from segar.support.pot import pot
+from segar.support import pot
 
 SAFE_EXPONENT = 500.0  # exp(-500) is a float64 above 0: below, the kernel exp(-C / eps) may be used as it is
 SINKHORN_ITERATIONS = 20_000

@@ -11,13 +11,10 @@ from typing import Literal
 
 import numpy as np
 
-from segar.levels.checks import require_distribution, require_levels
-from segar.levels.content_hash import content_hash
-from segar.levels.distribution import LevelDistribution
 from segar.errors import LevelError, did_you_mean
-from segar.language.factors import Factor, Position, Size
-from segar.levels.level_set import Levels
-from segar.metrics.points import Spread, entity_types, spread
+from segar.language import Factor, Position, Size
+from segar.levels import LevelDistribution, Levels, content_hash, entity_types, require_distribution, require_levels
+from segar.metrics.points import Spread, spread
 from segar.metrics.targets import nearest_to_target
 from segar.metrics.wasserstein import MISMATCH, Mode, cost_function, exact_costs, w2
 

@@ -6,17 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from segar.language.entities import Entity, GlobalFriction
 from segar.errors import LevelError
-from segar.language.factors import Factor
-from segar.levels.probability.marginals import marginals, mix, slot_laws
-from segar.noise import Affine, Choice, Deterministic, Independent, Noise
-from segar.noise.measures import as_noise
-from segar.language.parameters import Parameter
+from segar.language import Entity, Factor, GlobalFriction, Parameter
+from segar.levels import marginals, mix, slot_laws
+from segar.noise import Affine, Choice, Deterministic, Independent, Noise, as_noise
 
 if TYPE_CHECKING:
-    from segar.levels.distribution import LevelDistribution
-    from segar.levels.sampling.plan import Group, Plan
+    from segar.levels import Group, LevelDistribution, Plan
 
 
 def law_types(law: LevelDistribution) -> list[type[Entity]]:

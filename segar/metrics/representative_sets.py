@@ -8,17 +8,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from segar.levels.checks import require_distribution, require_factors, require_generator, require_levels, require_units
 from segar.errors import LevelError
-from segar.language.factors import Factor
-from segar.levels.level_set import Levels
+from segar.language import Factor
+from segar.levels import (
+    Levels,
+    entity_types,
+    require_distribution,
+    require_factors,
+    require_generator,
+    require_levels,
+    require_units,
+)
 from segar.metrics.kolmogorov import FactorKS, ks_report
-from segar.metrics.points import Spread, entity_types, spread
-from segar.metrics.transport import emd
+from segar.metrics.points import Spread, spread
 from segar.metrics.wasserstein import MISMATCH, exact_costs
+from segar.support import emd
 
 if TYPE_CHECKING:
-    from segar.levels.distribution import LevelDistribution
+    from segar.levels import LevelDistribution
 
 LAW_SAMPLE = 500  # levels that stand for the distribution
 LAW_SPLIT = "representativeness"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from segar.metrics.transport import emd
+from segar.support import emd
 
 SWAPS = 400  # sets that are tried at most, each with one level exchanged, once no further step along the path helps
 

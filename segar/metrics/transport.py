@@ -8,43 +8,12 @@ from itertools import permutations
 
 import numpy as np
 
-from segar.errors import SegarError
-from segar.metrics.points import PointSets, shorter_way
-from segar.support.pot import TRANSPORT_STEPS, pot
+from segar.levels import PointSets
+from segar.metrics.points import shorter_way
+from segar.support import emd
 
 FEW_MATCHINGS = 24
 """Up to so many ways to match two sets, all are tried at once over all pairs of levels; beyond, scipy solves each pair."""
-
-
-def emd(cost: np.ndarray, weights_a: np.ndarray | None = None, weights_b: np.ndarray | None = None) -> float:
-    """The least cost of balanced transport, min <G, C> over plans G with the given marginals (uniform if None).
-
-    Args:
-        cost: float64 ``[n, m]``, finite.
-        weights_a, weights_b: float64 ``[n]`` and ``[m]``, each summing to 1.
-    """
-    n, m = cost.shape
-    a = np.full(n, 1 / n) if weights_a is None else weights_a
-    b = np.full(m, 1 / m) if weights_b is None else weights_b
-    if n == 1 or m == 1:  # there is only one plan
-        return float(a @ cost @ b)
-    value, log = pot().emd2(a, b, np.ascontiguousarray(cost), numItermax=TRANSPORT_STEPS, log=True)
-    if log["warning"] is not None:
-        raise SegarError(f"optimal transport of {n} x {m} levels did not converge: {log['warning']}")
-    return float(max(value, 0.0))
-
-
-def plan_of(cost: np.ndarray) -> np.ndarray:
-    """A plan of least cost between uniform weights, float64 ``[n, m]`` summing to 1; at most n + m - 1 entries are not 0."""
-    n, m = cost.shape
-    if n == 1 or m == 1:
-        return np.full((n, m), 1 / (n * m))
-    plan, log = pot().emd(
-        np.full(n, 1 / n), np.full(m, 1 / m), np.ascontiguousarray(cost), numItermax=TRANSPORT_STEPS, log=True
-    )
-    if log["warning"] is not None:
-        raise SegarError(f"optimal transport of {n} x {m} levels did not converge: {log['warning']}")
-    return plan
 
 
 def same_counts(a: PointSets, b: PointSets) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:

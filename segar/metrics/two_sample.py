@@ -7,10 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from segar.levels.checks import require_generator, require_levels
 from segar.errors import LevelError
-from segar.language.factors import Factor
-from segar.levels.level_set import Levels
+from segar.language import Factor
+from segar.levels import Levels, require_generator, require_levels
 from segar.metrics.embedding import embed
 from segar.metrics.points import Spread
 

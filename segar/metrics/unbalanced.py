@@ -9,12 +9,11 @@ from typing import Literal
 import numpy as np
 
 from segar.errors import LevelError, SegarError, did_you_mean
-from segar.language.factors import Factor
-from segar.levels.level_set import Levels
+from segar.language import Factor
+from segar.levels import Levels
 from segar.metrics.points import Spread
-from segar.metrics.transport import plan_of
 from segar.metrics.wasserstein import Mode, cost_function
-from segar.support.pot import TRANSPORT_STEPS, pot
+from segar.support import TRANSPORT_STEPS, plan_of, pot
 
 KL_ITERATIONS = 500  # between two looks at the duality gap
 KL_ROUNDS = 40

@@ -9,12 +9,19 @@ from math import lcm
 import numpy as np
 
 from segar.errors import SegarError, did_you_mean
-from segar.metrics.transport import emd
 from segar.noise import GaussianNoise
-from segar.textures.filter_clusters import FilterClusters, cluster_costs
-from segar.textures.inputs import BACKGROUND, NOISE_CLIP, is_noise
-from segar.textures.samples import UNIFORM, Laws, product_of_marginals
-from segar.textures.texture_set import TextureSet
+from segar.support import emd
+from segar.textures import (
+    BACKGROUND,
+    NOISE_CLIP,
+    UNIFORM,
+    FilterClusters,
+    Laws,
+    TextureSet,
+    cluster_costs,
+    is_noise,
+    product_of_marginals,
+)
 
 SMALLEST_PATCH = 8  # [pixels] about the size of the smallest things in a picture of 64 pixels
 RANDOM_FILTERS = 64

@@ -9,16 +9,15 @@ from typing import Literal
 
 import numpy as np
 
-from segar.levels.checks import require_factors, require_generator, require_levels, require_units
-from segar.language.entities import Entity
 from segar.errors import LevelError, did_you_mean
-from segar.language.factors import (
+from segar.language import (
     Acceleration,
     Alive,
     Charge,
     Density,
     Done,
     Drag,
+    Entity,
     Factor,
     Friction,
     Heat,
@@ -33,19 +32,10 @@ from segar.language.factors import (
     Velocity,
     Visible,
 )
-from segar.levels.level_set import Levels
-from segar.metrics.points import (
-    Spread,
-    entity_types,
-    gather,
-    scaled_parameters,
-    scaled_state,
-    spread,
-    weighed_factors,
-    weighed_parameters,
-)
-from segar.metrics.transport import balanced_costs, emd, matching_costs, sliced_costs
-from segar.support.pot import pot
+from segar.levels import Levels, entity_types, gather, require_factors, require_generator, require_levels, require_units
+from segar.metrics.points import Spread, scaled_parameters, scaled_state, spread, weighed_factors, weighed_parameters
+from segar.metrics.transport import balanced_costs, matching_costs, sliced_costs
+from segar.support import emd, pot
 
 Mode = Literal["exact", "reference", "paper"]
 

@@ -1,10 +1,10 @@
 """Laws of chance for factors and locations: sampled, and asked for density, cdf, entropy and distances."""
 
 from segar.noise.angles import VonMises
-from segar.noise.circle import Wrapped
+from segar.noise.base import Noise
+from segar.noise.circle import Wrapped, wrap
 from segar.noise.continuous import GaussianNoise, LogUniform, UniformNoise
 from segar.noise.discrete import Bernoulli, Choice, Deterministic, DiscreteRangeNoise, Empirical
-from segar.noise.base import Noise
 from segar.noise.locations import (
     CenterLocation,
     GaussianNoise2D,
@@ -21,6 +21,7 @@ from segar.noise.locations import (
     RandomTopRightLocation,
     RandomUniformLocation,
 )
+from segar.noise.measures import as_noise, ks_line
 from segar.noise.mixture import GaussianMixtureNoise, Mixture
 from segar.noise.transforms import Affine
 from segar.noise.truncated import TruncatedGaussianNoise
@@ -55,4 +56,7 @@ __all__ = [
     "UniformNoise",
     "VonMises",
     "Wrapped",
+    "as_noise",
+    "ks_line",
+    "wrap",
 ]

@@ -16,7 +16,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from segar.errors import PriorError
-from segar.support.estimates import Estimate
+from segar.support import Estimate
 
 PROBABILITY_SUM = 1e-9  # how far given probabilities may be from summing to one
 

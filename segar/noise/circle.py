@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from segar.errors import PriorError
-from segar.support.estimates import Estimate
-from segar.noise.discrete import DiscreteNoise
 from segar.noise.base import Noise, finite
+from segar.noise.discrete import DiscreteNoise
 from segar.noise.measures import NODES, greatest_difference, quadrature, supremum
+from segar.support import Estimate
 
 TABLE = 2048  # quantiles from which the best place to cut two circles is found roughly
 GOLDEN_STEPS = 60  # to 1e-12 of a turn

@@ -15,9 +15,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from segar.errors import PriorError
+from segar.noise.base import Noise, interval, points, shape_of
 from segar.noise.continuous import GaussianNoise, UniformNoise
 from segar.noise.discrete import Deterministic
-from segar.noise.base import Noise, interval, points, shape_of
 from segar.noise.mixture import MixtureNoise
 
 LOW, HIGH = -0.95, 0.95  # [m] where centres may start

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from segar.errors import PriorError
-from segar.support.estimates import Estimate
+from segar.noise.base import Noise, gauss_legendre
 from segar.noise.continuous import GaussianNoise, UniformNoise
 from segar.noise.discrete import Deterministic, DiscreteNoise
-from segar.noise.base import Noise, gauss_legendre
+from segar.support import Estimate
 
 NODES = 24  # of Gauss-Legendre quadrature per piece: errors below 1e-10 for Gaussian pieces one sigma wide
 BISECTIONS = 60  # of a piece, to find a quantile: exact to rounding

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from segar.errors import PriorError
-from segar.noise.continuous import GaussianNoise
 from segar.noise.base import Noise, members, probabilities
+from segar.noise.continuous import GaussianNoise
 
 
 class MixtureNoise(Noise):

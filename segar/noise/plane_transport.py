@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 
 from segar.errors import SegarError
-from segar.support.estimates import Estimate
-from segar.noise.discrete import DiscreteNoise
 from segar.noise.base import Noise
+from segar.noise.discrete import DiscreteNoise
 from segar.noise.locations import GaussianNoise2D
-from segar.support.pot import TRANSPORT_STEPS, pot
+from segar.support import TRANSPORT_STEPS, Estimate, pot
 
 ATOM_PAIRS = 4_000_000  # between which transport is solved exactly
 FEW_ATOMS = 1024  # that stand for themselves where the other law has a density

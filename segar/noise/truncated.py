@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from segar.errors import PriorError
-from segar.noise.continuous import SIGMAS, GaussianBetween, gauss
 from segar.noise.base import fraction, interval
+from segar.noise.continuous import SIGMAS, GaussianBetween, gauss
 
 PANELS = 24  # into which the line is cut for integrals, at most
 TAIL = 46.0  # an exponential tail is integrated over this many of its scales: beyond lies a mass of 1e-20

@@ -20,9 +20,8 @@ if TYPE_CHECKING:
     import gymnasium
     import numpy as np
 
-    from segar.language.factors import Factor
-    from segar.levels.level_set import Levels
-    from segar.language.task import Task
+    from segar.language import Factor, Task
+    from segar.levels import Levels
 
 
 @runtime_checkable

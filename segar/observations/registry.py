@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 from segar.errors import SegarError, did_you_mean
 from segar.observations.composed.multi import Multi
-from segar.observations.pixels.solid_colours import Pixels
 from segar.observations.composed.stack import Stack
-from segar.observations.state.state_vector import StateVector
+from segar.observations.pixels.solid_colours import Pixels
 from segar.observations.pixels.textured import TexturedPixels
+from segar.observations.state.state_vector import StateVector
 
 if TYPE_CHECKING:
-    from segar.language.task import Task
+    from segar.language import Task
 
 
 def state_normalised(normalise: bool = True, **options: Any) -> StateVector:

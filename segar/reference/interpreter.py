@@ -12,24 +12,33 @@ from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Any
 
-from segar.language import random
-from segar.language.effects import Aggregate, Differential, Effect, SetFactor
-from segar.language.layout import Layout
-from segar.reference.reference_contacts import ContactRules, Rates, move, resolve_contacts
-from segar.reference.result import Firing, Result
-from segar.reference.reference_state import Scene
-from segar.language.signature import Signature, build_argument
-from segar.engine.compiler.spec import Needs, needs_of
-from segar.engine.compiler.task_functions import TaskFunctions
+from segar.engine import Needs, needs_of
 from segar.errors import ConflictError, SegarError
-from segar.language.factors import Factor, Position, Velocity
-from segar.language.parameters import Framerate
-from segar.language.relations import Relation
-from segar.language.rule_definition import Rule
-from segar.tasks.puttputt import puttputt
-from segar.language.task import Task
-from segar.language.values import Number, Vector
-from segar.rules.world import World
+from segar.language import (
+    Aggregate,
+    Differential,
+    Effect,
+    Factor,
+    Framerate,
+    Layout,
+    Number,
+    Position,
+    Relation,
+    Rule,
+    SetFactor,
+    Signature,
+    Task,
+    TaskFunctions,
+    VectorValue,
+    Velocity,
+    WorldRules,
+    build_argument,
+    default_task,
+    random,
+)
+from segar.reference.reference_contacts import ContactRules, Rates, move, resolve_contacts
+from segar.reference.reference_state import Scene
+from segar.reference.result import Firing, Result
 
 Takes = Callable[[Rule, Effect], bool]
 
@@ -44,9 +53,9 @@ class Interpreter:
         task: action, reward and termination; PuttPutt where it is None.
     """
 
-    world: World
+    world: WorldRules
     layout: Layout
-    task: Task = field(default_factory=puttputt)
+    task: Task = field(default_factory=default_task)
 
     @cached_property
     def functions(self) -> TaskFunctions:
@@ -98,7 +107,7 @@ class Interpreter:
 class _Run:
     """A step in progress."""
 
-    world: World
+    world: WorldRules
     functions: TaskFunctions
     scene: Scene
     explain: bool
@@ -144,7 +153,7 @@ class _Run:
         for (slot, _), said in gathered.items():
             only_rates = all(effect.kind is Differential for _, effect in said)
             x, y = _sum(effect for _, effect in said) if only_rates else (0.0, 0.0)
-            rates[slot] = Vector(x, y)
+            rates[slot] = VectorValue(x, y)
         return rates
 
     def _gather(self, stage: str, rules: list[Rule], takes: Takes) -> dict[tuple[int, int], list[tuple[Rule, Effect]]]:
@@ -211,13 +220,13 @@ class _Run:
         except _Lacking:
             return False
 
-    def _call(self, rule: Rule, slots: tuple[int, ...], wall: Vector | None = None) -> list[Effect]:
+    def _call(self, rule: Rule, slots: tuple[int, ...], wall: VectorValue | None = None) -> list[Effect]:
         """The effects of a rule on these entities."""
         returned = self._value(rule, slots, wall)
         effects = returned if isinstance(returned, (tuple, list)) else (returned,)
         return [e for e in effects if e is not None]
 
-    def _value(self, rule: Rule, slots: tuple[int, ...], wall: Vector | None = None) -> Any:
+    def _value(self, rule: Rule, slots: tuple[int, ...], wall: VectorValue | None = None) -> Any:
         """What the rule's function returns for these entities."""
         draws = itertools.count()
         random._uniform_source.append(
@@ -228,7 +237,7 @@ class _Run:
         finally:
             random._uniform_source.pop()
 
-    def _arguments(self, signature: Signature, slots: tuple[int, ...], wall: Vector | None = None) -> list[Any]:
+    def _arguments(self, signature: Signature, slots: tuple[int, ...], wall: VectorValue | None = None) -> list[Any]:
         def read(entity: int, factor: Any) -> Any:
             if entity >= 0 and factor.width and not self.scene.has(slots[entity], factor):
                 raise _Lacking(factor)
@@ -260,7 +269,7 @@ class _Run:
             return self.world.pair_contact is not None
         return not self.scene.meets(slot, own_needs(rule)[0]) or bool(self._value(rule, (slot,)))
 
-    def hit_wall(self, slot: int, axes: Vector) -> None:
+    def hit_wall(self, slot: int, axes: VectorValue) -> None:
         noted = self._notes((slot,), axes)
         rule = self.world.wall_contact
         if rule is None:
@@ -277,7 +286,9 @@ class _Run:
         self._assign(self.world.pair_contact, (first, second))
         self._write(noted)
 
-    def _notes(self, bodies: tuple[int, ...], wall: Vector | None = None) -> dict[tuple[int, int], tuple[float, ...]]:
+    def _notes(
+        self, bodies: tuple[int, ...], wall: VectorValue | None = None
+    ) -> dict[tuple[int, int], tuple[float, ...]]:
         """What the rules of ``on_contact`` set, decided on the state in which the bodies meet."""
         gathered: dict[tuple[int, int], list[tuple[Rule, Effect]]] = {}
         for rule in self.world.on_contact:
@@ -291,7 +302,7 @@ class _Run:
                 self._note("contact", rule, slots, effects)
         return self._fold(gathered, 0.0)
 
-    def _assign(self, rule: Rule, slots: tuple[int, ...], wall: Vector | None = None) -> None:
+    def _assign(self, rule: Rule, slots: tuple[int, ...], wall: VectorValue | None = None) -> None:
         if not all(self.scene.meets(s, n) for s, n in zip(slots, own_needs(rule), strict=True)):
             return
         effects = tuple(self._call(rule, slots, wall=wall))
@@ -358,7 +369,7 @@ def _moves(effect: Effect) -> bool:
 
 def _parts(effect: Effect) -> tuple[float, ...]:
     value = effect.value
-    return (float(value.x), float(value.y)) if isinstance(value, Vector) else (float(value),)
+    return (float(value.x), float(value.y)) if isinstance(value, VectorValue) else (float(value),)
 
 
 def _sum(effects: Any) -> tuple[float, ...]:

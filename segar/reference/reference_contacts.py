@@ -10,9 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from segar.language import Mobile, Number, Position, VectorValue, Velocity
 from segar.reference.reference_state import TOUCH, Scene
-from segar.language.factors import Mobile, Position, Velocity
-from segar.language.values import Number, Vector
 
 MAX_CONTACTS = 64  # contacts that one sub-step resolves before it gives up the rest of its time
 MAX_REWINDS = 256  # moves back before one contact
@@ -20,7 +19,7 @@ MAX_SEPARATIONS = 50  # passes that push overlapping bodies apart after a sub-st
 REST_OVERLAP = 1e-7  # [m] bodies that move alike and overlap deeper than this are pushed apart
 TIME_TOLERANCE = 1e-6  # [s] by which a contact may lie before the sub-step's begin
 
-Rates = dict[int, Vector]
+Rates = dict[int, VectorValue]
 
 
 @dataclass(frozen=True)
@@ -35,7 +34,7 @@ class ContactRules:
     """
 
     solid: Callable[[int], bool]
-    hit_wall: Callable[[int, Vector], None]
+    hit_wall: Callable[[int, VectorValue], None]
     hit_body: Callable[[int, int], None]
     rates: Callable[[], Rates]
 
@@ -141,10 +140,10 @@ def _time_in_body(scene: Scene, i: int, j: int) -> float:
     return ((b * b - a * c).sqrt() - b) / a + TOUCH / a.sqrt()
 
 
-def _blocked(x: Vector, r: float, walls: float) -> Vector:
+def _blocked(x: VectorValue, r: float, walls: float) -> VectorValue:
     """1 in the axis of the nearest wall, else 0; both 1 exactly on a corner's diagonal."""
     gaps = [min(walls - (c + r), c - r + walls) for c in x]
-    return Vector(float(gaps[0] <= gaps[1]), float(gaps[1] <= gaps[0]))
+    return VectorValue(float(gaps[0] <= gaps[1]), float(gaps[1] <= gaps[0]))
 
 
 def _separate(scene: Scene, rules: ContactRules) -> None:
@@ -168,7 +167,7 @@ def _push_inside(scene: Scene, i: int) -> None:
     limit = max(scene.walls - scene.radius(i) - TOUCH, 0.0)
     x = scene.vector(i, Position)
     px, py = (min(max(float(c), -limit), limit) for c in x)
-    _place(scene, i, Vector(px, py))
+    _place(scene, i, VectorValue(px, py))
 
 
 def _push_apart(scene: Scene, i: int, j: int) -> None:
@@ -178,7 +177,7 @@ def _push_apart(scene: Scene, i: int, j: int) -> None:
     depth = scene.radius(i) + scene.radius(j) + 2 * TOUCH - d
     if depth <= 0:
         return
-    n = (xj - xi) / d if d > 0 else Vector(1.0, 0.0)
+    n = (xj - xi) / d if d > 0 else VectorValue(1.0, 0.0)
     free = [_is_movable(scene, s) for s in (i, j)]
     share = Number(0.5 if free[0] == free[1] else free[0])
     _place(scene, i, xi - n * (depth * share))
@@ -189,5 +188,5 @@ def _is_movable(scene: Scene, slot: int) -> bool:
     return not scene.has(slot, Mobile) or bool(scene.scalar(slot, Mobile))
 
 
-def _place(scene: Scene, slot: int, x: Vector) -> None:
+def _place(scene: Scene, slot: int, x: VectorValue) -> None:
     scene.write(slot, scene.column(slot, Position), (float(x.x), float(x.y)))

@@ -10,16 +10,30 @@ from typing import Any
 
 import numpy as np
 
-from segar.language import layout as layouts
-from segar.language.layout import Layout
-from segar.language.signature import Action, Wall, WallView
-from segar.engine.compiler.spec import Needs
-from segar.language.entities import Entity
+from segar.engine import Needs
 from segar.errors import SegarError
-from segar.language.factors import Collides, Factor, Floor, Order, Position, Size, Text, Velocity
-from segar.language.parameters import Parameter
-from segar.language.shapes import CIRCLE, HULL
-from segar.language.values import Number, Source, Vector
+from segar.language import (
+    CIRCLE,
+    HULL,
+    Action,
+    Collides,
+    Entity,
+    Factor,
+    Floor,
+    Layout,
+    Number,
+    Order,
+    Parameter,
+    Position,
+    Size,
+    Source,
+    Text,
+    VectorValue,
+    Velocity,
+    Wall,
+    WallView,
+)
+from segar.language import layout as layouts
 
 TOUCH = 1e-7  # [m] closer than this counts as touching; 2022 uses the same
 
@@ -103,14 +117,14 @@ class Scene:
     def scalar(self, slot: int, factor: type[Factor]) -> Number:
         return Number(self.values[slot, self.column(slot, factor)])
 
-    def vector(self, slot: int, factor: type[Factor]) -> Vector:
+    def vector(self, slot: int, factor: type[Factor]) -> VectorValue:
         column = self.column(slot, factor)
-        return Vector(Number(self.values[slot, column]), Number(self.values[slot, column + 1]))
+        return VectorValue(Number(self.values[slot, column]), Number(self.values[slot, column + 1]))
 
     def write(self, slot: int, column: int, parts: tuple[float, ...]) -> None:
         self.values[slot, column : column + len(parts)] = parts
 
-    def read(self, slots: tuple[int, ...], entity: int, factor: Any, wall: Vector | None, action: Any) -> Any:
+    def read(self, slots: tuple[int, ...], entity: int, factor: Any, wall: VectorValue | None, action: Any) -> Any:
         """What a rule receives for one hint: numbers that remember their source, text, or None for a marker."""
         if factor is Wall:
             return WallView(wall)  # type: ignore[arg-type]
@@ -127,7 +141,7 @@ class Scene:
         source = Source(entity, factor)
         if factor.width == 2:
             v = self.vector(slot, factor)
-            return Vector(v.x, v.y, source)
+            return VectorValue(v.x, v.y, source)
         return Number.of(self.scalar(slot, factor), source)
 
     # -- geometry ------------------------------------------------------------------------------------------------
@@ -181,7 +195,7 @@ class Scene:
         return [s for s in self.slots if self.has(s, Collides, Position, Velocity)]
 
 
-def edge_distances(hull: np.ndarray, point: Vector) -> np.ndarray:
+def edge_distances(hull: np.ndarray, point: VectorValue) -> np.ndarray:
     """Signed distances of a point from the lines of a counter-clockwise hull's edges, positive inside."""
     along = np.roll(hull, -1, axis=0) - hull
     inward = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.linalg.norm(along, axis=1, keepdims=True)

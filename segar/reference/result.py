@@ -7,10 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from segar.language.effects import Effect
+from segar.language import Effect, Factor, Rule
 from segar.reference.reference_state import Scene
-from segar.language.factors import Factor
-from segar.language.rule_definition import Rule
 
 
 @dataclass(frozen=True)

@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from segar.errors import SegarError, did_you_mean
-from segar.support.optional_dependencies import need_pygame
-from segar.language.parameters import Framerate
+from segar.language import Framerate
 from segar.rendering.scene import Stage
 from segar.rendering.view import View
+from segar.support import need_pygame
 
 if TYPE_CHECKING:
-    from segar.envs.snapshots import Snapshot
-    from segar.envs.vector import VectorEnv
+    from segar.envs import Snapshot, VectorEnv
 
 RENDER_MODES = ["rgb_array", "human"]
 SMALL = View(size=256)  # of each of several environments

@@ -8,7 +8,7 @@ from typing import TypeAlias
 import numpy as np
 import pygame
 
-from segar.language.entities import GoalTile
+from segar.language import GoalTile
 from segar.rendering import marks
 from segar.rendering.fields import charge_sources, electric_field, hint_strength
 from segar.rendering.labels import Box, Request, place_labels

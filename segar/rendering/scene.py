@@ -8,34 +8,38 @@ from functools import cached_property
 
 import numpy as np
 
-from segar.language.layout import Layout, Slot, holds
-from segar.language.signature import Pattern
-from segar.language.entities import Entity, entity_name
-from segar.language.factors import (
+from segar.language import (
+    CIRCLE,
+    HULL,
     Alive,
     Charge,
     Consumes,
     Done,
+    Entity,
     Factor,
     Floor,
     Friction,
     Heat,
+    Layout,
     Magnetism,
     Mass,
     Mobile,
     Order,
+    Pattern,
     Position,
     Size,
+    Slot,
     StoredEnergy,
+    Task,
     Text,
     Velocity,
     Visible,
+    WorldRules,
+    entity_name,
+    holds,
 )
-from segar.levels.level_set import Levels
-from segar.observations.pixels.colours import COLOURS, RGB, Colour, colour_of
-from segar.language.shapes import CIRCLE, HULL
-from segar.language.task import Task
-from segar.rules.world import World
+from segar.levels import Levels
+from segar.observations import COLOURS, RGB, Colour, colour_of
 
 # In letters as physics has them, with the value that goes without saying.
 SYMBOLS: Mapping[type[Factor], tuple[str, float]] = {
@@ -117,7 +121,7 @@ class Stage:
     """
 
     levels: Levels
-    world: World
+    world: WorldRules
     task: Task
     colours: Mapping[type[Entity], Colour] = field(default_factory=dict)
 
@@ -157,7 +161,7 @@ def _may_match(slot: Slot, pattern: Pattern) -> bool:
     return all(slot.may_have(factor) for factor in pattern.factors)
 
 
-def _listens(world: World, factor: type[Factor]) -> bool:
+def _listens(world: WorldRules, factor: type[Factor]) -> bool:
     """Whether some rule asks for the factor."""
     return any(factor in pattern.factors for rule in world.rules for pattern in rule.signature.entities)
 

@@ -13,9 +13,8 @@ import gymnasium
 import numpy as np
 
 from segar.errors import SegarError, did_you_mean
-from segar.support.optional_dependencies import need
 from segar.rendering.camera import side_by_side
-from segar.support.atomic_files import replacing
+from segar.support import need, replacing
 
 FORMATS = (".mp4", ".gif")
 FRAMES_PER_SECOND = 20  # where the environment does not say

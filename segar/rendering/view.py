@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from segar.language.entities import Entity
 from segar.errors import SegarError
-from segar.observations.pixels.colours import Colour
+from segar.language import Entity
+from segar.observations import Colour
 
 SMALLEST, LARGEST = 64, 2048  # [px]
 READABLE = 192  # [px] smaller pictures have no room for text

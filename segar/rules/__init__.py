@@ -1,27 +1,17 @@
-"""The built-in rules: plain typed functions, no numba, no engine."""
+"""The built-in rules, plain typed functions, and the world that they make: no numba, no engine."""
 
 from segar.rules.collisions import bounce, collide, is_solid
 from segar.rules.consume import consume
+from segar.rules.default_rules import DEFAULT_RULES
 from segar.rules.fields import lorentz_law, lorentz_law_r2
 from segar.rules.friction import apply_friction, come_to_rest, record_drag
 from segar.rules.heat import apply_burn
 from segar.rules.motion import accelerate, kill_condition, move, speed_limit, stop_condition
-
-DEFAULT_RULES = (
-    move,
-    lorentz_law,
-    apply_friction,
-    record_drag,
-    apply_burn,
-    stop_condition,
-    kill_condition,
-    consume,
-    accelerate,
-    come_to_rest,
-)
+from segar.rules.world import World
 
 __all__ = [
     "DEFAULT_RULES",
+    "World",
     "accelerate",
     "apply_burn",
     "apply_friction",

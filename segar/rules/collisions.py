@@ -4,12 +4,23 @@ from __future__ import annotations
 
 from typing import Tuple  # noqa: UP035 - the paper writes rules with typing.Tuple
 
-from segar.language.effects import SetFactor
-from segar.language.signature import Wall
-from segar.language.factors import Alive, Collides, Done, InfiniteEnergy, Mass, Mobile, Position, StoredEnergy, Velocity
-from segar.language.parameters import WallDamping
-from segar.language.rule_definition import rule, value_rule
-from segar.language.values import where
+from segar.language import (
+    Alive,
+    Collides,
+    Done,
+    InfiniteEnergy,
+    Mass,
+    Mobile,
+    Position,
+    SetFactor,
+    StoredEnergy,
+    Velocity,
+    Wall,
+    WallDamping,
+    rule,
+    value_rule,
+    where,
+)
 
 IMMOVABLE_MASS = 1e8  # [kg] a body that does not move exchanges momentum as if it were this heavy; as in 2022
 

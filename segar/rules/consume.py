@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from typing import Tuple  # noqa: UP035 - the paper writes rules with typing.Tuple
 
-from segar.language.effects import SetFactor
-from segar.language.factors import Consumes, Done, Mobile, Visible
-from segar.language.relations import contains
-from segar.language.rule_definition import rule
+from segar.language import Consumes, Done, Mobile, SetFactor, Visible, contains, rule
 
 
 @rule(relation=contains)

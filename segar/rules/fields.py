@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from typing import Tuple  # noqa: UP035 - the paper writes rules with typing.Tuple
 
-from segar.language.effects import Aggregate
-from segar.language.factors import Acceleration, Charge, Magnetism, Mass, Position, Velocity
-from segar.language.rule_definition import rule
-from segar.language.values import ZERO, sqrt, where
+from segar.language import ZERO, Acceleration, Aggregate, Charge, Magnetism, Mass, Position, Velocity, rule, sqrt, where
 
 
 @rule

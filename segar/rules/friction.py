@@ -4,12 +4,20 @@ from __future__ import annotations
 
 from typing import Tuple  # noqa: UP035 - the paper writes rules with typing.Tuple
 
-from segar.language.effects import Aggregate, SetFactor
-from segar.language.factors import Acceleration, Drag, Friction, Mass, Velocity
-from segar.language.parameters import Framerate, Gravity
-from segar.language.relations import is_on
-from segar.language.rule_definition import rule
-from segar.language.values import ZERO
+from segar.language import (
+    ZERO,
+    Acceleration,
+    Aggregate,
+    Drag,
+    Framerate,
+    Friction,
+    Gravity,
+    Mass,
+    SetFactor,
+    Velocity,
+    is_on,
+    rule,
+)
 
 SLIDING_SPEED = 1e-6  # [m/s] below this a body counts as at rest; the 2022 rule uses the same
 REST_PRIORITY = 10  # above every relation and entity class, below death

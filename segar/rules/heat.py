@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from typing import Tuple  # noqa: UP035 - the paper writes rules with typing.Tuple
 
-from segar.language.effects import SetFactor
-from segar.language.factors import Heat, Mass, Mobile
-from segar.language.relations import is_on
-from segar.language.rule_definition import rule
+from segar.language import Heat, Mass, Mobile, SetFactor, is_on, rule
 
 BURN_RATE = 0.1  # share of the mass lost per sub-step at heat 1; the 2022 rule uses the same
 

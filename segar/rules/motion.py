@@ -4,11 +4,22 @@ from __future__ import annotations
 
 from typing import Tuple  # noqa: UP035 - the paper writes rules with typing.Tuple
 
-from segar.language.effects import Differential, SetFactor
-from segar.language.factors import Acceleration, Alive, Mass, Mobile, Position, Velocity, Visible
-from segar.language.parameters import MaxVelocity, MinMass, MinVelocity
-from segar.language.rule_definition import rule
-from segar.language.values import ZERO
+from segar.language import (
+    ZERO,
+    Acceleration,
+    Alive,
+    Differential,
+    Mass,
+    MaxVelocity,
+    MinMass,
+    MinVelocity,
+    Mobile,
+    Position,
+    SetFactor,
+    Velocity,
+    Visible,
+    rule,
+)
 
 STOP_PRIORITY = 20  # a body that cannot move stands still, whatever else says so
 KILL_PRIORITY = 30  # death overrides every other outcome

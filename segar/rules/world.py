@@ -6,13 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from segar.language.effects import SetFactor
 from segar.errors import RuleError
-from segar.language.factors import Velocity
-from segar.language.rule_definition import Rule, as_rule
-from segar.rules import DEFAULT_RULES, bounce, collide, is_solid, speed_limit
-
-ARENA = 1.0  # [m] distance of the walls from the middle of the arena that distributions know
+from segar.language import ARENA, Rule, SetFactor, Velocity, as_rule
+from segar.rules.collisions import bounce, collide, is_solid
+from segar.rules.default_rules import DEFAULT_RULES
+from segar.rules.motion import speed_limit
 
 
 @dataclass(frozen=True, init=False)

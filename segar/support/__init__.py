@@ -1,1 +1,40 @@
 """Small tools that every room may use: whole-file writes, optional packages, threads, counter-based random numbers."""
+
+from segar.support.archives import ArchiveFormat
+from segar.support.atomic_files import UNFINISHED, remove_unfinished, replacing
+from segar.support.counter_kernel import GOLDEN, SPACING, mix, normal, uniform
+from segar.support.counter_rng import LOW_WORD, SPARE_BITS, WORD, LevelGenerator, philox, stream_key
+from segar.support.estimates import Estimate
+from segar.support.imports import named_object
+from segar.support.optimal_transport import TRANSPORT_STEPS, emd, plan_of, pot
+from segar.support.optional_dependencies import need, need_pygame
+from segar.support.threads import Team
+from segar.support.version import __version__
+
+__all__ = [
+    "GOLDEN",
+    "LOW_WORD",
+    "SPACING",
+    "SPARE_BITS",
+    "TRANSPORT_STEPS",
+    "UNFINISHED",
+    "WORD",
+    "ArchiveFormat",
+    "Estimate",
+    "LevelGenerator",
+    "Team",
+    "__version__",
+    "emd",
+    "mix",
+    "named_object",
+    "need",
+    "need_pygame",
+    "normal",
+    "philox",
+    "plan_of",
+    "pot",
+    "remove_unfinished",
+    "replacing",
+    "stream_key",
+    "uniform",
+]

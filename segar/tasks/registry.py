@@ -7,13 +7,16 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from segar.errors import LevelError, SegarError, did_you_mean
-from segar.support.imports import named_object
-from segar.language.task import Task
+from segar.language import Task
+from segar.support import named_object
+from segar.tasks.billiards_task import billiards
+from segar.tasks.invisiball_task import invisiball
+from segar.tasks.puttputt_task import puttputt
 
 if TYPE_CHECKING:
-    from segar.levels.level_set import Levels
+    from segar.levels import Levels
 
-TASKS = {name: f"segar.tasks.{name}:{name}" for name in ("puttputt", "billiards", "invisiball")}
+TASKS: dict[str, Callable[..., Task]] = {"puttputt": puttputt, "billiards": billiards, "invisiball": invisiball}
 
 
 def find_task(name: str) -> Callable[..., Task] | Task:
@@ -26,7 +29,7 @@ def find_task(name: str) -> Callable[..., Task] | Task:
         raise SegarError(
             f"no task is called '{name}'.{did_you_mean(name, TASKS)} One of your own is 'module:attribute'"
         )
-    return named_object(TASKS.get(name, name))
+    return TASKS[name] if name in TASKS else named_object(name)
 
 
 def make_task(name: str) -> Task:

@@ -2,22 +2,52 @@
 
 from segar.textures.contrast import look_distances
 from segar.textures.filter_bank import FilterBank
-from segar.textures.filter_clusters import filter_textures
-from segar.textures.inputs import BACKGROUND, NOISE, TypeInputs, type_inputs
+from segar.textures.filter_clusters import (
+    FilterClusters,
+    aligned,
+    cluster_costs,
+    cluster_filters,
+    filter_patterns,
+    filter_textures,
+    filter_weights,
+    texture_set,
+)
+from segar.textures.inputs import BACKGROUND, NOISE, NOISE_CLIP, TypeInputs, is_noise, name_of_input, type_inputs
 from segar.textures.read_out import linear_read_out
-from segar.textures.samples import product_of_marginals
-from segar.textures.texture_set import TextureSet, shipped_sets
+from segar.textures.samples import UNIFORM, Laws, family_laws, product_of_marginals
+from segar.textures.standard import CHIEF, EXTREMES, INPUTS, KINDS, looks, units
+from segar.textures.texture_sets import DATA, TextureSet, shipped_sets
 
 __all__ = [
     "BACKGROUND",
+    "CHIEF",
+    "DATA",
+    "EXTREMES",
+    "INPUTS",
+    "KINDS",
     "NOISE",
+    "NOISE_CLIP",
+    "UNIFORM",
     "FilterBank",
+    "FilterClusters",
+    "Laws",
     "TextureSet",
     "TypeInputs",
+    "aligned",
+    "cluster_costs",
+    "cluster_filters",
+    "family_laws",
+    "filter_patterns",
     "filter_textures",
+    "filter_weights",
+    "is_noise",
     "linear_read_out",
     "look_distances",
+    "looks",
+    "name_of_input",
     "product_of_marginals",
     "shipped_sets",
+    "texture_set",
     "type_inputs",
+    "units",
 ]

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from segar.language.entities import Entity
+from segar.language import Entity
 from segar.textures.inputs import is_noise
 from segar.textures.samples import product_of_marginals
 from segar.textures.standard import KINDS, looks
-from segar.textures.texture_set import TextureSet
+from segar.textures.texture_sets import TextureSet
 
 DRAWS = 40
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from segar.errors import SegarError
-from segar.support.optional_dependencies import need
+from segar.support import need
 
 SMALLEST, LARGEST = 2, 32  # [pixels] sides of filters that are taken for a first layer
 

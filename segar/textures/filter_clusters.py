@@ -17,7 +17,7 @@ from segar.textures.filter_bank import FilterBank
 from segar.textures.inputs import BACKGROUND, NOISE, is_noise
 from segar.textures.samples import UNIFORM, Laws
 from segar.textures.standard import INPUTS, units
-from segar.textures.texture_set import TextureSet
+from segar.textures.texture_sets import TextureSet
 
 KMEANS_ITERATIONS = 50
 KMEANS_STARTS = 20
@@ -148,7 +148,7 @@ def cluster_costs(a: FilterClusters, b: FilterClusters) -> np.ndarray:
     """
     from scipy.spatial.distance import cdist
 
-    from segar.metrics.transport import emd
+    from segar.support import emd
 
     if a.filters.shape[1:] != b.filters.shape[1:]:
         raise SegarError(

@@ -18,13 +18,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from segar.language.layout import Layout, holds
-from segar.language.entities import Entity
 from segar.errors import SegarError, did_you_mean
-from segar.language.factors import Factor, concrete_factors
+from segar.language import Entity, Factor, Layout, concrete_factors, holds
 
 if TYPE_CHECKING:
-    from segar.textures.texture_set import TextureSet
+    from segar.textures.texture_sets import TextureSet
 
 BACKGROUND = "background"
 NOISE = "noise"

@@ -10,7 +10,7 @@ import numpy as np
 from segar.errors import SegarError, did_you_mean
 from segar.textures.inputs import name_of_input
 from segar.textures.samples import UNIFORM, Laws, product_of_marginals
-from segar.textures.texture_set import TextureSet
+from segar.textures.texture_sets import TextureSet
 
 SAMPLES = 8000
 

@@ -34,8 +34,7 @@ UNIFORM: Laws = {
 @cache
 def family_laws() -> Laws:
     """What the named level distributions draw each factor of ``UNIFORM`` from: the mixture over all their entities."""
-    from segar.levels.families.named import TASK_LEVELS, families, family  # families stand above textures
-    from segar.levels.probability.marginals import mix
+    from segar.levels import TASK_LEVELS, families, family, mix
 
     parts: dict[str, list[tuple[Noise, float]]] = {}
     for name in (*families(), *TASK_LEVELS):

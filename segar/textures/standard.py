@@ -6,26 +6,32 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from segar.language.entities import (
+from segar.errors import SegarError
+from segar.language import (
+    Alive,
     Ball,
     Bumper,
+    Charge,
     Charger,
     Damper,
+    Density,
     Entity,
     FireTile,
+    Friction,
     GoalTile,
     GolfBall,
+    Heat,
     Hole,
     MagmaTile,
     Magnet,
+    Magnetism,
+    Mass,
     SandTile,
     Tile,
 )
-from segar.errors import SegarError
-from segar.language.factors import Alive, Charge, Density, Friction, Heat, Magnetism, Mass
 from segar.textures.inputs import BACKGROUND, is_noise
 from segar.textures.samples import UNIFORM, Laws
-from segar.textures.texture_set import TextureSet
+from segar.textures.texture_sets import TextureSet
 
 # Those of 2022; two by which a goal is told from a hole, and from a tile of the same heat and friction; and one by which the
 # ball is told from an object of the same charge.

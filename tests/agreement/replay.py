@@ -11,9 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from segar.engine.simulator import Simulator, State
 from segar.language.effects import Differential
-from segar.language.layout import Layout, Slot
-from segar.language.signature import Action
 from segar.language.entities import Entity, GlobalFriction, Hole, Object, Tile
 from segar.language.factors import (
     Acceleration,
@@ -34,10 +33,12 @@ from segar.language.factors import (
     Velocity,
     Visible,
 )
-from segar.levels.level_set import Levels, Provenance
+from segar.language.layout import Layout, Slot
 from segar.language.shapes import CIRCLE, HULL
-from segar.engine.simulator import Simulator, State
+from segar.language.signature import Action
 from segar.language.task import Task
+from segar.levels.level_data import Provenance
+from segar.levels.level_set import Levels
 from segar.rules.world import World
 
 TOLERANCE = 1e-6

@@ -25,8 +25,8 @@ from segar.language.factors import (
 from segar.language.parameters import Gravity
 from segar.language.relations import is_on
 from segar.language.rule_definition import rule
-from segar.rules import accelerate, consume, kill_condition, move, stop_condition
 from segar.language.values import ZERO, where
+from segar.rules import accelerate, consume, kill_condition, move, stop_condition
 from segar.rules.world import World
 
 IMMOVABLE_MASS = 1e8  # [kg]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from segar.reference.interpreter import Interpreter
 from segar.language.factors import Velocity
+from segar.reference.interpreter import Interpreter
 from tests.agreement.replay import LAYOUT, folder, levels_of, push, recordings
 from tests.agreement.rules_of_2022 import world_in
 

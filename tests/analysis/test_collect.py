@@ -9,12 +9,12 @@ import pytest
 
 from analysis.collect import CollectConfig, collect, made_with
 from analysis.plotting.style import colours
-from experiments.settings.config import ScaleConfig, TrackingConfig
-from experiments.settings.errors import RunFolderError
+from experiments.reproduce import ReproduceConfig, write_plan
 from experiments.reproduction.experiment_file import experiment_at
 from experiments.reproduction.plan import make_plan
-from experiments.reproduce import ReproduceConfig, write_plan
 from experiments.runs.run_folder import EPISODE_SCHEMA, PROBES, SUMMARY, folder_path, write_json, write_rows
+from experiments.settings.config import ScaleConfig, TrackingConfig
+from experiments.settings.errors import RunFolderError
 from tests.synthetic_runs import MADE_WITH, episodes, settings, write_run
 
 SCALE = ScaleConfig(name="smoke", frames=1000, families=("empty",), difficulties=("easy", "hard"), counts=(1, 10))
@@ -165,8 +165,8 @@ def test_a_folder_without_a_plan_is_refused(tmp_path):
 
 
 def test_mlflow_has_a_parent_per_experiment_and_its_runs_as_children(tmp_path):
-    from experiments.tracking.mlflow_sync import Delivery
     from experiments.tracking.mlflow_store import open_store
+    from experiments.tracking.mlflow_sync import Delivery
 
     tracking = TrackingConfig(experiment="here")
     run = settings(tmp_path, seed=1, scale=dataclasses.replace(SCALE, counts=(1,)), tracking=tracking)

@@ -5,8 +5,8 @@ import pytest
 
 from analysis import curves as page
 from analysis.curves import BEGIN, END, Curve, CurvesConfig, curves, with_table
-from experiments.settings.errors import ConfigError
 from experiments.runs.run_folder import read_summary, run_folders
+from experiments.settings.errors import ConfigError
 
 TINY = (
     "levels.count=2",

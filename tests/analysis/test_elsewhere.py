@@ -8,12 +8,12 @@ import pytest
 
 from analysis.collect import CollectConfig, collect
 from analysis.ship import ShipConfig, ship
-from experiments.reproduction.imported_results import read_elsewhere
-from experiments.settings.errors import ConfigError, RunFolderError
-from experiments.reproduction.experiment_file import experiment_at
-from experiments.reproduction.plan import as_text, make_plan, measure_speeds
 from experiments.reproduce import write_plan
+from experiments.reproduction.experiment_file import experiment_at
+from experiments.reproduction.imported_results import read_elsewhere
+from experiments.reproduction.plan import as_text, make_plan, measure_speeds
 from experiments.runs.run_folder import folder_path
+from experiments.settings.errors import ConfigError, RunFolderError
 from tests.analysis.test_collect import planned, write_all
 
 TABLES = ("runs", "transfers", "levels", "curves", "probes")

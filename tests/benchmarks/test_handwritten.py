@@ -8,11 +8,11 @@ from gymnasium.vector import AutoresetMode
 
 from benchmarks.drawing import album_of
 from benchmarks.handwritten import Table
-from segar.envs import VectorEnv
-from segar.levels.families.named import family
-from segar.levels.level_set import Levels
-from segar.observations.pixels.textured import TexturedPixels
 from segar.engine.simulator import Outcome, Simulator, State
+from segar.envs import VectorEnv
+from segar.levels.level_set import Levels
+from segar.levels.named_families.registry import family
+from segar.observations.pixels.textured import TexturedPixels
 from segar.rules.world import World
 from tests.engine.worlds import random_states, start
 

@@ -10,13 +10,13 @@ import pytest
 
 from benchmarks.soak import Tally, play, soak
 from benchmarks.soak_worlds import Case
+from segar.engine.simulator import State
+from segar.errors import ConflictError
 from segar.language.effects import SetFactor
 from segar.language.entities import Ball, GoalTile, GolfBall
-from segar.errors import ConflictError
 from segar.language.factors import Charge, Mass, Mobile, Position, Velocity
 from segar.levels.level_set import Levels
 from segar.rules import DEFAULT_RULES, move
-from segar.engine.simulator import State
 from segar.rules.world import World
 from tests.engine.worlds import read, uncompiled
 

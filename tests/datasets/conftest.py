@@ -13,7 +13,9 @@ LEVELS = segar.family("objectsx1-hard").sample(3, seed=0)
 @segar.rule
 def tremble(v: segar.Velocity) -> segar.Differential[segar.Velocity]:
     """Every body is pushed about a little, never twice in the same way."""
-    return segar.Differential[segar.Velocity](v, segar.language.values.Vector(segar.language.random.normal(), segar.language.random.normal()))
+    return segar.Differential[segar.Velocity](
+        v, segar.language.VectorValue(segar.random.normal(), segar.random.normal())
+    )
 
 
 @pytest.fixture(scope="session")

@@ -13,11 +13,11 @@ import segar
 from segar.datasets import Dataset, Episode, check_replay, record
 from segar.datasets.fingerprint_text import in_words
 from segar.datasets.rollouts import from_leaves, leaves
+from segar.observations.composed.stack import Stack
 from segar.observations.pixels.colours import Colour
 from segar.observations.pixels.solid_colours import Pixels
-from segar.observations.composed.stack import Stack
-from segar.observations.state.state_vector import StateVector
 from segar.observations.pixels.textured import TexturedPixels
+from segar.observations.state.state_vector import StateVector
 from tests.datasets.folders import names_in
 
 OPTIONS = {"episodes": 7, "episodes_per_shard": 3, "max_steps": 9}

@@ -7,12 +7,12 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from segar.engine.simulator import Simulator
 from segar.language.entities import Ball, GoalTile, GolfBall
 from segar.language.factors import ID, Position
-from segar.levels.families.named import family
 from segar.levels.level_set import Levels
+from segar.levels.named_families.registry import family
 from segar.rules import accelerate, move
-from segar.engine.simulator import Simulator
 from segar.rules.world import World
 from tests.engine.random_rules import Author, mixed_levels
 

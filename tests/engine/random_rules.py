@@ -25,12 +25,12 @@ from segar.language.factors import (
     Vector,
     Velocity,
 )
-from segar.levels.level_set import Levels
 from segar.language.parameters import FloorFriction, Gravity, Parameter
 from segar.language.relations import as_relation, contains, is_equal, is_on, overlaps
 from segar.language.rule_definition import Rule, rule
 from segar.language.shapes import Circle, Square, Triangle
 from segar.language.values import ZERO, maximum, minimum, tanh, where
+from segar.levels.level_set import Levels
 
 
 class Temperature(Scalar, default=20.0): ...
@@ -197,7 +197,7 @@ class Author:
                 which = self.one((1, 2))
                 return lambda s: s[which]
             if choice == "draw":
-                return self.one((lambda s: segar.language.random.uniform(-1, 1), lambda s: segar.language.random.normal(0.2, 0.5)))
+                return self.one((lambda s: segar.random.uniform(-1, 1), lambda s: segar.random.normal(0.2, 0.5)))
             a, f = self.one(reads)
             if f.width == 2:
                 return self.one((lambda s: s[0][a][f].x, lambda s: s[0][a][f].norm(), lambda s: s[0][a][f][1]))
@@ -239,7 +239,7 @@ class Author:
         if depth == 0 or self.chance(0.2):
             if not reads:
                 x = self.scalar(held, 0)
-                return lambda s: segar.language.values.Vector(x(s), 0.25)
+                return lambda s: segar.language.VectorValue(x(s), 0.25)
             a, f = self.one(reads)
             return lambda s: s[0][a][f]
         u, v, x = self.vector(held, depth - 1), self.vector(held, depth - 1), self.scalar(held, depth - 1)

@@ -10,17 +10,17 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 import segar.language.random
-from segar.language.effects import Differential, SetFactor
-from segar.language.signature import Action
-from segar.language.entities import GoalTile, GolfBall, Object
+from segar.engine.simulator import Outcome, State
 from segar.errors import ConflictError, RuleError
+from segar.language.effects import Differential, SetFactor
+from segar.language.entities import GoalTile, GolfBall, Object
 from segar.language.factors import Alive, Charge, Mass, Position, Velocity
 from segar.language.parameters import Gravity
 from segar.language.relations import overlaps
-from segar.rules import DEFAULT_RULES
-from segar.engine.simulator import Outcome, State
+from segar.language.signature import Action
 from segar.language.task import Task
-from segar.language.values import Vector
+from segar.language.values import VectorValue as Vector
+from segar.rules import DEFAULT_RULES
 from segar.rules.world import World
 from tests.engine.random_rules import Author, mixed_levels
 from tests.engine.worlds import Disagreement, compare, random_states, start, uncompiled
@@ -87,18 +87,18 @@ def noisy_task() -> Task:
     """A task that uses what tasks may use: random actions, an action in the reward, relations, draws, all objects."""
 
     def jolt(body: Object, action: Action, g: Gravity) -> tuple[SetFactor[Velocity], Differential[Charge]]:
-        kick = Vector(segar.language.random.normal(action[1], 0.1), action[0]) / g
+        kick = Vector(segar.random.normal(action[1], 0.1), action[0]) / g
         return SetFactor[Velocity](body[Velocity], body[Velocity] + kick), Differential[Charge](body[Charge], action[2])
 
     def reward(body: Object, other: Object, action: Action) -> float:
         apart = (body[Position] - other[Position]).norm()
-        return apart * segar.language.random.uniform() - action[2] ** 2 if body[Alive] else segar.language.random.uniform(-2, -1)
+        return apart * segar.random.uniform() - action[2] ** 2 if body[Alive] else segar.random.uniform(-2, -1)
 
     def over(ball: GolfBall, goal: GoalTile) -> bool:
         return overlaps.function(ball, goal) and ball[Mass] > 0.5
 
     def lucky(ball: GolfBall) -> bool:
-        return segar.language.random.bernoulli(0.5)
+        return segar.random.bernoulli(0.5)
 
     low, high = (-1.0, -2.0, 0.0), (1.0, 2.0, 0.5)
     return Task("noisy", jolt, reward, over, lucky, lucky, action_low=low, action_high=high, sub_steps=3)

@@ -5,18 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from segar.language.effects import SetFactor
 from segar.engine.compiler import kernel_cache as cache
-from segar.engine.compiler.kernel_cache import cache_folder, load_module
 from segar.engine.compiler.kernel import generate
-from segar.errors import SegarError
-from segar.language.factors import Mass
-from segar.levels.families.named import family
-from segar.language.rule_definition import rule
-from segar.rules import DEFAULT_RULES, move
+from segar.engine.compiler.kernel_cache import cache_folder, load_module
 from segar.engine.simulator import Outcome, Simulator
-from segar.tasks.puttputt import puttputt
+from segar.errors import SegarError
+from segar.language.effects import SetFactor
+from segar.language.factors import Mass
+from segar.language.rule_definition import rule
+from segar.levels.named_families.registry import family
+from segar.rules import DEFAULT_RULES, move
 from segar.rules.world import World
+from segar.tasks.puttputt_task import puttputt
 from tests.engine.worlds import start
 
 LAYOUT = family("empty-hard").layout

@@ -7,19 +7,31 @@ from typing import Tuple  # as the paper writes rules
 import numpy as np
 import pytest
 
-from segar.language.effects import Aggregate, SetFactor
-from segar.reference.interpreter import Interpreter
-from segar.language.signature import Wall
-from segar.language.entities import Ball, Bumper, GoalTile, GolfBall, Object
+from segar.engine.simulator import Simulator
 from segar.errors import ConflictError, RuleError
-from segar.language.factors import ID, Count, Label, Mass, Mobile, Position, Scalar, Size, StoredEnergy, Vector, Velocity
-from segar.levels.level_set import Levels
+from segar.language.effects import Aggregate, SetFactor
+from segar.language.entities import Ball, Bumper, GoalTile, GolfBall, Object
+from segar.language.factors import (
+    ID,
+    Count,
+    Label,
+    Mass,
+    Mobile,
+    Position,
+    Scalar,
+    Size,
+    StoredEnergy,
+    Vector,
+    Velocity,
+)
 from segar.language.parameters import WallDamping
 from segar.language.relations import is_equal
 from segar.language.rule_definition import rule
-from segar.rules import move
-from segar.engine.simulator import Simulator
+from segar.language.signature import Wall
 from segar.language.values import ZERO
+from segar.levels.level_set import Levels
+from segar.reference.interpreter import Interpreter
+from segar.rules import move
 from segar.rules.world import World
 from tests.engine.worlds import after, compare, random_states, read, start, uncompiled
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 import segar
-from segar.language.entities import Ball, GoalTile, GolfBall
+from segar.engine.simulator import State
 from segar.errors import RuleError
+from segar.language.entities import Ball, GoalTile, GolfBall
 from segar.language.factors import ID, Alive, Charge, Done, Mass, Mobile, Position, Shape, Size, StoredEnergy, Velocity
+from segar.language.shapes import Square
 from segar.levels.level_set import Levels
 from segar.rules import move
-from segar.language.shapes import Square
-from segar.engine.simulator import State
 from segar.rules.world import World
 from tests.engine.worlds import after, random_states, read, set_factor, start
 

@@ -9,13 +9,10 @@ import numpy as np
 import pytest
 
 import segar.language.random
-from segar.language.effects import Aggregate, Differential, SetFactor
-from segar.reference.interpreter import Interpreter
-from segar.language.signature import Action, Wall
 from segar.engine.compiler.spec import leaves_of
-from segar.language.trace import Leaf
-from segar.language.entities import Ball, Entity, GoalTile, GolfBall
 from segar.errors import ConflictError, RuleError, SegarError
+from segar.language.effects import Aggregate, Differential, SetFactor
+from segar.language.entities import Ball, Entity, GoalTile, GolfBall
 from segar.language.factors import (
     ID,
     Acceleration,
@@ -31,13 +28,16 @@ from segar.language.factors import (
     StoredEnergy,
     Velocity,
 )
-from segar.levels.level_set import Levels
 from segar.language.parameters import Gravity, MaxVelocity, MinMass, Parameter
 from segar.language.relations import is_equal, is_on, overlaps, relation
 from segar.language.rule_definition import rule, value_rule
-from segar.rules import accelerate, move
+from segar.language.signature import Action, Wall
 from segar.language.task import Task
+from segar.language.tracing import Leaf
 from segar.language.values import where
+from segar.levels.level_set import Levels
+from segar.reference.interpreter import Interpreter
+from segar.rules import accelerate, move
 from segar.rules.world import World
 from tests.engine.worlds import compare, random_states, start, uncompiled
 
@@ -345,7 +345,7 @@ def test_actions_walls_and_draws_stay_where_they_belong():
         return Differential[Velocity](v, wall.normal)
 
     def jumps(x: Position) -> Differential[Position]:
-        return Differential[Position](x, segar.language.random.uniform())
+        return Differential[Position](x, segar.random.uniform())
 
     @rule(relation=is_equal(Mobile, True))
     def slides(x: Position, mobile: Mobile) -> Differential[Position]:

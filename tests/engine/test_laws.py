@@ -8,6 +8,7 @@ from typing import Tuple  # as the paper writes rules
 import numpy as np
 import pytest
 
+from segar.engine.simulator import State
 from segar.language.effects import Aggregate
 from segar.language.factors import (
     Acceleration,
@@ -23,13 +24,12 @@ from segar.language.factors import (
     Velocity,
 )
 from segar.language.factors import Friction as Mu
-from segar.levels.level_set import Levels
 from segar.language.parameters import FloorFriction, Gravity, MaxVelocity
 from segar.language.relations import is_on
 from segar.language.rule_definition import rule
-from segar.rules import DEFAULT_RULES, apply_friction, lorentz_law
-from segar.engine.simulator import State
 from segar.language.values import ZERO
+from segar.levels.level_set import Levels
+from segar.rules import DEFAULT_RULES, apply_friction, lorentz_law
 from segar.rules.world import World
 from tests.engine.worlds import random_states, read, set_factor, start, uncompiled
 

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 import segar
-from segar.language.effects import Aggregate, Differential, SetFactor
-from segar.engine.compiler.sparse_pairs import MANY_PARTNERS
 from segar.engine.compiler.kernel import MANY_BODIES
+from segar.engine.compiler.sparse_pairs import MANY_PARTNERS
+from segar.engine.simulator import State
+from segar.language.effects import Aggregate, Differential, SetFactor
 from segar.language.entities import Ball, GoalTile, GolfBall
 from segar.language.factors import Acceleration, Charge, Mass, Mobile, Position, Size, StoredEnergy, Velocity
+from segar.language.values import VectorValue as Vector
 from segar.levels.level_set import Levels
 from segar.rules import DEFAULT_RULES
-from segar.engine.simulator import State
-from segar.language.values import Vector
 from segar.rules.world import World
 from tests.engine.test_contacts import OVERLAP, depths
 from tests.engine.worlds import compare, read, start, uncompiled

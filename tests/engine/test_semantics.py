@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 import segar.language.random
-from segar.language.effects import Aggregate, Differential, SetFactor
-from segar.reference.interpreter import Interpreter, keyed_uniform
-from segar.language.entities import Ball, Bumper, Entity, GoalTile, GolfBall, Hole, SandTile, Tile
 from segar.errors import RuleError
+from segar.language.effects import Aggregate, Differential, SetFactor
+from segar.language.entities import Ball, Bumper, Entity, GoalTile, GolfBall, Hole, SandTile, Tile
 from segar.language.factors import (
     ID,
     Alive,
@@ -31,13 +30,14 @@ from segar.language.factors import (
     Velocity,
     Visible,
 )
-from segar.levels.level_set import Levels
 from segar.language.parameters import Framerate, Parameter
 from segar.language.relations import is_equal, is_on, relation
 from segar.language.rule_definition import rule
-from segar.rules import DEFAULT_RULES, consume, move
 from segar.language.shapes import Circle, Square, Triangle
 from segar.language.values import ZERO
+from segar.levels.level_set import Levels
+from segar.reference.interpreter import Interpreter, keyed_uniform
+from segar.rules import DEFAULT_RULES, consume, move
 from segar.rules.world import World
 from tests.engine.worlds import after, read
 
@@ -333,7 +333,7 @@ def test_vector_arithmetic_means_the_same_on_numbers_and_in_source(engine):
 def test_random_numbers_differ_by_rule_entity_draw_tick_and_key_and_by_nothing_else(engine):
     @rule
     def roll(t: Tally, v: Velocity) -> Tuple[SetFactor[Tally], SetFactor[Velocity]]:
-        return SetFactor[Tally](t, segar.language.random.uniform()), SetFactor[Velocity](v, (segar.language.random.uniform(), 0.0))
+        return SetFactor[Tally](t, segar.random.uniform()), SetFactor[Velocity](v, (segar.random.uniform(), 0.0))
 
     places = [(-0.5, 0.5), (0.5, 0.5)]
     levels = level(*(Kettle({Position: p, ID: f"kettle{n}"}) for n, p in enumerate(places)))
@@ -350,10 +350,10 @@ def test_random_numbers_differ_by_rule_entity_draw_tick_and_key_and_by_nothing_e
 def test_random_numbers_have_the_laws_that_they_are_named_after(engine):
     @rule
     def roll(t: Tally, x: Temperature, m: Mass) -> Tuple[SetFactor[Tally], SetFactor[Temperature], SetFactor[Mass]]:
-        flip = segar.language.random.bernoulli(0.25)
-        normal = segar.language.random.normal(3.0, 2.0)
+        flip = segar.random.bernoulli(0.25)
+        normal = segar.random.normal(3.0, 2.0)
         return (
-            SetFactor[Tally](t, segar.language.random.uniform(-1, 3)),
+            SetFactor[Tally](t, segar.random.uniform(-1, 3)),
             SetFactor[Temperature](x, normal),
             SetFactor[Mass](m, flip),
         )
@@ -383,7 +383,7 @@ def test_a_rule_cannot_hide_its_randomness_in_a_relation(engine):
 
         @relation
         def lucky(body: Ball) -> bool:
-            return segar.language.random.bernoulli(0.5)
+            return segar.random.bernoulli(0.5)
 
 
 def test_the_interpreter_explains_which_rules_said_what(engine):

@@ -16,9 +16,9 @@ import segar.rules
 from segar.language.effects import SetFactor
 from segar.language.entities import GoalTile, GolfBall, Object, Thing
 from segar.language.factors import ID, Label, Mass, Mobile, Position, Size
-from segar.levels.level_set import Levels
 from segar.language.relations import as_relation, is_equal
 from segar.language.rule_definition import Rule, rule
+from segar.levels.level_set import Levels
 from tests.engine.worlds import after, read
 
 PAGE = Path(__file__).parents[2] / "docs" / "conflicts.md"

@@ -25,9 +25,9 @@ from segar import (
     Velocity,
     World,
 )
+from segar.language.rule_definition import rule, value_rule
 from segar.language.signature import Action
 from segar.noise import DiscreteRangeNoise
-from segar.language.rule_definition import rule, value_rule
 from tests.engine.worlds import compare, random_states, read, uncompiled
 
 SOME = LevelDistribution(

@@ -10,7 +10,7 @@ from unittest import mock
 
 import numpy as np
 
-from segar.reference.interpreter import Interpreter
+from segar.engine.simulator import Outcome, Simulator, State
 from segar.errors import ConflictError
 from segar.language.factors import (
     Acceleration,
@@ -27,7 +27,7 @@ from segar.language.factors import (
     Velocity,
 )
 from segar.levels.level_set import Levels
-from segar.engine.simulator import Outcome, Simulator, State
+from segar.reference.interpreter import Interpreter
 from segar.rules.world import World
 
 

@@ -21,9 +21,9 @@ def make(id_: str, **options):
 
 
 def test_all_families_and_tasks_are_registered_in_both_observations() -> None:
-    expected = {f"Segar-{f}-{o}-{v}" for f in segar.levels.families.named() for o in ("rgb", "state") for v in ("v0", "v1")}
+    expected = {f"Segar-{f}-{o}-{v}" for f in segar.families() for o in ("rgb", "state") for v in ("v0", "v1")}
     expected |= {f"Segar-{t}-{o}-v0" for t in ("puttputt", "billiards", "invisiball") for o in ("rgb", "state")}
-    assert len(segar.levels.families.named()) == 21 and expected == set(IDS)
+    assert len(segar.families()) == 21 and expected == set(IDS)
 
 
 @pytest.mark.parametrize("id_", IDS)

@@ -15,7 +15,7 @@ from segar.envs import Snapshot, VectorEnv
 @segar.rule
 def shake(body: Tuple[Velocity, Mass]) -> SetFactor[Velocity]:
     v, m = body
-    return SetFactor[Velocity](v, v + segar.Vector((segar.language.random.normal(0.0, 0.1), 0.0)) / m)
+    return SetFactor[Velocity](v, v + segar.Vector((segar.random.normal(0.0, 0.1), 0.0)) / m)
 
 
 DIST = segar.LevelDistribution(

@@ -11,8 +11,8 @@ import urllib.request
 
 from mlflow import MlflowClient
 
-from experiments.settings.config import EvaluationConfig, PPOConfig, ScaleConfig, TrackingConfig
 from experiments.runs.run_folder import read_metrics
+from experiments.settings.config import EvaluationConfig, PPOConfig, ScaleConfig, TrackingConfig
 from tests.experiments.short_runs import short_run
 
 

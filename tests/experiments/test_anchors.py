@@ -7,7 +7,14 @@ import pytest
 import torch
 
 import segar
-from experiments.evaluation.baselines import IdleAgent, Oracle, RandomAgent, ScriptedAgent, find_anchors, normalised_score
+from experiments.evaluation.baselines import (
+    IdleAgent,
+    Oracle,
+    RandomAgent,
+    ScriptedAgent,
+    find_anchors,
+    normalised_score,
+)
 from experiments.evaluation.episodes import play
 from segar.errors import SegarError
 from segar.hardness import plan

@@ -8,9 +8,9 @@ import torch
 from torch.nn import functional as F
 
 from experiments.algorithms.curl import CURL, CURLConfig
-from experiments.settings.errors import ConfigError
-from experiments.collection.collector import Rollout
 from experiments.algorithms.spr import SPR, SPRConfig, sequences
+from experiments.collection.collector import Rollout
+from experiments.settings.errors import ConfigError
 from segar import family
 
 LEVELS = family("objectsx2-easy").sample(5, seed=0)  # frames differ more than those of empty tasks
@@ -166,7 +166,9 @@ def test_all_sequences_of_all_environments_are_used_once(monkeypatch):
     rollout, _ = one.ppo.collect()
     asked = []
     found = sequences
-    monkeypatch.setattr("experiments.algorithms.spr.sequences", lambda r, t, e, h: asked.append((t, e)) or found(r, t, e, h))
+    monkeypatch.setattr(
+        "experiments.algorithms.spr.sequences", lambda r, t, e, h: asked.append((t, e)) or found(r, t, e, h)
+    )
     list(one.batches(rollout))
     pairs = [pair for t, e in asked for pair in zip(t.tolist(), e.tolist(), strict=True)]
     assert len(asked) == 3

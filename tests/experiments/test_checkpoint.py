@@ -7,13 +7,13 @@ import pickle
 import pytest
 import torch
 
-from experiments.training import checkpoint
-from experiments.training.checkpoint import load_policy, read_checkpoint, resume_checkpoint, save_checkpoint
+from experiments.algorithms import checkpoint
+from experiments.algorithms.checkpoint import load_policy, read_checkpoint, resume_checkpoint, save_checkpoint
+from experiments.algorithms.ppo import PPO, PPOPolicy
+from experiments.levels.builders import make_levels
+from experiments.runs.run_folder import CHECKPOINT
 from experiments.settings.config import PPOConfig, RunConfig
 from experiments.settings.errors import CheckpointError
-from experiments.algorithms.ppo import PPO, PPOPolicy
-from experiments.runs.run_folder import CHECKPOINT
-from experiments.levels.builders import make_levels
 
 CONFIG = RunConfig(algorithm=PPOConfig(num_envs=4, num_steps=4, widths=(8,), head_width=8))
 

@@ -6,10 +6,10 @@ import pytest
 import torch
 from torch._dynamo.exc import BackendCompilerFailed
 
-from experiments.settings.config import PPOConfig
-from experiments.settings.errors import ConfigError, TrainingError
 from experiments.algorithms.ppo import PPO
 from experiments.algorithms.recurrent_ppo import RecurrentPPOConfig
+from experiments.settings.config import PPOConfig
+from experiments.settings.errors import ConfigError, TrainingError
 from experiments.training.run import run
 from segar import family
 from tests.experiments.short_runs import killed_after, same_results, short_run

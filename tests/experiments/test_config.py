@@ -8,14 +8,13 @@ import sys
 import pytest
 
 import segar
-from experiments.settings.config import PPOConfig, RunConfig, as_data, run_config
-from experiments.settings.hydra_app import compose
-from experiments.settings.errors import ConfigError
-from experiments.settings.config import CHECKOUT
+from experiments.commands.hydra_app import compose
 from experiments.levels.builders import environment_options, make_levels
+from experiments.settings.config import CHECKOUT, PPOConfig, RunConfig, as_data, run_config
+from experiments.settings.errors import ConfigError
 from segar.envs import VectorEnv
 from segar.errors import PlacementError
-from segar.levels.families.named import TASK_LEVELS
+from segar.levels.named_families.registry import TASK_LEVELS
 from segar.observations.pixels.textured import TexturedPixels
 from segar.tasks.registry import TASKS
 
@@ -116,7 +115,7 @@ def test_levels_that_cannot_be_placed_are_told(own_module):
         make_levels(compose(["levels.train=own_levels:crowded"]).levels)
 
 
-@pytest.mark.parametrize("family", segar.levels.families.named())
+@pytest.mark.parametrize("family", segar.families())
 def test_every_named_family_is_a_choice_of_levels(family):
     assert compose([f"levels={family}"]).levels.train == family
 

@@ -13,12 +13,11 @@ import urllib.request
 import psutil
 import pytest
 
-from experiments.settings.config import TrackingConfig
 from experiments.dashboard import DashboardConfig, require_free, serve, server_command
+from experiments.settings.config import CHECKOUT, TrackingConfig
 from experiments.settings.errors import ConfigError, TrackingError
 from experiments.tracking.mlflow_store import open_store, store_uri
 from experiments.tracking.mlflow_views import VIEWS, link, tags_of_views
-from experiments.settings.config import CHECKOUT
 
 
 def test_without_a_store_it_says_what_to_run(tmp_path):

@@ -5,8 +5,8 @@ import io
 from rich.console import Console
 
 from experiments.reproduction.display import Display, progress_in
-from experiments.training.progress import Progress
 from experiments.reproduction.process_pool import Job, Outcome
+from experiments.training.progress import Progress
 
 
 def display_of(folder, terminal, **weights):

@@ -11,15 +11,14 @@ import pyarrow.parquet as pq
 import pytest
 
 import segar
+from experiments.commands.hydra_app import run_simple_command
 from experiments.evaluation.baselines import find_anchors
-from experiments.settings.config import ObservationConfig
-from experiments.settings.hydra_app import run_simple_command
-from experiments.settings.errors import CheckpointError, ConfigError, RunFolderError
-from experiments.evaluate import EvaluateConfig
 from experiments.evaluation.evaluator import choose_levels, evaluate
-from experiments.training.run import run
-from experiments.settings.config import CHECKOUT
 from experiments.runs.run_folder import CHECKPOINT, PREVIOUS, read_episodes, read_summary
+from experiments.settings.config import CHECKOUT, ObservationConfig
+from experiments.settings.errors import CheckpointError, ConfigError, RunFolderError
+from experiments.settings.evaluate import EvaluateConfig
+from experiments.training.run import run
 from tests.experiments.short_runs import short_run
 
 QUICK = {"scores": False, "videos": "none"}

@@ -5,12 +5,12 @@ import copy
 import pytest
 import yaml
 
-from experiments.settings.config import RunConfig
-from experiments.settings.hydra_app import compose, conf_dir
-from experiments.settings.errors import ConfigError
+from experiments.commands.hydra_app import compose, conf_dir
+from experiments.reproduce import ReproduceConfig, experiment_files, help_text
 from experiments.reproduction.experiment_file import BASE, SCALES, TransferConfig, experiment_at, other_panel
 from experiments.reproduction.plan import make_plan
-from experiments.reproduce import ReproduceConfig, experiment_files, help_text
+from experiments.settings.config import RunConfig
+from experiments.settings.errors import ConfigError
 
 GOOD = {
     "title": "A grid",

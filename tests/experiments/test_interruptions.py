@@ -12,15 +12,14 @@ import time
 import pytest
 import torch
 
-from experiments.training.checkpoint import read_checkpoint
-from experiments.settings.config import ScaleConfig
-from experiments.settings.errors import CheckpointError, RunFolderError, TrainingError
-from experiments.runs.journal import read_journal
+from experiments.algorithms.checkpoint import read_checkpoint
 from experiments.algorithms.ppo import PPO
-from experiments.training.run import run
-from experiments.settings.config import CHECKOUT
+from experiments.commands.signals import Stopped
+from experiments.runs.journal import read_journal
 from experiments.runs.run_folder import CHECKPOINT, DAMAGED, JOURNAL, PREVIOUS, is_finished, read_metrics
-from experiments.runs.signals import Stopped
+from experiments.settings.config import CHECKOUT, ScaleConfig
+from experiments.settings.errors import CheckpointError, RunFolderError, TrainingError
+from experiments.training.run import run
 from tests.experiments.short_runs import (
     COMMAND,
     FRAMES,

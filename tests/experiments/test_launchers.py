@@ -10,11 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from experiments.settings.config import RunConfig
-from experiments.settings.hydra_app import compose
+from experiments.commands.hydra_app import compose
 from experiments.runs.journal import read_journal
-from experiments.settings.config import CHECKOUT
 from experiments.runs.run_folder import CHECKPOINT, is_finished, read_config, run_folders
+from experiments.settings.config import CHECKOUT, RunConfig
 from tests.experiments.short_runs import COMMAND
 
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(CHECKOUT)}

@@ -11,12 +11,12 @@ from pathlib import Path
 import pytest
 from mlflow import MlflowClient
 
+from experiments.runs.run_folder import EPISODES, SUMMARY, read_summary
+from experiments.settings.config import CHECKOUT
 from experiments.settings.construct import flat
 from experiments.tracking.mlflow_sync import read_mark, tags_of
 from experiments.tracking.mlflow_views import tags_of_views
 from experiments.training.run import run
-from experiments.settings.config import CHECKOUT
-from experiments.runs.run_folder import EPISODES, SUMMARY, read_summary
 from tests.experiments.mlflow_server import MLflowServer, in_folder, logged, long_run
 from tests.experiments.short_runs import COMMAND, before_iteration
 

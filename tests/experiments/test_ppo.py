@@ -9,21 +9,21 @@ import pytest
 import torch
 from tensordict import TensorDict
 
-from experiments.settings.config import LevelsConfig, PPOConfig
-from experiments.networks.encoders import MLP, FrameEncoder
-from experiments.settings.hydra_app import compose
-from experiments.evaluation.episodes import play
-from experiments.settings.errors import ConfigError, TrainingError
-from experiments.networks.policies import SquashedNormal
 from experiments.algorithms.ppo import PPO, check_finite, make_batch
-from experiments.collection.rewards import ReturnScale, learner_reward
 from experiments.collection.collector import Rollout
+from experiments.collection.rewards import ReturnScale, learner_reward
+from experiments.commands.hydra_app import compose
+from experiments.evaluation.episodes import play
 from experiments.levels.builders import make_levels
+from experiments.networks.encoders import MLP, FrameEncoder
+from experiments.networks.policies import SquashedNormal
+from experiments.settings.config import LevelsConfig, PPOConfig
+from experiments.settings.errors import ConfigError, TrainingError
 from segar import family
 from segar.envs import VectorEnv
 from segar.envs.torchrl_env import TorchRLEnv
 from segar.errors import ActionError
-from segar.tasks.puttputt import puttputt
+from segar.tasks.puttputt_task import puttputt
 
 SMALL = PPOConfig(num_envs=6, num_steps=16, widths=(16,), head_width=0)
 PIXELS = dataclasses.replace(SMALL, encoder="small", precision="fp32")

@@ -11,19 +11,19 @@ import yaml
 
 from analysis.probes.pairs import Column, Pairs
 from analysis.probes.table import probe_pairs
+from experiments.commands.hydra_app import conf_dir
 from experiments.evaluation import probing
-from experiments.settings.config import TrackingConfig
-from experiments.tracking.mlflow_sync import Delivery
-from experiments.settings.hydra_app import conf_dir
-from experiments.settings.errors import ConfigError, RunFolderError, TrackingError
-from experiments.reproduction.experiment_file import experiment_at
-from experiments.tracking.mlflow_store import open_store
-from experiments.reproduction.plan import as_text, make_plan, measure_speeds
 from experiments.evaluation.probing import ProbeConfig, is_probed, probe_finished, probe_settings
-from experiments.reproduce import ReproduceConfig, carry_out
-from experiments.training.run import run
-from experiments.runs.run_folder import PROBES, folder_path, read_metrics
 from experiments.evaluation.transfers import RunWork
+from experiments.reproduce import ReproduceConfig, carry_out
+from experiments.reproduction.experiment_file import experiment_at
+from experiments.reproduction.plan import as_text, make_plan, measure_speeds
+from experiments.runs.run_folder import PROBES, folder_path, read_metrics
+from experiments.settings.config import TrackingConfig
+from experiments.settings.errors import ConfigError, RunFolderError, TrackingError
+from experiments.tracking.mlflow_store import open_store
+from experiments.tracking.mlflow_sync import Delivery
+from experiments.training.run import run
 from experiments.upload import upload_run
 from segar.errors import SegarError
 from tests.experiments.short_runs import short_run

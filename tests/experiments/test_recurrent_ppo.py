@@ -8,12 +8,12 @@ import torch
 from tensordict import TensorDict
 from torchrl.modules import set_recurrent_mode
 
+from experiments.algorithms.recurrent_ppo import RecurrentPolicy, RecurrentPPO, RecurrentPPOConfig
 from experiments.networks.encoders import MLP
 from experiments.settings.errors import ConfigError
-from experiments.algorithms.recurrent_ppo import RecurrentPolicy, RecurrentPPO, RecurrentPPOConfig
 from segar import family
 from segar.envs import VectorEnv
-from segar.tasks.puttputt import puttputt
+from segar.tasks.puttputt_task import puttputt
 
 SMALL = RecurrentPPOConfig(num_envs=8, num_steps=12, widths=(16,), core_width=8, head_width=0, minibatches=2)
 LEVELS = family("empty-easy").sample(5, seed=0)

@@ -130,7 +130,9 @@ def test_frames_are_stored_once_and_compressed_once(monkeypatch):
     rows = replay.written
     assert rows < 1.5 * len(walk.steps)
     calls = []
-    monkeypatch.setattr("experiments.collection.replay.pack_frames", lambda f, s: calls.append(len(f)) or pack_frames(f, s))
+    monkeypatch.setattr(
+        "experiments.collection.replay.pack_frames", lambda f, s: calls.append(len(f)) or pack_frames(f, s)
+    )
     replay.state_dict()
     first = len(calls)
     assert sum(calls) == rows

@@ -10,11 +10,18 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from experiments.settings.config import EvaluationConfig, LevelsConfig, PPOConfig, RunConfig, ScaleConfig, TrackingConfig
+from experiments.reproduce import ReproduceConfig, reproduce
 from experiments.reproduction.experiment_file import GridConfig
 from experiments.reproduction.plan import grid_runs
-from experiments.reproduce import ReproduceConfig, reproduce
 from experiments.runs.run_folder import CHECKPOINT, folder_path, is_finished, is_locked
+from experiments.settings.config import (
+    EvaluationConfig,
+    LevelsConfig,
+    PPOConfig,
+    RunConfig,
+    ScaleConfig,
+    TrackingConfig,
+)
 
 ROOT = Path(__file__).parents[2]
 OF_THE_CLOCK = ["hours", "finished"]  # columns that say when and how long

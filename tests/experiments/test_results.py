@@ -4,12 +4,12 @@ import threading
 
 import pytest
 
-from experiments.settings.config import LevelsConfig, TaskConfig, TrackingConfig
-from experiments.settings.hydra_app import compose
-from experiments.settings.errors import ConfigError, RunFolderError
+from experiments.commands.hydra_app import compose
 from experiments.results import ResultsConfig, results, state_of
-from experiments.training.run import run
 from experiments.runs.run_folder import claim
+from experiments.settings.config import LevelsConfig, TaskConfig, TrackingConfig
+from experiments.settings.errors import ConfigError, RunFolderError
+from experiments.training.run import run
 from tests.experiments.short_runs import before_iteration, killed_after, short_run
 
 

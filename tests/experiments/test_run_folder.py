@@ -8,11 +8,9 @@ from contextlib import contextmanager
 
 import pytest
 
-from experiments.training import run as run_module
-from experiments.runs.files import write_text
-from experiments.settings.errors import CheckpointError, RunFolderError
 from experiments.algorithms.ppo import PPO
-from experiments.training.run import run
+from experiments.levels.builders import make_levels
+from experiments.runs.files import write_text
 from experiments.runs.run_folder import (
     CHECKPOINT,
     CONFIG,
@@ -26,8 +24,10 @@ from experiments.runs.run_folder import (
     read_metrics,
     read_summary,
 )
-from experiments.levels.builders import make_levels
-from segar.tasks.puttputt import puttputt
+from experiments.settings.errors import CheckpointError, RunFolderError
+from experiments.training import run as run_module
+from experiments.training.run import run
+from segar.tasks.puttputt_task import puttputt
 from tests.experiments.short_runs import ITERATIONS, killed_after, same_results, short_run
 
 FILES = {

@@ -9,12 +9,12 @@ from tensordict import TensorDict
 from torch.nn import functional as F
 
 from experiments.algorithms.drq import DrQ, DrQConfig, DrQPolicy, cnn_2022
+from experiments.algorithms.sac import SAC, SACConfig, SACPolicy
 from experiments.networks.encoders import make_encoder
 from experiments.settings.errors import ConfigError
-from experiments.algorithms.sac import SAC, SACConfig, SACPolicy
 from segar import family
 from segar.envs.vector import VectorEnv
-from segar.tasks.puttputt import puttputt
+from segar.tasks.puttputt_task import puttputt
 
 LEVELS = family("empty-easy").sample(5, seed=0)
 SMALL = SACConfig(num_envs=3, num_steps=10, warmup=12, batch_size=8, capacity=200, widths=(16, 8), gamma=0.9)
@@ -223,7 +223,9 @@ def test_what_follows_is_seen_by_the_slow_cnn_for_critics_and_by_the_quick_one_f
 
 def test_frames_before_and_after_a_step_are_shifted_by_draws_of_their_own(monkeypatch):
     shifted = []
-    monkeypatch.setattr("experiments.algorithms.drq.random_shift", lambda frames, pixels, rng: shifted.append(pixels) or frames)
+    monkeypatch.setattr(
+        "experiments.algorithms.drq.random_shift", lambda frames, pixels, rng: shifted.append(pixels) or frames
+    )
     one = learner(FRAMES)
     while not one.due():
         one.step()

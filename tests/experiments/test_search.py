@@ -6,11 +6,11 @@ import hydra
 import pytest
 from optuna.trial import TrialState
 
-from experiments.settings.config import PPOConfig, RunConfig
-from experiments.settings.hydra_app import conf_dir, register_defaults, register_settings
-from experiments.settings.errors import ConfigError, TrainingError
-from experiments.search import SETTINGS, Search, SearchConfig, build, search
+from experiments.commands.hydra_app import conf_dir, register_defaults, register_settings
 from experiments.reproduction.search_space import dimensions, with_values
+from experiments.search import SETTINGS, Search, SearchConfig, build, search
+from experiments.settings.config import PPOConfig, RunConfig
+from experiments.settings.errors import ConfigError, TrainingError
 
 SPACE = {
     "algorithm": {

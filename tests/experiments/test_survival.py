@@ -10,9 +10,9 @@ import time
 import pytest
 
 from experiments.runs.journal import read_journal
-from experiments.training.run import run
-from experiments.settings.config import CHECKOUT
 from experiments.runs.run_folder import CHECKPOINT, read_summary
+from experiments.settings.config import CHECKOUT
+from experiments.training.run import run
 from experiments.upload import UploadConfig, upload
 from tests.experiments.mlflow_server import MLflowServer, in_folder, logged, long_run
 from tests.experiments.short_runs import before_iteration, same_results

@@ -11,15 +11,14 @@ import time
 
 import pytest
 
-from experiments.tracking import mlflow_sync as delivery_module
-from experiments.settings.config import LevelsConfig, RunConfig, TrackingConfig
-from experiments.tracking.mlflow_sync import read_mark
-from experiments.settings.errors import TrackingError
-from experiments.tracking.mlflow_store import is_remote, open_store, store_uri
-from experiments.training.run import run
-from experiments.settings.config import CHECKOUT
 from experiments.runs.run_folder import MARK, METRIC_SCHEMA, METRICS, read_metrics, write_rows
+from experiments.settings.config import CHECKOUT, LevelsConfig, RunConfig, TrackingConfig
+from experiments.settings.errors import TrackingError
+from experiments.tracking import mlflow_sync as delivery_module
+from experiments.tracking.mlflow_store import is_remote, open_store, store_uri
+from experiments.tracking.mlflow_sync import read_mark
 from experiments.tracking.tracker import NoTracker, start_tracking
+from experiments.training.run import run
 from experiments.upload import UploadConfig, upload
 from tests.experiments.short_runs import before_iteration, killed_after, short_run
 

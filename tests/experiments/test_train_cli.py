@@ -6,8 +6,8 @@ import sys
 
 import pytest
 
-from experiments.settings.config import CHECKOUT
 from experiments.runs.run_folder import read_config, read_summary
+from experiments.settings.config import CHECKOUT
 
 TINY = (
     "levels=empty-easy",

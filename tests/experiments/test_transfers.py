@@ -4,11 +4,11 @@ import dataclasses
 
 import pytest
 
+from experiments.evaluation.transfers import Mixture, RunWork, Transfer, evaluate_transfer
+from experiments.runs.run_folder import folder_path, read_summary
 from experiments.settings.config import ObservationConfig, PPOConfig
 from experiments.settings.errors import ConfigError
 from experiments.training.run import run
-from experiments.runs.run_folder import folder_path, read_summary
-from experiments.evaluation.transfers import Mixture, RunWork, Transfer, evaluate_transfer
 from segar.errors import LevelError
 from tests.experiments.short_runs import short_run
 

@@ -8,7 +8,7 @@ import pytest
 import segar
 from segar import Ball, Framerate, GoalTile, GolfBall, Levels, Mass, Position, Velocity, World
 from segar.errors import SegarError
-from segar.hardness import controllability as influence
+from segar.hardness import influence
 
 FREE = World(rules=[segar.move])  # no friction: a push lasts
 

@@ -19,7 +19,7 @@ from segar.hardness.rollouts import make_starts
 @segar.rule
 def gusts(v: Velocity) -> Differential[Velocity]:
     """Chance in the rules: a plan must be made for the draws that its replay meets."""
-    return Differential[Velocity](v, (segar.language.random.normal(0.0, 5.0), segar.language.random.normal(0.0, 5.0)))
+    return Differential[Velocity](v, (segar.random.normal(0.0, 5.0), segar.random.normal(0.0, 5.0)))
 
 
 @functools.cache

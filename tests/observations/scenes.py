@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from segar.language.layout import Layout, Slot
 from segar.language.entities import (
     Ball,
     Bumper,
@@ -22,11 +21,12 @@ from segar.language.entities import (
     SandTile,
 )
 from segar.language.factors import Floor, Mobile, Order, Position, Size
-from segar.levels.level_set import Provenance
-from segar.observations.pixels.solid_colours import Pixels
+from segar.language.layout import Layout, Slot
 from segar.language.shapes import CIRCLE, HULL, RandomConvexHull
-from segar.textures import TextureSet
+from segar.levels.level_data import Provenance
+from segar.observations.pixels.solid_colours import Pixels
 from segar.rules.world import World
+from segar.textures import TextureSet
 
 ANYTHING = (Charger, Magnet, Bumper, Damper, Ball, SandTile, MagmaTile, Hole, FireTile)
 

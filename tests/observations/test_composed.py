@@ -133,7 +133,9 @@ def test_a_masked_reset_starts_the_masked_and_changes_nothing_of_the_others(obse
 def test_a_stack_is_the_last_n_observations_and_starts_with_the_first_one_n_times(
     observation, axis, n, copy, monkeypatch
 ):
-    monkeypatch.setattr("segar.observations.composed.stack.TAPE", 7)  # all is moved back to the start of the tape some times
+    monkeypatch.setattr(
+        "segar.observations.composed.stack.TAPE", 7
+    )  # all is moved back to the start of the tape some times
     plain = VectorEnv(LEVELS, 9, observation=observation, seed=3, max_steps=MAX_STEPS)
     stacked = VectorEnv(LEVELS, 9, observation=Stack(observation, n), seed=3, max_steps=MAX_STEPS, copy=copy)
     frames = [plain.reset()[0]] * n

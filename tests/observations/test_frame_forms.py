@@ -7,8 +7,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from segar.language.entities import GoalTile, GolfBall
 from segar.errors import SegarError
+from segar.language.entities import GoalTile, GolfBall
 from segar.language.factors import Position
 from segar.observations.pixels.canvas import grey_of
 from segar.observations.pixels.solid_colours import Pixels

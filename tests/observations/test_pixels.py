@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from segar.errors import FactorError, SegarError
 from segar.language.entities import (
     Ball,
     Bumper,
@@ -18,7 +19,6 @@ from segar.language.entities import (
     Magnet,
     SandTile,
 )
-from segar.errors import FactorError, SegarError
 from segar.language.factors import Charge, Magnetism, Mobile, Order, Position, Size, Visible
 from segar.observations.pixels.colours import COLOURS, FLOOR, Colour, colour_of
 from segar.observations.pixels.solid_colours import Pixels

@@ -52,7 +52,10 @@ FRAMES = [
     Pixels(),
     Multi([Pixels(), StateVector(factors=[Mass])]),
     Stack(
-        Pixels(colours={segar.Ball: segar.observations.pixels.colours.Colour((0, 0, 0), (200, 90, 9), Mass, (0.0, 2.0))}), 2
+        Pixels(
+            colours={segar.Ball: segar.observations.pixels.colours.Colour((0, 0, 0), (200, 90, 9), Mass, (0.0, 2.0))}
+        ),
+        2,
     ),
     TexturedPixels(hidden=(Charge,)),
     OneOf([TexturedPixels(hidden=(Charge,)), Pixels()], per="level"),

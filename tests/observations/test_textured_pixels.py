@@ -9,12 +9,24 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from segar.language.entities import Ball, Charger, GoalTile, GolfBall, Magnet, SandTile
 from segar.errors import SegarError
-from segar.language.factors import Charge, Flag, Heat, Mass, Mobile, Order, Position, Size, StoredEnergy, Velocity, Visible
+from segar.language.entities import Ball, Charger, GoalTile, GolfBall, Magnet, SandTile
+from segar.language.factors import (
+    Charge,
+    Flag,
+    Heat,
+    Mass,
+    Mobile,
+    Order,
+    Position,
+    Size,
+    StoredEnergy,
+    Velocity,
+    Visible,
+)
 from segar.observations.pixels.solid_colours import Pixels
-from segar.observations.protocol import Observation, Remembers
 from segar.observations.pixels.textured import TexturedPixels
+from segar.observations.protocol import Observation, Remembers
 from segar.textures import TextureSet
 from tests.observations.plain_renderer import Look, draw_plainly
 from tests.observations.scenes import ANYTHING, Scene, draw, frames_of, put, random_textures, scene, start

@@ -12,7 +12,7 @@ from segar import Charger, GolfBall, Position
 from segar.rendering import Stage
 from segar.rendering.fields import charge_sources, electric_field, hint_strength
 from segar.rendering.labels import Request, overlap, place_labels
-from segar.tasks.puttputt import puttputt
+from segar.tasks.puttputt_task import puttputt
 
 
 def charges(*of: tuple[float, tuple[float, float]]):

@@ -11,10 +11,10 @@ import pytest
 
 import segar
 from segar import cli
-from segar.observations.pixels.solid_colours import Pixels
-from segar.rendering import View
 from segar.cli.contact_sheet import Cell, contact_sheet, default_renderers, draw_level, people, save_png, sheet
 from segar.cli.legend import THINGS
+from segar.observations.pixels.solid_colours import Pixels
+from segar.rendering import View
 from segar.textures import shipped_sets
 
 LEVELS = segar.family("objectsx3-hard").sample(2, seed=0)

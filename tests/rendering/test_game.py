@@ -7,8 +7,8 @@ import pygame
 import pytest
 
 import segar
-from segar.rendering import View
 from segar.cli.game import Game
+from segar.rendering import View
 
 LEVELS = segar.family("empty-hard").sample(3, seed=0)
 VIEW = View(size=256)
@@ -163,7 +163,7 @@ class Clock:
 
 def test_tasks_with_other_actions_are_refused():
     def push(ball: segar.GolfBall, action: segar.Action) -> segar.SetFactor[segar.Velocity]:
-        return segar.SetFactor[segar.Velocity](ball[segar.Velocity], segar.language.values.Vector(action[0], 0.0))
+        return segar.SetFactor[segar.Velocity](ball[segar.Velocity], segar.language.VectorValue(action[0], 0.0))
 
     def nothing(ball: segar.GolfBall) -> float:
         return 0.0 * ball[segar.Mass]

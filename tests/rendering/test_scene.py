@@ -10,7 +10,7 @@ import pytest
 import segar
 from segar import Ball, Charge, GoalTile, GolfBall, Heat, Mass, Position, SandTile, Shape
 from segar.rendering import Stage
-from segar.tasks.puttputt import puttputt
+from segar.tasks.puttputt_task import puttputt
 
 
 class Temperature(segar.Scalar, default=20.0, unit="degC"): ...
@@ -72,7 +72,7 @@ def test_the_agent_is_what_actions_move():
     assert [figure.name for figure in scene.figures if figure.is_agent] == ["golfball"]
 
     def push_all(o: Tuple[segar.Mass, segar.Velocity], action: segar.Action) -> segar.SetFactor[segar.Velocity]:
-        return segar.SetFactor[segar.Velocity](o[1], o[1] + segar.language.values.Vector(action[0], action[1]))
+        return segar.SetFactor[segar.Velocity](o[1], o[1] + segar.language.VectorValue(action[0], action[1]))
 
     def never(ball: GolfBall) -> bool:
         return ball[Mass] < 0

@@ -30,7 +30,7 @@ def test_levels_that_name_no_task_are_for_puttputt():
 
 
 def test_levels_can_name_a_task_of_ones_own_as_an_object_or_a_function():
-    for attribute, expected in (("tests.tasks.test_find:mine", mine), ("segar.tasks.puttputt:puttputt", None)):
+    for attribute, expected in (("tests.tasks.test_find:mine", mine), ("segar.tasks.puttputt_task:puttputt", None)):
         levels = LevelDistribution(NUMBERS, positions=APART, task=attribute).sample(2)
         env = VectorEnv(levels[:1], 1)
         assert env.task.name == ("mine" if expected else "puttputt-squared")
@@ -64,7 +64,7 @@ def test_a_file_names_a_task_but_brings_no_code(tmp_path):
         ("biliards", r"no task is called 'biliards'. Did you mean 'billiards'\? One of your own is 'module:attribute'"),
         ("no.such.module:task", "'no.such.module:task' cannot be imported: No module named 'no'"),
         ("segar:GolfBall", "'segar:GolfBall' is no segar.Task, nor a function that makes one, but <class"),
-        ("segar.tasks.puttputt:putput", "'segar.tasks.puttputt' has no 'putput'. Did you mean 'puttputt'"),
+        ("segar.tasks.puttputt_task:putput", "'segar.tasks.puttputt_task' has no 'putput'. Did you mean 'puttputt'"),
     ],
 )
 def test_a_task_that_is_not_found_gets_the_nearest_name(name, said):

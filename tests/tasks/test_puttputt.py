@@ -10,8 +10,8 @@ import pytest
 import segar
 from segar import Hole, Levels, Object, Position, SandTile, SegarError, Tile, Velocity
 from segar.envs import Env, VectorEnv
-from segar.tasks.puttputt import demo_actions
-from segar.levels.families.puttputt import ANYTHING
+from segar.levels.named_families.puttputt import ANYTHING
+from segar.tasks.puttputt_task import demo_actions
 from tests.tasks.play import at_random, by_script, episodes
 
 EMPTY = segar.family("empty-easy").sample(50, seed=0)

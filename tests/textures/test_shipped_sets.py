@@ -7,7 +7,7 @@ from segar.textures import TextureSet, linear_read_out, look_distances, shipped_
 from segar.textures.inputs import is_noise
 from segar.textures.samples import UNIFORM, family_laws
 from segar.textures.standard import CHIEF, INPUTS, KINDS
-from segar.textures.texture_set import DATA
+from segar.textures.texture_sets import DATA
 
 SIZES = {"one": 1, "five": 5, "twenty": 20, "baseline": 1, "close": 5, "far": 5}
 MODELS = [(name, model) for name, count in SIZES.items() for model in range(count)]

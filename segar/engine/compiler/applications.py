@@ -7,9 +7,7 @@ from dataclasses import dataclass, replace
 from segar.engine.compiler.emit import bind
 from segar.engine.compiler.loops import VARIABLES
 from segar.engine.compiler.spec import Needs, symbols_of
-from segar.language.symbols import Symbol, walk
-from segar.language.trace import Branch, Leaf, Tree
-from segar.language.rule_definition import Rule
+from segar.language import Branch, Leaf, Rule, Symbol, Tree, walk
 
 
 @dataclass(frozen=True)

@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-from segar.language.layout import Layout, holds
-from segar.language.signature import Action
 from segar.engine.compiler.spec import symbols_of
 from segar.errors import RuleError, did_you_mean
-from segar.language.factors import Order, Position, Size, Velocity
-from segar.language.parameters import Parameter
-from segar.language.relations import Relation
-from segar.language.rule_definition import Rule
+from segar.language import Action, Layout, Order, Parameter, Position, Relation, Rule, Size, Velocity, holds
 
 
 def check_rule(rule: Rule, layout: Layout, numbers: int, allows_action: bool, allows_wall: bool) -> None:

@@ -7,14 +7,10 @@ from collections import defaultdict
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 
-from segar.language.effects import SetFactor
 from segar.engine.compiler.applications import Application
 from segar.engine.compiler.spec import Group, Matcher, leaves_of, symbols_of
-from segar.language.symbols import walk
-from segar.language.trace import Branch, Outcome
 from segar.errors import ConflictError
-from segar.language.factors import Factor, Order, Position, Size
-from segar.language.rule_definition import Rule
+from segar.language import Branch, Factor, Order, Outcome, Position, Rule, SetFactor, Size, walk
 
 Takes = Callable[[Rule, Outcome], bool]
 """Whether a rule's outcome belongs to the stage."""

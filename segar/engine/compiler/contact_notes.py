@@ -11,11 +11,9 @@ from itertools import permutations
 
 from segar.engine.compiler.checks import check_contact_rule
 from segar.engine.compiler.emit import Writer, bind
-from segar.language.layout import holds
 from segar.engine.compiler.loops import both, condition, match_test
 from segar.engine.compiler.spec import Group, Matcher, Needs, needs_of, outcomes_of
-from segar.language.trace import Branch, Outcome, Tree
-from segar.language.rule_definition import Rule
+from segar.language import Branch, Outcome, Rule, Tree, holds
 
 
 @dataclass(frozen=True)

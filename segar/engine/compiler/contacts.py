@@ -6,19 +6,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from segar.language.effects import SetFactor
 from segar.engine.compiler.checks import check_contact_rule
 from segar.engine.compiler.contact_notes import ContactNotes
 from segar.engine.compiler.emit import Writer, bind
-from segar.language.layout import Slot
 from segar.engine.compiler.loops import both, condition, match_test, over_group
 from segar.engine.compiler.source import Source, write_value
 from segar.engine.compiler.spec import Group, Matcher, Needs, needs_of
-from segar.language.trace import Branch, Tree
 from segar.errors import RuleError
-from segar.language.factors import Collides, Mobile, Position, Velocity
-from segar.language.rule_definition import Rule
-from segar.rules.world import World
+from segar.language import Branch, Collides, Mobile, Position, Rule, SetFactor, Slot, Tree, Velocity, WorldRules
 
 COLLIDES = Needs((Collides, Position, Velocity), None)
 
@@ -28,7 +23,7 @@ class Contacts:
     """The functions that ``device_contacts.py`` calls by name while it resolves contacts."""
 
     source: Source
-    world: World
+    world: WorldRules
     rules: list[Rule]
 
     @property

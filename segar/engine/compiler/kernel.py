@@ -14,25 +14,30 @@ from types import ModuleType
 
 import numpy as np
 
-from segar.language.effects import Differential
-from segar.engine.runtime import device
-from segar.engine.runtime import device_contacts
-from segar.engine.runtime import gather
-from segar.engine.runtime import ledger as sharing
 from segar.engine.compiler.checks import check_contact_rule, check_geometry, check_rule
 from segar.engine.compiler.contacts import COLLIDES, Contacts
-from segar.language.layout import Layout
 from segar.engine.compiler.loops import over_group
 from segar.engine.compiler.source import DECORATOR, ENTRY_DECORATOR, STATE, Source
 from segar.engine.compiler.spec import Group, Needs, outcomes_of
 from segar.engine.compiler.stages import Stage, Takes
-from segar.engine.compiler.task_functions import TaskFunctions, task_functions
-from segar.language.trace import Outcome
+from segar.engine.compiler.task_functions import task_functions
+from segar.engine.runtime import device, device_contacts, gather
+from segar.engine.runtime import ledger as sharing
 from segar.errors import RuleError
-from segar.language.factors import Floor, Order, Position, Size, Velocity
-from segar.language.parameters import Framerate
-from segar.language.rule_definition import Rule
-from segar.rules.world import World
+from segar.language import (
+    Differential,
+    Floor,
+    Framerate,
+    Layout,
+    Order,
+    Outcome,
+    Position,
+    Rule,
+    Size,
+    TaskFunctions,
+    Velocity,
+    WorldRules,
+)
 
 COPY_MARK = "# --- copied from here on ---\n"
 MANY_BODIES = 12  # above this number it pays to sort bodies before pairs are compared
@@ -55,7 +60,7 @@ class KernelSource:
     list_length: int
 
 
-def generate(layout: Layout, world: World, task: TaskFunctions) -> KernelSource:
+def generate(layout: Layout, world: WorldRules, task: TaskFunctions) -> KernelSource:
     """The kernel of a world on a layout.
 
     Raises:
@@ -74,7 +79,7 @@ def generate(layout: Layout, world: World, task: TaskFunctions) -> KernelSource:
 @dataclass
 class _Builder:
     layout: Layout
-    world: World
+    world: WorldRules
     task: TaskFunctions
     source: Source = field(init=False)
     rules: list[Rule] = field(init=False)

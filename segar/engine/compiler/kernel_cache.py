@@ -12,7 +12,7 @@ import sys
 from pathlib import Path
 from types import ModuleType
 
-from segar.support.atomic_files import replacing
+from segar.support import replacing
 
 _loaded: dict[str, ModuleType] = {}
 

@@ -7,12 +7,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 from segar.engine.compiler.emit import Writer, bind
-from segar.language.layout import Layout
 from segar.engine.compiler.loops import both, match_test
 from segar.engine.compiler.spec import Matcher, Needs, relation_mask, static_relation
-from segar.language.symbols import Symbol
-from segar.language.trace import Branch, Tree
-from segar.language.factors import Floor
+from segar.language import Branch, Floor, Layout, Symbol, Tree
 
 # _nrt=False: the kernel allocates nothing, so array views need no reference counts, whose atomic operations would cost
 # as much as the physics of a small world.

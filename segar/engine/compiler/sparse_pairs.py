@@ -12,8 +12,7 @@ from segar.engine.compiler.applications import Application, bind_tree
 from segar.engine.compiler.emit import Writer
 from segar.engine.compiler.loops import both, condition, match_test, over_group
 from segar.engine.compiler.spec import Group
-from segar.language.symbols import Symbol, walk
-from segar.language.trace import Branch, Leaf, Tree
+from segar.language import Branch, Leaf, Symbol, Tree, walk
 
 MANY_PARTNERS = 5  # in smaller groups it does not pay to list them
 

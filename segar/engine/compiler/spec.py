@@ -13,13 +13,23 @@ from typing import Any
 
 import numpy as np
 
-from segar.language.layout import Layout, Slot, holds
-from segar.language.symbols import Symbol, make, walk
-from segar.language.trace import Branch, Leaf, Tree
-from segar.language.entities import Entity
 from segar.errors import RuleError
-from segar.language.factors import Factor, Floor, Position
-from segar.language.rule_definition import Rule
+from segar.language import (
+    Branch,
+    Entity,
+    Factor,
+    Floor,
+    Layout,
+    Leaf,
+    Position,
+    Rule,
+    Slot,
+    Symbol,
+    Tree,
+    holds,
+    make,
+    walk,
+)
 
 PRESENT = ("present", None, None)
 

@@ -8,18 +8,28 @@ from __future__ import annotations
 
 from collections import defaultdict
 
-from segar.language.effects import Aggregate, Differential, SetFactor
 from segar.engine.compiler.applications import Application, application_symbols, bind_tree
 from segar.engine.compiler.conflicts import Takes, check_static, find_disputed, read_across
 from segar.engine.compiler.emit import Writer, bind
-from segar.engine.compiler.sparse_pairs import Gate, find_gate
-from segar.language.layout import Slot, holds
 from segar.engine.compiler.loops import VARIABLES, both, condition, match_test, over_group, share
+from segar.engine.compiler.sparse_pairs import Gate, find_gate
 from segar.engine.compiler.spec import Group, Matcher, Needs, needs_of, outcomes_of, relation_mask, settle
-from segar.language.trace import Branch, Leaf, Outcome, Tree
 from segar.errors import RuleError
-from segar.language.factors import Factor, Floor, Position
-from segar.language.rule_definition import Rule
+from segar.language import (
+    Aggregate,
+    Branch,
+    Differential,
+    Factor,
+    Floor,
+    Leaf,
+    Outcome,
+    Position,
+    Rule,
+    SetFactor,
+    Slot,
+    Tree,
+    holds,
+)
 
 
 class Stage:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 from segar.engine.compiler.emit import Writer
@@ -10,34 +9,13 @@ from segar.engine.compiler.loops import VARIABLES, both, condition, match_test, 
 from segar.engine.compiler.source import STATE, Source, write_value
 from segar.engine.compiler.spec import Group, Needs, needs_of
 from segar.errors import RuleError
-from segar.language.rule_definition import Rule
+from segar.language import Rule, TaskFunctions
 
 # Of each kind of reduction: what it starts from, and how it takes a value.
 REDUCTIONS = {
     "every": ("True", "met, reduced = True, reduced and {}"),
     "best": ("-np.inf", "met, reduced = True, max(reduced, {})"),
 }
-
-
-@dataclass(frozen=True)
-class TaskFunctions:
-    """What a task adds to a kernel: the rules of its action, and functions of the state.
-
-    Rewards add up; a truth holds if any of its functions holds.
-    """
-
-    act: tuple[Rule, ...]
-    reward: tuple[Rule, ...]
-    terminated: tuple[Rule, ...]
-    success: tuple[Rule, ...]
-    death: tuple[Rule, ...]
-    action_low: tuple[float, ...]
-    action_high: tuple[float, ...]
-
-    @property
-    def of_state(self) -> tuple[Rule, ...]:
-        """All functions of the state, in the order in which they are numbered."""
-        return (*self.reward, *self.terminated, *self.success, *self.death)
 
 
 def task_functions(source: Source, task: TaskFunctions, first: int) -> list[str]:

@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from segar.errors import PlacementError
-from segar.support.estimates import Estimate
-from segar.language.factors import Order, Position, Size
+from segar.language import Order, Position, Size
 from segar.levels.probability.log_prob import (
     LogProbability,
     is_conditioned,
@@ -23,11 +22,19 @@ from segar.levels.probability.log_prob import (
     outline_is_simple,
     size_follows_shape,
 )
-from segar.noise import Choice, Noise
-from segar.noise.measures import as_noise
+from segar.levels.sampling.draws import (
+    CHUNK,
+    Block,
+    Streams,
+    draw_factors,
+    draw_first_positions,
+    draw_parameters,
+    draw_types,
+)
 from segar.levels.sampling.placement import too_close
-from segar.levels.sampling.draws import CHUNK, Block, Streams, draw_factors, draw_first_positions, draw_parameters, draw_types
 from segar.levels.sampling.plan import Group, Plan
+from segar.noise import Choice, Noise, as_noise
+from segar.support import Estimate
 
 ACCEPTANCE_DRAWS = (
     200_000  # positions of all things, from which an acceptance is estimated: to 0.1 % where it is a half

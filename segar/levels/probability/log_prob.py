@@ -15,17 +15,13 @@ from typing import Any
 
 import numpy as np
 
-from segar.levels.sampling.conditional_draws import claimed, dependence
-from segar.language.entities import Tile
 from segar.errors import PriorError
-from segar.language.factors import Factor, Friction, Order, Position, Size
-from segar.noise import Choice, Deterministic, Noise
-from segar.noise.measures import as_noise
-from segar.language.parameters import FloorFriction
-from segar.levels.sampling.placement import too_close
+from segar.language import CIRCLE, HULL, BaseShape, Factor, FloorFriction, Friction, Order, Position, Size, Tile
 from segar.levels.priors import Prior, factors_needed, factors_read
+from segar.levels.sampling.conditional_draws import claimed, dependence
+from segar.levels.sampling.placement import too_close
 from segar.levels.sampling.plan import Draw, Outline, Plan
-from segar.language.shapes import CIRCLE, HULL, BaseShape
+from segar.noise import Choice, Deterministic, Noise, as_noise
 
 
 @dataclass(frozen=True)

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from segar.language.factors import Factor, Friction, Order, Position, Size
-from segar.noise import Choice, Deterministic, DiscreteRangeNoise, Mixture, Noise
-from segar.noise.measures import as_noise
-from segar.language.parameters import FloorFriction
+from segar.language import Factor, FloorFriction, Friction, Order, Position, Size
 from segar.levels.priors import Prior, factors_needed, factors_read
 from segar.levels.sampling.plan import Group, Plan
+from segar.noise import Choice, Deterministic, DiscreteRangeNoise, Mixture, Noise, as_noise
 
 Laws = dict[type[Factor], Noise]
 

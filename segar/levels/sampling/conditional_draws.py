@@ -6,10 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from segar.language import Entity, Factor, holds
 from segar.levels.conditional import Dependent
-from segar.language.layout import holds
-from segar.language.entities import Entity
-from segar.language.factors import Factor
 from segar.levels.priors import Prior, relation_holds
 from segar.levels.sampling.plan import Draw, Plan
 

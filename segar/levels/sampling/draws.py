@@ -12,18 +12,34 @@ from typing import Any
 
 import numpy as np
 
-from segar.levels.sampling.conditional_draws import claimed, dependence
-from segar.support.counter_rng import LevelGenerator, stream_key
-from segar.language.layout import Layout
-from segar.language.entities import Object, Tile
 from segar.errors import LevelError, PlacementError, PriorError
-from segar.language.factors import Factor, Friction, Order, Position, Size
-from segar.noise import Noise
-from segar.language.parameters import FloorFriction
-from segar.levels.sampling.placement import OVERLAP_PASSES, PLACEMENT_TRIES, closest_pair, fix_overlaps, random_ranks, too_close
+from segar.language import (
+    CIRCLE,
+    HULL,
+    BaseShape,
+    Factor,
+    FloorFriction,
+    Friction,
+    Layout,
+    Object,
+    Order,
+    Position,
+    Size,
+    Tile,
+)
 from segar.levels.priors import Prior, factors_read, specificity
+from segar.levels.sampling.conditional_draws import claimed, dependence
+from segar.levels.sampling.placement import (
+    OVERLAP_PASSES,
+    PLACEMENT_TRIES,
+    closest_pair,
+    fix_overlaps,
+    random_ranks,
+    too_close,
+)
 from segar.levels.sampling.plan import Draw, Outline, Plan
-from segar.language.shapes import CIRCLE, HULL, BaseShape
+from segar.noise import Noise
+from segar.support import LevelGenerator, stream_key
 
 CHUNK = 4096  # levels that are drawn together: their columns fit the processor's cache
 

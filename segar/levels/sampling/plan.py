@@ -9,15 +9,23 @@ from typing import Any
 
 import numpy as np
 
-from segar.language.layout import Layout, holds
-from segar.language.entities import Entity, GlobalFriction
 from segar.errors import PlacementError, PriorError, did_you_mean
-from segar.language.factors import Factor, Order, Position, Shape, Size
-from segar.noise import Choice, Noise
-from segar.language.parameters import Parameter
-from segar.levels.sampling.placement import closest_pair
+from segar.language import (
+    BaseShape,
+    Entity,
+    Factor,
+    GlobalFriction,
+    Layout,
+    Order,
+    Parameter,
+    Position,
+    Shape,
+    Size,
+    holds,
+)
 from segar.levels.priors import Prior, factors_needed, factors_read, ranked
-from segar.language.shapes import BaseShape
+from segar.levels.sampling.placement import closest_pair
+from segar.noise import Choice, Noise
 
 RANDOM_HULL_VERTICES = 32  # room for a random hull: 100 Gaussian points have 8.8 +- 1.5 vertices on their hull
 

@@ -11,12 +11,11 @@ import numpy as np
 
 from segar.errors import SegarError
 from segar.observations.composed.checked_memory import remembered
-from segar.tasks.registry import task_of
+from segar.tasks import task_of
 
 if TYPE_CHECKING:
-    from segar.language.factors import Factor
-    from segar.levels.level_set import Levels
-    from segar.language.task import Task
+    from segar.language import Factor, Task
+    from segar.levels import Levels
 
 
 @dataclass(frozen=True)

@@ -14,9 +14,8 @@ from segar.observations.arrays import empty_batch
 from segar.observations.composed.composed import Members
 
 if TYPE_CHECKING:
-    from segar.language.factors import Factor
-    from segar.levels.level_set import Levels
-    from segar.language.task import Task
+    from segar.language import Factor, Task
+    from segar.levels import Levels
 
 
 @dataclass(frozen=True)
@@ -33,7 +32,7 @@ class Multi:
     parts: Sequence[Any] | Mapping[str, Any]
 
     def __post_init__(self) -> None:
-        from segar.observations.registry import make_observation  # which makes this one from tuples and dicts
+        from segar.observations.registry import make_observation
 
         if not self.parts:
             raise SegarError("Multi: an observation of several parts needs at least one")

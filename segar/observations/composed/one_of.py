@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING, Any, Literal
 import gymnasium
 import numpy as np
 
-from segar.support.counter_rng import LOW_WORD, SPACING, SPARE_BITS, WORD, philox, stream_key
 from segar.errors import SegarError, did_you_mean
 from segar.observations.composed.composed import Members
+from segar.support import LOW_WORD, SPACING, SPARE_BITS, WORD, philox, stream_key
 
 if TYPE_CHECKING:
-    from segar.language.factors import Factor
-    from segar.levels.level_set import Levels
-    from segar.language.task import Task
+    from segar.language import Factor, Task
+    from segar.levels import Levels
 
 PER = ("episode", "level")
 

@@ -10,15 +10,14 @@ import gymnasium
 import numpy as np
 
 from segar.errors import SegarError
-from segar.observations.copying import copy_rows
-from segar.observations.composed.composed import Members
 from segar.observations.composed.checked_memory import remembered
+from segar.observations.composed.composed import Members
+from segar.observations.copying import copy_rows
 from segar.observations.protocol import DrawsPlanes
 
 if TYPE_CHECKING:
-    from segar.language.factors import Factor
-    from segar.levels.level_set import Levels
-    from segar.language.task import Task
+    from segar.language import Factor, Task
+    from segar.levels import Levels
 
 CHUNK = 64  # environments whose frames are copied while they are in the processor's cache
 TAPE = 64  # steps until what is in the stacks has to be moved

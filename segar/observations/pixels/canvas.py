@@ -8,10 +8,10 @@ import gymnasium
 import numpy as np
 
 from segar.errors import SegarError, did_you_mean
-from segar.rules.world import ARENA
+from segar.language import ARENA
 
 if TYPE_CHECKING:
-    from segar.levels.level_set import Levels
+    from segar.levels import Levels
 
 Channels = Literal["first", "last"]
 CHANNELS = ("first", "last")

@@ -5,24 +5,29 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from segar.language.entities import (
+from segar.errors import FactorError
+from segar.language import (
     Ball,
     Bumper,
+    Charge,
     Charger,
     CueBall,
     Damper,
     Entity,
+    Factor,
     FireTile,
+    Friction,
     GoalTile,
     GolfBall,
+    Heat,
     Hole,
     MagmaTile,
     Magnet,
+    Magnetism,
     SandTile,
+    StoredEnergy,
     Tile,
 )
-from segar.errors import FactorError
-from segar.language.factors import Charge, Factor, Friction, Heat, Magnetism, StoredEnergy
 
 RGB = tuple[int, int, int]
 

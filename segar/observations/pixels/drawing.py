@@ -11,7 +11,7 @@ from segar.observations.pixels import pixel_kernel
 from segar.observations.pixels.canvas import Canvas, pixels_as_bytes
 
 if TYPE_CHECKING:
-    from segar.levels.level_set import Levels
+    from segar.levels import Levels
 
 RENDERER_VERSION = 2
 """Raised whenever a frame of some state becomes another one; ``tests/observations/test_golden_frames.py`` watches it."""

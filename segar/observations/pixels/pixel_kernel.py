@@ -14,14 +14,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numba import njit
 
-from segar.language.layout import Layout, holds
-from segar.language.entities import Entity
-from segar.language.factors import Factor, Floor, Mobile, Order, Position, Size, Visible
+from segar.language import CIRCLE, HULL, Entity, Factor, Floor, Layout, Mobile, Order, Position, Size, Visible, holds
 from segar.observations.pixels.byte_copy import clear_bytes, copy_bytes
-from segar.language.shapes import CIRCLE, HULL
 
 if TYPE_CHECKING:
-    from segar.levels.level_set import Levels
+    from segar.levels import Levels
 
 # Columns of ``Scene.columns[type]``: where a type keeps what the kernel reads; -1 where it lacks the factor.
 POSITION, SIZE, VISIBLE, ORDER, MOBILE = range(5)

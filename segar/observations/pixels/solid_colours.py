@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from segar.language.entities import Entity
-from segar.language.factors import Factor, Floor, Shape
+from segar.language import Entity, Factor, Floor, Shape
 from segar.observations.pixels import tint_kernel
 from segar.observations.pixels.canvas import LUMA, Channels, canvas_for, check_frame, frame_space
 from segar.observations.pixels.colours import COLOURS, FLOOR, Colour, colour_of
@@ -17,7 +16,7 @@ from segar.observations.pixels.drawing import Drawing
 from segar.observations.pixels.pixel_kernel import DRAWN, column_of
 
 if TYPE_CHECKING:
-    from segar.levels.level_set import Levels
+    from segar.levels import Levels
 
 OUTLINES: tuple[type[Factor], ...] = (*DRAWN, Shape, Floor)
 """What decides where things are drawn, how large and over what, whatever they look like."""

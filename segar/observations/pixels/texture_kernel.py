@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from segar.support.counter_kernel import GOLDEN, mix, normal, uniform
-from segar.textures.inputs import NOISE_CLIP
+from segar.support import GOLDEN, mix, normal, uniform
+from segar.textures import NOISE_CLIP
 
 _options = {"nogil": True, "cache": True, "error_model": "numpy", "_nrt": False}
 

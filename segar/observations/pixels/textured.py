@@ -8,19 +8,18 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from segar.support.counter_rng import stream_key
 from segar.errors import SegarError, did_you_mean
-from segar.language.factors import Factor, Floor
+from segar.language import Factor, Floor
+from segar.observations.composed.checked_memory import remembered
 from segar.observations.pixels import texture_kernel
 from segar.observations.pixels.canvas import LUMA, Channels, canvas_for, check_frame, frame_space
 from segar.observations.pixels.drawing import Drawing
-from segar.observations.composed.checked_memory import remembered
 from segar.observations.pixels.solid_colours import OUTLINES
-from segar.textures import TextureSet, type_inputs
-from segar.textures.inputs import name_of_input
+from segar.support import stream_key
+from segar.textures import TextureSet, name_of_input, type_inputs
 
 if TYPE_CHECKING:
-    from segar.levels.level_set import Levels
+    from segar.levels import Levels
 
 REDRAWN = ("episode", "level", "never")
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from segar.errors import FactorError, did_you_mean
-from segar.language.factors import Factor, concrete_factors
+from segar.language import Factor, concrete_factors
 
 
 def factors_of(where: str, given: Iterable[str | type[Factor]]) -> tuple[type[Factor], ...]:

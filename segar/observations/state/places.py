@@ -7,10 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from segar.language.layout import Layout, Slot
-from segar.language.entities import Entity
 from segar.errors import LevelError, did_you_mean
-from segar.language.factors import Factor, Position, Visible
+from segar.language import Entity, Factor, Layout, Position, Slot, Visible
 
 if TYPE_CHECKING:
     from segar.observations.state.state_vector import StateVector

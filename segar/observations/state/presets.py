@@ -7,21 +7,24 @@ from __future__ import annotations
 
 from typing import Any
 
-from segar.language.entities import Entity, Object, Thing, Tile
-from segar.language.factors import (
+from segar.language import (
     Acceleration,
     Alive,
     Charge,
     Done,
+    Entity,
     Factor,
     Friction,
     Heat,
     Magnetism,
     Mass,
     Mobile,
+    Object,
     Position,
     Size,
     StoredEnergy,
+    Thing,
+    Tile,
     Velocity,
 )
 from segar.observations.state.state_vector import StateVector

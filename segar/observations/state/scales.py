@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from segar.errors import LevelError
-from segar.language.factors import Factor, Size
+from segar.language import Factor, Size
 from segar.observations.state.places import EMPTY, Places
 
 if TYPE_CHECKING:
-    from segar.levels.level_set import Levels
+    from segar.levels import Levels
 
 NO_SPREAD = 1e-9  # standard deviation over mean below which a factor is constant but for rounding
 
@@ -28,7 +28,7 @@ def shift_and_scale(places: Places, levels: Levels) -> tuple[np.ndarray, np.ndar
     Raises:
         LevelError: the levels know no distribution.
     """
-    from segar.metrics.points import law_moments  # measures are above observations, but both measure by the prior
+    from segar.levels import law_moments
 
     moments = law_moments(levels)
     if not moments:

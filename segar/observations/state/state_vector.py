@@ -9,16 +9,15 @@ from typing import TYPE_CHECKING, Any, Literal
 import gymnasium
 import numpy as np
 
-from segar.engine.runtime.gather import Reads, gather
-from segar.language.entities import Entity
+from segar.engine import Reads, gather
 from segar.errors import SegarError, did_you_mean
-from segar.language.factors import Acceleration, Density, Done, Drag, Factor, InfiniteEnergy, Order, Visible
+from segar.language import Acceleration, Density, Done, Drag, Entity, Factor, InfiniteEnergy, Order, Visible
 from segar.observations.state.factor_names import factors_of
 from segar.observations.state.places import FORMS, MASKS, lay_out
 from segar.observations.state.scales import shift_and_scale
 
 if TYPE_CHECKING:
-    from segar.levels.level_set import Levels
+    from segar.levels import Levels
 
 HIDDEN: tuple[type[Factor], ...] = (Acceleration, Drag, Density, Done, InfiniteEnergy, Order, Visible)
 """Not shown unless asked for: they follow from others, concern drawing, or no rule reads them."""

@@ -12,12 +12,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from segar.language import random
-from segar.language.effects import Effect
-from segar.language import symbols
-from segar.language.symbols import NO_NUMPY, Symbol, as_symbol, as_truth
 from segar.errors import RuleError
-from segar.language.values import Vector
+from segar.language import random, symbols
+from segar.language.effects import Effect
+from segar.language.symbols import NO_NUMPY, Symbol, as_symbol, as_truth
+from segar.language.values import VectorValue
 
 MAX_PATHS = 64
 
@@ -151,7 +150,7 @@ def effects_leaf(allowed: dict[tuple[type, type], str] | None) -> Callable[[Any]
                 promised = ", ".join(allowed.values()) or None
                 raise RuleError(f"returns {type(effect).__name__}, but its annotation promises {promised}")
             value = effect.value
-            parts = (value.x, value.y) if isinstance(value, Vector) else (value,)
+            parts = (value.x, value.y) if isinstance(value, VectorValue) else (value,)
             outcomes.append(
                 Outcome(effect.kind, effect.target.argument, effect.target.factor, tuple(_stored(p) for p in parts))
             )
@@ -162,14 +161,14 @@ def effects_leaf(allowed: dict[tuple[type, type], str] | None) -> Callable[[Any]
 
 def number_leaf(returned: Any) -> Leaf:
     """A finisher for functions that return a number."""
-    if isinstance(returned, Vector):
+    if isinstance(returned, VectorValue):
         raise RuleError("returns a vector, but a number is needed")
     return Leaf(value=_stored(returned))
 
 
 def truth_leaf(returned: Any) -> Leaf:
     """A finisher for functions that return a truth value."""
-    if isinstance(returned, Vector):
+    if isinstance(returned, VectorValue):
         raise RuleError("returns a vector, but a truth value is needed")
     return Leaf(value=as_truth(returned))
 

@@ -1,11 +1,9 @@
 """The default level distribution of Billiards: ten balls in a rack, a pocket in each corner, the cue ball anywhere below."""
 
-from segar.language.entities import Ball, CueBall, Hole
-from segar.language.factors import Position, Shape, Size
-from segar.noise import GaussianNoise, RandomBottomLocation
-from segar.levels.sampling.placement import ARENA_HIGH, WALL_MARGIN
+from segar.language import Ball, Circle, CueBall, Hole, Position, Shape, Size
 from segar.levels.priors import Prior
-from segar.language.shapes import Circle
+from segar.levels.sampling.placement import ARENA_HIGH, WALL_MARGIN
+from segar.noise import GaussianNoise, RandomBottomLocation
 
 ROWS = 4  # of the rack, which holds one ball, then two, three and four
 ROW_SPACING = 2**0.5 * (0.1 + 0.001)  # [m] between rows; neighbours along the sides are 2 mm apart

@@ -5,11 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from segar.language.effects import SetFactor
-from segar.language.entities import GolfBall
-from segar.language.factors import Visible
-from segar.tasks.puttputt import demo_actions, puttputt
-from segar.language.task import Task
+from segar.language import GolfBall, SetFactor, Task, Visible
+from segar.tasks.puttputt_task import demo_actions, puttputt
 
 __all__ = ["demo_actions", "invisiball"]
 
@@ -22,7 +19,7 @@ def invisiball(reward: str = "squared", **options: Any) -> Task:
     ``StateVector(sees_invisible=False)`` shows zeros instead.
 
     Args:
-        reward, options: as :func:`segar.tasks.puttputt.puttputt` takes them.
+        reward, options: as :func:`segar.tasks.puttputt_task.puttputt` takes them.
     """
     task = puttputt(reward, **options)
 

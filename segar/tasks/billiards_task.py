@@ -3,21 +3,28 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from segar.language.effects import SetFactor
-from segar.language.signature import Action, Best, Every
-from segar.language.entities import Ball, CueBall, Hole
 from segar.errors import SegarError, did_you_mean
-from segar.language.factors import Alive, Done, Mass, Position, Velocity
-from segar.tasks.puttputt import ARENA_DIAGONAL, DEATH_PENALTY, IMPULSE, factor_of, push_towards
-from segar.language.task import Task
-from segar.language.values import Vector
-
-if TYPE_CHECKING:
-    from segar.envs.factors_view import Factors
+from segar.language import (
+    Action,
+    Alive,
+    Ball,
+    Best,
+    CueBall,
+    Done,
+    Every,
+    Factors,
+    Hole,
+    Mass,
+    Position,
+    SetFactor,
+    Task,
+    VectorValue,
+    Velocity,
+)
+from segar.tasks.puttputt_task import ARENA_DIAGONAL, DEATH_PENALTY, IMPULSE, factor_of, push_towards
 
 CUE_SPEED = 4.0  # [m/s] of the scripted player
 REWARDS = ("distance", "potted")
@@ -57,7 +64,7 @@ def billiards(
     def strike(cue: CueBall, action: Action) -> SetFactor[Velocity]:
         if cue[Mass] == 0:
             return None
-        kick = Vector(action[0], action[1]) * impulse
+        kick = VectorValue(action[0], action[1]) * impulse
         return SetFactor[Velocity](cue[Velocity], cue[Velocity] + kick / cue[Mass])
 
     def penalty(cue: CueBall) -> float:

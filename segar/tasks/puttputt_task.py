@@ -4,20 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from segar.language.effects import SetFactor
-from segar.language.signature import Action
-from segar.language.entities import Entity, GoalTile, GolfBall
 from segar.errors import SegarError, did_you_mean
-from segar.language.factors import Acceleration, Alive, Done, Factor, Flag, Mass, Position, Velocity
-from segar.language.task import Task
-from segar.language.values import Vector
-
-if TYPE_CHECKING:
-    from segar.envs.factors_view import Factors
+from segar.language import (
+    Acceleration,
+    Action,
+    Alive,
+    Done,
+    Entity,
+    Factor,
+    Factors,
+    Flag,
+    GoalTile,
+    GolfBall,
+    Mass,
+    Position,
+    SetFactor,
+    Task,
+    VectorValue,
+    Velocity,
+)
 
 ARENA_DIAGONAL = 8.0**0.5  # [m] distances are divided by it; 2.828, as in 2022
 GOAL_DISTANCE = 0.01  # share of the arena's diagonal at which the ball has arrived
@@ -54,7 +62,7 @@ def puttputt(
     def push(ball: GolfBall, action: Action) -> SetFactor[Velocity]:
         if ball[Mass] == 0:
             return None
-        kick = Vector(action[0], action[1]) * impulse
+        kick = VectorValue(action[0], action[1]) * impulse
         return SetFactor[Velocity](ball[Velocity], ball[Velocity] + kick / ball[Mass])
 
     def distance_reward(ball: GolfBall, goal: GoalTile) -> float:

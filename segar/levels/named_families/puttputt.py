@@ -1,22 +1,32 @@
 """The level distributions of PuttPutt: the default one, as the paper prints it, and one thing in the middle."""
 
-from segar.language.entities import (
+from segar.language import (
     Ball,
     Bumper,
+    Charge,
     Charger,
+    Circle,
     Damper,
     FireTile,
+    Friction,
     GoalTile,
     GolfBall,
     Hole,
     MagmaTile,
     Magnet,
+    Magnetism,
+    Mass,
+    Mobile,
     Object,
+    Position,
+    RandomConvexHull,
     SandTile,
+    Shape,
+    Size,
     ThingFactory,
     Tile,
 )
-from segar.language.factors import Charge, Friction, Magnetism, Mass, Mobile, Position, Shape, Size
+from segar.levels.priors import Prior
 from segar.noise import (
     DiscreteRangeNoise,
     GaussianMixtureNoise,
@@ -27,8 +37,6 @@ from segar.noise import (
     RandomTopLocation,
     UniformNoise,
 )
-from segar.levels.priors import Prior
-from segar.language.shapes import Circle, RandomConvexHull
 
 PLUS_OR_MINUS_ONE = GaussianMixtureNoise(means=[-1.0, 1.0], stds=[0.1, 0.1])
 

@@ -21,12 +21,10 @@ from hydra.errors import CompactHydraException, MissingConfigException
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
-from experiments.settings import process_defaults as runtime
-from experiments.settings.config import PPOConfig, RunConfig, as_data, run_config
+from experiments.commands.signals import Stopped
+from experiments.settings.config import CHECKOUT, PPOConfig, RunConfig, as_data, run_config
 from experiments.settings.construct import construct, import_object
 from experiments.settings.errors import ConfigError
-from experiments.settings.config import CHECKOUT
-from experiments.runs.signals import Stopped
 from segar.errors import SegarError, did_you_mean
 
 WITH_OPTIONS = ("task", "observation")  # groups whose ``options`` are the keyword arguments of what they name

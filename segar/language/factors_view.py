@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from segar.language.layout import Layout
-from segar.language.entities import Entity
 from segar.errors import LevelError, SegarError, did_you_mean
+from segar.language.entities import Entity
+from segar.language.layout import Layout
 
 
 class OnAccess(Mapping[str, Any]):

@@ -11,15 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from segar.levels.conditional import Dependent
-from segar.language.symbols import Symbol
-from segar.language.entities import Entity, ThingFactory
 from segar.errors import LevelError
-from segar.language.factors import Factor
-from segar.noise import Noise
+from segar.language import BaseShape, Entity, Factor, Relation, Symbol, ThingFactory
+from segar.levels.conditional import Dependent
 from segar.levels.priors import Prior
-from segar.language.relations import Relation
-from segar.language.shapes import BaseShape
+from segar.noise import Noise
 
 HASH_DIGITS = 16
 

@@ -5,25 +5,38 @@ from __future__ import annotations
 from functools import cache
 from typing import Any
 
-from segar.levels.distribution import LevelDistribution
-from segar.language.entities import (
+from segar.errors import LevelError, did_you_mean
+from segar.language import (
     Ball,
     Bumper,
+    Charge,
     Charger,
+    Circle,
     Damper,
     FireTile,
+    Friction,
     GoalTile,
     GolfBall,
+    Heat,
     Hole,
     MagmaTile,
     Magnet,
+    Magnetism,
+    Mass,
+    Mobile,
     Object,
+    Position,
+    RandomConvexHull,
     SandTile,
+    Shape,
+    Size,
+    StoredEnergy,
     ThingFactory,
     Tile,
 )
-from segar.errors import LevelError, did_you_mean
-from segar.language.factors import Charge, Friction, Heat, Magnetism, Mass, Mobile, Position, Shape, Size, StoredEnergy
+from segar.levels.distribution import LevelDistribution
+from segar.levels.named_families import billiards, invisiball, puttputt
+from segar.levels.priors import Prior
 from segar.noise import (
     CenterLocation,
     GaussianMixtureNoise,
@@ -35,8 +48,6 @@ from segar.noise import (
     RandomUniformLocation,
     UniformNoise,
 )
-from segar.levels.priors import Prior
-from segar.language.shapes import Circle, RandomConvexHull
 
 DIFFICULTIES = ("easy", "medium", "hard")
 TASKS = ("empty", "objectsx1", "objectsx2", "objectsx3", "tilesx1", "tilesx2", "tilesx3")
@@ -84,15 +95,12 @@ def family(name: str) -> LevelDistribution:
 
 
 def _task_config(name: str) -> dict[str, Any]:
-    from segar.levels.level_set.families import billiards as billiards_levels
-    from segar.levels.level_set.families import invisiball as invisiball_levels
-    from segar.levels.level_set.families import puttputt as puttputt_levels
 
     return {
-        "puttputt": puttputt_levels.puttputt_default_config,
-        "puttputt-random-middle": puttputt_levels.puttputt_random_middle_config,
-        "billiards": billiards_levels.billiards_default_config,
-        "invisiball": invisiball_levels.invisiball_default_config,
+        "puttputt": puttputt.puttputt_default_config,
+        "puttputt-random-middle": puttputt.puttputt_random_middle_config,
+        "billiards": billiards.billiards_default_config,
+        "invisiball": invisiball.invisiball_default_config,
     }[name]
 
 

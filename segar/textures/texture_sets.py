@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from segar.support.archives import ArchiveFormat
-from segar.language.entities import Entity
 from segar.errors import SegarError, did_you_mean
+from segar.language import Entity
+from segar.support import ArchiveFormat
 from segar.textures.inputs import BACKGROUND, entity_values, is_noise, name_of_input
 
 FORMAT = ArchiveFormat("segar-textures", 1, "textures", "texture file", SegarError)

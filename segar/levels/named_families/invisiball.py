@@ -1,7 +1,7 @@
 """The default level distribution of Invisiball: chargers between the ball and the goal."""
 
-from segar.language.entities import Charger, GoalTile, GolfBall, Object
-from segar.language.factors import Charge, Mass, Mobile, Position, Shape, Size
+from segar.language import Charge, Charger, Circle, GoalTile, GolfBall, Mass, Mobile, Object, Position, Shape, Size
+from segar.levels.priors import Prior
 from segar.noise import (
     DiscreteRangeNoise,
     GaussianNoise,
@@ -9,8 +9,6 @@ from segar.noise import (
     RandomMiddleLocation,
     RandomTopLocation,
 )
-from segar.levels.priors import Prior
-from segar.language.shapes import Circle
 
 invisiball_default_config = {
     "numbers": [(Charger, DiscreteRangeNoise(1, 3)), (GoalTile, 1), (GolfBall, 1)],

@@ -1,0 +1,1 @@
+"""How commands start and stop: Hydra, process-wide defaults, signals."""

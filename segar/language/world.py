@@ -1,0 +1,28 @@
+"""What the engine needs to know of a world: its rules, and nothing of any built-in physics."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from segar.language.rule_definition import Rule
+
+ARENA = 1.0  # [m] distance of the walls from the middle of the arena that distributions know
+
+
+class WorldRules(Protocol):
+    """The attributes of :class:`segar.World`, which says what they mean."""
+
+    @property
+    def rules(self) -> tuple[Rule, ...]: ...
+    @property
+    def limit(self) -> Rule | None: ...
+    @property
+    def wall_contact(self) -> Rule | None: ...
+    @property
+    def pair_contact(self) -> Rule | None: ...
+    @property
+    def solid(self) -> Rule | None: ...
+    @property
+    def on_contact(self) -> tuple[Rule, ...]: ...
+    @property
+    def walls(self) -> float: ...
