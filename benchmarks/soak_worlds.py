@@ -20,7 +20,7 @@ from segar.reference.interpreter import Interpreter
 from segar.rules import DEFAULT_RULES
 from segar.tasks.puttputt_task import puttputt
 from segar.tasks.registry import task_of
-from tests.engine.random_rules import Author, mixed_levels
+from tests.segar.engine.random_rules import Author, mixed_levels
 
 NUM_LEVELS = 500
 CROWDS = 4

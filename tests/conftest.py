@@ -21,7 +21,7 @@ settings.load_profile("shared")
 
 PAPER = Path(os.environ.get("SEGAR_PAPER", Path(__file__).parents[2] / "shared" / "paper" / "segar.tex"))
 
-collect_ignore = [] if PAPER.is_file() else ["test_paper_listings.py"]
+collect_ignore = [] if PAPER.is_file() else ["project/test_paper_listings.py"]
 
 
 def pytest_sessionfinish(session) -> None:

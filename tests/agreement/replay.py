@@ -40,6 +40,7 @@ from segar.language.task import Task
 from segar.levels.level_data import Provenance
 from segar.levels.level_set import Levels
 from segar.rules.world import World
+from tests.places import ROOT
 
 TOLERANCE = 1e-6
 ROOM = 15  # things of the largest recorded scene, the floor apart
@@ -64,7 +65,7 @@ STATIC = (Order, Size, Charge, Magnetism, InfiniteEnergy, Friction, Heat)
 
 def folder() -> Path:
     """Where the recordings lie: ``$SEGAR_REFERENCE_DIR``, else the copy beside the tests."""
-    beside = Path(__file__).parent.parent / "data" / "reference"
+    beside = ROOT / "tests" / "data" / "reference"
     return Path(os.environ.get("SEGAR_REFERENCE_DIR", beside))
 
 

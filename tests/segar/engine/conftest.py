@@ -1,0 +1,51 @@
+"""Levels and compiled kernels that the engine's tests share: few worlds, since each takes seconds to compile once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from segar.engine.simulator import Simulator
+from segar.language.entities import Ball, GoalTile, GolfBall
+from segar.language.factors import ID, Position
+from segar.levels.level_set import Levels
+from segar.levels.named_families.registry import family
+from segar.rules import accelerate, move
+from segar.rules.world import World
+from tests.segar.engine.random_rules import Author, mixed_levels
+
+
+@pytest.fixture(scope="session")
+def sampled() -> Callable[[str], tuple[Simulator, Levels]]:
+    """The compiled default world of a named family, with 20 of its levels."""
+    made: dict[str, tuple[Simulator, Levels]] = {}
+
+    def get(name: str) -> tuple[Simulator, Levels]:
+        if name not in made:
+            levels = family(name).sample(20, seed=3)
+            made[name] = Simulator(World(), levels.layout), levels
+        return made[name]
+
+    return get
+
+
+@pytest.fixture(scope="session")
+def table() -> tuple[Simulator, Levels]:
+    """The compiled default world of a golf ball, three balls and a goal in a corner, in one level."""
+    places = [(0.0, 0.0), (0.5, 0.0), (0.0, 0.5), (-0.5, 0.0)]
+    balls = [Ball({Position: p, ID: f"ball{n}"}) for n, p in enumerate(places[1:], 1)]
+    levels = Levels.from_entities([[GolfBall({Position: places[0]}), GoalTile({Position: (0.85, 0.85)}), *balls]])
+    return Simulator(World(), levels.layout), levels
+
+
+@pytest.fixture(scope="session")
+def mixed() -> tuple[Simulator, Levels]:
+    """A compiled world of random rules on levels with mixed and optional slots.
+
+    The seed is one whose rules take one, two and three entities, draw numbers, and combine relations.
+    """
+    levels = mixed_levels(np.random.default_rng(0), small=True)
+    author = Author(np.random.default_rng(28))
+    return Simulator(World((move, accelerate, *(author.rule() for _ in range(5)))), levels.layout), levels

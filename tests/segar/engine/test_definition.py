@@ -1,0 +1,554 @@
+"""Rules are read and traced where they are defined: what the tracer follows, and how it refuses the rest."""
+
+from __future__ import annotations
+
+import math
+from typing import Tuple  # as the paper writes rules
+
+import numpy as np
+import pytest
+
+import segar.language.random
+from segar.engine.compiler.spec import leaves_of
+from segar.errors import ConflictError, RuleError, SegarError
+from segar.language.effects import Aggregate, Differential, SetFactor
+from segar.language.entities import Ball, Entity, GoalTile, GolfBall
+from segar.language.factors import (
+    ID,
+    Acceleration,
+    Charge,
+    Friction,
+    Label,
+    Magnetism,
+    Mass,
+    Mobile,
+    Position,
+    Scalar,
+    Size,
+    StoredEnergy,
+    Velocity,
+)
+from segar.language.parameters import Gravity, MaxVelocity, MinMass, Parameter
+from segar.language.relations import is_equal, is_on, overlaps, relation
+from segar.language.rule_definition import rule, value_rule
+from segar.language.signature import Action, Wall
+from segar.language.task import Task
+from segar.language.tracing import Leaf
+from segar.language.values import where
+from segar.levels.level_set import Levels
+from segar.reference.interpreter import Interpreter
+from segar.rules import accelerate, move
+from segar.rules.world import World
+from tests.segar.engine.worlds import compare, random_states, start, uncompiled
+
+LEVELS = Levels.from_entities([[GolfBall({Position: (0, 0)}), GoalTile({Position: (0.8, 0.8)}), Ball()]])
+
+
+# --- what the tracer follows
+
+
+def test_an_if_becomes_a_branch_and_an_early_return_a_leaf():
+    @rule
+    def brake(v: Velocity, a: Acceleration) -> Aggregate[Acceleration]:
+        sliding = v.norm() >= 0.1
+        if not sliding:
+            return None
+        return Aggregate[Acceleration](a, -v)
+
+    leaves = leaves_of(brake.tree)
+    assert sorted(len(leaf.outcomes) for leaf in leaves) == [0, 1]
+
+
+def test_a_condition_that_is_asked_twice_forks_once():
+    @rule
+    def twice(m: Mass, q: Charge) -> Tuple[SetFactor[Mass], SetFactor[Charge]]:
+        first = 1.0 if m > 1 else 2.0
+        second = 3.0 if m > 1 else 4.0
+        return SetFactor[Mass](m, first), SetFactor[Charge](q, second)
+
+    assert len(leaves_of(twice.tree)) == 2
+
+
+def test_and_or_and_not_fork_only_as_far_as_python_asks():
+    @rule
+    def lazy(m: Mass, q: Charge) -> SetFactor[Mass]:
+        if (m > 1 and q > 1) or not m > 0.5:
+            return SetFactor[Mass](m, 1.0)
+        return None
+
+    # m > 1: q > 1 decides, else m > 0.5 is asked; m <= 1: m > 0.5 is asked.
+    assert len(leaves_of(lazy.tree)) == 5
+
+
+def test_where_does_not_fork():
+    @rule
+    def soft(m: Mass) -> SetFactor[Mass]:
+        return SetFactor[Mass](m, where(m > 1, 1.0, m))
+
+    assert isinstance(soft.tree, Leaf)
+
+
+def test_zero_in_one_branch_and_a_vector_in_the_other_add_up():
+    @rule
+    def push(v: Velocity, q: Charge, b: Magnetism, a: Acceleration) -> Aggregate[Acceleration]:
+        electric = q * v if q else 0.0
+        magnetic = b * v.tangent_vector() if b else 0.0
+        return Aggregate[Acceleration](a, (electric + magnetic) / 2)
+
+    simulator = uncompiled(World([push, accelerate, move]), LEVELS.layout)
+    assert compare(simulator, LEVELS, random_states(LEVELS, 30, np.random.default_rng(0))).worst <= 1e-12
+
+
+def test_sixty_four_paths_are_followed_and_sixty_five_are_not():
+    def fork(times: int):
+        def many(a: Mass, b: Charge, c: Magnetism, d: StoredEnergy, e: Size, f: Friction, g: Mobile) -> SetFactor[Mass]:
+            count = 0
+            for factor in (a, b, c, d, e, f, g)[:times]:
+                if factor > 0:
+                    count = count + 1
+            return SetFactor[Mass](a, count)
+
+        return many
+
+    assert len(leaves_of(rule(fork(6)).tree)) == 64
+    message = r"many \(test_definition.py:\d+\): more than 64 paths .* Split the rule, or use segar.where"
+    with pytest.raises(RuleError, match=message):
+        rule(fork(7))
+
+
+def test_zero_times_infinity_stays_nan():
+    @rule
+    def silly(m: Mass, q: Charge) -> SetFactor[Mass]:
+        return SetFactor[Mass](m, 0.0 * (1.0 / q))
+
+    state = start(LEVELS)
+    uncompiled(World([silly]), LEVELS.layout).step(state, LEVELS)
+    column = LEVELS.layout.columns[Mass]
+    assert np.isnan(state.values[0, 2, column]) and not np.isnan(state.values[0, 0, column])
+    assert np.isnan(Interpreter(World([silly]), LEVELS.layout).step(LEVELS).values[2, column])
+
+
+# --- what it refuses, and in which words
+
+
+def loops_over_a_factor(v: Velocity) -> SetFactor[Velocity]:
+    total = 0.0
+    for part in v.norm():
+        total = total + part
+    return SetFactor[Velocity](v, total)
+
+
+def loops_until(m: Mass) -> SetFactor[Mass]:
+    while m > 1:
+        m = m / 2
+    return SetFactor[Mass](m, 1.0)
+
+
+def makes_a_float(m: Mass) -> SetFactor[Mass]:
+    x = float(m)
+    return SetFactor[Mass](m, x)
+
+
+def calls_math(m: Mass) -> SetFactor[Mass]:
+    x = math.sin(m)
+    return SetFactor[Mass](m, x)
+
+
+def calls_a_numpy_ufunc(m: Mass) -> SetFactor[Mass]:
+    x = np.sqrt(m)
+    return SetFactor[Mass](m, x)
+
+
+def calls_numpy_on_a_vector(v: Velocity) -> SetFactor[Velocity]:
+    x = np.clip(v, 0, 1)
+    return SetFactor[Velocity](v, x)
+
+
+def asks_whether_a_vector(v: Velocity) -> SetFactor[Velocity]:
+    if v:
+        return None
+    return SetFactor[Velocity](v, 0.0)
+
+
+def compares_with_text(m: Mass) -> SetFactor[Mass]:
+    if m == "heavy":
+        return None
+    return SetFactor[Mass](m, 1.0)
+
+
+def misspells_a_method(v: Velocity) -> SetFactor[Velocity]:
+    return SetFactor[Velocity](v, v.unit())
+
+
+def changes_a_computed_value(m: Mass) -> SetFactor[Mass]:
+    return SetFactor[Mass](m * 2, 1.0)
+
+
+def changes_a_text(label: Label, m: Mass) -> SetFactor[Mass]:
+    return SetFactor[Mass](label, 1.0)
+
+
+def puts_a_vector_into_a_scalar(m: Mass, v: Velocity) -> SetFactor[Mass]:
+    return SetFactor[Mass](m, v)
+
+
+def names_no_factor(m: Mass) -> SetFactor[Mass]:
+    return SetFactor(m, 1.0)
+
+
+def flips_bits(m: Mass, q: Charge) -> SetFactor[Mass]:
+    return SetFactor[Mass](m, where(~(q > 0), m, 1.0))
+
+
+def loops_over_the_action(v: Velocity, action: Action) -> SetFactor[Velocity]:
+    return SetFactor[Velocity](v, [*action])
+
+
+def reads_what_a_ball_lacks(ball: Ball) -> SetFactor[Mass]:
+    return SetFactor[Mass](ball[Mass], ball[Friction])
+
+
+@pytest.mark.parametrize(
+    ("function", "line", "complaint"),
+    [
+        (
+            loops_over_a_factor,
+            2,
+            r"`for part in v.norm\(\):`\): a rule cannot loop over a factor; write a rule on several",
+        ),
+        (loops_until, 1, "`while m > 1:`.*a rule cannot loop until a factor reaches a value"),
+        (
+            makes_a_float,
+            1,
+            r"`x = float\(m\)`\): a factor's value is not known while the rule is compiled, so float\(\)",
+        ),
+        (calls_math, 1, r"`x = math.sin\(m\)`.*math.\* and numpy cannot use it; use arithmetic, or segar.sqrt, exp"),
+        (calls_a_numpy_ufunc, 1, r"`x = np.sqrt\(m\)`\): a rule cannot call numpy; use arithmetic, or segar.sqrt"),
+        (calls_numpy_on_a_vector, 1, r"`x = np.clip\(v, 0, 1\)`\): a rule cannot call numpy"),
+        (
+            asks_whether_a_vector,
+            1,
+            r"`if v:`\): a vector is neither true nor false: test its norm\(\), or one component",
+        ),
+        (compares_with_text, 1, "a factor cannot be combined or compared with 'heavy'"),
+        (misspells_a_method, 1, "AttributeError: 'Vector' object has no attribute 'unit'"),
+        (changes_a_computed_value, 1, "must be the factor that changes, as the rule received it .*which is computed"),
+        (changes_a_text, 1, "Label, a text, which no rule changes"),
+        (puts_a_vector_into_a_scalar, 1, r"SetFactor\[Mass\] was given a vector for a scalar factor"),
+        (names_no_factor, 1, r"SetFactor needs its factor: write SetFactor\[SomeFactor\]\(old, new\)"),
+        (flips_bits, 1, "a rule cannot use '~'; write 'not x', or 'x == 0'"),
+        (loops_over_the_action, 1, r"take the numbers of an action by their index, e.g. action\[0\]"),
+        (reads_what_a_ball_lacks, 1, "Ball has no Friction. Did you mean"),
+    ],
+    ids=lambda value: getattr(value, "__name__", ""),
+)
+def test_what_cannot_be_traced_is_refused_at_the_author_s_line(function, line, complaint):
+    first = function.__code__.co_firstlineno
+    with pytest.raises(RuleError, match=complaint) as caught:
+        rule(function)
+    place = rf"{function.__name__} (test_definition.py:{first}) (line {first + line}: "
+    assert str(caught.value).startswith(place)
+
+
+def no_hint(m) -> SetFactor[Mass]: ...
+def no_return_hint(m: Mass): ...
+def unknown_hint(m: Mas) -> SetFactor[Mass]: ...  # type: ignore[name-defined]  # noqa: F821
+def unknown_return(m: Mass) -> SetFactor[Velocty]: ...  # type: ignore[name-defined]  # noqa: F821
+def wrong_hint(m: int) -> SetFactor[Mass]: ...
+def wrong_return_hint(m: Mass) -> float: ...
+def not_held(m: Mass) -> SetFactor[Charge]: ...
+def mixed(m: Mass, other: Tuple[Charge]) -> SetFactor[Mass]: ...
+def variadic(*m: Mass) -> SetFactor[Mass]: ...
+def not_a_factor_in_a_tuple(m: Tuple[Mass, float]) -> SetFactor[Mass]: ...
+def acts_on_nothing(g: Gravity) -> SetFactor[Mass]: ...
+
+
+def returns_a_number(m: Mass) -> SetFactor[Mass]:
+    return m * 2
+
+
+def returns_something_else(m: Mass, q: Charge) -> SetFactor[Mass]:
+    return SetFactor[Charge](q, 1.0)
+
+
+def returns_another_kind(m: Mass) -> SetFactor[Mass]:
+    return Differential[Mass](m, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("function", "complaint"),
+    [
+        (no_hint, "argument 'm' has no type hint; hint a factor, e.g. m: Mass"),
+        (no_return_hint, r"the return has no type hint; say what it changes, e.g. -> Aggregate\[Acceleration\]"),
+        (unknown_hint, r"argument 'm': 'Mas' is not a factor. Did you mean 'Mass'\?"),
+        (unknown_return, r"the return: 'Velocty' is not a factor. Did you mean 'Velocity'\?"),
+        (wrong_hint, "argument 'm' has the hint int, which is not a factor, a Tuple of factors, an entity class"),
+        (wrong_return_hint, r"returns float; a rule returns Aggregate\[...\], Differential\[...\], SetFactor\[...\]"),
+        (not_held, r"returns SetFactor\[Charge\], but no argument holds Charge; take it as an argument"),
+        (mixed, r"mixes plain factors \(Mass\) with tuples .* put the factors of each entity in its own Tuple"),
+        (variadic, r"'\*m' cannot be matched; name every argument"),
+        (not_a_factor_in_a_tuple, "argument 'm': float is not a factor"),
+        (acts_on_nothing, "no argument holds Mass"),
+        (returns_a_number, r"returns mul\(Mass0, 2.0\); a rule returns Aggregate"),
+        (returns_something_else, r"returns SetFactor\[Charge\], but its annotation promises SetFactor\[Mass\]"),
+        (returns_another_kind, r"returns Differential\[Mass\], but its annotation promises SetFactor\[Mass\]"),
+    ],
+    ids=lambda value: getattr(value, "__name__", ""),
+)
+def test_a_wrong_signature_or_result_names_function_place_and_fix(function, complaint):
+    place = rf"{function.__name__} \(test_definition.py:{function.__code__.co_firstlineno}\)"
+    with pytest.raises(RuleError, match=f"^{place}.*{complaint}"):
+        rule(function)
+
+
+def test_a_relation_must_not_need_more_entities_than_the_rule_has():
+    def lighten(m: Mass) -> SetFactor[Mass]:
+        return SetFactor[Mass](m, 1.0)
+
+    for condition in (is_on, is_equal(Mobile, True) & is_on, is_on | is_equal(Mobile, True)):
+        with pytest.raises(RuleError, match="needs 2 entities, the rule has 1"):
+            rule(relation=condition)(lighten)
+
+
+def test_what_is_no_function_is_no_rule():
+    with pytest.raises(RuleError, match="3 is not a plain Python function"):
+        rule(3)  # type: ignore[call-overload]
+    with pytest.raises(RuleError, match="rules must be a sequence of rules"):
+        World(move)  # type: ignore[arg-type]
+    with pytest.raises(RuleError, match="stands in the rules twice"):
+        World([move, move])
+
+
+# --- what a world and its layout refuse together
+
+
+class Tide(Parameter, default=1.0): ...
+
+
+def build(rules, levels=LEVELS, task=None, **contacts):
+    return uncompiled(World(rules, **contacts), levels.layout, task)
+
+
+def test_a_rule_that_asks_for_an_unknown_parameter_is_refused():
+    def pull(v: Velocity, tide: Tide) -> Differential[Velocity]:
+        return Differential[Velocity](v, tide)
+
+    with pytest.raises(RuleError, match="no value is known for the world parameter Tide; give it in the distribution"):
+        build([pull])
+
+
+def test_actions_walls_and_draws_stay_where_they_belong():
+    def acts(v: Velocity, action: Action) -> Differential[Velocity]:
+        return Differential[Velocity](v, action[0])
+
+    def feels_walls(v: Velocity, wall: Wall) -> Differential[Velocity]:
+        return Differential[Velocity](v, wall.normal)
+
+    def jumps(x: Position) -> Differential[Position]:
+        return Differential[Position](x, segar.random.uniform())
+
+    @rule(relation=is_equal(Mobile, True))
+    def slides(x: Position, mobile: Mobile) -> Differential[Position]:
+        return Differential[Position](x, 1.0)
+
+    @rule(relation=is_equal(Mobile, True))
+    def sticks(v: Velocity, mobile: Mobile, wall: Wall) -> SetFactor[Velocity]:
+        return SetFactor[Velocity](v, 0.0)
+
+    def slows(v: Velocity, wall: Wall) -> Differential[Velocity]:
+        return Differential[Velocity](v, 0.0)
+
+    with pytest.raises(RuleError, match="only a task's action and reward can take Action"):
+        build([acts])
+    with pytest.raises(RuleError, match=r"only World\(wall_contact=...\) can take Wall"):
+        build([feels_walls])
+    with pytest.raises(RuleError, match="cannot draw random numbers"):
+        build([jumps])
+    with pytest.raises(RuleError, match="a rule that moves things cannot have a relation; test inside the rule"):
+        build([slides])
+    with pytest.raises(RuleError, match="a contact rule cannot have a relation; test inside the rule"):
+        build([], wall_contact=sticks)
+    with pytest.raises(RuleError, match="a contact happens at an instant, so it can only return SetFactor"):
+        build([], wall_contact=slows)
+    with pytest.raises(RuleError, match="this contact rule must take 2 entities, not 1"):
+        build([], pair_contact=accelerate.function)
+
+
+def test_relations_may_take_parameters_that_are_known():
+    @relation
+    def is_fast(body: Ball, limit: MaxVelocity) -> bool:
+        return body[Velocity].norm() > limit / 2
+
+    @relation
+    def is_high(body: Ball, tide: Tide) -> bool:
+        return body[Position].y > tide
+
+    def halve_mass(m: Mass) -> SetFactor[Mass]:
+        return SetFactor[Mass](m, m / 2)
+
+    simulator = build([rule(relation=is_fast)(halve_mass)])
+    assert compare(simulator, LEVELS, random_states(LEVELS, 20, np.random.default_rng(0), speed=5.0)).worst == 0
+    with pytest.raises(RuleError, match="no value is known for the world parameter Tide"):
+        build([rule(relation=is_fast & is_high)(halve_mass)])
+    with pytest.raises(RuleError, match="a relation cannot take Action or Wall"):
+
+        @relation
+        def is_pushed(body: Ball, action: Action) -> bool:
+            return action[0] > 0
+
+
+def test_contact_rules_see_two_bodies_and_nothing_else():
+    def over(a: Ball, b: Ball) -> SetFactor[Velocity]:
+        return SetFactor[Velocity](a[Velocity], 0.0) if overlaps.function(a, b) else None
+
+    def heavy(m: Mass, least: MinMass) -> bool:
+        return m > least
+
+    with pytest.raises(RuleError, match=r"over .* cannot ask is_on, overlaps or contains"):
+        build([], pair_contact=over)
+    with pytest.raises(RuleError, match="what is solid cannot depend on world parameters"):
+        build([], solid=value_rule(heavy, truth=True))
+
+
+def test_an_action_has_as_many_numbers_as_the_task_says():
+    def push(ball: GolfBall, action: Action) -> SetFactor[Velocity]:
+        return SetFactor[Velocity](ball[Velocity], (action[0], action[2]))
+
+    def never(ball: GolfBall) -> bool:
+        return ball[Mass] < 0
+
+    with pytest.raises(RuleError, match=r"takes action\[2\], but the task's action has 2 numbers"):
+        build([move], task=Task("push", push, never, never, never, never))
+
+
+def test_geometry_needs_the_factors_themselves():
+    levels = Levels.from_entities([[GolfBall(), GoalTile({Position: (0.8, 0.8)}), Cloud({Place: (0.1, 0.1)})]])
+    with pytest.raises(RuleError, match="entity Cloud holds Place in place of Position; let it hold Position itself"):
+        build([move], levels)
+
+
+class Place(Position): ...
+
+
+class Cloud(Entity):
+    place: Place
+    label: Label = "cloud"
+
+
+def test_the_limit_may_only_limit_velocity():
+    def halve(m: Mass) -> SetFactor[Mass]:
+        return SetFactor[Mass](m, m / 2)
+
+    with pytest.raises(RuleError, match="the limit may only set Velocity"):
+        World(limit=halve)
+
+
+def test_a_task_whose_entities_are_missing_is_refused():
+    levels = Levels.from_entities([[Ball({Position: (0, 0)})]])
+    with pytest.raises(RuleError, match=r"push .*the task's action changes no entity .* only Ball, GlobalFriction"):
+        build([move], levels)
+
+    def nudge(body: Entity, action: Action) -> Differential[Velocity]:
+        return Differential[Velocity](body[Velocity], action[0])
+
+    def reward(ball: GolfBall) -> float:
+        return ball[Mass]
+
+    def never(ball: Ball) -> bool:
+        return ball[Mass] < 0
+
+    task = Task("nudge", nudge, reward, never, never, never, action_low=(0.0,), action_high=(1.0,))
+    with pytest.raises(RuleError, match=r"reward .*the task needs GolfBall, but the levels have only Ball"):
+        build([move], levels, task)
+
+
+def test_levels_of_another_distribution_are_refused():
+    other = Levels.from_entities([[GolfBall(), GoalTile({Position: (0.8, 0.8)})]])
+    with pytest.raises(SegarError, match="these levels belong to another distribution than the simulator"):
+        build([move]).step(start(other), other)
+    with pytest.raises(SegarError, match="these levels belong to another distribution than the interpreter"):
+        Interpreter(World([move]), LEVELS.layout).step(other)
+
+
+# --- contradictions
+
+
+def halve(m: Mass) -> SetFactor[Mass]:
+    return SetFactor[Mass](m, m / 2)
+
+
+def double(m: Mass) -> SetFactor[Mass]:
+    return SetFactor[Mass](m, m * 2)
+
+
+def double_if_charged(m: Mass, q: Charge) -> SetFactor[Mass]:
+    return SetFactor[Mass](m, m * 2) if q else None
+
+
+def test_two_rules_that_always_contradict_are_refused_when_the_world_is_built():
+    message = (
+        r"halve \(test_definition.py:\d+\) and double \(test_definition.py:\d+\) both always set Mass of .*neither is"
+        " more specific; remove one, add a relation, or give one a priority"
+    )
+    with pytest.raises(ConflictError, match=message):
+        build([halve, double])
+    build([halve, rule(priority=3)(double)])
+    build([halve, halve])  # the same value, said twice
+
+
+def test_a_contradiction_that_depends_on_the_state_names_environment_entity_factor_and_rules():
+    places = [(-0.5, 0.0), (0.5, 0.0)]
+    calm = [GolfBall({Charge: 0.0}), GoalTile({Position: (0.8, 0.8)}), Ball({Position: places[0]})]
+    torn = [GolfBall({Charge: 0.0}), GoalTile({Position: (0.8, 0.8)}), Ball({Position: places[1], Charge: 1.0})]
+    levels = Levels.from_entities([calm, calm, torn])
+    rules = (
+        r"halve \(test_definition.py:\d+\) and double_if_charged \(test_definition.py:\d+\) set Mass of 'ball' to"
+        " different values.*neither is more specific; give one a priority"
+    )
+    simulator, state = build([halve, double_if_charged], levels), start(levels)
+    with pytest.raises(ConflictError, match=f"^environment 2: {rules}"):
+        simulator.step(state, levels)
+    interpreter = Interpreter(simulator.world, levels.layout)
+    interpreter.step(levels, 0)
+    with pytest.raises(ConflictError, match=rules):
+        interpreter.step(levels, 2)
+
+
+def test_one_rule_can_contradict_itself_over_its_partners():
+    @rule
+    def copy(ball: GolfBall, other: Tuple[Charge]) -> SetFactor[Size]:
+        return SetFactor[Size](ball[Size], other[0])
+
+    balls = [Ball({Position: (x, 0.5), Charge: q, ID: f"ball{q}"}) for x, q in ((-0.5, 1.0), (0.5, 2.0))]
+    levels = Levels.from_entities([[GolfBall({Charge: 2.0}), GoalTile({Position: (0.8, 0.8)}), *balls]])
+    with pytest.raises(ConflictError, match=r"copy .* and .*copy .* set Size of 'golfball'"):
+        build([copy], levels).step(start(levels), levels)
+    with pytest.raises(ConflictError, match=r"set Size of 'golfball' to different values, 1\.0 and 2\.0"):
+        Interpreter(World([copy]), levels.layout).step(levels)
+
+
+class Height(Scalar): ...
+
+
+class Altitude(Height): ...
+
+
+class Balloon(Ball):
+    height: Height
+    label: Label = "balloon"
+
+
+class Zeppelin(Ball):
+    altitude: Altitude
+    label: Label = "balloon"
+
+
+def test_a_slot_whose_types_keep_one_factor_in_different_columns_is_refused():
+    def rise(h: Height) -> Differential[Height]:
+        return Differential[Height](h, 1.0)
+
+    ball, goal = GolfBall(), GoalTile({Position: (0.8, 0.8)})
+    levels = Levels.from_entities([[ball, goal, Balloon({ID: "b"})], [ball, goal, Zeppelin({ID: "b"})]])
+    message = r"Balloon, Zeppelin, which hold different factors \(Altitude, Height\) for Height; give them separate"
+    with pytest.raises(RuleError, match=message):
+        build([rise], levels)

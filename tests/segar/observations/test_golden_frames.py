@@ -1,0 +1,63 @@
+"""Frames of a fixed seed: equal on repeat, however they are batched, and equal to those of the same renderer version."""
+
+from __future__ import annotations
+
+import hashlib
+
+import numpy as np
+import pytest
+
+import segar
+from segar.language.entities import GoalTile, GolfBall
+from segar.observations.pixels.drawing import RENDERER_VERSION
+from segar.observations.pixels.solid_colours import Pixels
+from segar.observations.pixels.textured import TexturedPixels
+from tests.segar.observations.scenes import ANYTHING, draw, random_textures, scene
+
+KINDS = {
+    "solid": Pixels(),
+    "solid, 128, grey, channels first": Pixels(128, grey=True, channels="first"),
+    "textures": TexturedPixels(random_textures(3, 5)),
+    "textures, one": TexturedPixels("one"),
+}
+GOLDEN_VERSION = 2
+GOLDEN = {
+    "solid": "eeb56030bee0a1db",
+    "solid, 128, grey, channels first": "00593a0e12acc658",
+    "textures": "f745c086ee89b397",
+    "textures, one": "4d2b658224b9af88",
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_hundred_frames_are_those_of_this_renderer_version(kind):
+    levels = scene((GolfBall,), (GoalTile,), *[ANYTHING] * 4, n=100, seed=2026)
+    frames = draw(levels, KINDS[kind], np.arange(100, dtype=np.uint64))
+    found = hashlib.sha256(frames.tobytes()).hexdigest()[:16]
+    assert (RENDERER_VERSION, found) == (GOLDEN_VERSION, GOLDEN[kind]), (
+        "Frames are no longer what they were. If that is not meant, mend it. If it is: raise RENDERER_VERSION in"
+        " segar/observations/pixels/drawing.py and GOLDEN_VERSION here, put the new hashes here, and say in CHANGELOG.md under"
+        f" 'Changes results' what looks different and since which version. '{kind}' is now {found}."
+    )
+
+
+def roll(observation: object, num_envs: int, num_threads: int) -> np.ndarray:
+    """100 frames of the first four environments, resets included."""
+    levels = segar.family("objectsx3-hard").sample(6, seed=1)
+    options = {"observation": observation, "seed": 5, "num_threads": num_threads, "max_steps": 30}
+    env = segar.envs.VectorEnv(levels, num_envs, **options)
+    rng = np.random.default_rng(0)
+    frames = [env.reset()[0][:4]]
+    for _ in range(99):
+        actions = np.zeros((num_envs, 2), np.float32)
+        actions[:4] = rng.uniform(-1, 1, (4, 2))
+        frames.append(env.step(actions)[0][:4])
+    return np.stack(frames)
+
+
+@pytest.mark.parametrize("kind", ["solid", "textures"])
+def test_a_hundred_frames_of_a_seed_are_the_same_on_repeat_in_any_batch_and_any_threads(kind):
+    first = roll(KINDS[kind], 4, 1)
+    assert len(np.unique(first.reshape(100, -1), axis=0)) == 100
+    for num_envs, num_threads in ((4, 1), (64, 1), (64, 2)):
+        np.testing.assert_array_equal(roll(KINDS[kind], num_envs, num_threads), first)

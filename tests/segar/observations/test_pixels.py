@@ -1,0 +1,197 @@
+"""Pixels against a plain numpy renderer, and the laws of what is drawn over what."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from segar.errors import FactorError, SegarError
+from segar.language.entities import (
+    Ball,
+    Bumper,
+    Charger,
+    CueBall,
+    Damper,
+    GoalTile,
+    GolfBall,
+    Hole,
+    MagmaTile,
+    Magnet,
+    SandTile,
+)
+from segar.language.factors import Charge, Magnetism, Mobile, Order, Position, Size, Visible
+from segar.observations.pixels.colours import COLOURS, FLOOR, Colour, colour_of
+from segar.observations.pixels.solid_colours import Pixels
+from segar.observations.protocol import BoundObservation, Observation
+from tests.segar.observations.plain_renderer import Look, draw_plainly
+from tests.segar.observations.scenes import ANYTHING, Scene, draw, put, scene
+
+
+def solid(scene: Scene, level: int) -> Look:
+    """Every thing in its colour."""
+
+    def look(e: int, row: int, column: int) -> np.ndarray:
+        colour = colour_of(scene.layout.types[scene.types[level, e]])
+        rgb = np.array(colour.low, float)
+        if colour.factor is not None:
+            low, high = colour.span
+            value = scene.values[level, e, scene.layout.columns[colour.factor]]
+            rgb += np.clip((value - low) / (high - low), 0, 1) * (np.array(colour.high) - rgb)
+        return np.rint(rgb)
+
+    return look
+
+
+@pytest.mark.parametrize("resolution", [32, 64, 100])
+def test_frames_equal_those_of_a_plain_renderer(resolution):
+    levels = scene((GolfBall,), (GoalTile,), *[ANYTHING] * 5, n=60, seed=resolution)
+    frames = draw(levels, Pixels(resolution=resolution))
+    for level in range(60):
+        plain = draw_plainly(levels, level, solid(levels, level), np.full((resolution, resolution, 3), FLOOR, np.uint8))
+        np.testing.assert_array_equal(frames[level], plain)
+
+
+def test_a_frame_does_not_depend_on_its_batch():
+    levels = scene((GolfBall,), (GoalTile,), *[ANYTHING] * 3, n=1024)
+    together = draw(levels)
+    bound = Pixels().bind(levels, 1)
+    alone = np.zeros((1, 64, 64, 3), np.uint8)
+    for i in (0, 1, 500, 1023):
+        bound.begin(levels.values[i : i + 1], np.array([i]), np.array([True]))
+        bound.write(levels.values[i : i + 1], np.array([i]), alone, np.arange(0, 1))
+        np.testing.assert_array_equal(alone[0], together[i])
+
+
+def test_only_the_asked_range_is_written():
+    levels = scene((GolfBall,), (GoalTile,), n=8)
+    bound = Pixels().bind(levels, 8)
+    bound.begin(levels.values, np.arange(8), np.ones(8, bool))
+    frames = np.full((8, 64, 64, 3), 7, np.uint8)
+    bound.write(levels.values, np.arange(8), frames, np.arange(2, 5))
+    assert (frames[:2] == 7).all() and (frames[5:] == 7).all()
+    np.testing.assert_array_equal(frames[2:5], draw(levels)[2:5])
+
+
+def test_backgrounds_are_repainted_only_where_an_episode_begins():
+    levels = scene((GolfBall,), (GoalTile,), n=2)
+    first = draw(levels)
+    bound = Pixels().bind(levels, 2)
+    bound.begin(levels.values, np.array([0, 1]), np.ones(2, bool))
+    put(levels, slice(None), 1, Position, 0.0)
+    put(levels, slice(None), 1, Size, 0.6)
+    bound.begin(levels.values, np.array([0, 1]), np.array([True, False]))
+    frames = np.zeros((2, 64, 64, 3), np.uint8)
+    bound.write(levels.values, np.array([0, 1]), frames, np.arange(0, 2))
+    np.testing.assert_array_equal(frames[0], draw(levels)[0])
+    np.testing.assert_array_equal(frames[1], first[1])
+
+
+def test_among_objects_the_highest_order_lies_on_top_and_among_tiles_the_lowest():
+    objects = scene((Ball,), (Bumper,), (Damper,))
+    tiles = scene((SandTile,), (MagmaTile,), (Hole,))
+    for entity, order in enumerate((1, 3, 2)):
+        for levels in (objects, tiles):
+            put(levels, 0, entity, Order, order)
+            put(levels, 0, entity, Position, 0.0)
+    for entity in range(3):
+        put(objects, 0, entity, Size, 0.5)
+        tiles.vertices[0, entity, :4], tiles.vertex_count[0, entity] = [[-1, -1], [1, -1], [1, 1], [-1, 1]], 4
+    bumper, sand = COLOURS[Bumper], COLOURS[SandTile]
+    assert tuple(draw(objects)[0, 32, 32]) == bumper.high
+    friction = 0.4
+    blend = np.rint(np.array(sand.low) + friction * (np.array(sand.high) - np.array(sand.low)))
+    assert tuple(draw(tiles)[0, 32, 32]) == tuple(blend)
+
+
+def test_objects_lie_on_tiles_whatever_their_order():
+    levels = scene((GolfBall,), (GoalTile,))
+    for entity, order in enumerate((-9, 9)):
+        put(levels, 0, entity, Order, order)
+        put(levels, 0, entity, Position, 0.0)
+    assert tuple(draw(levels)[0, 32, 32]) == (255, 255, 255)
+
+
+def test_what_is_invisible_or_absent_is_not_drawn():
+    levels = scene((GolfBall,), (GoalTile,), (Ball,))
+    put(levels, 0, 0, Visible, 0.0)
+    put(levels, 0, 1, Visible, 0.0)
+    levels.types[0, 2] = -1
+    assert (draw(levels)[0] == FLOOR).all()
+
+
+def test_an_object_is_drawn_as_large_and_as_visible_as_it_is_now():
+    levels = scene((GolfBall,), (GoalTile,))
+    put(levels, 0, 1, Visible, 0.0)
+    put(levels, 0, 0, Position, 0.0)
+    bound = Pixels().bind(levels, 1)
+    bound.begin(levels.values, np.zeros(1, int), np.ones(1, bool))
+    covered = []
+    for size, visible in ((0.2, 1), (0.6, 1), (0.6, 0)):
+        put(levels, 0, 0, Size, size)
+        put(levels, 0, 0, Visible, visible)
+        frames = np.zeros((1, 64, 64, 3), np.uint8)
+        bound.write(levels.values, np.zeros(1, int), frames, np.arange(0, 1))
+        covered.append((frames[0] != FLOOR).any(axis=-1).sum())
+    # Radii are rounded to whole pixels (3 and 10); a disc of radius r covers about pi (r + 1/2)^2 of them.
+    assert covered == [pytest.approx(np.pi * 3.5**2, rel=0.1), pytest.approx(np.pi * 10.5**2, rel=0.05), 0]
+
+
+def test_only_mobile_objects_have_a_black_outline():
+    levels = scene((Ball,), n=2)
+    for level, mobile in enumerate((0, 1)):
+        put(levels, level, 0, Position, 0.0)
+        put(levels, level, 0, Size, 0.4)
+        put(levels, level, 0, Mobile, mobile)
+    frames = draw(levels)
+    assert tuple(frames[0, 32, 32 - 6]) == COLOURS[Ball].low
+    assert tuple(frames[1, 32, 32 - 6]) == (0, 0, 0)
+    assert tuple(frames[1, 32, 32 - 5]) == COLOURS[Ball].low
+
+
+def test_all_types_look_different_whatever_their_factors():
+    blends = np.linspace(0, 1, 11)[:, None]
+    shown = [np.array([FLOOR])]
+    for entity, colour in COLOURS.items():
+        if entity is not CueBall:  # it stands in for the golf ball
+            shown.append(np.array(colour.low) + blends * (np.array(colour.high or colour.low) - np.array(colour.low)))
+    for i, a in enumerate(shown):
+        for b in shown[:i]:
+            assert np.linalg.norm(a[:, None] - b, axis=-1).min() > 50
+
+
+@pytest.mark.parametrize("entity", [Charger, Magnet])
+def test_a_field_of_the_other_sign_looks_quite_different(entity):
+    colour = COLOURS[entity]
+    assert colour.factor in (Charge, Magnetism) and colour.span == (-1.0, 1.0)
+    assert np.linalg.norm(np.array(colour.low) - np.array(colour.high)) > 200
+
+
+def test_a_users_type_looks_like_its_nearest_ancestor_unless_it_has_a_colour():
+    class Ember(SandTile): ...
+
+    class Spark(Ember): ...
+
+    assert colour_of(Spark) is COLOURS[SandTile]
+    levels = scene((Spark,), hulls=False)
+    put(levels, 0, 0, Position, 0.0)
+    put(levels, 0, 0, Size, 0.4)
+    assert tuple(draw(levels, Pixels(colours={Ember: Colour((1, 2, 3))}))[0, 32, 32]) == (1, 2, 3)
+
+
+def test_pixels_keep_the_protocol_of_observations():
+    levels = scene((GolfBall,), (GoalTile,))
+    bound = Pixels().bind(levels, 1)
+    assert isinstance(Pixels(), Observation)
+    assert isinstance(bound, BoundObservation)
+    assert bound.space.shape == (64, 64, 3) and bound.space.dtype == np.uint8
+
+
+def test_wrong_resolutions_and_colours_are_refused():
+    with pytest.raises(SegarError, match="multiple of 4 from 32 to 256, not 30"):
+        Pixels(resolution=30)
+    with pytest.raises(FactorError, match="whole numbers from 0 to 255"):
+        Colour((0, 0, 256))
+    with pytest.raises(FactorError, match="second colour"):
+        Colour((0, 0, 0), (1, 1, 1))
+    with pytest.raises(FactorError, match="Position has 2 columns"):
+        Colour((0, 0, 0), (1, 1, 1), Position)

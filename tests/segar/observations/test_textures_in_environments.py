@@ -1,0 +1,79 @@
+"""Textured pixels in environments: episodes, snapshots, interventions, and Gymnasium's single face."""
+
+from __future__ import annotations
+
+import gymnasium
+import numpy as np
+import pytest
+
+import segar
+from segar.language.factors import Charge, Mass, StoredEnergy
+from segar.observations.pixels.textured import TexturedPixels
+from tests.segar.observations.scenes import random_textures
+
+LEVELS = segar.family("objectsx3-hard").sample(20, seed=0)
+ACTIONS = np.random.default_rng(0).uniform(-1, 1, (60, 32, 2)).astype(np.float32)
+
+
+def environment(**options: object) -> segar.envs.VectorEnv:
+    observation = TexturedPixels(random_textures(4), **options)
+    return segar.envs.VectorEnv(LEVELS, 32, observation=observation, seed=3, max_steps=40)
+
+
+def play(env: segar.envs.VectorEnv, actions: np.ndarray) -> list[np.ndarray]:
+    return [env.step(action)[0].copy() for action in actions]
+
+
+@pytest.mark.parametrize("follow", [False, True])
+def test_a_snapshot_goes_on_with_the_same_pictures(follow):
+    env = environment(follow=follow)
+    env.reset(seed=1)
+    play(env, ACTIONS[:25])
+    snapshot = env.state()
+    expected = play(env, ACTIONS[25:])
+    other = environment(follow=follow)
+    other.reset(seed=9)
+    other.restore(snapshot)
+    for mine, theirs in zip(play(other, ACTIONS[25:]), expected, strict=True):
+        np.testing.assert_array_equal(mine, theirs)
+
+
+def test_energies_that_are_spent_show_only_where_patterns_follow():
+    still, following = environment(), environment(follow=True)
+    for env in (still, following):
+        env.reset(seed=1)
+    differing = 0
+    for action in ACTIONS[:30]:
+        (a, *_, info), (b, *_) = still.step(action), following.step(action)
+        changed = (info["factors"][StoredEnergy.__name__] != LEVELS.values[info["level"]][..., energy()]).any(axis=1)
+        differs = (a != b).any(axis=(1, 2, 3))
+        assert not differs[~changed].any()
+        differing += differs.sum()
+    assert differing > 0
+
+
+def energy() -> int:
+    return LEVELS.layout.columns[StoredEnergy]
+
+
+def test_an_intervention_shows_at_once_and_only_where_it_happened():
+    env = environment(hidden=(Mass,))
+    before, _ = env.reset(seed=1)
+    where = np.arange(32) % 2 == 0
+    after = env.intervene("golfball", Charge, -0.7, where=where)
+    np.testing.assert_array_equal((before != after).any(axis=(1, 2, 3)), where)
+    np.testing.assert_array_equal(env.intervene("golfball", Mass, 5.0), after)
+
+
+def test_a_level_looks_different_in_each_of_its_episodes_unless_it_shall_not():
+    for noise, alike in (("episode", False), ("level", True)):
+        env = environment(noise=noise, model="level")
+        on_level = {"levels": np.arange(32) % 20}
+        frames = [env.reset(seed=seed, options=on_level)[0].copy() for seed in (1, 2)]
+        assert (frames[0] == frames[1]).all(axis=(1, 2, 3)).all() == alike
+
+
+def test_gymnasium_makes_single_environments_with_textures():
+    env = gymnasium.make("Segar-empty-easy-rgb-v1", observation="textures", num_levels=2)
+    frame, _ = env.reset(seed=0)
+    assert frame.shape == (64, 64, 3) and len(np.unique(frame.reshape(-1, 3), axis=0)) > 10

@@ -1,0 +1,127 @@
+"""Invisiball: PuttPutt whose ball is not seen once it has been pushed, though it rolls on."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import segar
+from segar import Charge, Charger, GoalTile, GolfBall, Mass, Mobile, Position, Size
+from segar.envs import Env, VectorEnv
+from segar.observations.state.state_vector import StateVector
+from segar.rendering import View
+from tests.segar.tasks.play import at_random, by_script, episodes
+
+LEVELS = segar.family("invisiball").sample(40, seed=0)
+BALL = LEVELS.layout.slot_index("golfball")
+WHITE = (255, 255, 255)
+
+
+def actions(step: int, num_envs: int = 16) -> np.ndarray:
+    return np.random.default_rng(step).uniform(-1, 1, (num_envs, 2)).astype(np.float32)
+
+
+def drawn(levels: segar.Levels, slot: int, factor: type) -> np.ndarray:
+    column = levels.layout.columns[factor]
+    return levels.sampled_values[:, slot, column : column + factor.width]
+
+
+def test_the_ball_is_invisible_from_the_first_action_on():
+    env = VectorEnv(LEVELS, 16, seed=0, autoreset_mode="Disabled")
+    _, info = env.reset(seed=0)
+    assert (info["factors"]["Visible"][:, BALL] == 1).all()
+    for step in range(5):
+        info = env.step(actions(step))[-1]
+        visible = info["factors"]["Visible"]
+        assert (visible[:, BALL] == 0).all() and np.nanmin(np.delete(visible, BALL, axis=1)) == 1
+
+
+def test_physics_and_reward_are_those_of_puttputt():
+    ours = VectorEnv(LEVELS, 16, seed=0, autoreset_mode="Disabled")
+    theirs = VectorEnv(LEVELS, 16, seed=0, autoreset_mode="Disabled", task=segar.puttputt())
+    assert ours.task.name == "invisiball-squared" and theirs.task.name == "puttputt-squared"
+    ours.reset(seed=0), theirs.reset(seed=0)
+    for step in range(50):
+        a, b = ours.step(actions(step)), theirs.step(actions(step))
+        for x, y in zip(a[:4], b[:4], strict=True):
+            assert np.array_equal(x, y)
+        for name in set(a[4]["factors"]) - {"Visible"}:
+            np.testing.assert_array_equal(a[4]["factors"][name], b[4]["factors"][name])
+
+
+def test_pixels_show_the_ball_before_the_first_action_and_never_after():
+    env = VectorEnv(LEVELS, 16, observation="rgb", seed=0, autoreset_mode="Disabled")
+    frames = env.reset(seed=0)[0]
+    assert (frames == WHITE).all(axis=-1).any(axis=(1, 2)).all()
+    for step in range(20):
+        frames = env.step(actions(step))[0]
+        assert not (frames == WHITE).all(axis=-1).any()
+
+
+def test_the_state_vector_shows_the_ball_unless_it_is_to_see_no_more_than_pixels_do():
+    full, partial = (
+        VectorEnv(LEVELS, 16, observation=StateVector(sees_invisible=sees), seed=0, autoreset_mode="Disabled")
+        for sees in (True, False)
+    )
+    names = StateVector().bind(LEVELS, 1).names
+    of_ball = np.array([name.startswith("golfball.") for name in names])
+    at_start = full.reset(seed=0)[0]
+    assert np.array_equal(at_start, partial.reset(seed=0)[0]) and at_start[:, of_ball].any()
+    for step in range(5):
+        all_of_it, _, _, _, info = full.step(actions(step))
+        seen = partial.step(actions(step))[0]
+        x = [names.index(f"golfball.Position.{c}") for c in "xy"]
+        np.testing.assert_allclose(all_of_it[:, x], info["factors"]["Position"][:, BALL], rtol=1e-6)
+        assert (seen[:, of_ball] == 0).all() and np.array_equal(seen[:, ~of_ball], all_of_it[:, ~of_ball])
+
+
+def test_the_default_levels_are_those_of_2022():
+    levels = segar.family("invisiball").sample(1000, seed=0)
+    assert levels.task == "invisiball"
+    layout = levels.layout
+    assert layout.types[:3] == (Charger, GoalTile, GolfBall)
+    chargers = (levels.types == layout.types.index(Charger)).sum(axis=1)
+    assert np.bincount(chargers).min() == 0 and set(chargers) == {1, 2, 3}
+    first, goal = 0, layout.slot_index("goal")
+    assert np.abs(drawn(levels, first, Position)).max() <= 0.475
+    assert drawn(levels, BALL, Position)[:, 1].max() <= -0.475 and drawn(levels, goal, Position)[:, 1].min() >= 0.475
+    for slot in (first, BALL):
+        size = drawn(levels, slot, Size)
+        assert size.min() >= 0.1 and size.max() <= 0.25 and size.mean() == pytest.approx(0.2, abs=0.002)
+        for factor in (Mass, Mobile, Charge):
+            assert (drawn(levels, slot, factor) == 1).all()
+    assert (levels.values[:, goal, layout.columns[Size]] == 0.3).all()
+
+
+def test_the_ball_tells_where_it_is_by_what_it_does_to_the_chargers():
+    env = VectorEnv(LEVELS, 16, seed=0, autoreset_mode="Disabled")
+    x = env.reset(seed=0)[1]["factors"]["Position"]
+    for _ in range(5):
+        info = env.step(np.zeros((16, 2), np.float32))[-1]
+    moved = np.linalg.norm(info["factors"]["Position"] - x, axis=-1)
+    present = ~np.isnan(moved[:, :3])
+    assert (moved[:, :3][present] > 0).all()
+
+
+def test_the_scripted_player_sees_more_than_the_agent_and_arrives():
+    env = VectorEnv(LEVELS, 64, seed=0)
+    random, scripted = (episodes(env, policy)["success"] for policy in (at_random(), by_script(env)))
+    assert scripted.mean() > 0.9 > 0.5 > random.mean()
+
+
+def test_a_reset_shows_the_ball_again_and_people_see_an_outline_of_it_after():
+    env = Env(LEVELS, render_mode="rgb_array", view=View(labels=False, line=False), seed=0)
+    for _ in range(2):
+        _, info = env.reset(seed=0)
+        full = white_share(env.render(), info["factors"]["Position"][BALL])
+        _, _, _, _, info = env.step(np.zeros(2, np.float32))
+        outline = white_share(env.render(), info["factors"]["Position"][BALL])
+        assert full > 0.4 and 0.02 < outline < 0.3
+
+
+def white_share(frame: np.ndarray, position: np.ndarray) -> float:
+    """Share of white in the square of the ball's width around a position."""
+    side = len(frame)
+    column, row = (round(side * (1 + c) / 2) for c in (position[0], -position[1]))
+    half = round(0.085 * side / 2)
+    return float((frame[row - half : row + half, column - half : column + half] == WHITE).all(axis=-1).mean())

@@ -1,0 +1,136 @@
+"""PuttPutt: its levels, its results, its scripted player."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import segar
+from segar import Hole, Levels, Object, Position, SandTile, SegarError, Tile, Velocity
+from segar.envs import Env, VectorEnv
+from segar.levels.named_families.puttputt import ANYTHING
+from segar.tasks.puttputt_task import demo_actions
+from tests.segar.tasks.play import at_random, by_script, episodes
+
+EMPTY = segar.family("empty-easy").sample(50, seed=0)
+BALL, GOAL = 0, 1
+
+
+def test_the_scripted_player_solves_empty_easy_far_more_often_than_random_play():
+    env = VectorEnv(EMPTY, 100, seed=0)
+    random, scripted = (episodes(env, policy)["success"] for policy in (at_random(), by_script(env)))
+    assert scripted.mean() > 0.95 and random.mean() < 0.5
+
+
+def test_the_scripted_player_pushes_straight_at_the_goal_and_within_the_range_of_actions():
+    env = VectorEnv(EMPTY, 50, seed=0, autoreset_mode="Disabled")
+    _, info = env.reset(options={"levels": np.arange(50)})
+    push, x = demo_actions(info["factors"]), info["factors"]["Position"]
+    assert push.shape == (50, 2) and push.dtype == np.float32 and np.abs(push).max() <= 1
+    towards = x[:, GOAL] - x[:, BALL]
+    cosine = (push * towards).sum(axis=1) / np.linalg.norm(push, axis=1) / np.linalg.norm(towards, axis=1)
+    assert cosine.min() > 1 - 1e-6
+
+
+def test_a_weaker_push_is_used_more_of_by_the_scripted_player():
+    env = VectorEnv(EMPTY, 50, task=segar.puttputt(impulse=0.5), seed=0)
+    assert episodes(env, by_script(env))["success"].mean() > 0.9
+
+
+def test_one_environment_can_be_played_by_script_too():
+    env = Env(EMPTY, seed=0)
+    _, info = env.reset(seed=0)
+    for _ in range(100):
+        _, _, terminated, _, info = env.step(env.task.demo_actions(info["factors"]))
+        if terminated:
+            break
+    assert info["success"] and info["results"]["distance_to_goal"] <= 0.01
+    assert info["results"]["alive"] is True and info["results"]["velocity"].shape == (2,)
+
+
+def test_the_results_of_a_step_are_those_of_its_factors():
+    env = VectorEnv(EMPTY, 8, seed=0, autoreset_mode="Disabled")
+    env.reset(seed=0)
+    _, reward, _, _, info = env.step(np.full((8, 2), 0.2, np.float32))
+    results, factors = info["results"], info["factors"]
+    assert set(results) == {"distance_to_goal", "velocity", "acceleration", "mass", "alive"}
+    np.testing.assert_allclose(results["distance_to_goal"] ** 2, -reward, rtol=1e-12)
+    assert np.array_equal(results["velocity"], factors["Velocity"][:, BALL]) and results["velocity"].shape == (8, 2)
+    assert np.array_equal(results["mass"], factors["Mass"][:, BALL]) and results["alive"].dtype == bool
+
+
+def test_results_that_are_kept_stay_what_they_were():
+    env = VectorEnv(EMPTY, 8, seed=0)
+    env.reset(seed=0)
+    kept = env.step(np.full((8, 2), 0.2, np.float32))[-1]["results"]
+    then = kept["distance_to_goal"]
+    env.step(np.full((8, 2), 0.2, np.float32))
+    assert np.array_equal(kept["distance_to_goal"], then)
+
+
+def test_final_results_are_about_the_episode_that_ended():
+    env = VectorEnv(EMPTY, 16, seed=0, max_steps=3)
+    env.reset(seed=0)
+    for _ in range(3):
+        _, reward, _, _, info = env.step(np.full((16, 2), 0.2, np.float32))
+    assert info["_final_info"].all()
+    final, now = info["final_info"]["results"]["distance_to_goal"], info["results"]["distance_to_goal"]
+    np.testing.assert_allclose(final**2, -reward, rtol=1e-12)
+    x = info["factors"]["Position"]
+    np.testing.assert_allclose(now, np.linalg.norm(x[:, BALL] - x[:, GOAL], axis=-1) / 8**0.5)
+    assert not np.allclose(final, now)
+
+
+def test_a_result_is_computed_only_when_it_is_asked_for():
+    asked = []
+
+    def count(factors):
+        asked.append(1)
+        return np.zeros(len(factors["Mass"]))
+
+    task = dataclasses.replace(segar.puttputt(), results={"counted": count})
+    env = VectorEnv(EMPTY, 4, task=task, seed=0, max_steps=2)
+    env.reset(seed=0)
+    for _ in range(4):
+        info = env.step(np.zeros((4, 2), np.float32))[-1]
+    assert not asked and list(info["results"]) == ["counted"] and not asked
+    assert info["results"]["counted"].shape == (4,) and info["final_info"]["results"]["counted"].shape == (4,)
+    assert len(asked) == 2
+    with pytest.raises(SegarError, match=r"this task has no result 'count'\. Did you mean 'counted'"):
+        info["results"]["count"]
+
+
+def test_with_a_goal_speed_a_fast_ball_rolls_over_the_goal():
+    env = VectorEnv(EMPTY, 2, task=segar.puttputt(goal_speed=0.1, sub_steps=1), seed=0, autoreset_mode="Disabled")
+    x = env.reset(options={"levels": np.zeros(2, int)})[1]["factors"]["Position"][0, GOAL]
+    env.intervene("golfball", Position, tuple(x))
+    env.intervene("golfball", Velocity, (0.5, 0.0), where=np.array([True, False]))
+    _, _, terminated, _, info = env.step(np.zeros((2, 2), np.float32))
+    assert terminated.tolist() == info["success"].tolist() == [False, True]
+    assert (info["results"]["distance_to_goal"] <= 0.01).all()
+
+
+def test_random_middle_has_one_thing_of_nine_kinds_in_the_middle():
+    levels = segar.family("puttputt-random-middle").sample(3000, seed=0)
+    layout = levels.layout
+    assert layout.names == ("thing1", "goal", "golfball", "global_friction") and levels.task is None
+    x = levels.sampled_values[:, :, layout.columns[Position] : layout.columns[Position] + 2]
+    assert np.abs(x[:, 0]).max() <= 0.475 and x[:, 1, 1].min() >= 0.475 and x[:, 2, 1].max() <= -0.475
+    share = [(levels.types[:, 0] == layout.types.index(kind)).mean() for kind in ANYTHING]
+    assert len(share) == 9 and np.abs(np.array(share) - 1 / 9).max() < 0.025
+    is_tile = np.array([issubclass(t, Tile) for t in layout.types])[levels.types[:, 0]]
+    mobile, mass = (levels.values[:, 0, layout.columns[f]] for f in (segar.Mobile, segar.Mass))
+    assert (mobile[~is_tile] == 1).all() and (mass[~is_tile] == 1).all() and np.isnan(mass[is_tile]).all()
+    sand = levels.types[:, 0] == layout.types.index(SandTile)
+    friction = levels.values[sand, 0, layout.columns[segar.Friction]]
+    assert 0.2 <= friction.min() < 0.25 and 0.95 < friction.max() <= 1.0
+    assert issubclass(Hole, Tile) and (levels.shape_kind[is_tile, 0] == 2).all() and Object in layout.types
+
+
+def test_levels_of_puttputt_made_by_hand_have_results_too():
+    made = Levels.from_entities([[segar.GolfBall({Position: [0, 0]}), segar.GoalTile({Position: [0.5, 0]})]])
+    env = VectorEnv(made, 1, seed=0)
+    _, info = env.reset(seed=0)
+    assert info["results"]["distance_to_goal"][0] == pytest.approx(0.5 / 8**0.5)

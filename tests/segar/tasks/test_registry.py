@@ -1,0 +1,98 @@
+"""Tasks by name, and the task that levels name."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import segar
+from segar import GoalTile, GolfBall, LevelDistribution, LevelError, Levels, SegarError
+from segar.envs import VectorEnv
+from segar.tasks.registry import TASKS, find_task, make_task, task_of
+
+mine = dataclasses.replace(segar.puttputt("linear"), name="mine")
+NUMBERS = [(GolfBall, 1), (GoalTile, 1)]
+APART = [(GolfBall, [(0.0, 0.0)]), (GoalTile, [(0.5, 0.5)])]
+
+
+def test_every_task_has_a_name_levels_and_a_scripted_player():
+    for name in TASKS:
+        made = task_of(segar.family(name).sample(1))
+        assert made.name.startswith(name) and made.demo_actions is not None and made.results
+        assert find_task(name) is getattr(segar, name)
+
+
+def test_levels_that_name_no_task_are_for_puttputt():
+    levels = segar.family("empty-hard").sample(1)
+    assert levels.task is None and task_of(levels).name == "puttputt-squared"
+
+
+def test_levels_can_name_a_task_of_ones_own_as_an_object_or_a_function():
+    for attribute, expected in (
+        ("tests.segar.tasks.test_registry:mine", mine),
+        ("segar.tasks.puttputt_task:puttputt", None),
+    ):
+        levels = LevelDistribution(NUMBERS, positions=APART, task=attribute).sample(2)
+        env = VectorEnv(levels[:1], 1)
+        assert env.task.name == ("mine" if expected else "puttputt-squared")
+
+
+def test_a_given_task_goes_before_the_one_that_the_levels_name():
+    levels = segar.family("invisiball").sample(1)
+    assert VectorEnv(levels, 1, task=segar.puttputt("linear")).task.name == "puttputt-linear"
+
+
+def test_rules_are_replaced_without_the_task_being_lost_and_the_task_decides_no_level():
+    dist = segar.family("billiards")
+    assert dist.with_rules(segar.DEFAULT_RULES).task == "billiards"
+    other = LevelDistribution(NUMBERS, positions=APART)
+    assert other.hash == LevelDistribution(NUMBERS, positions=APART, task="invisiball").hash
+
+
+def test_a_file_names_a_task_but_brings_no_code(tmp_path):
+    levels = LevelDistribution(NUMBERS, positions=APART, task="tests.segar.tasks.test_registry:mine").sample(2)
+    levels.save(tmp_path / "mine.npz")
+    loaded = Levels.load(tmp_path / "mine.npz")
+    assert loaded.task == levels.task
+    with pytest.raises(LevelError, match=r"saved for the task 'tests\.tasks\.test_find:mine', .*; give task="):
+        VectorEnv(loaded, 1)
+    assert VectorEnv(loaded, 1, task=mine).task.name == "mine"
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("biliards", r"no task is called 'biliards'. Did you mean 'billiards'\? One of your own is 'module:attribute'"),
+        ("no.such.module:task", "'no.such.module:task' cannot be imported: No module named 'no'"),
+        ("segar:GolfBall", "'segar:GolfBall' is no segar.Task, nor a function that makes one, but <class"),
+        ("segar.tasks.puttputt_task:putput", "'segar.tasks.puttputt_task' has no 'putput'. Did you mean 'puttputt'"),
+    ],
+)
+def test_a_task_that_is_not_found_gets_the_nearest_name(name, said):
+    with pytest.raises(SegarError, match=said):
+        make_task(name)
+
+
+def test_a_distribution_takes_a_name_not_a_task():
+    with pytest.raises(LevelError, match="task must be a name such as 'billiards' or 'module:attribute', not Task"):
+        LevelDistribution(NUMBERS, positions=APART, task=mine)
+
+
+@pytest.mark.parametrize("observation", ["state", "rgb"])
+@pytest.mark.parametrize("name", ["billiards", "invisiball", "puttputt-random-middle"])
+def test_an_environment_does_the_same_in_a_batch_of_1_64_and_1024(name: str, observation: str) -> None:
+    levels = segar.family(name).sample(20, seed=0)
+    trails = [_trail(VectorEnv(levels, n, observation=observation)) for n in (1, 64, 1024)]
+    for trail in trails[1:]:
+        assert all(np.array_equal(a, b) for a, b in zip(trails[0], trail, strict=True))
+
+
+def _trail(env: VectorEnv) -> list[np.ndarray]:
+    """What the first environment says in 40 steps; what it is told does not depend on the batch."""
+    trail = [env.reset(seed=5)[0][:1]]
+    for step in range(40):
+        actions = np.random.default_rng(step).uniform(-1, 1, (env.num_envs, 2)).astype(np.float32)
+        trail += [part[:1] for part in env.step(actions)[:4]]
+    return trail
