@@ -41,9 +41,7 @@ from experiments.runs.run_folder import (
     read_summary,
     read_versions,
 )
-from experiments.settings.config import ACTION_MODES, RunConfig
-from experiments.settings.errors import RunFolderError
-from experiments.settings.grid import cell_of
+from experiments.settings import ACTION_MODES, RunConfig, RunFolderError, cell_of
 
 PLAN = "plan.json"
 LEVELS, CURVES = "levels.parquet", "curves.parquet"

@@ -22,7 +22,7 @@ from experiments.commands.hydra_app import compose, run_simple_command
 from experiments.evaluation.baselines import find_anchors
 from experiments.runs.files import write_text
 from experiments.runs.run_folder import LEVELS_TEST, read_config, read_metrics, read_summary
-from experiments.settings.config import ACTION_MODES, CHECKOUT, require, require_known
+from experiments.settings import ACTION_MODES, CHECKOUT, require, require_known
 from experiments.training.run import run
 from segar import Levels
 

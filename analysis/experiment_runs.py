@@ -15,7 +15,7 @@ import pandas as pd
 
 from analysis.plotting.style import colours
 from analysis.tables import column
-from experiments.settings.config import TrackingConfig
+from experiments.settings import TrackingConfig
 from experiments.tracking.mlflow_store import calling, open_store, store_uri
 from experiments.tracking.mlflow_sync import read_mark
 from experiments.tracking.mlflow_views import COLOUR

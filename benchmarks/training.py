@@ -75,7 +75,7 @@ def train(overrides: Sequence[str], iterations: int) -> dict[str, list[float]]:
     from experiments.commands import process_defaults as runtime
     from experiments.commands.hydra_app import compose
     from experiments.levels.builders import environment_options, make_levels
-    from experiments.settings.construct import import_object
+    from experiments.settings import import_object
     from experiments.training.training_loop import History
 
     config = compose(["levels=empty-hard", "levels.count=200", "observation=rgb", *overrides])

@@ -11,9 +11,7 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from experiments.commands.hydra_app import plain, run_command
-from experiments.settings.config import CHECKOUT, TrackingConfig, as_data, require
-from experiments.settings.construct import construct
-from experiments.settings.errors import TrackingError
+from experiments.settings import CHECKOUT, TrackingConfig, TrackingError, as_data, construct, require
 from experiments.tracking.mlflow_store import STORE, calling, show_views, store_uri
 from experiments.tracking.mlflow_views import VIEWS, link
 

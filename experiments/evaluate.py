@@ -8,7 +8,7 @@ or ``test``: the run's own levels. What comes of it lies in ``evaluations/`` of 
 from __future__ import annotations
 
 from experiments.commands.hydra_app import run_simple_command
-from experiments.settings.evaluate import EvaluateConfig
+from experiments.settings import EvaluateConfig
 
 
 def evaluate(config: EvaluateConfig) -> None:

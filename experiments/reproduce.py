@@ -39,9 +39,16 @@ from experiments.reproduction.plan import (
 )
 from experiments.reproduction.process_pool import Job, Outcome, run_jobs
 from experiments.runs.run_folder import runs_root, write_json
-from experiments.settings.config import CHECKOUT, RunConfig, require, run_config
-from experiments.settings.errors import ConfigError, TrainingError
-from experiments.settings.grid import design_hash, paper_cells
+from experiments.settings import (
+    CHECKOUT,
+    ConfigError,
+    RunConfig,
+    TrainingError,
+    design_hash,
+    paper_cells,
+    require,
+    run_config,
+)
 from experiments.tracking.mlflow_store import is_server
 from experiments.train import train
 

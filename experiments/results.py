@@ -12,9 +12,7 @@ from pathlib import Path
 from experiments.commands.hydra_app import run_simple_command
 from experiments.runs.journal import read_journal
 from experiments.runs.run_folder import is_finished, is_locked, read_config, read_summary, run_folders
-from experiments.settings.config import CHECKOUT, RunConfig
-from experiments.settings.construct import flat
-from experiments.settings.errors import RunFolderError
+from experiments.settings import CHECKOUT, RunConfig, RunFolderError, flat
 from segar.cli.arguments import table
 
 FIGURES = {  # of a summary: what it is called in the table
@@ -24,7 +22,7 @@ FIGURES = {  # of a summary: what it is called in the table
     "evaluation/test/success/deterministic": "test success",
 }
 ALWAYS = ("levels.train", "algorithm.name")  # settings that are told even where all runs have the same
-DERIVED = ("algorithm.type",)  # settings that say nothing that another one does not
+DERIVED = ("algorithm.kind", "algorithm._target_")  # settings that say nothing that another one does not
 
 
 @dataclass(frozen=True)

@@ -23,9 +23,17 @@ from experiments.commands.hydra_app import plain, run_command
 from experiments.reproduction.process_pool import Job, Outcome, run_jobs
 from experiments.reproduction.search_space import Dimension, dimensions, with_values
 from experiments.runs.run_folder import lock, runs_root
-from experiments.settings.config import RunConfig, as_data, require, require_known, require_seed, run_config
-from experiments.settings.construct import construct
-from experiments.settings.errors import ConfigError, TrainingError
+from experiments.settings import (
+    ConfigError,
+    RunConfig,
+    TrainingError,
+    as_data,
+    construct,
+    require,
+    require_known,
+    require_seed,
+    run_config,
+)
 from experiments.train import train
 from segar.cli.arguments import table
 from segar.errors import did_you_mean

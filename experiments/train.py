@@ -7,7 +7,7 @@ Settings: ``python -m experiments.train --help``. Several runs: ``--multirun see
 from __future__ import annotations
 
 from experiments.commands.hydra_app import run_command
-from experiments.settings.config import RunConfig
+from experiments.settings import RunConfig
 
 
 def train(config: RunConfig) -> dict[str, float]:

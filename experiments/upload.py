@@ -13,8 +13,7 @@ from pathlib import Path
 from experiments.commands.hydra_app import run_simple_command
 from experiments.runs.journal import read_journal
 from experiments.runs.run_folder import METRICS, lock, read_config, read_metrics, run_folders
-from experiments.settings.config import CHECKOUT
-from experiments.settings.errors import RunFolderError, TrackingError
+from experiments.settings import CHECKOUT, RunFolderError, TrackingError
 from experiments.tracking.mlflow_sync import Delivery, files_of
 
 STATUS = {"finished": "FINISHED", "failed": "FAILED"}  # of a run whose journal ends so; all others were cut off

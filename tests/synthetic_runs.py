@@ -18,8 +18,7 @@ from experiments.runs.run_folder import (
     write_json,
     write_rows,
 )
-from experiments.settings.config import RunConfig, TrackingConfig, as_data
-from experiments.settings.grid import Cell, cell_config, cell_of
+from experiments.settings import Cell, RunConfig, TrackingConfig, as_data, cell_config, cell_of
 
 TEST_LEVELS = 20
 MADE_WITH = {

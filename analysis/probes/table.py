@@ -23,7 +23,7 @@ from experiments.evaluation.evaluator import shape_in
 from experiments.evaluation.probing import IDENTITY, KSG, ON_BOTH, READOUTS, TRAINED, ProbeConfig
 from experiments.levels.builders import environment_options
 from experiments.runs.run_folder import LEVELS_TRAIN, read_config
-from experiments.settings.construct import import_object
+from experiments.settings import import_object
 from segar.errors import SegarError
 from segar.levels import Levels
 

@@ -25,8 +25,7 @@ from analysis.report.tabulated import statistics
 from analysis.tables import write_csv
 from experiments.reproduction.imported_results import RUNS
 from experiments.runs.files import write_bytes, write_text
-from experiments.settings.config import CHECKOUT, TrackingConfig, require_known
-from experiments.settings.errors import RunFolderError
+from experiments.settings import CHECKOUT, RunFolderError, TrackingConfig, require_known
 from experiments.tracking.mlflow_store import calling, open_store
 
 FIGURES: Mapping[str, Callable[[Evidence], Drawn | str]] = {

@@ -18,7 +18,7 @@ from analysis.stats.association import labels
 from analysis.tables import column, keep, select
 from experiments.reproduction.imported_results import RUNS, TRANSFERS
 from experiments.runs.run_folder import PROBES
-from experiments.settings.errors import RunFolderError
+from experiments.settings import RunFolderError
 from segar.errors import did_you_mean
 
 STUDIES = "studies"

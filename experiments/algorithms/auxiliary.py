@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import torch
@@ -20,40 +19,10 @@ from experiments.algorithms.ppo import PPO, PPOPolicy, check_finite
 from experiments.collection.collector import Rollout, action_size, observation_shape
 from experiments.networks.augmentations import random_crop, random_intensity, random_shift
 from experiments.networks.encoders import initialize
-from experiments.settings.config import PPOConfig, require
-from experiments.settings.errors import ConfigError
+from experiments.settings import ConfigError, PPOConfig
 from segar.envs import VectorEnv
 
 M = TypeVar("M", bound=nn.Module)
-
-
-@dataclass(frozen=True)
-class AuxiliaryConfig(PPOConfig):
-    """What all auxiliary losses share, beside PPO's settings."""
-
-    name: str = "auxiliary"
-    auxiliary_minibatches: int = (
-        4  # gradient steps after each of PPO's updates, which take epochs x minibatches of theirs
-    )
-    auxiliary_learning_rate: float | None = None  # of an Adam of its own; null: PPO's Adam, with its state
-    tau: float = 0.01  # share of the encoder that enters the target encoder after each such step; 1: they are one
-    crop: float = 1.0  # frames are cut to a random window of this share of their sides, and enlarged again
-    shift: int = 0  # frames are moved by up to this many pixels
-    intensity: float = 0.0  # brightness changes by a factor of this deviation
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        most = self.num_envs * self.num_steps // 2  # a contrast needs two frames
-        steps = self.auxiliary_minibatches
-        require(
-            1 <= steps <= most, "algorithm.auxiliary_minibatches", steps, f"from 1 to half a rollout's frames, {most}"
-        )
-        rate = self.auxiliary_learning_rate
-        require(rate is None or rate > 0, "algorithm.auxiliary_learning_rate", rate, "more than 0, or null")
-        require(0 < self.tau <= 0.5 or self.tau == 1, "algorithm.tau", self.tau, "more than 0 and at most 0.5, or 1")
-        require(0 < self.crop <= 1, "algorithm.crop", self.crop, "more than 0, and at most 1")
-        for name in ("shift", "intensity"):
-            require(getattr(self, name) >= 0, f"algorithm.{name}", getattr(self, name), "0 or more")
 
 
 class Auxiliary(ABC):

@@ -23,8 +23,7 @@ from experiments.algorithms.learner import Learner
 from experiments.runs.files import replacing, write_bytes
 from experiments.runs.run_folder import CHECKPOINT, CONFIG, DAMAGED, PREVIOUS
 from experiments.runs.versions import code_fingerprint
-from experiments.settings.config import RunConfig
-from experiments.settings.errors import CheckpointError, TrainingError
+from experiments.settings import CheckpointError, RunConfig, TrainingError
 
 FORMAT = 1
 TRAIN_ANEW = "restart=true trains anew"

@@ -7,8 +7,7 @@ representation itself, PPO's Adam. ``curl_original`` has what Laskin et al. used
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import torch
 from tensordict import TensorDict, TensorDictBase, TensorDictParams
@@ -17,24 +16,8 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 from torchrl.objectives.common import LossModule
 
-from experiments.algorithms.auxiliary import Auxiliary, AuxiliaryConfig
+from experiments.algorithms.auxiliary import Auxiliary
 from experiments.collection.collector import Rollout
-from experiments.settings.config import require
-
-
-@dataclass(frozen=True)
-class CURLConfig(AuxiliaryConfig):
-    """CURL; the defaults are the paper's protocol, with a window for every frame instead of one for all of a batch."""
-
-    name: str = "curl"
-    learner: ClassVar[str] = "experiments.algorithms.curl:CURL"
-
-    crop: float = 0.8
-    projection: int = 0  # numbers that are compared, after a normalised dense layer; 0: the representation itself
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require(self.projection >= 0, "algorithm.projection", self.projection, "0 or more")
 
 
 class CURL(Auxiliary):

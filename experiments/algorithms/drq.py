@@ -6,8 +6,7 @@ at what comes next for the target critics. Frames are shifted anew, each by its 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import torch
@@ -18,33 +17,10 @@ from torchrl.objectives import SACLoss
 from torchrl.objectives.common import LossModule
 
 from experiments.algorithms.off_policy import OffPolicy
-from experiments.algorithms.sac import Critic, GaussianActor, SACConfig, actions_of, make_sac_loss, representation_of
+from experiments.algorithms.sac import Critic, GaussianActor, actions_of, make_sac_loss, representation_of
 from experiments.networks.augmentations import random_shift
 from experiments.networks.encoders import initialize, make_encoder
-from experiments.settings.config import PRECISIONS, require, require_encoder, require_known
-from experiments.settings.errors import ConfigError
-
-
-@dataclass(frozen=True)
-class DrQConfig(SACConfig):
-    """DrQ; the defaults are the 2022 code's, but for its encoder and its mask, which was 0 on every step."""
-
-    name: str = "drq"
-    learner: ClassVar[str] = "experiments.algorithms.drq:DrQ"
-
-    num_envs: int = 1
-    temperature: float = 0.1
-    encoder: str = "keypoints"  # the CNN that reads frames
-    precision: str = "auto"  # of the CNN: bf16, fp32; auto: bf16 where the processor is made for it
-    projection: int = 50  # numbers of the representation that policy and critics, each by its own layer, keep
-    shift: int = 4  # pixels by which frames are moved at most
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_encoder("algorithm.encoder", self.encoder)
-        require_known("algorithm.precision", self.precision, PRECISIONS)
-        require(self.projection >= 1, "algorithm.projection", self.projection, "at least 1")
-        require(self.shift >= 0, "algorithm.shift", self.shift, "0 or more")
+from experiments.settings import ConfigError, DrQConfig
 
 
 class DrQPolicy(nn.Module):
@@ -173,15 +149,3 @@ def features_of(encoder: nn.Module, observation_shape: tuple[int, ...]) -> int:
     """Size of the encoder's representation."""
     with torch.no_grad():
         return encoder(torch.zeros(1, *observation_shape, dtype=torch.uint8)).shape[-1]
-
-
-def cnn_2022(height: int, width: int, depth: int) -> nn.Sequential:
-    """The CNN of the 2022 code: 3x3 filters of stride 2, channels 32, 64, 128, 256, each with ReLU.
-
-    The representation is the last layer, 4096 numbers for 64 x 64 frames; 388 416 parameters.
-    """
-    layers: list[nn.Module] = []
-    for channels in (32, 64, 128, 256):
-        layers += [nn.Conv2d(depth, channels, 3, stride=2, padding=1), nn.ReLU(inplace=True)]
-        depth = channels
-    return nn.Sequential(*layers, nn.Flatten())

@@ -1,6 +1,6 @@
 """What training asks of an algorithm: a learner that goes on by iterations, and a policy that acts.
 
-An algorithm of your own is a sub-class of :class:`experiments.settings.config.AlgorithmConfig` whose ``learner`` names a class
+An algorithm of your own is a sub-class of :class:`experiments.settings.AlgorithmConfig` whose ``learner`` names a class
 like this one, and a YAML in ``conf/algorithm/`` whose ``type`` names the dataclass.
 """
 
@@ -13,7 +13,7 @@ import numpy as np
 import torch
 from torch import nn
 
-from experiments.settings.config import AlgorithmConfig
+from experiments.settings import AlgorithmConfig
 
 
 class Policy(Protocol):

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -21,46 +20,7 @@ from experiments.collection.collector import action_size, figures_at_end, mean_f
 from experiments.collection.environment_state import as_tensors, from_tensors
 from experiments.collection.replay import Replay
 from experiments.networks.devices import usable_device
-from experiments.settings.config import REWARD_TRANSFORMS, AlgorithmConfig, require, require_known
 from segar.envs import VectorEnv
-
-
-@dataclass(frozen=True)
-class OffPolicyConfig(AlgorithmConfig):
-    """How steps and gradient steps alternate, and what is remembered."""
-
-    name: str = "off_policy"
-    num_envs: int = 4
-    num_steps: int = 64  # per environment and iteration, which is what figures are averaged over
-    warmup: int = 1000  # environment steps with uniformly random actions, before anything is learned
-    steps_per_update: int = 1  # environment steps per gradient step
-    batch_size: int = 256
-    capacity: int = 100_000  # rows of the replay: steps, and last observations of episodes
-    learning_rate: float = 3e-4
-    gamma: float = 0.99
-    tau: float = 0.005  # share of the weights that enters the target networks after each gradient step
-    reward_transform: str = "none"  # what the learner sees of the reward r: r itself, or sqrt: sign(r) |r|^1/2
-    reward_scale: float = 1.0  # times this
-    device: str = "cpu"  # where networks and replay live: cpu, cuda, cuda:1
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        for name in ("num_steps", "steps_per_update", "batch_size"):
-            require(getattr(self, name) >= 1, f"algorithm.{name}", getattr(self, name), "at least 1")
-        for name in ("learning_rate", "reward_scale"):
-            require(getattr(self, name) > 0, f"algorithm.{name}", getattr(self, name), "more than 0")
-        require(0 <= self.gamma <= 1, "algorithm.gamma", self.gamma, "between 0 and 1")
-        require(0 < self.tau <= 0.5, "algorithm.tau", self.tau, "more than 0, and at most 0.5")
-        # Two steps of all environments, each with the last observations of its episodes: then one can be drawn.
-        least = 4 * self.num_envs
-        require(self.capacity >= least, "algorithm.capacity", self.capacity, f"at least {least}, 4 x num_envs")
-        require(
-            self.warmup >= 2 * self.num_envs,
-            "algorithm.warmup",
-            self.warmup,
-            f"at least 2 x num_envs, {2 * self.num_envs}",
-        )
-        require_known("algorithm.reward_transform", self.reward_transform, REWARD_TRANSFORMS)
 
 
 class OffPolicy(ABC):

@@ -25,8 +25,7 @@ from experiments.collection.rewards import ReturnScale, learner_reward
 from experiments.networks.devices import usable_device
 from experiments.networks.encoders import FrameEncoder, initialize, make_encoder
 from experiments.networks.policies import Actor, SquashedNormal, make_head
-from experiments.settings.config import PPOConfig
-from experiments.settings.errors import TrainingError
+from experiments.settings import PPOConfig, TrainingError
 from segar.envs import VectorEnv
 
 

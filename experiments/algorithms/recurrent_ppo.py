@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import torch
@@ -22,37 +21,11 @@ from experiments.algorithms.ppo import PPO, clipped_loss
 from experiments.collection.collector import Rollout
 from experiments.networks.encoders import initialize, make_encoder
 from experiments.networks.policies import make_head
-from experiments.settings.config import PPOConfig, require, require_known
+from experiments.settings import RecurrentPPOConfig
 from segar.envs import VectorEnv
 
 CORES = {"gru": GRUModule, "lstm": LSTMModule}
 STATES = {"gru": ("h",), "lstm": ("h", "c")}  # what each core remembers
-
-
-@dataclass(frozen=True)
-class RecurrentPPOConfig(PPOConfig):
-    """PPO's settings and those of the memory."""
-
-    name: str = "ppo_recurrent"
-    learner: ClassVar[str] = "experiments.algorithms.recurrent_ppo:RecurrentPPO"
-
-    core: str = "gru"  # or lstm
-    core_width: int = 128  # numbers that the heads read
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_known("algorithm.core", self.core, tuple(CORES))
-        require(self.core_width >= 1, "algorithm.core_width", self.core_width, "at least 1")
-        require(
-            self.minibatches <= self.num_envs,
-            "algorithm.minibatches",
-            self.minibatches,
-            f"at most num_envs, {self.num_envs}: a minibatch is made of whole environments",
-        )
-        require(self.shared is not False, "algorithm.shared", self.shared, "true: policy and value read one memory")
-        require(
-            not self.compile, "algorithm.compile", self.compile, "false: torch cannot trace TorchRL's recurrent layers"
-        )
 
 
 class RecurrentPolicy(nn.Module):

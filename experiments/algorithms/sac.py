@@ -5,8 +5,7 @@ Critics look ahead from every step but those that terminated: a truncated episod
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import torch
@@ -14,33 +13,10 @@ from tensordict.nn import ProbabilisticTensorDictModule, ProbabilisticTensorDict
 from torch import Tensor, nn
 from torchrl.objectives import SACLoss
 
-from experiments.algorithms.off_policy import OffPolicy, OffPolicyConfig
+from experiments.algorithms.off_policy import OffPolicy
 from experiments.networks.encoders import MLP, initialize
 from experiments.networks.policies import SquashedNormal
-from experiments.settings.config import require
-from experiments.settings.errors import ConfigError
-
-
-@dataclass(frozen=True)
-class SACConfig(OffPolicyConfig):
-    """SAC; the defaults are those of Haarnoja et al. (2018b) but for the number of environments and the replay."""
-
-    name: str = "sac"
-    learner: ClassVar[str] = "experiments.algorithms.sac:SAC"
-
-    widths: tuple[int, ...] = (256, 256)  # of the hidden layers of policy and critics
-    temperature: float = 1.0  # of the entropy, at first; it is learned
-    target_entropy: float = -2.0  # minus the number of actions
-    min_log_std: float = -10.0
-    max_log_std: float = 2.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require(self.temperature > 0, "algorithm.temperature", self.temperature, "more than 0")
-        positive = bool(self.widths) and min(self.widths) >= 1
-        require(positive, "algorithm.widths", list(self.widths), "one or more numbers, each at least 1")
-        room = self.max_log_std - self.min_log_std
-        require(room > 0, "algorithm.min_log_std", self.min_log_std, f"less than max_log_std, {self.max_log_std}")
+from experiments.settings import ConfigError, SACConfig
 
 
 class GaussianActor(nn.Module):

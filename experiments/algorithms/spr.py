@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import torch
 from tensordict import TensorDict, TensorDictBase, TensorDictParams
@@ -18,38 +17,8 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 from torchrl.objectives.common import LossModule
 
-from experiments.algorithms.auxiliary import Auxiliary, AuxiliaryConfig
+from experiments.algorithms.auxiliary import Auxiliary
 from experiments.collection.collector import Rollout
-from experiments.settings.config import require, require_known
-
-
-@dataclass(frozen=True)
-class SPRConfig(AuxiliaryConfig):
-    """SPR; the defaults are the paper's protocol, on sequences of all environments that end with their episode."""
-
-    name: str = "spr"
-    learner: ClassVar[str] = "experiments.algorithms.spr:SPR"
-
-    crop: float = 0.8
-    horizon: int = 1  # steps that are foretold
-    model: str = "action_projection"  # the 2022 code's, which foretells one step; or transition, Schwarzer et al.'s
-    model_width: int = 256
-    weight: float = 1.0  # of the loss
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_known("algorithm.model", self.model, tuple(MODELS))
-        most = 1 if self.model == "action_projection" else self.num_steps - 1
-        require(1 <= self.horizon <= most, "algorithm.horizon", self.horizon, f"from 1 to {most}")
-        require(self.model_width >= 1, "algorithm.model_width", self.model_width, "at least 1")
-        require(self.weight > 0, "algorithm.weight", self.weight, "more than 0")
-        starts = (self.num_steps - self.horizon) * self.num_envs
-        require(
-            self.auxiliary_minibatches <= starts,
-            "algorithm.auxiliary_minibatches",
-            self.auxiliary_minibatches,
-            f"at most the number of sequences in a rollout, {starts}",
-        )
 
 
 class SPR(Auxiliary):

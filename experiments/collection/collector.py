@@ -14,7 +14,7 @@ from torch import Tensor
 
 from experiments.collection.environment_state import as_tensors, from_tensors
 from experiments.networks.encoders import successive
-from experiments.settings.errors import ConfigError
+from experiments.settings import ConfigError
 from segar.envs import VectorEnv
 from segar.observations import copy_rows
 

@@ -22,9 +22,17 @@ from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
 from experiments.commands.signals import Stopped
-from experiments.settings.config import CHECKOUT, PPOConfig, RunConfig, as_data, run_config
-from experiments.settings.construct import construct, import_object
-from experiments.settings.errors import ConfigError
+from experiments.settings import (
+    CHECKOUT,
+    KINDS,
+    TYPE_IS_GONE,
+    ConfigError,
+    PPOConfig,
+    RunConfig,
+    as_data,
+    construct,
+    run_config,
+)
 from segar.errors import SegarError, did_you_mean
 
 WITH_OPTIONS = ("task", "observation")  # groups whose ``options`` are the keyword arguments of what they name
@@ -50,7 +58,7 @@ def run_command(
         build: makes the argument of ``task`` from Hydra's result; None makes a :class:`RunConfig`.
         settings: defaults beyond those of a :class:`RunConfig`, known to Hydra as ``base_<config_name>``.
     """
-    register_defaults(sys.argv[1:])
+    register_defaults()
     if settings is not None:
         register_settings(config_name, settings)
 
@@ -119,7 +127,7 @@ def parse_settings(arguments: Sequence[str]) -> dict[str, Any]:
 
 def compose(overrides: Sequence[str] = (), config_name: str = "config") -> RunConfig:
     """The settings that overrides state, as a command line would; raises :class:`SegarError`."""
-    register_defaults(overrides)
+    register_defaults()
     within = GlobalHydra.instance().is_initialized()  # a command is at work, on the same files
     try:
         with nullcontext() if within else hydra.initialize_config_dir(str(conf_dir()), version_base="1.3"):
@@ -140,21 +148,15 @@ def plain(config: DictConfig) -> dict[str, Any]:
     return {str(key): value for key, value in data.items()}
 
 
-def register_defaults(overrides: Sequence[str] = ()) -> None:
+def register_defaults() -> None:
     """Tells Hydra the defaults, which live in the dataclasses, as plain data: it knows their names, we check the rest.
 
-    A file of ``conf/algorithm/`` whose ``type`` is ``package.module:Class`` finds that class's as ``base_module``. Only
-    those that ``overrides`` speak of are imported, as most import torch.
+    The defaults of each kind of algorithm are the choice ``base_<kind>`` of the group ``algorithm``.
     """
     store = ConfigStore.instance()
-    defaults = as_data(RunConfig())
-    store.store(name="base_config", node={key: v for key, v in defaults.items() if key != "algorithm"})
-    store.store(group="algorithm", name="base_ppo", node=defaults["algorithm"])
-    for file in sorted((conf_dir() / "algorithm").glob("*.yaml")):
-        kind = (yaml.safe_load(file.read_text()) or {}).get("type")
-        if kind is not None and any(file.stem in override for override in overrides):
-            module = kind.partition(":")[0].rpartition(".")[2]
-            store.store(group="algorithm", name=f"base_{module}", node=as_data(import_object(kind, f"{file}: type")()))
+    store.store(name="base_config", node={key: v for key, v in as_data(RunConfig()).items() if key != "algorithm"})
+    for kind, cls in KINDS.items():
+        store.store(group="algorithm", name=f"base_{kind}", node=as_data(cls()))
 
 
 def register_settings(config_name: str, settings: Mapping[str, Any]) -> None:
@@ -170,6 +172,8 @@ def explain(error: Exception, settings: Mapping[str, Any] | None = None) -> str:
         return f"no {group} is called '{name}'.{did_you_mean(name, options)}"
     unknown = re.search(r"Could not override '([^']+)'", str(error))
     if unknown:
+        if unknown[1] == "algorithm.type":
+            return f"algorithm.type: {TYPE_IS_GONE}"
         group, _, option = unknown[1].partition(".options.")
         if option and group in WITH_OPTIONS:
             return f"{unknown[1]} has no value yet; with a + before it, it gets one: +{unknown[1]}=..."

@@ -12,7 +12,7 @@ from experiments.collection.collector import action_size
 from experiments.levels.builders import environment_options
 from experiments.networks.encoders import successive
 from experiments.runs.run_folder import RESULTS
-from experiments.settings.config import ACTION_MODES, RunConfig
+from experiments.settings import ACTION_MODES, RunConfig
 from segar.envs import VectorEnv
 
 BATCH = 512  # episodes that are played at once

@@ -29,10 +29,7 @@ from experiments.runs.run_folder import (
     write_json,
     write_rows,
 )
-from experiments.settings.config import RunConfig
-from experiments.settings.construct import import_object
-from experiments.settings.errors import ConfigError, RunFolderError
-from experiments.settings.evaluate import EvaluateConfig
+from experiments.settings import ConfigError, EvaluateConfig, RunConfig, RunFolderError, import_object
 from segar.cli.arguments import load_levels, table
 from segar.envs import VectorEnv
 from segar.levels import Levels

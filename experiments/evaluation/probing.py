@@ -30,9 +30,18 @@ from experiments.runs.run_folder import (
     write_rows,
 )
 from experiments.runs.versions import package_fingerprint
-from experiments.settings.config import ACTION_MODES, RunConfig, as_data, require, require_known
-from experiments.settings.construct import construct, import_object
-from experiments.settings.errors import ConfigError, RunFolderError, TrackingError
+from experiments.settings import (
+    ACTION_MODES,
+    ConfigError,
+    RunConfig,
+    RunFolderError,
+    TrackingError,
+    as_data,
+    construct,
+    import_object,
+    require,
+    require_known,
+)
 from experiments.tracking.mlflow_sync import Delivery, files_of, read_mark
 from segar.errors import SegarError
 

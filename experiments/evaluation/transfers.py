@@ -31,7 +31,7 @@ from experiments.runs.run_folder import (
     write_json,
     write_rows,
 )
-from experiments.settings.config import ACTION_MODES, LevelsConfig, ObservationConfig, RunConfig, as_data
+from experiments.settings import ACTION_MODES, LevelsConfig, ObservationConfig, RunConfig, as_data
 
 if TYPE_CHECKING:
     from segar.levels import Levels

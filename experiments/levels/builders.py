@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from experiments.levels.conditions import conditional_puttputt
 from experiments.levels.variations import vary
-from experiments.settings.config import TARGET_DESIGN, LevelsConfig, RunConfig
-from experiments.settings.construct import import_object
-from experiments.settings.errors import ConfigError
+from experiments.settings import TARGET_DESIGN, ConfigError, LevelsConfig, RunConfig, import_object
 from segar.errors import LevelError, SegarError, did_you_mean
 from segar.language import Order
 from segar.levels import family
@@ -20,6 +19,7 @@ from segar.observations import OBSERVATIONS
 from segar.tasks import TASKS
 
 ENVS_PER_THREAD = 128  # for fewer, to wake a thread after each call of the policy takes longer than it helps
+KNOWN_TASKS = {**TASKS, "conditional_puttputt": conditional_puttputt}  # by the names that task.name takes
 INDEPENDENT_SETS = 5  # whose mean distance is the unit of designs such as w2_x1.2
 
 
@@ -97,7 +97,7 @@ def environment_options(config: RunConfig, num_envs: int | None = None) -> dict[
 
 def _find(name: str, options: Mapping[str, Any], group: str) -> Any:
     """What a name of ``group`` stands for, called with ``options`` where it is a function or class."""
-    known: Mapping[str, Any] = TASKS if group == "task" else OBSERVATIONS
+    known: Mapping[str, Any] = KNOWN_TASKS if group == "task" else OBSERVATIONS
     if name not in known and ":" not in name:
         raise ConfigError(f"{group}.name: no {group} is called '{name}'.{did_you_mean(name, known)}")
     found = known.get(name, name)

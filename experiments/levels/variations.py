@@ -11,8 +11,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from experiments.levels.conditions import with_conditions
-from experiments.settings.construct import import_object
-from experiments.settings.errors import ConfigError
+from experiments.settings import ConfigError, import_object
 from segar.errors import did_you_mean
 from segar.language import FloorFriction, GolfBall, Gravity, Mass, Parameter
 from segar.levels import LevelDistribution, Prior

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from experiments.settings.errors import ConfigError
+from experiments.settings import ConfigError
 
 
 def usable_device(name: str) -> torch.device:

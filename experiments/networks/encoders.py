@@ -21,8 +21,7 @@ from torch import Tensor, nn
 from experiments.networks.frame_conv import WHITE, FrameConv
 from experiments.networks.keypoints import Keypoints, cut
 from experiments.networks.shared_frames import are_stacks, places_of_frames
-from experiments.settings.construct import import_object
-from experiments.settings.errors import ConfigError
+from experiments.settings import ConfigError, import_object
 
 REPRESENTATION = 256  # numbers in phi(s), whatever the CNN
 
@@ -340,3 +339,15 @@ def initialize(module: nn.Module, rng: torch.Generator) -> None:
             nn.init.xavier_uniform_(layer.weight, generator=rng)
             if layer.bias is not None:
                 nn.init.zeros_(layer.bias)
+
+
+def cnn_2022(height: int, width: int, depth: int) -> nn.Sequential:
+    """The CNN of the 2022 code: 3x3 filters of stride 2, channels 32, 64, 128, 256, each with ReLU.
+
+    The representation is the last layer, 4096 numbers for 64 x 64 frames; 388 416 parameters.
+    """
+    layers: list[nn.Module] = []
+    for channels in (32, 64, 128, 256):
+        layers += [nn.Conv2d(depth, channels, 3, stride=2, padding=1), nn.ReLU(inplace=True)]
+        depth = channels
+    return nn.Sequential(*layers, nn.Flatten())

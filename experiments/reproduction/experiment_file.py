@@ -12,10 +12,7 @@ from typing import Any
 
 from experiments.levels.mixed_levels import RESERVED, SEPARATOR
 from experiments.levels.variations import VARIATIONS
-from experiments.settings.config import require, require_design, require_known
-from experiments.settings.construct import construct
-from experiments.settings.errors import ConfigError
-from experiments.settings.grid import DIFFICULTIES
+from experiments.settings import DIFFICULTIES, ConfigError, construct, require, require_design, require_known
 from segar.errors import did_you_mean
 from segar.levels import families
 
@@ -37,9 +34,7 @@ class GridConfig:
     algorithms: tuple[str, ...] = (BASE,)  # files of conf/algorithm
     observations: tuple[str, ...] = (BASE,)  # files of conf/observation
     tasks: tuple[str, ...] = (BASE,)  # files of conf/task
-    designs: tuple[str, ...] = (
-        "iid",
-    )  # how training levels are picked, see experiments.settings.config.require_design
+    designs: tuple[str, ...] = ("iid",)  # how training levels are picked, see experiments.settings.require_design
     variations: tuple[str, ...] = ("",)  # names in experiments.levels.variations
     interval: int | None = None  # frames between evaluations on the test levels; None: as the scale has it
 

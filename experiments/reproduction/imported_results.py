@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 
 from experiments.evaluation.transfers import RunWork
 from experiments.runs.run_folder import PROBES
-from experiments.settings.errors import ConfigError
+from experiments.settings import ConfigError
 
 RUNS, TRANSFERS = "runs.parquet", "transfers.parquet"
 

@@ -21,9 +21,17 @@ from experiments.reproduction.experiment_file import BASE, Experiment, GridConfi
 from experiments.reproduction.imported_results import Elsewhere
 from experiments.runs.journal import read_journal
 from experiments.runs.run_folder import folder_path, is_finished, read_config, read_summary, run_folders
-from experiments.settings.config import LevelsConfig, RunConfig, ScaleConfig, as_data
-from experiments.settings.errors import ConfigError
-from experiments.settings.grid import Cell, cell_config, cell_of, paper_seeds
+from experiments.settings import (
+    Cell,
+    ConfigError,
+    LevelsConfig,
+    RunConfig,
+    ScaleConfig,
+    as_data,
+    cell_config,
+    cell_of,
+    paper_seeds,
+)
 from segar.cli.arguments import table
 from segar.errors import LevelError
 

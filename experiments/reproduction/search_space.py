@@ -7,9 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from experiments.settings.config import RunConfig, as_data, require, run_config
-from experiments.settings.construct import construct, flat, path_of
-from experiments.settings.errors import ConfigError
+from experiments.settings import ConfigError, RunConfig, as_data, construct, flat, path_of, require, run_config
 from segar.errors import did_you_mean
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from experiments.settings.errors import RunFolderError
+from experiments.settings import RunFolderError
 from segar.support import UNFINISHED as TEMPORARY
 from segar.support import atomic_files as files
 from segar.support import remove_unfinished

@@ -31,8 +31,7 @@ import pyarrow.parquet as pq
 import yaml
 
 from experiments.runs.files import TEMPORARY, remove_unfinished, replacing, write_text
-from experiments.settings.config import CHECKOUT, RunConfig, as_data, run_config
-from experiments.settings.errors import ConfigError, RunFolderError
+from experiments.settings import CHECKOUT, ConfigError, RunConfig, RunFolderError, as_data, run_config, with_new_names
 
 CONFIG = "config.yaml"
 LEVELS_TRAIN = "levels_train.npz"
@@ -199,7 +198,7 @@ def read_config(folder: Path) -> RunConfig:
         data = yaml.safe_load(path.read_text())
         if not isinstance(data, Mapping):
             raise ConfigError("it holds no settings")
-        return run_config(data)
+        return run_config(with_new_names(data))
     except (OSError, ValueError, yaml.YAMLError) as error:
         raise RunFolderError(f"cannot read the settings of a run from {path}: {error}") from error
 

@@ -22,8 +22,7 @@ import segar
 LIBRARIES = (
     "segar", "torch", "torchrl", "tensordict", "numpy", "numba", "scipy", "gymnasium", "POT", "hydra-core", "mlflow-skinny",
 )  # fmt: skip
-# They hold settings, which a configuration's hash is made of, and messages.
-NOT_LEARNING = ("experiments.settings.config", "experiments.settings.construct", "experiments.settings.errors")
+NOT_LEARNING = "experiments.settings"  # a run's identity has the settings; the room also holds messages
 
 
 def versions() -> dict[str, Any]:
@@ -99,12 +98,17 @@ def modules_reached(module: str, packages: Set[str]) -> dict[str, Path]:
     waiting = [module]
     while waiting:
         name = waiting.pop()
-        path = _source(name) if name not in found and name not in NOT_LEARNING else None
+        path = _source(name) if name not in found and not is_in(name, NOT_LEARNING) else None
         if path is None:
             continue
         found[name] = path
         waiting += [other for other in _imports(name, path) if other.partition(".")[0] in packages]
     return found
+
+
+def is_in(module: str, package: str) -> bool:
+    """Whether a module is the package or lies in it."""
+    return module == package or module.startswith(f"{package}.")
 
 
 def _source(module: str) -> Path | None:

@@ -9,8 +9,7 @@ from collections.abc import Mapping
 from typing import Any, TypeVar
 
 from experiments.settings.errors import ConfigError
-from segar.errors import SegarError, did_you_mean
-from segar.support import named_object
+from segar.errors import did_you_mean
 
 T = TypeVar("T")
 
@@ -48,14 +47,6 @@ def flat(data: Mapping[str, Any], place: str = "") -> dict[str, Any]:
         name = path_of(place, key)
         found |= flat(value, name) if isinstance(value, Mapping) else {name: value}
     return found
-
-
-def import_object(name: str, place: str) -> Any:
-    """The object that ``module:attribute`` names; raises :class:`ConfigError` that names ``place``."""
-    try:
-        return named_object(name)
-    except SegarError as error:
-        raise ConfigError(f"{place}: {error}") from error
 
 
 def _convert(value: Any, hint: Any, path: str) -> Any:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from experiments.settings.config import ACTION_MODES, require, require_known, require_seed
+from experiments.settings.checks import require, require_known, require_seed
+from experiments.settings.run import ACTION_MODES
 
 VIDEOS = ("mp4", "gif", "none")
 

@@ -8,7 +8,7 @@ import json
 from itertools import product
 from typing import Any
 
-from experiments.settings.config import RunConfig
+from experiments.settings.run import RunConfig
 
 
 @dataclasses.dataclass(frozen=True)

@@ -10,8 +10,7 @@ from typing import Any
 
 from experiments.commands import process_defaults as runtime
 from experiments.runs.files import replacing
-from experiments.settings.config import TrackingConfig
-from experiments.settings.errors import TrackingError
+from experiments.settings import TrackingConfig, TrackingError
 from experiments.tracking.mlflow_views import tags_of_views
 
 STORE = "mlflow.db"  # under the root of the runs

@@ -17,9 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from experiments.runs.run_folder import EPISODES, MARK, SUMMARY, runs_root, write_json
-from experiments.settings.config import RunConfig
-from experiments.settings.construct import flat
-from experiments.settings.grid import cell_of
+from experiments.settings import RunConfig, cell_of, flat
 from experiments.tracking.mlflow_store import calling, open_store, store_uri
 
 BATCH = 1000  # metrics in one call, at most; MLflow's limit

@@ -12,8 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
-from experiments.settings.config import RunConfig
-from experiments.settings.errors import RunFolderError, TrackingError
+from experiments.settings import RunConfig, RunFolderError, TrackingError
 from experiments.tracking.mlflow_store import is_remote
 from experiments.tracking.mlflow_sync import Delivery
 

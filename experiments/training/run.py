@@ -31,9 +31,7 @@ from experiments.runs.run_folder import (
     write_rows,
 )
 from experiments.runs.versions import code_fingerprint, levels_hash, versions
-from experiments.settings.config import RunConfig
-from experiments.settings.construct import import_object
-from experiments.settings.errors import ConfigError, RunFolderError, TrainingError
+from experiments.settings import ConfigError, RunConfig, RunFolderError, TrainingError, import_object
 from experiments.tracking.mlflow_sync import files_of
 from experiments.tracking.tracker import NoTracker, Tracker, start_tracking
 from experiments.training.training_loop import Training

@@ -20,8 +20,7 @@ from experiments.evaluation.episodes import mean_figures, play
 from experiments.levels.builders import environment_options
 from experiments.runs.journal import Journal
 from experiments.runs.run_folder import METRIC_SCHEMA, METRICS, read_metrics, read_versions, write_rows
-from experiments.settings.config import ACTION_MODES, RunConfig
-from experiments.settings.errors import CheckpointError, TrainingError
+from experiments.settings import ACTION_MODES, CheckpointError, RunConfig, TrainingError
 from experiments.training.progress import Progress
 
 

@@ -13,8 +13,7 @@ from experiments.reproduce import ReproduceConfig, write_plan
 from experiments.reproduction.experiment_file import experiment_at
 from experiments.reproduction.plan import make_plan
 from experiments.runs.run_folder import EPISODE_SCHEMA, PROBES, SUMMARY, folder_path, write_json, write_rows
-from experiments.settings.config import ScaleConfig, TrackingConfig
-from experiments.settings.errors import RunFolderError
+from experiments.settings import RunFolderError, ScaleConfig, TrackingConfig
 from tests.synthetic_runs import MADE_WITH, episodes, settings, write_run
 
 SCALE = ScaleConfig(name="smoke", frames=1000, families=("empty",), difficulties=("easy", "hard"), counts=(1, 10))

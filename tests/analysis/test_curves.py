@@ -6,7 +6,7 @@ import pytest
 from analysis import curves as page
 from analysis.curves import BEGIN, END, Curve, CurvesConfig, curves, with_table
 from experiments.runs.run_folder import read_summary, run_folders
-from experiments.settings.errors import ConfigError
+from experiments.settings import ConfigError
 
 TINY = (
     "levels.count=2",

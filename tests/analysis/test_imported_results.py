@@ -13,7 +13,7 @@ from experiments.reproduction.experiment_file import experiment_at
 from experiments.reproduction.imported_results import read_elsewhere
 from experiments.reproduction.plan import as_text, make_plan, measure_speeds
 from experiments.runs.run_folder import folder_path
-from experiments.settings.errors import ConfigError, RunFolderError
+from experiments.settings import ConfigError, RunFolderError
 from tests.analysis.test_collect import planned, write_all
 
 TABLES = ("runs", "transfers", "levels", "curves", "probes")

@@ -10,14 +10,7 @@ import torch
 from experiments.algorithms.checkpoint import read_checkpoint
 from experiments.algorithms.ppo import PPO
 from experiments.runs.run_folder import CHECKPOINT, read_episodes, read_metrics
-from experiments.settings.config import (
-    EvaluationConfig,
-    LevelsConfig,
-    PPOConfig,
-    RunConfig,
-    ScaleConfig,
-    TrackingConfig,
-)
+from experiments.settings import EvaluationConfig, LevelsConfig, PPOConfig, RunConfig, ScaleConfig, TrackingConfig
 
 FRAMES = 64  # of an iteration
 ITERATIONS = 4

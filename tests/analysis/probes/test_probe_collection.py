@@ -12,7 +12,7 @@ from analysis.probes.factors import COLUMNS
 from analysis.probes.table import probe_run, represent
 from experiments.evaluation.baselines import RandomAgent, ScriptedAgent
 from experiments.evaluation.probing import ProbeConfig
-from experiments.settings.config import LevelsConfig
+from experiments.settings import LevelsConfig
 from experiments.training.run import run
 from segar.errors import SegarError
 from tests.experiments.short_runs import short_run

@@ -18,8 +18,7 @@ from analysis.report.make import FIGURES, SHIPPED, ReportConfig, make_report, tr
 from analysis.report.results import read_results
 from analysis.report.words import p_value, said, signed
 from analysis.stats.estimate import Estimate
-from experiments.settings.config import TrackingConfig
-from experiments.settings.errors import ConfigError, RunFolderError
+from experiments.settings import ConfigError, RunFolderError, TrackingConfig
 from experiments.tracking.mlflow_store import open_store
 from tests.places import ROOT
 from tests.synthetic_results import PARTS, everything, run_rows, write_results

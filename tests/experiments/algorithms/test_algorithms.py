@@ -11,8 +11,7 @@ from experiments.algorithms.checkpoint import load_policy, resume_checkpoint, sa
 from experiments.commands.hydra_app import compose
 from experiments.levels.builders import make_levels
 from experiments.runs.run_folder import CHECKPOINT
-from experiments.settings.config import LevelsConfig, ObservationConfig, RunConfig, ScaleConfig
-from experiments.settings.construct import import_object
+from experiments.settings import LevelsConfig, ObservationConfig, RunConfig, ScaleConfig, import_object
 
 FEW = {"warmup": 8, "num_steps": 6, "batch_size": 6, "capacity": 64, "widths": (8,)}
 PLAIN = {"num_steps": 8, "encoder": "small", "widths": (8,), "minibatches": 2}

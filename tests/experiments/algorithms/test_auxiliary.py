@@ -7,10 +7,10 @@ import pytest
 import torch
 from torch.nn import functional as F
 
-from experiments.algorithms.curl import CURL, CURLConfig
-from experiments.algorithms.spr import SPR, SPRConfig, sequences
+from experiments.algorithms.curl import CURL
+from experiments.algorithms.spr import SPR, sequences
 from experiments.collection.collector import Rollout
-from experiments.settings.errors import ConfigError
+from experiments.settings import ConfigError, CURLConfig, SPRConfig
 from segar import family
 
 LEVELS = family("objectsx2-easy").sample(5, seed=0)  # frames differ more than those of empty tasks

@@ -12,8 +12,7 @@ from experiments.algorithms.checkpoint import load_policy, read_checkpoint, resu
 from experiments.algorithms.ppo import PPO, PPOPolicy
 from experiments.levels.builders import make_levels
 from experiments.runs.run_folder import CHECKPOINT
-from experiments.settings.config import PPOConfig, RunConfig
-from experiments.settings.errors import CheckpointError
+from experiments.settings import CheckpointError, PPOConfig, RunConfig
 
 CONFIG = RunConfig(algorithm=PPOConfig(num_envs=4, num_steps=4, widths=(8,), head_width=8))
 

@@ -7,9 +7,7 @@ import torch
 from torch._dynamo.exc import BackendCompilerFailed
 
 from experiments.algorithms.ppo import PPO
-from experiments.algorithms.recurrent_ppo import RecurrentPPOConfig
-from experiments.settings.config import PPOConfig
-from experiments.settings.errors import ConfigError, TrainingError
+from experiments.settings import ConfigError, PPOConfig, RecurrentPPOConfig, TrainingError
 from experiments.training.run import run
 from segar import family
 from tests.experiments.short_runs import killed_after, same_results, short_run

@@ -17,8 +17,7 @@ from experiments.evaluation.episodes import play
 from experiments.levels.builders import make_levels
 from experiments.networks.encoders import MLP, FrameEncoder
 from experiments.networks.policies import SquashedNormal
-from experiments.settings.config import LevelsConfig, PPOConfig
-from experiments.settings.errors import ConfigError, TrainingError
+from experiments.settings import ConfigError, LevelsConfig, PPOConfig, TrainingError
 from segar import family
 from segar.envs import VectorEnv
 from segar.envs.torchrl_env import TorchRLEnv

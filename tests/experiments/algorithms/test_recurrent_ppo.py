@@ -8,9 +8,9 @@ import torch
 from tensordict import TensorDict
 from torchrl.modules import set_recurrent_mode
 
-from experiments.algorithms.recurrent_ppo import RecurrentPolicy, RecurrentPPO, RecurrentPPOConfig
+from experiments.algorithms.recurrent_ppo import RecurrentPolicy, RecurrentPPO
 from experiments.networks.encoders import MLP
-from experiments.settings.errors import ConfigError
+from experiments.settings import ConfigError, RecurrentPPOConfig
 from segar import family
 from segar.envs import VectorEnv
 from segar.tasks.puttputt_task import puttputt

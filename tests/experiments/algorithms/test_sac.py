@@ -8,10 +8,10 @@ import torch
 from tensordict import TensorDict
 from torch.nn import functional as F
 
-from experiments.algorithms.drq import DrQ, DrQConfig, DrQPolicy, cnn_2022
-from experiments.algorithms.sac import SAC, SACConfig, SACPolicy
-from experiments.networks.encoders import make_encoder
-from experiments.settings.errors import ConfigError
+from experiments.algorithms.drq import DrQ, DrQPolicy
+from experiments.algorithms.sac import SAC, SACPolicy
+from experiments.networks.encoders import cnn_2022, make_encoder
+from experiments.settings import ConfigError, DrQConfig, SACConfig
 from segar import family
 from segar.envs.vector import VectorEnv
 from segar.tasks.puttputt_task import puttputt
@@ -236,7 +236,7 @@ def test_frames_before_and_after_a_step_are_shifted_by_draws_of_their_own(monkey
 def test_the_cnn_of_2022_has_the_size_that_its_description_says():
     cnn = cnn_2022(64, 64, 3)
     assert sum(p.numel() for p in cnn.parameters()) == 388_416
-    config = dataclasses.replace(FRAMES, encoder="experiments.algorithms.drq:cnn_2022")
+    config = dataclasses.replace(FRAMES, encoder="cnn_2022")
     assert DrQPolicy(config, (64, 64, 3), 2).represent(np.zeros((2, 64, 64, 3), np.uint8)).shape == (2, 4096)
 
 

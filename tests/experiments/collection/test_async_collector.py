@@ -6,11 +6,11 @@ from concurrent.futures import Executor, Future
 import pytest
 import torch
 
-from experiments.algorithms.curl import CURL, CURLConfig
+from experiments.algorithms.curl import CURL
 from experiments.algorithms.ppo import PPO
-from experiments.algorithms.recurrent_ppo import RecurrentPPO, RecurrentPPOConfig
+from experiments.algorithms.recurrent_ppo import RecurrentPPO
 from experiments.collection.async_collector import CollectorAhead
-from experiments.settings.config import PPOConfig
+from experiments.settings import CURLConfig, PPOConfig, RecurrentPPOConfig
 from experiments.training.run import run
 from segar import family
 from segar.errors import ActionError

@@ -13,7 +13,7 @@ import pytest
 from experiments.commands.hydra_app import compose
 from experiments.runs.journal import read_journal
 from experiments.runs.run_folder import CHECKPOINT, is_finished, read_config, run_folders
-from experiments.settings.config import CHECKOUT, RunConfig
+from experiments.settings import CHECKOUT, RunConfig
 from tests.experiments.short_runs import COMMAND
 
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(CHECKOUT)}

@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from experiments.runs.run_folder import read_config, read_summary
-from experiments.settings.config import CHECKOUT
+from experiments.settings import CHECKOUT
 
 TINY = (
     "levels=empty-easy",

@@ -6,7 +6,7 @@ import torch
 
 from experiments.evaluation import episodes
 from experiments.evaluation.episodes import distance_figures, diversity_figures, evaluate_run, evaluation_figures, play
-from experiments.settings.config import EvaluationConfig, RunConfig
+from experiments.settings import EvaluationConfig, RunConfig
 from segar import family
 from segar.envs import VectorEnv
 from segar.metrics import ks, w2

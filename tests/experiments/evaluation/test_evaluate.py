@@ -15,9 +15,14 @@ from experiments.commands.hydra_app import run_simple_command
 from experiments.evaluation.baselines import find_anchors
 from experiments.evaluation.evaluator import choose_levels, evaluate
 from experiments.runs.run_folder import CHECKPOINT, PREVIOUS, read_episodes, read_summary
-from experiments.settings.config import CHECKOUT, ObservationConfig
-from experiments.settings.errors import CheckpointError, ConfigError, RunFolderError
-from experiments.settings.evaluate import EvaluateConfig
+from experiments.settings import (
+    CHECKOUT,
+    CheckpointError,
+    ConfigError,
+    EvaluateConfig,
+    ObservationConfig,
+    RunFolderError,
+)
 from experiments.training.run import run
 from tests.experiments.short_runs import short_run
 

@@ -19,8 +19,7 @@ from experiments.reproduce import ReproduceConfig, carry_out
 from experiments.reproduction.experiment_file import experiment_at
 from experiments.reproduction.plan import as_text, make_plan, measure_speeds
 from experiments.runs.run_folder import PROBES, folder_path, read_metrics
-from experiments.settings.config import TrackingConfig
-from experiments.settings.errors import ConfigError, RunFolderError, TrackingError
+from experiments.settings import ConfigError, RunFolderError, TrackingConfig, TrackingError
 from experiments.tracking.mlflow_store import open_store
 from experiments.tracking.mlflow_sync import Delivery
 from experiments.training.run import run

@@ -6,8 +6,7 @@ import pytest
 
 from experiments.evaluation.transfers import Mixture, RunWork, Transfer, evaluate_transfer
 from experiments.runs.run_folder import folder_path, read_summary
-from experiments.settings.config import ObservationConfig, PPOConfig
-from experiments.settings.errors import ConfigError
+from experiments.settings import ConfigError, ObservationConfig, PPOConfig
 from experiments.training.run import run
 from segar.errors import LevelError
 from tests.experiments.short_runs import short_run

@@ -9,8 +9,7 @@ from experiments.commands.hydra_app import compose, conf_dir
 from experiments.reproduce import ReproduceConfig, experiment_files, help_text
 from experiments.reproduction.experiment_file import BASE, SCALES, TransferConfig, experiment_at, other_panel
 from experiments.reproduction.plan import make_plan
-from experiments.settings.config import RunConfig
-from experiments.settings.errors import ConfigError
+from experiments.settings import ConfigError, RunConfig
 
 GOOD = {
     "title": "A grid",

@@ -9,8 +9,7 @@ import pytest
 from experiments.reproduction.experiment_file import experiment_at
 from experiments.reproduction.plan import as_text, in_minutes, make_plan, measure_speeds
 from experiments.runs.run_folder import JOURNAL, SUMMARY, folder_path, write_json
-from experiments.settings.config import ScaleConfig
-from experiments.settings.errors import ConfigError
+from experiments.settings import ConfigError, ScaleConfig
 from tests.synthetic_runs import settings, write_run
 
 SCALE = ScaleConfig(name="quick", frames=1000, families=("empty",), difficulties=("easy", "hard"), counts=(1, 10))

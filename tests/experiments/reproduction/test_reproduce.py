@@ -13,9 +13,7 @@ from experiments.commands.hydra_app import compose
 from experiments.reproduce import ReproduceConfig, dashboard, quoted, reproduce
 from experiments.reproduction.plan import StudyWork
 from experiments.runs.run_folder import folder_path, is_finished
-from experiments.settings.config import ScaleConfig, TrackingConfig
-from experiments.settings.errors import ConfigError, TrainingError
-from experiments.settings.grid import cell_of, paper_cells
+from experiments.settings import ConfigError, ScaleConfig, TrackingConfig, TrainingError, cell_of, paper_cells
 from tests.places import ROOT
 from tests.synthetic_runs import pretend_to_train, settings
 

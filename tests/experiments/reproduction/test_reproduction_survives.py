@@ -13,14 +13,7 @@ from experiments.reproduce import ReproduceConfig, reproduce
 from experiments.reproduction.experiment_file import GridConfig
 from experiments.reproduction.plan import grid_runs
 from experiments.runs.run_folder import CHECKPOINT, folder_path, is_finished, is_locked
-from experiments.settings.config import (
-    EvaluationConfig,
-    LevelsConfig,
-    PPOConfig,
-    RunConfig,
-    ScaleConfig,
-    TrackingConfig,
-)
+from experiments.settings import EvaluationConfig, LevelsConfig, PPOConfig, RunConfig, ScaleConfig, TrackingConfig
 from tests.places import ROOT
 
 OF_THE_CLOCK = ["hours", "finished"]  # columns that say when and how long

@@ -7,8 +7,7 @@ import pytest
 from experiments.commands.hydra_app import compose
 from experiments.results import ResultsConfig, results, state_of
 from experiments.runs.run_folder import claim
-from experiments.settings.config import LevelsConfig, TaskConfig, TrackingConfig
-from experiments.settings.errors import ConfigError, RunFolderError
+from experiments.settings import ConfigError, LevelsConfig, RunFolderError, TaskConfig, TrackingConfig
 from experiments.training.run import run
 from tests.experiments.short_runs import before_iteration, killed_after, short_run
 

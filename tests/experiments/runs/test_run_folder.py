@@ -24,7 +24,7 @@ from experiments.runs.run_folder import (
     read_metrics,
     read_summary,
 )
-from experiments.settings.errors import CheckpointError, RunFolderError
+from experiments.settings import CheckpointError, RunFolderError
 from experiments.training import run as run_module
 from experiments.training.run import run
 from segar.tasks.puttputt_task import puttputt

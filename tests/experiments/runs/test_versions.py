@@ -34,7 +34,7 @@ def test_all_that_a_learner_imports_of_its_package_and_of_ours_counts(package):
     ours = {name for name in found if name.startswith("experiments.")}
     assert {*found} - ours == {"my_lab", "my_lab.mine", "my_lab.parts", "my_lab.sums"}
     assert {"experiments.algorithms.ppo", "experiments.networks.encoders", "experiments.networks.policies"} <= ours
-    assert "experiments.settings.config" not in ours
+    assert "experiments.settings" not in ours and "experiments.settings.algorithms" not in ours
 
 
 @pytest.mark.parametrize(("file", "counts"), [("mine", True), ("sums", True), ("other", False)])

@@ -10,8 +10,7 @@ import pytest
 import segar
 from experiments.commands.hydra_app import compose
 from experiments.levels.builders import environment_options, make_levels
-from experiments.settings.config import CHECKOUT, PPOConfig, RunConfig, as_data, run_config
-from experiments.settings.errors import ConfigError
+from experiments.settings import CHECKOUT, ConfigError, PPOConfig, RunConfig, as_data, run_config
 from segar.envs import VectorEnv
 from segar.errors import PlacementError
 from segar.levels.named_families.registry import TASK_LEVELS
@@ -71,7 +70,7 @@ def own_module(tmp_path, monkeypatch):
         ("algorithm.num_envs=0", "algorithm.num_envs: 0 is not allowed"),
         ("algorithm.minibatches=2000", "algorithm.minibatches: 2000 is not allowed; it must be at most half the batch"),
         ("algorithm.min_log_std=3", "algorithm.min_log_std: 3.0 is not allowed; it must be less than max_log_std"),
-        ("algorithm.type=experiments.settings.config:PPOConfg", "has no 'PPOConfg'. Did you mean 'PPOConfig'?"),
+        ("algorithm.kind=crul", "algorithm.kind: 'crul' is unknown. Did you mean 'curl'?"),
         ("evaluation.distances=[exat]", "evaluation.distances: 'exat' is unknown. Did you mean 'exact'?"),
         ("scale.families=[emtpy]", "scale.families: 'emtpy' is unknown. Did you mean 'empty'?"),
         ("tracking.uri=mlruns", "tracking.uri: 'mlruns' is not allowed; it must be an address"),

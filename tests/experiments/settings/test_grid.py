@@ -4,8 +4,16 @@ import dataclasses
 
 import pytest
 
-from experiments.settings.config import LevelsConfig, RunConfig, ScaleConfig
-from experiments.settings.grid import Cell, cell_config, cell_of, design_hash, paper_cells
+from experiments.settings import (
+    Cell,
+    LevelsConfig,
+    RunConfig,
+    ScaleConfig,
+    cell_config,
+    cell_of,
+    design_hash,
+    paper_cells,
+)
 
 
 def test_the_paper_has_45_cells():

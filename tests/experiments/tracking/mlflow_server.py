@@ -12,7 +12,7 @@ import urllib.request
 from mlflow import MlflowClient
 
 from experiments.runs.run_folder import read_metrics
-from experiments.settings.config import EvaluationConfig, PPOConfig, ScaleConfig, TrackingConfig
+from experiments.settings import EvaluationConfig, PPOConfig, ScaleConfig, TrackingConfig
 from tests.experiments.short_runs import short_run
 
 

@@ -14,8 +14,7 @@ import psutil
 import pytest
 
 from experiments.dashboard import DashboardConfig, require_free, serve, server_command
-from experiments.settings.config import CHECKOUT, TrackingConfig
-from experiments.settings.errors import ConfigError, TrackingError
+from experiments.settings import CHECKOUT, ConfigError, TrackingConfig, TrackingError
 from experiments.tracking.mlflow_store import open_store, store_uri
 from experiments.tracking.mlflow_views import VIEWS, link, tags_of_views
 

@@ -9,8 +9,7 @@ import pytest
 from experiments.dashboard import DashboardConfig, links
 from experiments.evaluation.probing import figures_of
 from experiments.runs.run_folder import read_metrics
-from experiments.settings.config import EvaluationConfig, ScaleConfig, TrackingConfig
-from experiments.settings.construct import flat
+from experiments.settings import EvaluationConfig, ScaleConfig, TrackingConfig, flat
 from experiments.tracking.mlflow_store import open_store
 from experiments.tracking.mlflow_views import TAG, VIEWS, View, curve, link, packed
 from experiments.training.run import run

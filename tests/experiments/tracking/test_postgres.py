@@ -12,8 +12,7 @@ import pytest
 from mlflow import MlflowClient
 
 from experiments.runs.run_folder import EPISODES, SUMMARY, read_summary
-from experiments.settings.config import CHECKOUT
-from experiments.settings.construct import flat
+from experiments.settings import CHECKOUT, flat
 from experiments.tracking.mlflow_sync import read_mark, tags_of
 from experiments.tracking.mlflow_views import tags_of_views
 from experiments.training.run import run

@@ -12,8 +12,7 @@ import time
 import pytest
 
 from experiments.runs.run_folder import MARK, METRIC_SCHEMA, METRICS, read_metrics, write_rows
-from experiments.settings.config import CHECKOUT, LevelsConfig, RunConfig, TrackingConfig
-from experiments.settings.errors import TrackingError
+from experiments.settings import CHECKOUT, LevelsConfig, RunConfig, TrackingConfig, TrackingError
 from experiments.tracking import mlflow_sync as delivery_module
 from experiments.tracking.mlflow_store import is_remote, open_store, store_uri
 from experiments.tracking.mlflow_sync import read_mark
@@ -25,7 +24,6 @@ from tests.experiments.short_runs import before_iteration, killed_after, short_r
 START = """
 import sys
 from pathlib import Path
-from experiments.settings.config import RunConfig
 from experiments.tracking.tracker import start_tracking
 
 tracker = start_tracking(RunConfig(root=sys.argv[1], seed=int(sys.argv[2])), Path(sys.argv[1]) / sys.argv[2])

@@ -17,8 +17,7 @@ from experiments.algorithms.ppo import PPO
 from experiments.commands.signals import Stopped
 from experiments.runs.journal import read_journal
 from experiments.runs.run_folder import CHECKPOINT, DAMAGED, JOURNAL, PREVIOUS, is_finished, read_metrics
-from experiments.settings.config import CHECKOUT, ScaleConfig
-from experiments.settings.errors import CheckpointError, RunFolderError, TrainingError
+from experiments.settings import CHECKOUT, CheckpointError, RunFolderError, ScaleConfig, TrainingError
 from experiments.training.run import run
 from tests.experiments.short_runs import (
     COMMAND,

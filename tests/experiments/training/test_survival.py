@@ -11,7 +11,7 @@ import pytest
 
 from experiments.runs.journal import read_journal
 from experiments.runs.run_folder import CHECKPOINT, read_summary
-from experiments.settings.config import CHECKOUT
+from experiments.settings import CHECKOUT
 from experiments.training.run import run
 from experiments.upload import UploadConfig, upload
 from tests.experiments.short_runs import before_iteration, same_results
