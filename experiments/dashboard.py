@@ -10,7 +10,7 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from experiments.commands.hydra_app import plain, run_command
+from experiments.commands.hydra_app import run_command, to_plain
 from experiments.settings import CHECKOUT, TrackingConfig, TrackingError, as_data, construct, require
 from experiments.tracking.mlflow_store import STORE, calling, show_views, store_uri
 from experiments.tracking.mlflow_views import VIEWS, link
@@ -97,7 +97,7 @@ def require_free(port: int) -> None:
 
 def build(config: DictConfig) -> DashboardConfig:
     """Hydra's result as settings."""
-    return construct(DashboardConfig, plain(config), "")
+    return construct(DashboardConfig, to_plain(config), "")
 
 
 if __name__ == "__main__":

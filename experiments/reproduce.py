@@ -20,7 +20,8 @@ from typing import Any
 import yaml
 from omegaconf import DictConfig
 
-from experiments.commands.hydra_app import conf_dir, plain, run_command
+from experiments.commands.config_store import conf_dir
+from experiments.commands.hydra_app import run_command, to_plain
 from experiments.evaluation.probing import PREFIX, ProbeConfig, probe_finished, probe_settings
 from experiments.evaluation.transfers import RunWork, evaluate_transfer
 from experiments.reproduction.display import Display
@@ -287,7 +288,7 @@ def failures(failed: Sequence[Outcome], pieces: int, finished: bool) -> str:
 
 def build(config: DictConfig) -> ReproduceConfig:
     """Hydra's result as settings."""
-    data = plain(config)
+    data = to_plain(config)
     own = {key: data.pop(key) for key in SETTINGS}
     lists = {key: tuple(own[key]) for key in ("experiments", "elsewhere")}
     return ReproduceConfig(run_config(data), **{**own, **lists})

@@ -19,7 +19,7 @@ import optuna
 from omegaconf import DictConfig
 from optuna.trial import FrozenTrial, Trial, TrialState
 
-from experiments.commands.hydra_app import plain, run_command
+from experiments.commands.hydra_app import run_command, to_plain
 from experiments.reproduction.process_pool import Job, Outcome, run_jobs
 from experiments.reproduction.search_space import Dimension, dimensions, with_values
 from experiments.runs.run_folder import lock, runs_root
@@ -190,7 +190,7 @@ SETTINGS = {"search": as_data(SearchConfig())}  # and their defaults
 
 def build(config: DictConfig) -> Search:
     """Hydra's result as settings."""
-    data = plain(config)
+    data = to_plain(config)
     asked = construct(SearchConfig, data.pop("search"), "search")
     return Search(run_config(data), asked)
 

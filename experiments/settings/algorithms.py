@@ -4,19 +4,45 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
-from experiments.settings.checks import import_object, require, require_known
+from experiments.settings.checks import (
+    Count,
+    CountFrom0,
+    NotNegative,
+    Positive,
+    PositiveOrNull,
+    Settings,
+    Share,
+    Widths,
+    import_object,
+    one_of,
+    require,
+    require_known,
+    that,
+)
 from experiments.settings.errors import ConfigError
 
 # The CNNs that have a name: functions in experiments.networks.encoders.
 CNNS = ("small", "keypoints", "nature", "impala", "impala_15", "cnn_2022")
-PRECISIONS = ("auto", "bf16", "fp32")
-REWARD_TRANSFORMS = ("none", "sqrt")
-CORES = ("gru", "lstm")  # of a recurrent policy
 TARGET = "_target_"  # as in Hydra: the setting that holds an import path
 NAMES_OF_CLASS = ("kind", TARGET)  # settings that name the class of an algorithm
-PREDICTION_MODELS = ("action_projection", "transition")  # of SPR
+
+
+def require_encoder(place: str, name: str) -> None:
+    """Raises :class:`ConfigError` unless ``name`` is that of a CNN, ``mlp``, or ``module:function``."""
+    if ":" not in name:
+        require_known(place, name, (*CNNS, "mlp"))
+
+
+Precision = Annotated[str, one_of("auto", "bf16", "fp32")]
+RewardTransform = Annotated[str, one_of("none", "sqrt")]
+Encoder = Annotated[str, require_encoder]
+Core = Annotated[str, one_of("gru", "lstm")]
+PredictionModel = Annotated[str, one_of("action_projection", "transition")]
+Window = Annotated[float, that(lambda x: 0 < x <= 1, "more than 0, and at most 1")]
+Tau = Annotated[float, that(lambda x: 0 < x <= 0.5, "more than 0, and at most 0.5")]
+TauOr1 = Annotated[float, that(lambda x: 0 < x <= 0.5 or x == 1, "more than 0 and at most 0.5, or 1")]
 
 ADDED_LATER = "added later"
 
@@ -30,20 +56,18 @@ def added_later(default: Any) -> Any:
 
 
 @dataclass(frozen=True)
-class AlgorithmConfig:
+class AlgorithmConfig(Settings):
     """The settings that all algorithms share; each algorithm adds its hyper-parameters in a sub-class.
 
     An algorithm of your own is such a sub-class in your package. A YAML file names it by ``_target_``, its import path.
     """
 
+    group: ClassVar[str] = "algorithm"
     kind: ClassVar[str]  # a short name that never changes, of the algorithms that are built in
     learner: ClassVar[str]  # "module:Class" of the class that learns; see experiments.algorithms.learner
 
     name: str
-    num_envs: int = 64
-
-    def __post_init__(self) -> None:
-        require(self.num_envs >= 1, "algorithm.num_envs", self.num_envs, "at least 1")
+    num_envs: Count = 64
 
 
 @dataclass(frozen=True)
@@ -54,63 +78,48 @@ class PPOConfig(AlgorithmConfig):
     kind: ClassVar[str] = "ppo"
     learner: ClassVar[str] = "experiments.algorithms.ppo:PPO"
 
-    num_steps: int = 30  # per environment and update
-    epochs: int = 1
-    minibatches: int = 4
+    num_steps: Count = 30  # per environment and update
+    epochs: Count = 1
+    minibatches: Count = 4
     steps_together: int = 1  # successive steps of an environment that are in one minibatch: their stacks share frames
-    learning_rate: float = 1e-4
+    learning_rate: Positive = 1e-4
     anneal: bool = False  # lower the learning rate linearly to zero
-    adam_eps: float = 1e-5
-    gamma: float = 0.999
-    gae_lambda: float = 0.95
-    clip: float = 0.2
-    clip_value: float | None = 0.2  # in units of scaled return; None: the value loss is not clipped
-    entropy_coef: float = 3e-4
-    critic_coef: float = 0.1  # of half the squared error
-    max_grad_norm: float = 10.0
-    reward_transform: str = "none"  # what the learner sees of rewards: see experiments.collection.rewards
-    reward_scale: float = 1.0  # times this
+    adam_eps: Positive = 1e-5
+    gamma: Share = 0.999
+    gae_lambda: Share = 0.95
+    clip: Positive = 0.2
+    clip_value: PositiveOrNull = 0.2  # in units of scaled return; None: the value loss is not clipped
+    entropy_coef: NotNegative = 3e-4
+    critic_coef: NotNegative = 0.1  # of half the squared error
+    max_grad_norm: Positive = 10.0
+    reward_transform: RewardTransform = "none"  # what the learner sees of rewards: see experiments.collection.rewards
+    reward_scale: Positive = 1.0  # times this
     reward_normalise: bool = False  # and divided by the standard deviation of discounted returns so far
-    encoder: str = "impala"  # the CNN that reads frames; mlp: frames are refused. Vectors are read by an MLP
-    widths: tuple[int, ...] = (256, 256)  # of that MLP; the last one is the representation's
-    precision: str = "auto"  # of the CNN: bf16, fp32; auto: bf16 where the processor is made for it
-    head_width: int = 256  # of the hidden layer of each head; 0: heads are linear
+    encoder: Encoder = "impala"  # the CNN that reads frames; mlp: frames are refused. Vectors are read by an MLP
+    widths: Widths = (256, 256)  # of that MLP; the last one is the representation's
+    precision: Precision = "auto"  # of the CNN: bf16, fp32; auto: bf16 where the processor is made for it
+    head_width: CountFrom0 = 256  # of the hidden layer of each head; 0: heads are linear
     shared: bool | None = True  # one encoder for policy and value, or one each; null: they share a CNN, but no MLP
-    initial_std: float = 1.0  # of the policy, before tanh
+    initial_std: Positive = 1.0  # of the policy, before tanh
     min_log_std: float = -3.0
     max_log_std: float = 2.0
     device: str = "cpu"  # where networks compute: cpu, cuda, cuda:1
     overlap: bool = added_later(
         False
-    )  # collect the next rollout, with the weights as they are, while this one is learned on
+    )  # collect the next rollout, with the present weights, while learning from this one
     compile: bool = added_later(False)  # the loss, by torch.compile; on a GPU it is replayed as CUDA graphs
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("num_steps", "epochs", "minibatches"):
-            require(getattr(self, name) >= 1, f"algorithm.{name}", getattr(self, name), "at least 1")
-        for name in ("learning_rate", "adam_eps", "clip", "max_grad_norm", "reward_scale", "initial_std"):
-            require(getattr(self, name) > 0, f"algorithm.{name}", getattr(self, name), "more than 0")
-        for name in ("entropy_coef", "critic_coef", "head_width"):
-            require(getattr(self, name) >= 0, f"algorithm.{name}", getattr(self, name), "0 or more")
-        for name in ("gamma", "gae_lambda"):
-            require(0 <= getattr(self, name) <= 1, f"algorithm.{name}", getattr(self, name), "between 0 and 1")
-        none_or_positive = self.clip_value is None or self.clip_value > 0
-        require(none_or_positive, "algorithm.clip_value", self.clip_value, "more than 0, or null")
-        require_known("algorithm.reward_transform", self.reward_transform, REWARD_TRANSFORMS)
-        require_encoder("algorithm.encoder", self.encoder)
-        require_known("algorithm.precision", self.precision, PRECISIONS)
-        positive = bool(self.widths) and min(self.widths) >= 1
-        require(positive, "algorithm.widths", list(self.widths), "one or more numbers, each at least 1")
-        room = self.max_log_std - self.min_log_std
-        require(room > 0, "algorithm.min_log_std", self.min_log_std, f"less than max_log_std, {self.max_log_std}")
-        most = self.num_envs * self.num_steps // 2  # advantages are normalised within a minibatch: one has no variance
-        require(self.minibatches <= most, "algorithm.minibatches", self.minibatches, f"at most half the batch, {most}")
-        together, pieces = self.steps_together, self.num_envs * self.num_steps // max(self.steps_together, 1)
+        check_log_std(self.min_log_std, self.max_log_std)
+        steps = self.num_envs * self.num_steps
+        together = self.steps_together
         divides = together >= 1 and self.num_steps % together == 0
+        # Advantages are normalised within a minibatch, and a single one has no variance.
+        check_minibatches(self, steps // 2, f"at most half the batch, {steps // 2}")
         require(divides, "algorithm.steps_together", together, f"a divisor of num_steps, {self.num_steps}")
-        require(self.minibatches <= pieces, "algorithm.minibatches", self.minibatches, f"at most the {pieces} pieces "
-                f"of steps_together={together}")  # fmt: skip
+        pieces = steps // together
+        check_minibatches(self, pieces, f"at most the {pieces} pieces of steps_together={together}")
 
 
 @dataclass(frozen=True)
@@ -121,23 +130,17 @@ class RecurrentPPOConfig(PPOConfig):
     kind: ClassVar[str] = "ppo_recurrent"
     learner: ClassVar[str] = "experiments.algorithms.recurrent_ppo:RecurrentPPO"
 
-    core: str = "gru"  # or lstm
-    core_width: int = 128  # numbers that the heads read
+    core: Core = "gru"  # or lstm
+    core_width: Count = 128  # numbers that the heads read
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_known("algorithm.core", self.core, CORES)
-        require(self.core_width >= 1, "algorithm.core_width", self.core_width, "at least 1")
-        require(
-            self.minibatches <= self.num_envs,
-            "algorithm.minibatches",
-            self.minibatches,
-            f"at most num_envs, {self.num_envs}: a minibatch is made of whole environments",
+        check_minibatches(
+            self, self.num_envs, f"at most num_envs, {self.num_envs}: a minibatch is made of whole environments"
         )
         require(self.shared is not False, "algorithm.shared", self.shared, "true: policy and value read one memory")
-        require(
-            not self.compile, "algorithm.compile", self.compile, "false: torch cannot trace TorchRL's recurrent layers"
-        )
+        untraced = "false: torch cannot trace TorchRL's recurrent layers"
+        require(not self.compile, "algorithm.compile", self.compile, untraced)
 
 
 @dataclass(frozen=True)
@@ -145,28 +148,18 @@ class AuxiliaryConfig(PPOConfig):
     """What all auxiliary losses share, beside PPO's settings."""
 
     name: str = "auxiliary"
-    auxiliary_minibatches: int = (
-        4  # gradient steps after each of PPO's updates, which take epochs x minibatches of theirs
-    )
-    auxiliary_learning_rate: float | None = None  # of an Adam of its own; null: PPO's Adam, with its state
-    tau: float = 0.01  # share of the encoder that enters the target encoder after each such step; 1: they are one
-    crop: float = 1.0  # frames are cut to a random window of this share of their sides, and enlarged again
-    shift: int = 0  # frames are moved by up to this many pixels
-    intensity: float = 0.0  # brightness changes by a factor of this deviation
+    auxiliary_minibatches: int = 4  # gradient steps after each of PPO's updates, which has epochs x minibatches steps
+    auxiliary_learning_rate: PositiveOrNull = None  # of an Adam of its own; null: PPO's Adam, with its state
+    tau: TauOr1 = 0.01  # share of the encoder that enters the target encoder after each such step; 1: they are one
+    crop: Window = 1.0  # frames are cut to a random window of this share of their sides, and enlarged again
+    shift: CountFrom0 = 0  # frames are moved by up to this many pixels
+    intensity: NotNegative = 0.0  # brightness changes by a factor of this deviation
 
     def __post_init__(self) -> None:
         super().__post_init__()
         most = self.num_envs * self.num_steps // 2  # a contrast needs two frames
-        steps = self.auxiliary_minibatches
-        require(
-            1 <= steps <= most, "algorithm.auxiliary_minibatches", steps, f"from 1 to half a rollout's frames, {most}"
-        )
-        rate = self.auxiliary_learning_rate
-        require(rate is None or rate > 0, "algorithm.auxiliary_learning_rate", rate, "more than 0, or null")
-        require(0 < self.tau <= 0.5 or self.tau == 1, "algorithm.tau", self.tau, "more than 0 and at most 0.5, or 1")
-        require(0 < self.crop <= 1, "algorithm.crop", self.crop, "more than 0, and at most 1")
-        for name in ("shift", "intensity"):
-            require(getattr(self, name) >= 0, f"algorithm.{name}", getattr(self, name), "0 or more")
+        steps, wanted = self.auxiliary_minibatches, f"from 1 to half a rollout's frames, {most}"
+        require(1 <= steps <= most, "algorithm.auxiliary_minibatches", steps, wanted)
 
 
 @dataclass(frozen=True)
@@ -177,12 +170,8 @@ class CURLConfig(AuxiliaryConfig):
     kind: ClassVar[str] = "curl"
     learner: ClassVar[str] = "experiments.algorithms.curl:CURL"
 
-    crop: float = 0.8
-    projection: int = 0  # numbers that are compared, after a normalised dense layer; 0: the representation itself
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require(self.projection >= 0, "algorithm.projection", self.projection, "0 or more")
+    crop: Window = 0.8
+    projection: CountFrom0 = 0  # numbers that a normalised dense layer makes for comparing; 0: the representation's own
 
 
 @dataclass(frozen=True)
@@ -193,26 +182,19 @@ class SPRConfig(AuxiliaryConfig):
     kind: ClassVar[str] = "spr"
     learner: ClassVar[str] = "experiments.algorithms.spr:SPR"
 
-    crop: float = 0.8
-    horizon: int = 1  # steps that are foretold
-    model: str = "action_projection"  # the 2022 code's, which foretells one step; or transition, Schwarzer et al.'s
-    model_width: int = 256
-    weight: float = 1.0  # of the loss
+    crop: Window = 0.8
+    horizon: int = 1  # steps that are predicted
+    model: PredictionModel = "action_projection"  # of 2022, for one step; or transition, of Schwarzer et al.
+    model_width: Count = 256
+    weight: Positive = 1.0  # of the loss
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_known("algorithm.model", self.model, PREDICTION_MODELS)
         most = 1 if self.model == "action_projection" else self.num_steps - 1
         require(1 <= self.horizon <= most, "algorithm.horizon", self.horizon, f"from 1 to {most}")
-        require(self.model_width >= 1, "algorithm.model_width", self.model_width, "at least 1")
-        require(self.weight > 0, "algorithm.weight", self.weight, "more than 0")
         starts = (self.num_steps - self.horizon) * self.num_envs
-        require(
-            self.auxiliary_minibatches <= starts,
-            "algorithm.auxiliary_minibatches",
-            self.auxiliary_minibatches,
-            f"at most the number of sequences in a rollout, {starts}",
-        )
+        steps, wanted = self.auxiliary_minibatches, f"at most the number of sequences in a rollout, {starts}"
+        require(steps <= starts, "algorithm.auxiliary_minibatches", steps, wanted)
 
 
 @dataclass(frozen=True)
@@ -220,37 +202,25 @@ class OffPolicyConfig(AlgorithmConfig):
     """How steps and gradient steps alternate, and what is remembered."""
 
     name: str = "off_policy"
-    num_envs: int = 4
-    num_steps: int = 64  # per environment and iteration, which is what figures are averaged over
+    num_envs: Count = 4
+    num_steps: Count = 64  # per environment and iteration, which is what figures are averaged over
     warmup: int = 1000  # environment steps with uniformly random actions, before anything is learned
-    steps_per_update: int = 1  # environment steps per gradient step
-    batch_size: int = 256
+    steps_per_update: Count = 1  # environment steps per gradient step
+    batch_size: Count = 256
     capacity: int = 100_000  # rows of the replay: steps, and last observations of episodes
-    learning_rate: float = 3e-4
-    gamma: float = 0.99
-    tau: float = 0.005  # share of the weights that enters the target networks after each gradient step
-    reward_transform: str = "none"  # what the learner sees of the reward r: r itself, or sqrt: sign(r) |r|^1/2
-    reward_scale: float = 1.0  # times this
+    learning_rate: Positive = 3e-4
+    gamma: Share = 0.99
+    tau: Tau = 0.005  # share of the weights that enters the target networks after each gradient step
+    reward_transform: RewardTransform = "none"  # of the reward r that the learner sees; or sqrt: sign(r) |r|^1/2
+    reward_scale: Positive = 1.0  # times this
     device: str = "cpu"  # where networks and replay live: cpu, cuda, cuda:1
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("num_steps", "steps_per_update", "batch_size"):
-            require(getattr(self, name) >= 1, f"algorithm.{name}", getattr(self, name), "at least 1")
-        for name in ("learning_rate", "reward_scale"):
-            require(getattr(self, name) > 0, f"algorithm.{name}", getattr(self, name), "more than 0")
-        require(0 <= self.gamma <= 1, "algorithm.gamma", self.gamma, "between 0 and 1")
-        require(0 < self.tau <= 0.5, "algorithm.tau", self.tau, "more than 0, and at most 0.5")
         # Two steps of all environments, each with the last observations of its episodes: then one can be drawn.
-        least = 4 * self.num_envs
-        require(self.capacity >= least, "algorithm.capacity", self.capacity, f"at least {least}, 4 x num_envs")
-        require(
-            self.warmup >= 2 * self.num_envs,
-            "algorithm.warmup",
-            self.warmup,
-            f"at least 2 x num_envs, {2 * self.num_envs}",
-        )
-        require_known("algorithm.reward_transform", self.reward_transform, REWARD_TRANSFORMS)
+        rows, steps = 4 * self.num_envs, 2 * self.num_envs
+        require(self.capacity >= rows, "algorithm.capacity", self.capacity, f"at least {rows}, 4 x num_envs")
+        require(self.warmup >= steps, "algorithm.warmup", self.warmup, f"at least 2 x num_envs, {steps}")
 
 
 @dataclass(frozen=True)
@@ -261,19 +231,15 @@ class SACConfig(OffPolicyConfig):
     kind: ClassVar[str] = "sac"
     learner: ClassVar[str] = "experiments.algorithms.sac:SAC"
 
-    widths: tuple[int, ...] = (256, 256)  # of the hidden layers of policy and critics
-    temperature: float = 1.0  # of the entropy, at first; it is learned
+    widths: Widths = (256, 256)  # of the hidden layers of policy and critics
+    temperature: Positive = 1.0  # of the entropy, at first; it is learned
     target_entropy: float = -2.0  # minus the number of actions
     min_log_std: float = -10.0
     max_log_std: float = 2.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require(self.temperature > 0, "algorithm.temperature", self.temperature, "more than 0")
-        positive = bool(self.widths) and min(self.widths) >= 1
-        require(positive, "algorithm.widths", list(self.widths), "one or more numbers, each at least 1")
-        room = self.max_log_std - self.min_log_std
-        require(room > 0, "algorithm.min_log_std", self.min_log_std, f"less than max_log_std, {self.max_log_std}")
+        check_log_std(self.min_log_std, self.max_log_std)
 
 
 @dataclass(frozen=True)
@@ -284,28 +250,25 @@ class DrQConfig(SACConfig):
     kind: ClassVar[str] = "drq"
     learner: ClassVar[str] = "experiments.algorithms.drq:DrQ"
 
-    num_envs: int = 1
-    temperature: float = 0.1
-    encoder: str = "keypoints"  # the CNN that reads frames
-    precision: str = "auto"  # of the CNN: bf16, fp32; auto: bf16 where the processor is made for it
-    projection: int = 50  # numbers of the representation that policy and critics, each by its own layer, keep
-    shift: int = 4  # pixels by which frames are moved at most
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_encoder("algorithm.encoder", self.encoder)
-        require_known("algorithm.precision", self.precision, PRECISIONS)
-        require(self.projection >= 1, "algorithm.projection", self.projection, "at least 1")
-        require(self.shift >= 0, "algorithm.shift", self.shift, "0 or more")
+    num_envs: Count = 1
+    temperature: Positive = 0.1
+    encoder: Encoder = "keypoints"  # the CNN that reads frames
+    precision: Precision = "auto"  # of the CNN: bf16, fp32; auto: bf16 where the processor is made for it
+    projection: Count = 50  # numbers of the representation that policy and critics, each by its own layer, keep
+    shift: CountFrom0 = 4  # pixels by which frames are moved at most
 
 
-def require_encoder(place: str, name: str) -> None:
-    """Raises :class:`ConfigError` unless ``name`` is that of a CNN, ``mlp``, or ``module:function``."""
-    if ":" not in name:
-        require_known(place, name, (*CNNS, "mlp"))
+def check_log_std(lowest: float, highest: float) -> None:
+    """Raises :class:`ConfigError` unless the range of the policy's log standard deviation is not empty."""
+    require(lowest < highest, "algorithm.min_log_std", lowest, f"less than max_log_std, {highest}")
 
 
-KINDS: Mapping[str, type[AlgorithmConfig]] = {
+def check_minibatches(config: PPOConfig, most: int, wanted: str) -> None:
+    """Raises :class:`ConfigError` where there are more than ``most`` minibatches; ``wanted`` completes "it must be"."""
+    require(config.minibatches <= most, "algorithm.minibatches", config.minibatches, wanted)
+
+
+KINDS: Mapping[str, type[PPOConfig] | type[SACConfig]] = {
     cls.kind: cls for cls in (PPOConfig, RecurrentPPOConfig, CURLConfig, SPRConfig, SACConfig, DrQConfig)
 }
 

@@ -1,18 +1,27 @@
-"""Checks of settings: each raises :class:`ConfigError` with the dotted path of the setting and what it may be."""
+"""Checks of settings, which stand in the types of the fields: ``count: Count`` is an int that is at least 1.
+
+A check is a function of a setting's dotted path and value. It raises :class:`ConfigError` with the path, the value and what the
+value must be.
+"""
 
 from __future__ import annotations
 
+import dataclasses
 import re
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping
+from functools import cache
+from types import UnionType
+from typing import Annotated, Any, ClassVar, Union, get_args, get_origin, get_type_hints
 
 from experiments.settings.errors import ConfigError
 from segar.errors import SegarError, did_you_mean
 from segar.support import named_object
 
 DESIGNS = ("iid", "clustered", "covering", "nuisance_only")  # kinds of segar.design that need no test levels
-TARGET_DESIGN = re.compile(r"w2_(x?)(\d+(?:\.\d+)?)")  # its kind target, in the mode exact
+TARGET_DESIGN = re.compile(r"w2_(x?)(\d+(?:\.\d+)?)")  # the kind target of segar.design, in the mode exact
 SEEDS = 2**63  # how many different seeds all generators take
+
+Check = Callable[[str, Any], None]
 
 
 def require(holds: bool, place: str, value: Any, wanted: str) -> None:
@@ -21,10 +30,11 @@ def require(holds: bool, place: str, value: Any, wanted: str) -> None:
         raise ConfigError(f"{place}: {value!r} is not allowed; it must be {wanted}")
 
 
-def require_known(place: str, name: str, names: Sequence[str]) -> None:
+def require_known(place: str, name: str, names: Iterable[str]) -> None:
     """Raises :class:`ConfigError` that names the nearest of ``names``, unless ``name`` is one of them."""
-    if name not in names:
-        raise ConfigError(f"{place}: '{name}' is unknown.{did_you_mean(name, names)}")
+    known = list(dict.fromkeys(names))
+    if name not in known:
+        raise ConfigError(f"{place}: '{name}' is unknown.{did_you_mean(name, known)}")
 
 
 def require_design(place: str, name: str) -> None:
@@ -46,6 +56,71 @@ def require_design(place: str, name: str) -> None:
 def require_seed(place: str, seed: int) -> None:
     """Raises :class:`ConfigError` unless all generators take ``seed``."""
     require(0 <= seed < SEEDS, place, seed, f"0 or more, and less than {SEEDS}")
+
+
+def that(holds: Callable[[Any], bool], wanted: str) -> Check:
+    """The check that ``holds`` is true of a value; ``wanted`` completes "it must be"."""
+
+    def check(place: str, value: Any) -> None:
+        require(holds(value), place, list(value) if isinstance(value, tuple) else value, wanted)
+
+    return check
+
+
+def one_of(*names: str) -> Check:
+    """The check that a value is one of ``names``."""
+    return lambda place, value: require_known(place, value, names)
+
+
+Count = Annotated[int, that(lambda n: n >= 1, "at least 1")]
+CountOrNull = Annotated[int | None, that(lambda n: n is None or n >= 1, "at least 1")]
+CountFrom0 = Annotated[int, that(lambda n: n >= 0, "0 or more")]
+Positive = Annotated[float, that(lambda x: x > 0, "more than 0")]
+PositiveOrNull = Annotated[float | None, that(lambda x: x is None or x > 0, "more than 0, or null")]
+NotNegative = Annotated[float, that(lambda x: x >= 0, "0 or more")]
+Share = Annotated[float, that(lambda x: 0 <= x <= 1, "between 0 and 1")]
+Seed = Annotated[int, require_seed]
+Widths = Annotated[tuple[int, ...], that(lambda w: bool(w) and min(w) >= 1, "one or more numbers, each at least 1")]
+
+
+class Settings:
+    """A group of settings: a dataclass whose values are checked when it is made."""
+
+    group: ClassVar[str] = ""  # the dotted path of the group in a run's settings
+
+    def __post_init__(self) -> None:
+        check_values(self, self.group)
+
+
+def check_values(config: Any, place: str) -> None:
+    """Applies the checks that stand in the types of a dataclass; raises :class:`ConfigError` under the path ``place``."""
+    for name, hint in hints_of(type(config)).items():
+        check_value(getattr(config, name), hint, path_of(place, name))
+
+
+def check_value(value: Any, hint: Any, place: str) -> None:
+    """Applies the checks of a type to a value, or to each entry of a tuple."""
+    if get_origin(hint) is Annotated:
+        hint, *checks = get_args(hint)
+        for check in checks:
+            check(place, value)
+    if get_origin(hint) in (UnionType, Union) and value is not None:
+        check_value(value, next(one for one in get_args(hint) if one is not type(None)), place)
+    if get_origin(hint) is tuple and value is not None:
+        for i, entry in enumerate(value):
+            check_value(entry, get_args(hint)[0], f"{place}[{i}]")
+
+
+@cache
+def hints_of(cls: type) -> Mapping[str, Any]:
+    """The types of the fields of a dataclass, with the checks that stand in them."""
+    hints = get_type_hints(cls, include_extras=True)
+    return {field.name: hints[field.name] for field in dataclasses.fields(cls)}
+
+
+def path_of(place: str, name: Any) -> str:
+    """The dotted path of the setting ``name`` in the group ``place``, which may be empty."""
+    return f"{place}.{name}" if place else str(name)
 
 
 def import_object(name: str, place: str) -> Any:

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import dataclasses
+import types
+import typing
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypeVar
 
 from experiments.settings.algorithms import NAMES_OF_CLASS, algorithm_class
-from experiments.settings.construct import construct
+from experiments.settings.checks import Settings, check_values, path_of
+from experiments.settings.errors import ConfigError
 from experiments.settings.release_0_1 import refuse_old_names
 from experiments.settings.run import RunConfig
+from segar.errors import did_you_mean
+
+T = TypeVar("T")
 
 
 def run_config(data: Mapping[str, Any]) -> RunConfig:
@@ -25,3 +32,74 @@ def run_config(data: Mapping[str, Any]) -> RunConfig:
     algorithm = construct(algorithm_class(settings), own, "algorithm")
     rest = {key: value for key, value in data.items() if key != "algorithm"}
     return construct(RunConfig, rest, "", algorithm=algorithm)
+
+
+def construct(cls: type[T], data: Mapping[str, Any], place: str, **ready: Any) -> T:
+    """``cls(**data)`` with nested dataclasses built, and types and values checked; fields in ``ready`` are taken as they are.
+
+    A library would do the same with looser types: OmegaConf and pydantic take 1 for "1" or true for 1, and OmegaConf refuses
+    5e5 as a whole number, which is how YAML reads many frames.
+
+    Raises:
+        ConfigError: a name, type or value is wrong; the message has the setting's dotted path, which begins with ``place``.
+    """
+    fields = {f.name: f for f in dataclasses.fields(cls) if f.init}  # type: ignore[arg-type]
+    hints = typing.get_type_hints(cls)
+    values = dict(ready)
+    for name, value in data.items():
+        path = path_of(place, name)
+        if name not in fields:
+            raise ConfigError(
+                f"no setting is called '{path}'.{did_you_mean(path, [path_of(place, f) for f in fields])}"
+            )
+        values[name] = _convert(value, hints[name], path)
+    for name, field in fields.items():
+        if name not in values and field.default is field.default_factory is dataclasses.MISSING:
+            raise ConfigError(f"{path_of(place, name)}: it has no default; give one as {path_of(place, name)}=...")
+    made = cls(**values)
+    if not isinstance(made, Settings):  # which check their own values
+        check_values(made, place)
+    return made
+
+
+def flat(data: Mapping[str, Any], place: str = "") -> dict[str, Any]:
+    """Nested groups of settings as one mapping of dotted names."""
+    found: dict[str, Any] = {}
+    for key, value in data.items():
+        name = path_of(place, key)
+        found |= flat(value, name) if isinstance(value, Mapping) else {name: value}
+    return found
+
+
+def _convert(value: Any, hint: Any, path: str) -> Any:
+    origin, arguments = typing.get_origin(hint), typing.get_args(hint)
+    if origin in (types.UnionType, typing.Union):
+        if value is None and type(None) in arguments:
+            return None
+        (hint,) = (a for a in arguments if a is not type(None))
+        return _convert(value, hint, path)
+    if dataclasses.is_dataclass(hint) and isinstance(value, Mapping):
+        return construct(typing.cast(type, hint), value, path)
+    if origin is tuple and isinstance(value, list | tuple):
+        return tuple(_convert(v, arguments[0], f"{path}[{i}]") for i, v in enumerate(value))
+    if origin is not None and isinstance(origin, type) and issubclass(origin, Mapping) and isinstance(value, Mapping):
+        return dict(value)
+    if hint is float and _is_number(value):
+        return float(value)
+    if hint is int and _is_number(value) and float(value).is_integer():
+        return int(value)  # YAML reads 5e5 as a float
+    if hint in (str, bool) and isinstance(value, hint):
+        return value
+    raise ConfigError(f"{path}: {value!r} is not {_in_words(hint)}")
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _in_words(hint: Any) -> str:
+    origin, arguments = typing.get_origin(hint), typing.get_args(hint)
+    if origin is tuple:
+        return f"a list whose entries are each {_in_words(arguments[0])}"
+    names = {int: "a whole number", float: "a number", str: "text", bool: "true or false"}
+    return names.get(hint, "a group of settings")

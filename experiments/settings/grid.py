@@ -8,7 +8,7 @@ import json
 from itertools import product
 from typing import Any
 
-from experiments.settings.run import RunConfig
+from experiments.settings.run import DIFFICULTIES, RunConfig
 
 
 @dataclasses.dataclass(frozen=True)
@@ -57,9 +57,6 @@ def cell_of(config: RunConfig) -> Cell:
     if not dash or difficulty not in DIFFICULTIES:
         family, difficulty = config.levels.train, ""
     return Cell(family, difficulty, config.levels.count, config.seed)
-
-
-DIFFICULTIES = ("easy", "medium", "hard")
 
 
 def design(config: RunConfig) -> dict[str, Any]:

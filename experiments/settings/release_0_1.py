@@ -21,7 +21,7 @@ KIND_OF_TYPE = {
 }
 ENCODERS = {"experiments.drq:cnn_2022": "cnn_2022"}
 TASKS = {"experiments.conditions:conditional_puttputt": "conditional_puttputt"}
-TYPE_IS_GONE = "since release 0.2 the class of an algorithm is named by kind, such as curl, or by _target_, such as my_lab.mine.MineConfig"
+TYPE_IS_GONE = "since release 0.2 kind (curl) or _target_ (my_lab.mine.MineConfig) names the class of an algorithm"
 SETTINGS = (("algorithm", "encoder", ENCODERS), ("task", "name", TASKS))  # settings whose values have other names now
 
 

@@ -12,35 +12,66 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, ClassVar
 
-from experiments.settings.algorithms import ADDED_LATER, TARGET, AlgorithmConfig, PPOConfig, kind_of, named_class
-from experiments.settings.checks import require, require_design, require_known, require_seed
+from experiments.settings.algorithms import (
+    ADDED_LATER,
+    NAMES_OF_CLASS,
+    AlgorithmConfig,
+    PPOConfig,
+    kind_of,
+    named_class,
+)
+from experiments.settings.checks import (
+    Count,
+    CountFrom0,
+    NotNegative,
+    Seed,
+    Settings,
+    one_of,
+    require_design,
+    require_known,
+    that,
+)
 from segar.levels import families
 
 CHECKOUT = Path(__file__).resolve().parents[2]
+ACTION_MODES = ("deterministic", "sampled")  # of evaluation
+TRACKERS = ("mlflow", "none")
+DIFFICULTIES = ("easy", "medium", "hard")
+
+
+def require_family(place: str, name: str) -> None:
+    """Raises :class:`ConfigError` unless ``name`` is a family that comes in several difficulties."""
+    require_known(place, name, (panel.rpartition("-")[0] for panel in families()))
+
+
+Family = Annotated[str, require_family]
+Difficulty = Annotated[str, one_of(*DIFFICULTIES)]
+Design = Annotated[str, require_design]
+ActionMode = Annotated[str, one_of(*ACTION_MODES)]
+Distance = Annotated[str, one_of("exact", "reference", "paper")]  # the modes of segar.metrics.w2
+Tracker = Annotated[str, one_of(*TRACKERS)]
+Stale = Annotated[str, one_of("keep", "anew")]
+ADDRESS = "an address such as sqlite:////path/mlflow.db or http://host:5000"
+Address = Annotated[str | None, that(lambda uri: uri is None or "://" in uri, ADDRESS)]
 
 
 @dataclass(frozen=True)
-class LevelsConfig:
+class LevelsConfig(Settings):
     """Where the levels come from. A distribution is a family's name, or ``module:attribute`` for one of your own."""
+
+    group: ClassVar[str] = "levels"
 
     train: str = "empty-hard"
     test: str | None = None  # None: the same as train; another one makes the test out of distribution
-    count: int = 10  # training levels
-    seed: int = 0  # which training levels; a smaller count takes the first ones
-    design: str = "iid"  # how the training levels are picked from their distribution, see require_design
+    count: Count = 10  # training levels
+    seed: Seed = 0  # which training levels; a smaller count takes the first ones
+    design: Design = "iid"  # how the training levels are picked from their distribution
     variation: str = ""  # of both distributions: a name in experiments.levels.variations, or ``module:function``
     test_variation: str | None = None  # None: the same
-    test_count: int = 100
-    test_seed: int = 0  # which test levels; they never meet training levels, whatever the seeds
-
-    def __post_init__(self) -> None:
-        require_design("levels.design", self.design)
-        require(self.count >= 1, "levels.count", self.count, "at least 1")
-        require(self.test_count >= 1, "levels.test_count", self.test_count, "at least 1")
-        require_seed("levels.seed", self.seed)
-        require_seed("levels.test_seed", self.test_seed)
+    test_count: Count = 100
+    test_seed: Seed = 0  # which test levels; they never meet training levels, whatever the seeds
 
     @property
     def test_distribution(self) -> str:
@@ -49,86 +80,66 @@ class LevelsConfig:
 
 
 @dataclass(frozen=True)
-class TaskConfig:
+class TaskConfig(Settings):
     """What the agent is asked to do: a task's name, or ``module:attribute``."""
+
+    group: ClassVar[str] = "task"
 
     name: str = "puttputt"
     options: Mapping[str, Any] = field(default_factory=dict)  # keyword arguments, e.g. reward, max_steps, sub_steps
 
 
 @dataclass(frozen=True)
-class ObservationConfig:
+class ObservationConfig(Settings):
     """What the agent sees: ``state``, ``rgb``, ``textures``, or ``module:attribute``."""
+
+    group: ClassVar[str] = "observation"
 
     name: str = "state"
     options: Mapping[str, Any] = field(default_factory=dict)  # keyword arguments, where a class or function is named
 
 
 @dataclass(frozen=True)
-class ScaleConfig:
+class ScaleConfig(Settings):
     """How much is run: the frames of a training run, and the cells of the reproduction."""
 
-    name: str = "single"
-    frames: int = 200_000
-    families: tuple[str, ...] = ("empty", "objectsx1", "tilesx1")
-    difficulties: tuple[str, ...] = ("easy", "medium", "hard")
-    counts: tuple[int, ...] = (1, 10, 50, 100, 200)
-    seeds: int = 1  # how many, from ``seed`` upwards
+    group: ClassVar[str] = "scale"
 
-    def __post_init__(self) -> None:
-        require(self.frames >= 1, "scale.frames", self.frames, "at least 1")
-        require(self.seeds >= 1, "scale.seeds", self.seeds, "at least 1")
-        named = [name.rsplit("-", 1) for name in families()]
-        for name in self.families:
-            require_known("scale.families", name, [family for family, _ in named])
-        for name in self.difficulties:
-            require_known("scale.difficulties", name, [difficulty for _, difficulty in named])
-        for count in self.counts:
-            require(count >= 1, "scale.counts", count, "at least 1")
+    name: str = "single"
+    frames: Count = 200_000
+    families: tuple[Family, ...] = ("empty", "objectsx1", "tilesx1")
+    difficulties: tuple[Difficulty, ...] = DIFFICULTIES
+    counts: tuple[Count, ...] = (1, 10, 50, 100, 200)
+    seeds: Count = 1  # how many, from ``seed`` upwards
 
 
 @dataclass(frozen=True)
-class EvaluationConfig:
+class EvaluationConfig(Settings):
     """How a trained agent is measured."""
 
-    episodes: int = 100  # on training levels, at least; each level is played equally often
-    seed: int = 0  # of sampled actions
-    interval: int = 0  # frames between evaluations on the test levels while training; 0: only at the end
-    distances: tuple[str, ...] = ("reference", "exact")  # Wasserstein-2 between training and test levels
+    group: ClassVar[str] = "evaluation"
 
-    def __post_init__(self) -> None:
-        require(self.episodes >= 1, "evaluation.episodes", self.episodes, "at least 1")
-        require(self.interval >= 0, "evaluation.interval", self.interval, "0 or more")
-        require_seed("evaluation.seed", self.seed)
-        for name in self.distances:
-            require_known("evaluation.distances", name, DISTANCES)
-
-
-ACTION_MODES = ("deterministic", "sampled")  # of evaluation
-DISTANCES = ("exact", "reference", "paper")  # the modes of segar.metrics.w2
+    episodes: Count = 100  # on training levels, at least; each level is played equally often
+    seed: Seed = 0  # of sampled actions
+    interval: CountFrom0 = 0  # frames between evaluations on the test levels while training; 0: only at the end
+    distances: tuple[Distance, ...] = ("reference", "exact")  # Wasserstein-2 between training and test levels
 
 
 @dataclass(frozen=True)
-class TrackingConfig:
+class TrackingConfig(Settings):
     """Where figures are shown: MLflow, or nowhere but in the run folder."""
 
-    name: str = "mlflow"  # or none
-    uri: str | None = None  # None: SQLite, <root>/mlflow.db
+    group: ClassVar[str] = "tracking"
+
+    name: Tracker = "mlflow"
+    uri: Address = None  # None: SQLite, <root>/mlflow.db
     experiment: str = "segar"
     sweep: str = ""  # a tag that the runs of one sweep share
-    interval: float = 5.0  # [s] between batches
-
-    def __post_init__(self) -> None:
-        require_known("tracking.name", self.name, ("mlflow", "none"))
-        is_address = self.uri is None or "://" in self.uri
-        require(
-            is_address, "tracking.uri", self.uri, "an address such as sqlite:////path/mlflow.db or http://host:5000"
-        )
-        require(self.interval >= 0, "tracking.interval", self.interval, "0 or more")
+    interval: NotNegative = 5.0  # [s] between batches
 
 
 @dataclass(frozen=True)
-class RunConfig:
+class RunConfig(Settings):
     """One training run, whole."""
 
     levels: LevelsConfig = field(default_factory=LevelsConfig)
@@ -138,31 +149,23 @@ class RunConfig:
     scale: ScaleConfig = field(default_factory=ScaleConfig)
     evaluation: EvaluationConfig = field(default_factory=EvaluationConfig)
     tracking: TrackingConfig = field(default_factory=TrackingConfig)
-    seed: int = 0  # of training: weights, actions, order of levels
+    seed: Seed = 0  # of training: weights, actions, order of levels
     root: str | None = None  # where run folders are made; None: runs/ of the checkout
     folder: str | None = None  # the run folder; None: named by its settings, under root
     resume: bool = True  # go on with an unfinished run that the run folder holds; false: refuse to
     restart: bool = False  # throw away what the run folder holds
-    stale: str = "keep"  # a run by other code than today's: keep it if it is finished, or train it "anew"
-    num_threads: int = (
-        1  # of the engine and of torch; weights depend on it in their last bits, as sums have another order
-    )
-    checkpoint_interval: float = 60.0  # [s] between checkpoints
+    stale: Stale = "keep"  # a run by other code than today's: keep it if it is finished, or train it "anew"
+    num_threads: Count = 1  # of the engine and of torch; the last bits of weights depend on it, by the order of sums
+    checkpoint_interval: NotNegative = 60.0  # [s] between checkpoints
     progress: bool = True
-
-    def __post_init__(self) -> None:
-        require_seed("seed", self.seed)
-        require_known("stale", self.stale, ("keep", "anew"))
-        require(self.num_threads >= 1, "num_threads", self.num_threads, "at least 1")
-        require(self.checkpoint_interval >= 0, "checkpoint_interval", self.checkpoint_interval, "0 or more")
 
     def identity(self) -> dict[str, Any]:
         """The settings that decide the results, as plain data; where files go or what is printed is not among them."""
         data = as_data(self, without_later_defaults=True)
-        data["algorithm"] = {"kind": kind_of(type(self.algorithm)), **data["algorithm"]}
-        data["algorithm"].pop(TARGET, None)
-        parts = {key: data[key] for key in ("levels", "task", "observation", "algorithm", "evaluation", "seed")}
-        return {**parts, "frames": self.scale.frames}
+        algorithm = {key: value for key, value in data["algorithm"].items() if key not in NAMES_OF_CLASS}
+        parts = {key: data[key] for key in ("levels", "task", "observation", "evaluation", "seed")}
+        kind = kind_of(type(self.algorithm))
+        return {**parts, "algorithm": {"kind": kind, **algorithm}, "frames": self.scale.frames}
 
     def hash(self) -> str:
         """Eight hexadecimal digits that are equal for equal :meth:`identity`."""

@@ -11,7 +11,7 @@ import yaml
 
 from analysis.probes.pairs import Column, Pairs
 from analysis.probes.table import probe_pairs
-from experiments.commands.hydra_app import conf_dir
+from experiments.commands.config_store import conf_dir
 from experiments.evaluation import probing
 from experiments.evaluation.probing import ProbeConfig, is_probed, probe_finished, probe_settings
 from experiments.evaluation.transfers import RunWork

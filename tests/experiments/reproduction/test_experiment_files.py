@@ -5,7 +5,8 @@ import copy
 import pytest
 import yaml
 
-from experiments.commands.hydra_app import compose, conf_dir
+from experiments.commands.config_store import conf_dir
+from experiments.commands.hydra_app import compose
 from experiments.reproduce import ReproduceConfig, experiment_files, help_text
 from experiments.reproduction.experiment_file import BASE, SCALES, TransferConfig, experiment_at, other_panel
 from experiments.reproduction.plan import make_plan

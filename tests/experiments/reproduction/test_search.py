@@ -6,7 +6,7 @@ import hydra
 import pytest
 from optuna.trial import TrialState
 
-from experiments.commands.hydra_app import conf_dir, register_defaults, register_settings
+from experiments.commands.config_store import conf_dir, register_settings
 from experiments.reproduction.search_space import dimensions, with_values
 from experiments.search import SETTINGS, Search, SearchConfig, build, search
 from experiments.settings import ConfigError, PPOConfig, RunConfig, TrainingError
@@ -107,7 +107,6 @@ def test_every_shipped_space_names_settings_of_its_algorithm():
     names = sorted(path.stem for path in (conf_dir() / "search").glob("*.yaml"))
     assert {"ppo", "ppo_fast", "sac", "drq", "curl", "spr"} <= {*names}
     for name in names:
-        register_defaults()
         register_settings("search", SETTINGS)
         with hydra.initialize_config_dir(str(conf_dir()), version_base="1.3"):
             made = build(hydra.compose("search", [f"search={name}"]))

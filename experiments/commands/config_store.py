@@ -1,0 +1,52 @@
+"""What Hydra knows beside the files of ``conf/``: the defaults of all settings, and the choices that are only a name.
+
+Nodes are plain data, made from the dataclasses, and not the dataclasses themselves. Hydra then knows every name; types and
+values are checked once, by :func:`experiments.settings.construct`. OmegaConf's typed nodes would refuse 5e5 as a whole number,
+and a file could not put the settings of ``ppo_fast`` under those of CURL.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from hydra.core.config_store import ConfigStore
+
+from experiments.settings import CHECKOUT, KINDS, TRACKERS, RunConfig, as_data
+from segar.levels import TASK_LEVELS, families
+from segar.observations import OBSERVATIONS
+from segar.tasks import TASKS
+
+
+def conf_dir() -> Path:
+    """Absolute path of the configuration: $SEGAR_CONF, else ``conf/`` of the checkout."""
+    return Path(os.environ.get("SEGAR_CONF") or CHECKOUT / "conf").resolve()
+
+
+def register_settings(config_name: str = "config", settings: Mapping[str, Any] | None = None) -> None:
+    """Registers all that Hydra is to know; may be called again.
+
+    The defaults of a kind of algorithm are the choice ``base_<kind>`` of the group ``algorithm``. Where ``conf/`` has a
+    file for a choice, the file says it all.
+
+    Args:
+        settings: the defaults of a command's own settings, which are registered as ``base_<config_name>``.
+    """
+    store = ConfigStore.instance()
+    if settings is not None:
+        store.store(name=f"base_{config_name}", node=dict(settings))
+    store.store(name="base_config", node={key: v for key, v in as_data(RunConfig()).items() if key != "algorithm"})
+    for kind, config in KINDS.items():
+        store.store(group="algorithm", name=f"base_{kind}", node=as_data(config()))
+    choices = {
+        "levels": ("train", (*families(), *TASK_LEVELS)),
+        "task": ("name", TASKS),
+        "observation": ("name", OBSERVATIONS),
+        "tracking": ("name", TRACKERS),
+    }
+    for group, (setting, names) in choices.items():
+        for name in names:
+            if not (conf_dir() / group / f"{name}.yaml").exists():
+                store.store(group=group, name=name, node={setting: name})

@@ -1,0 +1,105 @@
+"""The overrides of a command line: which runs a sweep consists of, and which override is wrong and why."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import hydra
+from hydra.core.global_hydra import GlobalHydra
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.override_parser.types import Glob, Override
+from hydra.errors import CompactHydraException, MissingConfigException
+from omegaconf import OmegaConf
+
+from experiments.settings import TARGET, TYPE_IS_GONE, path_of
+from segar.errors import did_you_mean
+
+SEARCH_PATH = "hydra.searchpath"
+
+
+def with_search_path(overrides: Sequence[str], places: Sequence[str]) -> list[str]:
+    """The overrides with more places, such as ``pkg://my_lab.conf``, at the end of ``hydra.searchpath``."""
+    stated = [one for one in parse(overrides) if one.key_or_group == SEARCH_PATH]
+    all_places = [*(place for one in stated for place in one.value()), *places]  # type: ignore[union-attr]
+    rest = [text for text in overrides if text not in {one.input_line for one in stated}]
+    quoted = ("'{}'".format(place.replace("'", "\\'")) for place in dict.fromkeys(all_places))
+    return [*rest, f"{SEARCH_PATH}=[{','.join(quoted)}]"] if all_places else rest
+
+
+def single_runs(overrides: Sequence[str]) -> list[list[str]]:
+    """Lists of overrides without sweeps that together name every swept choice of a group; of other sweeps, one value."""
+    alternatives = [alternatives_of(one) for one in parse(overrides)] or [[text] for text in overrides]
+    found = [one for one in alternatives if one]
+    return [[one[min(i, len(one) - 1)] for one in found] for i in range(max(map(len, found), default=1))]
+
+
+def alternatives_of(override: Override) -> list[str]:
+    """The values of a sweep as overrides, an override that is no sweep itself, or nothing where values are not listed."""
+    if not override.is_sweep_override():
+        return [str(override.input_line)]
+    if not override.is_discrete_sweep() or isinstance(override.value(), Glob):
+        return []
+    values = [f"{override.get_key_element()}={value}" for value in override.sweep_string_iterator()]
+    return values if is_choice(override) else values[:1]
+
+
+def explain_overrides(error: CompactHydraException, overrides: Sequence[str], config_name: str) -> str:
+    """Which override made Hydra raise ``error``, and the nearest right name; Hydra's own message where none is found."""
+    if isinstance(error, MissingConfigException) and error.options is not None:
+        group, _, name = str(error.missing_cfg_file).rpartition("/")
+        options = [option for option in error.options if not option.startswith("base_")]
+        return f"no {group} is called '{name}'.{did_you_mean(name, options)}"
+    parsed = parse(overrides)
+    try:
+        choices = [str(one.input_line) for one in parsed if is_choice(one) or one.key_or_group == SEARCH_PATH]
+        settings: Any = OmegaConf.to_container(hydra.compose(config_name, choices))
+    except CompactHydraException:
+        return with_cause(error)
+    known = list(dotted_names(settings))
+    stated = (one.key_or_group for one in parsed if not (is_choice(one) or one.is_add() or one.is_hydra_override()))
+    unknown = next((name for name in stated if name not in known), None)
+    return with_cause(error) if unknown is None else advice_on(unknown, settings, known)
+
+
+def advice_on(name: str, settings: Mapping[str, Any], known: Sequence[str]) -> str:
+    """What to write instead of a name that no setting has, or how to add a setting that files may leave out."""
+    if name == "algorithm.type":
+        return f"{name}: {TYPE_IS_GONE}"
+    group, _, option = name.partition(".options.")
+    if option and f"{group}.options" in known:
+        return f"{name} has no value yet; with a + before it, it gets one: +{name}=..."
+    first, second, *_ = (*name.split("."), "", "")
+    is_own_algorithm = first == "algorithm" and TARGET in settings["algorithm"]
+    if is_own_algorithm or (first == "grids" and second in settings["grids"]):
+        file = settings["algorithm"]["name"] if is_own_algorithm else second
+        return f"the file of {file} does not state {name}; ++ adds what it does not: ++{name}=..."
+    return f"no setting is called '{name}'.{did_you_mean(name, known)}"
+
+
+def with_cause(error: Exception) -> str:
+    """The text of an error of Hydra's, and that of what caused it."""
+    return str(error) if error.__cause__ is None else f"{error}\n{error.__cause__}"
+
+
+def parse(overrides: Sequence[str]) -> list[Override]:
+    """The overrides as Hydra reads them; none where one of them is not in Hydra's grammar, which composing tells."""
+    try:
+        return OverridesParser.create().parse_overrides(list(overrides))
+    except CompactHydraException:
+        return []
+
+
+def is_choice(override: Override) -> bool:
+    """Whether an override chooses files of a group, instead of stating a setting."""
+    loader = GlobalHydra.instance().config_loader()
+    return bool(override.key_or_group and loader.get_group_options(override.key_or_group))
+
+
+def dotted_names(settings: Mapping[str, Any], place: str = "") -> Iterator[str]:
+    """The dotted names of all settings and groups."""
+    for key, value in settings.items():
+        name = path_of(place, key)
+        yield name
+        if isinstance(value, Mapping):
+            yield from dotted_names(value, name)
