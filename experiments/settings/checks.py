@@ -73,7 +73,6 @@ def one_of(*names: str) -> Check:
 
 
 Count = Annotated[int, that(lambda n: n >= 1, "at least 1")]
-CountOrNull = Annotated[int | None, that(lambda n: n is None or n >= 1, "at least 1")]
 CountFrom0 = Annotated[int, that(lambda n: n >= 0, "0 or more")]
 Positive = Annotated[float, that(lambda x: x > 0, "more than 0")]
 PositiveOrNull = Annotated[float | None, that(lambda x: x is None or x > 0, "more than 0, or null")]

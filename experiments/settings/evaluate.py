@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from experiments.settings.checks import Count, CountOrNull, Seed, Settings, one_of, that
+from experiments.settings.checks import Count, Seed, Settings, one_of, that
 from experiments.settings.run import ACTION_MODES, ActionMode
 
 Modes = Annotated[tuple[ActionMode, ...], that(bool, f"one or more of {', '.join(ACTION_MODES)}")]
@@ -19,7 +19,7 @@ class EvaluateConfig(Settings):
 
     run: str  # a run folder, finished or not
     levels: str = "test"  # train, test, a family, module:attribute, or a level file
-    n: CountOrNull = None  # how many levels; None: 100 of a distribution, all of a set
+    n: Count | None = None  # how many levels; None: 100 of a distribution, all of a set
     seed: Seed = 0  # which levels of a distribution; also of the actions of the sampled policy
     split: Split = "test"  # of a distribution: test never meets train, whatever the seeds
     world: str | None = None  # rules for a level file that was saved with rules of its own, as module:attribute
