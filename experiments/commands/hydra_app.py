@@ -108,13 +108,16 @@ def simple_help(settings: type, about: str) -> str:
 
 def parse_settings(arguments: Sequence[str]) -> dict[str, Any]:
     """Names and values of ``name=value``; raises :class:`ConfigError` for anything else."""
+    data: dict[str, Any] = {}
     for argument in arguments:
-        if not argument.partition("=")[0].isidentifier() or "=" not in argument:
+        name, equals, value = argument.partition("=")
+        if not equals or not name.isidentifier():
             raise ConfigError(f"'{argument}' is no setting; settings are given as name=value")
-    try:
-        return to_plain(OmegaConf.from_cli(list(arguments)))
-    except (YAMLError, OmegaConfBaseException) as error:
-        raise ConfigError(f"the settings cannot be read: {error}") from error
+        try:
+            data |= to_plain(OmegaConf.from_cli([argument]))
+        except (YAMLError, OmegaConfBaseException) as error:
+            raise ConfigError(f"{name}: '{value}' cannot be read: {error}") from error
+    return data
 
 
 def compose(overrides: Sequence[str] = (), config_name: str = "config") -> RunConfig:

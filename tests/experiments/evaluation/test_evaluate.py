@@ -140,7 +140,7 @@ def test_a_folder_that_holds_no_run_or_no_weights_is_refused(tmp_path, trained):
         (["run=here", "lvels=empty-easy"], "error: no setting is called 'lvels'. Did you mean 'levels'?"),
         ([], "error: run: it has no default; give one as run=..."),
         (["run"], "error: 'run' is no setting; settings are given as name=value"),
-        (["run=here", "modes=[sample]"], "error: modes: 'sample' is unknown. Did you mean 'sampled'?"),
+        (["run=here", "modes=[sample]"], "error: modes[0]: 'sample' is unknown. Did you mean 'sampled'?"),
         (["run=here", "videos=avi"], "error: videos: 'avi' is unknown. Known: gif, mp4, none."),
         (["run=here", "n=0"], "error: n: 0 is not allowed; it must be at least 1"),
         (["run=here", "levels={a"], "error: levels: '{a' cannot be read: "),

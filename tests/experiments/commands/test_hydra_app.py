@@ -1,0 +1,227 @@
+"""Hydra as its users know it: own sweep files, own groups in a folder or a package, own algorithms, and --cfg job."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+import yaml
+
+from experiments.commands.hydra_app import compose, compose_data, initialized, parse_settings, to_plain
+from experiments.commands.overrides import single_runs, with_search_path
+from experiments.runs.run_folder import read_config, run_folders
+from experiments.settings import CHECKOUT, KINDS, ConfigError, RunConfig, as_data, run_config
+from segar import families
+from segar.observations import OBSERVATIONS
+from segar.tasks import TASKS
+from tests.experiments.short_runs import COMMAND
+
+SWEEP = """
+# @package _global_
+defaults:
+  - override /algorithm: sac
+  - _self_
+hydra:
+  mode: MULTIRUN
+  sweeper:
+    params:
+      algorithm.gamma: 0.9,0.95
+algorithm:
+  num_envs: 4
+  num_steps: 8
+  warmup: 8
+  batch_size: 4
+  widths: [8]
+"""
+CONFIG = """
+from dataclasses import dataclass
+
+from experiments.settings import Count, PPOConfig
+
+
+@dataclass(frozen=True)
+class MineConfig(PPOConfig):
+    name: str = "mine"
+    learner = "my_lab.learner:Mine"
+    layers: Count = 2
+"""
+LEARNER = """
+from experiments.algorithms.ppo import PPO
+
+
+class Mine(PPO):
+    pass
+"""
+RUN = [part for part in COMMAND if not part.startswith("algorithm")]
+
+
+@pytest.fixture
+def my_lab(tmp_path, monkeypatch):
+    """A user's package with an algorithm and groups of settings in ``my_lab.conf``; its parent is the working directory."""
+    files = {
+        "__init__.py": "",
+        "mine.py": CONFIG,
+        "learner.py": LEARNER,
+        "conf/__init__.py": "",
+        "conf/algorithm/mine.yaml": "defaults: [base_ppo, _self_]\n_target_: my_lab.mine.MineConfig\nname: mine\nlayers: 3\n",
+        "conf/observation/far_two.yaml": "name: textures\noptions: {textures: far}\n",
+        "conf/sweep/my_sweep.yaml": SWEEP,
+    }
+    for name, text in files.items():
+        path = tmp_path / "my_lab" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    yield tmp_path / "my_lab"
+    for name in [name for name in sys.modules if name.partition(".")[0] == "my_lab"]:
+        del sys.modules[name]
+
+
+def command(module, *arguments):
+    """What ``python -m <module>`` does in the working directory."""
+    environment = {**os.environ, "PYTHONPATH": f"{CHECKOUT}{os.pathsep}{os.getcwd()}"}
+    return subprocess.run([sys.executable, "-m", module, *arguments], env=environment, capture_output=True, text=True)
+
+
+def test_a_sweep_file_of_the_users_own_may_choose_an_algorithm_and_sweep_its_settings(my_lab, tmp_path):
+    done = command(
+        "experiments.train", "+sweep=my_sweep", *RUN, f"root={tmp_path / 'runs'}", "tracking=none",
+        "--config-dir", str(my_lab / "conf"),
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    found = [read_config(folder).algorithm for folder in run_folders(tmp_path / "runs")]
+    assert sorted((one.kind, one.gamma) for one in found) == [("sac", 0.9), ("sac", 0.95)]
+
+
+def test_an_algorithm_of_a_package_is_trained_and_its_run_read_again(my_lab, tmp_path):
+    small = [part for part in COMMAND if part.startswith("algorithm.")]
+    done = command(
+        "experiments.train", "hydra.searchpath=[pkg://my_lab.conf]", *RUN, "algorithm=mine", *small, "algorithm.layers=4",
+        f"root={tmp_path / 'runs'}", "tracking=none",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    (folder,) = run_folders(tmp_path / "runs")
+    assert yaml.safe_load((folder / "config.yaml").read_text())["algorithm"]["_target_"] == "my_lab.mine.MineConfig"
+    config = read_config(folder)
+    assert (type(config.algorithm).__name__, config.algorithm.layers) == ("MineConfig", 4)
+    assert config.identity()["algorithm"]["kind"] == "my_lab.mine.MineConfig"
+    assert "_target_" not in config.identity()["algorithm"]
+
+
+@pytest.mark.parametrize("module", ["train", "search", "reproduce"])
+def test_groups_of_a_package_are_found_by_every_command(my_lab, module):
+    done = command(
+        f"experiments.{module}",
+        "hydra.searchpath=[pkg://my_lab.conf]",
+        "algorithm=mine",
+        "observation=far_two",
+        "--cfg",
+        "job",
+    )
+    assert done.returncode == 0, done.stderr
+    shown = yaml.safe_load(done.stdout)
+    assert shown["algorithm"]["_target_"] == "my_lab.mine.MineConfig" and shown["algorithm"]["layers"] == 3
+    assert shown["observation"] == {"name": "textures", "options": {"textures": "far"}}
+
+
+def test_a_grid_may_name_choices_of_a_package(my_lab, tmp_path):
+    (my_lab / "conf" / "experiment").mkdir()
+    grid = {"counts": [1], "algorithms": ["mine"], "observations": ["far_two"], "families": ["empty"], "seeds": 1}
+    data = {"title": "Mine", "grid": {**grid, "difficulties": ["easy"]}, "scales": {"smoke": {}}}
+    (my_lab / "conf" / "experiment" / "my_grid.yaml").write_text(yaml.safe_dump(data))
+    done = command(
+        "experiments.reproduce", "scale=smoke", "hydra.searchpath=[pkg://my_lab.conf]", "+experiment@grids.my_grid=my_grid",
+        "experiments=[my_grid]", "dry_run=true", f"root={tmp_path / 'runs'}",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "smoke: 1 runs, 0 done, 1 to do" in done.stdout
+
+
+def test_cfg_job_prints_the_settings_that_a_run_would_have():
+    done = command("experiments.train", "algorithm=curl_fast", "levels.count=3", "--cfg", "job")
+    assert run_config(yaml.safe_load(done.stdout)) == compose(["algorithm=curl_fast", "levels.count=3"])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_defaults_of_every_kind_of_algorithm_are_a_choice(kind):
+    with initialized():
+        data = to_plain(compose_data([f"algorithm=base_{kind}"], "config"))
+    assert data["algorithm"] == as_data(KINDS[kind]())
+
+
+def test_every_setting_of_an_algorithm_can_be_overridden():
+    assert compose(["algorithm=curl_fast", "algorithm.tau=0.1"]).algorithm.tau == 0.1  # type: ignore[attr-defined]
+
+
+def test_names_of_observations_tasks_and_families_are_choices():
+    with initialized():
+        for group, names in {"observation": OBSERVATIONS, "task": TASKS}.items():
+            for name in names:
+                assert to_plain(compose_data([f"{group}={name}"], "config"))[group]["name"] == name
+        last = families()[-1]
+        assert to_plain(compose_data([f"levels={last}"], "config"))["levels"]["train"] == last
+
+
+@pytest.mark.parametrize(
+    ("target", "says"),
+    [
+        ("my_lab.mine.MinConfig", "algorithm._target_: 'my_lab.mine' has no 'MinConfig'. Did you mean 'MineConfig'?"),
+        ("my_lab.learner.Mine", "'my_lab.learner.Mine' is not a sub-class of experiments.settings.AlgorithmConfig"),
+        ("my_lab.my.MineConfig", "algorithm._target_: 'my_lab.my:MineConfig' cannot be imported"),
+    ],
+)
+def test_a_target_that_is_no_algorithm_is_told(my_lab, target, says):
+    with pytest.raises(ConfigError) as told:
+        run_config({"algorithm": {"_target_": target}})
+    assert says in str(told.value)
+
+
+def test_a_setting_that_an_own_algorithm_s_file_leaves_out_is_told_how_to_be_added(my_lab):
+    (my_lab / "conf" / "algorithm" / "bare.yaml").write_text("_target_: my_lab.mine.MineConfig\nname: bare\n")
+    places = with_search_path(["algorithm=bare"], ["pkg://my_lab.conf"])
+    with pytest.raises(
+        ConfigError, match=r"the file of bare does not state algorithm.layers; .* \+\+algorithm.layers="
+    ):
+        compose([*places, "algorithm.layers=5"])
+    assert compose([*places, "++algorithm.layers=5"]).algorithm.layers == 5  # type: ignore[attr-defined]
+
+
+def test_a_sweep_is_checked_for_every_choice_and_one_value_of_other_settings():
+    with initialized():
+        runs = single_runs(["algorithm=sac,ppo", "seed=range(1,4)", "levels.count=3", "algorithm.gamma=interval(0,1)"])
+    assert runs == [["algorithm=sac", "seed=1", "levels.count=3"], ["algorithm=ppo", "seed=1", "levels.count=3"]]
+
+
+def test_a_search_path_is_added_to_the_one_that_is_stated():
+    assert with_search_path(["seed=1"], []) == ["seed=1"]
+    added = with_search_path(["hydra.searchpath=[pkg://a]", "seed=1"], ["file:///b c"])
+    assert added == ["seed=1", "hydra.searchpath=['pkg://a','file:///b c']"]
+
+
+@pytest.mark.parametrize("module", ["experiments.settings", "experiments.commands.hydra_app"])
+def test_settings_are_read_without_torch(module):
+    code = f"import sys, {module}; assert 'torch' not in sys.modules"
+    assert subprocess.run([sys.executable, "-c", code], cwd=CHECKOUT).returncode == 0
+
+
+def test_a_command_without_groups_reads_values_as_yaml():
+    assert parse_settings(["n=1e3", "modes=[a,b]", "out=null", "scores=false"]) == {
+        "n": 1000.0, "modes": ["a", "b"], "out": None, "scores": False,
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("argument", "says"), [("n", "'n' is no setting"), ("n=[1", r"n: '\[1' cannot be read"), ("a.b=1", "no setting")]
+)
+def test_a_command_without_groups_tells_what_it_cannot_read(argument, says):
+    with pytest.raises(ConfigError, match=says):
+        parse_settings([argument])
+
+
+def test_an_error_does_not_change_what_hydra_prints_elsewhere(monkeypatch):
+    monkeypatch.delenv("HYDRA_FULL_ERROR", raising=False)
+    with pytest.raises(ConfigError):
+        compose(["levels.cuont=3"])
+    assert "HYDRA_FULL_ERROR" not in os.environ
+    assert compose([]) == run_config(as_data(compose([]))) != RunConfig()
