@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import hydra
-from hydra._internal.utils import get_args_parser
+from hydra._internal.utils import get_args_parser  # hydra.main uses it, too; there is no public name for it
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.errors import CompactHydraException
@@ -34,7 +34,7 @@ def run_command(
     build: Callable[[DictConfig], Any] | None = None,
     settings: Mapping[str, Any] | None = None,
 ) -> None:
-    """Runs ``task`` with what the command line says, under Hydra (so ``--multirun`` works).
+    """Runs ``task`` with the settings of the command line, under Hydra (so ``--multirun`` works).
 
     Exits with 1 on an error. What a user can mend ends with one message; HYDRA_FULL_ERROR=1 shows where it came from. Exits
     with 128 + n where signal n stopped it, as a shell does.

@@ -12,7 +12,7 @@ from hydra.core.override_parser.types import Glob, Override
 from hydra.errors import CompactHydraException, MissingConfigException
 from omegaconf import OmegaConf
 
-from experiments.settings import TARGET, TYPE_IS_GONE, path_of
+from experiments.settings import RENAMED, TARGET, TYPE_IS_GONE, path_of
 from segar.errors import did_you_mean
 
 SEARCH_PATH = "hydra.searchpath"
@@ -66,6 +66,8 @@ def advice_on(name: str, settings: Mapping[str, Any], known: Sequence[str]) -> s
     """What to write instead of a name that no setting has, or how to add a setting that files may leave out."""
     if name == "algorithm.type":
         return f"{name}: {TYPE_IS_GONE}"
+    if name in RENAMED:
+        return f"the setting '{name}' is called '{RENAMED[name]}' since release 0.2"
     group, _, option = name.partition(".options.")
     if option and f"{group}.options" in known:
         return f"{name} has no value yet; with a + before it, it gets one: +{name}=..."

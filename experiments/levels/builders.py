@@ -1,4 +1,4 @@
-"""From the names in a configuration to levels, task and observation."""
+"""What the names in the settings of a run stand for: levels, task and observation."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from segar.metrics import design, w2
 from segar.observations import OBSERVATIONS
 from segar.tasks import TASKS
 
-ENVS_PER_THREAD = 128  # for fewer, to wake a thread after each call of the policy takes longer than it helps
+ENVS_PER_THREAD = 128  # with fewer, waking a thread after each call of the policy costs more time than it saves
 KNOWN_TASKS = {**TASKS, "conditional_puttputt": conditional_puttputt}  # by the names that task.name takes
-INDEPENDENT_SETS = 5  # whose mean distance is the unit of designs such as w2_x1.2
+INDEPENDENT_SETS = 5  # of training levels; their mean W2 to the test levels is the unit of designs such as w2_x1.2
 
 
 def make_levels(config: LevelsConfig) -> tuple[Any, Any]:
@@ -39,17 +39,21 @@ def distribution_of(config: LevelsConfig, which: str) -> Any:
 
 
 def pick_levels(distribution: Any, config: LevelsConfig, test: Any) -> Any:
-    """The training levels; where they are picked by design, raises :class:`LevelError` if there are none such."""
+    """The training levels that the settings ask for; raises :class:`LevelError` where no levels meet their design."""
     if TARGET_DESIGN.fullmatch(config.design):
         return levels_at_target(distribution, config, test)
-    if config.design == "iid":  # which a distribution of one's own can give that is no LevelDistribution
+    if config.design == "iid":  # a user's own distribution need not be a LevelDistribution for this design
         return distribution.sample(config.count, seed=config.seed, split="train")
     nuisance = [Order] if config.design == "nuisance_only" else []
     return design(distribution, config.count, config.design, seed=config.seed, nuisance=nuisance)  # type: ignore[arg-type]
 
 
 def levels_at_target(distribution: Any, config: LevelsConfig, test: Any) -> Any:
-    """Training levels at the W2 from the test levels that the design says, within 1 %; raises :class:`ConfigError`."""
+    """Training levels whose W2 to the test levels is the one that the design names, within 1 %.
+
+    Raises:
+        ConfigError: no training levels have that distance; the message names the distances that can be reached.
+    """
     relative, number = TARGET_DESIGN.fullmatch(config.design).groups()  # type: ignore[union-attr]
     target, unit = float(number), 1.0
     if relative:
@@ -64,7 +68,7 @@ def levels_at_target(distribution: Any, config: LevelsConfig, test: Any) -> Any:
 
 
 def find_distribution(name: str, place: str) -> Any:
-    """The level distribution that a family's name or ``module:attribute`` says; raises :class:`ConfigError`."""
+    """The level distribution that is named by a family or by ``module:attribute``; raises :class:`ConfigError`."""
     if ":" in name:
         found = import_object(name, place)
         if not hasattr(found, "sample") and callable(found):
@@ -82,7 +86,7 @@ def environment_options(config: RunConfig, num_envs: int | None = None) -> dict[
     """Keyword arguments of ``VectorEnv`` and ``TorchRLEnv`` that the configuration states.
 
     Args:
-        num_envs: environments between whose steps a policy works; few of them are stepped by fewer threads.
+        num_envs: how many environments a policy steps at a time; few of them are stepped by fewer threads.
 
     Raises:
         ConfigError: there is no such observation or task.
@@ -96,7 +100,7 @@ def environment_options(config: RunConfig, num_envs: int | None = None) -> dict[
 
 
 def _find(name: str, options: Mapping[str, Any], group: str) -> Any:
-    """What a name of ``group`` stands for, called with ``options`` where it is a function or class."""
+    """The task or observation that ``name`` stands for; a function or class is called with ``options``."""
     known: Mapping[str, Any] = KNOWN_TASKS if group == "task" else OBSERVATIONS
     if name not in known and ":" not in name:
         raise ConfigError(f"{group}.name: no {group} is called '{name}'.{did_you_mean(name, known)}")

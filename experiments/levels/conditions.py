@@ -1,7 +1,7 @@
-"""PuttPutt where the goal counts only under conditions: the slower, after a wall, after sand. More of them, harder.
+"""PuttPutt in which the goal counts only under conditions: a slow ball, a touched wall, sand. More conditions are harder.
 
-Each condition that is not met costs a little in every step, so that there is something to learn from before the first
-success. The conditions that were met are factors of the ball: an agent that observes states sees them.
+The wall and the sand cost a little in every step until they are touched, so that an agent can learn before its first success.
+Both are factors of the ball, which an agent that observes states sees.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def conditional_puttputt(conditions: int = 1, max_steps: int = 100, sub_steps: i
     of the variation ``conditions``.
 
     Raises:
-        SegarError: there are no that many conditions.
+        SegarError: ``conditions`` is not 0, 1, 2 or 3.
     """
     if conditions not in range(CONDITIONS + 1):
         raise SegarError(f"conditions: there are 0 to {CONDITIONS} of them, not {conditions!r}")

@@ -1,7 +1,8 @@
-"""Changes to a level distribution that have a name: other physics, another ball, one more thing on the way.
+"""Named changes to a level distribution: other physics, another ball, one more thing on the way.
 
 ``levels.variation=ball_mass`` changes the training and the test distribution, ``levels.test_variation=...`` the test
-distribution alone. One of your own is ``module:function``: it takes a :class:`segar.LevelDistribution`, returns another.
+distribution alone. A variation of your own is ``module:function``: it takes a :class:`segar.LevelDistribution` and returns
+another one.
 """
 
 from __future__ import annotations
@@ -25,12 +26,12 @@ GRAVITIES = UniformNoise(5.0, 15.0)  # [m/s^2] around the default of 10
 
 
 def with_prior(prior: Prior) -> Variation:
-    """One more prior."""
+    """The variation that adds a prior."""
     return lambda dist: dataclasses.replace(dist, priors=(*dist.priors, prior))
 
 
 def with_parameter(parameter: type[Parameter], value: Any) -> Variation:
-    """Another value or law of a world parameter."""
+    """The variation that gives a world parameter another value or distribution."""
 
     def vary(dist: LevelDistribution) -> LevelDistribution:
         return dataclasses.replace(dist, parameters={**dict(dist.parameters), parameter: value})
@@ -39,12 +40,12 @@ def with_parameter(parameter: type[Parameter], value: Any) -> Variation:
 
 
 def with_rules(change: Callable[[tuple[Any, ...]], tuple[Any, ...]]) -> Variation:
-    """Another rule set, made of the default one."""
+    """The variation that makes another rule set of the default one."""
     return lambda dist: dist.with_rules(change(DEFAULT_RULES))
 
 
 def without(*rules: Any) -> Variation:
-    """The default rules but for some."""
+    """The variation that leaves out some of the default rules."""
     return with_rules(lambda known: tuple(rule for rule in known if rule not in rules))
 
 
@@ -64,7 +65,7 @@ VARIATIONS: Mapping[str, Variation] = {
 
 
 def vary(distribution: LevelDistribution, name: str, place: str) -> LevelDistribution:
-    """The distribution under the variation of that name; the same where the name is empty.
+    """The distribution changed by the variation of that name; unchanged where the name is empty.
 
     Raises:
         ConfigError: there is no such variation; the message names ``place``.

@@ -14,10 +14,10 @@ One file of ``conf/experiment/`` is one experiment. It is plain YAML, which :fun
     attribution:                                 # agents are also tested between training and test levels: in these groups
       position: [Position]                       # of factors, in every combination
     probes: true                                 # ask what the representations know of the factors
-    study: analysis.studies.w2                   # a module that needs no training: python -m <study> --output DIR
-    options: {levels: 500}                       # of the study: --levels 500
+    study: w2                                    # a study that needs no training
+    options: {seeds: 20}                         # of the study, by name
     scales:                                      # at a scale that is not named here, the experiment is not run
-      quick: {counts: [3], options: {levels: 50}}    # what differs there: keys of grid, and transfers, probes, options
+      quick: {counts: [3], options: {seeds: 10}}     # what differs there: keys of grid, and transfers, probes, options
       paper: {}                                  # nothing differs
 
 A grid, a study, or both are needed; transfers, attribution and probes stand beside a grid.
@@ -121,8 +121,8 @@ class ExperimentConfig:
     transfers: Transfers = ()
     attribution: Annotated[Mapping[str, Sequence[str]], check_groups] = field(default_factory=dict)
     probes: bool = False  # ask what the agents' representations know of the factors, as probes.<scale> says
-    study: str = ""  # a module of analysis that needs no training: python -m <study> --output DIR
-    options: Mapping[str, Any] = field(default_factory=dict)  # of the study: --name value
+    study: str = ""  # needs no training: a plug-in, see experiments.reproduction.plugin
+    options: Mapping[str, Any] = field(default_factory=dict)  # of the study, by name
     scales: Mapping[str, Any] = field(default_factory=dict)  # what differs there, of the grid and of Others
 
 

@@ -51,7 +51,7 @@ from experiments.settings.grid import (
     paper_cells,
     paper_seeds,
 )
-from experiments.settings.release_0_1 import TYPE_IS_GONE, label_in_0_1, with_new_names
+from experiments.settings.release_0_1 import RENAMED, TYPE_IS_GONE, label_in_0_1, with_new_names
 from experiments.settings.run import (
     ACTION_MODES,
     CHECKOUT,
@@ -76,6 +76,7 @@ __all__ = [
     "CHECKOUT",
     "DIFFICULTIES",
     "KINDS",
+    "RENAMED",
     "TARGET",
     "TARGET_DESIGN",
     "TRACKERS",

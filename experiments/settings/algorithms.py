@@ -296,12 +296,11 @@ def algorithm_class(settings: Mapping[str, Any]) -> type[AlgorithmConfig]:
     """
     target = settings.get(TARGET)
     if target is None:
-        require_known("algorithm.kind", settings.get("kind", PPOConfig.kind), tuple(KINDS))
-        return KINDS[settings.get("kind", PPOConfig.kind)]
+        kind = settings.get("kind", PPOConfig.kind)
+        require_known("algorithm.kind", kind, KINDS)
+        return KINDS[kind]
     module, _, name = str(target).rpartition(".")
     cls = import_object(f"{module}:{name}", f"algorithm.{TARGET}")
     if not (isinstance(cls, type) and issubclass(cls, AlgorithmConfig)):
         raise ConfigError(f"algorithm.{TARGET}: '{target}' is not a sub-class of experiments.settings.AlgorithmConfig")
-    if ":" not in getattr(cls, "learner", ""):
-        raise ConfigError(f"algorithm.{TARGET}: {target} names no learner; write learner = 'module:Class' in the class")
     return cls

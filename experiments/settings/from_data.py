@@ -28,6 +28,8 @@ def run_config(data: Mapping[str, Any]) -> RunConfig:
     """
     refuse_old_names(data)
     settings = data.get("algorithm", {})
+    if not isinstance(settings, Mapping):
+        raise ConfigError(f"algorithm: {settings!r} is not a group of settings")
     own = {key: value for key, value in settings.items() if key not in NAMES_OF_CLASS}
     algorithm = construct(algorithm_class(settings), own, "algorithm")
     rest = {key: value for key, value in data.items() if key != "algorithm"}

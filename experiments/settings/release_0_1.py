@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
-from experiments.settings.algorithms import TARGET, kind_of
+from experiments.settings.algorithms import KINDS, TARGET
 from experiments.settings.errors import ConfigError
 from experiments.settings.run import RunConfig
 
@@ -21,46 +21,58 @@ KIND_OF_TYPE = {
 }
 ENCODERS = {"experiments.drq:cnn_2022": "cnn_2022"}
 TASKS = {"experiments.conditions:conditional_puttputt": "conditional_puttputt"}
+RENAMED = {"elsewhere": "imported"}  # settings of commands
 TYPE_IS_GONE = "since release 0.2 kind (curl) or _target_ (my_lab.mine.MineConfig) names the class of an algorithm"
 SETTINGS = (("algorithm", "encoder", ENCODERS), ("task", "name", TASKS))  # settings whose values have other names now
 
 
 def with_new_names(data: Mapping[str, Any]) -> dict[str, Any]:
-    """The plain data of a run folder of release 0.1 with today's names; data of today as they are."""
-    groups = {key: dict(value) if isinstance(value, Mapping) else value for key, value in data.items()}
-    algorithm = groups.get("algorithm")
-    if isinstance(algorithm, dict) and "type" in algorithm:
-        groups["algorithm"] = {**new_type(algorithm.pop("type")), **algorithm}
-    for group, setting, names in SETTINGS:
-        if setting in groups.get(group, {}):
-            groups[group][setting] = names.get(groups[group][setting], groups[group][setting])
-    return groups
+    """The plain data of a run folder of release 0.1 with the names of today; data of today are returned unchanged."""
+    new = dict(data)
+    algorithm = dict(group_of(data, "algorithm"))
+    if "type" in algorithm:
+        new["algorithm"] = {**new_type(algorithm.pop("type")), **algorithm}
+    for group, setting, _, value in old_values(new):
+        new[group] = {**new[group], setting: value}
+    return new
 
 
 def refuse_old_names(data: Mapping[str, Any]) -> None:
     """Raises :class:`ConfigError` that says the new name where ``data`` has a name of release 0.1."""
-    new = with_new_names(data)
-    if "type" in data.get("algorithm", {}):
-        ((setting, value),) = new_type(data["algorithm"]["type"]).items()
+    algorithm = group_of(data, "algorithm")
+    if "type" in algorithm:
+        ((setting, value),) = new_type(algorithm["type"]).items()
         raise ConfigError(f"algorithm.type: {TYPE_IS_GONE}, here {setting}: {value}")
-    for group, setting, _ in SETTINGS:
-        old = data.get(group, {}).get(setting)
-        if old is not None and old != new[group][setting]:
-            raise ConfigError(f"{group}.{setting}: '{old}' is called '{new[group][setting]}' since release 0.2")
+    for group, setting, old, new in old_values(data):
+        raise ConfigError(f"{group}.{setting}: '{old}' is called '{new}' since release 0.2")
 
 
-def new_type(old: str) -> dict[str, str]:
+def group_of(data: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    """The settings of a group; none where the data have no such group, or something else in its place."""
+    return data[name] if isinstance(data.get(name), Mapping) else {}
+
+
+def old_values(data: Mapping[str, Any]) -> Iterator[tuple[str, str, str, str]]:
+    """Group, setting, old value and new value of the settings whose value is a name of release 0.1."""
+    for group, setting, names in SETTINGS:
+        old = group_of(data, group).get(setting)
+        if isinstance(old, str) and old in names:
+            yield group, setting, old, names[old]
+
+
+def new_type(old: Any) -> dict[str, str]:
     """The setting that names the algorithm which ``type: old`` named."""
-    return {"kind": KIND_OF_TYPE[old]} if old in KIND_OF_TYPE else {TARGET: str(old).replace(":", ".")}
+    name = str(old)
+    return {"kind": KIND_OF_TYPE[name]} if name in KIND_OF_TYPE else {TARGET: name.replace(":", ".")}
 
 
 def label_in_0_1(config: RunConfig) -> str:
     """The name that release 0.1 gave the run with these settings, by which its results are stored."""
     identity = config.identity()
     cls = type(config.algorithm)
-    identity["algorithm"]["type"] = old_name(identity["algorithm"].pop("kind"), KIND_OF_TYPE)
-    if identity["algorithm"]["type"] == kind_of(cls):  # an algorithm of the user's own
-        identity["algorithm"]["type"] = f"{cls.__module__}:{cls.__qualname__}"
+    kind = identity["algorithm"].pop("kind")
+    own = f"{cls.__module__}:{cls.__qualname__}"
+    identity["algorithm"]["type"] = old_name(kind, KIND_OF_TYPE) if kind in KINDS else own
     for group, setting, names in SETTINGS:
         if setting in identity[group]:
             identity[group][setting] = old_name(identity[group][setting], names)

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from typing import Any
 
 import pytest
 import yaml
@@ -90,7 +91,7 @@ def test_a_sweep_file_of_the_users_own_may_choose_an_algorithm_and_sweep_its_set
         "--config-dir", str(my_lab / "conf"),
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    found = [read_config(folder).algorithm for folder in run_folders(tmp_path / "runs")]
+    found: list[Any] = [read_config(folder).algorithm for folder in run_folders(tmp_path / "runs")]
     assert sorted((one.kind, one.gamma) for one in found) == [("sac", 0.9), ("sac", 0.95)]
 
 
@@ -104,7 +105,8 @@ def test_an_algorithm_of_a_package_is_trained_and_its_run_read_again(my_lab, tmp
     (folder,) = run_folders(tmp_path / "runs")
     assert yaml.safe_load((folder / "config.yaml").read_text())["algorithm"]["_target_"] == "my_lab.mine.MineConfig"
     config = read_config(folder)
-    assert (type(config.algorithm).__name__, config.algorithm.layers) == ("MineConfig", 4)
+    algorithm: Any = config.algorithm
+    assert (type(algorithm).__name__, algorithm.layers) == ("MineConfig", 4)
     assert config.identity()["algorithm"]["kind"] == "my_lab.mine.MineConfig"
     assert "_target_" not in config.identity()["algorithm"]
 

@@ -6,8 +6,8 @@ import sys
 
 SCRIPT = """
 import json, resource
-from experiments import runtime
-runtime.set_process_defaults(2)
+from experiments.commands.process_defaults import set_process_defaults
+set_process_defaults(2)
 import torch
 def faults():
     before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
@@ -28,7 +28,7 @@ def test_a_process_keeps_its_memory_and_has_the_threads_that_were_asked_for():
 
 
 def test_threads_of_openmp_sleep_unless_the_user_says_otherwise():
-    ask = "import os; from experiments import runtime; print(os.environ['OMP_WAIT_POLICY'])"
+    ask = "import os; import experiments.commands.process_defaults; print(os.environ['OMP_WAIT_POLICY'])"
 
     def policy(**environment):
         done = subprocess.run([sys.executable, "-c", ask], capture_output=True, text=True, check=True, env=environment)

@@ -13,7 +13,7 @@ from experiments.commands.hydra_app import compose
 from experiments.reproduce import SETTINGS, build
 from experiments.reproduction.plan import make_plan
 from experiments.runs.run_folder import read_config
-from experiments.settings import CHECKOUT, ConfigError, as_data, label_in_0_1, run_config
+from experiments.settings import CHECKOUT, ConfigError, RunFolderError, as_data, label_in_0_1, run_config
 
 LABELS = json.loads((Path(__file__).parent / "labels_0_1.json").read_text())  # that release 0.1 itself printed
 OLD_TYPES = {
@@ -85,8 +85,13 @@ def test_a_setting_of_0_1_is_told_its_new_name(group, settings, says):
         run_config({group: settings})
 
 
+@pytest.mark.parametrize("text", ["algorithm: 3", "task: [a]", "algorithm: {type: [a]}"])
+def test_settings_in_no_shape_that_any_release_wrote_are_refused(tmp_path, text):
+    (tmp_path / "config.yaml").write_text(text)
+    with pytest.raises(RunFolderError, match=r"config.yaml: (algorithm|task)"):
+        read_config(tmp_path)
+
+
 def test_an_override_of_0_1_is_told_its_new_name():
-    with pytest.raises(
-        ConfigError, match=r"algorithm.type: since release 0.2 kind .* names the class of an algorithm"
-    ):
+    with pytest.raises(ConfigError, match=r"algorithm.type: since release 0.2 kind .* names the class of an algorithm"):
         compose(["algorithm.type=experiments.curl:CURLConfig"])
