@@ -1,0 +1,147 @@
+"""The code that a run executes, as one fingerprint for each part: what a checkpoint may be resumed under.
+
+A part is the kernel, the learner, the environment, the sampler of levels, or a module of the user's own. The fingerprint
+of a kernel is that of its text, so it changes with the rules and with nothing else. The fingerprint of Python code does
+not change with comments, docstrings, layout, or the texts of error messages. The command line, the pictures for people,
+the tracking and the report are no part of it: a run does not execute them.
+"""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import importlib.util
+from collections.abc import Iterable, Iterator, Mapping, Set
+from functools import cache
+from importlib.machinery import PathFinder
+from pathlib import Path
+
+import segar
+from experiments.levels.builders import distribution_of, environment_options
+from experiments.settings.config import RunConfig
+from segar.engine import generate
+from segar.envs import world_of
+
+# Where the learner's own code ends: what these rooms do decides no weight.
+LEARNING = ("experiments.algorithms", "experiments.collection", "experiments.networks")
+# Rooms of the library that are executed beside the kernel. The rules, the task and the engine are in the kernel's text.
+ENVIRONMENT = ("envs", "observations", "support")
+SAMPLER = ("levels", "noise", "language")
+
+
+def executed_code(config: RunConfig) -> dict[str, str]:
+    """Name of each part to sixteen hexadecimal digits, for the run with these settings.
+
+    The parts are ``kernel``, ``learner``, ``environment``, ``sampler``, ``textures`` where the observation has them, and
+    the name of every module of the user's own that a setting names (``my_lab.levels``), with what it imports of its package.
+    """
+    task = environment_options(config)["task"]
+    levels = distribution_of(config.levels, "train").sample(1, seed=0, split="train")
+    parts = {"kernel": _digest([generate(levels.layout, world_of(levels), task.functions()).text.encode()])}
+    learner = config.algorithm.learner.partition(":")[0]
+    parts["learner"] = fingerprint(learner)
+    parts["environment"], parts["sampler"] = _library(ENVIRONMENT), _library(SAMPLER)
+    if "textures" in config.observation.name:
+        parts["textures"] = _library(("textures",))
+    settings = (config.levels.train, config.levels.test_distribution, config.levels.variation, config.levels.test_variation,
+                config.task.name, config.observation.name)  # fmt: skip
+    modules = {name.partition(":")[0] for name in settings if name and ":" in name}
+    return {**parts, **{module: fingerprint(module) for module in sorted(modules)}}
+
+
+def combined(parts: Mapping[str, str]) -> str:
+    """Sixteen hexadecimal digits for all parts together."""
+    return _digest(f"{name}={value}".encode() for name, value in sorted(parts.items()))
+
+
+def differing_parts(before: Mapping[str, str] | str, now: Mapping[str, str]) -> list[str]:
+    """Names of the parts that differ; of code that 0.1 recorded, which knew no parts, ``all``."""
+    if isinstance(before, str):
+        return ["all"]
+    return sorted(name for name in {*before, *now} if before.get(name) != now.get(name))
+
+
+def fingerprint(module: str) -> str:
+    """Sixteen hexadecimal digits over ``module`` and all that it imports of its own package and of the learners."""
+    found = modules_reached(module, {module.partition(".")[0]})
+    return _digest(_normalised(path) for _, path in sorted(found.items()))
+
+
+def modules_reached(module: str, packages: Set[str]) -> dict[str, Path]:
+    """Name and file of ``module`` and of the modules that it imports of ``packages``; nothing is imported here.
+
+    Of ``experiments``, only what learns counts; of ``segar``, nothing: it has parts of its own.
+    """
+    found: dict[str, Path] = {}
+    waiting = [module]
+    while waiting:
+        name = waiting.pop()
+        path = None if name in found else _source(name)
+        if path is None:
+            continue
+        found[name] = path
+        waiting += [other for other in _imports(name, path) if _counts(other, packages)]
+    return found
+
+
+def _counts(module: str, packages: Set[str]) -> bool:
+    package = module.partition(".")[0]
+    if package == "experiments":
+        return module.startswith(LEARNING)
+    return package in packages and package != "segar"
+
+
+def _source(module: str) -> Path | None:
+    """The file of a module; None where the name is that of something in a module, or a package without code."""
+    top, *rest = module.split(".")
+    spec = importlib.util.find_spec(top)
+    for name in rest:
+        if spec is None or spec.submodule_search_locations is None:
+            return None
+        # Of a dotted name, importlib.util.find_spec would import what stands before the last dot.
+        spec = PathFinder.find_spec(f"{spec.name}.{name}", spec.submodule_search_locations)
+    return Path(spec.origin) if spec is not None and spec.origin is not None else None
+
+
+def _imports(module: str, path: Path) -> Iterator[str]:
+    """Absolute names of what a module imports, at its top or within; of ``from a import b`` both ``a`` and ``a.b``."""
+    package = module if path.name == "__init__.py" else module.rpartition(".")[0]
+    for node in ast.walk(ast.parse(path.read_bytes())):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            above = ".".join(package.split(".")[: len(package.split(".")) + 1 - node.level]) if node.level else ""
+            source = ".".join(part for part in (above, node.module) if part)
+            yield from (source, *(f"{source}.{alias.name}" for alias in node.names))
+
+
+@cache
+def _library(rooms: tuple[str, ...]) -> str:
+    """The fingerprint of rooms of ``segar``, with the data that they ship."""
+    folder = Path(segar.__file__).resolve().parent
+    files = [path for room in rooms for path in sorted((folder / room).rglob("*")) if path.suffix in (".py", ".npz")]
+    return _digest(_normalised(path) if path.suffix == ".py" else path.read_bytes() for path in files)
+
+
+def _digest(contents: Iterable[bytes]) -> str:
+    digest = hashlib.sha256()
+    for content in contents:
+        digest.update(hashlib.sha256(content).digest())
+    return digest.hexdigest()[:16]
+
+
+def _normalised(path: Path) -> bytes:
+    """The syntax tree of a file without docstrings and without the texts of what it raises."""
+    tree = ast.parse(path.read_bytes())
+    for node in ast.walk(tree):
+        body = getattr(node, "body", None)
+        if isinstance(body, list):
+            kept = [one for one in body if not (isinstance(one, ast.Expr) and _is_text(one.value))]
+            node.body = kept  # type: ignore[attr-defined]
+        if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call):
+            node.exc.args = [argument for argument in node.exc.args if not _is_text(argument)]
+    return ast.dump(tree).encode()
+
+
+def _is_text(node: ast.AST) -> bool:
+    return isinstance(node, ast.JoinedStr) or (isinstance(node, ast.Constant) and isinstance(node.value, str))

@@ -1,0 +1,223 @@
+"""Which way imports point: down one ordered list of rooms, through the faces of rooms, and never in a circle."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from tests.places import ROOT
+
+# From the bottom to the top: a room imports only from rooms that stand before it. The commands of experiments are files.
+ORDER = [
+    "segar.errors",
+    "segar.support",
+    "segar.language",
+    "segar.rules",
+    "segar.noise",
+    "segar.levels",
+    "segar.engine",
+    "segar.reference",
+    "segar.tasks",
+    "segar.textures",
+    "segar.metrics",
+    "segar.observations",
+    "segar.rendering",
+    "segar.envs",
+    "segar.hardness",
+    "segar.datasets",
+    "segar.cli",
+    "segar",
+    "segar.__main__",
+    "experiments.settings",
+    "experiments.commands",
+    "experiments.levels",
+    "experiments.runs",
+    "experiments.networks",
+    "experiments.collection",
+    "experiments.algorithms",
+    "experiments.tracking",
+    "experiments.evaluation",
+    "experiments.training",
+    "experiments.textures",
+    "experiments.reproduction",
+    "experiments.train",
+    "experiments.evaluate",
+    "experiments.results",
+    "experiments.dashboard",
+    "experiments.upload",
+    "experiments.make_textures",
+    "experiments.search",
+    "experiments.reproduce",
+    "experiments",
+    "analysis.tables",
+    "analysis.stats",
+    "analysis.plotting",
+    "analysis.probes",
+    "analysis.studies",
+    "analysis.experiment_runs",
+    "analysis.collect",
+    "analysis.curves",
+    "analysis.renderings",
+    "analysis.report",
+    "analysis.ship",
+    "analysis",
+]
+
+# What the order alone would allow: (who, whom).
+STRANGERS = [
+    ("segar.engine", "segar.rules"),  # the engine knows no built-in physics
+    ("segar.engine", "segar.noise"),
+    ("segar.reference", "segar.rules"),
+    ("segar.metrics", "segar.engine"),  # measures and textures never see the engine
+    ("segar.textures", "segar.engine"),
+]
+# Modules that need a large or optional package: their rooms' faces do not load them, so they are imported by themselves.
+OPTIONAL = {
+    "segar.envs.torchrl_env",
+    "segar.rendering.marks",
+    "segar.rendering.painter",
+    "segar.rendering.window",
+}
+MOST_ROOMS = {"segar": 18, "experiments": 20}
+PACKAGES = ("segar", "experiments", "analysis")
+
+
+@dataclass(frozen=True)
+class Import:
+    """One name that a file imports, at its top or inside a function."""
+
+    importer: str  # module
+    target: str  # module
+    name: str  # what is taken from it; empty where the module itself is imported
+    place: str  # file and line
+
+
+def module_name(path: Path) -> str:
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+MODULES = {module_name(path): path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))}
+
+
+def room_of(module: str) -> str:
+    room = ".".join(module.split(".")[:2])
+    return room if room in ORDER else module.split(".")[0]
+
+
+def imports_of(module: str, source: str) -> Iterator[Import]:
+    for node in ast.walk(ast.parse(source)):
+        place = f"{module.replace('.', '/')}:{getattr(node, 'lineno', 0)}"
+        if isinstance(node, ast.Import):
+            yield from (Import(module, alias.name, "", place) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            for alias in node.names:
+                inner = f"{node.module}.{alias.name}"
+                yield (
+                    Import(module, inner, "", place)
+                    if inner in MODULES
+                    else Import(module, node.module, alias.name, place)
+                )
+
+
+def own_imports() -> list[Import]:
+    return [
+        found
+        for module, path in MODULES.items()
+        for found in imports_of(module, path.read_text())
+        if found.target.split(".")[0] in PACKAGES
+    ]
+
+
+IMPORTS = own_imports()
+
+
+def objections(one: Import) -> Iterator[str]:
+    """Why an import is not allowed."""
+    here, there = room_of(one.importer), room_of(one.target)
+    if here == there:
+        return
+    if ORDER.index(there) > ORDER.index(here):
+        yield f"{one.place}: {one.importer} imports {one.target}, and {there} stands above {here}"
+    if (here, there) in STRANGERS:
+        yield f"{one.place}: {here} must not know {there}"
+    if one.name.startswith("_") and one.name != "__version__":
+        yield f"{one.place}: {one.name} is private to {there}"
+    behind_face = there.startswith("segar.") and there != "segar.errors" and one.target != there
+    if behind_face and one.target not in OPTIONAL and here != "segar":
+        yield f"{one.place}: import from the face {there}, not from {one.target}"
+
+
+def test_every_import_points_down_and_goes_through_a_face():
+    wrong = [objection for one in IMPORTS for objection in objections(one)]
+    assert not wrong, "\n" + "\n".join(wrong)
+
+
+@pytest.mark.parametrize(
+    ("importer", "target"),
+    [
+        ("segar.engine.simulator", "segar.tasks"),
+        ("segar.engine.compiler.kernel", "segar.rules"),
+        ("segar.reference.interpreter", "segar.tasks"),
+        ("segar.language.values", "segar.noise"),
+        ("segar.levels.files", "segar.metrics"),
+        ("segar.metrics.wasserstein", "segar.engine"),
+        ("segar.textures.inputs", "segar.engine"),
+        ("segar.rendering.camera", "segar.envs"),
+        ("segar.envs.vector", "segar.levels.level_set"),
+        ("segar.cli.play", "experiments.runs"),
+        ("experiments.settings.run", "experiments.runs"),
+        ("experiments.evaluation.episodes", "experiments.training"),
+        ("experiments.training.run", "analysis.tables"),
+        ("analysis.stats.power", "analysis.report"),
+    ],
+)
+def test_a_turned_arrow_is_found(importer, target):
+    assert list(objections(Import(importer, target, "anything", "here:1")))
+
+
+def test_files_import_each_other_in_no_circle():
+    arrows: dict[str, set[str]] = {module: set() for module in MODULES}
+    for one in IMPORTS:
+        if one.target in MODULES:
+            arrows[one.importer].add(one.target)
+    while leaves := {module for module, targets in arrows.items() if not targets & arrows.keys() - {module}}:
+        arrows = {module: targets for module, targets in arrows.items() if module not in leaves}
+    assert not arrows, "\n" + "\n".join(
+        f"{module}: {sorted(targets & arrows.keys())}" for module, targets in arrows.items()
+    )
+
+
+def test_experiments_name_no_module_of_analysis_in_a_string():
+    wrong = [
+        f"{module}:{node.lineno}: {node.value!r}"
+        for module, path in MODULES.items()
+        if module.startswith(("experiments", "segar"))
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.Constant) and isinstance(node.value, str)
+        and re.fullmatch(r"analysis(\.\w+)+(:\w+)?", node.value)
+    ]  # fmt: skip
+    assert not wrong, "\n" + "\n".join(wrong)
+
+
+@pytest.mark.parametrize("package", MOST_ROOMS)
+def test_there_are_few_rooms(package):
+    rooms = {module.split(".")[1] for module in MODULES if module.startswith(f"{package}.")}
+    assert len(rooms) <= MOST_ROOMS[package], sorted(rooms)
+    assert {f"{package}.{room}" for room in rooms} <= {*ORDER}, "every room has its place in the order"
+
+
+@pytest.mark.parametrize("package", sorted(m for m, path in MODULES.items() if path.name == "__init__.py"))
+def test_no_module_is_hidden_by_a_function_of_its_name(package):
+    inside = [
+        m for m in MODULES if m.rpartition(".")[0] == package and m not in OPTIONAL and not m.endswith("__main__")
+    ]
+    for module in inside:
+        loaded = importlib.import_module(module)
+        assert getattr(importlib.import_module(package), module.rpartition(".")[2]) is loaded, f"{module} is hidden"
