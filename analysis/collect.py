@@ -27,6 +27,7 @@ from analysis.tables import performance, select, write_csv
 from experiments.commands.hydra_app import run_simple_command
 from experiments.levels.mixed_levels import SEPARATOR
 from experiments.reproduction.imported_results import RUNS, TRANSFERS
+from experiments.runs.executed_code import combined
 from experiments.runs.files import replacing
 from experiments.runs.journal import read_journal
 from experiments.runs.run_folder import (
@@ -262,7 +263,7 @@ def made_with(versions: Mapping[str, Any]) -> dict[str, str]:
     git = versions["git"]
     libraries = {"python": versions["python"], **versions["libraries"]}
     return {
-        "code": versions["code"],
+        "code": combined(versions["code"]),
         "commit": git["commit"] + ("+" if git["changed"] else "") if git else "",
         "libraries": ", ".join(f"{name} {version}" for name, version in libraries.items() if version),
     }

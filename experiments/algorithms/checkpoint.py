@@ -20,22 +20,25 @@ import torch
 from torch import nn
 
 from experiments.algorithms.learner import Learner
+from experiments.runs.executed_code import differing_parts
 from experiments.runs.files import replacing, write_bytes
 from experiments.runs.run_folder import CHECKPOINT, CONFIG, DAMAGED, PREVIOUS
-from experiments.runs.versions import code_fingerprint
 from experiments.settings import CheckpointError, RunConfig, TrainingError
 
 FORMAT = 1
 TRAIN_ANEW = "restart=true trains anew"
 
 
-def save_checkpoint(folder: Path, config: RunConfig, learner: Learner, extra: Mapping[str, Any]) -> None:
+def save_checkpoint(
+    folder: Path, config: RunConfig, learner: Learner, extra: Mapping[str, Any], code: Mapping[str, str]
+) -> None:
     """Writes the run's newest checkpoint; what was the newest becomes the one before.
 
     At every moment, also when the process is killed in here, the folder holds a whole checkpoint.
 
     Args:
         extra: what else the run needs to go on; tensors, numbers, text, and dicts and lists of these.
+        code: the parts of :func:`experiments.runs.executed_code.executed_code`.
 
     Raises:
         TrainingError: a weight is not finite; such a checkpoint would be of no use, and the old ones stay.
@@ -45,7 +48,7 @@ def save_checkpoint(folder: Path, config: RunConfig, learner: Learner, extra: Ma
     content = {
         "format": FORMAT,
         "config": config.hash(),
-        "code": code_fingerprint(config.algorithm.learner),
+        "code": dict(code),
         "architecture": architecture(learner.policy),
         "frames": learner.frames,
         "policy": learner.policy.state_dict(),
@@ -62,7 +65,7 @@ def save_checkpoint(folder: Path, config: RunConfig, learner: Learner, extra: Ma
 
 
 def resume_checkpoint(
-    folder: Path, config: RunConfig, learner: Learner, say: Callable[[str], None] = print
+    folder: Path, config: RunConfig, learner: Learner, code: Mapping[str, str], say: Callable[[str], None] = print
 ) -> dict[str, Any] | None:
     """Puts the learner where the run's checkpoint was; returns its ``extra``, or None where there is no checkpoint.
 
@@ -77,7 +80,12 @@ def resume_checkpoint(
         return None
     path, content = found
     _require_equal(path, "configuration", content["config"], config.hash())
-    _require_equal(path, "code", content["code"], code_fingerprint(config.algorithm.learner))
+    differing = differing_parts(content["code"], code)
+    if differing:
+        raise CheckpointError(
+            f"{path} was written by other code: {', '.join(differing)} changed since. Go back to the code that wrote it, "
+            "or train anew with restart=true"
+        )
     _load_weights(path, learner.policy, content)
     learner.load_state_dict(content["learner"])
     return content["extra"]

@@ -17,6 +17,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from experiments.runs.executed_code import fingerprint
 from experiments.runs.files import replacing
 from experiments.runs.run_folder import (
     MARK,
@@ -29,7 +30,6 @@ from experiments.runs.run_folder import (
     write_json,
     write_rows,
 )
-from experiments.runs.versions import package_fingerprint
 from experiments.settings import (
     ACTION_MODES,
     ConfigError,
@@ -158,7 +158,7 @@ def read_about(folder: Path) -> dict[str, Any] | None:
 
 def code_of_probes() -> str:
     """A fingerprint of what measures, not of the library that is measured."""
-    return package_fingerprint(PROBER.partition(":")[0])
+    return fingerprint(PROBER.partition(":")[0])
 
 
 def figures_of(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:

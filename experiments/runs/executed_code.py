@@ -18,7 +18,7 @@ from pathlib import Path
 
 import segar
 from experiments.levels.builders import distribution_of, environment_options
-from experiments.settings.config import RunConfig
+from experiments.settings import RunConfig
 from segar.engine import generate
 from segar.envs import world_of
 
@@ -39,7 +39,7 @@ def executed_code(config: RunConfig) -> dict[str, str]:
     levels = distribution_of(config.levels, "train").sample(1, seed=0, split="train")
     parts = {"kernel": _digest([generate(levels.layout, world_of(levels), task.functions()).text.encode()])}
     learner = config.algorithm.learner.partition(":")[0]
-    parts["learner"] = fingerprint(learner)
+    parts["learner"] = fingerprint(learner, "experiments")
     parts["environment"], parts["sampler"] = _library(ENVIRONMENT), _library(SAMPLER)
     if "textures" in config.observation.name:
         parts["textures"] = _library(("textures",))
@@ -49,8 +49,10 @@ def executed_code(config: RunConfig) -> dict[str, str]:
     return {**parts, **{module: fingerprint(module) for module in sorted(modules)}}
 
 
-def combined(parts: Mapping[str, str]) -> str:
-    """Sixteen hexadecimal digits for all parts together."""
+def combined(parts: Mapping[str, str] | str) -> str:
+    """Sixteen hexadecimal digits for all parts together; those that 0.1 recorded as they are."""
+    if isinstance(parts, str):
+        return parts
     return _digest(f"{name}={value}".encode() for name, value in sorted(parts.items()))
 
 
@@ -61,9 +63,9 @@ def differing_parts(before: Mapping[str, str] | str, now: Mapping[str, str]) -> 
     return sorted(name for name in {*before, *now} if before.get(name) != now.get(name))
 
 
-def fingerprint(module: str) -> str:
-    """Sixteen hexadecimal digits over ``module`` and all that it imports of its own package and of the learners."""
-    found = modules_reached(module, {module.partition(".")[0]})
+def fingerprint(module: str, *packages: str) -> str:
+    """Sixteen hexadecimal digits over ``module`` and all that it imports of its own package and of ``packages``."""
+    found = modules_reached(module, {module.partition(".")[0], *packages})
     return _digest(_normalised(path) for _, path in sorted(found.items()))
 
 
@@ -86,9 +88,8 @@ def modules_reached(module: str, packages: Set[str]) -> dict[str, Path]:
 
 def _counts(module: str, packages: Set[str]) -> bool:
     package = module.partition(".")[0]
-    if package == "experiments":
-        return module.startswith(LEARNING)
-    return package in packages and package != "segar"
+    is_executed = module.startswith(LEARNING) if package == "experiments" else package != "segar"
+    return package in packages and is_executed
 
 
 def _source(module: str) -> Path | None:

@@ -14,6 +14,7 @@ from experiments.commands import process_defaults as runtime
 from experiments.commands.signals import Watch, watch_signals
 from experiments.evaluation.episodes import distance_figures, diversity_figures, evaluate_run, evaluation_figures
 from experiments.levels.builders import environment_options, make_levels
+from experiments.runs.executed_code import differing_parts, executed_code
 from experiments.runs.journal import Journal
 from experiments.runs.run_folder import (
     EPISODE_SCHEMA,
@@ -30,7 +31,7 @@ from experiments.runs.run_folder import (
     write_json,
     write_rows,
 )
-from experiments.runs.versions import code_fingerprint, levels_hash, versions
+from experiments.runs.versions import levels_hash, versions
 from experiments.settings import ConfigError, RunConfig, RunFolderError, TrainingError, import_object
 from experiments.tracking.mlflow_sync import files_of
 from experiments.tracking.tracker import NoTracker, Tracker, start_tracking
@@ -68,11 +69,18 @@ def run(config: RunConfig, say: Callable[[str], None] = print) -> RunResult:
     """
     runtime.set_process_defaults(config.num_threads)
     with claim(config) as folder, watch_signals() as signals:
-        if config.stale == "anew" and (folder / VERSIONS).exists() and not _is_by_this_code(config, folder):
-            say(f"{config.label()}: is trained anew, because it was made by other code")
+        changed = _changed_code(config, folder) if (folder / VERSIONS).exists() else []
+        if config.stale == "anew" and changed:
+            say(
+                f"{config.label()}: is trained anew, because it was made by other code: {', '.join(changed)} changed since"
+            )
             empty(folder, config)
         if is_finished(folder):
-            other = "" if _is_by_this_code(config, folder) else " (by other code than this; stale=anew trains anew)"
+            other = (
+                f" (by other code than this: {', '.join(changed)} changed since; stale=anew trains anew)"
+                if changed
+                else ""
+            )
             say(f"{config.label()}: finished before, nothing to do{other}; {folder}")
             return RunResult(folder, read_summary(folder), trained=False)
         journal = Journal(folder)
@@ -105,12 +113,12 @@ def _carry_out(
     kind = import_object(config.algorithm.learner, "algorithm")
     env = _make_environment(kind, config, train)
     learner: Learner = kind(config.algorithm, env, config.scale.frames, config.seed)
-    training = Training(config, folder, learner, journal, signals)
+    code = executed_code(config)
+    training = Training(config, folder, learner, journal, signals, code)
     hashes = {"train": levels_hash(train), "test": levels_hash(test)}
     training.resume(hashes, say)
     train.save(folder / LEVELS_TRAIN)
     test.save(folder / LEVELS_TEST)
-    code = code_fingerprint(config.algorithm.learner)
     write_json(folder / VERSIONS, {**versions(), "code": code, "levels": hashes})
     tracker.begin(training.history.rows)
 
@@ -150,8 +158,9 @@ def _make_environment(kind: Any, config: RunConfig, train: Any) -> Any:
         ) from error
 
 
-def _is_by_this_code(config: RunConfig, folder: Path) -> bool:
-    return read_versions(folder).get("code") == code_fingerprint(config.algorithm.learner)
+def _changed_code(config: RunConfig, folder: Path) -> list[str]:
+    """The parts of the code that are others than when the run was made."""
+    return differing_parts(read_versions(folder).get("code", ""), executed_code(config))
 
 
 def _closing_lines(config: RunConfig, folder: Path, summary: Mapping[str, Any]) -> str:

@@ -48,6 +48,7 @@ class Training:
     learner: Learner
     journal: Journal
     signals: Watch
+    code: Mapping[str, str]  # the parts of the code that the run executes
     history: History = field(default_factory=History)
     seconds: float = 0.0  # of training, also in processes before this one
 
@@ -60,7 +61,7 @@ class Training:
         Raises:
             CheckpointError: the checkpoint belongs to other code or other levels, or is damaged.
         """
-        extra = resume_checkpoint(self.folder, self.config, self.learner, say)
+        extra = resume_checkpoint(self.folder, self.config, self.learner, self.code, say)
         if extra is None:
             return
         # The module that defines levels may be the user's; no fingerprint of code sees it.
@@ -116,7 +117,7 @@ class Training:
         """Writes metrics and checkpoint; raises :class:`RunFolderError`, and :class:`TrainingError` as :meth:`train`."""
         # Metrics first: rows beyond the checkpoint are dropped when the run goes on, rows that are missing would stay so.
         self.history.write(self.folder)
-        save_checkpoint(self.folder, self.config, self.learner, {"seconds": self.seconds})
+        save_checkpoint(self.folder, self.config, self.learner, {"seconds": self.seconds}, self.code)
 
     def evaluate(self, test: Any) -> dict[str, float]:
         """Mean figures on the levels ``test``, one episode each, in both action modes."""

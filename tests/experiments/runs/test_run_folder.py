@@ -10,6 +10,7 @@ import pytest
 
 from experiments.algorithms.ppo import PPO
 from experiments.levels.builders import make_levels
+from experiments.runs.executed_code import executed_code
 from experiments.runs.files import write_text
 from experiments.runs.run_folder import (
     CHECKPOINT,
@@ -153,10 +154,13 @@ def test_resume_can_be_forbidden(config, monkeypatch):
 
 def test_a_finished_run_of_other_code_is_kept_unless_it_is_to_be_made_anew(config, monkeypatch):
     run(config)
-    monkeypatch.setattr(run_module, "code_fingerprint", lambda _: "0123456789abcdef")
+    monkeypatch.setattr(run_module, "executed_code", lambda config: {**executed_code(config), "learner": "another"})
     said = []
     assert not run(config, said.append).trained
-    assert "finished before, nothing to do (by other code than this; stale=anew trains anew)" in said[-1]
+    assert (
+        "finished before, nothing to do (by other code than this: learner changed since; stale=anew trains anew)"
+        in said[-1]
+    )
     assert run(dataclasses.replace(config, stale="anew"), said.append).trained
     assert "is trained anew, because it was made by other code" in said[-2]
     assert not run(dataclasses.replace(config, stale="anew"), said.append).trained

@@ -1,0 +1,124 @@
+"""What a run may be resumed under: the code that it executes, whoever wrote that code, and nothing else."""
+
+import dataclasses
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+
+import segar
+from experiments.runs import executed_code as module
+from experiments.runs.executed_code import combined, differing_parts, executed_code, fingerprint, modules_reached
+from experiments.settings import LevelsConfig, ObservationConfig, RunConfig, SACConfig
+
+CONFIG = RunConfig(levels=LevelsConfig(train="empty-easy", count=2, test_count=2))
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    """A package of the user's: an algorithm that imports a neighbour, and something that it does not import."""
+    folder = tmp_path / "my_lab"
+    folder.mkdir()
+    (folder / "__init__.py").touch()
+    (folder / "mine.py").write_text(
+        "from experiments.algorithms.ppo import PPO\nfrom . import parts\nfrom .sums import add as plus\n"
+    )
+    for name in ("parts", "sums", "other"):
+        (folder / f"{name}.py").write_text("add = max\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    yield folder
+    for name in [name for name in sys.modules if name.partition(".")[0] == "my_lab"]:
+        del sys.modules[name]
+
+
+@pytest.fixture
+def library(tmp_path, monkeypatch):
+    """A copy of segar's source that may be edited."""
+    folder = tmp_path / "library" / "segar"
+    shutil.copytree(Path(segar.__file__).parent, folder, ignore=shutil.ignore_patterns("__pycache__"))
+    monkeypatch.setattr("segar.__file__", str(folder / "__init__.py"))
+    module._library.cache_clear()
+    yield folder
+    module._library.cache_clear()
+
+
+def edited(path: Path, old: str, new: str) -> None:
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new))
+    module._library.cache_clear()
+
+
+def test_all_that_a_learner_imports_of_its_package_and_of_ours_counts(package):
+    found = modules_reached("my_lab.mine", {"my_lab", "experiments"})
+    ours = {name for name in found if name.startswith("experiments.")}
+    assert {*found} - ours == {"my_lab", "my_lab.mine", "my_lab.parts", "my_lab.sums"}
+    assert {"experiments.algorithms.ppo", "experiments.networks.encoders", "experiments.networks.policies"} <= ours
+    assert not [name for name in ours if name.startswith(("experiments.settings", "experiments.commands"))]
+
+
+@pytest.mark.parametrize(("file", "counts"), [("mine", True), ("sums", True), ("other", False)])
+def test_an_edit_changes_the_fingerprint_if_the_learner_imports_it(package, file, counts):
+    before = fingerprint("my_lab.mine")
+    path = package / f"{file}.py"
+    path.write_text(f'"""What it is for."""\n{path.read_text()}  # why\n')
+    assert fingerprint("my_lab.mine") == before
+    path.write_text(f"{path.read_text()}more = 1\n")
+    assert (fingerprint("my_lab.mine") != before) == counts
+
+
+def test_the_text_of_an_error_is_no_code_that_a_run_executes(package):
+    path = package / "mine.py"
+    path.write_text('def check(x):\n    if x < 0:\n        raise ValueError(f"{x} is wrong")\n')
+    before = fingerprint("my_lab.mine")
+    edited(path, "{x} is wrong", "{x} is less than 0; give another")
+    assert fingerprint("my_lab.mine") == before
+    edited(path, "x < 0", "x <= 0")
+    assert fingerprint("my_lab.mine") != before
+
+
+@pytest.mark.parametrize(
+    ("file", "parts"),
+    [
+        ("cli/play.py", []),
+        ("rendering/scene.py", []),
+        ("errors.py", []),
+        ("envs/vector.py", ["environment"]),
+        ("observations/protocol.py", ["environment"]),
+        ("levels/distribution.py", ["sampler"]),
+    ],
+)
+def test_an_edit_of_the_library_changes_the_parts_that_execute_it(library, file, parts):
+    before = executed_code(CONFIG)
+    path = library / file
+    path.write_text(path.read_text() + "\nmore = 1\n")
+    module._library.cache_clear()
+    assert differing_parts(before, executed_code(CONFIG)) == parts
+
+
+def test_textures_are_a_part_where_they_are_shown(library):
+    textured = dataclasses.replace(CONFIG, observation=ObservationConfig("textures"))
+    plain, before = executed_code(CONFIG), executed_code(textured)
+    path = next((library / "textures" / "data").glob("*.npz"))
+    path.write_bytes(path.read_bytes() + b"more")
+    module._library.cache_clear()
+    assert differing_parts(before, executed_code(textured)) == ["textures"]
+    assert executed_code(CONFIG) == plain
+
+
+def test_other_rules_are_another_kernel_and_another_algorithm_is_another_learner(package):
+    (package / "levels.py").write_text(
+        "import segar\n\n\ndef frictionless():\n    return segar.family('empty-easy').with_rules([segar.rules.move])\n"
+    )
+    before = executed_code(CONFIG)
+    other = dataclasses.replace(CONFIG, levels=dataclasses.replace(CONFIG.levels, train="my_lab.levels:frictionless"))
+    assert differing_parts(before, executed_code(other)) == ["kernel", "my_lab.levels"]
+    sac = dataclasses.replace(CONFIG, algorithm=SACConfig())
+    assert differing_parts(before, executed_code(sac)) == ["learner"]
+
+
+def test_parts_of_today_and_the_fingerprint_of_0_1_are_compared_and_combined():
+    assert differing_parts("0123456789abcdef", {"kernel": "a"}) == ["all"]
+    assert combined("0123456789abcdef") == "0123456789abcdef"
+    assert combined({"a": "1", "b": "2"}) == combined({"b": "2", "a": "1"}) != combined({"a": "2", "b": "1"})
