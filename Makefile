@@ -17,7 +17,7 @@ SCALE ?= quick
 SWEEP ?= demo
 ARGS ?=
 
-VENV := .venv
+VENV ?= .venv
 PY := $(VENV)/bin/python
 # Written last, so that it exists only after an installation that went through.
 STAMP := $(VENV)/.installed
