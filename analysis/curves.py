@@ -1,7 +1,7 @@
 """``python -m analysis.curves``: how each algorithm learns, from one run each, as a figure, a table and two CSV files.
 
 Runs that are there are read, the others are trained first; ``only=[sac, drq]`` does so for some, and leaves the rows of
-the others as they are. The figure and the table of ``docs/algorithms.md`` are its output.
+the others as they are. The figure and the table of ``docs/reference/algorithms.md`` are its output.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ class CurvesConfig:
     only: tuple[str, ...] = ()  # names of curves; none: all
     root: str | None = None  # where the run folders lie; None: runs/ of the checkout
     out: str | None = None  # the folder of docs; None: docs/ of the checkout
-    page: str | None = None  # whose table is replaced; None: algorithms.md in that folder
+    page: str | None = None  # whose table is replaced; None: reference/algorithms.md in that folder
     num_threads: int = 2
 
     def __post_init__(self) -> None:
@@ -92,7 +92,7 @@ def curves(config: CurvesConfig) -> None:
     points = pd.concat([points_of(curve, folders[curve.name]) for curve in chosen], ignore_index=True)
     rows, points = (merged(out / "results" / name, table) for name, table in ((TABLE_CSV, rows), (CURVES_CSV, points)))
     save_figure(figure(rows, points), out / "images" / FIGURE)
-    page = Path(config.page) if config.page else out / "algorithms.md"
+    page = Path(config.page) if config.page else out / "reference" / "algorithms.md"
     write_text(page, with_table(page.read_text(), rows))
     print(page)
 

@@ -1,6 +1,7 @@
 """The rules of the 2022 simulator where ours are mended, to prove that the engine can be bent that far.
 
-``docs/reference-differences.md`` says what is mended and why. Constants and orders of operation: REFERENCE, sections 6 to 8.
+``docs/reference/differences-from-2022.md`` says what is corrected and why. Constants and orders of operation: REFERENCE,
+sections 6 to 8.
 """
 
 from __future__ import annotations

@@ -21,7 +21,8 @@ TINY = (
 def docs(tmp_path, monkeypatch):
     monkeypatch.setattr(page, "CURVES", (Curve("new", "empty-easy", TINY, 256), Curve("old", "empty-hard", (), 10)))
     monkeypatch.setattr(page, "POINTS", 2)
-    (tmp_path / "algorithms.md").write_text(f"# Algorithms\n\n{BEGIN}\nan older table\n{END}\nthe rest\n")
+    (tmp_path / "reference").mkdir()
+    (tmp_path / "reference" / "algorithms.md").write_text(f"# Algorithms\n\n{BEGIN}\nan older table\n{END}\nthe rest\n")
     return tmp_path
 
 
@@ -41,7 +42,7 @@ def test_a_run_becomes_a_line_a_curve_and_a_figure_and_other_lines_stay(docs, tm
         assert table[f"test_success_{mode}"][0] == pytest.approx(expected)
     points = pd.read_csv(docs / "results" / "curves.csv")
     assert list(points["frames"]) == [128, 128, 256, 256] and {*points["mode"]} == {"deterministic", "sampled"}
-    text = (docs / "algorithms.md").read_text()
+    text = (docs / "reference" / "algorithms.md").read_text()
     assert "older" not in text and text.endswith(f"{END}\nthe rest\n") and "| old | empty-hard |" in text
     assert (docs / "images" / "algorithms.png").stat().st_size > 1000
 

@@ -1,8 +1,13 @@
-"""The programs in docs/ run as they are printed, as files of a package outside segar, and print what the pages say."""
+"""The programs in docs/ run as they are printed, as files of a package outside segar, and print what the pages say.
+
+A ``python`` block is a file of the package ``my_lab``. A ``bash`` block is run in the folder of that package, between the
+programs around it. Other blocks (``sh``, ``yaml``, ``text``) are not run.
+"""
 
 from __future__ import annotations
 
 import functools
+import importlib
 import json
 import os
 import re
@@ -20,15 +25,20 @@ DOCS = ROOT / "docs"
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.M | re.S)
 FILE = re.compile(r"# my_lab/(\w+)\.py\n")
 LINK = re.compile(r"\]\((?!https?:)([^)#\s]*)(#[^)\s]+)?\)")
+NAMES = re.compile(r"^\| `([\w.]+)` \| [^|]* \| (`[^|]*`) \|$", re.M)  # a row of docs/reference/api.md
+TRAINING = "experiments.train"  # a bash block with it takes minutes
 
-# One process runs all programs of a page in order; a program is imported once, whoever imports it first.
+# One process runs all blocks of a page in order; a program is imported once, whichever program imports it first.
 RUN = """
-import contextlib, importlib, io, json, sys
+import contextlib, importlib, io, json, subprocess, sys
 printed = {}
 for name in sys.argv[2:]:
     out = io.StringIO()
-    with contextlib.redirect_stdout(out):
-        importlib.import_module("my_lab." + name)
+    if name.endswith(".sh"):
+        subprocess.run(["bash", "-eu", name], check=True, stdout=subprocess.DEVNULL)
+    else:
+        with contextlib.redirect_stdout(out):
+            importlib.import_module("my_lab." + name)
     printed[name] = out.getvalue()
     with open(sys.argv[1], "w") as file:
         json.dump(printed, file)
@@ -37,56 +47,85 @@ for name in sys.argv[2:]:
 
 @dataclass(frozen=True)
 class Program:
-    """A python block of a page: the file that its first line names, and what the text block after it says."""
+    """A python or bash block of a page.
+
+    Attributes:
+        name: of the file that its first line states; of a bash block, a number and ``.sh``.
+        output: the text block that follows.
+        slow: whether a training comes before it, or it trains itself.
+    """
 
     page: str
     name: str
     source: str
     output: str | None
+    slow: bool
 
 
 def programs_of(page: Path) -> list[Program]:
     blocks = BLOCK.findall(page.read_text())
-    found = []
+    found: list[Program] = []
     for n, (language, body) in enumerate(blocks):
-        if language != "python":
+        if language not in ("python", "bash"):
             continue
         file = FILE.match(body)
-        assert file, f"{page.name}: the first line of a program must be '# my_lab/<name>.py', not {body[:60]!r}"
+        assert file or language == "bash", (
+            f"{page.name}: the first line of a program must be '# my_lab/<name>.py', not {body[:60]!r}"
+        )
         following = blocks[n + 1] if n + 1 < len(blocks) else ("", "")
-        found.append(Program(page.stem, file[1], body, following[1] if following[0] == "text" else None))
+        slow = any(program.slow for program in found) or (language == "bash" and TRAINING in body)
+        name = file[1] if file else f"{n}.sh"
+        output = following[1] if following[0] == "text" else None
+        found.append(Program(name_of(page), name, body, output, slow))
     return found
 
 
-PAGES = {page.stem: programs_of(page) for page in sorted(DOCS.glob("*.md"))}
+def name_of(page: Path) -> str:
+    """The path of a page below docs/, without its ending."""
+    return page.relative_to(DOCS).with_suffix("").as_posix()
+
+
+PAGES = {name_of(page): programs_of(page) for page in sorted(DOCS.rglob("*.md"))}
 PROGRAMS = [program for programs in PAGES.values() for program in programs]
 
 
 @functools.cache
-def printed_by(page: str) -> tuple[dict[str, str], str]:
-    """What the programs of a page print, up to the first that fails, and what that one complains of."""
+def printed_by(page: str, with_slow: bool) -> tuple[dict[str, str], str]:
+    """What the programs of a page print, up to the first that fails, and the error output."""
+    chosen = [program for program in PAGES[page] if with_slow or not program.slow]
     with tempfile.TemporaryDirectory() as folder:
         package = Path(folder) / "my_lab"
         package.mkdir()
         (package / "__init__.py").touch()
-        for program in PAGES[page]:
-            (package / f"{program.name}.py").write_text(program.source)
+        for program in chosen:
+            is_shell = program.name.endswith(".sh")
+            (Path(folder) / program.name if is_shell else package / f"{program.name}.py").write_text(program.source)
         result = Path(folder) / "printed.json"
-        environment = os.environ | {"PYTHONPATH": f"{ROOT}{os.pathsep}{folder}", "PYTHONDONTWRITEBYTECODE": "1"}
-        command = [sys.executable, "-c", RUN, str(result), *(program.name for program in PAGES[page])]
+        environment = os.environ | {
+            "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
+            "PYTHONPATH": f"{ROOT}{os.pathsep}{folder}",
+            "PYTHONDONTWRITEBYTECODE": "1",
+        }
+        command = [sys.executable, "-c", RUN, str(result), *(program.name for program in chosen)]
         run = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
         return (json.loads(result.read_text()) if result.exists() else {}), run.stderr
 
 
-@pytest.mark.parametrize("program", PROGRAMS, ids=lambda program: f"{program.page}-{program.name}")
+@pytest.mark.parametrize(
+    "program",
+    [
+        pytest.param(program, id=f"{program.page}-{program.name}", marks=[pytest.mark.slow] if program.slow else [])
+        for program in PROGRAMS
+    ],
+)
 def test_a_program_runs_and_prints_what_the_page_says(program):
-    printed, complaint = printed_by(program.page)
-    assert program.name in printed, complaint
+    printed, error_output = printed_by(program.page, program.slow)
+    assert program.name in printed, error_output
     assert printed[program.name] == (program.output or "")
 
 
 def test_every_program_has_a_name_of_its_own():
-    names = [program.name for program in PROGRAMS]
+    names = [program.name for program in PROGRAMS if not program.name.endswith(".sh")]
     assert not {name for name in names if names.count(name) > 1}
 
 
@@ -95,13 +134,26 @@ def test_every_page_stands_in_the_index():
     assert not [page for page in PAGES if page != "README" and f"({page}.md" not in index]
 
 
-@pytest.mark.parametrize("page", [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))], ids=lambda page: page.stem)
+@pytest.mark.parametrize(
+    "page", [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.rglob("*.md"))], ids=lambda page: page.stem
+)
 def test_links_lead_to_files_and_headings(page):
     for target, heading in LINK.findall(BLOCK.sub("", page.read_text())):
         aim = (page.parent / target).resolve() if target else page
         assert aim.exists(), f"{page.name}: there is no {target}"
         if heading:
             assert heading[1:] in _anchors(aim), f"{page.name}: {target} has no heading {heading}"
+
+
+def test_every_decision_has_a_number_of_its_own():
+    numbers = [page.name[:4] for page in sorted((DOCS / "decisions").glob("*.md"))]
+    assert numbers == [f"{n:04}" for n in range(1, len(numbers) + 1)]
+
+
+@pytest.mark.parametrize(("room", "names"), NAMES.findall((DOCS / "reference" / "api.md").read_text()))
+def test_a_room_has_the_names_that_the_reference_lists(room, names):
+    face = importlib.import_module(room)
+    assert not [name for name in re.findall(r"`(\w+)`", names) if not hasattr(face, name)]
 
 
 def _anchors(page: Path) -> set[str]:

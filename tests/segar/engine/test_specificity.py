@@ -1,4 +1,4 @@
-"""Which rule is more specific: the table in docs/conflicts.md against the code, row by row, and against its laws."""
+"""Which rule is more specific: the table in docs/reference/conflicts.md against the code, row by row, and its invariants."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from segar.levels.level_set import Levels
 from tests.places import ROOT
 from tests.segar.engine.worlds import after, read
 
-PAGE = ROOT / "docs" / "conflicts.md"
+PAGE = ROOT / "docs" / "reference" / "conflicts.md"
 ROW = re.compile(r"^\| (.*?) \| (.*?) \| `(.*)` \|$", re.M)
 ROWS = [(what, number, example.replace(r"\|", "|")) for what, number, example in ROW.findall(PAGE.read_text())]
 COMPUTED = {"relation=is_on & is_equal(Mobile, True)": 1 + 2, "relation=is_on | is_equal(Mobile, True)": max(1, 2)}
