@@ -15,7 +15,7 @@ from segar.errors import ConflictError, RuleError
 from segar.language.factors import Charge, InfiniteEnergy, Magnetism, Mass, Mobile, Position, Size, StoredEnergy
 from segar.language.task import Task
 from segar.levels.level_set import Levels
-from segar.levels.named_families.registry import OBJECTS, TASK_LEVELS, TILES
+from segar.levels.named_families import OBJECTS, TASK_LEVELS, TILES
 from segar.reference.interpreter import Interpreter
 from segar.rules import DEFAULT_RULES
 from segar.tasks.puttputt_task import puttputt

@@ -74,7 +74,7 @@ from segar.language.values import arctan2, cos, exp, log, maximum, minimum, sin,
 from segar.levels.conditional import Dependent
 from segar.levels.distribution import LevelDistribution
 from segar.levels.level_set import Levels
-from segar.levels.named_families.registry import families, family
+from segar.levels.named_families import families, family
 from segar.levels.priors import Prior
 from segar.metrics.level_design import design
 from segar.noise import *  # noqa: F403

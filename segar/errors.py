@@ -1,4 +1,4 @@
-"""What SEGAR raises, and how a message finds the nearest right name."""
+"""The errors that SEGAR raises, and the nearest known name for their messages."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ class PriorError(SegarError):
 
 
 class PlacementError(SegarError):
-    """Entities cannot be placed as the level distribution asks."""
+    """Entities cannot be placed as the level distribution requires."""
 
 
 class LevelError(SegarError):
-    """Levels or a level file cannot be used as asked."""
+    """Levels or a level file cannot be used in this way."""
 
 
 class ActionError(SegarError):

@@ -228,7 +228,7 @@ def components(factor: type[Factor], law: Noise | None) -> list[tuple[str, Noise
 
 def type_law(distribution: Any, levels: Levels, name: str) -> Noise:
     """The law of the number of the type that fills a slot, given that it is filled."""
-    for group in distribution._plan.groups:
+    for group in distribution.plan.groups:
         if name in [levels.layout.names[slot] for slot in group.slots]:
             return Choice([float(kind) for kind in group.types], list(group.probabilities))
     raise LevelError(f"no entry of numbers fills '{name}'")

@@ -50,7 +50,7 @@ def described(distribution: LevelDistribution) -> list[Described]:
 def composition(distribution: LevelDistribution) -> dict[str, dict[str, Any]]:
     """By entity: its ``types``, their ``probabilities``, whether it is ``optional``, and the probability that it is
     ``there``."""
-    plan, found = distribution._plan, {}
+    plan, found = distribution.plan, {}
     for group in plan.groups:
         values, masses = as_noise(group.count).atoms
         shares: dict[str, float] = {}
@@ -70,14 +70,14 @@ def composition(distribution: LevelDistribution) -> dict[str, dict[str, Any]]:
 
 def numbers(distribution: LevelDistribution) -> list[tuple[list[str], Noise]]:
     """The entities of which there is a number that varies, and the law of that number."""
-    plan = distribution._plan
+    plan = distribution.plan
     laws = [([plan.layout.names[slot] for slot in group.slots], as_noise(group.count)) for group in plan.groups]
     return [(names, law) for names, law in laws if len(law.atoms[0]) > 1]
 
 
 def _shapes(distribution: LevelDistribution) -> dict[str, list[Described]]:
     found: dict[str, list[Described]] = {}
-    for outline in distribution._plan.outlines:
+    for outline in distribution.plan.outlines:
         name = distribution.layout.names[outline.slot]
         found.setdefault(name, []).append(Described(name, Shape, outline.shapes))
     return found
@@ -85,7 +85,7 @@ def _shapes(distribution: LevelDistribution) -> dict[str, list[Described]]:
 
 def _conditional(distribution: LevelDistribution) -> dict[str, list[Described]]:
     """What ``marginals`` leaves out, as it is in some levels; entities that share their priors are one law."""
-    plan, known = distribution._plan, distribution.marginals()
+    plan, known = distribution.plan, distribution.marginals()
     draws: dict[tuple[int, type[Factor]], list[Draw]] = {}
     for draw in plan.draws:
         if draw.factor not in known[plan.layout.names[draw.slot]]:

@@ -1,4 +1,8 @@
-"""Levels: what they are, the distributions that they are sampled from, and what is known about these distributions."""
+"""Levels, the distributions that they are sampled from, and the probabilities and entropies of these distributions.
+
+The room imports ``errors``, ``support``, ``language``, ``rules`` and ``noise``. ``sampling`` draws levels,
+``probability`` computes what is known without sampling; others use the names that are imported here.
+"""
 
 from segar.levels.checks import require_distribution, require_factors, require_generator, require_levels, require_units
 from segar.levels.distribution import LevelDistribution
@@ -11,47 +15,12 @@ from segar.levels.moments import (
     gather,
     gather_parameters,
     gather_state,
-    law_moments,
     mean_and_variance,
     moments_of_distribution,
     moments_of_levels,
+    source_moments,
 )
-from segar.levels.named_families.registry import DIFFICULTIES, TASK_LEVELS, TASKS, families, family
+from segar.levels.named_families import DIFFICULTIES, TASK_LEVELS, TASKS, families, family
 from segar.levels.priors import Prior, factors_needed
-from segar.levels.probability.marginals import marginals, mix, slot_laws
-from segar.levels.sampling.plan import Draw, Group, Plan
-
-__all__ = [
-    "DIFFICULTIES",
-    "LEVEL_ARRAYS",
-    "TASKS",
-    "TASK_LEVELS",
-    "Draw",
-    "Group",
-    "LevelDistribution",
-    "Levels",
-    "Plan",
-    "PointSets",
-    "Prior",
-    "Provenance",
-    "content_hash",
-    "entity_types",
-    "factors_needed",
-    "families",
-    "family",
-    "gather",
-    "gather_parameters",
-    "gather_state",
-    "law_moments",
-    "marginals",
-    "mean_and_variance",
-    "mix",
-    "moments_of_distribution",
-    "moments_of_levels",
-    "require_distribution",
-    "require_factors",
-    "require_generator",
-    "require_levels",
-    "require_units",
-    "slot_laws",
-]
+from segar.levels.probability.marginals import marginals, mix, slot_distributions
+from segar.levels.sampling.plan import Draw, SamplingPlan, SlotGroup

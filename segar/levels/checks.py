@@ -1,4 +1,4 @@
-"""What measures ask of their arguments: level sets, distributions, generators, factors and units, each refused by name."""
+"""Checks of what measures are given: level sets, distributions, generators, factors and units."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from segar.errors import LevelError, SegarError, did_you_mean
 from segar.language import Factor
+from segar.levels.distribution import LevelDistribution
 from segar.levels.level_set import Levels
 
 
@@ -22,12 +23,11 @@ def require_levels(what: str, *sets: object) -> None:
             )
 
 
-def require_distribution(what: str, law: object) -> None:
-    """Raise :class:`LevelError` in the name of the function ``what`` unless it is a level distribution."""
-    from segar.levels.distribution import LevelDistribution
-
-    if not isinstance(law, LevelDistribution):
-        raise LevelError(f"{what} needs a level distribution (segar.LevelDistribution), not a {type(law).__name__}")
+def require_distribution(what: str, given: object) -> LevelDistribution:
+    """The level distribution that is given; else raise :class:`LevelError` in the name of the function ``what``."""
+    if not isinstance(given, LevelDistribution):
+        raise LevelError(f"{what} needs a level distribution (segar.LevelDistribution), not a {type(given).__name__}")
+    return given
 
 
 def require_generator(what: str, rng: object) -> None:

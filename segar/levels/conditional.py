@@ -1,4 +1,4 @@
-"""Laws that depend on other factors, of the same entity or of another one: scaled and shifted by typed functions of them."""
+"""Distributions that typed functions of other factors scale and shift, factors of the same entity or of another one."""
 
 from __future__ import annotations
 
@@ -26,28 +26,28 @@ from segar.language import (
 from segar.noise import Noise
 
 Read = Callable[[type[Factor], int], np.ndarray]
-"""Tells a component (0 or 1) of a factor, one number per entity."""
+"""From a factor and a component (0 or 1) to its values, float64 ``(entities,)``."""
 
 UNREADABLE = ("parameter", "action", "wall", "relation", "draw")
 
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Dependent:
-    """The law of ``shift + scale * x`` where x follows ``law``, and shift or scale depend on the entity.
+    """The distribution of ``shift + scale * x`` where x follows ``law``, and shift or scale depend on the entity.
 
     ``Prior(Mass, Dependent(UniformNoise(0.9, 1.1), scale=weight))`` with ``def weight(size: Size) -> float: ...`` makes
     larger things heavier. ``Prior(Charge, Dependent(GaussianNoise(0, 0.1), shift=opposite, of="golfball"))`` with
-    ``def opposite(q: Charge) -> float: ...`` lets charges follow that of one thing. For another law in another case,
+    ``def opposite(q: Charge) -> float: ...`` lets charges follow that of one thing. For another distribution in another case,
     condition priors on relations instead.
 
     Args:
-        law: on the line.
+        law: a distribution on the line.
         shift, scale: a number, or a typed function of numeric factors of one entity, written as rules are. What it
             reads is drawn first. The scale must never be zero, which is checked where it is drawn.
         of: name of the entity whose factors are read, one that is in every level; None for the entity itself.
 
     Raises:
-        PriorError: the law is not on the line, or a function reads anything but factors of one entity.
+        PriorError: the distribution is not on the line, or a function reads anything but factors of one entity.
     """
 
     law: Noise
@@ -57,7 +57,7 @@ class Dependent:
 
     def __post_init__(self) -> None:
         if not isinstance(self.law, Noise) or self.law.width != 1:
-            raise PriorError(f"Dependent needs a law on the line, not {self.law!r}")
+            raise PriorError(f"Dependent needs a distribution on the line, not {self.law!r}")
         if self.of is not None and not isinstance(self.of, str):
             raise PriorError(f"Dependent: of must be the name of an entity, such as 'golfball', not {self.of!r}")
         for name in ("shift", "scale"):
@@ -70,9 +70,9 @@ class Dependent:
         return frozenset(symbol.args[1] for symbol in symbols if symbol.op == "load")
 
     def shift_and_scale(self, read: Read, count: int) -> tuple[np.ndarray, np.ndarray]:
-        """Both for ``count`` entities, float64 ``(count,)`` each."""
+        """Shift and scale for ``count`` entities, float64 ``(count,)`` each."""
         found: dict[int, Any] = {}
-        with np.errstate(all="ignore"):  # what is not finite is reported by who asks
+        with np.errstate(all="ignore"):  # the caller reports values that are not finite
             shift, scale = (_compute(symbol, read, found) for symbol in (self.shift, self.scale))
         return np.broadcast_to(shift, (count,)), np.broadcast_to(scale, (count,))
 
@@ -169,7 +169,7 @@ _SIGNS = {"add": "+", "sub": "-", "mul": "*", "div": "/", "lt": "<", "le": "<=",
 
 
 def _shown(symbol: Symbol) -> str:
-    """The expression as one would write it."""
+    """The expression as a reader would write it."""
     if symbol.op == "const":
         return f"{symbol.args[0]:g}"
     if symbol.op == "load":

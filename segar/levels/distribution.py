@@ -1,5 +1,5 @@
 """Level distributions: how many entities of which types, and priors over their factors. Data, from which levels are
-sampled and laws are read."""
+sampled and distributions are read."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -23,19 +23,20 @@ from segar.language import (
     ThingFactory,
     name_slots,
 )
+from segar.levels.explanation import Explanation, explain
 from segar.levels.hashing import content_hash
 from segar.levels.level_data import Provenance
 from segar.levels.level_set import Levels
 from segar.levels.priors import Prior, check_priors
+from segar.levels.probability.entropy import acceptance, entropy, log_acceptance
+from segar.levels.probability.log_prob import log_probability
+from segar.levels.probability.marginals import marginals
 from segar.levels.sampling.draws import Streams, draw_levels
 from segar.levels.sampling.placement import MIN_DISTANCE
-from segar.levels.sampling.plan import Group, Plan, make_plan
+from segar.levels.sampling.plan import SamplingPlan, SlotGroup, make_plan
 from segar.noise import Noise
 from segar.rules import World
 from segar.support import Estimate, __version__
-
-if TYPE_CHECKING:
-    from segar.levels.explanation import Explanation
 
 CONFIG_KEYS = ("numbers", "priors", "parameters", "positions", "name", "world", "min_distance", "task")
 
@@ -45,10 +46,10 @@ class LevelDistribution:
     """A distribution of levels, as data: how many entities of which types, and priors over their factors.
 
     Args:
-        numbers: pairs (entity type or ``ThingFactory``, how many); how many is a whole number or a law of such.
+        numbers: pairs (entity type or ``ThingFactory``, how many); how many is a whole number or a distribution of such.
         priors: :class:`segar.Prior` objects; the most specific one counts. Priors for entity types that ``numbers``
             does not name are left aside, so that distributions can share a list of priors.
-        parameters: world parameter class to value or law; the same as ``Prior(Gravity, ...)`` in ``priors``.
+        parameters: world parameter class to value or distribution; the same as ``Prior(Gravity, ...)`` in ``priors``.
         positions: pairs (entity type, places ``(k, 2)`` [m]): the first k entities of the type always start there.
         name: for people and provenance.
         world: the rules, a :class:`segar.World`; None for the default ones.
@@ -58,7 +59,7 @@ class LevelDistribution:
             they are given another.
 
     Positions are drawn anew, at most 100 times per level, until all centres are farther apart than ``min_distance``;
-    all else keeps exactly the law that the priors state.
+    all else keeps exactly the distribution that the priors state.
 
     Raises:
         LevelError: the configuration has an unknown key, or numbers or positions make no sense.
@@ -71,7 +72,7 @@ class LevelDistribution:
     parameters: tuple[tuple[type[Parameter], Any], ...]
     positions: tuple[tuple[type[Entity], tuple[tuple[float, float], ...]], ...]
     name: str | None
-    world: Any
+    world: World | None
     min_distance: float
     task: str | None
 
@@ -82,14 +83,15 @@ class LevelDistribution:
         parameters: Any = None,
         positions: Any = None,
         name: str | None = None,
-        world: Any = None,
+        world: World | None = None,
         min_distance: float = MIN_DISTANCE,
         task: str | None = None,
         **unknown: Any,
     ) -> None:
         for key in unknown:
             raise LevelError(f"a level distribution has no '{key}'.{did_you_mean(key, CONFIG_KEYS)}")
-        _check_world(world)
+        if world is not None and not isinstance(world, World):
+            raise LevelError(f"world must be a segar.World or None, not {world!r}; with_rules takes a list of rules")
         if not (isinstance(min_distance, (int, float)) and min_distance >= 0):
             raise LevelError(f"min_distance must be a number of metres, at least 0, not {min_distance!r}")
         if not isinstance(task, str | None):
@@ -106,7 +108,7 @@ class LevelDistribution:
         if not len(self.layout.slots) > 1:
             raise LevelError("numbers must name at least one entity")
         check_priors(self.priors, self.layout.types[:-1])
-        _ = self._plan  # contradictions show here, not at the first sample
+        _ = self.plan  # contradictions show here, not at the first sample
 
     def sample(self, n: int, seed: int = 0, split: str = "train") -> Levels:
         """The first ``n`` levels of a split. Level i depends on (distribution, seed, split, i) alone.
@@ -114,7 +116,7 @@ class LevelDistribution:
         Raises:
             LevelError: n, seed or split is of the wrong kind.
             PlacementError: the things of a level find no place; the message names level and things.
-            PriorError: a law gave a value that its factor cannot take.
+            PriorError: a distribution gave a value that its factor cannot take.
         """
         if isinstance(n, bool) or not isinstance(n, (int, np.integer)) or n < 1:
             raise LevelError(f"{self}: the number of levels must be a whole number above 0, not {n!r}")
@@ -123,7 +125,7 @@ class LevelDistribution:
         if not isinstance(split, str):
             raise LevelError(f"{self}: the split must be a text such as 'train' or 'test', not {split!r}")
         indices = np.arange(int(n), dtype=np.int64)
-        block = draw_levels(self._plan, Streams(str(self), self._stream, int(seed), split), indices)
+        block = draw_levels(self.plan, Streams(str(self), self._stream, int(seed), split), indices)
         return Levels(
             layout=self.layout,
             types=block.types,
@@ -164,15 +166,13 @@ class LevelDistribution:
         return dataclasses.replace(self, world=dataclasses.replace(world, rules=rules))
 
     def marginals(self) -> dict[str, dict[type[Factor], Noise]]:
-        """The law of every numeric factor of every slot, given that the slot is filled by an entity that holds it; and
+        """The distribution of every numeric factor of every slot, given that the slot is filled by an entity that holds it; and
         under ``"parameters"`` that of every world parameter.
 
         Positions are as their priors say, before placement draws again or moves. Factors with conditional priors have
-        no law of their own and are left out.
+        no distribution of their own and are left out.
         """
-        from segar.levels.probability.marginals import marginals
-
-        return marginals(self._plan)
+        return marginals(self.plan)
 
     def log_prob(self, levels: Levels, normalised: bool = True) -> np.ndarray:
         """Log probability of each level, float64 ``(n,)``; -inf where the level cannot be drawn.
@@ -188,29 +188,21 @@ class LevelDistribution:
             PriorError: a prior draws an Order that may be 0, so that a level does not show how it came about.
             PlacementError: placement accepts too rarely for an estimate.
         """
-        from segar.levels.probability.entropy import log_acceptance
-        from segar.levels.probability.log_prob import log_probability
-
-        found = log_probability(self._plan, self._own(levels))
+        found = log_probability(self.plan, self._own(levels))
         total = found.simple + found.other
-        return total - log_acceptance(self._plan, found, self._acceptances)[0] if normalised else total
+        return total - log_acceptance(self.plan, found, self._acceptances)[0] if normalised else total
 
     def log_acceptance(self, levels: Levels) -> tuple[np.ndarray, np.ndarray]:
         """Log probability that positions drawn for the things of each level are far enough apart, and its standard
         error, float64 ``(n,)`` each; raises as ``log_prob`` does."""
-        from segar.levels.probability.entropy import log_acceptance
-        from segar.levels.probability.log_prob import log_probability
-
-        return log_acceptance(self._plan, log_probability(self._plan, self._own(levels)), self._acceptances)
+        return log_acceptance(self.plan, log_probability(self.plan, self._own(levels)), self._acceptances)
 
     def acceptance(self, draws: int = 100_000, seed: int = 0) -> Estimate:
         """The share of levels whose things are far enough apart at the first try, with its standard error.
 
         Placement tries 100 times per level: with a share p, it fails for a level with probability ``(1 - p)^100``.
         """
-        from segar.levels.probability.entropy import acceptance
-
-        return acceptance(self._plan, Streams(str(self), self._stream, int(seed), "acceptance"), draws)
+        return acceptance(self.plan, Streams(str(self), self._stream, int(seed), "acceptance"), draws)
 
     def entropy(self, draws: int = 20_000, seed: int = 0) -> Estimate:
         """Entropy [nats] with respect to the measure of ``log_prob``, with its standard error.
@@ -219,9 +211,7 @@ class LevelDistribution:
         (given that no two things are too close) count by the mean over ``draws`` levels of a split of their own.
         Raises as ``sample`` and ``log_prob`` do.
         """
-        from segar.levels.probability.entropy import entropy
-
-        return entropy(self._plan, self.sample(draws, seed, split="entropy"), self._acceptances)
+        return entropy(self.plan, self.sample(draws, seed, split="entropy"), self._acceptances)
 
     def explain(self, entity: type[Entity] | str | None, factor: type[Factor]) -> Explanation:
         """Which prior sets a factor, and why: an :class:`Explanation`, to be printed.
@@ -232,9 +222,7 @@ class LevelDistribution:
         Raises:
             PriorError: there is no such entity, it may be of several types, or it lacks the factor.
         """
-        from segar.levels.explanation import explain
-
-        return explain(self._plan, self.priors, entity, factor)
+        return explain(self.plan, self.priors, entity, factor)
 
     def _own(self, levels: Levels) -> Levels:
         if levels.layout != self.layout:
@@ -246,7 +234,7 @@ class LevelDistribution:
 
     @cached_property
     def _acceptances(self) -> dict[Any, Estimate]:
-        """Acceptances that were estimated, by the laws of the positions."""
+        """Acceptances that were estimated, by the distributions of the positions."""
         return {}
 
     def __repr__(self) -> str:
@@ -276,13 +264,14 @@ class LevelDistribution:
         return content_hash(self._content, with_classes=False)
 
     @cached_property
-    def _plan(self) -> Plan:
+    def plan(self) -> SamplingPlan:
+        """All that sampling needs, read off numbers, priors, parameters and positions once."""
         groups, slot = [], 0
         for who, many in ((who, many) for who, many in self.numbers if counts(many)[1]):
             probabilities = who.probabilities if isinstance(who, ThingFactory) else (1.0,)
             places = tuple(map(self.layout.types.index, types_of(who)))
             slots = tuple(range(slot, slot + counts(many)[1]))
-            groups.append(Group(slots, many, places, probabilities))
+            groups.append(SlotGroup(slots, many, places, probabilities))
             slot += len(slots)
         priors = [p for p in self.priors if not issubclass(p.factor, Parameter)]
         fixed = _fixed_positions(self.layout, self.positions)
@@ -322,16 +311,15 @@ def _check_number(entry: Any) -> tuple[Any, Any]:
     if isinstance(many, Noise):
         values, masses = many.atoms if many.width == 1 else (np.zeros(0), np.zeros(0))
         if abs(masses.sum() - 1) > 1e-9 or (values < 0).any() or (values != np.rint(values)).any():
-            raise LevelError(f"numbers: how many {name} must be a law of whole numbers from 0 up, not {many!r}")
+            raise LevelError(
+                f"numbers: how many {name} must be a distribution of whole numbers from 0 up, not {many!r}"
+            )
         return who, many
     if isinstance(many, bool) or not isinstance(many, (int, np.integer)) or many < 0:
-        raise LevelError(f"numbers: how many {name} must be a whole number from 0 up or a law of such, not {many!r}")
+        raise LevelError(
+            f"numbers: how many {name} must be a whole number from 0 up or a distribution of such, not {many!r}"
+        )
     return who, int(many)
-
-
-def _check_world(world: Any) -> None:
-    if world is not None and not isinstance(world, World):
-        raise LevelError(f"world must be a segar.World or None, not {world!r}; with_rules takes a list of rules")
 
 
 def _check_prior(prior: Any) -> Prior:

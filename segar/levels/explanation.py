@@ -1,4 +1,4 @@
-"""Why a factor starts with the law that it has: the priors that were candidates, and how they were ranked."""
+"""Why a factor starts with the distribution that it has: the priors that were candidates, and how they were ranked."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from typing import Any
 from segar.errors import PriorError, did_you_mean
 from segar.language import Entity, Factor, Layout, Parameter, Position, holds
 from segar.levels.priors import Prior, factors_read, ranked, specificity
-from segar.levels.sampling.plan import Plan
+from segar.levels.sampling.plan import SamplingPlan
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A prior that speaks of the factor, and what became of it."""
+    """A prior on the factor, and whether it wins, loses or does not apply."""
 
     prior: Prior
     verdict: str
@@ -21,13 +21,13 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Explanation:
-    """What a factor of an entity starts with, and why. Printed, it tells the story.
+    """What a factor of an entity starts with, and why; ``print`` shows all of it.
 
     Attributes:
         subject: whose factor it is.
-        value: the law or constant of the winner; None where relations decide per level.
+        value: the distribution or constant of the winner; None where relations decide per level.
         winner: the prior that wins in every level, None where there is none or relations decide.
-        candidates: all priors that speak of the factor, most specific first.
+        candidates: all priors on the factor, most specific first.
         source: where the value comes from if no prior sets it.
     """
 
@@ -43,7 +43,7 @@ class Explanation:
         return "\n".join([*lines, *(f"  {c.prior}: {c.verdict}" for c in self.candidates)])
 
 
-def explain(plan: Plan, priors: tuple[Prior, ...], entity: Any, factor: type[Factor]) -> Explanation:
+def explain(plan: SamplingPlan, priors: tuple[Prior, ...], entity: Any, factor: type[Factor]) -> Explanation:
     """The explanation for a factor of an entity type, of the slot of that name, or (entity None) of a world parameter.
 
     Raises:
@@ -70,7 +70,7 @@ def explain(plan: Plan, priors: tuple[Prior, ...], entity: Any, factor: type[Fac
     return Explanation(subject, counting[0].value if decided else None, counting[0] if decided else None, candidates)
 
 
-def _explain_parameter(plan: Plan, priors: tuple[Prior, ...], factor: type[Parameter]) -> Explanation:
+def _explain_parameter(plan: SamplingPlan, priors: tuple[Prior, ...], factor: type[Parameter]) -> Explanation:
     if factor not in plan.layout.parameters:
         names = [p.__name__ for p in plan.layout.parameters]
         raise PriorError(f"these levels have no {factor.__name__}.{did_you_mean(factor.__name__, names)}")
@@ -79,7 +79,7 @@ def _explain_parameter(plan: Plan, priors: tuple[Prior, ...], factor: type[Param
     stated = drawn or next((p for p in priors if p.factor is factor), None)
     value, subject = float(plan.parameters[column]), f"{factor.__name__} of the world"
     if stated is not None:
-        only = (Candidate(stated, "wins: a parameter takes one value or law"),)
+        only = (Candidate(stated, "wins: a parameter takes one value or distribution"),)
         return Explanation(subject, stated.value, stated, only)
     default = value == factor.default
     return Explanation(subject, value, None, (), "the default" if default else "given in parameters=")
@@ -109,7 +109,7 @@ def _candidates(
 
 
 def rank(prior: Prior) -> str:
-    """The prior's specificity in words."""
+    """The prior's specificity as a text."""
     points, depth, _, _ = specificity(prior)
     reasons = []
     if prior.entity_type is not None:
@@ -120,7 +120,7 @@ def rank(prior: Prior) -> str:
 
 
 def _find(layout: Layout, entity: Any) -> tuple[type[Entity], int]:
-    """The entity type that is meant, and a slot: the one of that name, or -1."""
+    """The entity type, and a slot: the one of that name or the only one of that type, else -1."""
     types = layout.types
     if isinstance(entity, type) and issubclass(entity, Entity):
         if entity not in types:

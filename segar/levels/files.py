@@ -12,7 +12,7 @@ import numpy as np
 from segar.errors import LevelError, did_you_mean
 from segar.language import Entity, Factor, Layout, Parameter, Slot
 from segar.levels.level_data import LEVEL_ARRAYS, LevelData, Provenance
-from segar.levels.moments import Moments, law_moments
+from segar.levels.moments import Moments, source_moments
 from segar.support import ArchiveFormat
 
 FORMAT = ArchiveFormat("segar-levels", 1, "levels", "level file", LevelError)
@@ -25,20 +25,19 @@ def write_level_file(levels: LevelData, path: str | PathLike[str]) -> None:
 
 
 def read_level_file(path: str | PathLike[str]) -> dict[str, Any]:
-    """The arguments of :class:`segar.Levels`, but for the world; see :meth:`segar.Levels.load`."""
+    """The arguments of :class:`segar.Levels`, except the world; see :meth:`segar.Levels.load`."""
     arrays, metadata = FORMAT.read(Path(path), (*LEVEL_ARRAYS, "indices"))
-    layout = _layout(metadata, str(path))
-    origin = metadata["provenance"]
-    provenance = Provenance(
-        origin["name"],
-        origin["distribution"],
-        metadata["version"],
-        origin["seed"],
-        origin["split"],
-        arrays.pop("indices"),
-        tuple(metadata.get("rules", ())),
-    )
-    task, moments = metadata.get("task"), _moments(metadata, layout)
+    try:
+        layout = _layout(metadata, str(path))
+        rules = tuple(metadata.get("rules", ()))
+        provenance = Provenance(
+            **metadata["provenance"], version=metadata["version"], indices=arrays.pop("indices"), rules=rules
+        )
+        task, moments = metadata.get("task"), _moments(metadata, layout)
+    except (KeyError, IndexError, TypeError, StopIteration) as cause:
+        raise LevelError(
+            f"{path} is not a level file, or a damaged one: its description does not fit ({cause!r}); save the levels again"
+        ) from cause
     return {**arrays, "layout": layout, "provenance": provenance, "task": task, "moments": moments}
 
 
@@ -68,7 +67,7 @@ def _metadata(levels: LevelData) -> dict[str, Any]:
                 "mean": mean.tolist(),
                 "variance": variance.tolist(),
             }
-            for (kind, factor), (mean, variance) in law_moments(levels).items()
+            for (kind, factor), (mean, variance) in source_moments(levels).items()
         ],
     }
 
@@ -106,14 +105,17 @@ def _moments(metadata: dict[str, Any], layout: Layout) -> Moments:
 
 
 def _find(address: dict[str, Any], classes: Iterable[type], kind: str, path: str) -> type:
-    """The class of that module and name, else the only class of that name; the last defined one of several."""
+    """The class of that module and name, else the only class of that name; the last defined one of several.
+
+    A class of this package is found by its name in whatever module it stands now: modules have moved since 0.1.
+    """
     classes = list(classes)
     same_name = [c for c in classes if c.__name__ == address["name"]]
     exact = [c for c in same_name if (c.__module__, c.__qualname__) == (address["module"], address["qualname"])]
-    if exact:
-        return exact[-1]
-    if len(same_name) == 1:
-        return same_name[0]
+    if address["module"].startswith("segar."):
+        exact += [c for c in same_name if c.__module__.startswith("segar.")]
+    if exact or len(same_name) == 1:
+        return (exact or same_name)[-1]
     if same_name:
         modules = ", ".join(sorted({c.__module__ for c in same_name}))
         raise LevelError(

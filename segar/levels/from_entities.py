@@ -32,7 +32,7 @@ from segar.support import __version__
 def arrays_of_entities(
     levels: Sequence[Sequence[Entity]], parameters: Mapping[type[Parameter], Any], name: str | None
 ) -> dict[str, Any]:
-    """The arguments of :class:`segar.Levels`, but for the world; see :meth:`segar.Levels.from_entities`."""
+    """The arguments of :class:`segar.Levels`, except the world; see :meth:`segar.Levels.from_entities`."""
     _check_entities(levels)
     layout = _layout(levels, parameters)
     n, slots = len(levels), len(layout.slots)

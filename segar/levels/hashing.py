@@ -1,4 +1,4 @@
-"""What a distribution is made of, as text that is the same on every machine, and its hash."""
+"""Content hashes: what a distribution is made of, as text that is the same on every machine, and its hash."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def describe(value: Any, with_classes: bool = True) -> Any:
     if isinstance(value, (int, np.integer)):
         return int(value)
     if isinstance(value, (float, np.floating)):
-        return repr(float(value))  # shortest text that reads back exactly; json knows no infinities
+        return repr(float(value))  # shortest text that reads back exactly; json has no infinities
     if isinstance(value, (tuple, list, np.ndarray)):
         return [inner(item) for item in value]
     if isinstance(value, Mapping):
@@ -76,7 +76,7 @@ def _class_content(cls: type) -> list[Any]:
 
 
 def _fields(value: Any) -> list[tuple[str, Any]]:
-    """The fields of a law or shape; where its class is no dataclass, all attributes that were set."""
+    """The fields of a distribution or shape; where its class is no dataclass, all attributes that were set."""
     if dataclasses.is_dataclass(value):
         return [(f.name, getattr(value, f.name)) for f in dataclasses.fields(value)]
     cached = {

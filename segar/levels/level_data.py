@@ -1,15 +1,20 @@
-"""What a set of levels consists of: its arrays, and where they come from."""
+"""What a set of levels consists of: its arrays, and where they come from.
+
+The fields of levels stand here, apart from the methods of :class:`segar.Levels`: these methods draw, save and change
+levels through modules that take the fields as arguments.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from segar.language import Layout
+from segar.rules import World
 
 LEVEL_ARRAYS = (
     "types",
@@ -24,7 +29,7 @@ LEVEL_ARRAYS = (
 
 @dataclass(frozen=True, eq=False)
 class Provenance:
-    """Where levels come from: distribution (name and content hash), version, seed, split, and indices in the split.
+    """Where levels come from: distribution (name and content hash), version, seed, split, and int64 indices in the split.
 
     Levels that were made by hand have an empty ``distribution``. ``rules`` names the rules of their own that levels had
     when they were saved; it is empty for the default ones.
@@ -46,9 +51,15 @@ class Provenance:
         return same and np.array_equal(self.indices, other.indices)
 
 
+class LevelSource(Protocol):
+    """What levels need of the distribution that they are sampled from; :class:`segar.LevelDistribution` is one."""
+
+    def sample(self, n: int, seed: int = 0, split: str = "train") -> LevelData: ...
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class LevelData:
-    """The fields of :class:`segar.Levels`, which says what they are."""
+    """The fields of :class:`segar.Levels`, which documents them."""
 
     layout: Layout
     types: np.ndarray
@@ -59,8 +70,8 @@ class LevelData:
     parameters: np.ndarray
     sampled_values: np.ndarray
     provenance: Provenance
-    distribution: Any = None
-    world: Any = None
+    distribution: LevelSource | None = None
+    world: World | None = None
     task: str | None = None
     moments: Mapping[Any, tuple[np.ndarray, np.ndarray]] = dataclasses.field(default_factory=dict)
 

@@ -1,4 +1,4 @@
-"""Levels: the initial states of a set of levels as arrays, and where they come from."""
+"""Level sets: initial states as arrays, which can be picked from, saved, loaded and made from entities."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from segar.levels.files import read_level_file, write_level_file
 from segar.levels.from_entities import arrays_of_entities
 from segar.levels.level_data import LEVEL_ARRAYS, LevelData
 from segar.levels.sampling.draws import fix_block
+from segar.rules import World
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -40,7 +41,7 @@ class Levels(LevelData):
     """
 
     @classmethod
-    def load(cls, path: str | PathLike[str], world: Any = None) -> Levels:
+    def load(cls, path: str | PathLike[str], world: World | None = None) -> Levels:
         """Levels from a file that ``save`` wrote, in ``world`` (None: the default rules; files do not hold rules).
 
         Raises:
@@ -53,7 +54,7 @@ class Levels(LevelData):
         cls,
         levels: Sequence[Sequence[Entity]],
         parameters: Mapping[type[Parameter], Any] | None = None,
-        world: Any = None,
+        world: World | None = None,
         fix_overlaps: bool = False,
         name: str | None = None,
     ) -> Levels:
@@ -80,7 +81,7 @@ class Levels(LevelData):
         write_level_file(self, path)
 
     def without_overlaps(self) -> Levels:
-        """The same levels with things moved out of walls, and objects out of each other; see :mod:`segar.levels.sampling.placement`.
+        """The same levels with things moved out of walls, and objects out of each other.
 
         Raises:
             PlacementError: the things of a level do not fit; the message names it.

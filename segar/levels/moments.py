@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 
 from segar.language import HULL, Entity, Factor, GlobalFriction, Parameter, Size
-from segar.levels.level_data import LevelData
+from segar.levels.level_data import LevelData, LevelSource
 from segar.noise import wrap
 
 SPREAD_SAMPLE = 2000
@@ -27,7 +26,7 @@ class PointSets:
     counts: np.ndarray
     points: np.ndarray
     periods: np.ndarray | None = None
-    """Of each component, float64 ``[dimension]``, infinite where it is not one that comes round; None where none is."""
+    """Period of each component, float64 ``[dimension]``, infinite on the line; None where all components are on the line."""
 
     def with_count(self, count: int) -> tuple[np.ndarray, np.ndarray]:
         """Indices of the levels with ``count`` points, int ``[m]``, and these points, float64 ``[m, count, dimension]``."""
@@ -89,15 +88,15 @@ def gather_parameters(levels: LevelData, parameters: Sequence[type[Parameter]]) 
     return PointSets(np.ones(len(levels), np.int64), np.stack(columns, axis=1))
 
 
-def law_moments(levels: LevelData) -> Mapping[tuple[type, type[Factor]], tuple[np.ndarray, np.ndarray]]:
-    """Moments of the distribution that levels come from; none for levels made by hand."""
+def source_moments(levels: LevelData) -> Mapping[tuple[type, type[Factor]], tuple[np.ndarray, np.ndarray]]:
+    """Moments of the distribution that the levels come from; none for levels made by hand."""
     return levels.moments if levels.distribution is None else moments_of_distribution(levels.distribution)
 
 
 @lru_cache(maxsize=64)
-def moments_of_distribution(law: Any) -> Moments:
+def moments_of_distribution(distribution: LevelSource) -> Moments:
     """Moments of a distribution, from levels that stand for it; always the same ones."""
-    return moments_of_levels(law.sample(SPREAD_SAMPLE, seed=0, split="spread"))
+    return moments_of_levels(distribution.sample(SPREAD_SAMPLE, seed=0, split="spread"))
 
 
 def moments_of_levels(levels: LevelData) -> Moments:
@@ -118,7 +117,10 @@ def moments_of_levels(levels: LevelData) -> Moments:
 
 
 def mean_and_variance(values: np.ndarray, period: float | None) -> tuple[np.ndarray, np.ndarray]:
-    """Of each column; on the circle the mean direction, and the mean square of the ways from it."""
+    """Mean and variance of each column of ``values``, float64 ``[n, columns]``.
+
+    On a circle, the mean direction, and the mean square of the distances from it.
+    """
     if period is None:
         return values.mean(axis=0), values.var(axis=0)
     turn = 2 * np.pi / period

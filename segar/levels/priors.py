@@ -1,4 +1,4 @@
-"""Priors: which value or law a factor starts with, for which entities, and which of several priors counts.
+"""Priors: which value or distribution a factor starts with, for which entities, and which of several priors counts.
 
 The more specific prior wins (2022 order, with sub-classes of sub-classes told apart):
 
@@ -58,11 +58,11 @@ Specificity = tuple[int, int, bool, int]
 
 @dataclass(frozen=True)
 class Prior:
-    """The initial value of a factor: a constant, or a law from which each entity draws once per level.
+    """The initial value of a factor: a constant, or a distribution from which each entity draws once per level.
 
     Args:
         factor: a factor class (sub-classes of it are meant too), or a world parameter such as ``Gravity``.
-        value: a constant of the factor's kind, a :class:`segar.noise.Noise`, or a :class:`Dependent` law, which other
+        value: a constant of the factor's kind, a :class:`segar.noise.Noise`, or a :class:`Dependent` distribution, which other
             factors of the entity scale and shift; for ``Shape`` a shape or a ``Choice`` of shapes (a
             ``RandomConvexHull`` is drawn anew for each entity of each level).
         entity_type: only entities of this type or a sub-class of it.
@@ -89,7 +89,7 @@ class Prior:
 
     @property
     def is_random(self) -> bool:
-        """Whether the value is a law (a random shape counts as a value)."""
+        """Whether the value is a distribution (a random shape counts as a value)."""
         return isinstance(self.value, (Noise, Dependent))
 
     def __str__(self) -> str:
@@ -99,10 +99,12 @@ class Prior:
 
 
 def check_value(factor: type[Factor], value: Any) -> Any:
-    """The value or law as a prior on ``factor`` keeps it; raises :class:`PriorError`."""
+    """The value or distribution as a prior on ``factor`` keeps it; raises :class:`PriorError`."""
     name = factor.__name__
     if isinstance(value, type) and issubclass(value, Noise):
-        raise PriorError(f"Prior({name}, {value.__name__}): a law is needed, not its class; write {value.__name__}()")
+        raise PriorError(
+            f"Prior({name}, {value.__name__}): a distribution is needed, not its class; write {value.__name__}()"
+        )
     try:
         if isinstance(value, Dependent):
             _check_dependent(factor, value)
@@ -111,14 +113,14 @@ def check_value(factor: type[Factor], value: Any) -> Any:
             return _within_bounds(factor, factor.check(value))
         if factor is Shape:
             return _choice_of_shapes(value)
-        _check_law(factor, value)
+        _check_noise(factor, value)
     except FactorError as error:
         raise PriorError(f"Prior({name}, {value!r}): {error}") from None
     return value
 
 
 def check_priors(priors: Sequence[Prior], types: Sequence[type[Entity]]) -> None:
-    """Raise :class:`PriorError` if two priors have one condition, or one names a factor that no entity of its has."""
+    """Raise :class:`PriorError` if two priors have the same condition, or no entity that a prior is for has its factor."""
     conditions: dict[Any, Prior] = {}
     for prior in priors:
         relation = None if prior.relation is None else id(prior.relation.truth)  # equal expressions are one object
@@ -130,7 +132,7 @@ def check_priors(priors: Sequence[Prior], types: Sequence[type[Entity]]) -> None
             )
         conditions[condition] = prior
         if not issubclass(prior.factor, Parameter):
-            _check_somebody_has(prior, types)
+            _check_some_entity_has(prior, types)
 
 
 def ranked(priors: Sequence[Prior], entity: type[Entity], factor: type[Factor]) -> tuple[Prior, ...]:
@@ -182,20 +184,23 @@ def factors_read(prior: Prior) -> frozenset[type[Factor]]:
 
 
 def factors_needed(prior: Prior) -> frozenset[tuple[str | None, type[Factor]]]:
-    """The numeric factors that must be drawn before the prior, those that its relation or its law reads: pairs of the name
-    of an entity, None for the prior's own, and a factor."""
+    """The numeric factors that the prior's relation or distribution reads, which must be drawn before it.
+
+    Returns:
+        Pairs of the name of an entity, None for the prior's own one, and a factor.
+    """
     own = {(None, factor) for factor in factors_read(prior)}
-    law = prior.value
-    return frozenset(own | ({(law.of, factor) for factor in law.reads} if isinstance(law, Dependent) else set()))
+    noise = prior.value
+    return frozenset(own | ({(noise.of, factor) for factor in noise.reads} if isinstance(noise, Dependent) else set()))
 
 
 def relation_holds(prior: Prior, entity: type[Entity], read: Callable[[type[Factor], int], float]) -> bool:
-    """Whether the prior's relation holds for an entity; ``read`` tells a component (0 or 1) of a factor that it has."""
+    """Whether the prior's relation holds for an entity; ``read`` gives a component (0 or 1) of a factor of that entity."""
     return bool(_value(prior.relation.truth, entity, read))
 
 
 def _value(symbol: Symbol, entity: type[Entity], read: Callable[[type[Factor], int], float]) -> Any:
-    """A symbol computed from the entity's factors. ``and`` stops early: what follows may need factors that it lacks."""
+    """A symbol computed from the entity's factors. ``and`` stops early: later parts may need factors that it does not have."""
     match symbol.op:
         case "const":
             return symbol.args[0]
@@ -257,30 +262,32 @@ def _check_entity_type(prior: Prior) -> None:
         raise PriorError(f"Prior({name}, ...): the floor's friction is a parameter; write Prior(FloorFriction, ...)")
 
 
-def _check_law(factor: type[Factor], law: Noise) -> None:
-    if law.width != factor.width:
+def _check_noise(factor: type[Factor], noise: Noise) -> None:
+    if noise.width != factor.width:
         place = {0: "among things that are not numbers", 1: "on the line", 2: "on the plane"}
-        hint = "; Independent(x, y) makes one of two laws" if factor.width == 2 else ""
-        raise FactorError(f"a law {place[law.width]} does not suit a factor {place[factor.width]}{hint}")
+        hint = "; Independent(x, y) makes one of two distributions" if factor.width == 2 else ""
+        raise FactorError(f"a distribution {place[noise.width]} does not suit a factor {place[factor.width]}{hint}")
     if issubclass(factor, (Flag, Count)):
-        values, masses = law.atoms
+        values, masses = noise.atoms
         if abs(sum(masses) - 1) > 1e-9:
             raise FactorError(
-                f"{factor.__name__} needs a law of whole numbers, such as DiscreteRangeNoise or Bernoulli"
+                f"{factor.__name__} needs a distribution of whole numbers, such as DiscreteRangeNoise or Bernoulli"
             )
         for value in values:
             factor.check(value)
     if factor.bounds is not None:
-        low, high = law.support
+        low, high = noise.support
         if high < factor.bounds[0] or low > factor.bounds[1]:
             raise FactorError(f"lies outside the bounds {factor.bounds} of {factor.__name__}")
 
 
-def _check_dependent(factor: type[Factor], law: Dependent) -> None:
+def _check_dependent(factor: type[Factor], noise: Dependent) -> None:
     if factor.width != 1 or issubclass(factor, (Flag, Count, Shape)):
-        raise FactorError("a law that depends on other factors is for factors that are one real number")
+        raise FactorError("a distribution that depends on other factors is for factors that are one real number")
     if issubclass(factor, Parameter):
-        raise FactorError(f"{factor.__name__} belongs to the world, so its law cannot depend on an entity's factors")
+        raise FactorError(
+            f"{factor.__name__} belongs to the world, so its distribution cannot depend on an entity's factors"
+        )
 
 
 def _within_bounds(factor: type[Factor], value: Any) -> Any:
@@ -291,20 +298,20 @@ def _within_bounds(factor: type[Factor], value: Any) -> Any:
     return value
 
 
-def _choice_of_shapes(law: Noise) -> Choice:
-    if not isinstance(law, Choice):
-        raise FactorError("the law of a Shape must be a Choice of shapes")
-    return Choice([Shape.check(key) for key in law.keys], law.p)
+def _choice_of_shapes(noise: Noise) -> Choice:
+    if not isinstance(noise, Choice):
+        raise FactorError("the distribution of a Shape must be a Choice of shapes")
+    return Choice([Shape.check(key) for key in noise.keys], noise.p)
 
 
-def _check_somebody_has(prior: Prior, types: Sequence[type[Entity]]) -> None:
+def _check_some_entity_has(prior: Prior, types: Sequence[type[Entity]]) -> None:
     meant = [t for t in types if prior.entity_type is None or issubclass(t, prior.entity_type)]
     if any(holds(t, prior.factor) is not None for t in meant) or (prior.entity_type is not None and not meant):
         return  # priors for entity types that this distribution does not use may be shared with others
     names = [f.__name__ for t in meant for f in t.declared if not issubclass(f, (Text, Marker))]
-    who = "no entity" if prior.entity_type is None else f"no {prior.entity_type.__name__}"
+    owner = "no entity" if prior.entity_type is None else f"no {prior.entity_type.__name__}"
     raise PriorError(
-        f"{prior}: {who} in numbers has {prior.factor.__name__}.{did_you_mean(prior.factor.__name__, names)}"
+        f"{prior}: {owner} in numbers has {prior.factor.__name__}.{did_you_mean(prior.factor.__name__, names)}"
     )
 
 

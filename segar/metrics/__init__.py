@@ -1,4 +1,8 @@
-"""Distances between level sets and distributions, and what a set is worth: before anything is trained."""
+"""Distances between level sets and distributions, and measures of single level sets, all without any training.
+
+The room imports ``levels``, ``textures`` and the rooms below them, and never the engine. Others use the names that are
+imported here; each measure names its options and its source in its docstring.
+"""
 
 from segar.metrics.debiased import DebiasedW2, Floor, same_distribution_floor, w2_debiased
 from segar.metrics.decomposition import Decomposition, decompose
@@ -20,48 +24,3 @@ from segar.metrics.two_sample import TwoSampleTest, classifier_test, energy_test
 from segar.metrics.unbalanced import UnbalancedW2, w2_partial, w2_unbalanced
 from segar.metrics.visual import VisualDistance, clustering_w2, visual_distance, visual_w2
 from segar.metrics.wasserstein import W2Report, w2, w2_report
-
-__all__ = [
-    "Coverage",
-    "DebiasedW2",
-    "Decomposition",
-    "EntropicW2",
-    "FactorKS",
-    "Floor",
-    "KSReport",
-    "Representativeness",
-    "SampleEntropy",
-    "SlicedW2",
-    "TwoSampleTest",
-    "UnbalancedW2",
-    "VisualDistance",
-    "W2Report",
-    "classifier_test",
-    "clustering_w2",
-    "component",
-    "coverage",
-    "decompose",
-    "design",
-    "dkw_band",
-    "effective_number",
-    "embed",
-    "energy_test",
-    "ks",
-    "ks_by_factor",
-    "ks_report",
-    "mmd_test",
-    "relevant_factors",
-    "representativeness",
-    "same_distribution_floor",
-    "sample_entropy",
-    "spread",
-    "visual_distance",
-    "visual_w2",
-    "w2",
-    "w2_debiased",
-    "w2_entropic",
-    "w2_partial",
-    "w2_report",
-    "w2_sliced",
-    "w2_unbalanced",
-]

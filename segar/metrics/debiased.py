@@ -1,25 +1,22 @@
-"""What a Wasserstein-2 distance owes to the number of levels: the floor of one distribution, and the value without it."""
+"""The part of a Wasserstein-2 distance that comes from having few levels, and the distance without it."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from segar.errors import LevelError
 from segar.language import Factor
-from segar.levels import Levels, require_distribution, require_generator, require_levels
+from segar.levels import LevelDistribution, Levels, require_distribution, require_generator, require_levels
 from segar.metrics.points import Spread, spread
-from segar.metrics.wasserstein import Mode, cost_function
+from segar.metrics.wasserstein import Mode, cost_function, w2
 from segar.support import emd
 
-if TYPE_CHECKING:
-    from segar.levels import LevelDistribution
-
 FRESH_SPLIT = "same-distribution floor"
-"""Split of the levels that stand for a distribution here, so that they are nobody's train or test levels."""
+"""Split of the levels that stand for a distribution here, so that they are no train or test levels."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +74,8 @@ def same_distribution_floor(
     """
     require_distribution("same_distribution_floor", law)
     require_generator("same_distribution_floor", rng)
-    return _floor(_distances((law, n), (law, m), mode, rng, repeats, mismatch, scale, factors))
+    options = {"mode": mode, "mismatch": mismatch, "scale": scale, "factors": factors}
+    return _floor(_distances((law, n), (law, m), rng, repeats, options))
 
 
 def w2_debiased(
@@ -95,7 +93,8 @@ def w2_debiased(
 
     a', a'' are fresh sets of a's distribution with as many levels as a and b, likewise b', b''. This is for levels that
     were drawn independently from their distributions; a set that was selected (:func:`segar.design`) has no such floor.
-    Arguments as for :func:`same_distribution_floor`.
+    Arguments as for :func:`same_distribution_floor`. The subtraction is that of the energy distance and of the Sinkhorn
+    divergence (Genevay, Peyré and Cuturi 2018), applied to squared distances.
 
     Raises:
         LevelError: as :func:`segar.metrics.w2`; or levels do not know their distribution, as those from files.
@@ -109,11 +108,12 @@ def w2_debiased(
                 " none). Sample them from it again, or see w2_report, whose floor deals the given levels anew"
             )
     unit = (spread(a, b) if scale is None else scale) if mode == "exact" else None
-    costs = cost_function("w2_debiased", a, b, mode, mismatch, unit, factors)(a, b)
-    value = float(np.sqrt(emd(costs)))
-    sides = (a.distribution, len(a)), (b.distribution, len(b))
-    pairs = (sides[0], (sides[0][0], len(b))), ((sides[1][0], len(a)), sides[1]), sides
-    own_a, own_b, between = (_distances(*pair, mode, rng, repeats, mismatch, unit, factors) for pair in pairs)
+    options = {"mode": mode, "mismatch": mismatch, "scale": unit, "factors": factors}
+    value = float(np.sqrt(emd(cost_function("w2_debiased", a, b, **options)(a, b))))
+    of_a, of_b = (require_distribution("w2_debiased", levels.distribution) for levels in (a, b))
+    n, m = len(a), len(b)
+    pairs = ((of_a, n), (of_a, m)), ((of_b, n), (of_b, m)), ((of_a, n), (of_b, m))
+    own_a, own_b, between = (_distances(*pair, rng, repeats, options) for pair in pairs)
     square = value**2 - 0.5 * float((own_a**2).mean() + (own_b**2).mean())
     variances = [float(np.var(d**2, ddof=1)) for d in (own_a, own_b, between)]
     return DebiasedW2(
@@ -133,18 +133,18 @@ def _floor(distances: np.ndarray) -> Floor:
 def _distances(
     first: tuple[LevelDistribution, int],
     second: tuple[LevelDistribution, int],
-    mode: Mode,
     rng: np.random.Generator,
     repeats: int,
-    mismatch: float | None,
-    scale: Spread | None,
-    factors: Sequence[type[Factor]] | None,
+    options: dict[str, Any],
 ) -> np.ndarray:
-    """Distances of fresh pairs of level sets, float64 ``[repeats]``; each side is (distribution, number of levels)."""
+    """Distances of fresh pairs of level sets, float64 ``[repeats]``; each side is (distribution, number of levels).
+
+    ``options`` are those of :func:`segar.metrics.w2`.
+    """
     if repeats < 2:
         raise LevelError(f"a floor needs at least 2 repeats, not {repeats}")
     found = []
     for _ in range(repeats):
-        a, b = (law.sample(n, seed=int(rng.integers(2**62)), split=FRESH_SPLIT) for law, n in (first, second))
-        found.append(np.sqrt(emd(cost_function("w2", a, b, mode, mismatch, scale, factors)(a, b))))
+        a, b = (source.sample(n, seed=int(rng.integers(2**62)), split=FRESH_SPLIT) for source, n in (first, second))
+        found.append(w2(a, b, **options))
     return np.array(found)

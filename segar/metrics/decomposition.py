@@ -6,22 +6,23 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 
 from segar.language import Factor, Parameter
-from segar.levels import Levels, PointSets, entity_types, require_factors, require_levels, require_units
+from segar.levels import Levels, PointSets, entity_types
 from segar.metrics.points import (
     Spread,
+    checked_units,
     scaled_parameters,
     scaled_state,
     shorter_way,
-    spread,
     weighed_factors,
     weighed_parameters,
 )
 from segar.metrics.wasserstein import MISMATCH, exact_costs
 from segar.support import plan_of
 
-NEGLIGIBLE = 1e-15  # mass of a pair of levels that is the rounding of none
+NEGLIGIBLE = 1e-15  # mass of a pair of levels below which it is a rounding error of zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,13 +70,9 @@ def decompose(
 
     Under an optimal plan of levels, and the best matching of their entities, the square is a sum over matched entities
     and their factors, entities left over, and world parameters. Where several plans are optimal, it is one of them.
-    Arguments and errors are those of :func:`segar.metrics.w2`.
+    Arguments and errors are those of :func:`segar.metrics.w2`. The distance is that of the paper's Algorithm 1.
     """
-    require_levels("decompose", a, b)
-    require_factors("decompose", factors, a, b)
-    require_units("decompose", scale)
-    types = entity_types(a, b)
-    unit = spread(a, b) if scale is None else scale
+    unit, types = checked_units("decompose", (a, b), scale, factors), entity_types(a, b)
     costs = exact_costs(a, b, types, unit, mismatch, factors)
     plan = plan_of(costs)
     i, j = np.nonzero(plan > NEGLIGIBLE)
@@ -105,15 +102,13 @@ def _matched_squares(
     Both are sums over pairs of levels ``i``, ``j`` with weights ``mass``; points are matched as in
     :func:`segar.metrics.transport.matching_costs`.
     """
-    from scipy.optimize import linear_sum_assignment
-
     first_a, first_b = (np.concatenate(([0], np.cumsum(s.counts))) for s in (a, b))
     squares, unmatched = np.zeros(a.points.shape[1]), 0.0
     for level_a, level_b, weight in zip(i, j, mass, strict=True):
         x, y = a.points[first_a[level_a] : first_a[level_a + 1]], b.points[first_b[level_b] : first_b[level_b + 1]]
         differences = shorter_way(x[:, None] - y[None], a.periods) ** 2
         pairs = differences.sum(axis=-1)
-        rows, columns = linear_sum_assignment(np.minimum(pairs, 2 * mismatch**2))
+        rows, columns = scipy.optimize.linear_sum_assignment(np.minimum(pairs, 2 * mismatch**2))
         kept = pairs[rows, columns] < 2 * mismatch**2
         squares += weight * differences[rows[kept], columns[kept]].sum(axis=0)
         unmatched += weight * mismatch**2 * (len(x) + len(y) - 2 * kept.sum())

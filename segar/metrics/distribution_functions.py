@@ -1,4 +1,4 @@
-"""Pairs of distribution functions, one pair for each marginal of two level sets or laws."""
+"""Pairs of distribution functions, one pair for each marginal of two level sets or distributions."""
 
 from __future__ import annotations
 
@@ -12,16 +12,34 @@ import numpy as np
 
 from segar.errors import LevelError
 from segar.language import Entity, Factor, Parameter
-from segar.levels import Levels, PointSets, entity_types, gather, gather_parameters, gather_state, require_factors
-from segar.metrics.marginal_distributions import component, count_law, factor_law, law_types, parameter_law
+from segar.levels import (
+    LevelDistribution,
+    Levels,
+    PointSets,
+    entity_types,
+    gather,
+    gather_parameters,
+    gather_state,
+    require_factors,
+)
+from segar.metrics.marginal_distributions import (
+    component,
+    count_distribution,
+    factor_distribution,
+    parameter_distribution,
+    possible_types,
+)
 from segar.metrics.points import all_parameters, cut, relevant_factors
 from segar.noise import Noise, Wrapped, ks_line
 
-GRID = 512  # steps of probability at which the curve of two laws is taken
+GRID = 512  # steps of probability at which the curve of two distributions is taken
 ROUNDING = 1e-12  # that two computations of one probability may differ by
 
 Curve = tuple[np.ndarray, np.ndarray]
 """F and G at the same points in ascending order, each float64 ``[points]``, beginning anywhere and ending in (1, 1)."""
+
+FLAT: Curve = (np.ones(1), np.ones(1))
+"""The curve of a marginal that is the same on both sides."""
 
 
 @dataclass(frozen=True)
@@ -53,54 +71,41 @@ class TwoSamples:
         f, g = self.curve()
         return float(np.abs(f - g).max())
 
-    def dealt(self, first: np.ndarray, n: int) -> Dealt:
-        """The marginal after the pooled levels were dealt anew: ``first`` bool ``[levels of both]``, ``n`` in the first set."""
-        owner = np.concatenate([self.level_x, n + self.level_y])
-        mine = first[owner]
+    def dealt(self, first: np.ndarray, n: int) -> Curve:
+        """The curve after the pooled levels were dealt anew: ``first`` bool ``[levels of both]``, ``n`` in the first set."""
+        in_first = first[np.concatenate([self.level_x, n + self.level_y])]
         # A deal may leave a set without any entity of a type: then there is the count alone, as for given sets.
-        flat = np.ones(1)
-        return Dealt((flat, flat) if mine.all() or not mine.any() else self._curve(mine))
+        return FLAT if in_first.all() or not in_first.any() else self._curve(in_first)
 
 
 @dataclass(frozen=True)
-class Dealt:
-    """The curve of a marginal after levels were dealt anew."""
-
-    pair: Curve
-
-    def curve(self) -> Curve:
-        return self.pair
-
-
-@dataclass(frozen=True)
-class SampleAgainstLaw:
-    """A marginal of a level set, and the law of that marginal in a distribution."""
+class SampleAgainstDistribution:
+    """A marginal of a level set, and the distribution of that marginal in a distribution."""
 
     name: str
     sample: np.ndarray
     level: np.ndarray
-    law: Noise
+    noise: Noise
 
     def curve(self) -> Curve:
         return self._curve(slice(None))
 
-    def parts(self, n: int, count: int) -> Iterator[Dealt]:
-        """The marginal of each of ``count`` level sets that follow each other in the sample, ``n`` levels each."""
+    def parts(self, n: int, count: int) -> Iterator[Curve]:
+        """The curve of each of ``count`` level sets that follow each other in the sample, ``n`` levels each."""
         ends = np.searchsorted(self.level, np.arange(count + 1) * n)
         for i, j in pairwise(ends):
-            flat = np.ones(1)
-            yield Dealt(self._curve(slice(i, j)) if j > i else (flat, flat))
+            yield self._curve(slice(i, j)) if j > i else FLAT
 
     @cached_property
-    def _law_at_values(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Rank of each value of the sample, and the law's function at the distinct values and just before them."""
+    def _noise_at_values(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Rank of each value of the sample, and the distribution's function at the distinct values and just before them."""
         at, rank = np.unique(self.sample, return_inverse=True)
-        g = np.asarray(self.law.cdf(at), dtype=float)
-        return rank, g, np.maximum(g - np.asarray(self.law.pmf(at), dtype=float), 0.0)
+        g = np.asarray(self.noise.cdf(at), dtype=float)
+        return rank, g, np.maximum(g - np.asarray(self.noise.pmf(at), dtype=float), 0.0)
 
     def _curve(self, part: slice) -> Curve:
         """Both functions just before a part's values and at them: between these F is constant and G monotonic."""
-        rank, g, before = self._law_at_values
+        rank, g, before = self._noise_at_values
         ranks = np.sort(rank[part])
         last = np.flatnonzero(np.append(ranks[1:] != ranks[:-1], True))  # of each distinct value
         places, f = ranks[last], (last + 1) / len(ranks)
@@ -109,8 +114,8 @@ class SampleAgainstLaw:
 
     @property
     def is_constant(self) -> bool:
-        """Whether the law and all of the sample are one and the same number."""
-        _, g, before = self._law_at_values
+        """Whether the distribution and all of the sample are one and the same number."""
+        _, g, before = self._noise_at_values
         return len(g) == 1 and before[0] == 0.0 and g[0] == 1.0
 
     def largest_difference(self) -> float:
@@ -119,7 +124,7 @@ class SampleAgainstLaw:
 
 
 @dataclass(frozen=True)
-class LawAgainstLaw:
+class TwoDistributions:
     """A marginal of two distributions."""
 
     name: str
@@ -127,14 +132,13 @@ class LawAgainstLaw:
     b: Noise
 
     def curve(self) -> Curve:
-        """Both functions at the quantiles of both laws in steps of 1/512, at their atoms, and just before these."""
-        flat = np.ones(1)
+        """Both functions at the quantiles of both distributions in steps of 1/512, at their atoms, and just before these."""
         if self.a == self.b:
-            return flat, flat
+            return FLAT
         q = np.linspace(0.0, 1.0, GRID + 1)[1:-1]
-        points = [np.asarray(law.icdf(q), dtype=float) for law in (self.a, self.b)]
-        points += [law.pieces for law in (self.a, self.b)]
-        points += [np.nextafter(law.atoms[0], -np.inf) for law in (self.a, self.b)]
+        points = [np.asarray(noise.icdf(q), dtype=float) for noise in (self.a, self.b)]
+        points += [noise.pieces for noise in (self.a, self.b)]
+        points += [np.nextafter(noise.atoms[0], -np.inf) for noise in (self.a, self.b)]
         at = np.unique(np.concatenate(points))
         return np.append(self.a.cdf(at), 1.0), np.append(self.b.cdf(at), 1.0)
 
@@ -142,13 +146,13 @@ class LawAgainstLaw:
         return 0.0 if self.a == self.b else _without_rounding(ks_line(self.a, self.b))
 
 
-Marginal = TwoSamples | SampleAgainstLaw | LawAgainstLaw
+Marginal = TwoSamples | SampleAgainstDistribution | TwoDistributions
 
 
 def factor_marginals(what: str, a: Any, b: Any, factors: Sequence[type[Factor]] | None) -> list[Any]:
     """The marginals of two sides, each levels or a distribution, in the name of the function ``what``.
 
-    Of a sample against a sample, the states that episodes start in count; against a law, states as drawn.
+    Of a sample against a sample, the states that episodes start in count; against a distribution, states as drawn.
     """
     sides = [_Side(what, one, as_drawn=not (isinstance(a, Levels) and isinstance(b, Levels))) for one in (a, b)]
     require_factors(what, factors, a, b)
@@ -170,7 +174,7 @@ def factor_marginals(what: str, a: Any, b: Any, factors: Sequence[type[Factor]] 
 
 
 Values = Noise | tuple[np.ndarray, np.ndarray]
-"""A law; or values float64 ``[k]`` (``[k, width]`` for all components) and the level of each, int ``[k]``."""
+"""A distribution; or values float64 ``[k]`` (``[k, width]`` for all components) and the level of each, int ``[k]``."""
 
 
 @dataclass(frozen=True)
@@ -182,8 +186,6 @@ class _Side:
     as_drawn: bool
 
     def __post_init__(self) -> None:
-        from segar.levels import LevelDistribution
-
         if not isinstance(self.one, (Levels, LevelDistribution)):
             raise LevelError(
                 f"{self.what} compares level sets (segar.Levels) and distributions (segar.LevelDistribution);"
@@ -191,7 +193,7 @@ class _Side:
             )
 
     def types(self) -> list[type[Entity]]:
-        return entity_types(self.one) if isinstance(self.one, Levels) else law_types(self.one)
+        return entity_types(self.one) if isinstance(self.one, Levels) else possible_types(self.one)
 
     def has(self, entity: type[Entity]) -> bool:
         return entity in self.types()
@@ -201,12 +203,12 @@ class _Side:
 
     def count(self, entity: type[Entity]) -> Values:
         if not isinstance(self.one, Levels):
-            return count_law(self.one, entity)
+            return count_distribution(self.one, entity)
         return gather(self.one, [entity], [], self.one.values).counts.astype(float), np.arange(len(self.one))
 
     def values(self, entity: type[Entity], factor: type[Factor]) -> Values:
         if not isinstance(self.one, Levels):
-            return _cut_law(factor_law(self.one, entity, factor), factor)
+            return _cut_noise(factor_distribution(self.one, entity, factor), factor)
         found: PointSets = (
             gather(self.one, [entity], [factor], self.one.sampled_values)
             if self.as_drawn
@@ -216,12 +218,12 @@ class _Side:
 
     def parameter(self, parameter: type[Parameter]) -> Values:
         if not isinstance(self.one, Levels):
-            return _cut_law(parameter_law(self.one, parameter), parameter)
+            return _cut_noise(parameter_distribution(self.one, parameter), parameter)
         return cut(gather_parameters(self.one, [parameter]).points[:, 0], parameter), np.arange(len(self.one))
 
 
-def _cut_law(law: Noise, factor: type[Factor]) -> Noise:
-    return law if factor.period is None else Wrapped(law, factor.period)
+def _cut_noise(noise: Noise, factor: type[Factor]) -> Noise:
+    return noise if factor.period is None else Wrapped(noise, factor.period)
 
 
 def _axis(values: Values, axis: int) -> Values:
@@ -230,9 +232,9 @@ def _axis(values: Values, axis: int) -> Values:
 
 def _marginal(name: str, a: Values, b: Values) -> Marginal:
     if isinstance(a, Noise):
-        return LawAgainstLaw(name, a, b) if isinstance(b, Noise) else SampleAgainstLaw(name, *b, a)
+        return TwoDistributions(name, a, b) if isinstance(b, Noise) else SampleAgainstDistribution(name, *b, a)
     if isinstance(b, Noise):
-        return SampleAgainstLaw(name, *a, b)
+        return SampleAgainstDistribution(name, *a, b)
     return TwoSamples(name, a[0], b[0], a[1], b[1])
 
 

@@ -1,4 +1,4 @@
-"""Levels as vectors: a Euclidean stand-in for the distance of levels, for whatever needs vectors or many levels."""
+"""Levels as vectors: a Euclidean approximation of the distance of levels, for methods that need vectors or many levels."""
 
 from __future__ import annotations
 
@@ -7,8 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from segar.language import Factor
-from segar.levels import Levels, PointSets, entity_types, require_factors, require_levels, require_units
-from segar.metrics.points import Spread, scaled_parameters, scaled_state, spread, weighed_factors, weighed_parameters
+from segar.levels import Levels, PointSets, entity_types
+from segar.metrics.points import (
+    Spread,
+    checked_units,
+    scaled_parameters,
+    scaled_state,
+    weighed_factors,
+    weighed_parameters,
+)
 from segar.metrics.wasserstein import MISMATCH
 
 DIRECTIONS = 50  # at least so many for a type that a level can have several of; as many as the 2022 code projects on
@@ -41,10 +48,7 @@ def embed(
     Raises:
         LevelError: one of the sets is not a level set.
     """
-    require_levels("embed", *sets)
-    require_factors("embed", factors, *sets)
-    require_units("embed", scale)
-    unit = spread(*sets) if scale is None else scale
+    unit = checked_units("embed", sets, scale, factors)
     columns: list[list[np.ndarray]] = [[] for _ in sets]
     for entity in entity_types(*sets):
         read = weighed_factors(entity, unit, factors)
@@ -110,5 +114,5 @@ def _bags(bags: Sequence[PointSets], mismatch: float) -> list[np.ndarray]:
 
 
 def _append(columns: list[list[np.ndarray]], found: Sequence[np.ndarray]) -> None:
-    for mine, block in zip(columns, found, strict=True):
-        mine.append(block)
+    for of_set, block in zip(columns, found, strict=True):
+        of_set.append(block)

@@ -1,4 +1,4 @@
-"""The entropy of a level set's law, estimated from the levels alone."""
+"""The entropy of a level set's distribution, estimated from the levels alone."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+import scipy
 
 from segar.errors import LevelError, did_you_mean
 from segar.language import Factor, GlobalFriction
@@ -26,7 +27,7 @@ class SampleEntropy:
         discrete: Shannon entropy of what is chosen: which entities there are, and which atoms factors take.
         continuous: mean differential entropy of the rest, given what is chosen. It may be negative.
         left_out: share of the levels (``joint``) or values (``mean_field``) that are too few of their kind to estimate a
-            density from, and of which ``continuous`` knows nothing.
+            density from, and that ``continuous`` leaves out.
     """
 
     value: float
@@ -41,7 +42,7 @@ def sample_entropy(
     *,
     factors: Sequence[type[Factor]] | None = None,
 ) -> SampleEntropy:
-    """The entropy of the law that levels were drawn from, estimated from the levels as drawn, slot by slot.
+    """The entropy of the distribution that levels were drawn from, estimated from the levels as drawn, slot by slot.
 
     A value that occurs twice in a slot is an atom, since densities do not repeat; all others come from a density.
 
@@ -51,7 +52,7 @@ def sample_entropy(
     ``mean_field``: the sum over slots and factors, as if they were independent: an upper bound, and all that few levels of
     many kinds allow; densities by ``scipy.stats.differential_entropy``.
 
-    Both smooth over the ends of a law's support, so they are a little too high: ``joint`` by 0.3 nats for 2,000 levels
+    Both smooth over the ends of a distribution's support, so they are a little too high: ``joint`` by 0.3 nats for 2,000 levels
     with five uniform or Gaussian factors, more for more factors and fewer levels.
 
     Args:
@@ -111,8 +112,6 @@ def _joint(types: np.ndarray, columns: np.ndarray) -> SampleEntropy:
 
 
 def _mean_field(types: np.ndarray, columns: np.ndarray, slots: np.ndarray) -> SampleEntropy:
-    from scipy import stats
-
     discrete, continuous, seen, missed = 0.0, 0.0, 0, 0
     for slot, chosen in enumerate(types.T):
         discrete += _plug_in(np.unique(chosen, return_counts=True)[1])
@@ -124,7 +123,7 @@ def _mean_field(types: np.ndarray, columns: np.ndarray, slots: np.ndarray) -> Sa
                 rest = column[atom == -1]
                 seen += len(rest)
                 if len(rest) >= FEWEST:
-                    continuous += len(rest) / len(types) * float(stats.differential_entropy(rest))
+                    continuous += len(rest) / len(types) * float(scipy.stats.differential_entropy(rest))
                 else:
                     missed += len(rest)
     return _result(discrete, continuous, missed / seen if seen else 0.0)
@@ -142,18 +141,14 @@ def _atoms(column: np.ndarray) -> np.ndarray:
 
 def _plug_in(times: np.ndarray) -> float:
     """Shannon entropy of frequencies, plus (kinds - 1) / 2n (Miller 1955)."""
-    from scipy.special import entr
-
-    return float(entr(times / times.sum()).sum() + (len(times) - 1) / (2 * times.sum()))
+    return float(scipy.special.entr(times / times.sum()).sum() + (len(times) - 1) / (2 * times.sum()))
 
 
 def _neighbour_entropy(points: np.ndarray) -> float:
     """psi(n) - psi(k) + log volume of the unit ball + d mean log distance to the k-th neighbour, ``points [n, d]``."""
-    from scipy.spatial import KDTree
-    from scipy.special import digamma, gammaln
-
     n, d = points.shape
     unit = points.std(axis=0)
-    distance = KDTree(points / unit).query(points / unit, k=NEIGHBOUR + 1)[0][:, NEIGHBOUR]
-    ball = 0.5 * d * np.log(np.pi) - gammaln(0.5 * d + 1)
-    return float(digamma(n) - digamma(NEIGHBOUR) + ball + d * np.log(distance).mean() + np.log(unit).sum())
+    distance = scipy.spatial.KDTree(points / unit).query(points / unit, k=NEIGHBOUR + 1)[0][:, NEIGHBOUR]
+    ball = 0.5 * d * np.log(np.pi) - scipy.special.gammaln(0.5 * d + 1)
+    counts = scipy.special.digamma(n) - scipy.special.digamma(NEIGHBOUR)
+    return float(counts + ball + d * np.log(distance).mean() + np.log(unit).sum())

@@ -36,7 +36,7 @@ def _edge(x, y, order):
     of falling x."""
     chain, n, lowest = np.empty(len(x), np.int64), 0, np.inf
     for i in order:
-        if y[i] >= lowest:  # further left and not lower: never better
+        if y[i] >= lowest:  # a point further left that is not lower is never better
             continue
         lowest = y[i]
         if n and x[chain[n - 1]] == x[i]:

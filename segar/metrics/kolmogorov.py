@@ -1,33 +1,29 @@
-"""Kolmogorov-Smirnov statistics, per factor and for all factors at once: of samples, of laws, and of one against the other."""
+"""Kolmogorov-Smirnov statistics of samples and distributions, per factor and for all factors at once."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 
 from segar.errors import LevelError
 from segar.language import Factor
-from segar.levels import Levels, require_generator
+from segar.levels import LevelDistribution, Levels, require_generator
 from segar.metrics.distribution_functions import (
     Curve,
-    Dealt,
     Marginal,
-    SampleAgainstLaw,
+    SampleAgainstDistribution,
     TwoSamples,
     factor_marginals,
 )
 from segar.metrics.joint_kernel import largest_difference
 
-if TYPE_CHECKING:
-    from segar.levels import LevelDistribution
-
-    Side = Levels | LevelDistribution
+Side = Levels | LevelDistribution
 
 MONTE_CARLO_SPLIT = "kolmogorov-smirnov"
-"""Split of the levels that a test draws from a distribution, so that they are nobody's train or test levels."""
+"""Split of the levels that a test draws from a distribution, so that they are no train or test levels."""
 
 
 @dataclass(frozen=True)
@@ -38,11 +34,11 @@ class FactorKS:
         name: such as ``"GolfBall.Position.x"``, ``"Charger.count"`` or ``"world.Gravity"``.
         value: sup_x |F(x) - G(x)|.
         band: half width of the band of the report's confidence around the difference of the empirical distribution
-            functions, in which the true one lies at all x at once. Sample against law: sqrt(ln(2 / alpha) / 2n)
+            functions, in which the true one lies at all x at once. Sample against distribution: sqrt(ln(2 / alpha) / 2n)
             (Dvoretzky, Kiefer and Wolfowitz 1956, Massart 1990). Two samples: sqrt(ln(2 / alpha) (1/n + 1/m) / 2), its
-            asymptotic form. So ``value > band`` speaks against one law.
-        p_value: of the hypothesis of one law; exact for laws without atoms, too large for laws with atoms.
-        n: values in the first sample. m: in the second, None where that is a law.
+            asymptotic form. So ``value > band`` speaks against one distribution.
+        p_value: of the hypothesis of one distribution; exact without atoms, too large with atoms.
+        n: values in the first sample. m: in the second, None where that is a distribution.
     """
 
     name: str
@@ -59,9 +55,9 @@ class KSReport:
 
     Attributes:
         value: as :func:`ks` returns it.
-        p_value: of the hypothesis that both sides have one law, by ``resamples`` repetitions under it. The levels of two
-            sets are dealt at random; of a law, as many levels are drawn as the sample has. The test is exact whatever
-            the factors' dependence, since whole levels are dealt or drawn.
+        p_value: of the hypothesis that both sides have one distribution, by ``resamples`` repetitions under it: the
+            levels of two sets are dealt at random; of a distribution, as many levels are drawn as the sample has. The test
+            is exact whatever the factors' dependence, since whole levels are dealt or drawn.
         factors: the marginals, most different (smallest p-value, then largest value) first.
         confidence: that of the bands.
     """
@@ -74,7 +70,7 @@ class KSReport:
 
 
 def ks(a: Side, b: Side, *, factors: Sequence[type[Factor]] | None = None) -> float:
-    """The Kolmogorov-Smirnov statistic of two level sets or distributions under the mean-field law, in [0, 1].
+    """The Kolmogorov-Smirnov statistic of two level sets or distributions under the mean-field distribution, in [0, 1].
 
     KS = sup_x |prod_j F_j(x_j) - prod_j G_j(x_j)|, F_j and G_j the distribution functions of the j-th marginal in a and b:
     every component of every relevant factor of every entity type (over all entities of that type), the number of
@@ -82,18 +78,18 @@ def ks(a: Side, b: Side, *, factors: Sequence[type[Factor]] | None = None) -> fl
     product; distribution functions are meant, as in its Algorithm 2.
 
     ``ks(train, test)`` compares samples by their states that episodes start in; ``ks(train, dist)`` a sample as drawn
-    (before overlaps were removed) with the known laws of its factors, also exactly; ``ks(dist_a, dist_b)`` the laws with
-    each other, the joint supremum over a grid of 1/512 in probability. What placement adds (``min_distance``,
-    overlaps) is in no law. A factor with a ``period`` is cut at plus and minus half of it.
+    (before overlaps were removed) with the known distributions of its factors, also exactly; ``ks(dist_a, dist_b)`` the
+    distributions with each other, the joint supremum over a grid of 1/512 in probability. What placement adds
+    (``min_distance``, overlaps) is in no distribution. A factor with a ``period`` is cut at plus and minus half of it.
 
     Args:
         factors: count these factors and no others (numbers of entities count always).
 
     Raises:
         LevelError: one of the two is neither levels nor a distribution, or a factor's prior depends on other factors, so
-            that its law is known through samples only.
+            that its distribution is known through samples only.
     """
-    return _joint(factor_marginals("ks", a, b, factors))
+    return joint_difference([m.curve() for m in factor_marginals("ks", a, b, factors)])
 
 
 def ks_by_factor(a: Side, b: Side, *, factors: Sequence[type[Factor]] | None = None) -> dict[str, float]:
@@ -115,7 +111,7 @@ def ks_report(
     confidence: float = 0.95,
     factors: Sequence[type[Factor]] | None = None,
 ) -> KSReport:
-    """The statistic with bands, p-values, and the marginals in order of evidence: two level sets, or levels and a law.
+    """The statistic with bands, p-values, and the marginals in order of evidence: two level sets, or levels and a distribution.
 
     With many marginals some p-value is small by chance: read the joint one first.
 
@@ -136,7 +132,7 @@ def ks_report(
     if not isinstance(a, Levels):
         raise LevelError("ks_report: the distance of two distributions is exact; use ks(a, b) or ks_by_factor(a, b)")
     marginals = factor_marginals("ks_report", a, b, factors)
-    value = _joint(marginals)
+    value = joint_difference([m.curve() for m in marginals])
     null = _dealt(marginals, a, b, rng, resamples) if isinstance(b, Levels) else _drawn(a, b, factors, rng, resamples)
     found = [_factor_report(m, confidence) for m in marginals]
     return KSReport(
@@ -151,7 +147,7 @@ def ks_report(
 def dkw_band(n: int, confidence: float = 0.95) -> float:
     """Half width of the band around an empirical distribution function that contains the true one at all x at once.
 
-    sqrt(ln(2 / (1 - confidence)) / 2n), for n independent values of any law (Massart 1990).
+    sqrt(ln(2 / (1 - confidence)) / 2n), for n independent values of any distribution (Massart 1990).
 
     Raises:
         LevelError: n is below 1, or the confidence outside (0, 1).
@@ -162,17 +158,15 @@ def dkw_band(n: int, confidence: float = 0.95) -> float:
 
 
 def _factor_report(marginal: Marginal, confidence: float) -> FactorKS:
-    from scipy import stats
-
     value = marginal.largest_difference()
-    if isinstance(marginal, SampleAgainstLaw):
+    if isinstance(marginal, SampleAgainstDistribution):
         n = len(marginal.sample)
-        p_value = float(stats.kstwo.sf(value, n))
+        p_value = float(scipy.stats.kstwo.sf(value, n))
         return FactorKS(marginal.name, value, dkw_band(n, confidence), p_value, n, None)
     assert isinstance(marginal, TwoSamples)
     n, m = len(marginal.x), len(marginal.y)
     method = "exact" if max(n, m) <= 1000 else "asymp"
-    p_value = float(stats.ks_2samp(marginal.x, marginal.y, method=method).pvalue)  # type: ignore[union-attr]
+    p_value = float(scipy.stats.ks_2samp(marginal.x, marginal.y, method=method).pvalue)  # type: ignore[union-attr]
     band = dkw_band(1, confidence) * np.sqrt(1 / n + 1 / m)
     return FactorKS(marginal.name, value, float(band), min(p_value, 1.0), n, m)
 
@@ -185,27 +179,23 @@ def _dealt(
     for _ in range(resamples):
         first = np.zeros(len(a) + len(b), dtype=bool)
         first[rng.permutation(len(first))[: len(a)]] = True
-        found.append(_joint([m.dealt(first, len(a)) for m in marginals if isinstance(m, TwoSamples)]))
+        found.append(joint_difference([m.dealt(first, len(a)) for m in marginals if isinstance(m, TwoSamples)]))
     return found
 
 
 def _drawn(
     a: Levels,
-    law: LevelDistribution,
+    distribution: LevelDistribution,
     factors: Sequence[type[Factor]] | None,
     rng: np.random.Generator,
     resamples: int,
 ) -> list[float]:
-    """Joint statistics of level sets that are drawn from the law, each as large as ``a``."""
+    """Joint statistics of level sets that are drawn from the distribution, each as large as ``a``."""
     n = len(a)
-    pool = law.sample(n * resamples, seed=int(rng.integers(2**62)), split=MONTE_CARLO_SPLIT)
-    # A constant that is what the law says adds a factor of one to both products.
-    marginals = [m for m in factor_marginals("ks_report", pool, law, factors) if not m.is_constant]
-    return [_joint(one) for one in zip(*(m.parts(n, resamples) for m in marginals), strict=True)]
-
-
-def _joint(marginals: Sequence[Marginal | Dealt]) -> float:
-    return joint_difference([m.curve() for m in marginals])
+    pool = distribution.sample(n * resamples, seed=int(rng.integers(2**62)), split=MONTE_CARLO_SPLIT)
+    # A constant that is what the distribution says adds a factor of one to both products.
+    marginals = [m for m in factor_marginals("ks_report", pool, distribution, factors) if not m.is_constant]
+    return [joint_difference(curves) for curves in zip(*(m.parts(n, resamples) for m in marginals), strict=True)]
 
 
 def joint_difference(curves: Sequence[Curve]) -> float:

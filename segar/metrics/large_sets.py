@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 
 from segar.errors import LevelError, SegarError
 from segar.language import Factor
@@ -148,7 +149,5 @@ def _sinkhorn(cost: np.ndarray, epsilon: float) -> np.ndarray:
 
 def _objective(plan: np.ndarray, cost: np.ndarray, epsilon: float) -> float:
     """<G, C> + e KL(G | product of uniform weights)."""
-    from scipy.special import rel_entr
-
     n, m = cost.shape
-    return float((plan * cost).sum() + epsilon * rel_entr(plan, 1 / (n * m)).sum())
+    return float((plan * cost).sum() + epsilon * scipy.special.rel_entr(plan, 1 / (n * m)).sum())

@@ -1,6 +1,6 @@
-"""Level sets by design: n levels of a distribution, as close together, as spread out or as far from a test set as wanted.
+"""Designed level sets: n levels of a distribution that are clustered, spread out, or at a chosen distance from a test set.
 
-Distances between train and test shrink as sets grow; sets of one size at several distances tell the two apart.
+Distances between train and test shrink as sets grow; sets of one size at several distances separate the two effects.
 """
 
 from __future__ import annotations
@@ -79,7 +79,8 @@ def design(
     levels = dist.sample(size, seed=seed, split=split)
     rng = np.random.default_rng(int(content_hash([DESIGN_SPLIT, dist.hash, int(seed), split]), 16))
     if kind == "clustered":
-        return levels[_nearest(levels, int(rng.integers(size)), n)]
+        centre = int(rng.integers(size))
+        return levels[np.argsort(_distances_from(levels, centre, spread(levels)), kind="stable")[:n]]
     if kind == "covering":
         return levels[_farthest_first(levels, n)]
     if kind == "nuisance_only":
@@ -128,10 +129,6 @@ def _distances_from(levels: Levels, place: int, unit: Spread) -> np.ndarray:
     return exact_costs(levels[place], levels, entity_types(levels), unit, MISMATCH)[0]
 
 
-def _nearest(levels: Levels, centre: int, n: int) -> np.ndarray:
-    return np.argsort(_distances_from(levels, centre, spread(levels)), kind="stable")[:n]
-
-
 def _farthest_first(levels: Levels, n: int) -> np.ndarray:
     unit = spread(levels)
     some = np.arange(min(len(levels), SMALLEST_POOL))
@@ -160,7 +157,8 @@ def _nuisance_only(levels: Levels, place: int, n: int, nuisance: Sequence[type[F
             raise LevelError(f"design: no entity of {levels.distribution} has the nuisance factor {factor.__name__}")
         columns += range(levels.layout.columns[factor], levels.layout.columns[factor] + factor.width)
     names = ", ".join(factor.__name__ for factor in nuisance)
-    if n > 1 and not _differ(varied.sampled_values[..., columns]):
+    lent = varied.sampled_values[..., columns]
+    if n > 1 and np.array_equal(lent, np.broadcast_to(lent[:1], lent.shape), equal_nan=True):
         raise LevelError(f"design: {names} is the same in the {n} levels that would lend it: nothing would vary")
     values, sampled = made.values.copy(), made.sampled_values.copy()
     values[..., columns], sampled[..., columns] = varied.values[..., columns], varied.sampled_values[..., columns]
@@ -173,11 +171,6 @@ def _nuisance_only(levels: Levels, place: int, n: int, nuisance: Sequence[type[F
     )
     made = dataclasses.replace(made, values=values, sampled_values=sampled, provenance=provenance)
     return made.without_overlaps() if {Position, Size} & set(nuisance) else made
-
-
-def _differ(values: np.ndarray) -> bool:
-    """Whether levels differ in some value, float64 ``[levels, entities, columns]``, nan where there is none."""
-    return not np.array_equal(values, np.broadcast_to(values[:1], values.shape), equal_nan=True)
 
 
 def _at_target(

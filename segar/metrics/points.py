@@ -3,26 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from segar.language import Acceleration, Alive, Density, Done, Drag, Entity, Factor, Order, Parameter, Visible
 from segar.levels import (
+    LevelDistribution,
     Levels,
     PointSets,
     gather_parameters,
     gather_state,
-    law_moments,
     mean_and_variance,
     moments_of_distribution,
     moments_of_levels,
     require_distribution,
+    require_factors,
+    require_levels,
+    require_units,
+    source_moments,
 )
 from segar.noise import wrap
-
-if TYPE_CHECKING:
-    from segar.levels import LevelDistribution
 
 IRRELEVANT: tuple[type[Factor], ...] = (Order, Visible, Alive, Done, Acceleration, Drag, Density)
 """Factors that say nothing of where a level leads: rendering, flags that every level starts with, quantities derived
@@ -48,7 +48,7 @@ def weighed_factors(
 def weighed_parameters(
     sets: Iterable[Levels], scale: Spread, only: Sequence[type[Factor]] | None = None
 ) -> list[type[Parameter]]:
-    """The world parameters that any of the sets knows and that have a spread: ``only`` these, else all."""
+    """The world parameters of any of the sets that have a spread: ``only`` these, else all."""
     known = all_parameters(*sets)
     return [p for p in known if scale.get((Parameter, p), 0.0) > 0.0 and (only is None or p in only)]
 
@@ -79,12 +79,12 @@ def scaled_periods(factors: Sequence[type[Factor]], unit: np.ndarray) -> np.ndar
 
 
 def cut(values: np.ndarray, factor: type[Factor]) -> np.ndarray:
-    """Numbers of a factor that comes round, as numbers between minus and plus half its period; others as they are."""
+    """Numbers of a factor with a period, as numbers between minus and plus half that period; others unchanged."""
     return values if factor.period is None else wrap(values, factor.period)
 
 
 def shorter_way(difference: np.ndarray, periods: np.ndarray | None) -> np.ndarray:
-    """Differences, components on the last axis, along the shorter way round where a component has a period."""
+    """Differences (components on the last axis), along the shorter way round the circle where a component has a period."""
     if periods is None:
         return difference
     finite = np.isfinite(periods)
@@ -94,12 +94,26 @@ def shorter_way(difference: np.ndarray, periods: np.ndarray | None) -> np.ndarra
 
 
 def all_parameters(*sets: Levels) -> list[type[Parameter]]:
-    """The world parameters that any of the sets knows."""
+    """The world parameters of any of the sets."""
     return list(dict.fromkeys(p for levels in sets for p in levels.layout.parameters))
 
 
+def checked_units(
+    what: str, sets: Sequence[Levels], scale: Spread | None, factors: Sequence[type[Factor]] | None
+) -> Spread:
+    """The units of factors: ``scale``, or ``spread(*sets)`` for None.
+
+    Raises:
+        LevelError: in the name of the function ``what``, if one of its arguments is of the wrong kind.
+    """
+    require_levels(what, *sets)
+    require_factors(what, factors, *sets)
+    require_units(what, scale)
+    return spread(*sets) if scale is None else scale
+
+
 def spread(*sets: Levels | LevelDistribution) -> Spread:
-    """Standard deviation of every factor of every entity type, under the mixture of the given laws in equal parts.
+    """Standard deviation of every factor of every entity type, under the mixture of the given distributions in equal parts.
 
     A level set that carries its distribution stands for it (by ``SPREAD_SAMPLE`` levels of a fixed seed), and one from
     a file for the distribution that it had when it was saved; one made by hand stands for itself. A vector factor has
@@ -113,9 +127,11 @@ def spread(*sets: Levels | LevelDistribution) -> Spread:
     for one in sets:
         if not isinstance(one, Levels):
             require_distribution("spread", one)
-        # A type too rare for the law's sample is measured on the levels themselves.
+        # A type too rare for the distribution's sample is measured on the levels themselves.
         moments.append(
-            {**moments_of_levels(one), **law_moments(one)} if isinstance(one, Levels) else moments_of_distribution(one)
+            {**moments_of_levels(one), **source_moments(one)}
+            if isinstance(one, Levels)
+            else moments_of_distribution(one)
         )
     found: Spread = {}
     for key in dict.fromkeys(key for known in moments for key in known):

@@ -1,35 +1,30 @@
-"""Whether a level set stands for its distribution: how far it is from it, what it leaves uncovered, how many it is worth."""
+"""How well a level set represents its distribution: distance, coverage, and the effective number of levels."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from segar.errors import LevelError
 from segar.language import Factor
 from segar.levels import (
+    LevelDistribution,
     Levels,
     entity_types,
     require_distribution,
-    require_factors,
     require_generator,
     require_levels,
-    require_units,
 )
 from segar.metrics.kolmogorov import FactorKS, ks_report
-from segar.metrics.points import Spread, spread
+from segar.metrics.points import Spread, checked_units, spread
 from segar.metrics.wasserstein import MISMATCH, exact_costs
 from segar.support import emd
 
-if TYPE_CHECKING:
-    from segar.levels import LevelDistribution
-
-LAW_SAMPLE = 500  # levels that stand for the distribution
-LAW_SPLIT = "representativeness"
-"""Split of these levels, so that they are nobody's train or test levels."""
+STAND_IN_LEVELS = 500  # levels that stand for the distribution
+STAND_IN_SPLIT = "representativeness"
+"""Split of these levels, so that they are no train or test levels."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +36,7 @@ class Representativeness:
         expected, expected_std: mean and standard deviation of that distance for independent sets.
         farther: share of independent sets that are at least as far (the set itself counted in): small for a set that is
             less representative than chance, near 1 for one that covers better than chance.
-        ks, ks_p_value: mean-field statistic of the set against the laws of its factors, and its test.
+        ks, ks_p_value: mean-field statistic of the set against the distributions of its factors, and its test.
         factors: the marginals, most conspicuous first; see :class:`segar.metrics.FactorKS`.
     """
 
@@ -89,8 +84,8 @@ def representativeness(
     require_distribution("representativeness", law)
     report = ks_report(levels, law, rng=rng, resamples=resamples, factors=factors)
     n = len(levels)
-    stand_in = law.sample(LAW_SAMPLE, seed=int(rng.integers(2**62)), split=LAW_SPLIT)
-    fresh = law.sample(n * resamples, seed=int(rng.integers(2**62)), split=LAW_SPLIT)
+    stand_in = law.sample(STAND_IN_LEVELS, seed=int(rng.integers(2**62)), split=STAND_IN_SPLIT)
+    fresh = law.sample(n * resamples, seed=int(rng.integers(2**62)), split=STAND_IN_SPLIT)
     unit, types = spread(law), entity_types(levels, stand_in, fresh)
     sets = [levels, *(fresh[k * n : (k + 1) * n] for k in range(resamples))]
     costs = (exact_costs(one, stand_in, types, unit, MISMATCH, factors) for one in sets)
@@ -131,11 +126,8 @@ def coverage(
             raise LevelError("coverage of a distribution draws levels from it: coverage(levels, distribution, rng=...)")
         require_distribution("coverage", of)
         require_generator("coverage", rng)
-        of = of.sample(sample, seed=int(rng.integers(2**62)), split=LAW_SPLIT)
-    require_levels("coverage", levels, of)
-    require_factors("coverage", factors, levels, of)
-    require_units("coverage", scale)
-    unit = spread(levels, of) if scale is None else scale
+        of = of.sample(sample, seed=int(rng.integers(2**62)), split=STAND_IN_SPLIT)
+    unit = checked_units("coverage", (levels, of), scale, factors)
     costs = exact_costs(of, levels, entity_types(of, levels), unit, mismatch, factors)
     nearest = np.sqrt(costs.min(axis=1))
     return Coverage(float(nearest.max()), float(np.quantile(nearest, 0.95)), float(nearest.mean()))
@@ -162,12 +154,9 @@ def effective_number(
     Raises:
         LevelError: not a level set, or a negative order.
     """
-    require_levels("effective_number", levels)
-    require_factors("effective_number", factors, levels)
-    require_units("effective_number", scale)
+    unit = checked_units("effective_number", (levels,), scale, factors)
     if not 0 <= order < np.inf:
         raise LevelError(f"effective_number: the order must be a finite number of at least 0, not {order!r}")
-    unit = spread(levels) if scale is None else scale
     costs = exact_costs(levels, levels, entity_types(levels), unit, mismatch, factors)
     typical = np.exp(-np.sqrt(np.maximum(costs, 0.0))).mean(axis=1)
     if order == 1.0:

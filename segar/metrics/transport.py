@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from itertools import permutations
 
 import numpy as np
+import scipy
 
 from segar.levels import PointSets
 from segar.metrics.points import shorter_way
@@ -69,8 +70,6 @@ def sliced_costs(a: PointSets, b: PointSets, projections: np.ndarray, absent: fl
         projections: unit vectors as columns, float64 ``[dimension, directions]``.
         absent: cost where just one of the two has no point; both without a point cost 0.
     """
-    from scipy.spatial.distance import cdist
-
     costs = np.empty((len(a.counts), len(b.counts)))
     for levels_a, points_a, levels_b, points_b in same_counts(a, b):
         k, m = points_a.shape[1], points_b.shape[1]
@@ -81,7 +80,9 @@ def sliced_costs(a: PointSets, b: PointSets, projections: np.ndarray, absent: fl
             weights = np.sqrt(np.diff(steps) / (k * m) / projections.shape[1])[:, None]
             sorted_a = np.sort(points_a @ projections, axis=1)[:, steps[:-1] // m] * weights
             sorted_b = np.sort(points_b @ projections, axis=1)[:, steps[:-1] // k] * weights
-            block = cdist(sorted_a.reshape(len(levels_a), -1), sorted_b.reshape(len(levels_b), -1), "sqeuclidean")
+            block = scipy.spatial.distance.cdist(
+                sorted_a.reshape(len(levels_a), -1), sorted_b.reshape(len(levels_b), -1), "sqeuclidean"
+            )
         costs[np.ix_(levels_a, levels_b)] = block
     return costs
 
@@ -89,14 +90,16 @@ def sliced_costs(a: PointSets, b: PointSets, projections: np.ndarray, absent: fl
 def _squared_distances(points_a: np.ndarray, points_b: np.ndarray, periods: np.ndarray | None) -> np.ndarray:
     """``|x - y|^2`` for all pairs of levels and of their points, float64 ``[n, m, points of a, points of b]``; the shorter
     way round in components that have a period."""
-    from scipy.spatial.distance import cdist
-
     (n, k, d), (m, j, _) = points_a.shape, points_b.shape
     if d == 0 or k == 0 or j == 0:
         return np.zeros((n, m, k, j))
     x, y = points_a.reshape(n * k, d), points_b.reshape(m * j, d)
     straight = np.ones(d, bool) if periods is None else np.isinf(periods)
-    flat = cdist(x[:, straight], y[:, straight], "sqeuclidean") if straight.any() else np.zeros((n * k, m * j))
+    flat = (
+        scipy.spatial.distance.cdist(x[:, straight], y[:, straight], "sqeuclidean")
+        if straight.any()
+        else np.zeros((n * k, m * j))
+    )
     for c in np.flatnonzero(~straight):
         assert periods is not None
         flat += shorter_way((x[:, None, c] - y[None, :, c])[..., None], periods[c : c + 1])[..., 0] ** 2
@@ -113,10 +116,8 @@ def _best_matchings(pairs: np.ndarray) -> np.ndarray:
         for chosen in permutations(range(j), k):
             np.minimum(best, sum((pairs[:, :, i, c] for i, c in enumerate(chosen)), np.zeros((n, m))), out=best)
         return best
-    from scipy.optimize import linear_sum_assignment
-
     best = np.empty((n, m))
     for index in np.ndindex(n, m):
-        rows, columns = linear_sum_assignment(pairs[index])
+        rows, columns = scipy.optimize.linear_sum_assignment(pairs[index])
         best[index] = pairs[index][rows, columns].sum()
     return best

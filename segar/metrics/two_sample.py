@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 
 from segar.errors import LevelError
 from segar.language import Factor
@@ -15,18 +16,18 @@ from segar.metrics.points import Spread
 
 FEATURES = 200  # random Fourier features of the classifier
 RIDGE = 1e-2  # weight of the squared coefficients against the mean loss
-FEWEST = 8  # levels per set, so that half of them can be learnt from and half be told apart
+FEWEST = 8  # levels per set: half of them train the classifier, half test it
 
 
 @dataclass(frozen=True)
 class TwoSampleTest:
-    """A statistic and the test of one law for both sets.
+    """A statistic and the test of one distribution for both sets.
 
     Attributes:
         name: ``"energy"``, ``"mmd"`` or ``"classifier"``.
         value: the statistic.
-        floor: what it is on average if both sets have one law.
-        p_value: of the hypothesis of one law, exact for levels that are drawn independently.
+        floor: what it is on average if both sets have one distribution.
+        p_value: of the hypothesis of one distribution, exact for levels that are drawn independently.
     """
 
     name: str
@@ -76,7 +77,7 @@ def mmd_test(
     median distance of all levels by default. Other arguments and errors are those of :func:`energy_test`.
     """
     distances = _distances(_pooled("mmd_test", a, b, rng, scale, factors))
-    h = _median(distances) if bandwidth is None else bandwidth
+    h = median_distance(distances) if bandwidth is None else bandwidth
     if not 0 < h < np.inf:
         raise LevelError(f"mmd_test: the bandwidth must be a positive number, not {bandwidth!r}")
     return _permutation_test("mmd", np.exp(-0.5 * (distances / h) ** 2), len(a), rng, resamples)
@@ -90,18 +91,16 @@ def classifier_test(
     scale: Spread | None = None,
     factors: Sequence[type[Factor]] | None = None,
 ) -> TwoSampleTest:
-    """How well a classifier tells levels of b from levels of a that it has not seen: the area under its ROC curve.
+    """How well a classifier separates unseen levels of b from unseen levels of a: the area under its ROC curve.
 
     1/2 is chance, 1 is perfect. Half of each set, picked by ``rng``, is learnt from by logistic regression on the vectors
     and their random Fourier features (Rahimi and Recht 2007), so that dependence shows; on the other halves, the
-    Mann-Whitney test of its scores is the test of one law (Lopez-Paz and Oquab 2017, with ranks in place of accuracy,
+    Mann-Whitney test of its scores is the test of one distribution (Lopez-Paz and Oquab 2017, with ranks in place of accuracy,
     so that sets may differ in size).
 
     Raises:
         LevelError: not two level sets, or one with fewer than 8 levels.
     """
-    from scipy import stats
-
     vectors = _pooled("classifier_test", a, b, rng, scale, factors)
     if min(len(a), len(b)) < FEWEST:
         raise LevelError(f"classifier_test needs at least {FEWEST} levels in each set, not {len(a)} and {len(b)}")
@@ -113,7 +112,7 @@ def classifier_test(
     scores = features @ _logistic_regression(features[learn], is_b[learn])
     # Levels that are equal up to rounding are ties.
     scores = np.round(scores, 9)
-    test = stats.mannwhitneyu(scores[~learn & is_b], scores[~learn & ~is_b], alternative="greater")
+    test = scipy.stats.mannwhitneyu(scores[~learn & is_b], scores[~learn & ~is_b], alternative="greater")
     pairs = int((~learn & is_b).sum()) * int((~learn & ~is_b).sum())
     return TwoSampleTest("classifier", float(test.statistic) / pairs, 0.5, float(test.pvalue))
 
@@ -150,12 +149,11 @@ def _permutation_test(name: str, kernel: np.ndarray, n: int, rng: np.random.Gene
 
 
 def _distances(vectors: np.ndarray) -> np.ndarray:
-    from scipy.spatial.distance import cdist
-
-    return cdist(vectors, vectors)
+    return scipy.spatial.distance.cdist(vectors, vectors)
 
 
-def _median(distances: np.ndarray) -> float:
+def median_distance(distances: np.ndarray) -> float:
+    """The median of the distances of all pairs, from float64 ``[n, n]``; the largest, else 1, where the median is 0."""
     pairs = distances[np.triu_indices(len(distances), 1)]
     return float(np.median(pairs)) or float(pairs.max()) or 1.0
 
@@ -163,7 +161,7 @@ def _median(distances: np.ndarray) -> float:
 def _fourier_features(vectors: np.ndarray, learn: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """A one, the vectors, and cosines of random projections; scaled by what is learnt from: float64 ``[levels, features]``."""
     centred = vectors - vectors[learn].mean(axis=0)
-    h = _median(_distances(vectors[learn]))
+    h = median_distance(_distances(vectors[learn]))
     frequencies = rng.standard_normal((vectors.shape[1], FEATURES)) / h
     phases = rng.uniform(0.0, 2 * np.pi, FEATURES)
     waves = np.cos(centred @ frequencies + phases) * np.sqrt(2.0 / FEATURES)
@@ -172,9 +170,6 @@ def _fourier_features(vectors: np.ndarray, learn: np.ndarray, rng: np.random.Gen
 
 def _logistic_regression(features: np.ndarray, labels: np.ndarray) -> np.ndarray:
     """Coefficients that minimise the mean logistic loss plus a ridge on all but the first; both classes weigh the same."""
-    from scipy.optimize import minimize
-    from scipy.special import expit
-
     sign = np.where(labels, 1.0, -1.0)
     weight = np.where(labels, 0.5 / labels.sum(), 0.5 / (~labels).sum())
     ridge = np.full(features.shape[1], RIDGE)
@@ -183,6 +178,6 @@ def _logistic_regression(features: np.ndarray, labels: np.ndarray) -> np.ndarray
     def loss(w: np.ndarray) -> tuple[float, np.ndarray]:
         margin = sign * (features @ w)
         value = weight @ np.logaddexp(0.0, -margin) + 0.5 * ridge @ w**2
-        return float(value), -(features.T @ (weight * sign * expit(-margin))) + ridge * w
+        return float(value), -(features.T @ (weight * sign * scipy.special.expit(-margin))) + ridge * w
 
-    return minimize(loss, np.zeros(features.shape[1]), jac=True, method="L-BFGS-B").x
+    return scipy.optimize.minimize(loss, np.zeros(features.shape[1]), jac=True, method="L-BFGS-B").x

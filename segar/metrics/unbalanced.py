@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+import scipy
 
 from segar.errors import LevelError, SegarError, did_you_mean
 from segar.language import Factor
@@ -144,6 +145,4 @@ def _kl_plan(cost: np.ndarray, reach: float) -> np.ndarray:
 
 def _kl(given: np.ndarray, weight: float) -> float:
     """Kullback-Leibler divergence of masses from equal weights: sum of g log(g / w) - g + w."""
-    from scipy.special import kl_div
-
-    return float(kl_div(given, weight).sum())
+    return float(scipy.special.kl_div(given, weight).sum())

@@ -7,8 +7,10 @@ from dataclasses import dataclass
 from math import lcm
 
 import numpy as np
+import scipy
 
 from segar.errors import SegarError, did_you_mean
+from segar.metrics.two_sample import median_distance
 from segar.noise import GaussianNoise
 from segar.support import emd
 from segar.textures import (
@@ -26,7 +28,7 @@ from segar.textures import (
 SMALLEST_PATCH = 8  # [pixels] about the size of the smallest things in a picture of 64 pixels
 RANDOM_FILTERS = 64
 RANDOM_FILTER_SIZE = 5
-RANDOM_FILTER_SEED = 0  # the embedding is one and the same for everyone
+RANDOM_FILTER_SEED = 0  # fixed, so that the embedding is always the same
 FLOORS = 3
 
 Embedding = Callable[[np.ndarray], np.ndarray]
@@ -85,7 +87,7 @@ def visual_w2(a: TextureSet | str, b: TextureSet | str, *, aligned: bool = False
         laws: the marginals.
 
     Raises:
-        SegarError: there are no such textures, or no law for an input.
+        SegarError: there are no such textures, or no distribution for an input.
 
     Source: the 2022 renderers of filters were compared so, by W2 between clusterings after assignment.
     """
@@ -107,12 +109,10 @@ def clustering_w2(a: FilterClusters, b: FilterClusters, *, aligned: bool = True)
     Raises:
         SegarError: filters have different sizes, or there are not as many clusters.
     """
-    from scipy.optimize import linear_sum_assignment
-
     if a.count != b.count:
         raise SegarError(f"clusterings of {a.count} and {b.count} clusters cannot be compared")
     costs = cluster_costs(a, b)
-    rows, columns = linear_sum_assignment(costs) if aligned else (np.arange(a.count),) * 2
+    rows, columns = scipy.optimize.linear_sum_assignment(costs) if aligned else (np.arange(a.count),) * 2
     return float(np.sqrt(costs[rows, columns].mean()))
 
 
@@ -142,7 +142,7 @@ def visual_distance(
         laws: the marginals.
 
     Raises:
-        SegarError: there are no such textures or embedding, no law for an input, or too few samples.
+        SegarError: there are no such textures or embedding, no distribution for an input, or too few samples.
     """
     a, b = _textures(a), _textures(b)
     if samples < 10 or resamples < 10:
@@ -160,7 +160,8 @@ def visual_distance(
     things = draw()
     noise = np.array([is_noise(name) for name in names])
     x, y = shown(a, things), shown(b, things)
-    bandwidth = _median_distance(np.concatenate([x, y]))
+    both = np.concatenate([x, y])
+    bandwidth = median_distance(np.sqrt(_squares_of(both, both)))
     floors = []
     for _ in range(FLOORS):
         again = draw()
@@ -197,7 +198,9 @@ def _patterns(textures: TextureSet, names: Sequence[str], period: int, laws: Law
         elif is_noise(name):
             spread[i] = np.sqrt(GaussianNoise(0.0, 1.0, clip=(-NOISE_CLIP, NOISE_CLIP)).var)
         elif name != BACKGROUND:
-            raise SegarError(f"no law says how much the input '{name}' varies; give laws.{did_you_mean(name, laws)}")
+            raise SegarError(
+                f"no distribution says how much the input '{name}' varies; give laws.{did_you_mean(name, laws)}"
+            )
     found = np.zeros((len(textures), 1 + len(names), *textures.bias.shape[1:]))
     found[:, 0] = textures.bias
     for i, name in enumerate(textures.inputs):
@@ -214,11 +217,8 @@ def _model_cost(a: np.ndarray, b: np.ndarray, aligned: bool) -> float:
     """Squared distance of two models, from :func:`_patterns` of each."""
     if not aligned:
         return float(((a - b) ** 2).sum())
-    from scipy.optimize import linear_sum_assignment
-    from scipy.spatial.distance import cdist
-
-    costs = cdist(a[1:], b[1:], "sqeuclidean")
-    rows, columns = linear_sum_assignment(costs)
+    costs = scipy.spatial.distance.cdist(a[1:], b[1:], "sqeuclidean")
+    rows, columns = scipy.optimize.linear_sum_assignment(costs)
     return float(((a[0] - b[0]) ** 2).sum() + costs[rows, columns].sum())
 
 
@@ -297,11 +297,6 @@ def _mmd_of(kernels: np.ndarray, rows: np.ndarray | None = None) -> float:
     """Root of the mean (biased estimate, Gretton et al. 2012), of some samples if ``rows`` are given."""
     counts = np.ones(len(kernels)) if rows is None else np.bincount(rows, minlength=len(kernels))
     return float(np.sqrt(max(counts @ kernels @ counts, 0.0)) / len(kernels))
-
-
-def _median_distance(points: np.ndarray) -> float:
-    distances = np.sqrt(_squares_of(points, points)[np.triu_indices(len(points), 1)])
-    return float(np.median(distances)) or float(distances.max()) or 1.0
 
 
 def _squares_of(x: np.ndarray, y: np.ndarray) -> np.ndarray:

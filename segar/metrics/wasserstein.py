@@ -32,8 +32,15 @@ from segar.language import (
     Velocity,
     Visible,
 )
-from segar.levels import Levels, entity_types, gather, require_factors, require_generator, require_levels, require_units
-from segar.metrics.points import Spread, scaled_parameters, scaled_state, spread, weighed_factors, weighed_parameters
+from segar.levels import Levels, entity_types, gather, require_generator, require_levels
+from segar.metrics.points import (
+    Spread,
+    checked_units,
+    scaled_parameters,
+    scaled_state,
+    weighed_factors,
+    weighed_parameters,
+)
 from segar.metrics.transport import balanced_costs, matching_costs, sliced_costs
 from segar.support import emd, pot
 
@@ -136,6 +143,8 @@ def w2_report(
     """The distance with its confidence interval over levels, its floor and a test of equal distributions.
 
     Arguments and errors are those of :func:`w2`; ``resamples`` (at least 2) counts both bootstrap draws and random deals.
+
+    Source: the bootstrap of Efron (1979) for the interval, Fisher's permutation test for the floor and the p-value.
     """
     require_generator("w2_report", rng)
     if resamples < 2:
@@ -184,8 +193,6 @@ def cost_function(
         raise LevelError(f"{what}: unknown mode '{mode}'.{did_you_mean(str(mode), ('exact', 'reference', 'paper'))}")
     if mode != "exact" and (scale is not None or factors is not None):
         raise LevelError(f"{what}: mode='{mode}' takes neither scale nor factors; they belong to mode='exact'")
-    require_factors(what, factors, a, b)
-    require_units(what, scale)
     if mismatch is None:
         mismatch = MISMATCH if mode == "exact" else REFERENCE_MISMATCH
     if not 0 <= mismatch < np.inf:
@@ -195,7 +202,7 @@ def cost_function(
     types = entity_types(a, b)
     if mode == "paper":
         return lambda x, y: paper_costs(x, y, types, mismatch)
-    unit = spread(a, b) if scale is None else scale
+    unit = checked_units(what, (a, b), scale, factors)
     return lambda x, y: exact_costs(x, y, types, unit, mismatch, factors)
 
 

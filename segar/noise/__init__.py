@@ -1,10 +1,15 @@
-"""Laws of chance for factors and locations: sampled, and asked for density, cdf, entropy and distances."""
+"""Distributions of factors and locations: draws, densities, distribution functions, entropies and distances.
+
+The room imports ``errors`` and ``support``. Within it, modules point from :mod:`segar.noise.distances`, which knows all
+classes, down to :mod:`segar.noise.base`.
+"""
 
 from segar.noise.angles import VonMises
 from segar.noise.base import Noise
-from segar.noise.circle import Wrapped, wrap
 from segar.noise.continuous import GaussianNoise, LogUniform, UniformNoise
 from segar.noise.discrete import Bernoulli, Choice, Deterministic, DiscreteRangeNoise, Empirical
+from segar.noise.distances import as_noise
+from segar.noise.line_distances import ks_line
 from segar.noise.locations import (
     CenterLocation,
     GaussianNoise2D,
@@ -21,10 +26,10 @@ from segar.noise.locations import (
     RandomTopRightLocation,
     RandomUniformLocation,
 )
-from segar.noise.measures import as_noise, ks_line
 from segar.noise.mixture import GaussianMixtureNoise, Mixture
 from segar.noise.transforms import Affine
 from segar.noise.truncated import TruncatedGaussianNoise
+from segar.noise.wrapped import Wrapped, wrap
 
 __all__ = [
     "Affine",
@@ -56,7 +61,4 @@ __all__ = [
     "UniformNoise",
     "VonMises",
     "Wrapped",
-    "as_noise",
-    "ks_line",
-    "wrap",
 ]

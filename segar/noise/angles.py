@@ -1,4 +1,4 @@
-"""Laws of angles: von Mises."""
+"""The distribution of von Mises, for angles."""
 
 from __future__ import annotations
 
@@ -9,9 +9,11 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+import scipy
 
 from segar.errors import PriorError
-from segar.noise.base import Noise, finite, fraction, gauss_legendre
+from segar.noise.base import Noise, fraction, gauss_legendre, set_fields
+from segar.noise.checks import finite
 
 SIGMAS = 10  # pieces of one standard deviation, to either side of the mean, before the rest in one piece
 CDF_NODES = 16  # of Gauss-Legendre quadrature within a piece: errors below 1e-14
@@ -23,7 +25,7 @@ NEWTON_STEPS = 3  # that make it exact to rounding
 class VonMises(Noise):
     """An angle [rad] in ``[mean - pi, mean + pi]`` with density proportional to ``exp(kappa cos(x - mean))``.
 
-    The larger ``kappa`` (positive), the narrower; ``UniformNoise(-pi, pi)`` is the law with kappa 0. Mean and variance
+    The larger ``kappa`` (positive), the narrower; ``UniformNoise(-pi, pi)`` is the distribution with kappa 0. Mean and variance
     are those of the number, distances those on the circle; ``resultant`` is the length of the mean direction.
     ``loc`` is the parameter ``mean``.
     """
@@ -35,8 +37,7 @@ class VonMises(Noise):
         finite(self, mean=mean, kappa=kappa)
         if not kappa > 0:
             raise PriorError(f"VonMises: kappa must be positive, not {kappa!r}; UniformNoise(-pi, pi) has no direction")
-        object.__setattr__(self, "loc", float(mean))
-        object.__setattr__(self, "kappa", float(kappa))
+        set_fields(self, loc=float(mean), kappa=float(kappa))
 
     def sample(self, rng: Any, size: Any = None) -> Any:
         return self.icdf(rng.random(size))
@@ -71,9 +72,7 @@ class VonMises(Noise):
     @property
     def resultant(self) -> float:
         """Length of the mean of ``(cos x, sin x)``: 1 for a certain direction, 0 for none."""
-        from scipy.special import i0e, i1e
-
-        return float(i1e(self.kappa) / i0e(self.kappa))
+        return float(scipy.special.i1e(self.kappa) / scipy.special.i0e(self.kappa))
 
     @property
     def support(self) -> tuple[float, float]:
@@ -84,9 +83,7 @@ class VonMises(Noise):
         return self.loc + self._pieces
 
     def entropy(self) -> float:
-        from scipy.special import i0e
-
-        return math.log(2 * math.pi * i0e(self.kappa)) + self.kappa * (1.0 - self.resultant)
+        return math.log(2 * math.pi * scipy.special.i0e(self.kappa)) + self.kappa * (1.0 - self.resultant)
 
     @cached_property
     def _pieces(self) -> np.ndarray:
@@ -118,7 +115,5 @@ class VonMises(Noise):
         return sum(w * self._density(middle + half * t) for t, w in zip(nodes, weights, strict=True)) * half
 
     def _density(self, z: Any) -> Any:
-        from scipy.special import i0e
-
         # kappa (cos z - 1), without the cancellation at small z
-        return np.exp(-2 * self.kappa * np.sin(0.5 * z) ** 2) / (2 * math.pi * i0e(self.kappa))
+        return np.exp(-2 * self.kappa * np.sin(0.5 * z) ** 2) / (2 * math.pi * scipy.special.i0e(self.kappa))

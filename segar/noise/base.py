@@ -1,45 +1,59 @@
-"""What a law of chance is: sampled, and asked for density, distribution function, moments, entropy and distances.
+"""What every distribution says of itself: draws, density, distribution function, quantiles, moments and entropy.
 
-A law may have atoms (a clipped Gaussian has one at each end): ``pmf`` is the mass of the atoms, ``pdf`` the density of
-the rest, and ``log_prob`` the logarithm of whichever holds at the point. Logarithms are natural.
+A distribution may have atoms (a clipped Gaussian has one at each end): ``pmf`` is the mass of the atoms, ``pdf`` the
+density of the rest, and ``log_prob`` the logarithm of whichever holds at the point. Logarithms are natural.
+
+Quantiles, moments and entropy are computed here for any distribution, by bisection and Gauss-Legendre quadrature over
+its ``pieces``; sub-classes with a closed form override them.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Callable
 from functools import lru_cache
 from typing import Any, ClassVar
 
 import numpy as np
+import scipy
 
 from segar.errors import PriorError
 from segar.support import Estimate
 
-PROBABILITY_SUM = 1e-9  # how far given probabilities may be from summing to one
+NODES = 24  # of Gauss-Legendre quadrature per piece: errors below 1e-10 for Gaussian pieces one sigma wide
+PLANE_NODES = 8  # of quadrature per cell and axis of a grid on the plane
+BISECTIONS = 60  # of a piece, to find a quantile: exact to rounding
+LAST_QUANTILE = 1 - 2.0**-53  # largest probability below one: the quantile of one may be infinite
+MISSING_MASS = 1e-6  # that quadrature may miss before a distribution counts as having mass on lines
+
+DISTANCES: dict[str, Callable[[Noise, Any], Any]] = {}
+"""Name of a distance to the function of two distributions that computes it.
+
+A distance of two distributions depends on the classes of both, and these classes inherit from :class:`Noise`. So this
+module cannot import the distances; :mod:`segar.noise.distances`, which knows all classes, enters them here.
+"""
 
 
 class Noise(ABC):
-    """A law of chance. A sub-class must say how to ``sample``; measures need ``cdf`` and ``pieces`` as well.
+    """A distribution. A sub-class must say how to ``sample``; measures need ``cdf`` and ``pieces`` as well.
 
-    Arguments ``x`` and ``q`` are numbers or arrays of any shape (for a law on the plane: ``(..., 2)``).
+    Arguments ``x`` and ``q`` are numbers or arrays of any shape (for a distribution on the plane: ``(..., 2)``).
     """
 
     width: ClassVar[int] = 1
-    """1 for a law on the line, 2 on the plane, 0 for choices among things that are not numbers."""
+    """1 for a distribution on the line, 2 on the plane, 0 for choices among things that are not numbers."""
 
     @property
     def period(self) -> float | None:
-        """After how much a number of the law comes round again, as angles do after 2 pi; None on the line.
+        """The length of the circle that the numbers live on, such as 2 pi for angles [rad]; None on the line.
 
-        Distances to a law with a period are those on the circle."""
+        Distances to a distribution with a period are those on the circle."""
         return None
 
     @abstractmethod
     def sample(self, rng: Any, size: Any = None) -> Any:
-        """Draws of shape ``size`` (for a law on the plane ``size + (2,)``).
+        """Draws of shape ``size`` (for a distribution on the plane ``size + (2,)``).
 
         Args:
             rng: a ``numpy.random.Generator`` or a :class:`segar.support.counter_rng.LevelGenerator`.
@@ -50,7 +64,7 @@ class Noise(ABC):
         raise PriorError(f"{type(self).__name__} does not say its distribution function: define cdf(self, x)")
 
     def pdf(self, x: Any) -> Any:
-        """Density at ``x`` of the part of the law that is not atoms."""
+        """Density at ``x`` of the part of the distribution that is not atoms."""
         x = np.asarray(x, dtype=float)
         return np.zeros(x.shape[:-1] if self.width == 2 else x.shape)[()]
 
@@ -70,22 +84,26 @@ class Noise(ABC):
 
     def icdf(self, q: Any) -> Any:
         """The smallest x with ``cdf(x) >= q``; nan outside [0, 1]."""
-        from segar.noise.measures import invert_cdf
-
-        return invert_cdf(self, q)
+        check_width(self, 1)
+        q = np.asarray(q, dtype=float)
+        grid = self.pieces
+        right = np.clip(np.searchsorted(np.asarray(self.cdf(grid)), q, side="left"), 0, len(grid) - 1)
+        low, high = grid[np.maximum(right - 1, 0)].copy(), grid[right].copy()
+        for _ in range(BISECTIONS):
+            middle = 0.5 * (low + high)
+            reached = self.cdf(middle) >= q
+            high = np.where(reached, middle, high)
+            low = np.where(reached, low, middle)
+        return np.where((q >= 0) & (q <= 1), high, np.nan)[()]
 
     @property
     def mean(self) -> Any:
         """Expectation: a number, or float64 ``(2,)``."""
-        from segar.noise.measures import moments
-
         return moments(self)[0]
 
     @property
     def var(self) -> Any:
         """Variance: a number, or float64 ``(2,)`` of the components' variances."""
-        from segar.noise.measures import moments
-
         return moments(self)[1]
 
     @property
@@ -104,45 +122,87 @@ class Noise(ABC):
         between the first and the last. Integrals are computed piece by piece."""
         raise PriorError(f"{type(self).__name__} does not say where it lives: define the property pieces")
 
-    def entropy(self) -> float:
-        """Differential entropy of a density, Shannon entropy of atoms, their sum for a law that has both."""
-        from segar.noise.measures import entropy
+    @property
+    def grid(self) -> tuple[np.ndarray, np.ndarray]:
+        """Of a distribution on the plane, values of x and of y where ``cdf`` bends or jumps, and enough between them to
+        see its shape."""
+        raise PriorError(f"{type(self).__name__} does not say where its cdf bends: define the property grid")
 
-        return entropy(self)
+    @property
+    def components(self) -> tuple[Noise, Noise] | None:
+        """Of a distribution on the plane, the distributions of x and of y where they are independent, else None."""
+        return None
+
+    def entropy(self) -> float:
+        """Differential entropy of a density, Shannon entropy of atoms, their sum for a distribution that has both [nats].
+
+        Raises:
+            PriorError: a distribution on the plane has mass on lines, where it has neither atoms nor a density.
+        """
+        masses = self.atoms[1]
+        if self.width == 2:
+            (x, wx), (y, wy) = (quadrature(line, PLANE_NODES) for line in self.grid)
+            density = self.pdf(np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1))
+            missing = 1.0 - masses.sum() - wx @ density @ wy
+            if abs(missing) > MISSING_MASS:
+                raise PriorError(f"{self!r}: {missing:.3g} of its mass lies on lines, where entropy has no common unit")
+            return float(scipy.special.entr(masses).sum() + wx @ scipy.special.entr(density) @ wy)
+        check_width(self, 1)
+        x, weight = quadrature(self.pieces)
+        return float(scipy.special.entr(masses).sum() + weight @ scipy.special.entr(self.pdf(x)))
 
     def w2(self, other: Any) -> float:
-        """Wasserstein-2 distance to another law or to a constant; on the circle for a law with a ``period``."""
-        from segar.noise.measures import as_noise, w2
+        """Wasserstein-2 distance to another distribution or to a constant (Villani 2009, section 6).
 
-        return w2(self, as_noise(other))
-
-    def ks(self, other: Any) -> float:
-        """Kolmogorov-Smirnov distance to another law or to a constant: the largest difference of the two ``cdf``; on the
-        circle Kuiper's, the largest difference of the masses of an arc."""
-        from segar.noise.measures import as_noise, ks
-
-        return ks(self, as_noise(other))
+        It is measured on the circle if one of them has a ``period``.
+        """
+        return self.w2_estimate(other).value
 
     def w2_estimate(self, other: Any) -> Estimate:
-        """``w2(other)`` with its error, zero where there is a closed form; see :mod:`segar.noise.measures`."""
-        from segar.noise.measures import as_noise, w2_estimate
+        """``w2(other)`` with its error, zero where there is a closed form; see :mod:`segar.noise.distances`."""
+        return DISTANCES["w2_estimate"](self, other)
 
-        return w2_estimate(self, as_noise(other))
+    def ks(self, other: Any) -> float:
+        """Kolmogorov-Smirnov distance to another distribution or to a constant: the largest difference of the two
+        ``cdf``; on the circle Kuiper's (1960), the largest difference of the masses of an arc."""
+        return DISTANCES["ks"](self, other)
 
     def ks_estimate(self, other: Any) -> Estimate:
-        """``ks(other)`` with a bound of its error; see :mod:`segar.noise.measures`."""
-        from segar.noise.measures import as_noise, ks_estimate
-
-        return ks_estimate(self, as_noise(other))
+        """``ks(other)`` with a bound of its error; see :mod:`segar.noise.distances`."""
+        return DISTANCES["ks_estimate"](self, other)
 
     def __repr__(self) -> str:
         fields = dataclasses.fields(self) if dataclasses.is_dataclass(self) else ()
         return f"{type(self).__name__}({', '.join(repr(getattr(self, f.name)) for f in fields)})"
 
 
-def shape_of(size: Any) -> tuple[int, ...]:
-    """The shape that a ``size`` argument means: None one draw, a number so many, else the shape itself."""
-    return () if size is None else (int(size),) if isinstance(size, (int, np.integer)) else tuple(size)
+def moments(distribution: Noise) -> tuple[float, float]:
+    """Mean and variance of a distribution on the line, by quadrature of its quantile function."""
+    check_width(distribution, 1)
+    q, weight = quantile_nodes(distribution)
+    x = distribution.icdf(q)
+    mean = float(weight @ x)
+    return mean, float(weight @ (x - mean) ** 2)
+
+
+def quantile_nodes(*distributions: Noise, nodes: int = NODES) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes and weights on (0, 1) between the probabilities at which some quantile function may bend or jump."""
+    levels = [np.array([0.0, 1.0]), *map(quantile_bends, distributions)]
+    q, weight = quadrature(np.unique(np.concatenate(levels)), nodes)
+    return np.clip(q, None, LAST_QUANTILE), weight
+
+
+def quantile_bends(distribution: Noise) -> np.ndarray:
+    """The probabilities at which the quantile function of a distribution on the line may bend or jump."""
+    p = np.asarray(distribution.cdf(distribution.pieces), dtype=float)
+    return np.clip(np.concatenate([p, p - distribution.pmf(distribution.pieces)]), 0.0, 1.0)
+
+
+def quadrature(edges: np.ndarray, nodes: int = NODES) -> tuple[np.ndarray, np.ndarray]:
+    """Gauss-Legendre nodes and weights on each interval between ascending ``edges``, flat."""
+    z, weight = gauss_legendre(nodes)
+    half, middle = np.diff(edges) / 2, (edges[1:] + edges[:-1]) / 2
+    return (middle[:, None] + half[:, None] * z).ravel(), (half[:, None] * weight).ravel()
 
 
 @lru_cache
@@ -151,60 +211,35 @@ def gauss_legendre(nodes: int) -> tuple[np.ndarray, np.ndarray]:
     return np.polynomial.legendre.leggauss(nodes)
 
 
+def check_width(distribution: Noise, width: int) -> None:
+    """Raise :class:`PriorError` unless the distribution has this ``width``, 1 or 2."""
+    if distribution.width != width or not width:
+        place = {0: "among things that are not numbers", 1: "on the line", 2: "on the plane"}
+        raise PriorError(
+            f"{distribution!r} is a distribution {place[distribution.width]}; here one {place[width or 1]} is needed"
+        )
+
+
+def joined_atoms(values: np.ndarray, masses: Any) -> tuple[np.ndarray, np.ndarray]:
+    """The distinct ones of ``values``, float64 ``(n,)`` or ``(n, 2)``, ascending, and the sum of the masses of each."""
+    if not len(values):
+        return values, masses
+    distinct, place = np.unique(values, axis=0, return_inverse=True)
+    return distinct, np.bincount(place.ravel(), weights=masses, minlength=len(distinct))
+
+
+def set_fields(owner: object, **fields: Any) -> None:
+    """Set fields of a frozen dataclass while it is made."""
+    for name, value in fields.items():
+        object.__setattr__(owner, name, value)
+
+
+def shape_of(size: Any) -> tuple[int, ...]:
+    """The shape that a ``size`` argument means: None one draw, a number so many, else the shape itself."""
+    return () if size is None else (int(size),) if isinstance(size, (int, np.integer)) else tuple(size)
+
+
 def fraction(q: Any) -> np.ndarray:
     """``q`` as an array, nan outside [0, 1]."""
     q = np.asarray(q, dtype=float)
     return np.where((q >= 0) & (q <= 1), q, np.nan)
-
-
-def finite(law: Noise, **numbers: Any) -> None:
-    """Raise :class:`PriorError` unless all ``numbers`` are finite numbers."""
-    for name, number in numbers.items():
-        if isinstance(number, (bool, str)) or not np.isscalar(number) or not np.isfinite(number):
-            raise PriorError(f"{type(law).__name__}: {name} must be a finite number, not {number!r}")
-
-
-def members(law: Noise, name: str, given: Any) -> tuple[Any, ...]:
-    """What is given as a tuple; raises :class:`PriorError` if it is a single thing."""
-    if isinstance(given, str) or not isinstance(given, Iterable):
-        raise PriorError(f"{type(law).__name__}: {name} must be a list, not {given!r}")
-    return tuple(given)
-
-
-def points(law: Noise, x: Any) -> np.ndarray:
-    """``x`` as float64 ``(..., 2)``; raises :class:`PriorError` if these are not points."""
-    x = np.asarray(x, dtype=float)
-    if x.shape[-1:] != (2,):
-        raise PriorError(f"{law!r} is a law on the plane: x must have shape (..., 2), not {x.shape}")
-    return x
-
-
-def interval(law: Noise, name: str, ends: Any, strict: bool = False) -> tuple[float, float]:
-    """``(low, high)`` as floats; raises :class:`PriorError` if they are not two numbers in order."""
-    try:
-        low, high = (math.nan if isinstance(end, str) else float(end) for end in ends)
-    except (TypeError, ValueError):
-        low = high = math.nan
-    if math.isnan(low) or math.isnan(high):
-        raise PriorError(f"{type(law).__name__}: {name} must be two numbers (low, high), not {ends!r}")
-    if not (low < high if strict else low <= high):
-        hint = f"; did you mean ({high:g}, {low:g})?" if low > high else "; for a constant give the value itself"
-        raise PriorError(f"{type(law).__name__}: {name} must go from low to high, not from {low:g} to {high:g}{hint}")
-    if strict and not math.isfinite(high - low):
-        raise PriorError(f"{type(law).__name__}: {name} must be finite, not ({low:g}, {high:g})")
-    return low, high
-
-
-def probabilities(law: Noise, weights: Any, count: int) -> tuple[float, ...]:
-    """``count`` probabilities as floats, equal ones for None; raises :class:`PriorError`."""
-    if weights is None:
-        return (1.0 / count,) * count
-    try:
-        given = tuple(float(w) for w in weights)
-    except (TypeError, ValueError):
-        raise PriorError(f"{type(law).__name__}: probabilities must be a list of numbers, not {weights!r}") from None
-    if len(given) != count:
-        raise PriorError(f"{type(law).__name__}: {len(given)} probabilities were given for {count} members")
-    if any(not w >= 0 for w in given) or abs(sum(given) - 1) > PROBABILITY_SUM:
-        raise PriorError(f"{type(law).__name__}: probabilities must be at least 0 and sum to 1, not {given}")
-    return given

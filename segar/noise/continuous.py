@@ -1,4 +1,4 @@
-"""Laws on the line that have a density: Gaussian (clipped or not), uniform, log-uniform."""
+"""Distributions on the line that have a density: Gaussian (clipped or not), uniform, log-uniform."""
 
 from __future__ import annotations
 
@@ -10,9 +10,11 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy
 
 from segar.errors import PriorError
-from segar.noise.base import Noise, finite, fraction, interval
+from segar.noise.base import Noise, fraction, set_fields
+from segar.noise.checks import finite, interval
 
 SIGMAS = 10  # a Gaussian is integrated this far to either side: beyond lies a mass of 1e-23
 
@@ -51,8 +53,7 @@ class GaussianBetween(Noise):
             raise PriorError(
                 f"{type(self).__name__}: std must be positive, not {std!r}; for a constant give the value itself"
             )
-        object.__setattr__(self, "loc", float(mean))
-        object.__setattr__(self, "std", float(std))
+        set_fields(self, loc=float(mean), std=float(std))
 
 
 @dataclass(frozen=True, init=False, repr=False)
@@ -60,7 +61,7 @@ class GaussianNoise(GaussianBetween):
     """Gaussian with ``mean`` and standard deviation ``std``; ``clip=(low, high)`` moves draws outside to the ends.
 
     A clipped Gaussian has an atom at each end. ``loc`` is the parameter ``mean``; the property ``mean`` is the mean of
-    the law, clipping included.
+    the distribution, clipping included.
     """
 
     loc: float
@@ -76,11 +77,9 @@ class GaussianNoise(GaussianBetween):
         return x if self.clip is None else np.clip(x, *self.clip)
 
     def cdf(self, x: Any) -> Any:
-        from scipy.special import ndtr
-
         low, high = self.support
         x = np.asarray(x, dtype=float)
-        p = ndtr((x - self.loc) / self.std)
+        p = gauss_cdf((x - self.loc) / self.std)
         return np.where(x < low, 0.0, np.where(x >= high, 1.0, p))[()]
 
     def pdf(self, x: Any) -> Any:
@@ -89,9 +88,7 @@ class GaussianNoise(GaussianBetween):
         return np.where((x > low) & (x < high), gauss((x - self.loc) / self.std) / self.std, 0.0)[()]
 
     def icdf(self, q: Any) -> Any:
-        from scipy.special import ndtri
-
-        return np.clip(self.loc + self.std * ndtri(np.asarray(q, dtype=float)), *self.support)[()]
+        return np.clip(self.loc + self.std * gauss_quantile(np.asarray(q, dtype=float)), *self.support)[()]
 
     @property
     def support(self) -> tuple[float, float]:
@@ -99,13 +96,11 @@ class GaussianNoise(GaussianBetween):
 
     @property
     def atoms(self) -> tuple[np.ndarray, np.ndarray]:
-        from scipy.special import ndtr
-
         low, high = self.support
-        masses = {x: float(ndtr(side)) for x, side in ((low, self._z[0]), (high, -self._z[1])) if math.isfinite(x)}
         if low == high:
-            masses = {low: 1.0}
-        return np.array(list(masses)), np.array(list(masses.values()))
+            return np.array([low]), np.ones(1)
+        ends = [(x, gauss_cdf(z)) for x, z in ((low, self._z[0]), (high, -self._z[1])) if math.isfinite(x)]
+        return np.array([x for x, _ in ends]), np.array([mass for _, mass in ends])
 
     @property
     def pieces(self) -> np.ndarray:
@@ -113,21 +108,17 @@ class GaussianNoise(GaussianBetween):
         return np.unique(np.clip(grid, *self.support))
 
     def entropy(self) -> float:
-        from scipy.special import entr
-
         inside, _, second = self._inside
         density = inside * math.log(self.std * math.sqrt(2 * math.pi)) + second / 2
-        return float(density + entr(self.atoms[1]).sum())
+        return float(density + scipy.special.entr(self.atoms[1]).sum())
 
     @cached_property
     def _inside(self) -> tuple[float, float, float]:
         """Mass between the ends, and the integrals there of z and z^2 against the standard density."""
-        from scipy.special import ndtr
-
         a, b = self._z
         if a == b:
             return 0.0, 0.0, 0.0
-        inside = float(ndtr(b) - ndtr(a)) if a < 0 else float(ndtr(-a) - ndtr(-b))
+        inside = float(gauss_cdf(b) - gauss_cdf(a)) if a < 0 else float(gauss_cdf(-a) - gauss_cdf(-b))
         edge = [0.0 if math.isinf(z) else z * float(gauss(z)) for z in (a, b)]
         return inside, float(gauss(a) - gauss(b)), inside - edge[1] + edge[0]
 
@@ -148,8 +139,7 @@ class UniformNoise(Noise):
 
     def __post_init__(self) -> None:
         ends = interval(self, "its range", (self.low, self.high), strict=True)
-        object.__setattr__(self, "low", ends[0])
-        object.__setattr__(self, "high", ends[1])
+        set_fields(self, low=ends[0], high=ends[1])
 
     def sample(self, rng: Any, size: Any = None) -> Any:
         return rng.uniform(self.low, self.high, size)
@@ -191,8 +181,7 @@ class LogUniform(Noise):
         ends = interval(self, "its range", (self.low, self.high), strict=True)
         if not ends[0] > 0:
             raise PriorError(f"LogUniform: low must be positive, not {self.low!r}")
-        object.__setattr__(self, "low", ends[0])
-        object.__setattr__(self, "high", ends[1])
+        set_fields(self, low=ends[0], high=ends[1])
 
     def sample(self, rng: Any, size: Any = None) -> Any:
         return self.low * np.exp(self._span * rng.random(size))
@@ -232,3 +221,13 @@ class LogUniform(Noise):
 def gauss(z: Any) -> Any:
     """Density of the standard Gaussian."""
     return np.exp(-0.5 * np.square(z)) / math.sqrt(2 * math.pi)
+
+
+def gauss_cdf(z: Any) -> Any:
+    """Distribution function of the standard Gaussian."""
+    return scipy.special.ndtr(z)
+
+
+def gauss_quantile(q: Any) -> Any:
+    """Quantile function of the standard Gaussian."""
+    return scipy.special.ndtri(q)

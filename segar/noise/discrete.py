@@ -1,4 +1,4 @@
-"""Laws made of atoms: ranges of whole numbers, choices, coin flips and constants."""
+"""Distributions made of atoms: ranges of whole numbers, choices, coin flips and constants."""
 
 from __future__ import annotations
 
@@ -8,15 +8,17 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy
 
 from segar.errors import PriorError
-from segar.noise.base import Noise, finite, fraction, interval, members, points, probabilities, shape_of
+from segar.noise.base import Noise, fraction, joined_atoms, set_fields, shape_of
+from segar.noise.checks import finite, interval, members, points, probabilities
 
-SHOWN = 8  # values that the repr of an empirical law says
+SHOWN = 8  # values that the repr of an empirical distribution shows
 
 
 class DiscreteNoise(Noise):
-    """A law that is all atoms; its sub-classes say which."""
+    """A distribution that is all atoms; its sub-classes say which."""
 
     def cdf(self, x: Any) -> Any:
         values, masses = self.atoms
@@ -36,7 +38,7 @@ class DiscreteNoise(Noise):
 
     def icdf(self, q: Any) -> Any:
         if self.width != 1:
-            raise PriorError(f"{type(self).__name__}: only a law on the line has quantiles")
+            raise PriorError(f"{type(self).__name__}: only a distribution on the line has quantiles")
         values, masses = self.atoms
         q = fraction(q)
         index = np.searchsorted(np.cumsum(masses)[:-1], q, side="left")
@@ -64,14 +66,11 @@ class DiscreteNoise(Noise):
 
     @property
     def grid(self) -> tuple[np.ndarray, np.ndarray]:
-        """Of a law on the plane: values of x and of y where ``cdf`` jumps."""
         values = self.atoms[0]
         return np.unique(values[:, 0]), np.unique(values[:, 1])
 
     def entropy(self) -> float:
-        from scipy.special import entr
-
-        return float(entr(self.atoms[1]).sum())
+        return float(scipy.special.entr(self.atoms[1]).sum())
 
 
 @dataclass(frozen=True, repr=False)
@@ -85,8 +84,7 @@ class DiscreteRangeNoise(DiscreteNoise):
         low, high = interval(self, "its range", (self.low, self.high))
         if not (low.is_integer() and high.is_integer()):
             raise PriorError(f"DiscreteRangeNoise: low and high must be whole numbers, not {self.low!r}, {self.high!r}")
-        object.__setattr__(self, "low", int(low))
-        object.__setattr__(self, "high", int(high))
+        set_fields(self, low=int(low), high=int(high))
 
     def sample(self, rng: Any, size: Any = None) -> Any:
         return rng.integers(self.low, self.high, size=size, endpoint=True)
@@ -147,7 +145,7 @@ class Deterministic(DiscreteNoise):
 class Choice(DiscreteNoise):
     """One of ``keys``, by the probabilities ``p`` (equal ones if None).
 
-    Keys are numbers, points ``(x, y)``, or anything else (shapes, for instance): such a law can be sampled and has an
+    Keys are numbers, points ``(x, y)``, or anything else (shapes, for instance): such a distribution can be sampled and has an
     entropy, but no distribution function.
     """
 
@@ -184,16 +182,13 @@ class Choice(DiscreteNoise):
     def atoms(self) -> tuple[np.ndarray, np.ndarray]:
         if not self.width:
             raise PriorError(f"{self!r} chooses among things that are not numbers")
-        values, place = np.unique(self._numbers, axis=0, return_inverse=True)
-        return values, np.bincount(place.ravel(), weights=self.p, minlength=len(values))
+        return joined_atoms(self._numbers, self.p)
 
     def entropy(self) -> float:
-        from scipy.special import entr
-
         masses: dict[Any, float] = {}
         for key, p in zip(self.keys, self.p or (), strict=True):
             masses[key] = masses.get(key, 0.0) + p
-        return float(entr(list(masses.values())).sum())
+        return float(scipy.special.entr(list(masses.values())).sum())
 
     @cached_property
     def _numbers(self) -> np.ndarray:
@@ -209,7 +204,8 @@ class Choice(DiscreteNoise):
 class Empirical(DiscreteNoise):
     """One of the given ``values``, all equally likely: numbers ``(n,)``, or points ``(n, 2)``.
 
-    What was measured becomes a law that can be sampled and compared; a value that was measured twice is twice as likely.
+    Measured values become a distribution that can be sampled and compared; a value that was measured twice is twice as
+    likely.
     """
 
     values: Any

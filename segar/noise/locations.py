@@ -1,4 +1,4 @@
-"""Laws on the plane: Gaussians, products of two laws on the line, and the twelve location priors.
+"""Distributions on the plane: Gaussians, products of two distributions on the line, and the twelve location priors.
 
 Locations keep a margin of 0.05 to the walls of the arena [-1, 1]^2; "quarter" boxes reach from the margin half of the
 way to the centre (the 2022 constants).
@@ -13,10 +13,12 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
+import scipy
 
 from segar.errors import PriorError
-from segar.noise.base import Noise, interval, points, shape_of
-from segar.noise.continuous import GaussianNoise, UniformNoise
+from segar.noise.base import Noise, set_fields, shape_of
+from segar.noise.checks import interval, points
+from segar.noise.continuous import GaussianNoise, UniformNoise, gauss_cdf
 from segar.noise.discrete import Deterministic
 from segar.noise.mixture import MixtureNoise
 
@@ -29,42 +31,26 @@ GRID_QUANTILES = np.linspace(0.0, 1.0, 66)[1:-1]
 
 
 class PlaneNoise(Noise):
-    """A law on the plane."""
+    """A distribution on the plane that names its ``marginals``, the distributions of x and of y.
+
+    They are independent, and everything follows from them, unless a sub-class says that ``components`` is None.
+    """
 
     width: ClassVar[int] = 2
+    marginals: tuple[Noise, Noise]
 
     @property
     def components(self) -> tuple[Noise, Noise] | None:
-        """The laws of x and of y where they are independent, else None."""
-        return None
-
-    @property
-    def grid(self) -> tuple[np.ndarray, np.ndarray]:
-        """Values of x and of y where ``cdf`` bends, and enough between them to see its shape."""
-        raise PriorError(f"{type(self).__name__} does not say where its cdf bends: define the property grid")
-
-    @property
-    def atoms(self) -> tuple[np.ndarray, np.ndarray]:
-        return np.zeros((0, 2)), np.zeros(0)
-
-    @property
-    def pieces(self) -> np.ndarray:
-        raise PriorError(f"{self!r} is a law on the plane; pieces are for laws on the line")
-
-
-class ProductNoise(PlaneNoise):
-    """A law on the plane whose x and y are independent; its sub-classes say ``components``."""
-
-    components: tuple[Noise, Noise]  # type: ignore[assignment]
+        return self.marginals
 
     def sample(self, rng: Any, size: Any = None) -> Any:
-        return np.stack([np.asarray(law.sample(rng, size), dtype=float) for law in self.components], axis=-1)
+        return np.stack([np.asarray(part.sample(rng, size), dtype=float) for part in self.marginals], axis=-1)
 
     def cdf(self, x: Any) -> Any:
         return self._each("cdf", x).prod(axis=-1)[()]
 
     def pdf(self, x: Any) -> Any:
-        """Density of the law with respect to area; zero where a component is an atom."""
+        """Density of the distribution with respect to area; zero where a component is an atom."""
         return self._each("pdf", x).prod(axis=-1)[()]
 
     def pmf(self, x: Any) -> Any:
@@ -76,52 +62,56 @@ class ProductNoise(PlaneNoise):
 
     @property
     def mean(self) -> np.ndarray:
-        return np.array([law.mean for law in self.components])
+        return np.array([part.mean for part in self.marginals])
 
     @property
     def var(self) -> np.ndarray:
-        return np.array([law.var for law in self.components])
+        return np.array([part.var for part in self.marginals])
 
     @property
     def support(self) -> tuple[tuple[float, float], tuple[float, float]]:
-        return self.components[0].support, self.components[1].support
+        return self.marginals[0].support, self.marginals[1].support
 
     @property
     def atoms(self) -> tuple[np.ndarray, np.ndarray]:
-        (x, mass), (y, weight) = (law.atoms for law in self.components)
-        points = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
-        return points, np.outer(mass, weight).ravel()
+        (x, mass), (y, weight) = (part.atoms for part in self.marginals)
+        values = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+        return values, np.outer(mass, weight).ravel()
+
+    @property
+    def pieces(self) -> np.ndarray:
+        raise PriorError(f"{self!r} is a distribution on the plane; pieces are for distributions on the line")
 
     @property
     def grid(self) -> tuple[np.ndarray, np.ndarray]:
-        x, y = (np.unique(np.append(law.pieces, law.icdf(GRID_QUANTILES))) for law in self.components)
+        x, y = (np.unique(np.append(part.pieces, part.icdf(GRID_QUANTILES))) for part in self.marginals)
         return x, y
 
     def entropy(self) -> float:
-        return sum(law.entropy() for law in self.components)
+        return sum(part.entropy() for part in self.marginals)
 
     def _each(self, what: str, x: Any) -> np.ndarray:
         x = points(self, x)
-        return np.stack([getattr(law, what)(x[..., i]) for i, law in enumerate(self.components)], axis=-1)
+        return np.stack([getattr(part, what)(x[..., i]) for i, part in enumerate(self.marginals)], axis=-1)
 
 
 @dataclass(frozen=True, repr=False)
-class Independent(ProductNoise):
-    """The law of a point whose ``x`` and ``y`` are drawn independently, each from its own law or constant."""
+class Independent(PlaneNoise):
+    """A point whose ``x`` and ``y`` are drawn independently, each from its own distribution, or are constants."""
 
     x: Any
     y: Any
 
     def __post_init__(self) -> None:
         for name in ("x", "y"):
-            law = getattr(self, name)
-            law = law if isinstance(law, Noise) else Deterministic(law)
-            if law.width != 1:
-                raise PriorError(f"Independent: {name} must be a law on the line or a number, not {law!r}")
-            object.__setattr__(self, name, law)
+            part = getattr(self, name)
+            part = part if isinstance(part, Noise) else Deterministic(part)
+            if part.width != 1:
+                raise PriorError(f"Independent: {name} must be a distribution on the line or a number, not {part!r}")
+            object.__setattr__(self, name, part)
 
     @property
-    def components(self) -> tuple[Noise, Noise]:  # type: ignore[override]
+    def marginals(self) -> tuple[Noise, Noise]:  # type: ignore[override]
         return self.x, self.y
 
 
@@ -130,7 +120,8 @@ class GaussianNoise2D(PlaneNoise):
     """Gaussian on the plane with ``mean``, and standard deviations ``std`` (one, or two) or covariance ``cov``.
 
     ``clip=(low, high)`` moves each component outside to the end; it needs independent components.
-    ``loc`` is the parameter ``mean``; the property ``mean`` is the mean of the law, clipping included.
+    ``loc`` is the parameter ``mean``; the property ``mean`` is the mean of the distribution,
+    clipping included.
     """
 
     loc: tuple[float, float]
@@ -154,13 +145,21 @@ class GaussianNoise2D(PlaneNoise):
             raise PriorError(f"GaussianNoise2D: the covariance {matrix.tolist()} is not positive definite")
         if clip is not None and matrix[0, 1] != 0:
             raise PriorError("GaussianNoise2D: clip needs independent components, and cov has a correlation")
-        object.__setattr__(self, "loc", tuple(loc.tolist()))
-        object.__setattr__(self, "cov", tuple(map(tuple, matrix.tolist())))
-        object.__setattr__(self, "clip", None if clip is None else interval(self, "clip", clip))
+        set_fields(
+            self,
+            loc=tuple(loc.tolist()),
+            cov=tuple(map(tuple, matrix.tolist())),
+            clip=None if clip is None else interval(self, "clip", clip),
+        )
 
     @cached_property
+    def marginals(self) -> tuple[Noise, Noise]:  # type: ignore[override]
+        x, y = (GaussianNoise(self.loc[i], math.sqrt(self.cov[i][i]), self.clip) for i in range(2))
+        return x, y
+
+    @property
     def components(self) -> tuple[Noise, Noise] | None:
-        return None if self.cov[0][1] else self._marginals
+        return None if self.cov[0][1] else self.marginals
 
     def sample(self, rng: Any, size: Any = None) -> Any:
         shape = shape_of(size)
@@ -169,62 +168,34 @@ class GaussianNoise2D(PlaneNoise):
 
     def cdf(self, x: Any) -> Any:
         if self.components is not None:
-            return Independent(*self.components).cdf(x)
+            return super().cdf(x)
         z = (points(self, x) - self.loc) / [math.sqrt(self.cov[i][i]) for i in range(2)]
         return _bivariate_cdf(z[..., 0], z[..., 1], self.cov[0][1] / math.sqrt(self.cov[0][0] * self.cov[1][1]))[()]
 
     def pdf(self, x: Any) -> Any:
         if self.components is not None:
-            return Independent(*self.components).pdf(x)
+            return super().pdf(x)
         z = points(self, x) - self.loc
         square = np.einsum("...i,ij,...j->...", z, np.linalg.inv(np.array(self.cov)), z)
         return (np.exp(-0.5 * square) / (2 * math.pi * math.sqrt(np.linalg.det(np.array(self.cov)))))[()]
 
-    def pmf(self, x: Any) -> Any:
-        return super().pmf(x) if self.components is None else Independent(*self.components).pmf(x)
-
-    @property
-    def atoms(self) -> tuple[np.ndarray, np.ndarray]:
-        return (np.zeros((0, 2)), np.zeros(0)) if self.components is None else Independent(*self.components).atoms
-
     def log_prob(self, x: Any) -> Any:
-        return super().log_prob(x) if self.components is None else Independent(*self.components).log_prob(x)
-
-    @property
-    def mean(self) -> np.ndarray:
-        return Independent(*self._marginals).mean
-
-    @property
-    def var(self) -> np.ndarray:
-        return Independent(*self._marginals).var
-
-    @property
-    def support(self) -> tuple[tuple[float, float], tuple[float, float]]:
-        return Independent(*self._marginals).support
-
-    @property
-    def grid(self) -> tuple[np.ndarray, np.ndarray]:
-        return Independent(*self._marginals).grid
+        return Noise.log_prob(self, x) if self.components is None else super().log_prob(x)
 
     def entropy(self) -> float:
         if self.components is not None:
-            return Independent(*self.components).entropy()
+            return super().entropy()
         return math.log(2 * math.pi * math.e) + 0.5 * math.log(np.linalg.det(np.array(self.cov)))
 
-    @cached_property
-    def _marginals(self) -> tuple[Noise, Noise]:
-        x, y = (GaussianNoise(self.loc[i], math.sqrt(self.cov[i][i]), self.clip) for i in range(2))
-        return x, y
 
-
-class BoxLocation(ProductNoise):
+class BoxLocation(PlaneNoise):
     """Uniform in the box ``x_range`` x ``y_range`` (metres); the named locations below are such boxes."""
 
     x_range: ClassVar[tuple[float, float]]
     y_range: ClassVar[tuple[float, float]]
 
     @cached_property
-    def components(self) -> tuple[Noise, Noise]:  # type: ignore[override]
+    def marginals(self) -> tuple[Noise, Noise]:  # type: ignore[override]
         return UniformNoise(*self.x_range), UniformNoise(*self.y_range)
 
     def __eq__(self, other: object) -> bool:
@@ -275,16 +246,16 @@ class RandomBottomLeftLocation(BoxLocation):
 
 
 @dataclass(frozen=True, repr=False)
-class CenterLocation(ProductNoise):
+class CenterLocation(PlaneNoise):
     """The centre of the arena."""
 
     @property
-    def components(self) -> tuple[Noise, Noise]:  # type: ignore[override]
+    def marginals(self) -> tuple[Noise, Noise]:  # type: ignore[override]
         return Deterministic(0.0), Deterministic(0.0)
 
 
 @dataclass(frozen=True, repr=False)
-class RandomEdgeLocation(MixtureNoise, PlaneNoise):
+class RandomEdgeLocation(MixtureNoise):
     """Uniform in the rim: the 12 outer cells of a 4 x 4 grid over [-0.95, 0.95]^2."""
 
     weights: ClassVar[tuple[float, ...]] = (1.0 / 12,) * 12
@@ -308,12 +279,11 @@ class RandomEdgeLocation(MixtureNoise, PlaneNoise):
 
 def _bivariate_cdf(h: np.ndarray, k: np.ndarray, correlation: float) -> np.ndarray:
     """P(X <= h, Y <= k) of standard Gaussians with that correlation, by Owen's T function (Owen 1956)."""
-    from scipy.special import ndtr, owens_t
-
     h, k = (np.where(z == 0, TINY, np.clip(z, -FAR, FAR)) for z in (h, k))
     rest = math.sqrt(1 - correlation**2)
-    tails = owens_t(h, (k / h - correlation) / rest) + owens_t(k, (h / k - correlation) / rest)
-    return np.clip(0.5 * (ndtr(h) + ndtr(k)) - tails - np.where((h < 0) != (k < 0), 0.5, 0.0), 0.0, 1.0)
+    tails = sum(scipy.special.owens_t(u, (v / u - correlation) / rest) for u, v in ((h, k), (k, h)))
+    opposite = np.where((h < 0) != (k < 0), 0.5, 0.0)
+    return np.clip(0.5 * (gauss_cdf(h) + gauss_cdf(k)) - tails - opposite, 0.0, 1.0)
 
 
 def _rim_corners() -> Sequence[tuple[float, float]]:

@@ -1,4 +1,4 @@
-"""Mixtures: one of several laws, by given probabilities."""
+"""Mixtures: a draw comes from one of several distributions, by given probabilities."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from segar.errors import PriorError
-from segar.noise.base import Noise, members, probabilities
+from segar.noise.base import Noise, joined_atoms, set_fields
+from segar.noise.checks import members, probabilities
 from segar.noise.continuous import GaussianNoise
 
 
@@ -26,59 +27,55 @@ class MixtureNoise(Noise):
 
     @property
     def period(self) -> float | None:
-        return next((law.period for law in self.laws if law.period is not None), None)
+        return next((part.period for part in self.laws if part.period is not None), None)
 
     def sample(self, rng: Any, size: Any = None) -> Any:
         component = np.asarray(rng.choice(len(self.laws), size=size, p=self.weights))
-        draws = np.stack([np.asarray(law.sample(rng, size), dtype=float) for law in self.laws])
+        draws = np.stack([np.asarray(part.sample(rng, size), dtype=float) for part in self.laws])
         pick = component[None, ..., None] if self.width == 2 else component[None]
         return np.take_along_axis(draws, pick, axis=0)[0][()]
 
     def cdf(self, x: Any) -> Any:
-        return sum(w * law.cdf(x) for law, w in self._parts)
+        return sum(w * part.cdf(x) for part, w in self._parts)
 
     def pdf(self, x: Any) -> Any:
-        return sum(w * law.pdf(x) for law, w in self._parts)
+        return sum(w * part.pdf(x) for part, w in self._parts)
 
     def pmf(self, x: Any) -> Any:
-        return sum(w * law.pmf(x) for law, w in self._parts)
+        return sum(w * part.pmf(x) for part, w in self._parts)
 
     @property
     def mean(self) -> Any:
-        return sum(w * law.mean for law, w in self._parts)
+        return sum(w * part.mean for part, w in self._parts)
 
     @property
     def var(self) -> Any:
-        return sum(w * (law.var + (law.mean - self.mean) ** 2) for law, w in self._parts)
+        return sum(w * (part.var + (part.mean - self.mean) ** 2) for part, w in self._parts)
 
     @property
     def support(self) -> Any:
-        ends = np.array([law.support for law, _ in self._parts])
+        ends = np.array([part.support for part, _ in self._parts])
         low, high = ends[..., 0].min(axis=0), ends[..., 1].max(axis=0)
         return tuple(zip(low.tolist(), high.tolist(), strict=True)) if self.width == 2 else (float(low), float(high))
 
     @property
     def atoms(self) -> tuple[np.ndarray, np.ndarray]:
-        values = np.concatenate([law.atoms[0] for law, _ in self._parts])
-        masses = np.concatenate([w * law.atoms[1] for law, w in self._parts])
-        if not len(values):
-            return values, masses
-        distinct, place = np.unique(values, axis=0, return_inverse=True)
-        return distinct, np.bincount(place.ravel(), weights=masses, minlength=len(distinct))
+        values = np.concatenate([part.atoms[0] for part, _ in self._parts])
+        masses = np.concatenate([w * part.atoms[1] for part, w in self._parts])
+        return joined_atoms(values, masses)
 
     @property
     def pieces(self) -> np.ndarray:
-        return np.unique(np.concatenate([law.pieces for law, _ in self._parts]))
+        return np.unique(np.concatenate([part.pieces for part, _ in self._parts]))
 
     @property
     def grid(self) -> tuple[np.ndarray, np.ndarray]:
-        """Of a law on the plane: values of x and of y where ``cdf`` bends or jumps."""
-        grids = [law.grid for law, _ in self._parts]  # type: ignore[attr-defined]
+        grids = [part.grid for part, _ in self._parts]
         return np.unique(np.concatenate([x for x, _ in grids])), np.unique(np.concatenate([y for _, y in grids]))
 
     @cached_property
     def _parts(self) -> tuple[tuple[Noise, float], ...]:
-        return tuple((law, w) for law, w in zip(self.laws, self.weights, strict=True) if w > 0)
+        return tuple((part, w) for part, w in zip(self.laws, self.weights, strict=True) if w > 0)
 
 
 @dataclass(frozen=True, repr=False)
@@ -90,12 +87,11 @@ class Mixture(MixtureNoise):
 
     def __post_init__(self) -> None:
         laws = members(self, "laws", self.laws)
-        if not laws or not all(isinstance(law, Noise) for law in laws) or len({law.width for law in laws}) != 1:
-            raise PriorError(f"Mixture needs laws that are all on the line or all on the plane, not {laws!r}")
-        if len({law.period for law in laws} - {None}) > 1:
-            raise PriorError(f"Mixture needs laws that live on one circle, not {laws!r}")
-        object.__setattr__(self, "laws", laws)
-        object.__setattr__(self, "weights", probabilities(self, self.weights, len(laws)))
+        if not laws or not all(isinstance(part, Noise) for part in laws) or len({part.width for part in laws}) != 1:
+            raise PriorError(f"Mixture needs distributions that are all on the line or all on the plane, not {laws!r}")
+        if len({part.period for part in laws} - {None}) > 1:
+            raise PriorError(f"Mixture needs distributions that live on one circle, not {laws!r}")
+        set_fields(self, laws=laws, weights=probabilities(self, self.weights, len(laws)))
 
 
 @dataclass(frozen=True, repr=False)
@@ -112,12 +108,16 @@ class GaussianMixtureNoise(MixtureNoise):
             raise PriorError(
                 f"GaussianMixtureNoise: {len(means)} means and {len(stds)} stds; give one of each per part"
             )
+        pvals = probabilities(self, self.pvals, len(means))
         laws = tuple(GaussianNoise(m, s) for m, s in zip(means, stds, strict=True))
-        object.__setattr__(self, "means", tuple(law.loc for law in laws))
-        object.__setattr__(self, "stds", tuple(law.std for law in laws))
-        object.__setattr__(self, "pvals", probabilities(self, self.pvals, len(means)))
-        object.__setattr__(self, "laws", laws)
-        object.__setattr__(self, "weights", self.pvals)
+        set_fields(
+            self,
+            means=tuple(part.loc for part in laws),
+            stds=tuple(part.std for part in laws),
+            pvals=pvals,
+            laws=laws,
+            weights=pvals,
+        )
 
     def sample(self, rng: Any, size: Any = None) -> Any:
         component = rng.choice(len(self.means), size=size, p=self.pvals)

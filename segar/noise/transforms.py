@@ -1,4 +1,4 @@
-"""Laws made of another law by scaling and shifting."""
+"""Distributions made of another one by scaling and shifting."""
 
 from __future__ import annotations
 
@@ -10,12 +10,14 @@ from typing import Any
 import numpy as np
 
 from segar.errors import PriorError
-from segar.noise.base import Noise, finite
+from segar.noise.base import Noise, set_fields
+from segar.noise.checks import finite
+from segar.noise.locations import Independent
 
 
 @dataclass(frozen=True, repr=False)
 class Affine(Noise):
-    """The law of ``shift + scale * x``, where x follows ``law``, on the line or on the plane.
+    """The distribution of ``shift + scale * x``, where x follows ``law``, on the line or on the plane.
 
     ``scale`` is a number other than zero (on the plane: positive); ``shift`` is a number, or on the plane two.
     """
@@ -26,7 +28,7 @@ class Affine(Noise):
 
     def __post_init__(self) -> None:
         if not isinstance(self.law, Noise) or not self.law.width:
-            raise PriorError(f"Affine needs a law on the line or on the plane, not {self.law!r}")
+            raise PriorError(f"Affine needs a distribution on the line or on the plane, not {self.law!r}")
         finite(self, scale=self.scale)
         try:
             shift = np.broadcast_to(np.asarray(self.shift, dtype=float), (self.width,))
@@ -37,8 +39,7 @@ class Affine(Noise):
         if not self.scale or (self.width == 2 and self.scale < 0):
             needed = "positive on the plane" if self.width == 2 else "other than zero"
             raise PriorError(f"Affine: scale must be {needed}, not {self.scale!r}")
-        object.__setattr__(self, "scale", float(self.scale))
-        object.__setattr__(self, "shift", float(shift[0]) if self.width == 1 else tuple(shift.tolist()))
+        set_fields(self, scale=float(self.scale), shift=float(shift[0]) if self.width == 1 else tuple(shift.tolist()))
 
     @property
     def width(self) -> int:  # type: ignore[override]
@@ -108,18 +109,15 @@ class Affine(Noise):
         return np.sort(self._there(self.law.pieces))
 
     @cached_property
-    def components(self) -> tuple[Noise, Noise] | None:
-        """On the plane, the laws of x and of y where they are independent."""
-        parts = getattr(self.law, "components", None)
-        if parts is None:
+    def components(self) -> tuple[Noise, Noise] | None:  # type: ignore[override]
+        if self.law.components is None:
             return None
-        x, y = (Affine(part, self.scale, shift) for part, shift in zip(parts, self.shift, strict=True))
+        x, y = (Affine(part, self.scale, shift) for part, shift in zip(self.law.components, self.shift, strict=True))
         return x, y
 
     @property
     def grid(self) -> tuple[np.ndarray, np.ndarray]:
-        """On the plane, where the cdf bends."""
-        x, y = self.law.grid  # type: ignore[attr-defined]
+        x, y = self.law.grid
         return self.shift[0] + self.scale * x, self.shift[1] + self.scale * y
 
     def entropy(self) -> float:
@@ -131,7 +129,7 @@ class Affine(Noise):
         return np.asarray(self.shift + self.scale * np.asarray(x))
 
     def _back(self, x: Any) -> np.ndarray:
-        """The point of ``law`` that went to ``x``; atoms go back to themselves, whatever rounding says."""
+        """The point that ``x`` is the image of; the image of an atom goes back to that atom exactly, without rounding."""
         x = np.asarray(x, dtype=float)
         y = (x - np.asarray(self.shift)) / self.scale
         values = self.law.atoms[0]
@@ -152,6 +150,5 @@ class Affine(Noise):
 
     @cached_property
     def _product(self) -> Noise | None:
-        from segar.noise.locations import Independent  # laws on the plane know those on the line
-
+        """On the plane, the same distribution as one of two independent components, None where they are not."""
         return None if self.components is None else Independent(*self.components)

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from segar.errors import PriorError
-from segar.noise.base import fraction, interval
-from segar.noise.continuous import SIGMAS, GaussianBetween, gauss
+from segar.noise.base import fraction, moments
+from segar.noise.checks import interval
+from segar.noise.continuous import SIGMAS, GaussianBetween, gauss, gauss_cdf, gauss_quantile
 
 PANELS = 24  # into which the line is cut for integrals, at most
 TAIL = 46.0  # an exponential tail is integrated over this many of its scales: beyond lies a mass of 1e-20
@@ -21,8 +22,9 @@ TAIL = 46.0  # an exponential tail is integrated over this many of its scales: b
 class TruncatedGaussianNoise(GaussianBetween):
     """Gaussian with ``mean`` and standard deviation ``std`` given that it lies in ``truncate=(low, high)``.
 
-    ``loc`` is the parameter ``mean``; the property ``mean`` is the mean of the law. An end may be infinite. It is drawn
-    by inversion, precisely so far out in a tail as double precision knows the tail's mass (37 standard deviations).
+    ``loc`` is the parameter ``mean``; the property ``mean`` is the mean of the
+    distribution. An end may be infinite. Draws are made by inversion, which is precise in the tails up to 37 standard
+    deviations, where double precision no longer resolves the tail's mass.
     """
 
     loc: float
@@ -49,10 +51,11 @@ class TruncatedGaussianNoise(GaussianBetween):
         return np.where(inside, gauss((x - self.loc) / self.std) / (self.std * self._mass), 0.0)[()]
 
     def icdf(self, q: Any) -> Any:
-        from scipy.special import ndtr, ndtri
-
         q, low = fraction(q), self._z[0]
-        z = ndtri(ndtr(low) + q * self._mass) if low <= 0 else -ndtri(ndtr(-low) - q * self._mass)
+        if low <= 0:
+            z = gauss_quantile(gauss_cdf(low) + q * self._mass)
+        else:
+            z = -gauss_quantile(gauss_cdf(-low) - q * self._mass)
         z = np.where(q == 0, low, np.where(q == 1, self._z[1], z))
         return np.clip(self.loc + self.std * z, *self.truncate)[()]
 
@@ -84,8 +87,7 @@ class TruncatedGaussianNoise(GaussianBetween):
     def _moments(self) -> tuple[float, float]:  # type: ignore[override]
         low, high = self._z
         if max(abs(low), abs(high)) < math.inf or min(abs(low), abs(high)) > SIGMAS / 2:
-            from segar.noise.measures import moments  # the closed form loses digits in tails and in narrow intervals
-
+            # The closed form loses digits in tails and in narrow intervals.
             mean, var = moments(self)
             return (mean - self.loc) / self.std, var / self.std**2
         edge = [0.0 if math.isinf(z) else z * float(gauss(z)) for z in (low, high)]
@@ -94,6 +96,6 @@ class TruncatedGaussianNoise(GaussianBetween):
 
     def _mass_between(self, low: Any, high: Any) -> Any:
         """Mass of the standard Gaussian between two points, both seen from the thinner tail."""
-        from scipy.special import ndtr
-
-        return ndtr(high) - ndtr(low) if self._z[0] <= 0 else ndtr(-np.asarray(low)) - ndtr(-np.asarray(high))
+        if self._z[0] > 0:
+            low, high = -np.asarray(high), -np.asarray(low)
+        return gauss_cdf(high) - gauss_cdf(low)

@@ -1,4 +1,7 @@
-"""Small tools that every room may use: whole-file writes, optional packages, threads, counter-based random numbers."""
+"""Small tools that every room may use: whole-file writes, optional packages, threads, counter-based random numbers.
+
+The room imports ``errors`` alone. Others use the names that are imported here.
+"""
 
 from segar.support.archives import ArchiveFormat
 from segar.support.atomic_files import UNFINISHED, remove_unfinished, replacing
@@ -10,31 +13,3 @@ from segar.support.optimal_transport import TRANSPORT_STEPS, emd, plan_of, pot
 from segar.support.optional_dependencies import need, need_pygame
 from segar.support.threads import Team
 from segar.support.version import __version__
-
-__all__ = [
-    "GOLDEN",
-    "LOW_WORD",
-    "SPACING",
-    "SPARE_BITS",
-    "TRANSPORT_STEPS",
-    "UNFINISHED",
-    "WORD",
-    "ArchiveFormat",
-    "Estimate",
-    "LevelGenerator",
-    "Team",
-    "__version__",
-    "emd",
-    "mix",
-    "named_object",
-    "need",
-    "need_pygame",
-    "normal",
-    "philox",
-    "plan_of",
-    "pot",
-    "remove_unfinished",
-    "replacing",
-    "stream_key",
-    "uniform",
-]

@@ -22,10 +22,10 @@ class ArchiveFormat:
     """One kind of archive.
 
     Attributes:
-        name: in the archive, e.g. ``segar-levels``.
-        version: raised when older versions of SEGAR cannot read what is written any more.
-        contents, file: what it holds and what it is, for messages, e.g. ``levels`` and ``level file``.
-        error: what is raised.
+        name: of the format, stored in the archive, e.g. ``segar-levels``.
+        version: of the format; it grows when older versions of SEGAR can no longer read new archives.
+        contents, file: words for messages: what the archive holds and what it is, e.g. ``levels`` and ``level file``.
+        error: the class of the errors that reading and writing raise.
     """
 
     name: str
@@ -38,7 +38,7 @@ class ArchiveFormat:
         """Write arrays and description to ``path``, by way of a file beside it.
 
         Args:
-            metadata: the description; a ``version`` in it stands in place of this one's.
+            metadata: the description; a ``version`` in it replaces that of this package.
 
         Raises:
             error: the file cannot be written; what stood at ``path`` still stands there.
@@ -50,7 +50,7 @@ class ArchiveFormat:
             np.savez_compressed(file, **contents)
 
     def read(self, path: Path, names: Iterable[str]) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-        """The arrays of these names, and the description.
+        """Return the arrays of these names, and the description.
 
         Raises:
             error: there is no such file, it is no archive of this format, it is incomplete, or of a newer version.
@@ -58,15 +58,21 @@ class ArchiveFormat:
         if not path.exists():
             raise self.error(f"there is no {self.file} {path}")
         if not zipfile.is_zipfile(path):
-            raise self.error(f"{path} is not a {self.file}, or only part of one")
+            raise self.error(f"{path} is not a {self.file}, or only part of one; save or copy it again")
         try:
             with np.load(path, allow_pickle=False) as archive:
                 arrays = {name: archive[name] for name in names}
                 metadata = json.loads(archive["metadata"].tobytes())
-        except (zipfile.BadZipFile, zlib.error, KeyError, ValueError, EOFError, OSError) as said:
-            raise self.error(f"{path} is not a {self.file}, or only part of one: {said}") from said
-        if metadata.get("format") != self.name:
-            raise self.error(f"{path} is not a {self.file}")
-        if metadata["format_version"] > self.version:
-            raise self.error(f"{path} was written by a newer SEGAR ({metadata['version']}); this one cannot read it")
+        except (zipfile.BadZipFile, zlib.error, KeyError, ValueError, EOFError, OSError) as cause:
+            raise self.error(
+                f"{path} is not a {self.file}, or only part of one: {cause}; save or copy it again"
+            ) from cause
+        found = metadata.get("format") if isinstance(metadata, dict) else None
+        if found != self.name:
+            raise self.error(f"{path} is not a {self.file}, whose format is '{self.name}'; its format is '{found}'")
+        if metadata.get("format_version", 0) > self.version:
+            raise self.error(
+                f"{path} was written by a newer SEGAR ({metadata.get('version')}), which this one cannot read; install that"
+                " version"
+            )
         return arrays, metadata

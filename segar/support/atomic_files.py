@@ -1,4 +1,4 @@
-"""Files that are either as they were or whole: written beside their place, then moved into it."""
+"""Whole-file writes: a file is written beside its place and then moved into it, so it is never half written."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def replacing(
     """A path beside ``path``, with the same suffix, to write to; it takes the place of ``path`` if the block ends well.
 
     Args:
-        what: it is, for the message: "the video".
+        what: the name of the contents in the message, such as "the video".
         advice: how the message ends.
         folder: make the folder of ``path`` if it is not there.
 
@@ -40,10 +40,10 @@ def replacing(
         with open(beside, "rb+") as written:
             os.fsync(written.fileno())
         os.replace(beside, path)
-    except OSError as said:
-        raise error(f"{what} cannot be written to {path}: {said.strerror or said}; {advice}") from said
+    except OSError as cause:
+        raise error(f"{what} cannot be written to {path}: {cause.strerror or cause}; {advice}") from cause
     finally:
-        with suppress(NotADirectoryError):  # what should be its folder is a file
+        with suppress(NotADirectoryError):  # a file stands where its folder should be
             beside.unlink(missing_ok=True)
 
 

@@ -1,4 +1,4 @@
-"""Randomness by counting within compiled kernels: bits that depend on a key and what they are for, and on nothing else."""
+"""Counter-based random numbers within compiled kernels: bits that depend on a key and a purpose alone."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""Randomness by counting: a draw depends on its key and its level alone, never on what was drawn before or beside it.
+"""Counter-based random numbers: a draw depends on its key and its level alone, never on other draws.
 
-:class:`LevelGenerator` offers the methods of ``numpy.random.Generator`` that laws use, but its arrays have the level on
-their first axis, and row k comes from the counter (level k, block, attempt) under a 64-bit key. So level i is the same
-whether it is drawn alone or among 100,000 others. The bits are Philox4x32-10 (Salmon et al. 2011, "Parallel random
-numbers: as easy as 1, 2, 3").
+:class:`LevelGenerator` offers the methods of ``numpy.random.Generator`` that distributions use, but its arrays have the
+level on their first axis, and row k comes from the counter (level k, block, attempt) under a 64-bit key. So level i is
+the same whether it is drawn alone or among 100,000 others. The bits are Philox4x32-10 (Salmon et al. 2011, "Parallel
+random numbers: as easy as 1, 2, 3").
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import scipy
 
 from segar.errors import PriorError
 
@@ -83,9 +84,7 @@ class LevelGenerator:
 
     def standard_normal(self, size: Any = None) -> np.ndarray:
         """Gaussian with mean 0 and standard deviation 1, by inversion."""
-        from scipy.special import ndtri  # loaded on first use
-
-        return ndtri(((self._bits(size) >> SPARE_BITS) + 0.5) * SPACING)
+        return scipy.special.ndtri(((self._bits(size) >> SPARE_BITS) + 0.5) * SPACING)
 
     def normal(self, loc: Any = 0.0, scale: Any = 1.0, size: Any = None) -> np.ndarray:
         """Gaussian with mean ``loc`` and standard deviation ``scale``."""
@@ -120,7 +119,7 @@ class LevelGenerator:
             raise AttributeError(name)
         raise PriorError(
             f"level randomness has no method '{name}'; it offers random, uniform, standard_normal, normal, integers,"
-            " choice and permuted. Other laws: invert their cdf, law.icdf(rng.random(size))"
+            " choice and permuted. Other distributions: invert their cdf, distribution.icdf(rng.random(size))"
         )
 
     def _bits(self, size: Any) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""A number and how far off it may be."""
+"""A number with a bound or a standard error."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Threads over the batch: workers that help whoever calls them, and never make a caller wait for their coming."""
+"""Threads over the batch: workers that help their caller, which never waits for a worker to wake up."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ import time
 from collections.abc import Callable
 from typing import Any, Protocol
 
-PARTS_EACH = 4  # of a range, so that nobody waits long for the last
-WORTH_WAKING = 100e-6  # [s] a call shorter than this is over before a sleeping worker comes
+PARTS_EACH = 4  # of a range for each thread, so that the last part is short
+WORTH_WAKING = 100e-6  # [s] a shorter call is over before a sleeping worker has woken up
 
 
 class Work(Protocol):
     """Something whose parts several threads can take, each part once."""
 
     def do(self, owns: bool) -> None:
-        """Take parts and do them; the owner returns when all parts are done, others when none has been left for long.
+        """Take parts and do them. The owner returns when all parts are done, the others some time after none is left.
 
-        What matters of it runs without the interpreter's lock.
+        The heavy part of the work runs without the interpreter's lock.
         """
         ...
 
     def dismiss(self) -> None:
-        """Let those who only wait for parts return at once."""
+        """Let the threads that only wait for parts return at once."""
         ...
 
 
@@ -49,7 +49,7 @@ class Team:
         self._seconds = time.perf_counter() - start
 
     def _call_all(self, work: Work) -> None:
-        """Have the workers join that have not."""
+        """Call all workers that have not joined this work yet."""
         for worker in self._workers:
             if worker.at_work is not work:
                 worker.call(work)
@@ -66,7 +66,7 @@ class Team:
 
 
 class _Worker:
-    """A thread that joins the work that it was called to last, and sleeps when there is none."""
+    """A thread that joins the latest work that it was called to, and sleeps when there is none."""
 
     def __init__(self) -> None:
         self.at_work: Work | None = None
@@ -85,12 +85,12 @@ class _Worker:
         self._called.set()
 
     def _keep_off(self, processor: int) -> None:
-        """Run elsewhere: schedulers like to wake a thread beside its caller, where it would wait until all is done."""
+        """Keep this thread off the caller's processor, where schedulers like to wake it and where it would only wait."""
         if processor in (-1, self._kept_off):
             return
-        elsewhere = os.sched_getaffinity(0) - {processor}
-        if elsewhere:
-            os.sched_setaffinity(self._thread.native_id or 0, elsewhere)
+        others = os.sched_getaffinity(0) - {processor}
+        if others:
+            os.sched_setaffinity(self._thread.native_id or 0, others)
         self._kept_off = processor
 
     def _serve(self) -> None:
@@ -128,11 +128,11 @@ class _RangeWork:
                 raise self._errors[0]
 
     def dismiss(self) -> None:
-        """Nobody waits here but the owner."""
+        """Nothing to do: only the owner waits."""
 
 
 def _find_processor() -> Callable[[], int]:
-    """The C library's function that says on which processor the calling thread runs; elsewhere one that says -1."""
+    """The C library's function for the processor that the calling thread runs on; where it is missing, one that gives -1."""
     try:
         return ctypes.CDLL(None).sched_getcpu
     except (AttributeError, OSError, TypeError):

@@ -11,7 +11,7 @@ from benchmarks.handwritten import Table
 from segar.engine.simulator import Outcome, Simulator, State
 from segar.envs import VectorEnv
 from segar.levels.level_set import Levels
-from segar.levels.named_families.registry import family
+from segar.levels.named_families import family
 from segar.observations.pixels.textured import TexturedPixels
 from segar.rules.world import World
 from tests.segar.engine.worlds import random_states, start

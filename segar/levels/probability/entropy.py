@@ -1,6 +1,6 @@
 """Entropy of level distributions, and the share of positions that placement accepts.
 
-Positions are drawn from their priors until no two things are too close: their law is that of the priors given this
+Positions are drawn from their priors until no two things are too close: their distribution is that of the priors given this
 event, and its density the priors' divided by the event's probability, the acceptance. It depends on which things there
 are, and is estimated from draws.
 """
@@ -8,23 +8,22 @@ are, and is estimated from draws.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
 from segar.errors import PlacementError
 from segar.language import Order, Position, Size
+from segar.levels.level_data import LevelData
 from segar.levels.probability.log_prob import (
     LogProbability,
+    distribution_of,
     is_conditioned,
-    law_of,
     log_probability,
     outline_is_simple,
     size_follows_shape,
 )
 from segar.levels.sampling.draws import (
     CHUNK,
-    Block,
     Streams,
     draw_factors,
     draw_first_positions,
@@ -32,16 +31,15 @@ from segar.levels.sampling.draws import (
     draw_types,
 )
 from segar.levels.sampling.placement import too_close
-from segar.levels.sampling.plan import Group, Plan
+from segar.levels.sampling.plan import Block, SamplingPlan, SlotGroup
 from segar.noise import Choice, Noise, as_noise
 from segar.support import Estimate
 
-ACCEPTANCE_DRAWS = (
-    200_000  # positions of all things, from which an acceptance is estimated: to 0.1 % where it is a half
-)
+# Draws of the positions of all things from which an acceptance is estimated: to 0.1 % where it is a half.
+ACCEPTANCE_DRAWS = 200_000
 
 
-def acceptance(plan: Plan, streams: Streams, draws: int) -> Estimate:
+def acceptance(plan: SamplingPlan, streams: Streams, draws: int) -> Estimate:
     """The share of first tries to place the things of a level that are not refused, over ``draws`` levels."""
     accepted = 0
     for start in range(0, draws, CHUNK):
@@ -54,25 +52,25 @@ def acceptance(plan: Plan, streams: Streams, draws: int) -> Estimate:
 
 
 def log_acceptance(
-    plan: Plan, found: LogProbability, known: dict[tuple[Noise, ...], Estimate]
+    plan: SamplingPlan, found: LogProbability, known: dict[tuple[Noise, ...], Estimate]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Logarithm of the acceptance of each level's things, and its standard error, float64 ``(n,)`` each.
 
     Args:
-        known: acceptances of things with these laws, to which those are added that were not known.
+        known: acceptances of things with these distributions, to which those are added that were not known.
     """
     value, error = np.zeros(len(found.places)), np.zeros(len(found.places))
     if not is_conditioned(plan):
         return value, error
     kinds, place = np.unique(np.sort(found.places, axis=1), axis=0, return_inverse=True)
     for k, kind in enumerate(kinds):
-        laws = tuple(found.laws[i] for i in kind if i >= 0)
-        if laws not in known:
-            known[laws] = _acceptance_of(laws, plan.min_distance)
-        share = known[laws]
+        noises = tuple(found.distributions[i] for i in kind if i >= 0)
+        if noises not in known:
+            known[noises] = _acceptance_of(noises, plan.min_distance)
+        share = known[noises]
         if not share.value:
             raise PlacementError(
-                f"the acceptance of {len(laws)} things is below {3 / ACCEPTANCE_DRAWS:.0e}, too rare to be estimated;"
+                f"the acceptance of {len(noises)} things is below {3 / ACCEPTANCE_DRAWS:.0e}, too rare to be estimated;"
                 " use log_prob(levels, normalised=False)"
             )
         value[place.ravel() == k] = math.log(share.value)
@@ -80,7 +78,7 @@ def log_acceptance(
     return value, error
 
 
-def entropy(plan: Plan, levels: Any, known: dict[tuple[Noise, ...], Estimate]) -> Estimate:
+def entropy(plan: SamplingPlan, levels: LevelData, known: dict[tuple[Noise, ...], Estimate]) -> Estimate:
     """Entropy of the distribution [nats]: in closed form, plus the mean over its ``levels`` of what has none."""
     found = log_probability(plan, levels)
     accepted, spread = log_acceptance(plan, found, known)
@@ -89,8 +87,8 @@ def entropy(plan: Plan, levels: Any, known: dict[tuple[Noise, ...], Estimate]) -
     return Estimate(simple_entropy(plan) + float(rest.mean()), math.hypot(drawn, float(spread.mean())))
 
 
-def simple_entropy(plan: Plan) -> float:
-    """Entropy of counts, types, and all factors whose law is the same in all levels."""
+def simple_entropy(plan: SamplingPlan) -> float:
+    """Entropy of counts, types, and all factors whose distribution is the same in all levels."""
     total = sum(prior.value.entropy() for _, prior in plan.parameter_priors)
     for group in plan.groups:
         count = as_noise(group.count)
@@ -101,31 +99,31 @@ def simple_entropy(plan: Plan) -> float:
     return float(total)
 
 
-def _slot_entropy(plan: Plan, group: Group, slot: int) -> float:
-    """Of the type that fills a slot, and of its simple factors."""
+def _slot_entropy(plan: SamplingPlan, group: SlotGroup, slot: int) -> float:
+    """Entropy of the type that fills a slot, and of its simple factors."""
     total = Choice(group.types, group.probabilities).entropy()
     for kind, probability in zip(group.types, group.probabilities, strict=True):
         for factor in plan.layout.types[kind].declared:
             if not factor.width or (factor is Size and size_follows_shape(plan, slot, kind)):
                 continue
-            law = law_of(plan, slot, factor, kind)
-            if not isinstance(law, Noise) or (factor is Position and is_conditioned(plan)):
+            noise = distribution_of(plan, slot, factor, kind)
+            if not isinstance(noise, Noise) or (factor is Position and is_conditioned(plan)):
                 continue
-            if factor is not Order or law.pmf(0.0) == 0:
-                total += probability * law.entropy()
+            if factor is not Order or noise.pmf(0.0) == 0:
+                total += probability * noise.entropy()
         for outline in plan.outlines:
             if outline.slot == slot and kind in outline.types and outline_is_simple(plan, outline):
                 total += probability * (outline.shapes.entropy() if isinstance(outline.shapes, Choice) else 0.0)
     return total
 
 
-def _acceptance_of(laws: tuple[Noise, ...], min_distance: float) -> Estimate:
-    if len(laws) < 2:
+def _acceptance_of(noises: tuple[Noise, ...], min_distance: float) -> Estimate:
+    if len(noises) < 2:
         return Estimate(1.0)
     rng, accepted = np.random.default_rng(0), 0
     for start in range(0, ACCEPTANCE_DRAWS, CHUNK):
         count = min(CHUNK, ACCEPTANCE_DRAWS - start)
-        position = np.stack([np.asarray(law.sample(rng, count), dtype=float) for law in laws], axis=1)
+        position = np.stack([np.asarray(noise.sample(rng, count), dtype=float) for noise in noises], axis=1)
         accepted += int((~too_close(position, min_distance)).sum())
     return _share(accepted, ACCEPTANCE_DRAWS)
 

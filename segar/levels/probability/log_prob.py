@@ -1,7 +1,7 @@
-"""How probable levels are under their distribution: a sum over what was drawn for them.
+"""Log probabilities of levels under their distribution: a sum over all that was drawn for them.
 
 The reference measure is a product: counting measure for how many entities there are, their types, choices of shapes, the
-ranks in the pile and every atom of a law; length for every number with a density; area for a position and for each
+ranks in the pile and every atom of a distribution; length for every number with a density; area for a position and for each
 vertex of a random hull. What placement does afterwards (moving overlapping things apart) is a function of what was
 drawn, so it adds nothing: levels are taken as they were drawn, ``sampled_values``.
 """
@@ -14,13 +14,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy
 
 from segar.errors import PriorError
 from segar.language import CIRCLE, HULL, BaseShape, Factor, FloorFriction, Friction, Order, Position, Size, Tile
+from segar.levels.level_data import LevelData
 from segar.levels.priors import Prior, factors_needed, factors_read
-from segar.levels.sampling.conditional_draws import claimed, dependence
+from segar.levels.sampling.conditional_draws import shift_and_scale, where_prior_applies
 from segar.levels.sampling.placement import too_close
-from segar.levels.sampling.plan import Draw, Outline, Plan
+from segar.levels.sampling.plan import Draw, Outline, SamplingPlan
 from segar.noise import Choice, Deterministic, Noise, as_noise
 
 
@@ -29,23 +31,23 @@ class LogProbability:
     """Log probabilities of ``n`` levels, float64 ``(n,)`` each, without the share of positions that placement accepts.
 
     Attributes:
-        simple: what has an entropy in closed form: counts, types, and factors whose law is the same in all levels.
+        simple: what has an entropy in closed form: counts, types, and factors whose distribution is the same in all levels.
         other: conditional factors, ranks in the pile, random hulls, and positions where placement conditions them.
-        places: int ``(n, slots)``, index in ``laws`` of the law of each thing's position, -1 where there is none.
-        laws: laws of positions.
+        places: int ``(n, slots)``, index in ``distributions`` for each thing's position, -1 where there is none.
+        distributions: the distributions of positions.
     """
 
     simple: np.ndarray
     other: np.ndarray
     places: np.ndarray
-    laws: tuple[Noise, ...]
+    distributions: tuple[Noise, ...]
 
 
-def log_probability(plan: Plan, levels: Any) -> LogProbability:
+def log_probability(plan: SamplingPlan, levels: LevelData) -> LogProbability:
     """The log probabilities of levels that have the plan's layout; -inf where a level cannot be drawn."""
     n = len(levels.types)
     found = LogProbability(
-        np.zeros(n), np.zeros(n), np.full((n, len(plan.layout.slots)), -1), tuple(position_laws(plan))
+        np.zeros(n), np.zeros(n), np.full((n, len(plan.layout.slots)), -1), tuple(position_distributions(plan))
     )
     found.simple[:] += _composition(plan, levels) + _parameters(plan, levels)
     ranked = np.zeros(levels.types.shape, dtype=bool)
@@ -61,55 +63,52 @@ def log_probability(plan: Plan, levels: Any) -> LogProbability:
         target[rows] += _outline(plan, levels, outline, rows)
     found.other[:] += _ranks(plan, levels, ranked)
     if Position in plan.layout.columns:
-        x = plan.layout.columns[Position]
-        found.other[too_close(levels.sampled_values[:, :, x : x + 2], plan.min_distance)] = -np.inf
+        position = levels.sampled_values[:, :, plan.columns(Position)]
+        found.other[too_close(position, plan.min_distance)] = -np.inf
     return found
 
 
-def position_laws(plan: Plan) -> dict[Noise, int]:
-    """All laws that some thing's position can have, numbered."""
-    laws: dict[Noise, int] = {}
+def position_distributions(plan: SamplingPlan) -> dict[Noise, int]:
+    """All distributions that some thing's position can have, numbered."""
+    noises: dict[Noise, int] = {}
     for place in plan.fixed_positions.values():
-        laws.setdefault(Deterministic(place), len(laws))
+        noises.setdefault(Deterministic(place), len(noises))
     for draw in plan.draws:
         if issubclass(draw.factor, Position):
             for prior in draw.priors:
-                laws.setdefault(as_noise(prior.value), len(laws))
+                noises.setdefault(as_noise(prior.value), len(noises))
     if Position in plan.layout.columns:
-        x = plan.layout.columns[Position]
-        for place in plan.templates[:, x : x + 2].tolist():
+        for place in plan.templates[:, plan.columns(Position)].tolist():
             if not math.isnan(place[0]):
-                laws.setdefault(Deterministic(place), len(laws))
-    return laws
+                noises.setdefault(Deterministic(place), len(noises))
+    return noises
 
 
-def is_conditioned(plan: Plan) -> bool:
+def is_conditioned(plan: SamplingPlan) -> bool:
     """Whether placement can refuse positions: two things may have one, and must keep a distance or may coincide."""
     slots = [slot for group in plan.groups for slot in group.slots if plan.layout.slots[slot].may_have(Position)]
-    atoms = any(len(law.atoms[0]) for law in position_laws(plan))
+    atoms = any(len(noise.atoms[0]) for noise in position_distributions(plan))
     return len(slots) > 1 and (plan.min_distance > 0 or atoms)
 
 
-def law_of(plan: Plan, slot: int, factor: type[Factor], kind: int) -> Noise | Draw:
-    """The law of a factor of one slot's entities of one type, or the draw if it depends on other factors."""
+def distribution_of(plan: SamplingPlan, slot: int, factor: type[Factor], kind: int) -> Noise | Draw:
+    """The distribution of a factor of one slot's entities of one type, or the draw if it depends on other factors."""
     if factor is Position and slot in plan.fixed_positions:
         return Deterministic(plan.fixed_positions[slot])
-    for draw in plan.draws:
-        if draw.slot == slot and draw.factor is factor and kind in draw.types:
-            simple = len(draw.priors) == 1 and not factors_needed(draw.priors[0])
-            return as_noise(draw.priors[0].value) if simple else draw
-    column = plan.layout.columns[factor]
-    value = plan.templates[kind, column : column + factor.width].tolist()
-    return Deterministic(value if factor.width == 2 else value[0])
+    draw = plan.draw_of(slot, factor, kind)
+    if draw is None:
+        return plan.constant(kind, factor)
+    simple = len(draw.priors) == 1 and not factors_needed(draw.priors[0])
+    return as_noise(draw.priors[0].value) if simple else draw
 
 
-def size_follows_shape(plan: Plan, slot: int, kind: int) -> bool:
+def size_follows_shape(plan: SamplingPlan, slot: int, kind: int) -> bool:
     """Whether the size of one slot's entities of one type is that of the shape that is chosen for them."""
-    mine = [o for o in plan.outlines if o.slot == slot and kind in o.types]
-    return any(isinstance(o.shapes, Choice) and not o.size_is_drawn for o in mine)
+    outlines = [o for o in plan.outlines if o.slot == slot and kind in o.types]
+    return any(isinstance(o.shapes, Choice) and not o.size_is_drawn for o in outlines)
 
 
-def outline_is_simple(plan: Plan, outline: Outline) -> bool:
+def outline_is_simple(plan: SamplingPlan, outline: Outline) -> bool:
     """Whether a level shows which shape was chosen, so that its entropy is that of the choice."""
     if isinstance(outline.shapes, BaseShape):
         return not outline.shapes.is_random
@@ -119,8 +118,8 @@ def outline_is_simple(plan: Plan, outline: Outline) -> bool:
     return len(circles) < 2 or not _circle_is_hidden(plan, outline)
 
 
-def _composition(plan: Plan, levels: Any) -> np.ndarray:
-    """Of how many entities there are, and of which types."""
+def _composition(plan: SamplingPlan, levels: LevelData) -> np.ndarray:
+    """Log probability of the number of entities and of their types, float64 ``(n,)``."""
     total = np.where(levels.types[:, -1] == len(plan.layout.types) - 1, 0.0, -np.inf)
     for group in plan.groups:
         kinds = levels.types[:, list(group.slots)]
@@ -139,7 +138,7 @@ def _has_hole(kinds: np.ndarray) -> Any:
     return ((kinds[:, :-1] < 0) & (kinds[:, 1:] >= 0)).any(axis=1)
 
 
-def _parameters(plan: Plan, levels: Any) -> np.ndarray:
+def _parameters(plan: SamplingPlan, levels: LevelData) -> np.ndarray:
     drawn = {column: prior.value for column, prior in plan.parameter_priors}
     total = np.zeros(len(levels.types))
     for column, constant in enumerate(plan.parameters.tolist()):
@@ -150,84 +149,94 @@ def _parameters(plan: Plan, levels: Any) -> np.ndarray:
 
 
 def _add_factors(
-    plan: Plan, levels: Any, found: LogProbability, ranked: np.ndarray, slot: int, kind: int, rows: np.ndarray
+    plan: SamplingPlan,
+    levels: LevelData,
+    found: LogProbability,
+    ranked: np.ndarray,
+    slot: int,
+    kind: int,
+    rows: np.ndarray,
 ) -> None:
-    """Add the factors of one slot's entities of one type."""
+    """Add the log probabilities of the factors of one slot's entities of one type."""
     conditioned = is_conditioned(plan)
     for factor in plan.layout.types[kind].declared:
         if not factor.width or (factor is Size and size_follows_shape(plan, slot, kind)):
             continue
-        column = plan.layout.columns[factor]
-        value = levels.sampled_values[rows, slot, column : column + factor.width]
+        value = levels.sampled_values[rows, slot, plan.columns(factor)]
         value = value if factor.width == 2 else value[:, 0]
-        law = law_of(plan, slot, factor, kind)
-        if factor is Order and _may_be_zero(law):
-            ranked[rows, slot] = _is_ranked(plan, levels, law, slot, rows)
-        if isinstance(law, Noise):
+        noise = distribution_of(plan, slot, factor, kind)
+        if factor is Order and _may_be_zero(noise):
+            ranked[rows, slot] = _is_ranked(plan, levels, noise, slot, rows)
+        if isinstance(noise, Noise):
             term, which = (
-                np.asarray(law.log_prob(value)),
-                np.full(len(rows), found.laws.index(law) if factor is Position else -1),
+                np.asarray(noise.log_prob(value)),
+                np.full(len(rows), found.distributions.index(noise) if factor is Position else -1),
             )
         else:
-            term, which = _conditional(plan, levels, law, rows, value, found.laws)
+            term, which = _conditional(plan, levels, noise, rows, value, found.distributions)
         term = np.where(ranked[rows, slot], 0.0, term) if factor is Order else term
         if factor is Position:
             found.places[rows, slot] = which
-        simple = isinstance(law, Noise) and not (factor is Position and conditioned)
+        simple = isinstance(noise, Noise) and not (factor is Position and conditioned)
         (found.simple if simple else found.other)[rows] += term
 
 
 def _conditional(
-    plan: Plan, levels: Any, draw: Draw, rows: np.ndarray, value: np.ndarray, laws: tuple[Noise, ...]
+    plan: SamplingPlan,
+    levels: LevelData,
+    draw: Draw,
+    rows: np.ndarray,
+    value: np.ndarray,
+    positions: tuple[Noise, ...],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Log probabilities of a factor by the prior that counts in each level, and for positions the law's number."""
+    """Log probabilities of a factor by the prior that counts in each level, float64 ``(rows,)``; and for positions the
+    index of the distribution in ``positions``, int ``(rows,)``, else -1."""
     term, which = np.full(len(rows), -np.inf), np.full(len(rows), -1)
+
+    def index_of(noise: Noise) -> int:
+        return positions.index(noise) if issubclass(draw.factor, Position) else -1
+
     if factors_read(draw.priors[-1]):  # where no relation holds, the constant of the type stands
         for kind in np.unique(levels.types[rows, draw.slot]):
-            column = plan.layout.columns[draw.factor]
-            constant = plan.templates[kind, column : column + draw.factor.width]
-            law = Deterministic(constant.tolist() if draw.factor.width == 2 else float(constant[0]))
-            mine = levels.types[rows, draw.slot] == kind
-            term[mine] = law.log_prob(value[mine])
-            which[mine] = laws.index(law) if issubclass(draw.factor, Position) else -1
+            of_kind = levels.types[rows, draw.slot] == kind
+            constant = plan.constant(kind, draw.factor)
+            term[of_kind], which[of_kind] = constant.log_prob(value[of_kind]), index_of(constant)
     for prior in reversed(draw.priors):
-        claim = claimed(plan, levels, draw, prior, rows) if factors_read(prior) else np.ones(len(rows), dtype=bool)
-        scaling = dependence(plan, levels, draw.slot, prior.value, rows[claim])
-        law = as_noise(prior.value) if scaling is None else None
-        term[claim] = prior.value.log_prob(value[claim], *scaling) if scaling else law.log_prob(value[claim])  # type: ignore[union-attr]
-        if issubclass(draw.factor, Position):
-            which[claim] = laws.index(law)  # type: ignore[arg-type]
+        applies = where_prior_applies(plan, levels, draw, prior, rows)
+        scaling = shift_and_scale(plan, levels, draw.slot, prior.value, rows[applies])
+        if scaling is not None:
+            term[applies] = prior.value.log_prob(value[applies], *scaling)
+        else:
+            noise = as_noise(prior.value)
+            term[applies], which[applies] = noise.log_prob(value[applies]), index_of(noise)
     return term, which
 
 
-def _may_be_zero(law: Noise | Draw) -> bool:
-    if isinstance(law, Draw):
-        return any(as_noise(prior.value).pmf(0.0) > 0 for prior in law.priors) or bool(factors_read(law.priors[-1]))
-    return law.pmf(0.0) > 0
+def _may_be_zero(noise: Noise | Draw) -> bool:
+    if isinstance(noise, Draw):
+        return any(as_noise(prior.value).pmf(0.0) > 0 for prior in noise.priors) or bool(factors_read(noise.priors[-1]))
+    return noise.pmf(0.0) > 0
 
 
-def _is_ranked(plan: Plan, levels: Any, law: Noise | Draw, slot: int, rows: np.ndarray) -> np.ndarray:
+def _is_ranked(plan: SamplingPlan, levels: LevelData, noise: Noise | Draw, slot: int, rows: np.ndarray) -> np.ndarray:
     """Whether the heights of one slot's entities are random ranks: the constant zero asks for one."""
-    if isinstance(law, Draw):
+    if isinstance(noise, Draw):
         zero: Callable[[Prior], bool] = lambda prior: as_noise(prior.value) == Deterministic(0.0)  # noqa: E731
-        if all(zero(p) or as_noise(p.value).pmf(0.0) == 0 for p in law.priors) and not factors_read(law.priors[-1]):
+        if all(zero(p) or as_noise(p.value).pmf(0.0) == 0 for p in noise.priors) and not factors_read(noise.priors[-1]):
             held = np.zeros(len(rows), dtype=bool)
-            for prior in reversed(law.priors):
-                claim = claimed(plan, levels, law, prior, rows) if factors_read(prior) else np.ones(len(rows), bool)
-                held[claim] = zero(prior)
+            for prior in reversed(noise.priors):
+                held[where_prior_applies(plan, levels, noise, prior, rows)] = zero(prior)
             return held
-    elif law == Deterministic(0.0):
+    elif noise == Deterministic(0.0):
         return np.ones(len(rows), dtype=bool)
     raise PriorError(
         f"the Order of '{plan.layout.names[slot]}' may be drawn as 0, which asks for a random rank, so a level does not"
-        " show which of the two it was; let its law start at 1"
+        " show which of the two it was; let its distribution start at 1"
     )
 
 
-def _ranks(plan: Plan, levels: Any, ranked: np.ndarray) -> np.ndarray:
-    """Of distinct random ranks among all things of a level."""
-    from scipy.special import gammaln
-
+def _ranks(plan: SamplingPlan, levels: LevelData, ranked: np.ndarray) -> np.ndarray:
+    """Log probability of distinct random ranks among all things of a level, float64 ``(n,)``."""
     if Order not in plan.layout.columns:
         return np.zeros(len(ranked))
     order = levels.sampled_values[:, :, plan.layout.columns[Order]]
@@ -236,14 +245,15 @@ def _ranks(plan: Plan, levels: Any, ranked: np.ndarray) -> np.ndarray:
     height.sort(axis=1)
     distinct = (height[:, 1:] > height[:, :-1]).all(axis=1)
     possible = ((order == np.rint(order)) & (order >= 0) & (order < among[:, None])) | ~ranked
-    return np.where(distinct & possible.all(axis=1), gammaln(among - drawn + 1) - gammaln(among + 1), -np.inf)
+    log_share = scipy.special.gammaln(among - drawn + 1) - scipy.special.gammaln(among + 1)
+    return np.where(distinct & possible.all(axis=1), log_share, -np.inf)
 
 
-def _outline(plan: Plan, levels: Any, outline: Outline, rows: np.ndarray) -> np.ndarray:
-    """Of the shape that was chosen and, if that is random, of its vertices."""
-    law = Choice([outline.shapes]) if isinstance(outline.shapes, BaseShape) else outline.shapes
+def _outline(plan: SamplingPlan, levels: LevelData, outline: Outline, rows: np.ndarray) -> np.ndarray:
+    """Log probability of the chosen shape and, if it is random, of its vertices, float64 ``(rows,)``."""
+    noise = Choice([outline.shapes]) if isinstance(outline.shapes, BaseShape) else outline.shapes
     mass, density = np.zeros(len(rows)), np.zeros(len(rows))
-    for shape, p in zip(law.keys, law.p or (), strict=True):
+    for shape, p in zip(noise.keys, noise.p or (), strict=True):
         same = _has_shape(plan, levels, outline, shape, rows)
         if not shape.is_random:
             mass[same] += p
@@ -255,7 +265,9 @@ def _outline(plan: Plan, levels: Any, outline: Outline, rows: np.ndarray) -> np.
         return np.log(np.where(mass > 0, mass, density))
 
 
-def _has_shape(plan: Plan, levels: Any, outline: Outline, shape: BaseShape, rows: np.ndarray) -> np.ndarray:
+def _has_shape(
+    plan: SamplingPlan, levels: LevelData, outline: Outline, shape: BaseShape, rows: np.ndarray
+) -> np.ndarray:
     """Whether a thing may have this shape, by what the level shows."""
     slot = outline.slot
     same = levels.shape_kind[rows, slot] == shape.kind
@@ -275,7 +287,7 @@ def _has_shape(plan: Plan, levels: Any, outline: Outline, shape: BaseShape, rows
     return same
 
 
-def _circle_is_hidden(plan: Plan, outline: Outline) -> bool:
+def _circle_is_hidden(plan: SamplingPlan, outline: Outline) -> bool:
     """Whether a circle's own size leaves no trace: an object's circle has the size that is drawn for the object."""
     tiles = all(issubclass(plan.layout.types[kind], Tile) for kind in outline.types)
     return outline.size_is_drawn and not tiles

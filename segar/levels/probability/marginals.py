@@ -1,31 +1,39 @@
-"""The laws of the factors of a level distribution, slot by slot."""
+"""The distributions of the factors of a level distribution, slot by slot."""
 
 from __future__ import annotations
 
 from segar.language import Factor, FloorFriction, Friction, Order, Position, Size
 from segar.levels.priors import Prior, factors_needed, factors_read
-from segar.levels.sampling.plan import Group, Plan
+from segar.levels.sampling.plan import SamplingPlan, SlotGroup
 from segar.noise import Choice, Deterministic, DiscreteRangeNoise, Mixture, Noise, as_noise
 
-Laws = dict[type[Factor], Noise]
+NoiseByFactor = dict[type[Factor], Noise]
 
 
-def marginals(plan: Plan) -> dict[str, Laws]:
-    """Slot name to factor to law, and ``"parameters"`` to parameter to law; see ``LevelDistribution.marginals``."""
+def marginals(plan: SamplingPlan) -> dict[str, NoiseByFactor]:
+    """The distributions of all factors by slot name, and of the world parameters under ``"parameters"``.
+
+    See :meth:`segar.LevelDistribution.marginals`.
+    """
     drawn = {plan.layout.parameters[place]: prior.value for place, prior in plan.parameter_priors}
     constants = zip(plan.layout.parameters, plan.parameters.tolist(), strict=True)
-    parameters: Laws = {p: drawn.get(p) or Deterministic(value) for p, value in constants}
-    laws: dict[str, Laws] = {}
+    parameters: NoiseByFactor = {p: drawn.get(p) or Deterministic(value) for p, value in constants}
+    noises: dict[str, NoiseByFactor] = {}
     for group in plan.groups:
         for place, slot in enumerate(group.slots):
-            laws[plan.layout.names[slot]] = slot_laws(plan, group, place)
-    laws[plan.layout.names[-1]] = {Friction: parameters[FloorFriction]}
-    laws["parameters"] = parameters
-    return laws
+            noises[plan.layout.names[slot]] = slot_distributions(plan, group, place)
+    noises[plan.layout.names[-1]] = {Friction: parameters[FloorFriction]}
+    noises["parameters"] = parameters
+    return noises
 
 
-def slot_laws(plan: Plan, group: Group, place: int, only: int | None = None) -> Laws:
-    """The laws of one slot's factors, given that it is filled; ``only``: by that type, an index in ``layout.types``."""
+def slot_distributions(plan: SamplingPlan, group: SlotGroup, place: int, only: int | None = None) -> NoiseByFactor:
+    """The distributions of one slot's factors, given that the slot is filled.
+
+    Args:
+        place: of the slot among the slots of the group.
+        only: index in ``layout.types`` of the type that fills it; None for any.
+    """
     parts: dict[type[Factor], list[tuple[Noise, float]]] = {}
     conditional: set[type[Factor]] = set()
     slot = group.slots[place]
@@ -39,22 +47,20 @@ def slot_laws(plan: Plan, group: Group, place: int, only: int | None = None) -> 
             if prior is not None and factors_needed(prior):
                 conditional.add(factor)
                 continue
-            law = prior.value if prior is not None else _undrawn(plan, slot, factor, kind)
-            if factor is Order and law == Deterministic(0.0):
-                law = _rank_law(plan, group, place)
-            parts.setdefault(factor, []).append((law, probability))
+            noise = prior.value if prior is not None else _undrawn(plan, slot, factor, kind)
+            if factor is Order and noise == Deterministic(0.0):
+                noise = _rank_distribution(plan, group, place)
+            parts.setdefault(factor, []).append((noise, probability))
     return {factor: mix(found) for factor, found in parts.items() if factor not in conditional}
 
 
-def _drawn(plan: Plan, slot: int, factor: type[Factor], kind: int) -> Prior | None:
+def _drawn(plan: SamplingPlan, slot: int, factor: type[Factor], kind: int) -> Prior | None:
     """The prior that the factor is drawn from, None for a constant; a conditional one where there is any."""
-    for draw in plan.draws:
-        if draw.slot == slot and draw.factor is factor and kind in draw.types:
-            return next((p for p in draw.priors if factors_read(p)), draw.priors[-1])
-    return None
+    draw = plan.draw_of(slot, factor, kind)
+    return draw and next((p for p in draw.priors if factors_read(p)), draw.priors[-1])
 
 
-def _undrawn(plan: Plan, slot: int, factor: type[Factor], kind: int) -> Noise:
+def _undrawn(plan: SamplingPlan, slot: int, factor: type[Factor], kind: int) -> Noise:
     """The constant that a factor starts with, or the size of a shape that is chosen."""
     if factor is Position and slot in plan.fixed_positions:
         return Deterministic(plan.fixed_positions[slot])
@@ -62,12 +68,10 @@ def _undrawn(plan: Plan, slot: int, factor: type[Factor], kind: int) -> Noise:
         for outline in plan.outlines:
             if outline.slot == slot and kind in outline.types and isinstance(outline.shapes, Choice):
                 return Choice([shape.size for shape in outline.shapes.keys], outline.shapes.p)
-    column = plan.layout.columns[factor]
-    value = plan.templates[kind, column : column + factor.width].tolist()
-    return Deterministic(value if factor.width == 2 else value[0])
+    return plan.constant(kind, factor)
 
 
-def _rank_law(plan: Plan, group: Group, place: int) -> Noise:
+def _rank_distribution(plan: SamplingPlan, group: SlotGroup, place: int) -> Noise:
     """A random rank among all things of a level, given that this slot is filled."""
     totals = {0: 1.0}
     for other in plan.groups:
@@ -85,10 +89,10 @@ def _rank_law(plan: Plan, group: Group, place: int) -> Noise:
 
 
 def mix(parts: list[tuple[Noise, float]]) -> Noise:
-    """The mixture of laws by weights that need not sum to one; equal laws are joined."""
+    """The mixture of distributions by weights that need not sum to one; equal distributions are joined."""
     weights: dict[Noise, float] = {}
-    for law, weight in parts:
-        weights[law] = weights.get(law, 0.0) + weight
+    for noise, weight in parts:
+        weights[noise] = weights.get(noise, 0.0) + weight
     if len(weights) == 1:
         return next(iter(weights))
     total = sum(weights.values())

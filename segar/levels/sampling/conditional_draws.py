@@ -1,4 +1,4 @@
-"""What conditional priors read in levels: whether a relation holds, and how other factors shift and scale a law."""
+"""Conditional priors in levels: where their relations hold, and how other factors shift and scale a distribution."""
 
 from __future__ import annotations
 
@@ -6,43 +6,52 @@ from typing import Any
 
 import numpy as np
 
-from segar.language import Entity, Factor, holds
+from segar.language import Factor, holds
 from segar.levels.conditional import Dependent
-from segar.levels.priors import Prior, relation_holds
-from segar.levels.sampling.plan import Draw, Plan
+from segar.levels.level_data import LevelData
+from segar.levels.priors import Prior, factors_read, relation_holds
+from segar.levels.sampling.plan import Block, Draw, SamplingPlan
 
 
-def dependence(plan: Plan, block: Any, slot: int, law: Any, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-    """Shift and scale of a slot's dependent law in each of the levels ``rows`` (of a ``Block`` or ``Levels``); None
-    for another law."""
-    if not isinstance(law, Dependent):
+def shift_and_scale(
+    plan: SamplingPlan, levels: Block | LevelData, slot: int, value: Any, rows: np.ndarray
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Shift and scale of a slot's dependent distribution in the levels ``rows``, float64 ``(rows,)`` each.
+
+    None if ``value`` is no :class:`Dependent`.
+    """
+    if not isinstance(value, Dependent):
         return None
-    source = slot if law.of is None else plan.layout.names.index(law.of)
+    source = slot if value.of is None else plan.layout.names.index(value.of)
     shift, scale = np.empty(len(rows)), np.empty(len(rows))
-    kinds = block.types[rows, source]
+    kinds = levels.types[rows, source]
     for kind in np.unique(kinds):
-        mine = kinds == kind
-        values, entity = block.sampled_values[rows[mine], source], plan.layout.types[kind]
+        of_kind = kinds == kind
 
-        def read(
-            factor: type[Factor], part: int, values: np.ndarray = values, entity: type[Entity] = entity
-        ) -> np.ndarray:
-            held = holds(entity, factor)
+        def read(factor: type[Factor], part: int, chosen: np.ndarray = rows[of_kind], kind: int = kind) -> np.ndarray:
+            held = holds(plan.layout.types[kind], factor)
             assert held is not None  # checked where the plan was made
-            return values[:, plan.layout.columns[held] + part]
+            return levels.sampled_values[chosen, source, plan.layout.columns[held] + part]
 
-        shift[mine], scale[mine] = law.shift_and_scale(read, int(mine.sum()))
+        shift[of_kind], scale[of_kind] = value.shift_and_scale(read, int(of_kind.sum()))
     return shift, scale
 
 
-def claimed(plan: Plan, block: Any, draw: Draw, prior: Prior, rows: np.ndarray) -> np.ndarray:
-    """Whether the prior's relation holds for the slot's entity in each of the levels ``rows``."""
-    claim = np.zeros(len(rows), dtype=bool)
+def where_prior_applies(
+    plan: SamplingPlan, levels: Block | LevelData, draw: Draw, prior: Prior, rows: np.ndarray
+) -> np.ndarray:
+    """Whether the prior's relation holds for the slot's entity in each of the levels ``rows``, bool ``(rows,)``.
+
+    A prior without a relation on values applies everywhere.
+    """
+    applies = np.ones(len(rows), dtype=bool)
+    if not factors_read(prior):
+        return applies
     for place, row in enumerate(rows):
-        values = block.sampled_values[row, draw.slot]
+        values = levels.sampled_values[row, draw.slot]
 
         def read(factor: type[Factor], component: int, values: np.ndarray = values) -> float:
             return float(values[plan.layout.columns[factor] + component])
 
-        claim[place] = relation_holds(prior, plan.layout.types[block.types[row, draw.slot]], read)
-    return claim
+        applies[place] = relation_holds(prior, plan.layout.types[levels.types[row, draw.slot]], read)
+    return applies

@@ -1,6 +1,6 @@
 """Drawing levels: arrays of levels are filled column by column, as the plan says.
 
-What is drawn for one entity and factor comes from its own stream, keyed by (distribution, seed, split, slot, factor),
+Each factor of each entity is drawn from its own stream, keyed by (distribution, seed, split, slot, factor),
 and within it level i comes from counter i (:mod:`segar.support.counter_rng`). So levels do not depend on each other, nor on how
 many are drawn at once.
 """
@@ -27,8 +27,9 @@ from segar.language import (
     Size,
     Tile,
 )
+from segar.levels.level_data import LevelData
 from segar.levels.priors import Prior, factors_read, specificity
-from segar.levels.sampling.conditional_draws import claimed, dependence
+from segar.levels.sampling.conditional_draws import shift_and_scale, where_prior_applies
 from segar.levels.sampling.placement import (
     OVERLAP_PASSES,
     PLACEMENT_TRIES,
@@ -37,7 +38,7 @@ from segar.levels.sampling.placement import (
     random_ranks,
     too_close,
 )
-from segar.levels.sampling.plan import Draw, Outline, Plan
+from segar.levels.sampling.plan import Block, Draw, Outline, SamplingPlan
 from segar.noise import Noise
 from segar.support import LevelGenerator, stream_key
 
@@ -62,46 +63,12 @@ class Streams:
         return f"{self.name}, level {int(level)} (seed {self.seed}, split '{self.split}')"
 
 
-@dataclass
-class Block:
-    """Arrays of levels while they are drawn; the names are those of ``Levels``."""
-
-    indices: np.ndarray
-    types: np.ndarray
-    values: np.ndarray
-    shape_kind: np.ndarray
-    shape_size: np.ndarray
-    vertex_count: np.ndarray
-    vertices: np.ndarray
-    parameters: np.ndarray
-    sampled_values: np.ndarray
-
-    @classmethod
-    def empty(cls, plan: Plan, indices: np.ndarray) -> Block:
-        n, entities, width = len(indices), len(plan.layout.slots), plan.layout.width
-        return cls(
-            indices=indices,
-            types=np.full((n, entities), -1, dtype=np.int16),
-            values=np.empty((n, entities, width)),
-            shape_kind=np.zeros((n, entities), dtype=np.int8),
-            shape_size=np.full((n, entities), np.nan),
-            vertex_count=np.zeros((n, entities), dtype=np.int16),
-            vertices=np.zeros((n, entities, plan.vertices, 2)),
-            parameters=np.empty((n, len(plan.layout.parameters))),
-            sampled_values=np.empty((n, entities, width)),
-        )
-
-    def part(self, start: int, stop: int) -> Block:
-        """A view of some levels."""
-        return Block(**{name: array[start:stop] for name, array in vars(self).items()})
-
-
-def draw_levels(plan: Plan, streams: Streams, indices: np.ndarray) -> Block:
+def draw_levels(plan: SamplingPlan, streams: Streams, indices: np.ndarray) -> Block:
     """Draw the levels with these indices (int64 ``(n,)``).
 
     Raises:
         PlacementError: the things of a level find no place.
-        PriorError: a law gave a value that its factor cannot take.
+        PriorError: a distribution gave a value that its factor cannot take.
     """
     block = Block.empty(plan, indices)
     for start in range(0, len(indices), CHUNK):
@@ -112,11 +79,11 @@ def draw_levels(plan: Plan, streams: Streams, indices: np.ndarray) -> Block:
         draw_outlines(plan, streams, part)
         draw_positions(plan, streams, part)
         draw_orders(plan, streams, part)
-        settle(plan, streams, part)
+        set_initial_values(plan, streams, part)
     return block
 
 
-def draw_types(plan: Plan, streams: Streams, block: Block) -> None:
+def draw_types(plan: SamplingPlan, streams: Streams, block: Block) -> None:
     """Which entities a level has: counts, then types; and their constant factors."""
     n = len(block.indices)
     for place, group in enumerate(plan.groups):
@@ -133,7 +100,7 @@ def draw_types(plan: Plan, streams: Streams, block: Block) -> None:
     block.sampled_values[:] = plan.templates[block.types]  # the last template, which -1 picks, is all nan
 
 
-def draw_parameters(plan: Plan, streams: Streams, block: Block) -> None:
+def draw_parameters(plan: SamplingPlan, streams: Streams, block: Block) -> None:
     """World parameters of each level, and the floor's friction, which is one of them."""
     block.parameters[:] = plan.parameters
     for column, prior in plan.parameter_priors:
@@ -143,39 +110,37 @@ def draw_parameters(plan: Plan, streams: Streams, block: Block) -> None:
     block.sampled_values[:, -1, plan.layout.columns[Friction]] = floor
 
 
-def draw_factors(plan: Plan, streams: Streams, block: Block) -> None:
-    """All factors with a law or a conditional value, but positions."""
+def draw_factors(plan: SamplingPlan, streams: Streams, block: Block) -> None:
+    """All factors with a distribution or a conditional value, but positions."""
     for draw in plan.draws:
         if not issubclass(draw.factor, Position):
             draw_factor(plan, streams, block, draw, _rows(block, draw))
 
 
-def draw_factor(plan: Plan, streams: Streams, block: Block, draw: Draw, rows: Any, attempt: int = 0) -> None:
+def draw_factor(plan: SamplingPlan, streams: Streams, block: Block, draw: Draw, rows: Any, attempt: int = 0) -> None:
     """One factor of one slot in the levels ``rows``: the value without condition, then those whose relation holds."""
     site = plan.layout.names[draw.slot], draw.factor.__name__
-    column = plan.layout.columns[draw.factor]
-    target = block.sampled_values[:, draw.slot, column : column + draw.factor.width]
+    target = block.sampled_values[:, draw.slot, plan.columns(draw.factor)]
     levels = block.indices[rows]
-    claims: list[tuple[Prior, np.ndarray]] = []
+    conditional: list[tuple[Prior, np.ndarray]] = []
     for k, prior in reversed(list(enumerate(draw.priors))):
         if not factors_read(prior) and not prior.is_random:
             continue  # a constant stands in the template already
         rng = streams.generator(levels, *site, *([k] if k else []), attempt=attempt)
         every = np.arange(len(block.indices))[rows]
-        scaling = dependence(plan, block, draw.slot, prior.value, every)
-        claim = claimed(plan, block, draw, prior, every) if factors_read(prior) else np.ones(len(every), dtype=bool)
-        value = _sample(streams, prior, draw.factor, rng, levels, scaling, claim).reshape(
-            len(levels), draw.factor.width
-        )
+        scaling = shift_and_scale(plan, block, draw.slot, prior.value, every)
+        applies = where_prior_applies(plan, block, draw, prior, every)
+        value = _sample(streams, prior, draw.factor, rng, levels, scaling, applies)
+        value = value.reshape(len(levels), draw.factor.width)
         if not factors_read(prior):
             target[rows] = value
             continue
-        target[rows] = np.where(claim[:, None], value, target[rows])
-        claims.append((prior, claim))
-    _check_claims(streams, draw, claims, levels)
+        target[rows] = np.where(applies[:, None], value, target[rows])
+        conditional.append((prior, applies))
+    _check_unambiguous(streams, conditional, levels)
 
 
-def draw_outlines(plan: Plan, streams: Streams, block: Block) -> None:
+def draw_outlines(plan: SamplingPlan, streams: Streams, block: Block) -> None:
     """Shapes; and Size, which without a prior of its own is the shape's."""
     for outline in plan.outlines:
         rows = np.flatnonzero(_has_type(block.types[:, outline.slot], outline.types))
@@ -188,7 +153,7 @@ def draw_outlines(plan: Plan, streams: Streams, block: Block) -> None:
             _draw_outline(plan, streams, block, outline, shape, rows[chosen == k])
 
 
-def draw_positions(plan: Plan, streams: Streams, block: Block) -> None:
+def draw_positions(plan: SamplingPlan, streams: Streams, block: Block) -> None:
     """Positions; anew for levels in which two things come too close, at most 100 times."""
     again = np.flatnonzero(draw_first_positions(plan, streams, block))
     draws = _drawn_positions(plan)
@@ -198,29 +163,28 @@ def draw_positions(plan: Plan, streams: Streams, block: Block) -> None:
         for draw in draws:
             rows = again[_has_type(block.types[again, draw.slot], draw.types)]
             draw_factor(plan, streams, block, draw, rows, attempt)
-        x = plan.layout.columns[Position]
-        again = again[too_close(block.sampled_values[again, :, x : x + 2], plan.min_distance)]
+        again = again[too_close(block.sampled_values[again, :, plan.columns(Position)], plan.min_distance)]
     if len(again):
         raise _no_place(plan, streams, block, int(again[0]), len(draws) > 0)
 
 
-def draw_first_positions(plan: Plan, streams: Streams, block: Block) -> np.ndarray:
+def draw_first_positions(plan: SamplingPlan, streams: Streams, block: Block) -> np.ndarray:
     """The first try to place the things of each level; whether two of them came too close, bool ``(n,)``."""
     if Position not in plan.layout.columns:
         return np.zeros(len(block.indices), dtype=bool)
-    x = plan.layout.columns[Position]
+    columns = plan.columns(Position)
     for slot, place in plan.fixed_positions.items():
-        block.sampled_values[block.types[:, slot] >= 0, slot, x : x + 2] = place
+        block.sampled_values[block.types[:, slot] >= 0, slot, columns] = place
     for draw in _drawn_positions(plan):
         draw_factor(plan, streams, block, draw, _rows(block, draw))
-    return too_close(block.sampled_values[:, :, x : x + 2], plan.min_distance)
+    return too_close(block.sampled_values[:, :, columns], plan.min_distance)
 
 
-def _drawn_positions(plan: Plan) -> list[Draw]:
+def _drawn_positions(plan: SamplingPlan) -> list[Draw]:
     return [draw for draw in plan.draws if issubclass(draw.factor, Position) and draw.slot not in plan.fixed_positions]
 
 
-def draw_orders(plan: Plan, streams: Streams, block: Block) -> None:
+def draw_orders(plan: SamplingPlan, streams: Streams, block: Block) -> None:
     """Heights in the pile: things whose Order is 0 get distinct random ranks among all things of the level."""
     if Order not in plan.layout.columns:
         return
@@ -229,8 +193,8 @@ def draw_orders(plan: Plan, streams: Streams, block: Block) -> None:
     np.copyto(order, ranks, where=order == 0)
 
 
-def settle(plan: Plan, streams: Streams, block: Block) -> None:
-    """What the simulation starts from: the size of tiles and hulls is their shape's, and overlaps are fixed."""
+def set_initial_values(plan: SamplingPlan, streams: Streams, block: Block) -> None:
+    """Set the values that the simulation starts from: tiles and hulls get the size of their shape, overlaps are fixed."""
     block.values[:] = block.sampled_values
     if Size in plan.layout.columns:
         is_tile = np.array([*(issubclass(t, Tile) for t in plan.layout.types), False])
@@ -241,8 +205,8 @@ def settle(plan: Plan, streams: Streams, block: Block) -> None:
         raise _stuck(plan, streams, block, int(stuck[0]))
 
 
-def fix_block(layout: Layout, levels: Any) -> np.ndarray:
-    """Fix overlaps in ``levels.values`` (of a ``Block`` or ``Levels``), in place; indices of levels where it failed."""
+def fix_block(layout: Layout, levels: Block | LevelData) -> np.ndarray:
+    """Fix overlaps in ``levels.values`` in place, and return the int indices of the levels where that failed."""
     if Position not in layout.columns:
         return np.zeros(0, dtype=int)
     x = layout.columns[Position]
@@ -286,14 +250,14 @@ def _sample(
     needed: np.ndarray | None = None,
 ) -> np.ndarray:
     """Draws of the prior for ``levels``, float64 ``(n,)`` or ``(n, 2)``; those that are ``needed`` (None: all) are
-    checked against what the factor can take. ``scaling``: shift and scale of a dependent law."""
+    checked against what the factor can take. ``scaling``: shift and scale of a dependent distribution."""
     shape = (len(levels), 2) if factor.width == 2 else (len(levels),)
     if not prior.is_random:
         return np.broadcast_to(np.asarray(prior.value, dtype=float), shape)
-    law = prior.value if scaling is None else prior.value.law
-    value = np.asarray(law.sample(rng, len(levels)), dtype=float)
+    noise = prior.value if scaling is None else prior.value.law
+    value = np.asarray(noise.sample(rng, len(levels)), dtype=float)
     if value.shape != shape:
-        raise PriorError(f"{prior}: the law's sample(rng, {len(levels)}) has shape {value.shape}, not {shape}")
+        raise PriorError(f"{prior}: the distribution's sample(rng, {len(levels)}) has shape {value.shape}, not {shape}")
     low, high = factor.bounds or (-np.inf, np.inf)
     if scaling is not None:
         value = scaling[0] + scaling[1] * value
@@ -309,16 +273,16 @@ def _sample(
         scaled = "" if scaling is None else f" with shift {scaling[0][row]:g} and scale {scaling[1][row]:g}"
         raise PriorError(
             f"{streams.where(levels[row])}: {prior} gave {value[row]}{scaled}, which {factor.__name__} cannot be;"
-            " clip the law or choose another"
+            " clip the distribution or choose another"
         )
     return value
 
 
-def _check_claims(streams: Streams, draw: Draw, claims: list[tuple[Prior, np.ndarray]], levels: np.ndarray) -> None:
+def _check_unambiguous(streams: Streams, conditional: list[tuple[Prior, np.ndarray]], levels: np.ndarray) -> None:
     """Raise :class:`PriorError` where the relations of two equally specific, differing priors hold."""
-    for k, (prior, claim) in enumerate(claims):
-        for rival, other in claims[:k]:
-            both = claim & other
+    for k, (prior, applies) in enumerate(conditional):
+        for rival, other in conditional[:k]:
+            both = applies & other
             if both.any() and specificity(prior) == specificity(rival) and prior.value != rival.value:
                 raise PriorError(
                     f"{streams.where(levels[both.argmax()])}: {prior} and {rival} both hold and are equally specific;"
@@ -327,7 +291,7 @@ def _check_claims(streams: Streams, draw: Draw, claims: list[tuple[Prior, np.nda
 
 
 def _draw_outline(
-    plan: Plan, streams: Streams, block: Block, outline: Outline, shape: BaseShape, rows: np.ndarray
+    plan: SamplingPlan, streams: Streams, block: Block, outline: Outline, shape: BaseShape, rows: np.ndarray
 ) -> None:
     slot = outline.slot
     block.shape_kind[rows, slot] = shape.kind
@@ -354,9 +318,8 @@ def pad_hulls(hulls: list[np.ndarray], room: int, owner: Any) -> tuple[np.ndarra
     return padded, count
 
 
-def _no_place(plan: Plan, streams: Streams, block: Block, row: int, drawn: bool) -> PlacementError:
-    x = plan.layout.columns[Position]
-    i, j, distance = closest_pair(block.sampled_values[row, :, x : x + 2])
+def _no_place(plan: SamplingPlan, streams: Streams, block: Block, row: int, drawn: bool) -> PlacementError:
+    i, j, distance = closest_pair(block.sampled_values[row, :, plan.columns(Position)])
     a, b = plan.layout.names[i], plan.layout.names[j]
     tries = f"after {PLACEMENT_TRIES} tries" if drawn else "by their fixed positions"
     return PlacementError(
@@ -365,12 +328,11 @@ def _no_place(plan: Plan, streams: Streams, block: Block, row: int, drawn: bool)
     )
 
 
-def _stuck(plan: Plan, streams: Streams, block: Block, row: int) -> PlacementError:
-    x, size = plan.layout.columns[Position], plan.layout.columns[Size]
+def _stuck(plan: SamplingPlan, streams: Streams, block: Block, row: int) -> PlacementError:
     is_object = [t >= 0 and issubclass(plan.layout.types[t], Object) for t in block.types[row]]
-    position = np.where(np.array(is_object)[:, None], block.values[row, :, x : x + 2], np.nan)
+    position = np.where(np.array(is_object)[:, None], block.values[row, :, plan.columns(Position)], np.nan)
     i, j, distance = closest_pair(position)
-    names, sizes = plan.layout.names, block.values[row, :, size]
+    names, sizes = plan.layout.names, block.values[row, :, plan.layout.columns[Size]]
     if not np.isfinite(distance):
         widest = int(np.nanargmax(sizes))
         return PlacementError(

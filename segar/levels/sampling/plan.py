@@ -1,4 +1,4 @@
-"""What has to be drawn for a level, read off a distribution once."""
+"""What has to be drawn for levels, read off a distribution once, and the arrays that are filled by it."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ from segar.language import (
 )
 from segar.levels.priors import Prior, factors_needed, factors_read, ranked
 from segar.levels.sampling.placement import closest_pair
-from segar.noise import Choice, Noise
+from segar.noise import Choice, Deterministic, Noise
 
 RANDOM_HULL_VERTICES = 32  # room for a random hull: 100 Gaussian points have 8.8 +- 1.5 vertices on their hull
 
 
 @dataclass(frozen=True)
-class Group:
+class SlotGroup:
     """Slots that one entry of ``numbers`` fills: how many are filled, and by which types with which probabilities."""
 
     slots: tuple[int, ...]
@@ -62,8 +62,8 @@ class Outline:
 
 
 @dataclass(frozen=True)
-class Plan:
-    """All that sampling needs to know about a distribution.
+class SamplingPlan:
+    """All that sampling needs of a distribution.
 
     Attributes:
         templates: float64 ``(types + 1, width)``: the constant factors of each entity type; the last row is all nan.
@@ -74,7 +74,7 @@ class Plan:
     """
 
     layout: Layout
-    groups: tuple[Group, ...]
+    groups: tuple[SlotGroup, ...]
     templates: np.ndarray
     draws: tuple[Draw, ...]
     outlines: tuple[Outline, ...]
@@ -84,15 +84,69 @@ class Plan:
     min_distance: float
     vertices: int
 
+    def columns(self, factor: type[Factor]) -> slice:
+        """The columns of the factor's components in arrays of values."""
+        first = self.layout.columns[factor]
+        return slice(first, first + factor.width)
+
+    def constant(self, kind: int, factor: type[Factor]) -> Deterministic:
+        """The value that the factor of entities of type ``kind`` has where no prior draws it."""
+        value = self.templates[kind, self.columns(factor)].tolist()
+        return Deterministic(value if factor.width == 2 else value[0])
+
+    def draw_of(self, slot: int, factor: type[Factor], kind: int) -> Draw | None:
+        """How the factor of one slot's entities of type ``kind`` is drawn, None where it is constant."""
+        return next((d for d in self.draws if d.slot == slot and d.factor is factor and kind in d.types), None)
+
+
+@dataclass
+class Block:
+    """Arrays of ``n`` levels while they are drawn, named as those of :class:`segar.Levels`.
+
+    Attributes:
+        indices: int64 ``(n,)``, of the levels in their split.
+        shape_size: float64 ``(n, E)``, the size of each thing's shape, nan where there is none.
+    """
+
+    indices: np.ndarray
+    types: np.ndarray
+    values: np.ndarray
+    shape_kind: np.ndarray
+    shape_size: np.ndarray
+    vertex_count: np.ndarray
+    vertices: np.ndarray
+    parameters: np.ndarray
+    sampled_values: np.ndarray
+
+    @classmethod
+    def empty(cls, plan: SamplingPlan, indices: np.ndarray) -> Block:
+        """Arrays for the levels with these indices, in which nothing is drawn yet."""
+        n, entities, width = len(indices), len(plan.layout.slots), plan.layout.width
+        return cls(
+            indices=indices,
+            types=np.full((n, entities), -1, dtype=np.int16),
+            values=np.empty((n, entities, width)),
+            shape_kind=np.zeros((n, entities), dtype=np.int8),
+            shape_size=np.full((n, entities), np.nan),
+            vertex_count=np.zeros((n, entities), dtype=np.int16),
+            vertices=np.zeros((n, entities, plan.vertices, 2)),
+            parameters=np.empty((n, len(plan.layout.parameters))),
+            sampled_values=np.empty((n, entities, width)),
+        )
+
+    def part(self, start: int, stop: int) -> Block:
+        """A view of some levels."""
+        return Block(**{name: array[start:stop] for name, array in vars(self).items()})
+
 
 def make_plan(
     layout: Layout,
-    groups: Sequence[Group],
+    groups: Sequence[SlotGroup],
     priors: Sequence[Prior],
     parameters: Mapping[type[Parameter], Prior],
     fixed_positions: Mapping[int, tuple[float, float]],
     min_distance: float,
-) -> Plan:
+) -> SamplingPlan:
     """Resolve priors for every slot and entity type.
 
     Raises:
@@ -104,7 +158,7 @@ def make_plan(
         templates[place] = _template(layout, entity, () if issubclass(entity, GlobalFriction) else priors)
     outlines = _outlines(layout, priors)
     constants = [parameters[p].value if p in parameters else p.default for p in layout.parameters]
-    plan = Plan(
+    plan = SamplingPlan(
         layout,
         tuple(groups),
         templates,
@@ -145,7 +199,7 @@ def _template(layout: Layout, entity: type[Entity], priors: Sequence[Prior]) -> 
     return row
 
 
-def _draws(layout: Layout, groups: Sequence[Group], priors: Sequence[Prior]) -> list[Draw]:
+def _draws(layout: Layout, groups: Sequence[SlotGroup], priors: Sequence[Prior]) -> list[Draw]:
     draws = []
     for group in groups:
         candidates: dict[tuple[type[Factor], tuple[int, ...]], tuple[Prior, ...]] = {}
@@ -167,7 +221,7 @@ def _draws(layout: Layout, groups: Sequence[Group], priors: Sequence[Prior]) -> 
 
 
 def _check_reads(layout: Layout, entity: type[Entity], candidates: Sequence[Prior], priors: Sequence[Prior]) -> None:
-    """Raise :class:`PriorError` if a law depends on factors that its entity lacks, or that are known too late."""
+    """Raise :class:`PriorError` if a distribution depends on factors that its entity lacks, or that are known too late."""
     for prior in candidates:
         in_relation = factors_read(prior)
         for name, factor in factors_needed(prior):
@@ -175,7 +229,9 @@ def _check_reads(layout: Layout, entity: type[Entity], candidates: Sequence[Prio
                 held = holds(owner, factor)
                 if held is None and (name is not None or factor not in in_relation):
                     advice = "" if name else "; give the prior an entity_type that has it"
-                    raise PriorError(f"{prior}: its law reads {factor.__name__}, which {owner.__name__} lacks{advice}")
+                    raise PriorError(
+                        f"{prior}: its distribution reads {factor.__name__}, which {owner.__name__} lacks{advice}"
+                    )
                 if held is Size and not ranked(priors, owner, Size) and isinstance(_shape(owner, priors), Choice):
                     raise PriorError(
                         f"{prior} reads Size, which for {owner.__name__} is that of a shape that is chosen later; give"
@@ -189,7 +245,7 @@ def _types_of(layout: Layout, name: str, prior: Prior) -> tuple[type[Entity], ..
         raise PriorError(f"{prior}: there is no entity '{name}'.{did_you_mean(name, layout.names)}")
     slot = layout.slots[layout.names.index(name)]
     if slot.optional:
-        raise PriorError(f"{prior}: its law reads '{name}', which not every level has")
+        raise PriorError(f"{prior}: its distribution reads '{name}', which not every level has")
     return slot.types
 
 
@@ -200,7 +256,7 @@ def _in_order(layout: Layout, draws: list[Draw]) -> tuple[Draw, ...]:
         for prior in draw.priors:
             for name, read in factors_needed(prior):
                 if issubclass(read, (Position, Order)):
-                    what = "relation" if read in factors_read(prior) else "law"
+                    what = "relation" if read in factors_read(prior) else "distribution"
                     raise PriorError(f"{prior}: its {what} reads {read.__name__}, which is drawn last")
                 slot = draw.slot if name is None else layout.names.index(name)
                 graph[draw.slot, draw.factor] |= {
@@ -244,16 +300,15 @@ def _unconditional(candidates: Sequence[Prior]) -> Prior | None:
     return candidates[-1] if candidates and not factors_read(candidates[-1]) else None
 
 
-def _check_constant_places(plan: Plan) -> None:
+def _check_constant_places(plan: SamplingPlan) -> None:
     """Raise :class:`PlacementError` if two things that are always there always start too close to each other."""
     if Position not in plan.layout.columns:
         return
-    column = plan.layout.columns[Position]
     drawn = {draw.slot for draw in plan.draws if issubclass(draw.factor, Position)}
     places = np.full((len(plan.layout.slots), 2), np.nan)
     for group in plan.groups:
         for slot in group.slots:
-            options = np.unique(plan.templates[list(group.types), column : column + 2], axis=0)
+            options = np.unique(plan.templates[list(group.types), plan.columns(Position)], axis=0)
             if slot in plan.fixed_positions:
                 places[slot] = plan.fixed_positions[slot]
             elif slot not in drawn and len(options) == 1 and not plan.layout.slots[slot].optional:

@@ -28,9 +28,9 @@ def shift_and_scale(places: Places, levels: Levels) -> tuple[np.ndarray, np.ndar
     Raises:
         LevelError: the levels know no distribution.
     """
-    from segar.levels import law_moments
+    from segar.levels import source_moments
 
-    moments = law_moments(levels)
+    moments = source_moments(levels)
     if not moments:
         raise LevelError(
             "StateVector(normalise=True) measures by the prior, and these levels know none: they were made by hand, or saved"

@@ -13,7 +13,7 @@ from experiments.levels.builders import environment_options, make_levels
 from experiments.settings import CHECKOUT, ConfigError, PPOConfig, RunConfig, as_data, run_config
 from segar.envs import VectorEnv
 from segar.errors import PlacementError
-from segar.levels.named_families.registry import TASK_LEVELS
+from segar.levels.named_families import TASK_LEVELS
 from segar.observations.pixels.textured import TexturedPixels
 from segar.tasks.registry import TASKS
 

@@ -11,7 +11,7 @@ from segar.engine.simulator import Simulator
 from segar.language.entities import Ball, GoalTile, GolfBall
 from segar.language.factors import ID, Position
 from segar.levels.level_set import Levels
-from segar.levels.named_families.registry import family
+from segar.levels.named_families import family
 from segar.rules import accelerate, move
 from segar.rules.world import World
 from tests.segar.engine.random_rules import Author, mixed_levels

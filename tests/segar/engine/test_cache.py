@@ -13,7 +13,7 @@ from segar.errors import SegarError
 from segar.language.effects import SetFactor
 from segar.language.factors import Mass
 from segar.language.rule_definition import rule
-from segar.levels.named_families.registry import family
+from segar.levels.named_families import family
 from segar.rules import DEFAULT_RULES, move
 from segar.rules.world import World
 from segar.tasks.puttputt_task import puttputt

@@ -102,10 +102,10 @@ def test_the_entropy_is_the_mean_negative_log_probability(dist):
 
 
 def test_the_entropy_of_independent_factors_is_exact():
-    law = GaussianNoise(1.0, 0.1)
-    priors = [Prior(Mass, law), Prior(Position, RandomUniformLocation())]
+    distribution = GaussianNoise(1.0, 0.1)
+    priors = [Prior(Mass, distribution), Prior(Position, RandomUniformLocation())]
     entropy = LevelDistribution([(Ball, 1)], priors, {Gravity: UniformNoise(8, 12)}).entropy(100)
-    expected = law.entropy() + RandomUniformLocation().entropy() + math.log(4)
+    expected = distribution.entropy() + RandomUniformLocation().entropy() + math.log(4)
     assert entropy.value == pytest.approx(expected, abs=1e-12) and entropy.error < 1e-12
 
 
@@ -144,7 +144,7 @@ def test_a_random_hull_that_is_chosen_half_of_the_time_is_half_as_dense():
 
 
 @pytest.mark.parametrize(("first", "second"), [(Mass, Charge), (Charge, Mass)])
-def test_what_a_law_reads_is_drawn_before_it(first, second):
+def test_what_a_distribution_reads_is_drawn_before_it(first, second):
     def same(x: first) -> float:
         return x
 
@@ -198,14 +198,14 @@ def test_levels_of_another_distribution_are_refused():
         segar.family("empty-easy").log_prob(segar.family("objectsx1-hard").sample(2))
 
 
-def test_a_law_may_depend_on_another_factor_of_the_entity():
+def test_a_distribution_may_depend_on_another_factor_of_the_entity():
     levels = CONDITIONAL.sample(3000)
     size, mass = column(levels, 0, Size), column(levels, 0, Mass)
     noise = (mass - 0.5) / np.where(size > 0.2, 20 * size**2, 1.0)
-    law = GaussianNoise(1.0, 0.1, clip=(0.9, 1.2))
+    distribution = GaussianNoise(1.0, 0.1, clip=(0.9, 1.2))
     x = np.sort(noise.round(12))
     share = np.searchsorted(x, x, side="right") / len(x)
-    assert np.abs(share - law.cdf(x + 1e-11)).max() < 1.95 / math.sqrt(len(x))
+    assert np.abs(share - distribution.cdf(x + 1e-11)).max() < 1.95 / math.sqrt(len(x))
     assert abs(np.corrcoef(size, noise)[0, 1]) < 0.07
     assert np.array_equal(CONDITIONAL.sample(7).sampled_values, levels[:7].sampled_values, equal_nan=True)
     assert Mass not in CONDITIONAL.marginals()["ball1"]
@@ -217,16 +217,16 @@ def opposite(q: Charge) -> float:
 
 def follow() -> LevelDistribution:
     """Charged things whose charges are about minus the golf ball's."""
-    law = Dependent(GaussianNoise(0.0, 0.1), shift=opposite, of="golfball")
+    distribution = Dependent(GaussianNoise(0.0, 0.1), shift=opposite, of="golfball")
     priors = [
         ANYWHERE,
         Prior(Charge, UniformNoise(1.0, 2.0), entity_type=GolfBall),
-        Prior(Charge, law, entity_type=Charger),
+        Prior(Charge, distribution, entity_type=Charger),
     ]
     return LevelDistribution([(Charger, 2), (GolfBall, 1), (GoalTile, 1)], priors)
 
 
-def test_a_law_may_depend_on_a_factor_of_another_entity():
+def test_a_distribution_may_depend_on_a_factor_of_another_entity():
     dist = follow()
     levels = dist.sample(2000)
     ball = column(levels, levels.layout.slot_index("golfball"), Charge)
@@ -239,9 +239,9 @@ def test_a_law_may_depend_on_a_factor_of_another_entity():
 
 
 def test_a_dependence_on_another_entity_is_part_of_the_distribution():
-    laws = [Dependent(UniformNoise(0, 1), opposite, of=name) for name in (None, "a", "b")]
-    assert len({content_hash(law) for law in laws}) == 3
-    assert laws[1] != laws[2] and laws[1] == Dependent(UniformNoise(0, 1), opposite, of="a")
+    distributions = [Dependent(UniformNoise(0, 1), opposite, of=name) for name in (None, "a", "b")]
+    assert len({content_hash(distribution) for distribution in distributions}) == 3
+    assert distributions[1] != distributions[2] and distributions[1] == Dependent(UniformNoise(0, 1), opposite, of="a")
 
 
 @pytest.mark.parametrize(
@@ -261,31 +261,35 @@ def test_a_dependence_on_another_entity_is_part_of_the_distribution():
     ],
 )
 def test_an_entity_that_cannot_be_read_is_named(numbers, priors, message):
-    law = Dependent(GaussianNoise(0.0, 0.1), shift=opposite, of="golfball")
+    distribution = Dependent(GaussianNoise(0.0, 0.1), shift=opposite, of="golfball")
     with pytest.raises(PriorError, match=message):
-        LevelDistribution(numbers, [ANYWHERE, Prior(Charge, law, entity_type=Charger), *priors])
+        LevelDistribution(numbers, [ANYWHERE, Prior(Charge, distribution, entity_type=Charger), *priors])
 
 
 def test_an_entity_that_lacks_what_is_read_is_named():
-    law = Dependent(GaussianNoise(0.0, 0.1), shift=opposite, of="goal")
-    with pytest.raises(PriorError, match="its law reads Charge, which GoalTile lacks"):
-        LevelDistribution([(Charger, 1), (GoalTile, 1)], [ANYWHERE, Prior(Charge, law, entity_type=Charger)])
+    distribution = Dependent(GaussianNoise(0.0, 0.1), shift=opposite, of="goal")
+    with pytest.raises(PriorError, match="its distribution reads Charge, which GoalTile lacks"):
+        LevelDistribution([(Charger, 1), (GoalTile, 1)], [ANYWHERE, Prior(Charge, distribution, entity_type=Charger)])
     with pytest.raises(PriorError, match="of must be the name of an entity, such as 'golfball', not <class"):
         Dependent(GaussianNoise(0.0, 0.1), shift=opposite, of=GolfBall)
 
 
-def test_the_density_of_a_dependent_law_is_stretched_with_it_and_its_atoms_are_not():
-    law = GaussianNoise(1.0, 0.1, clip=(0.9, 1.2))
-    dependent = Dependent(law, shift=0.5, scale=weight)
+def test_the_density_of_a_dependent_distribution_is_stretched_with_it_and_its_atoms_are_not():
+    distribution = GaussianNoise(1.0, 0.1, clip=(0.9, 1.2))
+    dependent = Dependent(distribution, shift=0.5, scale=weight)
     x, shift, scale = np.array([2.5, 0.5 + 2 * 0.9]), np.full(2, 0.5), np.full(2, 2.0)
-    expected = [law.log_prob(1.0) - math.log(2), law.log_prob(0.9)]
+    expected = [distribution.log_prob(1.0) - math.log(2), distribution.log_prob(0.9)]
     assert np.allclose(dependent.log_prob(x, shift, scale), expected)
     assert np.allclose(dependent.shift_and_scale(lambda *_: np.array([0.1, 0.3]), 2), [[0.5, 0.5], [1.0, 1.8]])
 
 
-def test_a_level_with_a_dependent_law_is_as_probable_as_by_hand():
-    law = GaussianNoise(1.0, 0.1, clip=(0.9, 1.2))
-    priors = [ANYWHERE, Prior(Size, UniformNoise(0.1, 0.3)), Prior(Mass, Dependent(law, shift=0.5, scale=weight))]
+def test_a_level_with_a_dependent_distribution_is_as_probable_as_by_hand():
+    distribution = GaussianNoise(1.0, 0.1, clip=(0.9, 1.2))
+    priors = [
+        ANYWHERE,
+        Prior(Size, UniformNoise(0.1, 0.3)),
+        Prior(Mass, Dependent(distribution, shift=0.5, scale=weight)),
+    ]
     levels = LevelDistribution([(Ball, 1)], priors).sample(400)
     size, mass = column(levels, 0, Size), column(levels, 0, Mass)
     scale = np.where(size > 0.2, 20 * size**2, 1.0)
@@ -309,8 +313,8 @@ def test_a_changed_dependence_is_another_distribution():
 
     hashes = []
     for function in (twice, thrice, doubled):
-        law = Dependent(UniformNoise(0.9, 1.1), scale=function)
-        hashes.append(LevelDistribution([(Ball, 1)], [Prior(Mass, law)]).hash)
+        distribution = Dependent(UniformNoise(0.9, 1.1), scale=function)
+        hashes.append(LevelDistribution([(Ball, 1)], [Prior(Mass, distribution)]).hash)
     assert hashes[0] != hashes[1] and hashes[0] == hashes[2]
     assert Dependent(UniformNoise(0, 1), twice) == Dependent(UniformNoise(0, 1), doubled)
 
@@ -325,23 +329,23 @@ def test_a_dependence_that_cannot_be_meant_is_refused():
     def placed(x: Position) -> float:
         return x.norm()
 
-    law = UniformNoise(0.5, 1.0)
+    distribution = UniformNoise(0.5, 1.0)
     with pytest.raises(PriorError, match=r"shift: .*pulled.* only numbers of one entity"):
-        Dependent(law, shift=pulled)
+        Dependent(distribution, shift=pulled)
     with pytest.raises(PriorError, match=r"scale must be a finite number or a typed function"):
-        Dependent(law, scale="twice")
-    with pytest.raises(PriorError, match=r"needs a law on the line, not 3"):
+        Dependent(distribution, scale="twice")
+    with pytest.raises(PriorError, match=r"needs a distribution on the line, not 3"):
         Dependent(3)  # type: ignore[arg-type]
     with pytest.raises(PriorError, match=r"for factors that are one real number"):
-        Prior(Position, Dependent(law))
+        Prior(Position, Dependent(distribution))
     with pytest.raises(PriorError, match=r"reads Charge, which GoalTile lacks; give the prior an entity_type"):
-        LevelDistribution([(GoalTile, 1)], [Prior(Size, Dependent(law, shift=charged))])
-    with pytest.raises(PriorError, match=r"its law reads Position, which is drawn last"):
-        LevelDistribution([(Ball, 1)], [Prior(Mass, Dependent(law, scale=placed))])
+        LevelDistribution([(GoalTile, 1)], [Prior(Size, Dependent(distribution, shift=charged))])
+    with pytest.raises(PriorError, match=r"its distribution reads Position, which is drawn last"):
+        LevelDistribution([(Ball, 1)], [Prior(Mass, Dependent(distribution, scale=placed))])
     shapes = Prior(Shape, segar.Choice([Circle(0.3), Circle(0.5)]))
     with pytest.raises(PriorError, match=r"reads Size, which for Ball is that of a shape that is chosen later"):
-        LevelDistribution([(Ball, 1)], [shapes, Prior(Mass, Dependent(law, scale=weight))])
-    zero = LevelDistribution([(Ball, 1)], [Prior(Mass, Dependent(law, scale=charged)), Prior(Charge, 0.0)])
+        LevelDistribution([(Ball, 1)], [shapes, Prior(Mass, Dependent(distribution, scale=weight))])
+    zero = LevelDistribution([(Ball, 1)], [Prior(Mass, Dependent(distribution, scale=charged)), Prior(Charge, 0.0)])
     with pytest.raises(PriorError, match=r"level 0 .*with shift 0 and scale 0, which Mass cannot be"):
         zero.sample(1)
 

@@ -52,7 +52,9 @@ from segar import (
     family,
 )
 from segar.levels.level_data import LEVEL_ARRAYS
+from tests.places import TESTS
 
+FILES_OF_0_1 = TESTS / "data/levels_0_1"
 ANYWHERE = Prior(Position, RandomUniformLocation())
 SOME = ("empty-easy", "objectsx3-hard", "tilesx2-medium", "puttputt")
 some_families = pytest.mark.parametrize("name", SOME)
@@ -223,7 +225,7 @@ def test_the_heights_of_a_level_are_a_random_ranking():
     assert np.abs(np.bincount(ranks[:, 0].astype(int)) / 3000 - 0.2).max() < 0.04
 
 
-def test_placing_anew_leaves_all_other_laws_alone():
+def test_placing_anew_leaves_all_other_distributions_alone():
     numbers = [(Ball, 1), (ThingFactory([Charger, Marble]), DiscreteRangeNoise(1, 8))]
     crowded = LevelDistribution(
         numbers, [Prior(Position, segar.RandomMiddleLocation()), Prior(Size, 0.01), Prior(Mass, UniformNoise(1.0, 2.0))]
@@ -307,6 +309,41 @@ def test_part_of_a_file_is_refused(tmp_path, share):
     path.write_bytes(content[: int(share * len(content))])
     with pytest.raises(LevelError, match=r"levels.npz is not a level file, or only part of one"):
         Levels.load(path)
+
+
+@pytest.mark.parametrize("name, n, seed, split", [("puttputt", 3, 7, "test"), ("tilesx1-hard", 2, 1, "train")])
+def test_a_file_of_version_0_1_is_read_though_its_classes_stand_in_other_modules_now(name, n, seed, split):
+    loaded, sampled = Levels.load(FILES_OF_0_1 / f"{name}.npz"), family(name).sample(n, seed=seed, split=split)
+    assert same(loaded, sampled) and loaded.layout == sampled.layout
+    assert loaded.provenance.version == "0.1.0" and loaded.provenance.distribution == family(name).hash
+
+
+def test_built_in_classes_are_found_by_name_beside_a_class_of_the_user_with_that_name():
+    class Charger(Object):
+        label: Label = "charger"
+
+    assert segar.Charger in Levels.load(FILES_OF_0_1 / "puttputt.npz").layout.types
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda m: m.pop("slots"), r"its description does not fit \(KeyError\('slots'\)\); save the levels again"),
+        (lambda m: m["provenance"].pop("seed"), r"its description does not fit .*'seed'"),
+        (lambda m: m.update(slots=[{"name": "x", "types": [99], "optional": False}]), r"does not fit \(IndexError"),
+        (lambda m: m.update(format_version=99), r"was written by a newer SEGAR .* install that version"),
+        (lambda m: m.update(format="segar-plan"), r"its format is 'segar-plan'"),
+    ],
+)
+def test_a_file_with_a_damaged_description_is_refused_with_what_to_do(change, message, tmp_path):
+    with np.load(FILES_OF_0_1 / "puttputt.npz") as archive:
+        arrays = dict(archive)
+    metadata = json.loads(arrays["metadata"].tobytes())
+    change(metadata)
+    arrays["metadata"] = np.frombuffer(json.dumps(metadata).encode(), dtype=np.uint8)
+    np.savez(tmp_path / "x.npz", **arrays)
+    with pytest.raises(LevelError, match=message):
+        Levels.load(tmp_path / "x.npz")
 
 
 def test_a_file_that_is_not_there_is_named():
@@ -432,7 +469,11 @@ def test_entities_that_cannot_make_levels_are_refused(make, message):
         (lambda: LevelDistribution([("Ball", 1)]), LevelError, "'Ball' is not an entity type"),
         (lambda: LevelDistribution([Ball]), LevelError, "each entry is a pair"),
         (lambda: LevelDistribution([(Ball, 1.5)]), LevelError, "how many Ball must be a whole number"),
-        (lambda: LevelDistribution([(Ball, UniformNoise(1, 2))]), LevelError, "must be a law of whole numbers"),
+        (
+            lambda: LevelDistribution([(Ball, UniformNoise(1, 2))]),
+            LevelError,
+            "must be a distribution of whole numbers",
+        ),
         (lambda: LevelDistribution([(Ball, 1)], [(Mass, 1.0)]), LevelError, "is not a Prior"),
         (lambda: LevelDistribution([(Ball, 1)], parameters={Mass: 1.0}), LevelError, "not a world parameter"),
         (lambda: LevelDistribution([(Ball, 1)], positions=[(Ball, [[0, 0], [1, 1]])]), LevelError, "2 places for Ball"),

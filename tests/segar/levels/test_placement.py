@@ -1,4 +1,4 @@
-"""Moving things apart: laws over random scenes."""
+"""Moving things apart: distributions over random scenes."""
 
 from __future__ import annotations
 

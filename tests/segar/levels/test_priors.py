@@ -220,7 +220,7 @@ def test_shapes_can_be_chosen_at_random():
     assert 0.65 < (size == 0.5).mean() < 0.85
 
 
-def test_flags_and_counts_take_discrete_laws():
+def test_flags_and_counts_take_discrete_distributions():
     priors = [ANYWHERE, Prior(Mobile, Bernoulli(0.5)), Prior(Order, segar.DiscreteRangeNoise(3, 5))]
     levels = LevelDistribution([(Ball, 1)], priors).sample(100)
     assert set(column(levels, "ball", Mobile)) == {0.0, 1.0}
@@ -283,7 +283,7 @@ def test_two_equally_specific_priors_of_a_type_with_two_parents_are_an_error():
         (lambda: Prior(Position, UniformNoise(0, 1)), r"on the line does not suit.*Independent\(x, y\)"),
         (lambda: Prior(Mass, RandomEdgeLocation()), "on the plane does not suit a factor on the line"),
         (lambda: Prior(Position, RandomEdgeLocation), r"write RandomEdgeLocation\(\)"),
-        (lambda: Prior(Mobile, UniformNoise(0, 1)), "Mobile needs a law of whole numbers"),
+        (lambda: Prior(Mobile, UniformNoise(0, 1)), "Mobile needs a distribution of whole numbers"),
         (lambda: Prior(Mobile, segar.DiscreteRangeNoise(0, 2)), "Mobile takes True or False"),
         (lambda: Prior(Shape, 0.3), "Shape takes a shape such as Circle"),
         (lambda: Prior(Shape, UniformNoise(0, 1)), "must be a Choice of shapes"),
@@ -305,9 +305,11 @@ def test_a_prior_that_cannot_be_meant_is_refused(make, message):
         make()
 
 
-def test_a_law_that_leaves_the_bounds_is_reported_with_the_level():
+def test_a_distribution_that_leaves_the_bounds_is_reported_with_the_level():
     wide = LevelDistribution([(Ball, 1)], [Prior(Size, GaussianNoise(0.1, 0.1))], name="wide")
-    with pytest.raises(PriorError, match=r"'wide', level \d+ \(seed 3, split 'test'\): Prior\(Size, .*clip the law"):
+    with pytest.raises(
+        PriorError, match=r"'wide', level \d+ \(seed 3, split 'test'\): Prior\(Size, .*clip the distribution"
+    ):
         wide.sample(100, seed=3, split="test")
 
 
@@ -316,7 +318,7 @@ def test_the_floor_keeps_its_friction_when_a_prior_speaks_of_all_friction():
     assert column(levels, "goal", Friction)[0] == 0.7 and column(levels, "global_friction", Friction)[0] == 0.05
 
 
-def test_marginals_are_the_laws_that_levels_follow():
+def test_marginals_are_the_distributions_that_levels_follow():
     numbers = [(GolfBall, 1), (ThingFactory({Bumper: 0.25, Damper: 0.75}), segar.DiscreteRangeNoise(0, 1))]
     priors = [
         ANYWHERE,
@@ -324,12 +326,15 @@ def test_marginals_are_the_laws_that_levels_follow():
         Prior(Mass, GaussianNoise(1, 0.1)),
     ]
     dist = LevelDistribution(numbers, priors, parameters={Gravity: UniformNoise(8, 12)})
-    laws, levels = dist.marginals(), dist.sample(5000)
+    distributions, levels = dist.marginals(), dist.sample(5000)
     for name in ("golfball", "object1"):
         present = levels.types[:, levels.layout.slot_index(name)] >= 0
         for factor in (StoredEnergy, Mass, Charge, Order):
             drawn = np.sort(column(levels, name, factor)[present])
             share = np.searchsorted(drawn, drawn, side="right") / len(drawn)
-            assert np.abs(share - laws[name][factor].cdf(drawn)).max() < 1.95 / np.sqrt(len(drawn)), (name, factor)
-    assert laws["parameters"][Gravity] == UniformNoise(8, 12)
-    assert laws["global_friction"][Friction].mean == 0.05
+            assert np.abs(share - distributions[name][factor].cdf(drawn)).max() < 1.95 / np.sqrt(len(drawn)), (
+                name,
+                factor,
+            )
+    assert distributions["parameters"][Gravity] == UniformNoise(8, 12)
+    assert distributions["global_friction"][Friction].mean == 0.05

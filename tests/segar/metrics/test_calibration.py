@@ -1,4 +1,4 @@
-"""How often tests reject, and bands miss, one law: over 1,000 pairs of level sets, within 2 points of what they say."""
+"""How often tests reject, and bands miss, one distribution: over 1,000 pairs of level sets, within 2 points of nominal."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ MADE_OF_ATOMS = LevelDistribution(
 )
 
 
-def sample(number: int, n: int, side: str, law: LevelDistribution = LAW) -> Levels:
-    return law.sample(n, seed=number, split=f"calibration {side}")
+def sample(number: int, n: int, side: str, distribution: LevelDistribution = LAW) -> Levels:
+    return distribution.sample(n, seed=number, split=f"calibration {side}")
 
 
 def rejections(p_value: Callable[[int], float]) -> float:
@@ -48,7 +48,7 @@ TESTS: dict[str, Callable[[Levels, Levels, np.random.Generator], float]] = {
 
 
 @pytest.mark.parametrize("name", TESTS)
-def test_a_test_of_two_samples_rejects_one_law_as_often_as_it_says(name):
+def test_a_test_of_two_samples_rejects_one_distribution_as_often_as_it_says(name):
     def p_value(number: int) -> float:
         return TESTS[name](sample(number, 30, "a"), sample(number, 25, "b"), np.random.default_rng(number))
 
@@ -57,18 +57,18 @@ def test_a_test_of_two_samples_rejects_one_law_as_often_as_it_says(name):
     assert rate == pytest.approx(LEVEL, abs=POINTS)
 
 
-def test_the_joint_test_against_a_law_rejects_it_as_often_as_it_says():
+def test_the_joint_test_against_a_distribution_rejects_it_as_often_as_it_says():
     def p_value(number: int) -> float:
         rng = np.random.default_rng(number)
         return ks_report(sample(number, 30, "a"), LAW, rng=rng, resamples=99, factors=[Position]).p_value
 
     rate = rejections(p_value)
-    print(f"\nks against a law: {rate:.3f}")
+    print(f"\nks against a distribution: {rate:.3f}")
     assert rate == pytest.approx(LEVEL, abs=POINTS)
 
 
 @pytest.mark.parametrize("n", [20, 200])
-def test_the_band_of_a_sample_misses_its_law_as_often_as_it_says(n):
+def test_the_band_of_a_sample_misses_its_distribution_as_often_as_it_says(n):
     missed: dict[str, list[bool]] = {}
     for number in range(REPETITIONS):
         for marginal in factor_marginals("test", sample(number, n, "a"), LAW, [Position]):
@@ -77,13 +77,13 @@ def test_the_band_of_a_sample_misses_its_law_as_often_as_it_says(n):
     rates = {name: float(np.mean(m)) for name, m in missed.items()}
     print(f"\nband of {n}: {rates}")
     assert len(rates) == 4
-    # The statistic of a law without atoms has one distribution whatever the law, so all four are samples of one rate. It
-    # is a little below the nominal one: the band's formula is exact for many values only.
+    # Without atoms, the statistic is distributed alike for all four, so they are samples of one rate. It is a little below
+    # the nominal one: the band's formula is exact for many values only.
     assert np.mean(list(rates.values())) == pytest.approx(LEVEL, abs=POINTS)
     assert np.mean(list(rates.values())) == pytest.approx(stats.kstwo.sf(dkw_band(n), n), abs=0.01)
 
 
-def test_the_band_of_a_law_with_atoms_is_never_too_narrow():
+def test_the_band_of_a_distribution_with_atoms_is_never_too_narrow():
     missed: dict[str, list[bool]] = {}
     for number in range(REPETITIONS):
         levels = sample(number, 50, "a", MADE_OF_ATOMS)
@@ -94,7 +94,7 @@ def test_the_band_of_a_law_with_atoms_is_never_too_narrow():
     assert 0.0 < rates["Charger.Charge"] <= LEVEL + POINTS and 0.0 < rates["Charger.Mass"] <= LEVEL + POINTS
 
 
-def test_each_factors_tests_reject_one_law_as_often_as_they_say():
+def test_each_factors_tests_reject_one_distribution_as_often_as_they_say():
     one, two, outside = [], [], []
     for number in range(REPETITIONS):
         a, b = sample(number, 100, "a"), sample(number, 80, "b")
@@ -106,5 +106,7 @@ def test_each_factors_tests_reject_one_law_as_often_as_they_say():
             if other is b:
                 outside.append(factor.value > factor.band)
     rates = [float(np.mean(r)) for r in (one, two, outside)]
-    print(f"\nsample against law {rates[0]:.3f}, two samples {rates[1]:.3f}, band of two samples {rates[2]:.3f}")
+    print(
+        f"\nsample against distribution {rates[0]:.3f}, two samples {rates[1]:.3f}, band of two samples {rates[2]:.3f}"
+    )
     assert rates == pytest.approx([LEVEL] * 3, abs=POINTS)

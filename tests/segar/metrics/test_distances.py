@@ -1,4 +1,4 @@
-"""Distances beyond w2: against POT, scipy, closed forms and the laws that each must obey."""
+"""Distances beyond w2: against POT, scipy, closed forms and the distributions that each must obey."""
 
 from __future__ import annotations
 
@@ -235,7 +235,7 @@ def test_pairs_beyond_the_cut_off_count_as_two_entities_without_counterpart():
 # Floors.
 
 
-def test_the_debiased_square_is_near_zero_for_one_distribution_and_near_the_distance_of_laws_else():
+def test_the_debiased_square_is_near_zero_for_one_distribution_and_near_the_distance_of_distributions_else():
     same = [w2_debiased(levels("empty-hard", 30, s), levels("empty-hard", 40, s, "test"), rng=rng(s)) for s in range(8)]
     squares = np.array([d.square for d in same])
     assert abs(squares.mean()) < 3 * squares.std(ddof=1) / np.sqrt(8)
@@ -246,8 +246,8 @@ def test_the_debiased_square_is_near_zero_for_one_distribution_and_near_the_dist
 
 
 def test_the_floor_falls_with_the_number_of_levels():
-    law = segar.family("empty-hard")
-    floors = [same_distribution_floor(law, n, 300, rng=rng(), repeats=3).mean for n in (3, 30, 300)]
+    distribution = segar.family("empty-hard")
+    floors = [same_distribution_floor(distribution, n, 300, rng=rng(), repeats=3).mean for n in (3, 30, 300)]
     assert floors[0] > floors[1] > floors[2] > 0
 
 
@@ -258,7 +258,7 @@ def test_levels_from_a_file_have_no_distribution_to_draw_a_floor_from(tmp_path):
         w2_debiased(loaded, loaded, rng=rng())
 
 
-# Tests of one law.
+# Tests of one distribution.
 
 
 def test_the_energy_distance_of_one_factor_is_scipys():

@@ -27,7 +27,7 @@ from segar import (
 from segar.metrics import dkw_band, ks, ks_by_factor, ks_report
 from segar.metrics.distribution_functions import factor_marginals
 from segar.metrics.kolmogorov import joint_difference
-from segar.metrics.marginal_distributions import component, count_law
+from segar.metrics.marginal_distributions import component, count_distribution
 
 
 def balls(points: np.ndarray) -> Levels:
@@ -111,14 +111,14 @@ def test_world_parameters_and_chosen_factors():
 LOW_AND_HIGH = (UniformNoise(-0.5, 0.5), UniformNoise(-0.2, 0.8))
 
 
-def charged(law: object, position: object = RandomUniformLocation()) -> LevelDistribution:
+def charged(distribution: object, position: object = RandomUniformLocation()) -> LevelDistribution:
     return LevelDistribution(
-        numbers=[(Charger, 1)], priors=[Prior(segar.Charge, law), Prior(Position, position)], min_distance=0.0
+        numbers=[(Charger, 1)], priors=[Prior(segar.Charge, distribution), Prior(Position, position)], min_distance=0.0
     )
 
 
-def test_known_laws_are_compared_exactly():
-    a, b = (charged(law) for law in LOW_AND_HIGH)
+def test_known_distributions_are_compared_exactly():
+    a, b = (charged(distribution) for distribution in LOW_AND_HIGH)
     assert ks_by_factor(a, b)["Charger.Charge"] == pytest.approx(0.3, abs=1e-12)
     assert ks(a, b) == pytest.approx(0.3, abs=1e-12)
     assert ks(a, a) == 0.0
@@ -127,7 +127,7 @@ def test_known_laws_are_compared_exactly():
     )
 
 
-def test_the_joint_of_laws_is_the_largest_difference_of_products_of_distribution_functions():
+def test_the_joint_of_distributions_is_the_largest_difference_of_products_of_distribution_functions():
     # F = x y and G = x^2 y^2 by max of two uniforms: the difference t - t^2 with t = x y is largest at 1/4; here by shifts.
     a = charged(UniformNoise(0.0, 1.0), Independent(UniformNoise(0.0, 0.5), UniformNoise(0.0, 0.5)))
     b = charged(UniformNoise(0.2, 1.0), Independent(UniformNoise(0.1, 0.5), UniformNoise(0.0, 0.5)))
@@ -137,19 +137,19 @@ def test_the_joint_of_laws_is_the_largest_difference_of_products_of_distribution
     assert ks(a, b) == pytest.approx(ks(b, a), abs=1e-12)
 
 
-def test_many_levels_are_near_their_law_in_every_family():
+def test_many_levels_are_near_their_distribution_in_every_family():
     for name in (*segar.families(), "puttputt", "billiards", "invisiball"):
-        law = segar.family(name)
-        for marginal in factor_marginals("test", law.sample(1000, seed=1, split="train"), law, None):
-            # A wrong law would be off by far more than 1.5 times the band, which chance exceeds once in 3,000.
+        distribution = segar.family(name)
+        for marginal in factor_marginals("test", distribution.sample(1000, seed=1, split="train"), distribution, None):
+            # A wrong distribution would be off by far more than 1.5 times the band, which chance exceeds once in 3,000.
             assert marginal.largest_difference() < 1.5 * dkw_band(len(marginal.sample)), (name, marginal.name)
 
 
-def test_a_sample_against_a_law_has_the_statistic_and_the_p_value_of_scipy():
-    levels, law = charged(UniformNoise(-0.4, 0.5)).sample(40, seed=3, split="train"), charged(LOW_AND_HIGH[0])
+def test_a_sample_against_a_distribution_has_the_statistic_and_the_p_value_of_scipy():
+    levels, distribution = charged(UniformNoise(-0.4, 0.5)).sample(40, seed=3, split="train"), charged(LOW_AND_HIGH[0])
     report = next(
         f
-        for f in ks_report(levels, law, rng=np.random.default_rng(0), resamples=19).factors
+        for f in ks_report(levels, distribution, rng=np.random.default_rng(0), resamples=19).factors
         if f.name == "Charger.Charge"
     )
     scipy = stats.ks_1samp(levels.values[:, 0, levels.layout.columns[segar.Charge]], stats.uniform(-0.5, 1.0).cdf)
@@ -158,18 +158,18 @@ def test_a_sample_against_a_law_has_the_statistic_and_the_p_value_of_scipy():
     assert report.band == pytest.approx(np.sqrt(np.log(40) / 80)) and report.m is None
 
 
-def test_atoms_of_a_law_are_compared_on_both_sides_of_their_jump():
-    law = charged(segar.Choice([0.0, 1.0], [0.25, 0.75]))
+def test_atoms_of_a_distribution_are_compared_on_both_sides_of_their_jump():
+    distribution = charged(segar.Choice([0.0, 1.0], [0.25, 0.75]))
     levels = Levels.from_entities([[Charger({segar.Charge: c})] for c in (0.0, 0.0, 1.0, 1.0)])
-    assert ks_by_factor(levels, law, factors=[segar.Charge])["Charger.Charge"] == pytest.approx(0.25)
+    assert ks_by_factor(levels, distribution, factors=[segar.Charge])["Charger.Charge"] == pytest.approx(0.25)
     between = Levels.from_entities([[Charger({segar.Charge: c})] for c in (0.5, 0.5)])
-    assert ks_by_factor(between, law, factors=[segar.Charge])["Charger.Charge"] == pytest.approx(0.75)
+    assert ks_by_factor(between, distribution, factors=[segar.Charge])["Charger.Charge"] == pytest.approx(0.75)
 
 
-def test_numbers_of_entities_have_the_law_of_their_slots():
+def test_numbers_of_entities_have_the_distribution_of_their_slots():
     things = segar.ThingFactory({Charger: 0.3, Magnet: 0.7})
-    law = LevelDistribution(numbers=[(things, segar.DiscreteRangeNoise(0, 2)), (Charger, 1)], min_distance=0.0)
-    counts = count_law(law, Charger)
+    distribution = LevelDistribution(numbers=[(things, segar.DiscreteRangeNoise(0, 2)), (Charger, 1)], min_distance=0.0)
+    counts = count_distribution(distribution, Charger)
     # 0, 1 or 2 things, each a charger with probability 0.3, and one more.
     expected = [(1 + 0.7 + 0.49) / 3, (0.3 + 0.42) / 3, 0.09 / 3]
     np.testing.assert_allclose(counts.atoms[0], [1, 2, 3])
@@ -177,7 +177,7 @@ def test_numbers_of_entities_have_the_law_of_their_slots():
 
 
 @pytest.mark.parametrize(
-    "law",
+    "distribution",
     [
         segar.RandomEdgeLocation(),
         segar.GaussianNoise2D((0.1, -0.1), cov=[[0.04, 0.02], [0.02, 0.09]]),
@@ -188,13 +188,13 @@ def test_numbers_of_entities_have_the_law_of_their_slots():
     ],
 )
 @pytest.mark.parametrize("axis", [0, 1])
-def test_a_component_of_a_law_on_the_plane_is_the_law_of_its_draws(law, axis):
-    draws = law.sample(np.random.default_rng(0), 20_000)[:, axis]
+def test_a_component_of_a_distribution_on_the_plane_is_the_distribution_of_its_draws(distribution, axis):
+    draws = distribution.sample(np.random.default_rng(0), 20_000)[:, axis]
     at = np.linspace(-0.9, 0.9, 19) + 1e-9
-    np.testing.assert_allclose(component(law, axis).cdf(at), (draws[:, None] <= at).mean(axis=0), atol=0.015)
+    np.testing.assert_allclose(component(distribution, axis).cdf(at), (draws[:, None] <= at).mean(axis=0), atol=0.015)
 
 
-def test_a_law_that_says_its_joint_function_alone_has_the_components_that_follow_from_it():
+def test_a_distribution_that_says_its_joint_function_alone_has_the_components_that_follow_from_it():
     class Disc(segar.noise.Noise):
         """Uniform in the unit disc."""
 
@@ -211,16 +211,16 @@ def test_a_law_that_says_its_joint_function_alone_has_the_components_that_follow
             return 0.5 + (u * np.sqrt(1 - u**2) + np.arcsin(u)) / np.pi
 
     draws, at = Disc().sample(np.random.default_rng(0), 20_000)[:, 0], np.linspace(-0.9, 0.9, 7)
-    law = component(Disc(), 0)
-    np.testing.assert_allclose(law.cdf(at), (draws[:, None] <= at).mean(axis=0), atol=0.015)
-    assert law.icdf(0.5) == pytest.approx(0.0, abs=1e-9)
-    assert law.sample(np.random.default_rng(0), 5).shape == (5,)
+    distribution = component(Disc(), 0)
+    np.testing.assert_allclose(distribution.cdf(at), (draws[:, None] <= at).mean(axis=0), atol=0.015)
+    assert distribution.icdf(0.5) == pytest.approx(0.0, abs=1e-9)
+    assert distribution.sample(np.random.default_rng(0), 5).shape == (5,)
 
 
-def test_a_report_tells_equal_from_different_laws_and_names_the_factor():
+def test_a_report_tells_equal_from_different_distributions_and_names_the_factor():
     a, same, other = (
-        charged(law).sample(200, seed=seed, split="train")
-        for law, seed in zip(LOW_AND_HIGH[:1] * 2 + LOW_AND_HIGH[1:], (0, 1, 2), strict=True)
+        charged(distribution).sample(200, seed=seed, split="train")
+        for distribution, seed in zip(LOW_AND_HIGH[:1] * 2 + LOW_AND_HIGH[1:], (0, 1, 2), strict=True)
     )
     equal, different = (ks_report(a, b, rng=np.random.default_rng(0), resamples=99) for b in (same, other))
     assert equal.p_value > 0.05 > different.p_value == 0.01
@@ -231,22 +231,24 @@ def test_a_report_tells_equal_from_different_laws_and_names_the_factor():
 
 
 def test_what_cannot_be_compared_is_refused_by_name():
-    law = segar.family("empty-easy")
-    levels = law.sample(2, seed=0, split="train")
+    distribution = segar.family("empty-easy")
+    levels = distribution.sample(2, seed=0, split="train")
     with pytest.raises(LevelError, match=r"ks compares level sets .* a str is not supported"):
-        ks(levels, "law")
+        ks(levels, "distribution")
     with pytest.raises(LevelError, match="distance of two distributions is exact; use ks"):
-        ks_report(law, law, rng=np.random.default_rng(0))
+        ks_report(distribution, distribution, rng=np.random.default_rng(0))
     with pytest.raises(LevelError, match="at least 19 resamples, not 3"):
-        ks_report(levels, law, rng=np.random.default_rng(0), resamples=3)
+        ks_report(levels, distribution, rng=np.random.default_rng(0), resamples=3)
 
 
-def test_a_factor_that_follows_others_has_no_law_to_compare_with():
+def test_a_factor_that_follows_others_has_no_distribution_to_compare_with():
     heavy = Prior(segar.Charge, 2.0, relation=segar.is_equal(segar.Mass, 1.0))
-    law = LevelDistribution(
+    distribution = LevelDistribution(
         numbers=[(Charger, 1)], priors=[heavy, Prior(segar.Charge, 1.0), Prior(Position, RandomUniformLocation())]
     )
-    levels = law.sample(5, seed=0, split="train")
-    with pytest.raises(LevelError, match=r"Charger has no Charge with a law of its own.*leave it out by factors"):
-        ks(levels, law)
-    assert ks(levels, law, factors=[Position]) > 0.0
+    levels = distribution.sample(5, seed=0, split="train")
+    with pytest.raises(
+        LevelError, match=r"Charger has no Charge with a distribution of its own.*leave it out by factors"
+    ):
+        ks(levels, distribution)
+    assert ks(levels, distribution, factors=[Position]) > 0.0

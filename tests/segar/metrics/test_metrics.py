@@ -1,4 +1,4 @@
-"""Distances between level sets: against plain loops over POT, closed forms, and the laws of a metric."""
+"""Distances between level sets: against plain loops over POT, closed forms, and the distributions of a metric."""
 
 from __future__ import annotations
 

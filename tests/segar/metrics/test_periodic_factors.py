@@ -27,7 +27,7 @@ def arrows(*headings: float) -> Levels:
     return Levels.from_entities([[Arrow({Position: [0.0, 0.0], Heading: h})] for h in headings])
 
 
-def law(mean: float, kappa: float = 8.0) -> LevelDistribution:
+def distribution(mean: float, kappa: float = 8.0) -> LevelDistribution:
     priors = [Prior(Position, segar.RandomUniformLocation()), Prior(Heading, VonMises(mean, kappa))]
     return LevelDistribution([(Arrow, 1)], priors)
 
@@ -59,7 +59,7 @@ def test_a_world_parameter_may_come_round_too():
 
 
 def test_the_spread_of_directions_is_that_around_the_mean_direction():
-    towards_west = law(math.pi).sample(2000)
+    towards_west = distribution(math.pi).sample(2000)
     assert spread(towards_west)[Arrow, Heading] == pytest.approx(math.sqrt(VonMises(0.0, 8.0).var), rel=0.05)
     apart = spread(arrows(math.pi - 0.1), arrows(-math.pi + 0.1))[Arrow, Heading]
     assert apart == pytest.approx(0.1)
@@ -72,9 +72,12 @@ def test_vectors_stand_on_a_circle():
 
 
 def test_whole_turns_make_no_difference_to_any_test():
-    a = law(math.pi).sample(60)
+    a = distribution(math.pi).sample(60)
     turned = Levels.from_entities(
-        [[Arrow({Position: p, Heading: h + math.tau})] for p, h in zip(*columns(law(math.pi).sample(60)), strict=True)]
+        [
+            [Arrow({Position: p, Heading: h + math.tau})]
+            for p, h in zip(*columns(distribution(math.pi).sample(60)), strict=True)
+        ]
     )
     assert ks(a, turned) <= 1 / 60 + 1e-12  # a turn rounds, so that each level may come a little before its twin
     assert energy_test(a, turned, rng=np.random.default_rng(0)).value < 1e-6
@@ -86,12 +89,15 @@ def columns(levels: Levels) -> tuple[np.ndarray, np.ndarray]:
     return levels.values[:, 0, x : x + 2], levels.values[:, 0, h]
 
 
-def test_a_sample_is_near_its_law_wherever_the_law_is_cut():
+def test_a_sample_is_near_its_distribution_wherever_the_distribution_is_cut():
     for mean in (0.0, math.pi, 40.0):
-        dist = law(mean)
+        dist = distribution(mean)
         assert ks_by_factor(dist.sample(3000), dist)["Arrow.Heading"] < 1.95 / math.sqrt(3000)
-    assert ks_by_factor(law(0.3), law(0.3 + 2 * math.tau))["Arrow.Heading"] < 1e-12
-    assert ks_report(law(0.0).sample(100), law(1.0), rng=np.random.default_rng(0)).factors[0].name == "Arrow.Heading"
+    assert ks_by_factor(distribution(0.3), distribution(0.3 + 2 * math.tau))["Arrow.Heading"] < 1e-12
+    assert (
+        ks_report(distribution(0.0).sample(100), distribution(1.0), rng=np.random.default_rng(0)).factors[0].name
+        == "Arrow.Heading"
+    )
 
 
 def test_a_uniform_heading_may_be_said_in_either_turn():

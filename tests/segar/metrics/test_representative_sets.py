@@ -41,10 +41,10 @@ def test_coverage_is_the_distance_to_the_nearest_level():
 
 
 def test_a_set_covers_itself_and_more_levels_cover_more():
-    law = segar.family("empty-hard")
-    levels = law.sample(100, seed=0, split="train")
+    distribution = segar.family("empty-hard")
+    levels = distribution.sample(100, seed=0, split="train")
     assert coverage(levels, levels).radius == pytest.approx(0.0, abs=1e-9)
-    few, many = (coverage(levels[:n], law, rng=rng(), sample=500) for n in (5, 100))
+    few, many = (coverage(levels[:n], distribution, rng=rng(), sample=500) for n in (5, 100))
     assert few.mean > many.mean and few.radius > many.radius
 
 
@@ -67,22 +67,24 @@ def test_two_clusters_are_worth_two_and_higher_orders_see_fewer():
 
 
 def test_an_independent_sample_is_representative_and_a_crowd_is_not():
-    law = segar.family("empty-hard")
-    fair = representativeness(law.sample(20, seed=1, split="train"), law, rng=rng(), resamples=39)
-    crowd = representativeness(segar.design(law, 20, "clustered"), law, rng=rng(), resamples=39)
+    distribution = segar.family("empty-hard")
+    fair = representativeness(distribution.sample(20, seed=1, split="train"), distribution, rng=rng(), resamples=39)
+    crowd = representativeness(segar.design(distribution, 20, "clustered"), distribution, rng=rng(), resamples=39)
     assert fair.farther > 0.05 and fair.ks_p_value > 0.05
     assert crowd.farther == crowd.ks_p_value == 1 / 40
     assert crowd.distance > crowd.expected + 5 * crowd.expected_std
-    assert crowd == representativeness(segar.design(law, 20, "clustered"), law, rng=rng(), resamples=39)
+    assert crowd == representativeness(
+        segar.design(distribution, 20, "clustered"), distribution, rng=rng(), resamples=39
+    )
 
 
-def test_the_entropy_of_independent_factors_is_that_of_their_laws():
+def test_the_entropy_of_independent_factors_is_that_of_their_distributions():
     place = Independent(UniformNoise(-0.5, 0.5), GaussianNoise(0.0, 0.2))
-    law = LevelDistribution(
+    distribution = LevelDistribution(
         numbers=[(GolfBall, 1)], priors=[Prior(Position, place), Prior(segar.Mass, UniformNoise(1.0, 3.0))]
     )
     known = place.entropy() + np.log(2.0)
-    levels = law.sample(4000, seed=0, split="train")
+    levels = distribution.sample(4000, seed=0, split="train")
     for method in ("joint", "mean_field"):
         found = sample_entropy(levels, method)
         assert found.value == pytest.approx(known, abs=0.15) == found.continuous
@@ -92,33 +94,33 @@ def test_the_entropy_of_independent_factors_is_that_of_their_laws():
 def test_what_is_chosen_adds_its_shannon_entropy():
     things = segar.ThingFactory({Charger: 0.25, Magnet: 0.75})
     place, charge = UniformNoise(0.0, 0.5), segar.Choice([-1.0, 1.0])
-    law = LevelDistribution(
+    distribution = LevelDistribution(
         numbers=[(things, 1)],
         priors=[Prior(Position, Independent(place, place)), Prior(segar.Charge, charge, entity_type=Charger)],
     )
     kinds = -0.25 * np.log(0.25) - 0.75 * np.log(0.75) + 0.25 * np.log(2)
     for method in ("joint", "mean_field"):
-        found = sample_entropy(law.sample(6000, seed=0, split="train"), method)
+        found = sample_entropy(distribution.sample(6000, seed=0, split="train"), method)
         assert found.discrete == pytest.approx(kinds, abs=0.03)
         assert found.continuous == pytest.approx(2 * np.log(0.5), abs=0.1)
 
 
-def test_ends_of_a_clipped_law_are_atoms():
-    law = LevelDistribution(
+def test_ends_of_a_clipped_distribution_are_atoms():
+    distribution = LevelDistribution(
         numbers=[(GolfBall, 1)],
         priors=[Prior(Position, [0.0, 0.0]), Prior(segar.Mass, GaussianNoise(1.0, 0.5, clip=(0.5, 1.5)))],
     )
     known = GaussianNoise(1.0, 0.5, clip=(0.5, 1.5)).entropy()
-    assert sample_entropy(law.sample(4000, seed=0, split="train")).value == pytest.approx(known, abs=0.05)
+    assert sample_entropy(distribution.sample(4000, seed=0, split="train")).value == pytest.approx(known, abs=0.05)
 
 
 def test_dependence_lowers_the_joint_entropy_alone():
     along = rng(0).normal(size=(2000, 1)) * 0.2
     points = np.concatenate([along, along + 0.01 * rng(1).normal(size=(2000, 1))], axis=1)
     joint, mean_field = (sample_entropy(balls(points), method).value for method in ("joint", "mean_field"))
-    law = 0.5 * np.log(2 * np.pi * np.e)
-    assert joint == pytest.approx(2 * law + np.log(0.2) + np.log(0.01), abs=0.1)
-    assert mean_field == pytest.approx(2 * law + 2 * np.log(0.2), abs=0.1)
+    distribution = 0.5 * np.log(2 * np.pi * np.e)
+    assert joint == pytest.approx(2 * distribution + np.log(0.2) + np.log(0.01), abs=0.1)
+    assert mean_field == pytest.approx(2 * distribution + 2 * np.log(0.2), abs=0.1)
 
 
 def test_equal_levels_have_no_entropy():

@@ -17,7 +17,7 @@ from segar import Bumper, Charger, Friction, GoalTile, GolfBall, Gravity, LevelE
 from segar.language.parameters import Parameter
 from segar.language.shapes import ConvexHull, Square
 from segar.levels.moments import PointSets
-from segar.levels.named_families.puttputt import puttputt_default_config
+from segar.levels.named_families import puttputt_default_config
 from segar.metrics import spread, w2, w2_report
 from segar.metrics.transport import balanced_costs, matching_costs, sliced_costs
 from segar.metrics.wasserstein import reference_projections
@@ -270,9 +270,9 @@ def test_wrong_options_are_named(options, message):
 
 
 def test_distances_ask_for_level_sets():
-    law = segar.family("empty-easy")
-    levels = law.sample(2, seed=0, split="train")
+    distribution = segar.family("empty-easy")
+    levels = distribution.sample(2, seed=0, split="train")
     with pytest.raises(LevelError, match=r"w2 takes level sets .segar.Levels.; a LevelDistribution is not supported"):
-        w2(levels, law)
+        w2(levels, distribution)
     with pytest.raises(LevelError, match="at least 2 resamples, not 1"):
         w2_report(levels, levels, rng=np.random.default_rng(0), resamples=1)

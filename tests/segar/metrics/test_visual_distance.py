@@ -92,18 +92,18 @@ def test_a_set_of_models_is_the_same_in_any_order():
 
 def test_patterns_that_change_places_are_the_same_patterns():
     order = [0, *range(len(A.inputs) - 1, 0, -1)]
-    law = {
+    distribution = {
         name: segar.noise.UniformNoise(-1.0, 1.0)
         for name in A.inputs
         if name not in ("background",) and "noise" not in name
     }
     blank = {"shift": np.zeros(len(A.inputs)), "scale": np.ones(len(A.inputs))}
     inputs = tuple(name if "noise" not in name else f"Factor{name[-1]}" for name in A.inputs)
-    law |= {f"Factor{k}": segar.noise.UniformNoise(-1.0, 1.0) for k in (1, 2, 3)}
+    distribution |= {f"Factor{k}": segar.noise.UniformNoise(-1.0, 1.0) for k in (1, 2, 3)}
     one = TextureSet("a", inputs, A.weights, A.bias, **blank)
     other = TextureSet("b", inputs, A.weights[:, order], A.bias, **blank)
-    assert visual_w2(one, other, aligned=True, laws=law) == pytest.approx(0.0, abs=1e-6)
-    assert visual_w2(one, other, laws=law) > 0.5
+    assert visual_w2(one, other, aligned=True, laws=distribution) == pytest.approx(0.0, abs=1e-6)
+    assert visual_w2(one, other, laws=distribution) > 0.5
 
 
 def test_sets_of_other_periods_can_be_compared():
@@ -159,5 +159,5 @@ def test_what_cannot_be_measured_is_refused():
     with pytest.raises(segar.SegarError, match="10 samples and 10 resamples or more, not 5 and 10"):
         measured(A, B, samples=5)
     strange = TextureSet("strange", ("Spin",), np.ones((1, 1, 3, 3, 3)), np.zeros((1, 3, 3, 3)), [0.0], [1.0])
-    with pytest.raises(segar.SegarError, match="no law says how much the input 'Spin' varies"):
+    with pytest.raises(segar.SegarError, match="no distribution says how much the input 'Spin' varies"):
         visual_w2(A, strange)

@@ -1,4 +1,4 @@
-"""Laws of chance: one table of laws, many properties; scipy and large samples as oracles."""
+"""Distributions: one table of distributions, many properties; scipy and large samples as oracles."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from scipy import stats
 
 import segar.noise as sn
 from segar.errors import PriorError
-from segar.noise import measures
+from segar.noise.base import Noise, moments, quadrature
 from segar.support.counter_rng import LevelGenerator, stream_key
 
 DRAWS = 40_000
@@ -68,78 +68,80 @@ PLANE = [
     sn.Mixture([sn.CenterLocation(), sn.RandomMiddleLocation()]),
     sn.Empirical([(0.1, 0.2), (-0.3, 0.4), (-0.3, 0.4)]),
 ]
-every_law = pytest.mark.parametrize("law", LINE, ids=repr)
-every_plane_law = pytest.mark.parametrize("law", PLANE, ids=repr)
+every_distribution = pytest.mark.parametrize("distribution", LINE, ids=repr)
+every_plane_distribution = pytest.mark.parametrize("distribution", PLANE, ids=repr)
 
 
-def draws(law: sn.Noise, count: int = DRAWS) -> np.ndarray:
+def draws(distribution: sn.Noise, count: int = DRAWS) -> np.ndarray:
     """Draws from the generator that levels use."""
-    return np.asarray(law.sample(LevelGenerator(stream_key(repr(law)), np.arange(count)), count), dtype=float)
+    return np.asarray(
+        distribution.sample(LevelGenerator(stream_key(repr(distribution)), np.arange(count)), count), dtype=float
+    )
 
 
-@every_law
-def test_the_share_of_a_million_draws_up_to_x_is_the_cdf(law):
-    x = np.sort(draws(law, MANY_DRAWS))
+@every_distribution
+def test_the_share_of_a_million_draws_up_to_x_is_the_cdf(distribution):
+    x = np.sort(draws(distribution, MANY_DRAWS))
     grid = np.unique(np.concatenate([x[:: MANY_DRAWS // 1000], np.linspace(x[0] - 1, x[-1] + 1, 51)]))
     share = np.searchsorted(x, grid, side="right") / MANY_DRAWS
-    assert np.abs(share - law.cdf(grid)).max() < 1.95 / math.sqrt(MANY_DRAWS)  # the DKW bound at 1e-3
+    assert np.abs(share - distribution.cdf(grid)).max() < 1.95 / math.sqrt(MANY_DRAWS)  # the DKW bound at 1e-3
 
 
-@every_law
-def test_numpys_generator_draws_from_the_same_law(law):
-    x = np.sort(np.asarray(law.sample(np.random.default_rng(0), DRAWS), dtype=float))
+@every_distribution
+def test_numpys_generator_draws_from_the_same_distribution(distribution):
+    x = np.sort(np.asarray(distribution.sample(np.random.default_rng(0), DRAWS), dtype=float))
     share = np.searchsorted(x, x, side="right") / DRAWS
-    assert np.abs(share - law.cdf(x)).max() < 1.95 / math.sqrt(DRAWS)
+    assert np.abs(share - distribution.cdf(x)).max() < 1.95 / math.sqrt(DRAWS)
 
 
-@every_law
-def test_mean_and_variance_are_those_of_the_draws(law):
-    x = draws(law)
-    assert abs(x.mean() - law.mean) <= 4 * math.sqrt(law.var / DRAWS)
-    assert x.var() == pytest.approx(law.var, rel=0.05, abs=1e-12)
+@every_distribution
+def test_mean_and_variance_are_those_of_the_draws(distribution):
+    x = draws(distribution)
+    assert abs(x.mean() - distribution.mean) <= 4 * math.sqrt(distribution.var / DRAWS)
+    assert x.var() == pytest.approx(distribution.var, rel=0.05, abs=1e-12)
 
 
-@every_law
-def test_closed_moments_and_entropy_agree_with_quadrature(law):
-    assert measures.moments(law) == pytest.approx((law.mean, law.var), rel=1e-6, abs=1e-9)
-    assert measures.entropy(law) == pytest.approx(law.entropy(), rel=1e-6, abs=1e-9)
+@every_distribution
+def test_closed_moments_and_entropy_agree_with_quadrature(distribution):
+    assert moments(distribution) == pytest.approx((distribution.mean, distribution.var), rel=1e-6, abs=1e-9)
+    assert Noise.entropy(distribution) == pytest.approx(distribution.entropy(), rel=1e-6, abs=1e-9)
 
 
-@every_law
-def test_the_entropy_is_the_mean_negative_log_probability(law):
-    assert -law.log_prob(draws(law)).mean() == pytest.approx(law.entropy(), abs=0.03)
+@every_distribution
+def test_the_entropy_is_the_mean_negative_log_probability(distribution):
+    assert -distribution.log_prob(draws(distribution)).mean() == pytest.approx(distribution.entropy(), abs=0.03)
 
 
-@every_law
-def test_the_quantile_is_where_the_cdf_reaches_q(law):
+@every_distribution
+def test_the_quantile_is_where_the_cdf_reaches_q(distribution):
     q = np.linspace(0.005, 0.995, 67)
-    x = law.icdf(q)
-    assert (law.cdf(x) >= q - 1e-9).all()
-    assert (law.cdf(x - 1e-6) <= q + 1e-4).all()
-    assert np.isnan(law.icdf(-0.1)) and np.isnan(law.icdf(1.1))
+    x = distribution.icdf(q)
+    assert (distribution.cdf(x) >= q - 1e-9).all()
+    assert (distribution.cdf(x - 1e-6) <= q + 1e-4).all()
+    assert np.isnan(distribution.icdf(-0.1)) and np.isnan(distribution.icdf(1.1))
 
 
-@every_law
-def test_density_and_atoms_hold_the_whole_mass(law):
-    x, weight = measures.quadrature(law.pieces)
-    assert law.atoms[1].sum() + weight @ law.pdf(x) == pytest.approx(1.0, abs=1e-9)
-    assert np.allclose(law.pmf(law.atoms[0]), law.atoms[1])
+@every_distribution
+def test_density_and_atoms_hold_the_whole_mass(distribution):
+    x, weight = quadrature(distribution.pieces)
+    assert distribution.atoms[1].sum() + weight @ distribution.pdf(x) == pytest.approx(1.0, abs=1e-9)
+    assert np.allclose(distribution.pmf(distribution.atoms[0]), distribution.atoms[1])
 
 
-@every_law
-def test_no_draw_leaves_the_support(law):
-    low, high = law.support
-    assert low <= draws(law).min() and draws(law).max() <= high
+@every_distribution
+def test_no_draw_leaves_the_support(distribution):
+    low, high = distribution.support
+    assert low <= draws(distribution).min() and draws(distribution).max() <= high
 
 
-@every_law
-def test_a_law_survives_pickling_and_says_how_it_was_made(law):
-    assert pickle.loads(pickle.dumps(law)) == law
-    assert eval(repr(law), vars(sn) | {"inf": math.inf}) == law
+@every_distribution
+def test_a_distribution_survives_pickling_and_says_how_it_was_made(distribution):
+    assert pickle.loads(pickle.dumps(distribution)) == distribution
+    assert eval(repr(distribution), vars(sn) | {"inf": math.inf}) == distribution
 
 
 @pytest.mark.parametrize(
-    ("law", "oracle"),
+    ("distribution", "oracle"),
     [
         (sn.GaussianNoise(1.0, 2.0), stats.norm(1.0, 2.0)),
         (sn.UniformNoise(0.2, 1.0), stats.uniform(0.2, 0.8)),
@@ -149,32 +151,34 @@ def test_a_law_survives_pickling_and_says_how_it_was_made(law):
     ],
     ids=["gaussian", "uniform", "log-uniform", "truncated", "affine"],  # an oracle's repr holds its address
 )
-def test_continuous_laws_agree_with_scipy(law, oracle):
+def test_continuous_distributions_agree_with_scipy(distribution, oracle):
     x = np.linspace(-3.0, 5.0, 101)
-    assert np.allclose(law.cdf(x), oracle.cdf(x), atol=1e-14)
-    assert np.allclose(law.pdf(x), oracle.pdf(x), atol=1e-14)
-    assert np.allclose(law.icdf([0.1, 0.5, 0.9]), oracle.ppf([0.1, 0.5, 0.9]))
-    assert (law.mean, law.var, law.entropy()) == pytest.approx((oracle.mean(), oracle.var(), oracle.entropy()))
+    assert np.allclose(distribution.cdf(x), oracle.cdf(x), atol=1e-14)
+    assert np.allclose(distribution.pdf(x), oracle.pdf(x), atol=1e-14)
+    assert np.allclose(distribution.icdf([0.1, 0.5, 0.9]), oracle.ppf([0.1, 0.5, 0.9]))
+    assert (distribution.mean, distribution.var, distribution.entropy()) == pytest.approx(
+        (oracle.mean(), oracle.var(), oracle.entropy())
+    )
 
 
 def test_a_clipped_gaussian_has_its_atoms_at_the_ends():
-    law = sn.GaussianNoise(0.2, 0.1, clip=(0.1, 0.3))
+    distribution = sn.GaussianNoise(0.2, 0.1, clip=(0.1, 0.3))
     tail = stats.norm.cdf(-1.0)
-    assert law.cdf(0.2) == 0.5
+    assert distribution.cdf(0.2) == 0.5
     assert np.allclose(
-        law.cdf([0.0999, 0.1, 0.25, 0.2999999, 0.3, 9.0]), [0, tail, stats.norm.cdf(0.5), 1 - tail, 1, 1]
+        distribution.cdf([0.0999, 0.1, 0.25, 0.2999999, 0.3, 9.0]), [0, tail, stats.norm.cdf(0.5), 1 - tail, 1, 1]
     )
-    assert np.allclose(law.pmf([0.1, 0.2, 0.3]), [tail, 0.0, tail])
-    assert law.log_prob(0.1) == pytest.approx(math.log(tail))
-    assert law.log_prob(0.05) == -math.inf
-    assert isinstance(float(law.cdf(0.2)), float) and law.cdf(np.zeros((2, 3))).shape == (2, 3)
+    assert np.allclose(distribution.pmf([0.1, 0.2, 0.3]), [tail, 0.0, tail])
+    assert distribution.log_prob(0.1) == pytest.approx(math.log(tail))
+    assert distribution.log_prob(0.05) == -math.inf
+    assert isinstance(float(distribution.cdf(0.2)), float) and distribution.cdf(np.zeros((2, 3))).shape == (2, 3)
 
 
 def test_discrete_ranges_include_both_ends():
-    law = sn.DiscreteRangeNoise(1, 2)
-    assert set(np.unique(draws(law))) == {1.0, 2.0}
-    assert np.allclose(law.pmf([0, 1, 2, 3]), [0.0, 0.5, 0.5, 0.0])
-    assert law.entropy() == pytest.approx(math.log(2))
+    distribution = sn.DiscreteRangeNoise(1, 2)
+    assert set(np.unique(draws(distribution))) == {1.0, 2.0}
+    assert np.allclose(distribution.pmf([0, 1, 2, 3]), [0.0, 0.5, 0.5, 0.0])
+    assert distribution.entropy() == pytest.approx(math.log(2))
 
 
 def test_the_w2_of_gaussians_is_the_square_root_with_standard_deviations():
@@ -194,11 +198,11 @@ def test_w2_and_ks_agree_with_brute_force(a, b):
     assert a.ks(b) == pytest.approx(b.ks(a), abs=1e-12)
 
 
-@pytest.mark.parametrize("law", LINE + PLANE, ids=repr)
-def test_a_law_is_at_no_distance_from_itself(law):
-    assert law.w2(law) == 0.0
-    if law.width == 1:
-        assert law.ks(law) == 0.0
+@pytest.mark.parametrize("distribution", LINE + PLANE, ids=repr)
+def test_a_distribution_is_at_no_distance_from_itself(distribution):
+    assert distribution.w2(distribution) == 0.0
+    if distribution.width == 1:
+        assert distribution.ks(distribution) == 0.0
 
 
 def test_the_ks_of_equal_gaussians_a_shift_apart_has_a_closed_form():
@@ -206,34 +210,34 @@ def test_the_ks_of_equal_gaussians_a_shift_apart_has_a_closed_form():
     assert sn.GaussianNoise(0.0, 1.0).ks(sn.GaussianNoise(0.5, 1.0)) == pytest.approx(expected, abs=1e-9)
 
 
-def test_a_constant_can_stand_for_a_law_in_distances():
-    law = sn.UniformNoise(0.0, 1.0)
-    assert law.w2(0.5) == pytest.approx(math.sqrt(1 / 12))
-    assert law.ks(0.25) == pytest.approx(0.75)
+def test_a_constant_can_stand_for_a_distribution_in_distances():
+    distribution = sn.UniformNoise(0.0, 1.0)
+    assert distribution.w2(0.5) == pytest.approx(math.sqrt(1 / 12))
+    assert distribution.ks(0.25) == pytest.approx(0.75)
 
 
-@every_plane_law
-def test_on_the_plane_the_share_of_draws_below_is_the_cdf(law):
-    x = draws(law, MANY_DRAWS)
+@every_plane_distribution
+def test_on_the_plane_the_share_of_draws_below_is_the_cdf(distribution):
+    x = draws(distribution, MANY_DRAWS)
     corners = np.random.default_rng(1).uniform(-1, 1, (40, 2))
     share = [((x[:, 0] <= a) & (x[:, 1] <= b)).mean() for a, b in corners]
-    assert np.abs(share - law.cdf(corners)).max() < 4.5 * 0.5 / math.sqrt(MANY_DRAWS)
+    assert np.abs(share - distribution.cdf(corners)).max() < 4.5 * 0.5 / math.sqrt(MANY_DRAWS)
 
 
-@every_plane_law
-def test_on_the_plane_moments_and_entropy_are_those_of_the_draws(law):
-    x = draws(law)
-    assert np.abs(x.mean(axis=0) - law.mean).max() <= 4.5 * math.sqrt(max(law.var) / DRAWS)
-    assert np.allclose(x.var(axis=0), law.var, rtol=0.05, atol=1e-12)
-    assert -law.log_prob(x).mean() == pytest.approx(law.entropy(), abs=0.03)
+@every_plane_distribution
+def test_on_the_plane_moments_and_entropy_are_those_of_the_draws(distribution):
+    x = draws(distribution)
+    assert np.abs(x.mean(axis=0) - distribution.mean).max() <= 4.5 * math.sqrt(max(distribution.var) / DRAWS)
+    assert np.allclose(x.var(axis=0), distribution.var, rtol=0.05, atol=1e-12)
+    assert -distribution.log_prob(x).mean() == pytest.approx(distribution.entropy(), abs=0.03)
 
 
 @pytest.mark.parametrize(("location", "box"), LOCATIONS.items(), ids=lambda value: getattr(value, "__name__", ""))
 def test_locations_lie_in_their_box(location, box):
-    law, x = location(), draws(location())
+    distribution, x = location(), draws(location())
     (x0, x1), (y0, y1) = box
     assert x0 <= x[:, 0].min() and x[:, 0].max() <= x1 and y0 <= x[:, 1].min() and x[:, 1].max() <= y1
-    assert np.allclose(law.support, box)
+    assert np.allclose(distribution.support, box)
     assert np.ptp(x[:, 0]) >= 0.98 * (x1 - x0) and np.ptp(x[:, 1]) >= 0.98 * (y1 - y0)
 
 
@@ -263,25 +267,28 @@ def test_the_w2_of_plane_gaussians_is_the_bures_distance():
 
 def test_the_cdf_of_correlated_gaussians_is_scipys_also_on_the_axes_and_far_out():
     for cov in ([[0.1, 0.05], [0.05, 0.2]], [[1.0, -0.95], [-0.95, 1.0]]):
-        law, oracle = sn.GaussianNoise2D((0.1, -0.2), cov=cov), stats.multivariate_normal([0.1, -0.2], cov)
+        distribution, oracle = sn.GaussianNoise2D((0.1, -0.2), cov=cov), stats.multivariate_normal([0.1, -0.2], cov)
         x = np.concatenate(
-            [draws(law, 50), [[0.1, -0.2], [0.1, 0.5], [0.1, -0.9], [0.7, -0.2], [1e3, 0.3], [-1e3, 0.3]]]
+            [draws(distribution, 50), [[0.1, -0.2], [0.1, 0.5], [0.1, -0.9], [0.7, -0.2], [1e3, 0.3], [-1e3, 0.3]]]
         )
-        assert np.allclose(law.cdf(x), oracle.cdf(x), atol=1e-8)
-        assert law.cdf([math.inf, 0.3]) == pytest.approx(law.cdf([1e3, 0.3])) and law.cdf([math.inf, math.inf]) == 1.0
+        assert np.allclose(distribution.cdf(x), oracle.cdf(x), atol=1e-8)
+        assert (
+            distribution.cdf([math.inf, 0.3]) == pytest.approx(distribution.cdf([1e3, 0.3]))
+            and distribution.cdf([math.inf, math.inf]) == 1.0
+        )
 
 
-def test_a_choice_of_points_is_a_law_on_the_plane():
-    law = sn.Choice([(0.0, 0.0), (1.0, 2.0)], [0.25, 0.75])
-    assert law.width == 2 and law.sample(np.random.default_rng(0), 5).shape == (5, 2)
-    assert np.allclose(law.mean, [0.75, 1.5])
-    assert law.cdf([0.5, 5.0]) == 0.25
+def test_a_choice_of_points_is_a_distribution_on_the_plane():
+    distribution = sn.Choice([(0.0, 0.0), (1.0, 2.0)], [0.25, 0.75])
+    assert distribution.width == 2 and distribution.sample(np.random.default_rng(0), 5).shape == (5, 2)
+    assert np.allclose(distribution.mean, [0.75, 1.5])
+    assert distribution.cdf([0.5, 5.0]) == 0.25
 
 
 def test_one_draw_without_size_is_a_number():
     rng = np.random.default_rng(0)
-    assert all(np.ndim(law.sample(rng)) == 0 for law in LINE)
-    assert all(np.shape(law.sample(rng)) == (2,) for law in PLANE)
+    assert all(np.ndim(distribution.sample(rng)) == 0 for distribution in LINE)
+    assert all(np.shape(distribution.sample(rng)) == (2,) for distribution in PLANE)
 
 
 @pytest.mark.parametrize(
@@ -302,10 +309,13 @@ def test_one_draw_without_size_is_a_number():
         (lambda: sn.Mixture([sn.UniformNoise(0, 1), sn.CenterLocation()]), "all on the line or all on the plane"),
         (lambda: sn.TruncatedGaussianNoise(0.0, 1.0, (50.0, 60.0)), r"no mass lies in \(50, 60\)"),
         (lambda: sn.VonMises(0.0, 0.0), "kappa must be positive"),
-        (lambda: sn.Wrapped(sn.CenterLocation()), "Wrapped needs a law on the line"),
+        (lambda: sn.Wrapped(sn.CenterLocation()), "Wrapped needs a distribution on the line"),
         (lambda: sn.Wrapped(sn.Bernoulli(0.5), period=-1.0), "the period must be positive, not -1.0"),
         (lambda: sn.VonMises().w2(sn.Wrapped(sn.Bernoulli(0.5), 1.0)), "periods 6.28319 and 1: .* different circles"),
-        (lambda: sn.Mixture([sn.VonMises(), sn.Wrapped(sn.Bernoulli(0.5), 1.0)]), "laws that live on one circle"),
+        (
+            lambda: sn.Mixture([sn.VonMises(), sn.Wrapped(sn.Bernoulli(0.5), 1.0)]),
+            "distributions that live on one circle",
+        ),
         (lambda: sn.Empirical([[1.0, 2.0, 3.0]]), r"numbers \(n,\) or points"),
         (lambda: sn.Empirical([1.0, math.nan]), "leave out those that are missing"),
         (lambda: sn.Affine(sn.Bernoulli(0.5), scale=0.0), "scale must be other than zero"),
@@ -335,12 +345,12 @@ def test_one_draw_without_size_is_a_number():
         (lambda: sn.Empirical([(0.0, 1.0)]).cdf([1.0, 2.0, 3.0]), r"x must have shape \(..., 2\), not \(3,\)"),
     ],
 )
-def test_a_law_that_makes_no_sense_is_refused(make, message):
+def test_a_distribution_that_makes_no_sense_is_refused(make, message):
     with pytest.raises(PriorError, match=message):
         make()
 
 
-def test_a_law_of_ones_own_needs_only_to_be_sampled():
+def test_a_distribution_of_ones_own_needs_only_to_be_sampled():
     class Triangular(sn.Noise):
         def sample(self, rng, size=None):
             return rng.random(size) + rng.random(size)
@@ -348,3 +358,22 @@ def test_a_law_of_ones_own_needs_only_to_be_sampled():
     assert Triangular().sample(np.random.default_rng(0), 3).shape == (3,)
     with pytest.raises(PriorError, match=r"Triangular does not say its distribution function: define cdf"):
         Triangular().cdf(0.5)
+
+
+def test_the_distances_of_a_distribution_of_ones_own_are_computed_from_its_cdf():
+    class Uniform(sn.Noise):
+        pieces = np.array([0.0, 1.0])
+
+        def sample(self, rng, size=None):
+            return rng.random(size)
+
+        def cdf(self, x):
+            return np.clip(x, 0.0, 1.0)
+
+        def pdf(self, x):
+            return np.where((np.asarray(x) >= 0) & (np.asarray(x) <= 1), 1.0, 0.0)
+
+    own, shifted = Uniform(), sn.UniformNoise(1.0, 2.0)
+    assert own.w2(shifted) == pytest.approx(1.0) and shifted.w2(own) == pytest.approx(1.0)
+    assert own.ks(shifted) == pytest.approx(1.0) and own.entropy() == pytest.approx(0.0, abs=1e-12)
+    assert (own.mean, own.var) == pytest.approx((0.5, 1 / 12))

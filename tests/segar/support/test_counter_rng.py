@@ -99,7 +99,7 @@ def test_shuffles_of_three_are_all_equally_likely():
 
 
 def test_an_unknown_method_says_what_to_do_instead():
-    with pytest.raises(PriorError, match=r"no method 'gamma'.*law\.icdf\(rng\.random\(size\)\)"):
+    with pytest.raises(PriorError, match=r"no method 'gamma'.*distribution\.icdf\(rng\.random\(size\)\)"):
         LevelGenerator(0, np.arange(3)).gamma(2.0, size=3)
 
 

@@ -1,4 +1,4 @@
-"""Angles: laws that come round again, and their distances on the circle."""
+"""Angles: distributions that come round again, and their distances on the circle."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import segar.noise as sn
-from segar.noise.circle import wrap
+from segar.noise import wrap
 
 UNIFORM = sn.UniformNoise(-math.pi, math.pi)
 ANGLES = [
@@ -30,7 +30,7 @@ def masses_of_arcs(a: sn.Noise, b: sn.Noise, cells: int = 20_000) -> float:
 def transport_over_all_cuts(a: sn.Noise, b: sn.Noise, n: int = 2000) -> float:
     """W2 on the circle of n quantiles each: the best of all ways to go on from the i-th to the (i + k)-th."""
     q = (np.arange(n) + 0.5) / n
-    x, y = (np.sort(wrap(law.icdf(q), math.tau)) for law in (a, b))
+    x, y = (np.sort(wrap(distribution.icdf(q), math.tau)) for distribution in (a, b))
     y = np.concatenate([y - math.tau, y, y + math.tau])
     return math.sqrt(min(np.mean((x - y[k : k + n]) ** 2) for k in range(2 * n)))
 
@@ -55,9 +55,9 @@ def test_directions_that_are_near_each_other_are_near_whatever_number_says_them(
     assert nearly_west.ks(west) < 0.6 < east.ks(west)
 
 
-def test_turning_both_laws_changes_no_distance():
+def test_turning_both_distributions_changes_no_distance():
     a, b = ANGLES[:2]
-    turned = [sn.Affine(law, shift=2.5) for law in (a, b)]
+    turned = [sn.Affine(distribution, shift=2.5) for distribution in (a, b)]
     assert turned[0].period == math.tau
     assert turned[0].w2(turned[1]) == pytest.approx(a.w2(b), abs=1e-6)
     assert turned[0].ks(turned[1]) == pytest.approx(a.ks(b), abs=1e-6)
@@ -68,7 +68,7 @@ def test_atoms_on_the_circle_go_the_shorter_way():
     assert a.w2(b) == pytest.approx(math.sqrt((0.1**2 + 0.4**2) / 2))  # 0.1 to 0, and 0.9 to 0.5
 
 
-def test_a_wide_law_is_uniform_once_it_is_wrapped():
+def test_a_wide_distribution_is_uniform_once_it_is_wrapped():
     wrapped = sn.Wrapped(sn.GaussianNoise(1.0, 20.0))
     assert wrapped.entropy() == pytest.approx(math.log(math.tau)) and wrapped.ks(UNIFORM) < 1e-9
     assert sn.Wrapped(UNIFORM).cdf(0.3) == UNIFORM.cdf(0.3)
