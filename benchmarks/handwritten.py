@@ -15,7 +15,7 @@ import numpy as np
 from benchmarks import handwritten_columns as at
 from benchmarks.handwritten_empty import step_empty
 from benchmarks.handwritten_objects import step_objects
-from segar.engine.simulator import Outcome, State
+from segar.engine.simulator import State, StepResult
 from segar.language.factors import (
     Acceleration,
     Alive,
@@ -62,8 +62,8 @@ class Table:
     goal: np.ndarray
     world: np.ndarray
     contacts: np.ndarray
-    gave_up: np.ndarray
-    outcome: Outcome
+    unresolved_contacts: np.ndarray
+    outcome: StepResult
 
     @classmethod
     def of(cls, state: State, levels: Levels) -> Table:
@@ -80,7 +80,9 @@ class Table:
         size, friction, heat = (tile[:, columns[f]] for f in (Size, Friction, Heat))
         goal = np.column_stack([tile[:, columns[Position] : columns[Position] + 2], 0.5 * size, friction, heat])
         world = levels.parameters[state.level]
-        return cls(body, goal, world, state.contacts.copy(), state.gave_up.copy(), Outcome.empty(num_envs))
+        return cls(
+            body, goal, world, state.contacts.copy(), state.unresolved_contacts.copy(), StepResult.empty(num_envs)
+        )
 
     def step(self, actions: np.ndarray, sub_steps: int = 5) -> None:
         """One step of all environments, in place; actions float32 ``[env, 2]``."""
@@ -88,5 +90,5 @@ class Table:
         out = self.outcome
         advance(
             self.body, self.goal, self.world, actions, sub_steps, out.reward, out.terminated, out.success, out.death,
-            self.contacts, self.gave_up,
+            self.contacts, self.unresolved_contacts,
         )  # fmt: skip

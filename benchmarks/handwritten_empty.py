@@ -44,7 +44,9 @@ from benchmarks.handwritten_columns import (
 
 
 @njit(**AS_KERNELS)
-def step_empty(body, goal, world, actions, sub_steps, reward, terminated, success, death, contacts, gave_up):
+def step_empty(
+    body, goal, world, actions, sub_steps, reward, terminated, success, death, contacts, unresolved_contacts
+):
     """One ball, a goal and four walls."""
     for e in range(len(body)):
         x, y, vx, vy = body[e, 0, X], body[e, 0, Y], body[e, 0, VX], body[e, 0, VY]
@@ -108,7 +110,7 @@ def step_empty(body, goal, world, actions, sub_steps, reward, terminated, succes
             if abs(x) + r > 1.0 or abs(y) + r > 1.0:
                 x, y, vx, vy, hits, jammed = bounce_alone(x, y, vx, vy, r, damping, min_speed, dt)
                 contacts[e] += hits
-                gave_up[e] += jammed
+                unresolved_contacts[e] += jammed
             far = math.sqrt((x - gx) * (x - gx) + (y - gy) * (y - gy)) / DIAGONAL
             over = done or not alive or far <= 0.01
             if over:

@@ -54,7 +54,9 @@ WALL = -1  # in place of the second body
 
 
 @njit(**AS_KERNELS)
-def step_objects(body, goal, world, actions, sub_steps, reward, terminated, success, death, contacts, gave_up):
+def step_objects(
+    body, goal, world, actions, sub_steps, reward, terminated, success, death, contacts, unresolved_contacts
+):
     """Four discs, a goal and four walls."""
     for e in range(len(body)):
         b, floor, w = body[e], goal[e], world[e]
@@ -70,7 +72,7 @@ def step_objects(body, goal, world, actions, sub_steps, reward, terminated, succ
             if any_touch(b):
                 hits, jammed = resolve(b, 1.0 - w[WALL_DAMPING], w[MIN_SPEED], dt)
                 contacts[e] += hits
-                gave_up[e] += jammed
+                unresolved_contacts[e] += jammed
             over = b[BALL, DONE] != 0.0 or b[BALL, ALIVE] == 0.0 or distance_to_goal(b, floor) <= 0.01
             if over:
                 break

@@ -15,7 +15,7 @@ from numba import njit
 import segar
 from benchmarks.environments import NUM_ENVS, make_env, play, random_actions
 from benchmarks.measure import Row, in_turns
-from segar.engine.simulator import Outcome, Simulator, State
+from segar.engine.simulator import Simulator, State, StepResult
 from segar.envs import VectorEnv
 from segar.language.factors import Charge, Mobile, Position, Size, Velocity
 from segar.levels.level_set import Levels
@@ -59,7 +59,7 @@ def _roll(what: str, env: VectorEnv) -> Callable[[], object]:
     actions = random_actions(STEPS, env.num_envs)
     if what == "VectorEnv":
         return lambda: play(env, actions)
-    state, outcome = env.state().state, Outcome.empty(env.num_envs)
+    state, outcome = env.state().state, StepResult.empty(env.num_envs)
     return lambda: [env.simulator.act(state, env.levels, action, outcome) for action in actions]
 
 
@@ -106,7 +106,7 @@ class _Crowd:
 
     def roll(self) -> None:
         """Go on for some steps."""
-        outcome = Outcome.empty(CROWDS)
+        outcome = StepResult.empty(CROWDS)
         for step in range(STEPS):
             if self.actions is None:
                 self.simulator.step(self.state, self.levels, SUB_STEPS)

@@ -26,7 +26,7 @@ import numpy as np
 from benchmarks.measure import load, machine
 from benchmarks.soak_checks import Checks
 from benchmarks.soak_worlds import Case, cases, make_case
-from segar.engine.simulator import Outcome, State
+from segar.engine.simulator import State, StepResult
 from segar.errors import ConflictError
 from segar.levels.level_set import Levels
 from segar.reference.interpreter import Interpreter
@@ -45,7 +45,7 @@ class Tally:
     checks: int = 0
     episodes: int = 0
     contacts: int = 0
-    gave_up: int = 0
+    unresolved_contacts: int = 0
     overlap: float = -np.inf
     outside: float = -np.inf
     fixed: int = 0
@@ -64,7 +64,7 @@ class Tally:
     def row(self, name: str, seconds: float) -> str:
         cells = [
             f"{name:<24}", f"{self.steps:>11,}", f"{self.checks:>12,}", f"{self.episodes:>9,}", f"{self.contacts:>13,}",
-            f"{self.gave_up:>11,}", f"{self.overlap:>9.1e}", f"{self.outside:>9.1e}", f"{self.fixed:>7,}",
+            f"{self.unresolved_contacts:>11,}", f"{self.overlap:>9.1e}", f"{self.outside:>9.1e}", f"{self.fixed:>7,}",
             f"{self.conflicts:>9,}", f"{self.strange:>8,}", f"{self.replayed:>8,}", f"{len(self.faults):>7,}",
             f"{seconds:>8.1f}",
         ]  # fmt: skip
@@ -124,7 +124,10 @@ def play(case: Case, steps: int, rng: np.random.Generator, num_envs: int = NUM_E
     run = _Run(case, rng, min(num_envs, steps))
     for step in range(-(-steps // run.num_envs)):
         run.step(by_sub_steps=step % 2 == 1)
-    run.tally.contacts, run.tally.gave_up = int(run.state.contacts.sum()), int(run.state.gave_up.sum())
+    run.tally.contacts, run.tally.unresolved_contacts = (
+        int(run.state.contacts.sum()),
+        int(run.state.unresolved_contacts.sum()),
+    )
     return run.tally
 
 
@@ -157,7 +160,7 @@ class _Run:
         self.simulator, self.levels, self.task = case.simulator, case.levels, case.simulator.task
         self.checks = Checks(case.levels, case.simulator.world.walls)
         self.interpreter = Interpreter(self.simulator.world, self.levels.layout, self.task)
-        self.state, self.outcome = State.empty(num_envs, self.levels.layout), Outcome.empty(num_envs)
+        self.state, self.outcome = State.empty(num_envs, self.levels.layout), StepResult.empty(num_envs)
         self.age = np.zeros(num_envs, np.int64)
         self.tally = Tally(refused=case.refused)
         self._begin(np.arange(num_envs))
@@ -198,7 +201,7 @@ class _Run:
         for env in np.flatnonzero(strange):
             self._judge_strange(int(env), replay)
         overlap, outside, fixed = self.checks.depths(self.state)
-        resolved = ~strange & (self.state.gave_up == replay.before.gave_up)
+        resolved = ~strange & (self.state.unresolved_contacts == replay.before.unresolved_contacts)
         tally.overlap = max(tally.overlap, float(overlap[resolved].max(initial=-np.inf)))
         tally.outside = max(tally.outside, float(outside[~strange].max(initial=-np.inf)))
         tally.fixed += int(fixed[~strange].sum())

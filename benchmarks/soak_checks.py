@@ -19,8 +19,8 @@ class Checks:
     """The laws of one level set, in a world whose walls stand at plus and minus ``walls`` [m].
 
     Nothing becomes nan or infinite, no factor appears where there was none; bodies stay inside the arena; solid bodies do
-    not overlap. Of the last there are two exceptions: a sub-step may give up after 64 contacts, which ``gave_up`` counts,
-    and bodies that cannot move stay where they are.
+    not overlap. Of the last there are two exceptions: ``unresolved_contacts`` counts the
+    sub-steps that had more than 64 contacts, and bodies that cannot move stay where they are.
     """
 
     def __init__(self, levels: Levels, walls: float = 1.0) -> None:
@@ -60,13 +60,21 @@ class Checks:
     def faults(self, state: State, before: State, sub_steps: int) -> Iterator[tuple[int, str]]:
         """Environment and description of all that must not be, after that many sub-steps from ``before``."""
         overlap, outside, _ = self.depths(state)
-        gave_up, contacts = state.gave_up - before.gave_up, state.contacts - before.contacts
-        for env in np.flatnonzero((overlap > TOLERANCE) & (gave_up == 0)):
+        unresolved_contacts, contacts = (
+            state.unresolved_contacts - before.unresolved_contacts,
+            state.contacts - before.contacts,
+        )
+        for env in np.flatnonzero((overlap > TOLERANCE) & (unresolved_contacts == 0)):
             yield int(env), f"two bodies overlap by {overlap[env]:.1e} m"
         for env in np.flatnonzero(outside > TOLERANCE):
             yield int(env), f"a body reaches {outside[env]:.1e} m beyond a wall"
-        for env in np.flatnonzero((contacts < 0) | (contacts > MAX_CONTACTS * sub_steps) | (gave_up > sub_steps)):
-            yield int(env), f"{contacts[env]} contacts and {gave_up[env]} times given up in {sub_steps} sub-steps"
+        for env in np.flatnonzero(
+            (contacts < 0) | (contacts > MAX_CONTACTS * sub_steps) | (unresolved_contacts > sub_steps)
+        ):
+            yield (
+                int(env),
+                f"{contacts[env]} contacts and {unresolved_contacts[env]} times given up in {sub_steps} sub-steps",
+            )
 
     def _read(self, state: State, factor: type) -> np.ndarray:
         """A factor of the bodies, ``(num_envs, bodies, width)``."""

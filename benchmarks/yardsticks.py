@@ -14,7 +14,7 @@ import pymunk
 from benchmarks.environments import NUM_ENVS, make_env, random_actions
 from benchmarks.handwritten import Table
 from benchmarks.measure import Row, in_turns, timed
-from segar.engine.simulator import Outcome, Simulator, State
+from segar.engine.simulator import Simulator, State, StepResult
 from segar.levels.level_set import Levels
 
 STEPS = 20
@@ -50,7 +50,7 @@ class _Duel:
 
     def begin(self) -> None:
         self.generated, self.handwritten = self.start.copy(), Table.of(self.start, self.levels)
-        self.outcome = Outcome.empty(NUM_ENVS)
+        self.outcome = StepResult.empty(NUM_ENVS)
 
     def roll_generated(self) -> None:
         for action in self.actions:

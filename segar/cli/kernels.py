@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from segar.cli.arguments import NAME_HELP, TASK_HELP, find_distribution, task_named
-from segar.engine import KernelSource, Outcome, Simulator, State, cache_folder, generate, is_compiled, kernel_path
+from segar.engine import KernelSource, Simulator, State, StepResult, cache_folder, generate, is_compiled, kernel_path
 from segar.engine.runtime import device, device_contacts
 from segar.envs import REWARDS, VectorEnv, world_of
 from segar.language import Rule, Task
@@ -111,7 +111,7 @@ def _compile(levels: Levels, task: Task) -> float:
     simulator = Simulator(world_of(levels), levels.layout, task)
     state = State.empty(1, levels.layout)
     state.values[:] = levels.values[:1]
-    simulator.act(state, levels, np.zeros((1, len(task.action_low)), np.float32), Outcome.empty(1))
+    simulator.act(state, levels, np.zeros((1, len(task.action_low)), np.float32), StepResult.empty(1))
     return time.perf_counter() - start
 
 

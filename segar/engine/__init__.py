@@ -1,22 +1,20 @@
-"""The compiled engine: the compiler makes a kernel of a world, the runtime is what kernels call, the simulator steps batches."""
+"""The compiled engine: the compiler makes a kernel of a world, kernels call the runtime, the simulator steps batches."""
 
+from segar.engine.batch import State, StepResult
 from segar.engine.compiler.kernel import KernelSource, generate
 from segar.engine.compiler.kernel_cache import cache_folder, is_compiled, kernel_path
-from segar.engine.compiler.spec import Needs, needs_of
 from segar.engine.runtime.gather import Reads, gather
-from segar.engine.simulator import Outcome, Simulator, State
+from segar.engine.simulator import Simulator
 
 __all__ = [
     "KernelSource",
-    "Needs",
-    "Outcome",
     "Reads",
     "Simulator",
     "State",
+    "StepResult",
     "cache_folder",
     "gather",
     "generate",
     "is_compiled",
     "kernel_path",
-    "needs_of",
 ]

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import operator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from segar.engine.batch import LevelArrays, State, StepResult
+from segar.engine.compiler.entry import ARGUMENTS
 from segar.engine.compiler.kernel import KernelSource, generate
 from segar.engine.compiler.kernel_cache import load_module
 from segar.engine.runtime.gather import Reads, no_reads
-from segar.engine.runtime.ledger import dismiss, make_ledger
 from segar.errors import ConflictError, SegarError
 from segar.language import Layout, Task, WorldRules, default_task
 from segar.support import Team
@@ -20,67 +21,6 @@ if TYPE_CHECKING:
     from segar.levels import Levels
 
 PART = 32  # environments that a thread takes at a time
-
-
-@dataclass
-class State:
-    """A batch of environment states; arrays lead with the environment.
-
-    Attributes:
-        values: float64 ``(num_envs, entities, columns)``.
-        level: int64 ``(num_envs,)``, index in the level set.
-        key: uint64 ``(num_envs,)``, key of the randomness in rules.
-        tick: int64 ``(num_envs,)``, sub-steps since the episode began.
-        contacts: int64 ``(num_envs,)``, contacts since the episode began.
-        gave_up: int64 ``(num_envs,)``, sub-steps whose time ran out in contacts.
-    """
-
-    values: np.ndarray
-    level: np.ndarray
-    key: np.ndarray
-    tick: np.ndarray
-    contacts: np.ndarray
-    gave_up: np.ndarray
-
-    @classmethod
-    def empty(cls, num_envs: int, layout: Layout) -> State:
-        return cls(
-            values=np.full((num_envs, len(layout.slots), layout.width), np.nan),
-            level=np.zeros(num_envs, np.int64),
-            key=np.zeros(num_envs, np.uint64),
-            tick=np.zeros(num_envs, np.int64),
-            contacts=np.zeros(num_envs, np.int64),
-            gave_up=np.zeros(num_envs, np.int64),
-        )
-
-    def copy(self) -> State:
-        return replace(self, **{name: array.copy() for name, array in vars(self).items()})
-
-
-@dataclass
-class Outcome:
-    """What a task says after a step; arrays of length ``num_envs``, overwritten by the next step."""
-
-    reward: np.ndarray
-    terminated: np.ndarray
-    success: np.ndarray
-    death: np.ndarray
-
-    @classmethod
-    def empty(cls, num_envs: int) -> Outcome:
-        return cls(np.zeros(num_envs), *(np.zeros(num_envs, np.bool_) for _ in range(3)))
-
-
-@dataclass(frozen=True)
-class _Statics:
-    """Static arrays of a level set in the order of the kernel's arguments."""
-
-    bits: np.ndarray
-    kind: np.ndarray
-    count: np.ndarray
-    vertex: np.ndarray
-    hull_radius: np.ndarray
-    parameters: np.ndarray
 
 
 @dataclass
@@ -107,35 +47,38 @@ class Simulator:
             raise SegarError(f"num_threads must be at least 1, not {self.num_threads}")
         self.source: KernelSource = generate(self.layout, self.world, self.task.functions())
         self._module = load_module(self.source.text)
-        self._statics: dict[int, tuple[Any, _Statics]] = {}
+        self._level_arrays: tuple[Levels, LevelArrays] | None = None
         self._call: _Call | None = None
         self.team = Team(self.num_threads)
 
     def step(self, state: State, levels: Levels, n: int = 1) -> None:
-        """Advance every environment by ``n`` sub-steps, in place, without a task."""
-        num_envs = len(state.level)
-        self._run(state, levels, n, None, Outcome.empty(num_envs))
+        """Advance every environment by ``n`` sub-steps, in place, without a task.
+
+        Raises:
+            ConflictError: see :meth:`act`.
+        """
+        self._run(state, levels, n, None, StepResult.empty(len(state.level)))
 
     def act(
         self,
         state: State,
         levels: Levels,
         actions: np.ndarray,
-        outcome: Outcome,
+        result: StepResult,
         reads: Reads | None = None,
         seen: np.ndarray | None = None,
     ) -> None:
-        """One environment step of all environments, in place; ``outcome`` receives what the task says.
+        """One environment step of all environments, in place.
 
         Args:
             actions: float32 ``(num_envs, action size)``, finite; clipped to the task's range.
-            reads: what is written to ``seen`` (float32 ``(num_envs, ...)``, contiguous) about the states after the
-                step, while they are at hand.
+            result: receives the reward, and whether the episode is over, with success or by death.
+            reads: what is written to ``seen`` (float32 ``(num_envs, ...)``, contiguous) about the states after the step.
 
         Raises:
             ConflictError: rules contradict each other in some state; the message names the environment.
         """
-        self._run(state, levels, self.task.sub_steps, actions, outcome, reads, seen)
+        self._run(state, levels, self.task.sub_steps, actions, result, reads, seen)
 
     def _run(
         self,
@@ -143,15 +86,15 @@ class Simulator:
         levels: Levels,
         n: int,
         actions: np.ndarray | None,
-        outcome: Outcome,
+        result: StepResult,
         reads: Reads | None = None,
         seen: np.ndarray | None = None,
     ) -> None:
-        given = (*vars(state).values(), *vars(outcome).values(), levels, reads)
-        asked = (n, actions is not None, 0 if seen is None else seen.size // len(seen))
+        arrays = (*vars(state).values(), *vars(result).values(), levels, reads)
+        options = (n, actions is not None, 0 if seen is None else seen.size // len(seen))
         call = self._call
-        if call is None or call.asked != asked or not all(map(operator.is_, call.given, given)):
-            call = self._call = _Call(self, given, asked)
+        if call is None or call.options != options or not all(map(operator.is_, call.arrays, arrays)):
+            call = self._call = _Call(arrays, options, self, state, levels, result, reads or no_reads())
         if actions is not None:
             call.actions[:] = actions
         call.run(seen)
@@ -170,16 +113,15 @@ class Simulator:
             f" '{self.layout.slots[slot].name}' to different values, and neither is more specific; give one a priority"
         )
 
-    def _static_arrays(self, levels: Levels) -> _Statics:
-        key = id(levels)
-        if key not in self._statics or self._statics[key][0] is not levels:
+    def _arrays_of(self, levels: Levels) -> LevelArrays:
+        """The arrays of a level set; those of the last one are kept."""
+        if self._level_arrays is None or self._level_arrays[0] is not levels:
             if levels.layout != self.layout:
                 raise SegarError("these levels belong to another distribution than the simulator was built for")
-            radii = np.sqrt((levels.vertices**2).sum(-1)).max(-1, initial=0.0)
-            vertices = levels.vertices
+            vertices, radii = levels.vertices, np.sqrt((levels.vertices**2).sum(-1)).max(-1, initial=0.0)
             if vertices.shape[2] == 0:
                 vertices = np.zeros((*vertices.shape[:2], 1, 2))
-            statics = _Statics(
+            arrays = LevelArrays(
                 bits=self.source.type_masks[levels.types],
                 kind=np.ascontiguousarray(levels.shape_kind, np.int8),
                 count=np.ascontiguousarray(levels.vertex_count, np.int16),
@@ -187,62 +129,74 @@ class Simulator:
                 hull_radius=np.ascontiguousarray(radii),
                 parameters=np.ascontiguousarray(levels.parameters),
             )
-            self._statics = {key: (levels, statics)}
-        return self._statics[key][1]
+            self._level_arrays = levels, arrays
+        return self._level_arrays[1]
 
 
 class _Call:
-    """A call of the kernel on certain arrays: what it needs beside them lies ready for the next step.
+    """A call of the kernel on certain arrays, with all of its arguments ready for the next step.
 
     Args:
-        given: arrays of the state and of the outcome, levels, and what is read of the state or None.
-        asked: sub-steps, whether the task takes part, numbers that are seen per environment.
+        arrays: what the call is for: it serves as long as the next step has the same objects.
+        options: sub-steps, whether the task takes part, numbers that are seen per environment; likewise.
     """
 
-    def __init__(self, simulator: Simulator, given: tuple[Any, ...], asked: tuple[int, bool, int]) -> None:
-        self.given, self.asked = given, asked
-        *arrays, levels, reads = given
-        n, with_task, places = asked
-        values, level, key, tick, contacts, gave_up, *outcome = arrays
-        num_envs, entities, width = values.shape
-        size, list_length = len(simulator.task.action_low), simulator.source.list_length
-        s, rows, table = simulator._static_arrays(levels), np.arange(num_envs), reads or no_reads()
-        self._advance = simulator._module.advance
-        self._ledger = make_ledger(-(-num_envs // PART))
-        self._sheet = np.zeros(1, np.int64)  # address of what is seen
+    def __init__(
+        self,
+        arrays: tuple[Any, ...],
+        options: tuple[int, bool, int],
+        simulator: Simulator,
+        state: State,
+        levels: Levels,
+        result: StepResult,
+        reads: Reads,
+    ) -> None:
+        self.arrays, self.options = arrays, options
+        num_envs, entities, width = state.values.shape
+        action_size, self._list_length = len(simulator.task.action_low), simulator.source.list_length
+        self._module = simulator._module
+        self._ledger = self._module.make_ledger(-(-num_envs // PART))
+        self._sheet = self._module.make_sheet()
         self._team = simulator.team if num_envs > PART else None
-        self.actions = np.zeros((num_envs, size), np.float32)
+        self._scratch = (entities, width, action_size)
+        self.actions = np.zeros((num_envs, action_size), np.float32)
         self.errors = np.zeros((num_envs, 5), np.int64)
+        n, with_task, places = options
+        self._arguments = {
+            **{"part_length": PART, "sub_steps": n, "with_task": with_task, "places": places, "reads": reads},
+            **{"actions": self.actions, "errors": self.errors, "rows": np.arange(num_envs)},
+            **{f"state_{name}": array for name, array in vars(state).items()},
+            **{f"level_{name}": array for name, array in vars(simulator._arrays_of(levels)).items()},
+            **{f"result_{name}": array for name, array in vars(result).items()},
+        }
+        self._mine = self._bind()
 
-        def bind() -> tuple[Any, ...]:
-            scratch = (
-                np.zeros((entities, width)),
-                np.zeros((entities, 2)),
-                np.zeros(size),
-                np.zeros(list_length, np.int64),
-            )
-            return (
-                PART, n, with_task, values, level, s.bits, s.kind, s.count, s.vertex, s.hull_radius, s.parameters,
-                self.actions, key, tick, *outcome, contacts, gave_up, self.errors, rows, table, places, self._sheet,
-                *scratch,
-            )  # fmt: skip
-
-        self._bind, self._mine = bind, bind()
+    def _bind(self) -> tuple[Any, ...]:
+        """All arguments but those of threads, with scratch of their own."""
+        entities, width, action_size = self._scratch
+        scratch = {
+            "W": np.zeros((entities, width)),
+            "U": np.zeros((entities, 2)),
+            "A": np.zeros(action_size),
+            "L": np.zeros(self._list_length, np.int64),
+        }
+        arguments = self._arguments | scratch
+        return tuple(arguments[name] for name in ARGUMENTS)
 
     def run(self, seen: np.ndarray | None) -> None:
         """One call, by all threads."""
         if seen is not None:
             assert seen.flags.c_contiguous and seen.dtype == np.float32 and len(seen) == len(self.errors)
-            self._sheet[0] = seen.ctypes.data
+            self._sheet = self._module.sheet_with(self._sheet, seen)
         if self._team is None:
             self.do(True)
         else:
             self._team.do(self)
 
     def do(self, owns: bool) -> None:
-        """See :class:`segar.support.threads.Work`."""
-        self._advance(self._ledger, owns, *(self._mine if owns else self._bind()))
+        """Take parts of the batch; see :class:`segar.support.threads.Work`."""
+        self._module.advance(self._ledger, owns, self._sheet, *(self._mine if owns else self._bind()))
 
     def dismiss(self) -> None:
-        """See :class:`segar.support.threads.Work`."""
-        dismiss(self._ledger)
+        """Make waiting threads leave; see :class:`segar.support.threads.Work`."""
+        self._module.dismiss(self._ledger)

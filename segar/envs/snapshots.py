@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from segar.levels import Levels
 
 FORMAT = ArchiveFormat("segar-snapshot", 1, "a snapshot", "snapshot", SegarError)
-STATE_ARRAYS = ("values", "level", "key", "tick", "contacts", "gave_up")
+STATE_ARRAYS = ("values", "level", "key", "tick", "contacts", "unresolved_contacts")
+STORED_AS = {"unresolved_contacts": "gave_up"}  # arrays whose name in files of format 1 is another
 EPISODE_ARRAYS = ("returns", "lengths", "episodes")
 MEMORY = "memory/"  # before the names of what observations remember
 
@@ -75,7 +76,7 @@ class Snapshot:
         Raises:
             SegarError: the file cannot be written; what stood at ``path`` still stands there.
         """
-        arrays = {name: getattr(self.state, name) for name in STATE_ARRAYS}
+        arrays = {STORED_AS.get(name, name): getattr(self.state, name) for name in STATE_ARRAYS}
         arrays |= {name: getattr(self, name) for name in EPISODE_ARRAYS}
         arrays |= {f"{MEMORY}{name}": array for name, array in self.memory.items()}
         FORMAT.write(Path(path), arrays, {"seed": self.seed, "memory": list(self.memory)})
@@ -87,11 +88,12 @@ class Snapshot:
         Raises:
             SegarError: the file is no snapshot, is incomplete, or was written by a newer version.
         """
-        arrays, metadata = FORMAT.read(Path(path), (*STATE_ARRAYS, *EPISODE_ARRAYS))
+        stored = {name: STORED_AS.get(name, name) for name in STATE_ARRAYS}
+        arrays, metadata = FORMAT.read(Path(path), (*stored.values(), *EPISODE_ARRAYS))
         names = metadata.get("memory", ())  # which arrays these are, only the description says
         kept, _ = FORMAT.read(Path(path), [f"{MEMORY}{name}" for name in names]) if names else ({}, {})
         return cls(
-            State(**{name: arrays[name] for name in STATE_ARRAYS}),
+            State(**{name: arrays[in_file] for name, in_file in stored.items()}),
             **{name: arrays[name] for name in EPISODE_ARRAYS},
             seed=int(metadata["seed"]),
             memory={name: kept[f"{MEMORY}{name}"] for name in names},

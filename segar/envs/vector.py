@@ -12,7 +12,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
-from segar.engine import Outcome, Simulator, State
+from segar.engine import Simulator, State, StepResult
 from segar.envs import episode_kernel
 from segar.envs.buffers import Buffers
 from segar.envs.snapshots import Snapshot
@@ -114,7 +114,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self._rows = np.arange(num_envs)
         self._ended = np.empty(num_envs, np.int64)
         self._any_level = np.full(num_envs, -1)
-        self._outcome = Outcome.empty(num_envs)
+        self._outcome = StepResult.empty(num_envs)
         self._buffers = Buffers(num_envs, copy, self.observation)
         self._held: weakref.ref[Factors] | None = None
         self._started = False
@@ -269,7 +269,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         chosen = self._any_level if chosen is None else chosen
         episode_kernel.begin(
             rows, np.uint64(now.seed), chosen, self.levels.values, state.values, state.level, state.key, state.tick,
-            state.contacts, state.gave_up, now.returns, now.lengths, now.episodes,
+            state.contacts, state.unresolved_contacts, now.returns, now.lengths, now.episodes,
         )  # fmt: skip
         mask = np.zeros(self.num_envs, np.bool_)
         mask[rows] = True
@@ -293,7 +293,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             "success": success,
             "death": death,
             "contacts": now.state.contacts.copy(),
-            "gave_up": now.state.gave_up.copy(),
+            "gave_up": now.state.unresolved_contacts.copy(),
             "factors": factors,
             "results": Results(self.task.results, factors),
         }
@@ -310,8 +310,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         counts, flags = np.zeros((4, self.num_envs), np.int64), np.zeros((4, self.num_envs), np.bool_)
         returns = np.zeros(self.num_envs)
         episode_kernel.note_last(
-            ended, state.level, now.lengths, state.contacts, state.gave_up, now.returns, success, death, counts, returns,
-            flags,
+            ended, state.level, now.lengths, state.contacts, state.unresolved_contacts, now.returns, success, death, counts,
+            returns, flags,
         )  # fmt: skip
         factors = Factors(self.levels.layout, state.values[ended], ended, self.num_envs)
         final_info = {

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from segar.engine import Outcome, Simulator, State
+from segar.engine import Simulator, State, StepResult
 from segar.envs import VectorEnv
 from segar.errors import SegarError
 from segar.language import Factors, Task
@@ -98,7 +98,7 @@ def play(
     actions = np.zeros((n, task.max_steps, size), np.float32)
     state, live = starts.fork(rows), np.arange(n)  # the episode that each row of the state plays
     state.key = state.key if keys is None else keys
-    values, running, outcome = state.values.copy(), np.ones(n, np.bool_), Outcome.empty(n)
+    values, running, outcome = state.values.copy(), np.ones(n, np.bool_), StepResult.empty(n)
     for t in range(limits.max()):
         chosen = np.asarray(player(t, live, state.values), np.float32)
         if not np.isfinite(chosen).all():
@@ -119,7 +119,7 @@ def play(
         if running.sum() * 2 <= len(live):
             state = State(**{name: array[running] for name, array in vars(state).items()})
             live = live[running]
-            running, outcome = np.ones(len(live), np.bool_), Outcome.empty(len(live))
+            running, outcome = np.ones(len(live), np.bool_), StepResult.empty(len(live))
     return Episodes(solved, died, steps, returns, last, actions, values)
 
 
@@ -134,7 +134,7 @@ def trace(starts: Starts, rows: np.ndarray, actions: np.ndarray) -> tuple[np.nda
         ``(len(rows),)``, ``steps + 1`` where it did not. What has ended stands still.
     """
     n, length = actions.shape[:2]
-    state, outcome = starts.fork(rows), Outcome.empty(n)
+    state, outcome = starts.fork(rows), StepResult.empty(n)
     states = np.empty((n, length + 1, *state.values.shape[1:]))
     states[:, 0] = state.values
     ends = np.full(n, length + 1)

@@ -1,4 +1,4 @@
-"""How outcomes of rules combine: Aggregate, Differential, SetFactor.
+"""The effects of rules and how they combine: Aggregate, Differential, SetFactor.
 
 ``SetFactor`` beats ``Aggregate`` beats ``Differential``; aggregates on one factor add up and forget the previous
 value; differentials add up, are scaled by the time step and added to the previous value (paper, section on rules).
@@ -15,11 +15,11 @@ F = TypeVar("F")
 
 
 class Effect(Generic[F]):
-    """An outcome of a rule on one factor of one of its arguments.
+    """An effect of a rule on one factor of one of its arguments.
 
     Args:
         target: the argument's factor that changes, as the rule received it.
-        value: the outcome; a scalar given for a vector factor counts for both components.
+        value: the new value or the change; a scalar given for a vector factor counts for both components.
     """
 
     factor: ClassVar[type]
@@ -70,4 +70,4 @@ class Differential(Effect[F]):
 
 
 class SetFactor(Effect[F]):
-    """The factor becomes this value, whatever aggregates and differentials say."""
+    """The factor becomes this value; aggregates and differentials on it are ignored."""

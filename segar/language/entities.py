@@ -92,7 +92,7 @@ class Entity:
 
     @classmethod
     def _inherited(cls) -> dict[type[Factor], Any]:
-        """What the parents declare, in Python's order of resolution, so that an entity may have several."""
+        """The factors of all parents, in Python's order of resolution, with their defaults."""
         found: dict[type[Factor], Any] = {}
         for parent in reversed(cls.__mro__[1:]):
             found |= vars(parent).get("_own", {})
@@ -123,7 +123,7 @@ class Entity:
 
 
 class GlobalFriction(Entity):
-    """The arena's floor: it has friction but no place, and acts on everything that moves."""
+    """The arena's floor: it has friction but no position, and acts on all entities that move."""
 
     friction: Friction
     id: ID = "global_friction"

@@ -14,6 +14,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from segar.errors import FactorError, did_you_mean
+from segar.language.shapes import BaseShape
 from segar.language.values import Number, VectorValue
 
 
@@ -26,7 +27,7 @@ class Factor:
     unit: ClassVar[str] = ""
     bounds: ClassVar[tuple[float, float] | None] = None
     period: ClassVar[float | None] = None
-    """After how much the number comes round again, as an angle does after 2 pi: distances take the shorter way round."""
+    """The number is equal to itself plus this period, as for angles and 2 pi; distances take the shorter way round."""
 
     def __init_subclass__(
         cls, default: Any = None, unit: str | None = None, bounds: Any = None, period: float | None = None, **rest: Any
@@ -147,7 +148,7 @@ class Text(Factor):
 
 
 class Marker(Factor):
-    """A factor without a value: an entity has it or not, and rules can ask for it."""
+    """A factor without a value: an entity has it or not, and rules can take it."""
 
     @classmethod
     def check(cls, value: Any) -> None:
@@ -160,7 +161,7 @@ def _is_symbol(value: Any) -> bool:
 
 
 def concrete_factors() -> Iterator[type[Factor]]:
-    """All factors defined so far, user's included, in order of definition, without the kinds themselves."""
+    """All factors defined so far, the user's included, in order of definition, without the kinds themselves."""
     kinds = (Scalar, Count, Flag, Vector, Text, Marker)
     stack = list(Factor.__subclasses__())
     while stack:
@@ -251,10 +252,44 @@ class Shape(Factor):
 
     @classmethod
     def check(cls, value: Any) -> Any:
-        from segar.language.shapes import BaseShape
-
         if isinstance(value, type) and issubclass(value, BaseShape):
             value = value()  # type: ignore[call-arg] - each shape has a default size
         if not isinstance(value, BaseShape):
             raise FactorError(f"Shape takes a shape such as Circle(0.2), not {value!r}")
         return value
+
+
+__all__ = [
+    "ID",
+    "Acceleration",
+    "Alive",
+    "Charge",
+    "Collides",
+    "Consumes",
+    "Count",
+    "Density",
+    "Done",
+    "Drag",
+    "Factor",
+    "Flag",
+    "Floor",
+    "Friction",
+    "Heat",
+    "InfiniteEnergy",
+    "Label",
+    "Magnetism",
+    "Marker",
+    "Mass",
+    "Mobile",
+    "Order",
+    "Position",
+    "Scalar",
+    "Shape",
+    "Size",
+    "StoredEnergy",
+    "Text",
+    "Vector",
+    "Velocity",
+    "Visible",
+    "concrete_factors",
+]

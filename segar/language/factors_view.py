@@ -1,4 +1,4 @@
-"""The true factors of a batch and the results of its task, gathered when they are asked for."""
+"""The true factors of a batch and the results of its task, gathered when they are read."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from segar.language.layout import Layout
 
 
 class OnAccess(Mapping[str, Any]):
-    """Named values that are computed when they are asked for; a sub-class sets ``_names`` and says how."""
+    """Named values that are computed when they are read, by the ``__getitem__`` of a sub-class, which sets ``_names``."""
 
     _names: Collection[str]
 
@@ -27,7 +27,10 @@ class OnAccess(Mapping[str, Any]):
         return len(self._names)
 
     def __eq__(self, other: object) -> bool:
-        return same_factors(self, other)
+        """Whether the other mapping holds equal arrays, nan equal to nan."""
+        if not isinstance(other, Mapping) or self.keys() != other.keys():
+            return False
+        return all(_same(np.asarray(self[name]), np.asarray(other[name])) for name in self)
 
     __hash__ = None  # type: ignore[assignment]
 
@@ -36,9 +39,10 @@ class OnAccess(Mapping[str, Any]):
 
 
 class Factors(OnAccess):
-    """Factor name to float64 ``(num_envs, entities)``, vectors ``(num_envs, entities, 2)``; nan where one is lacking.
+    """Factor name to float64 ``(num_envs, entities)``, vectors ``(num_envs, entities, 2)``; nan where an entity lacks it.
 
-    It belongs to the step that returned it: if it is still held when the next step begins, it keeps a copy of its own.
+    The object belongs to the step that returned it. If a caller still holds it when the next step begins, it gets a copy
+    of the state.
     """
 
     def __init__(self, layout: Layout, values: np.ndarray, rows: np.ndarray | None = None, num_envs: int = 0) -> None:
@@ -75,7 +79,7 @@ class Factors(OnAccess):
 
 
 class Results(OnAccess):
-    """What a task says of the state that ``factors`` hold: name to array ``(num_envs, ...)``, computed on access."""
+    """The results of a task in the state that ``factors`` hold: name to array ``(num_envs, ...)``, computed when read."""
 
     def __init__(self, functions: Mapping[str, Callable[[Factors], np.ndarray]], factors: Factors) -> None:
         self._functions, self._factors, self._names = functions, factors, functions
@@ -114,13 +118,6 @@ class SingleFactors(OnAccess):
 
     def __getitem__(self, name: str) -> np.ndarray:
         return self._batch[name][0]
-
-
-def same_factors(a: Mapping[str, Any], b: object) -> bool:
-    """Whether two mappings hold equal arrays, nan equal to nan."""
-    if not isinstance(b, Mapping) or a.keys() != b.keys():
-        return False
-    return all(_same(np.asarray(a[name]), np.asarray(b[name])) for name in a)
 
 
 def _same(a: np.ndarray, b: np.ndarray) -> bool:

@@ -1,5 +1,5 @@
-"""What can be said of the convex hull of Gaussian points: the density of its vertices, and their expected number, length
-and area.
+"""Statistics of the convex hull of Gaussian points: the density of its vertices, and its expected number of vertices,
+length and area.
 
 Points are independent, with mean zero and standard deviation ``sigma`` per axis. The vertices v_1 ... v_k of the hull of
 n points, counter-clockwise from the lowest, have the density

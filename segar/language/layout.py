@@ -1,4 +1,4 @@
-"""Entities and factors -> columns: where a batch of states keeps what.
+"""Entities and factors -> columns: where a batch of states holds each factor.
 
 A state is ``values[env, entity, column]`` (float64). The entity axis has one *slot* for each entity that a level of the
 distribution can have; a slot lists the entity types that may fill it. All slots share the columns; a slot's entity that
@@ -88,10 +88,9 @@ class Layout:
 
     def factor(self, name: str) -> type[Factor]:
         """The factor class called ``name``; raises :class:`LevelError`."""
-        for factor in self.factors:
-            if factor.__name__ == name:
-                return factor
-        raise LevelError(f"no entity has a factor '{name}'.{did_you_mean(name, [f.__name__ for f in self.factors])}")
+        if name not in self.by_name:
+            raise LevelError(f"no entity has a factor '{name}'.{did_you_mean(name, self.by_name)}")
+        return self.by_name[name][0]
 
 
 def holds(entity: type[Entity], factor: type[Factor]) -> type[Factor] | None:
@@ -106,7 +105,7 @@ def name_slots(groups: Sequence[tuple[tuple[type[Entity], ...], int]]) -> list[s
     names: list[str] = []
     counts: dict[str, int] = {}
     for types, count in groups:
-        base = entity_name(types[0]) if len(types) == 1 else entity_name(_common_parent(types))
+        base = entity_name(_common_parent(types))
         alone = len(types) == 1 and count == 1 and sum(t == types for t, _ in groups) == 1
         for _ in range(count):
             counts[base] = counts.get(base, 0) + 1

@@ -1,4 +1,4 @@
-"""World parameters: constants of the physics that a level may vary and a rule may ask for by type."""
+"""World parameters: constants of the physics that a level may vary and a rule may take as arguments, by type."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from segar.language.factors import Scalar
 
 
 class Parameter(Scalar):
-    """A number that belongs to the world, not to an entity; drawn per level where a distribution says so."""
+    """A number that belongs to the world, not to an entity; a distribution may draw it for each level."""
 
 
 class Gravity(Parameter, default=10.0, unit="m/s^2", bounds=(0.0, 1e6)): ...

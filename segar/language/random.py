@@ -7,21 +7,32 @@ bit whatever the batch size or the number of threads.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from segar.errors import RuleError
 from segar.language.values import cos, log, sqrt
 
-_uniform_source: list[Callable[[], Any]] = []  # the innermost tracer or interpreter supplies uniform draws
+_sources: list[Callable[[], Any]] = []  # the last one, of a tracer or an interpreter, supplies the uniform draws
 TINY = 2.0**-54  # keeps log() finite; half the spacing of the 53-bit uniforms
+
+
+@contextmanager
+def drawing_from(source: Callable[[], Any]) -> Iterator[None]:
+    """A context in which rules draw their uniform numbers in [0, 1) from ``source``."""
+    _sources.append(source)
+    try:
+        yield
+    finally:
+        _sources.pop()
 
 
 def uniform(low: Any = 0.0, high: Any = 1.0) -> Any:
     """A number uniform in [low, high)."""
-    if not _uniform_source:
+    if not _sources:
         raise RuleError("segar.random draws only inside a rule that the simulator runs")
-    return low + (high - low) * _uniform_source[-1]()
+    return low + (high - low) * _sources[-1]()
 
 
 def normal(mean: Any = 0.0, std: Any = 1.0) -> Any:

@@ -1,4 +1,4 @@
-"""Relations: typed functions that return a truth value and say when a rule applies.
+"""Relations: typed functions that return a truth value, and decide on which entities a rule applies.
 
 Attach them to a rule (``@rule(relation=is_on)``) or combine them first (``is_on & is_equal(Mobile, True)``). The i-th
 entity of a relation is the i-th entity of the rule.
@@ -13,7 +13,7 @@ from typing import Any
 from segar.errors import RuleError
 from segar.language.entities import Entity, Thing
 from segar.language.factors import ID, Factor, Label
-from segar.language.signature import EntityView, Signature, code_place, read_signature, symbolic_arguments
+from segar.language.signature import EntityView, Pattern, Signature, code_place, read_signature, symbolic_arguments
 from segar.language.symbols import Symbol, make, walk
 from segar.language.tracing import Leaf, Tree, trace, truth_leaf
 
@@ -25,11 +25,19 @@ SPECIFICITY_ID = 8
 
 @dataclass(frozen=True)
 class Relation:
-    """A condition on entities: the truth that its function returns, and how specific it is when rules disagree."""
+    """A condition on entities.
+
+    Attributes:
+        truth: expression of the condition; false where an entity does not have what the relation needs.
+        needs: what each entity must have.
+        specificity: how specific a rule with this relation is, when rules disagree.
+        parts: the two relations that were combined; empty for a relation that is a function.
+    """
 
     function: Callable[..., Any]
     signature: Signature
     truth: Symbol
+    needs: tuple[Pattern, ...]
     specificity: int = SPECIFICITY_PLAIN
     parts: tuple[Relation, ...] = ()
 
@@ -48,16 +56,9 @@ class Relation:
     def name(self) -> str:
         return self.function.__name__
 
-    def holds(self, build: Callable[[Signature], list[Any]]) -> bool:
-        """Whether the relation holds for arguments that ``build`` makes from a signature (plain Python)."""
-        if not self.parts:
-            return bool(self.function(*build(self.signature)))
-        results = [part.holds(build) for part in self.parts]
-        return all(results) if self.truth.op == "and" else any(results)
-
 
 def relation(function: Callable[..., bool]) -> Relation:
-    """Make a relation of a typed function that returns a truth value; raises :class:`RuleError`."""
+    """The relation of a typed function that returns a truth value; raises :class:`RuleError`."""
     return as_relation(function)
 
 
@@ -71,7 +72,11 @@ def as_relation(function: Any, specificity: int = SPECIFICITY_PLAIN) -> Relation
     truth = truth_of(trace(function, symbolic_arguments(signature), truth_leaf, code_place(function)))
     if any(s.op == "draw" for s in walk(truth)):
         raise RuleError(f"{code_place(function)}: a relation cannot draw random numbers; draw them in the rule")
-    return Relation(function, signature, _where_it_applies(signature, truth), specificity)
+    needs = _needs(signature, truth)
+    for index, need in enumerate(needs):
+        if need.factors or need.entity_type is not None:
+            truth = make("relation", ("needs", need.factors, need.entity_type), index, index) & truth
+    return Relation(function, signature, truth, needs, specificity)
 
 
 def truth_of(tree: Tree) -> Symbol:
@@ -83,15 +88,15 @@ def truth_of(tree: Tree) -> Symbol:
     return (tree.condition & yes) | (tree.condition.negate() & no)
 
 
-def _where_it_applies(signature: Signature, truth: Symbol) -> Symbol:
-    """The truth, and that the entities are what the relation takes and hold what it reads: else it does not hold."""
+def _needs(signature: Signature, truth: Symbol) -> tuple[Pattern, ...]:
+    """What each entity must have: the factors of its pattern and those that the function reads."""
+    loads = [s for s in walk(truth) if s.op == "load"]
+    needs = []
     for index, pattern in enumerate(signature.entities):
-        loads = [s.args[1] for s in walk(truth) if s.op == "load" and s.args[0] == index]
+        read = [s.args[1] for s in loads if s.args[0] == index]
         kind = None if pattern.entity_type is Entity else pattern.entity_type
-        factors = tuple(dict.fromkeys((*pattern.factors, *loads)))
-        if factors or kind is not None:
-            truth = make("relation", ("needs", factors, kind), index, index) & truth
-    return truth
+        needs.append(Pattern(tuple(dict.fromkeys((*pattern.factors, *read))), kind))
+    return tuple(needs)
 
 
 def _combine(how: str, a: Relation, b: Relation, specificity: int) -> Relation:
@@ -100,7 +105,7 @@ def _combine(how: str, a: Relation, b: Relation, specificity: int) -> Relation:
 
     combined.__name__ = f"({a.name} {how} {b.name})"
     signature = max(a.signature, b.signature, key=lambda s: len(s.entities))
-    return Relation(combined, signature, make(how, a.truth, b.truth), specificity, (a, b))
+    return Relation(combined, signature, make(how, a.truth, b.truth), signature.entities, specificity, (a, b))
 
 
 def is_equal(factor: type[Factor], value: Any) -> Relation:
@@ -115,27 +120,26 @@ def is_equal(factor: type[Factor], value: Any) -> Relation:
     return as_relation(equals, specificity)
 
 
-def _is_on(thing: Entity, tile: Entity) -> bool:
-    """``tile`` is the topmost floor under ``thing``'s centre or rim; an entity without a place is under everything."""
-    return _ask("is_on", thing, tile)
-
-
-def _overlaps(a: Thing, b: Thing) -> bool:
-    """The outlines of two things overlap (a disc overlaps a hull where its centre lies inside)."""
-    return _ask("overlaps", a, b)
-
-
-def _contains(thing: Entity, tile: Entity) -> bool:
-    """``thing`` is on ``tile`` and lies wholly inside its outline."""
-    return _ask("contains", thing, tile)
-
-
-def _ask(name: str, a: Any, b: Any) -> Any:
+def _geometric(name: str, a: Any, b: Any) -> Any:
+    """The truth of a geometric relation of two entities, as a rule sees them."""
     if not isinstance(a, EntityView) or not isinstance(b, EntityView):
         raise TypeError(f"{name} takes two entities of the rule")
     return a.relation(name, b)
 
 
-is_on = as_relation(_is_on)
-overlaps = as_relation(_overlaps)
-contains = as_relation(_contains)
+@as_relation
+def is_on(thing: Entity, tile: Entity) -> bool:
+    """``tile`` is the topmost floor under ``thing``'s centre or rim; a tile without a position is under all entities."""
+    return _geometric("is_on", thing, tile)
+
+
+@as_relation
+def overlaps(a: Thing, b: Thing) -> bool:
+    """The outlines of two things overlap (a disc overlaps a hull where its centre lies inside)."""
+    return _geometric("overlaps", a, b)
+
+
+@as_relation
+def contains(thing: Entity, tile: Entity) -> bool:
+    """``thing`` is on ``tile`` and lies wholly inside its outline."""
+    return _geometric("contains", thing, tile)

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, overload
 
 from segar.errors import RuleError
 from segar.language.entities import Object, Thing, Tile
 from segar.language.factors import Factor
 from segar.language.relations import Relation, as_relation
-from segar.language.signature import Signature, code_place, read_signature, symbolic_arguments
-from segar.language.tracing import Tree, effects_leaf, number_leaf, trace, truth_leaf
+from segar.language.signature import Pattern, Signature, code_place, read_signature, symbolic_arguments
+from segar.language.tracing import Tree, effects_leaf, effects_of, number_leaf, symbols_of, trace, truth_leaf
 
 SPECIFICITY_THING = 4  # an argument's entity class makes a rule this specific (2022: rules)
 SPECIFICITY_OBJECT = 5
@@ -50,6 +51,21 @@ class Rule:
     def changes(self) -> frozenset[type[Factor]]:
         """The factors that the rule declares to change."""
         return frozenset(factor for _, factor in self.signature.effects)
+
+    @cached_property
+    def needs(self) -> tuple[Pattern, ...]:
+        """What each entity of the rule must have: the factors of its pattern, and those that the function reads or sets.
+
+        What a relation reads is not among them: the relation does not hold for an entity without these.
+        """
+        factors = [dict.fromkeys(p.factors) for p in self.signature.entities]
+        for symbol in symbols_of(self.tree):
+            if symbol.op == "load":
+                factors[symbol.args[0]].setdefault(symbol.args[1])
+        for effect in effects_of(self.tree):
+            factors[effect.argument].setdefault(effect.factor)
+        types = [p.entity_type for p in self.signature.entities]
+        return tuple(Pattern(tuple(f), t) for f, t in zip(factors, types, strict=True))
 
     def __repr__(self) -> str:
         return f"<rule {self.where}>"
@@ -100,22 +116,19 @@ def _make_rule(function: Callable[..., Any], relation: Any, priority: int | None
     signature = read_signature(function)
     if not signature.entities:
         raise RuleError(f"{code_place(function)}: a rule needs at least one factor or entity to act on")
-    allowed: dict[tuple[type, type], str] = {
-        (kind, factor): f"{kind.__name__}[{factor.__name__}]" for kind, factor in signature.effects
-    }
     condition = as_relation(relation) if relation is not None else None
     if condition is not None and len(condition.signature.entities) > len(signature.entities):
         raise RuleError(
             f"{code_place(function)}: relation {condition.name} needs {len(condition.signature.entities)} entities,"
             f" the rule has {len(signature.entities)}"
         )
-    tree = trace(function, symbolic_arguments(signature), effects_leaf(allowed), code_place(function))
+    tree = trace(function, symbolic_arguments(signature), effects_leaf(signature.effects), code_place(function))
     if priority is None:
         priority = max([condition.specificity if condition else 0, *map(_specificity, signature.entities)])
     return Rule(function, signature, tree, condition, priority, recheck)
 
 
-def _specificity(pattern: Any) -> int:
+def _specificity(pattern: Pattern) -> int:
     kind = pattern.entity_type
     if kind is None or not issubclass(kind, Thing):
         return 0

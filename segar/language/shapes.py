@@ -10,7 +10,7 @@ import numpy as np
 from segar.errors import FactorError
 from segar.language.hull_statistics import hull_log_density, mean_area, mean_perimeter, mean_vertices
 from segar.language.hulls import convex_hulls
-from segar.support import Estimate
+from segar.support import Estimate, LevelGenerator
 
 CIRCLE = 1  # shape kinds as the kernels see them; 0 means no shape
 HULL = 2
@@ -33,7 +33,7 @@ class BaseShape:
         """Vertices, float64 ``(n, 2)``; ``(0, 2)`` for a circle."""
         return np.zeros((0, 2))
 
-    def sample(self, rng: Any, size: int) -> list[np.ndarray]:
+    def sample(self, rng: np.random.Generator | LevelGenerator, size: int) -> list[np.ndarray]:
         """Vertices of ``size`` draws of this shape; only random shapes use ``rng``."""
         return [self.vertices] * size
 
@@ -120,11 +120,11 @@ class RandomConvexHull(BaseShape):
     def is_random(self) -> bool:
         return True
 
-    def sample(self, rng: Any, size: int) -> list[np.ndarray]:
+    def sample(self, rng: np.random.Generator | LevelGenerator, size: int) -> list[np.ndarray]:
         points = rng.normal(0.0, self.size / 2, size=(size, HULL_POINTS, 2))
         return convex_hulls(points)
 
-    def log_prob(self, hulls: Sequence[Any]) -> np.ndarray:
+    def log_prob(self, hulls: Sequence[np.ndarray]) -> np.ndarray:
         """Log density of each hull, vertices float ``(k, 2)`` counter-clockwise, with respect to area in each vertex;
         see :mod:`segar.language.hull_statistics`. Float64 ``(n,)``."""
         count = np.array([len(hull) for hull in hulls])

@@ -2,7 +2,7 @@
 
 A rule's argument is a factor (all plain factors come from one entity), a tuple of factors (one entity each), an entity
 class (one entity each), a world parameter, ``Action`` (in a task's functions) or ``Wall`` (in contact rules). A task's
-functions of the state may ask for ``Every`` or ``Best`` over the entities of their last arguments.
+functions of the state may have the hints ``Every`` or ``Best`` on their last arguments.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class Wall:
 
 @dataclass(frozen=True)
 class Pattern:
-    """What an entity needs to match one argument: factors, or an entity type."""
+    """What an entity must have to match: factors, and an entity type unless that is None."""
 
     factors: tuple[type[Factor], ...] = ()
     entity_type: type[Entity] | None = None
@@ -67,8 +67,8 @@ class Argument:
 class Signature:
     """The pattern of a rule: its arguments, the entities it needs, and the effects it declares (None: a function).
 
-    ``reduction`` says what becomes of the values over all entities that match the last ``reduced`` patterns: whether
-    "every" one holds, or which is the "best", the greatest.
+    The values for all entities that match the last ``reduced`` patterns become one by the ``reduction``: "every" for
+    whether all of them hold, "best" for the greatest.
     """
 
     arguments: tuple[Argument, ...]
@@ -86,12 +86,12 @@ class Signature:
 
 
 class EntityView:
-    """An entity as a rule sees it: ``entity[Mass]`` reads a factor. ``read`` supplies the values."""
+    """An entity as a rule sees it: ``entity[Mass]`` reads a factor, by the function ``read``."""
 
     def __init__(
-        self, index: int, type_: type[Entity] | None, read: Callable[[int, type[Factor]], Any], ask: Any
+        self, index: int, type_: type[Entity] | None, read: Callable[[int, type[Factor]], Any], relation: Any
     ) -> None:
-        self.index, self.type, self._read, self._ask = index, type_, read, ask
+        self.index, self.type, self._read, self._relation = index, type_, read, relation
 
     def __getitem__(self, factor: type[Factor]) -> Any:
         if not (isinstance(factor, type) and issubclass(factor, Factor)):
@@ -105,7 +105,7 @@ class EntityView:
 
     def relation(self, name: str, other: EntityView) -> Any:
         """The truth of a geometric relation of this entity to another one."""
-        return self._ask(name, self.index, other.index)
+        return self._relation(name, self.index, other.index)
 
 
 class WallView:
@@ -123,7 +123,7 @@ def code_place(function: Callable[..., Any]) -> str:
 
 
 def read_signature(function: Callable[..., Any], returns_effects: bool = True, reduction: str = "") -> Signature:
-    """The signature of a typed function, which may ask for one kind of ``reduction``, "every" or "best".
+    """The signature of a typed function, which may have one kind of ``reduction``, "every" or "best"; none where it is empty.
 
     Raises:
         RuleError: a hint is missing, unknown, or mixes what cannot be mixed; an effect is declared on a factor that no
@@ -143,15 +143,15 @@ def read_signature(function: Callable[..., Any], returns_effects: bool = True, r
             raise RuleError(
                 f"{code_place(function)}: argument '{name}' has no type hint; hint a factor, e.g. {name}: Mass"
             )
-        hint, asked = _without_reduction(hints[name])
+        hint, reduced_by = _without_reduction(hints[name])
         before = len(entities)
         if isinstance(hint, type) and issubclass(hint, Factor) and not issubclass(hint, Parameter):
             plain.append((len(arguments), hint))
             arguments.append(Argument(name, "factor", 0, (hint,)))
         else:
             arguments.append(_argument(function, name, hint, entities))
-        if asked or (reduced and len(entities) > before):
-            _check_reduction(function, name, asked, reduction, len(entities) > before)
+        if reduced_by or (reduced and len(entities) > before):
+            _check_reduction(function, name, reduced_by, reduction, len(entities) > before)
             reduced += 1
     if plain:
         if entities:
@@ -177,14 +177,16 @@ def symbolic_arguments(signature: Signature) -> list[Any]:
     return [build_argument(a, signature, _load, _relation) for a in signature.arguments]
 
 
-def build_argument(argument: Argument, signature: Signature, read: Callable[..., Any], ask: Callable[..., Any]) -> Any:
-    """The value of one argument, given how to read factors and how to ask relations (symbols or numbers)."""
+def build_argument(
+    argument: Argument, signature: Signature, read: Callable[..., Any], relation: Callable[..., Any]
+) -> Any:
+    """The value of one argument, given functions that read factors and evaluate relations (as symbols or as numbers)."""
     if argument.kind == "factor":
         return read(argument.entity, argument.factors[0])
     if argument.kind == "tuple":
         return tuple(read(argument.entity, f) for f in argument.factors)
     if argument.kind == "entity":
-        return EntityView(argument.entity, argument.type, read, ask)
+        return EntityView(argument.entity, argument.type, read, relation)
     return read(-1, argument.type)
 
 
@@ -258,25 +260,25 @@ def _argument(function: Callable[..., Any], name: str, hint: Any, entities: list
 
 
 def _without_reduction(hint: Any) -> tuple[Any, str]:
-    """The hint that ``Every[...]`` or ``Best[...]`` holds, and which of them it was."""
+    """The hint inside ``Every[...]`` or ``Best[...]``, and the kind of reduction ("" for none)."""
     if typing.get_origin(hint) is Annotated and hint.__metadata__[0] in REDUCTIONS:
         return hint.__origin__, hint.__metadata__[0]
     return hint, ""
 
 
-def _check_reduction(function: Callable[..., Any], name: str, asked: str, allowed: str, is_entity: bool) -> None:
-    """Refuse a hint ``Every`` or ``Best`` where it means nothing."""
+def _check_reduction(function: Callable[..., Any], name: str, found: str, allowed: str, is_entity: bool) -> None:
+    """Raise :class:`RuleError` where a hint ``Every`` or ``Best`` means nothing, or where one is missing."""
     place = f"{code_place(function)}: argument '{name}'"
-    if not asked:
+    if not found:
         raise RuleError(f"{place}: arguments with {REDUCTIONS[allowed]}[...] come last")
-    if asked != allowed:
+    if found != allowed:
         meant = {
             "every": "a task's terminated, success and death can ask for Every",
             "best": "a task's reward can ask for Best",
         }
-        raise RuleError(f"{place}: only {meant[asked]}")
+        raise RuleError(f"{place}: only {meant[found]}")
     if not is_entity:
-        raise RuleError(f"{place}: {REDUCTIONS[asked]}[...] takes an entity class or a Tuple of factors")
+        raise RuleError(f"{place}: {REDUCTIONS[found]}[...] takes an entity class or a Tuple of factors")
 
 
 def _effects(function: Callable[..., Any], hint: Any) -> typing.Iterator[tuple[type[Effect], type[Factor]]]:

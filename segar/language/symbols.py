@@ -7,16 +7,18 @@ generated code computes them once. Constants fold; nothing else is simplified (0
 from __future__ import annotations
 
 import math
+import operator
 import struct
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from segar.errors import RuleError
 from segar.language.values import Number, Source, VectorValue
 
 _interned: weakref.WeakValueDictionary[Any, Symbol] = weakref.WeakValueDictionary()
-_decide: list[Callable[[Symbol], bool]] = []  # the innermost tracer answers what a condition is on this path
+_deciders: list[Callable[[Symbol], bool]] = []  # the last one decides what a condition is on the path being traced
 
 TRUTHS = frozenset({"lt", "le", "gt", "ge", "eq", "ne", "and", "or", "not", "relation"})
 
@@ -44,9 +46,9 @@ class Symbol:
         if self.op == "const":
             return bool(self.args[0])
         condition = self if self.is_truth else self != 0.0
-        if not _decide:
+        if not _deciders:
             raise RuleError("a symbolic condition was tested outside a rule")
-        return _decide[-1](condition)
+        return _deciders[-1](condition)
 
     def __add__(self, other: Any) -> Any:
         return _binary("add", self, other)
@@ -190,6 +192,16 @@ class Symbol:
         return f"{self.op}({', '.join(map(repr, self.args))})"
 
 
+@contextmanager
+def deciding_by(decide: Callable[[Symbol], bool]) -> Iterator[None]:
+    """A context in which ``bool()`` of a symbolic condition returns what ``decide`` answers."""
+    _deciders.append(decide)
+    try:
+        yield
+    finally:
+        _deciders.pop()
+
+
 def make(op: str, *args: Any) -> Any:
     """The node ``op(args)``; arithmetic on constants alone is done at once."""
     if op not in ("const", "load", "parameter", "draw", "relation", "action", "wall") and all(
@@ -238,42 +250,31 @@ def as_truth(value: Any) -> Symbol:
 
 def evaluate(op: str, values: list[Any]) -> Any:
     """The operation on Python numbers, with the semantics of :class:`segar.language.values.Number`."""
-    a = Number(values[0]) if not isinstance(values[0], bool) else values[0]
-    b = values[1] if len(values) > 1 else None
     match op:
         case "and":
-            return bool(a) and bool(b)
+            return bool(values[0]) and bool(values[1])
         case "or":
-            return bool(a) or bool(b)
+            return bool(values[0]) or bool(values[1])
         case "not":
-            return not a
+            return not values[0]
         case "select":
-            return values[1] if a else values[2]
-        case "arctan2":
-            return float(Number(a).arctan2(b))
-        case "pow":
-            return float(Number(a) ** b)
-    x = Number(a)
-    if op in _ARITHMETIC and b is not None:
-        return float(_ARITHMETIC[op](x, Number(b)))
-    if op in _COMPARISON:
-        return bool(_COMPARISON[op](float(x), float(values[1])))
-    if op == "neg":
-        return -float(x)
-    return float(getattr(x, op)())
+            return values[1] if values[0] else values[2]
+    first, *others = map(Number, values)
+    result = _OPERATORS[op](first, *others) if op in _OPERATORS else getattr(first, op)(*others)
+    return bool(result) if op in TRUTHS else float(result)
 
 
-_ARITHMETIC: dict[str, Callable[[Any, Any], Any]] = {
-    "add": lambda a, b: a + b,
-    "sub": lambda a, b: a - b,
-    "mul": lambda a, b: a * b,
-    "div": lambda a, b: a / b,
-}
-_COMPARISON: dict[str, Callable[[float, float], bool]] = {
-    "lt": lambda a, b: a < b,
-    "le": lambda a, b: a <= b,
-    "eq": lambda a, b: a == b,
-    "ne": lambda a, b: a != b,
+_OPERATORS: dict[str, Callable[..., Any]] = {
+    "add": operator.add,
+    "sub": operator.sub,
+    "mul": operator.mul,
+    "div": operator.truediv,
+    "pow": operator.pow,
+    "neg": operator.neg,
+    "lt": operator.lt,
+    "le": operator.le,
+    "eq": operator.eq,
+    "ne": operator.ne,
 }
 
 

@@ -6,7 +6,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from segar.errors import SegarError
+from segar.language.factors_view import Factors
 from segar.language.rule_definition import Rule, as_rule, value_rule
 
 Function = Callable[..., Any]
@@ -46,22 +49,22 @@ class Task:
 
     Each function may be a tuple of functions: their rewards add up, and a truth holds if any of them does.
 
-    A task remembers nothing but factors: what a reward needs to know of the past is written to a factor by ``act``.
+    A task has no memory beside the factors: ``act`` writes to a factor what a reward needs to know of the past.
 
     Attributes:
         act: rule with an ``Action`` (of several, some may go without); applied once per step before the first sub-step,
             differentials unscaled.
         reward: number, evaluated once per step after the last sub-step.
         terminated: truth, evaluated after every sub-step; the step ends where it holds.
-        success: truth, evaluated at the end of the step; said in ``info``.
-        death: truth, evaluated at the end of the step; said in ``info``.
+        success: truth, evaluated at the end of the step and reported in ``info``.
+        death: truth, evaluated at the end of the step and reported in ``info``.
         action_low, action_high: range of each number of the action; values outside are clipped.
         max_steps: an episode is truncated after this many steps.
         sub_steps: sub-steps per step.
-        results: name to a function of ``info["factors"]`` that gives an array ``(num_envs, ...)``: what ``info`` and
-            ``final_info`` say under ``"results"``, computed only when it is asked for.
+        results: name to a function of ``info["factors"]`` that returns an array ``(num_envs, ...)``. ``info`` and
+            ``final_info`` hold it under ``"results"``; it is computed only when it is read.
         demo_actions: function of ``info["factors"]`` that gives the actions of a scripted player, float32
-            ``(num_envs, action size)``, for demonstrations and as a yardstick.
+            ``(num_envs, action size)``, for demonstrations and for comparison.
     """
 
     name: str
@@ -74,8 +77,8 @@ class Task:
     action_high: tuple[float, ...] = (1.0, 1.0)
     max_steps: int = 100
     sub_steps: int = 5
-    results: Mapping[str, Function] = field(default_factory=dict, hash=False)
-    demo_actions: Function | None = None
+    results: Mapping[str, Callable[[Factors], np.ndarray]] = field(default_factory=dict, hash=False)
+    demo_actions: Callable[[Factors], np.ndarray] | None = None
 
     def __post_init__(self) -> None:
         if len(self.action_low) != len(self.action_high) or not self.action_low:
@@ -109,7 +112,7 @@ _default: list[Callable[[], Task]] = []
 
 
 def set_default_task(make: Callable[[], Task]) -> None:
-    """Registers what simulator and interpreter use where no task is given; :mod:`segar.tasks` calls it once."""
+    """Set the task that simulator and interpreter have where none is given; :mod:`segar.tasks` calls this once."""
     _default[:] = [make]
 
 

@@ -1,33 +1,34 @@
 """Run a rule on symbols and explore every path through its ``if``s: function -> decision tree of expressions.
 
-``bool()`` of a symbolic condition asks the tracer, which answers True first and comes back for False by running the
-function again. A condition that was decided on a path keeps its answer.
+``bool()`` of a symbolic condition calls the tracer, which answers True first, and then runs the function again for
+False. A condition that was decided on a path keeps its answer.
 """
 
 from __future__ import annotations
 
 import itertools
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import Any
 
 from segar.errors import RuleError
 from segar.language import random, symbols
 from segar.language.effects import Effect
-from segar.language.symbols import NO_NUMPY, Symbol, as_symbol, as_truth
+from segar.language.factors import Factor
+from segar.language.symbols import NO_NUMPY, Symbol, as_symbol, as_truth, walk
 from segar.language.values import VectorValue
 
 MAX_PATHS = 64
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """An effect on one factor of one argument: its kind and the new value's components."""
+class EffectExpression:
+    """An effect on one factor of one argument: its kind, and an expression for each component of the new value."""
 
     kind: type[Effect]
     argument: int
-    factor: type
+    factor: type[Factor]
     components: tuple[Symbol, ...]
 
 
@@ -35,7 +36,7 @@ class Outcome:
 class Leaf:
     """The end of a path: effects of a rule, or the value of a function."""
 
-    outcomes: tuple[Outcome, ...] = ()
+    effects: tuple[EffectExpression, ...] = ()
     value: Symbol | None = None
 
 
@@ -49,6 +50,33 @@ class Branch:
 
 
 Tree = Leaf | Branch
+
+
+def leaves_of(tree: Tree) -> list[Leaf]:
+    """All leaves of a tree."""
+    return [tree] if isinstance(tree, Leaf) else leaves_of(tree.yes) + leaves_of(tree.no)
+
+
+def effects_of(tree: Tree) -> list[EffectExpression]:
+    """The effects at all leaves of a tree."""
+    return [effect for leaf in leaves_of(tree) for effect in leaf.effects]
+
+
+def symbols_of(tree: Tree) -> list[Symbol]:
+    """All symbols of a tree, those of conditions and of leaves, each once."""
+    seen: dict[Symbol, None] = {}
+    stack: list[Tree] = [tree]
+    while stack:
+        node = stack.pop()
+        if isinstance(node, Branch):
+            roots = [node.condition]
+            stack += [node.yes, node.no]
+        else:
+            roots = [c for effect in node.effects for c in effect.components]
+            roots += [node.value] if node.value is not None else []
+        for root in roots:
+            seen.update(dict.fromkeys(walk(root)))
+    return list(seen)
 
 
 def trace(function: Callable[..., Any], arguments: list[Any], finish: Callable[[Any], Leaf], where: str) -> Tree:
@@ -107,18 +135,14 @@ def _run(
         return answers[id(base)] != negated
 
     draws = itertools.count()
-    symbols._decide.append(decide)
-    random._uniform_source.append(lambda: symbols.make("draw", next(draws)))
     try:
-        return decided, finish(function(*arguments))
+        with symbols.deciding_by(decide), random.drawing_from(lambda: symbols.make("draw", next(draws))):
+            return decided, finish(function(*arguments))
     except RuleError as error:
         raise RuleError(f"{where}{_author_line(function, error)}: {error}") from error
     except (TypeError, ValueError, AttributeError, IndexError, KeyError, NameError, ZeroDivisionError) as error:
-        said = NO_NUMPY if "__array_ufunc__" in str(error) else f"{type(error).__name__}: {error}"
-        raise RuleError(f"{where}{_author_line(function, error)}: {said}") from error
-    finally:
-        symbols._decide.pop()
-        random._uniform_source.pop()
+        message = NO_NUMPY if "__array_ufunc__" in str(error) else f"{type(error).__name__}: {error}"
+        raise RuleError(f"{where}{_author_line(function, error)}: {message}") from error
 
 
 def _author_line(function: Callable[..., Any], error: BaseException) -> str:
@@ -131,49 +155,45 @@ def _author_line(function: Callable[..., Any], error: BaseException) -> str:
     return f" (line {last.lineno}: `{last.line}`)" if last.line else f" (line {last.lineno})"
 
 
-def effects_leaf(allowed: dict[tuple[type, type], str] | None) -> Callable[[Any], Leaf]:
-    """A finisher for rules: the returned effects, checked against the declared ones (kind, factor)."""
+def effects_leaf(declared: Collection[tuple[type[Effect], type]]) -> Callable[[Any], Leaf]:
+    """The function that makes a leaf of the effects that a rule returned; each must be declared as (kind, factor)."""
 
     def finish(returned: Any) -> Leaf:
-        effects = returned if isinstance(returned, (tuple, list)) else () if returned is None else (returned,)
-        outcomes = []
-        for effect in effects:
-            if effect is None:
-                continue
-            if not isinstance(effect, Effect):
-                raise RuleError(
-                    f"returns {effect!r}; a rule returns Aggregate[...], Differential[...], SetFactor[...],"
-                    " a tuple of these, or None"
-                )
-            key = (effect.kind, effect.factor)
-            if allowed is not None and key not in allowed:
-                promised = ", ".join(allowed.values()) or None
-                raise RuleError(f"returns {type(effect).__name__}, but its annotation promises {promised}")
-            value = effect.value
-            parts = (value.x, value.y) if isinstance(value, VectorValue) else (value,)
-            outcomes.append(
-                Outcome(effect.kind, effect.target.argument, effect.target.factor, tuple(_stored(p) for p in parts))
-            )
-        return Leaf(outcomes=tuple(outcomes))
+        effects = returned if isinstance(returned, (tuple, list)) else (returned,)
+        return Leaf(effects=tuple(_effect_expression(e, declared) for e in effects if e is not None))
 
     return finish
 
 
+def _effect_expression(effect: Any, declared: Collection[tuple[type[Effect], type]]) -> EffectExpression:
+    if not isinstance(effect, Effect):
+        raise RuleError(
+            f"returns {effect!r}; a rule returns Aggregate[...], Differential[...], SetFactor[...], a tuple of these,"
+            " or None"
+        )
+    if (effect.kind, effect.factor) not in declared:
+        promised = ", ".join(f"{kind.__name__}[{factor.__name__}]" for kind, factor in declared) or None
+        raise RuleError(f"returns {type(effect).__name__}, but its annotation promises {promised}")
+    parts = tuple(effect.value) if isinstance(effect.value, VectorValue) else (effect.value,)
+    return EffectExpression(effect.kind, effect.target.argument, effect.target.factor, tuple(map(_as_number, parts)))
+
+
 def number_leaf(returned: Any) -> Leaf:
-    """A finisher for functions that return a number."""
+    """The leaf of a function that returned a number."""
     if isinstance(returned, VectorValue):
         raise RuleError("returns a vector, but a number is needed")
-    return Leaf(value=_stored(returned))
+    return Leaf(value=_as_number(returned))
 
 
 def truth_leaf(returned: Any) -> Leaf:
-    """A finisher for functions that return a truth value."""
+    """The leaf of a function that returned a truth value."""
     if isinstance(returned, VectorValue):
         raise RuleError("returns a vector, but a truth value is needed")
     return Leaf(value=as_truth(returned))
 
 
-def _stored(value: Any) -> Symbol:
+def _as_number(value: Any) -> Symbol:
+    """The value as the state stores it: a truth value becomes 1.0 or 0.0."""
     symbol = as_symbol(value)
     if symbol.is_truth:
         return symbols.make("select", symbol, symbols.make("const", 1.0), symbols.make("const", 0.0))

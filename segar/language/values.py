@@ -66,9 +66,7 @@ class Number(float):
             return self.sqrt()
         try:
             power = float(self) ** float(other)
-        except ZeroDivisionError:
-            power = math.inf
-        except OverflowError:
+        except (ZeroDivisionError, OverflowError):
             power = math.inf
         return Number(math.nan if isinstance(power, complex) else power)
 

@@ -1,4 +1,4 @@
-"""What the engine needs to know of a world: its rules, and nothing of any built-in physics."""
+"""What engine and interpreter need of a world: its rules, without any built-in physics."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ ARENA = 1.0  # [m] distance of the walls from the middle of the arena that distr
 
 
 class WorldRules(Protocol):
-    """The attributes of :class:`segar.World`, which says what they mean."""
+    """The attributes of :class:`segar.World`; see there for their meaning."""
 
     @property
     def rules(self) -> tuple[Rule, ...]: ...

@@ -1,32 +1,36 @@
 """The same rules run as plain Python on one environment state: the oracle of the kernels, and the debugger of rules.
 
 Nothing here looks at generated code. Entities match by what their types declare, every rule is called on every ordered
-tuple of distinct entities, and its outcomes are folded as the paper says. Some thousand times slower than a kernel.
+tuple of distinct entities, and its effects are combined as in the paper. Some thousand times slower than a kernel.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
-from typing import Any
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
-from segar.engine import Needs, needs_of
+import numpy as np
+
 from segar.errors import ConflictError, SegarError
 from segar.language import (
+    ACT,
+    FIND_RATES,
+    SUB_STEP,
     Aggregate,
     Differential,
     Effect,
-    Factor,
     Framerate,
     Layout,
     Number,
-    Position,
+    Operation,
     Relation,
     Rule,
     SetFactor,
     Signature,
+    Stage,
     Task,
     TaskFunctions,
     VectorValue,
@@ -36,11 +40,18 @@ from segar.language import (
     default_task,
     random,
 )
+from segar.reference.plain_random import keyed_uniform
 from segar.reference.reference_contacts import ContactRules, Rates, move, resolve_contacts
-from segar.reference.reference_state import Scene
+from segar.reference.reference_state import ReferenceState
 from segar.reference.result import Firing, Result
 
-Takes = Callable[[Rule, Effect], bool]
+if TYPE_CHECKING:
+    from segar.levels import Levels
+
+Place = tuple[int, int]
+"""A slot, and the first column of a factor."""
+Gathered = dict[Place, list[tuple[Rule, Effect]]]
+Changes = dict[Place, tuple[float, ...]]
 
 
 @dataclass(frozen=True)
@@ -64,9 +75,9 @@ class Interpreter:
 
     def step(
         self,
-        levels: Any,
+        levels: Levels,
         index: int = 0,
-        values: Any = None,
+        values: np.ndarray | None = None,
         action: Sequence[float] | None = None,
         n: int | None = None,
         key: int = 0,
@@ -86,17 +97,15 @@ class Interpreter:
         """
         if levels.layout != self.layout:
             raise SegarError("these levels belong to another distribution than the interpreter was made for")
-        run = _Run(
-            self.world, self.functions, Scene.of_level(levels, index, values, key, tick, self.world.walls), explain
-        )
+        state = ReferenceState.of_level(levels, index, values, key, tick, self.world.walls)
+        run = _Run(self.world, self.functions, state, explain)
         if action is not None:
             run.act(action)
         for _ in range(n or (1 if action is None else self.task.sub_steps)):
             run.sub_step()
             if action is not None and run.task_holds("terminated"):
                 break
-        scene = run.scene
-        result = Result(scene, scene.values, scene.tick, run.contacts, run.gave_up, firings=run.firings)
+        result = Result(state, state.values, state.tick, run.contacts, run.unresolved_contacts, firings=run.firings)
         if action is not None:
             result.reward = run.reward()
             result.terminated, result.success, result.death = map(run.task_holds, ("terminated", "success", "death"))
@@ -109,90 +118,93 @@ class _Run:
 
     world: WorldRules
     functions: TaskFunctions
-    scene: Scene
+    state: ReferenceState
     explain: bool
     action: tuple[Number, ...] = ()
+    rates: Rates = field(default_factory=dict)
     contacts: int = 0
-    gave_up: int = 0
+    unresolved_contacts: int = 0
     firings: list[Firing] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self.dt = 1.0 / self.scene.parameters[Framerate]
+        self.dt = 1.0 / self.state.parameters[Framerate]
 
     def act(self, action: Sequence[float]) -> None:
         ranges = zip(action, self.functions.action_low, self.functions.action_high, strict=True)
         self.action = tuple(Number(min(max(float(a), low), high)) for a, low, high in ranges)
-        self._stage("act", list(self.functions.act), lambda rule, effect: True, scale=1.0)
+        self._run_stage(ACT)
 
     def sub_step(self) -> None:
-        rules = list(self.world.rules)
-        # What a rule says about positions counts in the stage of positions alone, even if it is checked again.
-        self._stage("factors", rules, lambda r, e: _stage_of(e) == "factors" or (r.recheck and not _moves(e)))
-        self._stage("velocity", rules, lambda r, e: _stage_of(e) == "velocity" or (r.recheck and not _moves(e)))
-        if self.world.limit is not None:
-            self._stage("limit", [self.world.limit], lambda r, e: True)
-        rates = self.rates()
-        self._stage("position", rules, lambda r, e: _moves(e) and e.kind is not Differential)
-        move(self.scene, rates, self.dt)
-        contact_rules = ContactRules(self.solid, self.hit_wall, self.hit_body, self.rates)
-        contacts, jammed = resolve_contacts(self.scene, contact_rules, rates, self.dt)
-        self.contacts += contacts
-        self.gave_up += jammed
-        self.scene.tick += 1
+        for stage in SUB_STEP:
+            self._run_stage(stage)
+        self.state.tick += 1
+
+    def _run_stage(self, stage: Stage) -> None:
+        match stage.operation:
+            case Operation.APPLY_EFFECTS:
+                self._write(self._fold(self._gather(stage), self.dt if stage.scales else 1.0))
+            case Operation.FIND_RATES:
+                self.rates = self.find_rates()
+            case Operation.MOVE:
+                move(self.state, self.rates, self.dt)
+            case Operation.RESOLVE_CONTACTS:
+                rules = ContactRules(self.solid, self.hit_wall, self.hit_body, self.find_rates)
+                contacts, unresolved = resolve_contacts(self.state, rules, self.rates, self.dt)
+                self.contacts += contacts
+                self.unresolved_contacts += unresolved
 
     # -- rules ---------------------------------------------------------------------------------------------------
 
-    def _stage(self, name: str, rules: list[Rule], takes: Takes, scale: float | None = None) -> None:
-        """All rules see the state from before the stage; what they say is written when all have spoken."""
-        self._write(self._fold(self._gather(name, rules, takes), self.dt if scale is None else scale))
-
-    def rates(self) -> Rates:
-        """The sum of the differentials on each position; nothing where a rule sets or aggregates the position."""
-        gathered = self._gather("position", list(self.world.rules), lambda r, e: _moves(e))
+    def find_rates(self) -> Rates:
+        """The sum of the differentials on each position; zero where a rule sets or aggregates the position."""
         rates = {}
-        for (slot, _), said in gathered.items():
-            only_rates = all(effect.kind is Differential for _, effect in said)
-            x, y = _sum(effect for _, effect in said) if only_rates else (0.0, 0.0)
+        for (slot, _), pairs in self._gather(FIND_RATES).items():
+            only_rates = all(effect.kind is Differential for _, effect in pairs)
+            x, y = _sum(effect for _, effect in pairs) if only_rates else (0.0, 0.0)
             rates[slot] = VectorValue(x, y)
         return rates
 
-    def _gather(self, stage: str, rules: list[Rule], takes: Takes) -> dict[tuple[int, int], list[tuple[Rule, Effect]]]:
-        """What the rules say on each (slot, column), in order of rules and entities."""
-        gathered: dict[tuple[int, int], list[tuple[Rule, Effect]]] = {}
-        for rule in rules:
-            for slots in self.scene.tuples(own_needs(rule)):
-                if rule.relation is not None and not self._related(rule.relation, slots):
-                    continue
-                effects = self._call(rule, slots)
-                taken = tuple(e for e in effects if takes(rule, e))
-                for effect in taken:
-                    self._put(gathered, rule, slots, effect)
-                self._note(stage, rule, slots, taken)
+    def _gather(self, stage: Stage) -> Gathered:
+        """The effects that count in the stage on each place, in order of rules and entities."""
+        gathered: Gathered = {}
+        for rule in stage.rules(self.world, self.functions):
+            for slots in self.state.tuples(rule.needs):
+                if rule.relation is None or self._is_related(rule.relation, slots):
+                    effects = self._effects(rule, slots)
+                    counted = [e for e in effects if stage.counts(rule, e.kind, e.target.factor)]
+                    self._add(gathered, stage.name, rule, slots, counted)
         return gathered
 
-    def _put(self, gathered: dict, rule: Rule, slots: tuple[int, ...], effect: Effect) -> None:
+    def _add(
+        self, gathered: Gathered, stage: str, rule: Rule, slots: tuple[int, ...], effects: Sequence[Effect]
+    ) -> None:
+        for effect in effects:
+            gathered.setdefault(self._place(slots, effect), []).append((rule, effect))
+        self._record(stage, rule, slots, effects)
+
+    def _place(self, slots: tuple[int, ...], effect: Effect) -> Place:
         slot = slots[effect.target.argument]
-        gathered.setdefault((slot, self.scene.column(slot, effect.target.factor)), []).append((rule, effect))
+        return slot, self.state.column(slot, effect.target.factor)
 
-    def _write(self, changed: dict[tuple[int, int], tuple[float, ...]]) -> None:
-        for (slot, column), parts in changed.items():
-            self.scene.write(slot, column, parts)
+    def _write(self, changes: Changes) -> None:
+        for (slot, column), parts in changes.items():
+            self.state.write(slot, column, parts)
 
-    def _fold(self, gathered: dict, scale: float) -> dict[tuple[int, int], tuple[float, ...]]:
-        """SetFactor beats Aggregate beats Differential."""
-        changed = {}
-        for (slot, column), said in gathered.items():
-            sets = [(rule, e) for rule, e in said if e.kind is SetFactor]
-            sums = [e for _, e in said if e.kind is Aggregate]
+    def _fold(self, gathered: Gathered, scale: float) -> Changes:
+        """The new values: SetFactor wins over Aggregate, and Aggregate over Differential."""
+        changes: Changes = {}
+        for (slot, column), pairs in gathered.items():
+            sets = [(rule, e) for rule, e in pairs if e.kind is SetFactor]
+            aggregates = [e for _, e in pairs if e.kind is Aggregate]
             if sets:
-                changed[slot, column] = self._decide(slot, sets)
-            elif sums:
-                changed[slot, column] = _sum(sums)
+                changes[slot, column] = self._decide(slot, sets)
+            elif aggregates:
+                changes[slot, column] = _sum(aggregates)
             else:
-                change = _sum(e for _, e in said)
-                old = self.scene.values[slot, column : column + len(change)]
-                changed[slot, column] = tuple(float(o) + c * scale for o, c in zip(old, change, strict=True))
-        return changed
+                change = _sum(e for _, e in pairs)
+                old = self.state.values[slot, column : column + len(change)]
+                changes[slot, column] = tuple(float(o) + c * scale for o, c in zip(old, change, strict=True))
+        return changes
 
     def _decide(self, slot: int, sets: list[tuple[Rule, Effect]]) -> tuple[float, ...]:
         """The value of the most specific rule; rules that are equally specific must agree."""
@@ -202,25 +214,21 @@ class _Run:
             if _parts(effect) != _parts(chosen):
                 raise ConflictError(
                     f"{first.where} and {other.where} set {chosen.target.factor.__name__} of"
-                    f" '{self.scene.layout.names[slot]}' to different values, {chosen.value!r} and {effect.value!r},"
+                    f" '{self.state.layout.names[slot]}' to different values, {chosen.value!r} and {effect.value!r},"
                     " and neither is more specific; give one a priority"
                 )
         return _parts(chosen)
 
-    def _related(self, relation: Relation, slots: tuple[int, ...]) -> bool:
-        """Whether a relation holds: its entities match what it takes, and its function says so."""
+    def _is_related(self, relation: Relation, slots: tuple[int, ...]) -> bool:
+        """Whether a relation holds: the entities have what it needs, and its function returns true."""
         if relation.parts:
-            answers = [self._related(part, slots) for part in relation.parts]
+            answers = [self._is_related(part, slots) for part in relation.parts]
             return all(answers) if relation.truth.op == "and" else any(answers)
-        patterns = zip(slots, relation.signature.entities, strict=False)
-        if not all(self.scene.meets(s, Needs(p.factors, p.entity_type)) for s, p in patterns):
+        if not all(map(self.state.meets, slots, relation.needs)):
             return False
-        try:
-            return bool(relation.function(*self._arguments(relation.signature, slots)))
-        except _Lacking:
-            return False
+        return bool(relation.function(*self._arguments(relation.signature, slots)))
 
-    def _call(self, rule: Rule, slots: tuple[int, ...], wall: VectorValue | None = None) -> list[Effect]:
+    def _effects(self, rule: Rule, slots: tuple[int, ...], wall: VectorValue | None = None) -> list[Effect]:
         """The effects of a rule on these entities."""
         returned = self._value(rule, slots, wall)
         effects = returned if isinstance(returned, (tuple, list)) else (returned,)
@@ -228,25 +236,22 @@ class _Run:
 
     def _value(self, rule: Rule, slots: tuple[int, ...], wall: VectorValue | None = None) -> Any:
         """What the rule's function returns for these entities."""
-        draws = itertools.count()
-        random._uniform_source.append(
-            lambda: keyed_uniform(self.scene.key, self.scene.tick, self._site(rule) * 256 + next(draws), slots)
-        )
-        try:
+        draws, state = itertools.count(), self.state
+
+        def draw() -> Number:
+            return keyed_uniform(state.key, state.tick, self._site(rule) * 256 + next(draws), slots)
+
+        with random.drawing_from(draw):
             return rule.function(*self._arguments(rule.signature, slots, wall))
-        finally:
-            random._uniform_source.pop()
 
     def _arguments(self, signature: Signature, slots: tuple[int, ...], wall: VectorValue | None = None) -> list[Any]:
         def read(entity: int, factor: Any) -> Any:
-            if entity >= 0 and factor.width and not self.scene.has(slots[entity], factor):
-                raise _Lacking(factor)
-            return self.scene.read(slots, entity, factor, wall, self.action)
+            return self.state.read(slots, entity, factor, wall, self.action)
 
-        def ask(name: str, a: int, b: int) -> bool:
-            return self.scene.relation(name, slots[a], slots[b])
+        def relation(name: str, a: int, b: int) -> bool:
+            return self.state.relation(name, slots[a], slots[b])
 
-        return [build_argument(a, signature, read, ask) for a in signature.arguments]
+        return [build_argument(a, signature, read, relation) for a in signature.arguments]
 
     def _site(self, rule: Rule) -> int:
         """Place of a rule in the order that keys its draws: the world's rules, the limit, contacts, then the task's."""
@@ -255,61 +260,53 @@ class _Run:
         order += [*task.act, *task.of_state]
         return [r for r in order if r is not None].index(rule)
 
-    def _note(self, stage: str, rule: Rule, slots: tuple[int, ...], effects: tuple[Effect, ...]) -> None:
+    def _record(self, stage: str, rule: Rule, slots: tuple[int, ...], effects: Sequence[Effect]) -> None:
         if self.explain and effects:
-            names = tuple(self.scene.layout.names[s] for s in slots)
-            self.firings.append(Firing(stage, rule, names, effects))
+            names = tuple(self.state.layout.names[s] for s in slots)
+            self.firings.append(Firing(stage, rule, names, tuple(effects)))
 
     # -- contacts ------------------------------------------------------------------------------------------------
 
     def solid(self, slot: int) -> bool:
-        """Whether a body collides with other bodies; what the world's function cannot judge does."""
+        """Whether a body collides with other bodies; a body that the world's function does not take does."""
         rule = self.world.solid
         if self.world.pair_contact is None or rule is None:
             return self.world.pair_contact is not None
-        return not self.scene.meets(slot, own_needs(rule)[0]) or bool(self._value(rule, (slot,)))
+        return not self.state.meets(slot, rule.needs[0]) or bool(self._value(rule, (slot,)))
 
     def hit_wall(self, slot: int, axes: VectorValue) -> None:
-        noted = self._notes((slot,), axes)
+        notes = self._notes((slot,), axes)
         rule = self.world.wall_contact
         if rule is None:
-            v = self.scene.vector(slot, Velocity)
+            v = self.state.vector(slot, Velocity)
             parts = tuple(0.0 if blocked else float(c) for c, blocked in zip(v, axes, strict=True))
-            self.scene.write(slot, self.scene.column(slot, Velocity), parts)
+            self.state.write(slot, self.state.column(slot, Velocity), parts)
         else:
-            self._assign(rule, (slot,), axes)
-        self._write(noted)
+            self._exchange(rule, (slot,), axes)
+        self._write(notes)
 
     def hit_body(self, first: int, second: int) -> None:
         assert self.world.pair_contact is not None  # else nothing is solid
-        noted = self._notes((first, second))
-        self._assign(self.world.pair_contact, (first, second))
-        self._write(noted)
+        notes = self._notes((first, second))
+        self._exchange(self.world.pair_contact, (first, second))
+        self._write(notes)
 
-    def _notes(
-        self, bodies: tuple[int, ...], wall: VectorValue | None = None
-    ) -> dict[tuple[int, int], tuple[float, ...]]:
+    def _notes(self, bodies: tuple[int, ...], wall: VectorValue | None = None) -> Changes:
         """What the rules of ``on_contact`` set, decided on the state in which the bodies meet."""
-        gathered: dict[tuple[int, int], list[tuple[Rule, Effect]]] = {}
+        gathered: Gathered = {}
         for rule in self.world.on_contact:
             for slots in itertools.permutations(bodies):
-                needs = own_needs(rule)
-                if len(needs) != len(slots) or not all(map(self.scene.meets, slots, needs)):
-                    continue
-                effects = tuple(self._call(rule, slots, wall))
-                for effect in effects:
-                    self._put(gathered, rule, slots, effect)
-                self._note("contact", rule, slots, effects)
+                if len(rule.needs) == len(slots) and all(map(self.state.meets, slots, rule.needs)):
+                    self._add(gathered, "contact", rule, slots, self._effects(rule, slots, wall))
         return self._fold(gathered, 0.0)
 
-    def _assign(self, rule: Rule, slots: tuple[int, ...], wall: VectorValue | None = None) -> None:
-        if not all(self.scene.meets(s, n) for s, n in zip(slots, own_needs(rule), strict=True)):
-            return
-        effects = tuple(self._call(rule, slots, wall=wall))
-        self._note("contact", rule, slots, effects)
-        for effect in effects:
-            slot = slots[effect.target.argument]
-            self.scene.write(slot, self.scene.column(slot, effect.target.factor), _parts(effect))
+    def _exchange(self, rule: Rule, slots: tuple[int, ...], wall: VectorValue | None = None) -> None:
+        """Set at once what a rule of contact returns, where it takes these bodies."""
+        if all(map(self.state.meets, slots, rule.needs)):
+            effects = self._effects(rule, slots, wall)
+            self._record("contact", rule, slots, effects)
+            for effect in effects:
+                self.state.write(*self._place(slots, effect), _parts(effect))
 
     # -- the task ------------------------------------------------------------------------------------------------
 
@@ -324,7 +321,7 @@ class _Run:
     def _values(self, rule: Rule) -> list[Any]:
         """The value for each tuple that matches, or one for all tuples that differ only in reduced arguments."""
         signature, found = rule.signature, {}
-        for slots in self.scene.tuples(own_needs(rule)):
+        for slots in self.state.tuples(rule.needs):
             free = slots[: len(slots) - signature.reduced]
             found.setdefault(free, []).append(self._value(rule, slots))
         if not signature.reduced:
@@ -332,45 +329,10 @@ class _Run:
         return [all(values) if signature.reduction == "every" else max(values) for values in found.values()]
 
 
-own_needs = lru_cache(maxsize=1024)(needs_of)
-
-
-class _Lacking(SegarError):
-    """A relation reads a factor that the entity lacks: then it does not hold."""
-
-    def __init__(self, factor: type[Factor]) -> None:
-        super().__init__(f"no {factor.__name__}")
-
-
-def keyed_uniform(key: int, tick: int, site: int, slots: tuple[int, ...]) -> Number:
-    """The uniform number in [0, 1) of a key: SplitMix64 over (key, tick, site, entities), in plain integers."""
-    a, b, c = (*slots, 0, 0, 0)[:3]
-    z = _mix(key + (tick + 1) * 0x9E3779B97F4A7C15)
-    z = _mix(z + site * 0xD1B54A32D192ED03)
-    z = _mix(z + (a * 65536 + b) * 0x8CB92BA72F3D8DD7 + c)
-    return Number((z >> 11) / 2.0**53)
-
-
-def _mix(z: int) -> int:
-    z %= 2**64
-    z = ((z ^ (z >> 30)) * 0xBF58476D1CE4E5B9) % 2**64
-    z = ((z ^ (z >> 27)) * 0x94D049BB133111EB) % 2**64
-    return z ^ (z >> 31)
-
-
-def _stage_of(effect: Effect) -> str:
-    factor = effect.target.factor
-    return "position" if issubclass(factor, Position) else "velocity" if issubclass(factor, Velocity) else "factors"
-
-
-def _moves(effect: Effect) -> bool:
-    return _stage_of(effect) == "position"
-
-
 def _parts(effect: Effect) -> tuple[float, ...]:
     value = effect.value
     return (float(value.x), float(value.y)) if isinstance(value, VectorValue) else (float(value),)
 
 
-def _sum(effects: Any) -> tuple[float, ...]:
+def _sum(effects: Iterable[Effect]) -> tuple[float, ...]:
     return tuple(sum(parts, 0.0) for parts in zip(*map(_parts, effects), strict=True))

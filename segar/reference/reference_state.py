@@ -1,4 +1,4 @@
-"""One environment state as plain Python sees it, and its geometry: the ground that the interpreter stands on."""
+"""The state of one environment as the interpreter reads and writes it, and its geometry."""
 
 from __future__ import annotations
 
@@ -6,11 +6,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from segar.engine import Needs
 from segar.errors import SegarError
 from segar.language import (
     CIRCLE,
@@ -24,6 +23,7 @@ from segar.language import (
     Number,
     Order,
     Parameter,
+    Pattern,
     Position,
     Size,
     Source,
@@ -33,15 +33,18 @@ from segar.language import (
     Wall,
     WallView,
 )
-from segar.language import layout as layouts
+from segar.language import holds as find_held
+
+if TYPE_CHECKING:
+    from segar.levels import Levels
 
 TOUCH = 1e-7  # [m] closer than this counts as touching; 2022 uses the same
 
-holds = lru_cache(maxsize=4096)(layouts.holds)
+holds = lru_cache(maxsize=4096)(find_held)
 
 
 @dataclass
-class Scene:
+class ReferenceState:
     """One environment: its entities' types and values, its shapes and its parameters.
 
     Attributes:
@@ -49,6 +52,7 @@ class Scene:
         values: float64 ``(entities, columns)``; changed in place.
         kinds: shape kind of each slot; see :mod:`segar.language.shapes`.
         hulls: float64 ``(vertices, 2)`` of each slot, relative to its position; empty where it is no hull.
+        key, tick: key of the randomness in rules, and sub-steps since the episode began.
         walls: distance of the arena's walls from its middle [m].
     """
 
@@ -58,15 +62,15 @@ class Scene:
     kinds: list[int]
     hulls: list[np.ndarray]
     parameters: dict[type[Parameter], float]
-    key: int = 0
-    tick: int = 0
-    walls: float = 1.0
+    key: int
+    tick: int
+    walls: float
 
     @classmethod
     def of_level(
-        cls, levels: Any, index: int, values: Any = None, key: int = 0, tick: int = 0, walls: float = 1.0
-    ) -> Scene:
-        """The scene of a level: its initial state, or ``values`` (float64 ``(entities, columns)``, copied)."""
+        cls, levels: Levels, index: int, values: np.ndarray | None, key: int, tick: int, walls: float
+    ) -> ReferenceState:
+        """The initial state of a level, or ``values`` in it (float64 ``(entities, columns)``, copied)."""
         layout, row = levels.layout, levels.values[index] if values is None else np.asarray(values)
         if row.shape != levels.values.shape[1:]:
             raise SegarError(f"the state of a level has the shape {levels.values.shape[1:]}, not {row.shape}")
@@ -93,14 +97,14 @@ class Scene:
         kind = self.types[slot]
         return kind is not None and all(holds(kind, f) is not None for f in factors)
 
-    def meets(self, slot: int, needs: Needs) -> bool:
+    def meets(self, slot: int, needs: Pattern) -> bool:
         """Whether the slot's entity can be an argument that has these needs."""
         kind = self.types[slot]
         if kind is None or not self.has(slot, *needs.factors):
             return False
         return needs.entity_type is None or issubclass(kind, needs.entity_type)
 
-    def tuples(self, needs: tuple[Needs, ...]) -> Iterator[tuple[int, ...]]:
+    def tuples(self, needs: tuple[Pattern, ...]) -> Iterator[tuple[int, ...]]:
         """All ordered tuples of distinct slots whose entities meet the needs, one each."""
         for slots in product(*([s for s in self.slots if self.meets(s, n)] for n in needs)):
             if len(set(slots)) == len(slots):
@@ -147,7 +151,7 @@ class Scene:
     # -- geometry ------------------------------------------------------------------------------------------------
 
     def radius(self, slot: int) -> float:
-        """Radius of the disc that stands for the body in contacts: the hull's circumscribed one for a hull."""
+        """Radius of the body's disc in contacts; for a hull, of its circumscribed disc."""
         if self.kinds[slot] == CIRCLE:
             return 0.5 * float(self.scalar(slot, Size))
         corners = self.hulls[slot]
@@ -170,7 +174,7 @@ class Scene:
         return min(under, key=lambda f: self.scalar(f, Order), default=None)
 
     def is_on(self, thing: int, ground: int) -> bool:
-        """Whether ``ground`` is the floor under ``thing``; what has no place is under all, and floors are on none."""
+        """Whether ``ground`` is the floor under ``thing``; a ``ground`` without a position is under all; floors are on none."""
         if not self.has(ground, Position):
             return True
         if not self.has(thing, Position) or self.has(thing, Floor):
@@ -178,7 +182,7 @@ class Scene:
         return self.floor_under(thing) == ground
 
     def contains(self, thing: int, ground: int) -> bool:
-        """Whether ``thing`` is on ``ground`` and the disc that stands for it lies wholly inside the outline."""
+        """Whether ``thing`` is on ``ground`` and its disc lies wholly inside the outline."""
         if not self.has(ground, Position) or not self.is_on(thing, ground):
             return False
         apart, r = self.vector(thing, Position) - self.vector(ground, Position), self.radius(thing)

@@ -1,4 +1,4 @@
-"""What the interpreter makes of a state, to be read by names of entities and factors, and which rules said what."""
+"""The result of an interpreter's step, to be read by names of entities and factors, and the rules that fired in it."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from segar.language import Effect, Factor, Rule
-from segar.reference.reference_state import Scene
+from segar.reference.reference_state import ReferenceState
 
 
 @dataclass(frozen=True)
 class Firing:
-    """A rule that said something: in which stage, about which entities (by name), and what."""
+    """A rule that had effects: in which stage, on which entities (by name), and which effects."""
 
     stage: str
     rule: Rule
@@ -21,29 +21,29 @@ class Firing:
     effects: tuple[Effect, ...]
 
     def __str__(self) -> str:
-        said = ", ".join(map(repr, self.effects))
-        return f"{self.stage}: {self.rule.name}({', '.join(self.entities)}) -> {said}"
+        effects = ", ".join(map(repr, self.effects))
+        return f"{self.stage}: {self.rule.name}({', '.join(self.entities)}) -> {effects}"
 
 
 @dataclass
 class Result:
-    """What a step made of a state.
+    """The result of a step.
 
     Attributes:
-        scene: the state with names, types and geometry; :meth:`read` asks it.
+        state: the state after the step with names, types and geometry; :meth:`read` reads it.
         values: float64 ``(entities, columns)``.
         tick: sub-steps since the episode began.
         contacts: contacts of this step.
-        gave_up: sub-steps of this step whose time ran out in contacts.
-        reward, terminated, success, death: what the task says; None for a step without an action.
-        firings: which rules said what, in order, if asked for.
+        unresolved_contacts: sub-steps of this step that had more contacts than are resolved.
+        reward, terminated, success, death: results of the task; None for a step without an action.
+        firings: the rules that had effects, in order, if ``explain`` was given.
     """
 
-    scene: Scene = field(repr=False)
+    state: ReferenceState = field(repr=False)
     values: np.ndarray
     tick: int
     contacts: int = 0
-    gave_up: int = 0
+    unresolved_contacts: int = 0
     reward: float | None = None
     terminated: bool | None = None
     success: bool | None = None
@@ -56,7 +56,7 @@ class Result:
         Raises:
             SegarError: there is no such entity, or it has no such factor.
         """
-        slot = self.scene.layout.slot_index(entity)
-        column = self.scene.column(slot, factor)
-        part = tuple(map(float, self.values[slot, column : column + factor.width]))  # type: ignore[attr-defined]
+        slot = self.state.layout.slot_index(entity)
+        column = self.state.column(slot, factor)
+        part = tuple(map(float, self.values[slot, column : column + factor.width]))
         return part[0] if len(part) == 1 else part

@@ -1,4 +1,4 @@
-"""What a contact does: bouncing off a wall, and the elastic exchange between two bodies."""
+"""Contacts: bouncing off a wall, and the elastic exchange between two bodies."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ IMMOVABLE_MASS = 1e8  # [kg] a body that does not move exchanges momentum as if 
 
 @rule
 def bounce(v: Velocity, collides: Collides, damping: WallDamping, wall: Wall) -> SetFactor[Velocity]:
-    """The wall turns the velocity around in the axes that it blocks, and takes its share of both components."""
+    """The wall turns the velocity around in the axes that it blocks, and reduces both components by its damping."""
     # The wall is immovable, so momentum is not conserved here; energy is, up to damping.
     return SetFactor[Velocity](v, (1 - damping) * v * (1 - 2 * wall.normal))
 
@@ -58,7 +58,7 @@ def collide(
 
 
 def _is_solid(collides: Collides, alive: Alive, done: Done) -> bool:
-    """Only what is alive and not done collides with other bodies; walls stop everything."""
+    """Only bodies that are alive and not done collide with others; walls stop all bodies."""
     return alive and not done
 
 

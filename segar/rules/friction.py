@@ -1,4 +1,4 @@
-"""Kinetic friction: it slows what slides, and never turns it around."""
+"""Kinetic friction: it slows bodies that slide, and never turns them around."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Heat: hot ground burns mass away."""
+"""Heat: objects lose mass on hot ground."""
 
 from __future__ import annotations
 
@@ -14,6 +14,6 @@ def apply_burn(body: Tuple[Mass, Mobile], ground: Tuple[Heat]) -> SetFactor[Mass
     """A mobile body on hot ground loses mass in every sub-step."""
     m, mobile = body
     (heat,) = ground
-    if not mobile or heat == 0:  # cold ground says nothing, so that another rule may set the mass
+    if not mobile or heat == 0:  # cold ground sets no mass, so that another rule may set it
         return None
     return SetFactor[Mass](m, m * (1 - BURN_RATE * heat))

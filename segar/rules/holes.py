@@ -1,4 +1,4 @@
-"""Holes: they swallow what they contain."""
+"""Holes: they swallow the bodies that they contain."""
 
 from __future__ import annotations
 

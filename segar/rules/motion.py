@@ -1,4 +1,4 @@
-"""Motion: position follows velocity, velocity follows acceleration, and what stops or ends both."""
+"""Motion: position changes by velocity, velocity by acceleration; immobile and dead objects stand still."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from segar.language import (
     rule,
 )
 
-STOP_PRIORITY = 20  # a body that cannot move stands still, whatever else says so
-KILL_PRIORITY = 30  # death overrides every other outcome
+STOP_PRIORITY = 20  # above come_to_rest: a body that cannot move stands still
+KILL_PRIORITY = 30  # death overrides all other effects
 
 
 @rule
 def move(x: Position, v: Velocity, min_v: MinVelocity) -> Differential[Position]:
-    """Position grows by velocity; below the smallest speed nothing moves."""
+    """Position grows by velocity; below the smallest speed a body does not move."""
     if v.norm() < min_v:
         return Differential[Position](x, ZERO)
     return Differential[Position](x, v)
@@ -43,7 +43,7 @@ def accelerate(v: Velocity, a: Acceleration) -> Differential[Velocity]:
 def stop_condition(
     mobile: Mobile, alive: Alive, v: Velocity, a: Acceleration
 ) -> Tuple[SetFactor[Velocity], SetFactor[Acceleration]]:
-    """What is immobile or dead has neither velocity nor acceleration."""
+    """An immobile or dead body has neither velocity nor acceleration."""
     if mobile and alive:
         return None
     return SetFactor[Velocity](v, ZERO), SetFactor[Acceleration](a, ZERO)
@@ -53,7 +53,7 @@ def stop_condition(
 def kill_condition(
     m: Mass, v: Velocity, visible: Visible, a: Acceleration, alive: Alive, min_mass: MinMass
 ) -> Tuple[SetFactor[Mass], SetFactor[Velocity], SetFactor[Alive], SetFactor[Acceleration], SetFactor[Visible]]:
-    """What has lost its mass dies, stops and vanishes."""
+    """A body that has lost its mass dies, stops and vanishes."""
     if m >= min_mass:
         return None
     return (
@@ -67,7 +67,7 @@ def kill_condition(
 
 @rule
 def speed_limit(v: Velocity, max_v: MaxVelocity) -> SetFactor[Velocity]:
-    """Nothing is faster than the largest speed."""
+    """No body is faster than the largest speed."""
     speed = v.norm()
     if speed <= max_v:
         return None

@@ -30,7 +30,7 @@ class World:
             in another, levels are made by hand (:meth:`segar.Levels.from_entities`).
 
     Raises:
-        RuleError: a rule cannot be understood, stands in its sequence twice, or does not suit its place.
+        RuleError: a rule cannot be traced, is in its sequence twice, or does not suit its place.
     """
 
     rules: tuple[Rule, ...]
@@ -52,8 +52,8 @@ class World:
         walls: float = ARENA,
     ) -> None:
         set_ = object.__setattr__
-        set_(self, "rules", _made("rules", rules))
-        set_(self, "on_contact", _made("on_contact", on_contact))
+        set_(self, "rules", _as_rules("rules", rules))
+        set_(self, "on_contact", _as_rules("on_contact", on_contact))
         set_(self, "limit", None if limit is None else as_rule(limit))
         set_(self, "wall_contact", None if wall_contact is None else as_rule(wall_contact))
         set_(self, "pair_contact", None if pair_contact is None else as_rule(pair_contact))
@@ -67,7 +67,7 @@ class World:
             _check_note(rule, self.pair_contact)
 
 
-def _made(name: str, rules: Sequence[Any]) -> tuple[Rule, ...]:
+def _as_rules(name: str, rules: Sequence[Any]) -> tuple[Rule, ...]:
     """The rules of a sequence of rules and typed functions."""
     if callable(rules):
         raise RuleError(f"{name} must be a sequence of rules, not {rules!r}; write ({rules!r},)")
@@ -79,9 +79,9 @@ def _made(name: str, rules: Sequence[Any]) -> tuple[Rule, ...]:
 
 
 def _check_note(rule: Rule, pair_contact: Rule | None) -> None:
-    """Refuse what a rule of ``on_contact`` cannot be."""
-    bodies, asks_wall = len(rule.signature.entities), rule.signature.uses("wall")
-    if bodies != (1 if asks_wall else 2):
+    """Raise :class:`RuleError` where a rule does not suit ``on_contact``."""
+    bodies, takes_wall = len(rule.signature.entities), rule.signature.uses("wall")
+    if bodies != (1 if takes_wall else 2):
         raise RuleError(
             f"{rule.where}: a rule of on_contact takes two entities that touch, or one and the Wall that it touches"
         )

@@ -1,4 +1,7 @@
-"""Counter-based random numbers within compiled kernels: bits that depend on a key and a purpose alone."""
+"""Random numbers by counting, within compiled kernels: they depend on a key and on their place, and on nothing else.
+
+The bits are those of SplitMix64 (Steele, Lea, Flood 2014).
+"""
 
 from __future__ import annotations
 
@@ -14,12 +17,26 @@ _options = {"nogil": True, "cache": True, "error_model": "numpy", "_nrt": False}
 
 
 @njit(**_options)
-def mix(z):
-    """SplitMix64's output function: a well mixed uint64 from a uint64."""
-    z = z + np.uint64(GOLDEN)
+def scramble(z):
+    """SplitMix64's output function without its increment: a well mixed uint64 from a uint64."""
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     return z ^ (z >> np.uint64(31))
+
+
+@njit(**_options)
+def mix(z):
+    """The next number of SplitMix64: a well mixed uint64 from a uint64."""
+    return scramble(z + np.uint64(GOLDEN))
+
+
+@njit(**_options)
+def keyed_uniform(key, tick, site, a, b, c):
+    """A number uniform in [0, 1), float64: of a rule's draw ``site`` on the entities a, b and c in sub-step ``tick``."""
+    z = scramble(np.uint64(key) + np.uint64(tick + 1) * np.uint64(GOLDEN))
+    z = scramble(z + np.uint64(site) * np.uint64(0xD1B54A32D192ED03))
+    z = scramble(z + np.uint64(a * 65536 + b) * np.uint64(0x8CB92BA72F3D8DD7) + np.uint64(c))
+    return uniform(z)
 
 
 @njit(**_options)

@@ -1,4 +1,4 @@
-"""Invisiball: PuttPutt with a ball that is not seen any more once it has been pushed."""
+"""Invisiball: PuttPutt with a ball that is invisible after the first push."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["demo_actions", "invisiball"]
 
 
 def invisiball(reward: str = "squared", **options: Any) -> Task:
-    """PuttPutt, but each action makes the ball invisible: from the first step on it shows only in what others do.
+    """PuttPutt, but each action makes the ball invisible: from the first step on, it can only be seen by its effects on others.
 
     Physics and reward go on as in PuttPutt; so do the results and the scripted player, which sees the true factors.
     Pixels do not draw what is invisible. A state vector holds the true state, the ball included;

@@ -101,8 +101,8 @@ def has_died(ball: GolfBall) -> bool:
 def demo_actions(factors: Factors, impulse: float = IMPULSE) -> np.ndarray:
     """The actions of a scripted player, float32 ``(num_envs, 2)``: straight to the goal, slower the nearer it is.
 
-    It sees ``info["factors"]`` (of one environment too, for an action ``(2,)``), goes around nothing, and can do no
-    more than the agent: where the push that it wants is too large, the action is clipped.
+    It reads ``info["factors"]`` (of one environment too, for an action ``(2,)``), does not avoid obstacles, and has the
+    same actions as the agent: a push that is too large is scaled down.
     """
     ball, goal = factors.slots(GolfBall)[0], factors.slots(GoalTile)[0]
     x, v, m = factors["Position"], factors["Velocity"][..., ball, :], factors["Mass"][..., ball]

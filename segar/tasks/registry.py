@@ -1,4 +1,4 @@
-"""Tasks by name: the built-in ones, one's own, and the one that levels were made for."""
+"""Tasks by name: the built-in ones, those of users, and the one that levels were made for."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ TASKS: dict[str, Callable[..., Task]] = {"puttputt": puttputt, "billiards": bill
 
 
 def find_task(name: str) -> Callable[..., Task] | Task:
-    """The function that makes the task of that name: one of ``TASKS``, or what ``module:attribute`` names.
+    """The function that makes the task of that name: one of ``TASKS``, or the object that ``module:attribute`` names.
 
     Raises:
-        SegarError: there is no such task; the message says the nearest name.
+        SegarError: there is no such task; the message has the nearest name.
     """
     if name not in TASKS and ":" not in name:
         raise SegarError(

@@ -118,7 +118,7 @@ def test_a_planted_fault_is_found_and_its_environment_starts_anew(spoil, message
 def test_overlap_is_no_fault_where_a_sub_step_gave_up_or_nothing_can_move():
     def give_up(state: State, outcome: Any) -> None:
         overlap(state, outcome)
-        state.gave_up[-1] += 1
+        state.unresolved_contacts[-1] += 1
 
     def fix(state: State, outcome: Any) -> None:
         overlap(state, outcome)

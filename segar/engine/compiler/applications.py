@@ -1,4 +1,4 @@
-"""A rule as one of its arguments sees it: loop variables in place of arguments."""
+"""A rule with one of its arguments as the target, and loop variables in place of its arguments."""
 
 from __future__ import annotations
 
@@ -6,18 +6,24 @@ from dataclasses import dataclass, replace
 
 from segar.engine.compiler.emit import bind
 from segar.engine.compiler.loops import VARIABLES
-from segar.engine.compiler.spec import Needs, symbols_of
-from segar.language import Branch, Leaf, Rule, Symbol, Tree, walk
+from segar.language import Branch, Leaf, Pattern, Rule, Symbol, Tree, symbols_of, walk
 
 
 @dataclass(frozen=True)
 class Application:
-    """A rule seen from one of its arguments: outcomes on that argument are gathered."""
+    """A rule with its number in the kernel, and the argument whose effects are gathered."""
 
     rule: Rule
     number: int
     target: int
-    needs: tuple[Needs, ...]
+
+    @property
+    def needs(self) -> tuple[Pattern, ...]:
+        return self.rule.needs
+
+    @property
+    def target_needs(self) -> Pattern:
+        return self.rule.needs[self.target]
 
     @property
     def variables(self) -> tuple[str, ...]:
@@ -31,10 +37,8 @@ def bind_tree(tree: Tree, a: Application) -> Tree:
     if isinstance(tree, Branch):
         condition = bind(tree.condition, a.variables, a.number)
         return Branch(condition, bind_tree(tree.yes, a), bind_tree(tree.no, a))
-    outcomes = tuple(
-        replace(o, components=tuple(bind(c, a.variables, a.number) for c in o.components)) for o in tree.outcomes
-    )
-    return Leaf(outcomes)
+    effects = (replace(e, components=tuple(bind(c, a.variables, a.number) for c in e.components)) for e in tree.effects)
+    return Leaf(tuple(effects))
 
 
 def application_symbols(a: Application) -> list[Symbol]:

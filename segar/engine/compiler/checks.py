@@ -1,14 +1,20 @@
-"""What a layout, a task and the places where rules run cannot serve: errors when a world is built, by name."""
+"""Errors when a kernel is made: a rule needs something that the layout, the task or its place in the world lacks."""
 
 from __future__ import annotations
 
-from segar.engine.compiler.spec import symbols_of
+from segar.engine.compiler.loops import VARIABLES
 from segar.errors import RuleError, did_you_mean
-from segar.language import Action, Layout, Order, Parameter, Position, Relation, Rule, Size, Velocity, holds
+from segar.language import Action, Layout, Order, Parameter, Position, Relation, Rule, Size, Velocity, holds, symbols_of
 
 
 def check_rule(rule: Rule, layout: Layout, numbers: int, allows_action: bool, allows_wall: bool) -> None:
-    """Refuse a rule that asks for what its place does not have; the task's action has that many ``numbers``."""
+    """Raise :class:`RuleError` where a rule takes something that its place does not have.
+
+    Args:
+        numbers: how many numbers the task's action has.
+    """
+    if len(rule.signature.entities) > len(VARIABLES):
+        raise RuleError(f"{rule.where}: a rule can involve at most {len(VARIABLES)} entities")
     for parameter in (*rule.signature.parameters, *_relation_parameters(rule.relation)):
         if parameter not in layout.parameters:
             names = [p.__name__ for p in layout.parameters]
@@ -28,17 +34,24 @@ def check_rule(rule: Rule, layout: Layout, numbers: int, allows_action: bool, al
 
 
 def check_contact_rule(rule: Rule) -> None:
-    """Rules that contacts call see two bodies and nothing else."""
-    asked = f"{rule.where}: rules of position and of contacts, and what is solid, cannot"
+    """Raise :class:`RuleError` where a rule that contacts call needs more than one or two bodies and parameters."""
+    refusal = f"{rule.where}: rules of position and of contacts, and what is solid, cannot"
     symbols = symbols_of(rule.tree)
     if any(s.op == "relation" and isinstance(s.args[0], str) for s in symbols):
-        raise RuleError(f"{asked} ask is_on, overlaps or contains")
+        raise RuleError(f"{refusal} ask is_on, overlaps or contains")
     if any(s.op == "draw" for s in symbols):
-        raise RuleError(f"{asked} draw random numbers")
+        raise RuleError(f"{refusal} draw random numbers")
+
+
+def check_position_rule(rule: Rule) -> None:
+    """Raise :class:`RuleError` where a rule that moves things, which contacts call again, is not one for contacts."""
+    if rule.relation is not None:
+        raise RuleError(f"{rule.where}: a rule that moves things cannot have a relation; test inside the rule")
+    check_contact_rule(rule)
 
 
 def check_geometry(layout: Layout) -> None:
-    """Geometry and contacts read columns of their own factors, which no sub-class can stand for."""
+    """Raise :class:`RuleError` where an entity has a sub-class of a factor whose own column geometry and contacts read."""
     for kind in layout.types:
         for factor in (Position, Velocity, Size, Order):
             held = holds(kind, factor)

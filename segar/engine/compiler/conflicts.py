@@ -1,29 +1,31 @@
-"""What can be said of a stage before it runs: rules that must contradict each other, those that may, and what is read across
-entities."""
+"""What is known of a stage before it runs: rules that always conflict, columns on which rules may conflict, and factors
+that are read of other entities."""
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 
-from segar.engine.compiler.applications import Application
-from segar.engine.compiler.spec import Group, Matcher, leaves_of, symbols_of
+from segar.engine.compiler.applications import Application, application_symbols
+from segar.engine.compiler.spec import Group, Matcher
 from segar.errors import ConflictError
-from segar.language import Branch, Factor, Order, Outcome, Position, Rule, SetFactor, Size, walk
-
-Takes = Callable[[Rule, Outcome], bool]
-"""Whether a rule's outcome belongs to the stage."""
+from segar.language import Branch, Counts, EffectExpression, Factor, Leaf, Order, Position, SetFactor, Size, leaves_of
 
 
-def check_static(group: Group, mine: Sequence[tuple[Application, int]], takes: Takes) -> None:
-    """Raise where two rules on single entities always set one factor and neither is more specific."""
+def counted_effects(a: Application, leaf: Leaf, counts: Counts) -> list[EffectExpression]:
+    """The effects at a leaf that are on the application's target and count in the stage."""
+    return [e for e in leaf.effects if e.argument == a.target and counts(a.rule, e.kind, e.factor)]
+
+
+def check_certain_conflicts(group: Group, applications: Sequence[Application], counts: Counts) -> None:
+    """Raise :class:`ConflictError` where two rules on single entities always set one factor, equally specific."""
     setters = defaultdict(list)
-    for a, _ in mine:
+    for a in applications:
         if len(a.needs) == 1 and a.rule.relation is None and not isinstance(a.rule.tree, Branch):
-            for o in a.rule.tree.outcomes:
-                if o.kind is SetFactor and takes(a.rule, o):
-                    setters[(o.factor, a.rule.priority)].append((a, o))
+            for e in counted_effects(a, a.rule.tree, counts):
+                if e.kind is SetFactor:
+                    setters[(e.factor, a.rule.priority)].append((a, e))
     for (factor, _), found in setters.items():
         for (a, first), (b, second) in pairwise(found):
             # Symbols are interned: the same expression is the same object.
@@ -35,35 +37,31 @@ def check_static(group: Group, mine: Sequence[tuple[Application, int]], takes: T
                 )
 
 
-def find_disputed(matcher: Matcher, group: Group, mine: Sequence[tuple[Application, int]], takes: Takes) -> set[int]:
-    """Columns on which outcomes of equal priority can meet: of two rules, of one over several partners, or of one
-    that speaks twice."""
+def find_possible_conflicts(
+    matcher: Matcher, group: Group, applications: Sequence[Application], counts: Counts
+) -> set[int]:
+    """Columns that may be set twice with equal priority: by two rules, by one rule on several partners, or by a rule
+    that sets the column twice."""
     most: dict[tuple[int, int], int] = defaultdict(int)
-    for a, _ in mine:
-        said: dict[int, int] = defaultdict(int)
+    for a in applications:
+        times: dict[int, int] = defaultdict(int)
         for leaf in leaves_of(a.rule.tree):
-            columns = [
-                matcher.column(group, o.factor)
-                for o in leaf.outcomes
-                if o.argument == a.target and o.kind is SetFactor and takes(a.rule, o)
-            ]
+            effects = counted_effects(a, leaf, counts)
+            columns = [matcher.column(group, e.factor) for e in effects if e.kind is SetFactor]
             for column in columns:
-                said[column] = max(said[column], columns.count(column) * len(a.needs))
-        for column, count in said.items():
+                times[column] = max(times[column], columns.count(column) * len(a.needs))
+        for column, count in times.items():
             most[column, a.rule.priority] += count
     return {column for (column, _), count in most.items() if count > 1}
 
 
 def read_across(matcher: Matcher, groups: Sequence[Group], applications: Sequence[Application]) -> set[type[Factor]]:
-    """Factors that some rule reads on an entity that is not its target."""
+    """Factors that some rule reads of an entity that is not its target."""
     shared: set[type[Factor]] = set()
     for a in applications:
         if not _has_partners(matcher, groups, a):
             continue
-        symbols = symbols_of(a.rule.tree)
-        if a.rule.relation is not None:
-            symbols += walk(a.rule.relation.truth)
-        for symbol in symbols:
+        for symbol in application_symbols(a):
             if symbol.op == "load" and symbol.args[0] != a.target:
                 shared |= _family(symbol.args[1])
             if symbol.op == "relation" and isinstance(symbol.args[0], str):
@@ -73,7 +71,7 @@ def read_across(matcher: Matcher, groups: Sequence[Group], applications: Sequenc
 
 def _has_partners(matcher: Matcher, groups: Sequence[Group], a: Application) -> bool:
     """Whether some entity can be another argument of the rule beside a target."""
-    targets = [g for g in groups if matcher.match(g, a.needs[a.target]) is not None]
+    targets = [g for g in groups if matcher.match(g, a.target_needs) is not None]
     for other, need in enumerate(a.needs):
         partners = [g for g in groups if matcher.match(g, need) is not None]
         if other != a.target and any(t is not p or not t.is_single for t in targets for p in partners):

@@ -1,4 +1,4 @@
-"""Expressions -> source text: named temporaries in nested scopes, so that each expression is computed once."""
+"""Expressions -> source: temporaries with names in nested scopes, so that each expression is computed once."""
 
 from __future__ import annotations
 

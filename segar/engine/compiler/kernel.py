@@ -1,43 +1,52 @@
 """Layout, rules and task -> the source of one module that steps a batch of environments.
 
-The module is self-contained: constants of the layout, geometry (:mod:`segar.engine.runtime.device`), contacts
-(:mod:`segar.engine.runtime.device_contacts`), and the functions that the rules became. Nothing in it depends on sampled values,
-so all level sets of a distribution share it.
+The module consists of constants of the layout, geometry (:mod:`segar.engine.runtime.device`), contacts
+(:mod:`segar.engine.runtime.device_contacts`), the functions that the rules became, and the entry
+(:mod:`segar.engine.compiler.entry`). Nothing in it depends on sampled values, so all level sets of a distribution share
+it.
 """
 
 from __future__ import annotations
 
 import hashlib
 import inspect
+import sys
 from dataclasses import dataclass, field
 from types import ModuleType
 
 import numpy as np
 
-from segar.engine.compiler.checks import check_contact_rule, check_geometry, check_rule
+from segar.engine.compiler.checks import check_geometry, check_position_rule, check_rule
 from segar.engine.compiler.contacts import COLLIDES, Contacts
+from segar.engine.compiler.entry import entry_source, stage_call
 from segar.engine.compiler.loops import over_group
-from segar.engine.compiler.source import DECORATOR, ENTRY_DECORATOR, STATE, Source
-from segar.engine.compiler.spec import Group, Needs, outcomes_of
-from segar.engine.compiler.stages import Stage, Takes
+from segar.engine.compiler.source import DECORATOR, Source
+from segar.engine.compiler.spec import Group
+from segar.engine.compiler.stages import StageWriter
 from segar.engine.compiler.task_functions import task_functions
-from segar.engine.runtime import device, device_contacts, gather
-from segar.engine.runtime import ledger as sharing
+from segar.engine.runtime import device, device_contacts, gather, ledger, plain_ledger, plain_sheet, sheet
 from segar.errors import RuleError
 from segar.language import (
-    Differential,
+    ACT,
+    FIND_RATES,
+    SUB_STEP,
     Floor,
     Framerate,
     Layout,
+    Operation,
     Order,
-    Outcome,
+    Pattern,
     Position,
     Rule,
     Size,
+    Stage,
     TaskFunctions,
     Velocity,
     WorldRules,
+    effects_of,
+    moves,
 )
+from segar.support import is_plain, keyed_uniform
 
 COPY_MARK = "# --- copied from here on ---\n"
 MANY_BODIES = 12  # above this number it pays to sort bodies before pairs are compared
@@ -49,7 +58,7 @@ class KernelSource:
 
     Attributes:
         text: source of the module.
-        type_masks: int64 mask of each type of the layout, and last 0 for an absent entity.
+        type_masks: int64 ``(types + 1,)``, mask of each type of the layout, and last 0 for an absent entity.
         rules: all rules by their numbers in the source.
         list_length: how many integers the argument ``L`` must hold.
     """
@@ -61,19 +70,19 @@ class KernelSource:
 
 
 def generate(layout: Layout, world: WorldRules, task: TaskFunctions) -> KernelSource:
-    """The kernel of a world on a layout.
+    """The kernel of a world on a layout; with plain twins if :func:`segar.support.is_plain`.
 
     Raises:
-        RuleError: a rule or the task asks for a parameter, an entity or a factor in a way that the layout cannot serve.
+        RuleError: a rule or the task needs a parameter, an entity or a factor that the layout cannot serve.
         ConflictError: two rules always contradict each other.
     """
-    builder = _Builder(layout, world, task)
+    builder = _Builder(layout, world, task, is_plain())
     functions = builder.functions()
-    body = "\n".join([builder.header(), _device_text(), functions])
+    text = "\n".join([builder.header(), _device_text(), functions])
     # Bodies in order; behind them near walls and pairs, or partners while rules are applied.
     bodies = len(builder.bodies)
     length = bodies + max(_room(bodies), builder.list_length)
-    return KernelSource(body, builder.source.matcher.masks(), tuple(builder.rules), length)
+    return KernelSource(text, builder.source.matcher.masks(), tuple(builder.rules), length)
 
 
 @dataclass
@@ -81,6 +90,7 @@ class _Builder:
     layout: Layout
     world: WorldRules
     task: TaskFunctions
+    plain: bool
     source: Source = field(init=False)
     rules: list[Rule] = field(init=False)
     list_length: int = field(init=False, default=0)
@@ -88,34 +98,33 @@ class _Builder:
     def __post_init__(self) -> None:
         self.source = Source(self.layout)
         check_geometry(self.layout)
-        numbers = len(self.task.action_low)
-        contact = [r for r in (self.world.wall_contact, self.world.pair_contact) if r is not None]
-        limit = [self.world.limit] if self.world.limit is not None else []
-        self.rules = [*self.world.rules, *limit, *contact, *self.world.on_contact, *self.task.act]
+        numbers, world = len(self.task.action_low), self.world
+        exchanges = [r for r in (world.wall_contact, world.pair_contact) if r is not None]
+        limit = [world.limit] if world.limit is not None else []
+        self.rules = [*world.rules, *limit, *exchanges, *world.on_contact, *self.task.act]
         for rule in self.rules:
-            check_rule(
-                rule,
-                self.layout,
-                numbers,
-                allows_action=rule in self.task.act,
-                allows_wall=rule is self.world.wall_contact or rule in self.world.on_contact,
-            )
+            allows_wall = rule is world.wall_contact or rule in world.on_contact
+            check_rule(rule, self.layout, numbers, allows_action=rule in self.task.act, allows_wall=allows_wall)
         for rule in self.task.of_state:
             check_rule(rule, self.layout, numbers, allows_action=rule in self.task.reward, allows_wall=False)
+        for rule in world.rules:
+            if any(moves(rule, e.kind, e.factor) for e in effects_of(rule.tree)):
+                check_position_rule(rule)
 
     @property
     def bodies(self) -> list[int]:
-        """Slots of what may collide."""
+        """Slots whose entities may collide."""
         return self._slots(COLLIDES)[0]
 
     def header(self) -> str:
         columns = self.layout.columns
-        floors, floor_bits = self._slots(Needs((Floor, Position), None))
+        floors, floor_bits = self._slots(Pattern((Floor, Position)))
         colliders, collider_bits = self._slots(COLLIDES)
-        movers = sorted(s for g in self._moving() for s in g.slots)
+        movers = sorted(s for g in self._writer(FIND_RATES).target_groups for s in g.slots)
         slots = ", ".join(
             f"{s.name}: {'|'.join(t.__name__ for t in s.types)}{'?' if s.optional else ''}" for s in self.layout.slots
         )
+        shares, writes = (plain_ledger, plain_sheet) if self.plain else (ledger, sheet)
         return f'''"""Generated by SEGAR from the rules of one world; do not edit.
 
 slots: {slots}
@@ -127,8 +136,10 @@ import math
 import numpy as np
 from numba import njit
 
-from segar.engine.runtime.gather import gather_range  # {_version_of(gather)}
-from segar.engine.runtime.ledger import finish_part, open_ledger, take_part  # {_version_of(sharing)}
+{_import(gather, "gather_range")}
+{_import(shares, "dismiss, finish_part, make_ledger, open_ledger, take_part")}
+{_import(writes, "make_sheet, sheet_with, table_on")}
+{_import(sys.modules[keyed_uniform.__module__], "keyed_uniform")}
 
 X = {columns.get(Position, 0)}
 VX = {columns.get(Velocity, 0)}
@@ -148,105 +159,71 @@ CONTACT_MOVES = {self._contacts_move()}
 '''
 
     def functions(self) -> str:
-        world, body = self.world, list(enumerate(self.world.rules))
-        third = self._position_rules()
-        contacts = Contacts(self.source, world, self.rules)
-        limit = [(len(body), world.limit)] if world.limit is not None else []
+        """The functions that the rules and the task became, and the entry that calls them."""
+        contacts = Contacts(self.source, self.world, self.rules)
+        sorts = len(self.bodies) > MANY_BODIES
+        may_touch = (
+            "any_touch(V, W, U, bits, kind, hull_radius, L)" if sorts else "may_touch(V, bits, kind, hull_radius)"
+        )
         parts = [
             contacts.solid(),
             contacts.movable(),
-            self._rates(),
+            self._stage(FIND_RATES, "rates(V, U, bits, P)", inline=False),
             contacts.hit_wall(),
             contacts.hit_body(),
-            self._stage("act", self._acts(), lambda r, o: True, scale="1.0"),
-            self._stage("stage_factors", body, lambda r, o: _stage_of(o) == 1 or (r.recheck and _stage_of(o) != 3)),
-            self._stage("stage_velocity", body, lambda r, o: _stage_of(o) == 2 or (r.recheck and _stage_of(o) != 3)),
-            self._stage("stage_limit", limit, lambda r, o: True),
-            self._stage("stage_position", third, lambda r, o: _stage_of(o) == 3 and o.kind is not Differential),
-            self._stage("find_rates", third, lambda r, o: _stage_of(o) == 3, rates=True),
-            self._translate(),
+            self._act(),
+            *(self._stage_function(stage) for stage in SUB_STEP if stage.operation is not Operation.RESOLVE_CONTACTS),
             contacts.may_touch(),
             *task_functions(self.source, self.task, len(self.rules)),
-            _ENTRY.format(
-                decorator=ENTRY_DECORATOR,
-                low=list(self.task.action_low),
-                high=list(self.task.action_high),
-                framerate=self.layout.parameters.index(Framerate),
-                state=STATE,
-                touch="any_touch(V, W, U, bits, kind, hull_radius, L)"
-                if len(self.bodies) > MANY_BODIES
-                else "may_touch(V, bits, kind, hull_radius)",
-            ),
+            entry_source(self.task, self.layout.parameters.index(Framerate), may_touch),
         ]
         return "\n\n\n".join(parts)
 
-    def _stage(
-        self, name: str, rules: list[tuple[int, Rule]], takes: Takes, scale: str = "dt", rates: bool = False
-    ) -> str:
-        with self.source.function(f"{name}({STATE}, dt)", inline=True) as w:
+    def _stage_function(self, stage: Stage) -> str:
+        """The function that a stage of a sub-step becomes."""
+        return self._move(stage) if stage.operation is Operation.MOVE else self._stage(stage, stage_call(stage))
+
+    def _stage(self, stage: Stage, header: str, inline: bool = True) -> str:
+        writer = self._writer(stage)
+        self.list_length = max(self.list_length, writer.list_length)
+        with self.source.function(header, inline=inline) as w:
             self.source.write_parameters(w)
-            start = len(w.lines)
-            stage = Stage(self.source.matcher, rules, takes, scale, rates)
-            stage.write(w)
-            self.list_length = max(self.list_length, stage.list_length)
-            empty = len(w.lines) == start
-        if name == "act" and empty:
+            writer.write(w)
+        return w.text()
+
+    def _act(self) -> str:
+        if not self._writer(ACT).target_groups:
             raise RuleError(
                 f"{self.task.act[0].where}: the task's action changes no entity of this distribution, which has only"
                 f" {', '.join(t.__name__ for t in self.layout.types)}; choose the task that these levels are for (task=...)"
             )
-        return w.text()
+        return self._stage_function(ACT)
 
-    def _acts(self) -> list[tuple[int, Rule]]:
-        first = len(self.rules) - len(self.task.act)
-        return list(enumerate(self.task.act, first))
+    def _writer(self, stage: Stage) -> StageWriter:
+        rules = [(self.rules.index(rule), rule) for rule in stage.rules(self.world, self.task)]
+        return StageWriter(self.source.matcher, stage, rules, self.plain)
 
-    def _translate(self) -> str:
-        with self.source.function("advance_positions(V, U, bits, dt)", inline=True) as w:
-            for group in self._moving():
+    def _move(self, stage: Stage) -> str:
+        with self.source.function(stage_call(stage), inline=True) as w:
+            for group in self._writer(FIND_RATES).target_groups:
                 with over_group(w, group, "i"):
                     w.line("V[i, X] += U[i, 0] * dt")
                     w.line("V[i, X + 1] += U[i, 1] * dt")
         return w.text()
 
-    def _position_rules(self) -> list[tuple[int, Rule]]:
-        numbered = enumerate(self.world.rules)
-        return [(n, r) for n, r in numbered if any(_stage_of(o) == 3 for o in outcomes_of(r.tree))]
-
     def _contacts_move(self) -> bool:
         """Whether some rule of contact puts bodies elsewhere or changes their size."""
         exchanges = [r for r in (self.world.wall_contact, self.world.pair_contact) if r is not None]
-        rules = [*exchanges, *self.world.on_contact]
-        return any(issubclass(f, (Position, Size)) for r in rules for f in r.changes)
+        return any(issubclass(f, (Position, Size)) for r in [*exchanges, *self.world.on_contact] for f in r.changes)
 
-    def _moving(self) -> list[Group]:
-        """Slots whose position some rule changes."""
-        stage = Stage(self.source.matcher, self._position_rules(), lambda r, o: _stage_of(o) == 3, rates=True)
-        return [
-            g
-            for g in stage.groups
-            if any(self.source.matcher.match(g, a.needs[a.target]) is not None for a in stage.applications)
-        ]
-
-    def _rates(self) -> str:
-        rules = self._position_rules()
-        for _, rule in rules:
-            if rule.relation is not None:
-                raise RuleError(f"{rule.where}: a rule that moves things cannot have a relation; test inside the rule")
-            check_contact_rule(rule)
-        with self.source.function("rates(V, U, bits, P)") as w:
-            self.source.write_parameters(w)
-            Stage(self.source.matcher, rules, lambda r, o: _stage_of(o) == 3, rates=True).write(w)
-        return w.text()
-
-    def _slots(self, needs: Needs) -> tuple[list[int], int]:
-        """Slots that may match, and the mask to test (over all of them, so that one mask serves)."""
+    def _slots(self, needs: Pattern) -> tuple[list[int], int]:
+        """Slots whose entities may match, and the mask to test, one for all of them."""
         groups = [g for g in self.source.matcher.groups if self.source.matcher.match(g, needs) is not None]
         slots = [i for g in groups for i in g.slots]
         if not groups:
             return slots, 0
-        everyone = Group((), tuple(dict.fromkeys(t for g in groups for t in g.types)), any(g.optional for g in groups))
-        return slots, self.source.matcher.match(everyone, needs) or 0
+        together = Group((), tuple(dict.fromkeys(t for g in groups for t in g.types)), any(g.optional for g in groups))
+        return slots, self.source.matcher.match(together, needs) or 0
 
 
 def _room(bodies: int) -> int:
@@ -254,72 +231,12 @@ def _room(bodies: int) -> int:
     return bodies * (bodies + 1) // 2 + 4 * bodies
 
 
-def _stage_of(outcome: Outcome) -> int:
-    if issubclass(outcome.factor, Position):
-        return 3
-    return 2 if issubclass(outcome.factor, Velocity) else 1
-
-
 def _device_text() -> str:
     text = "\n\n".join(inspect.getsource(part).split(COPY_MARK, 1)[1] for part in (device, device_contacts))
     return text.replace("@njit\n", DECORATOR + "\n")
 
 
-def _version_of(imported: ModuleType) -> str:
-    """What a kernel imports is part of its machine code, so its name must change with it."""
-    return hashlib.sha256(inspect.getsource(imported).encode()).hexdigest()[:8]
-
-
-_ENTRY = '''ACTION_LOW = np.array({low})
-ACTION_HIGH = np.array({high})
-
-
-{decorator}
-def advance(ledger, owns, part_length, sub_steps, with_task, values, level, level_bits, level_kind, level_count, level_vertex,
-            level_hull_radius, level_parameters, actions, keys, ticks, reward, terminated, success, death, contacts,
-            gave_up, errors, rows, table, places, sheet, W, U, A, L):
-    """Environments act, run sub-steps until the task ends, are rewarded and seen: all whose part is mine."""
-    for a in range(len(COLLIDERS)):
-        L[ORDER_AT + a] = COLLIDERS[a]
-    if owns:
-        open_ledger(ledger)
-    part = take_part(ledger, owns)
-    while part >= 0:
-        start, stop = part * part_length, min((part + 1) * part_length, len(level))
-        for e in range(start, stop):
-            V, at, key, tick, err = values[e], level[e], keys[e], ticks[e], errors[e]
-            bits, kind, count = level_bits[at], level_kind[at], level_count[at]
-            vertex, hull_radius, P = level_vertex[at], level_hull_radius[at], level_parameters[at]
-            dt = 1.0 / P[{framerate}]
-            if with_task:
-                for c in range(len(ACTION_LOW)):
-                    A[c] = min(max(np.float64(actions[e, c]), ACTION_LOW[c]), ACTION_HIGH[c])
-                act({state}, dt)
-            ended = False
-            for s in range(sub_steps):
-                stage_factors({state}, dt)
-                stage_velocity({state}, dt)
-                stage_limit({state}, dt)
-                find_rates({state}, dt)
-                stage_position({state}, dt)
-                advance_positions(V, U, bits, dt)
-                if {touch}:
-                    hits, jammed = resolve(V, W, U, bits, kind, hull_radius, P, err, L, dt)
-                    contacts[e] += hits
-                    gave_up[e] += jammed
-                tick += 1
-                if with_task:
-                    ended = terminated_of({state})
-                    if ended:
-                        break
-            ticks[e] = tick
-            if with_task:
-                terminated[e] = ended
-                reward[e] = reward_of({state})
-                success[e] = success_of({state})
-                death[e] = death_of({state})
-        if places > 0:
-            gather_range(values, level, rows, start, stop, table, places, sheet[0])
-        finish_part(ledger)
-        part = take_part(ledger, owns)
-'''
+def _import(module: ModuleType, names: str) -> str:
+    """An import line with the module's hash: its machine code is part of the kernel, whose name follows from the text."""
+    version = hashlib.sha256(inspect.getsource(module).encode()).hexdigest()[:8]
+    return f"from {module.__name__} import {names}  # {version}"

@@ -1,15 +1,15 @@
-"""What all parts of a kernel's source share: decorators, arguments, and how a symbol reads from the state."""
+"""What all parts of a kernel's source share: decorators, arguments, trees, and how a symbol reads from the state."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 from segar.engine.compiler.emit import Writer, bind
 from segar.engine.compiler.loops import both, match_test
-from segar.engine.compiler.spec import Matcher, Needs, relation_mask, static_relation
-from segar.language import Branch, Floor, Layout, Symbol, Tree
+from segar.engine.compiler.spec import Matcher, relation_mask, static_relation
+from segar.language import Floor, Layout, Leaf, Pattern, Symbol, Tree
 
 # _nrt=False: the kernel allocates nothing, so array views need no reference counts, whose atomic operations would cost
 # as much as the physics of a small world.
@@ -18,6 +18,7 @@ DECORATOR = '@njit(error_model="numpy", nogil=True, _nrt=False)'
 # Numba's own passes grow faster than linearly with a function's length, and its calls are slow with array arguments:
 # short functions that LLVM must inline compile fast and run fast.
 INLINE_DECORATOR = '@njit(error_model="numpy", nogil=True, _nrt=False, forceinline=True)'
+# One environment: V values, W and U and L scratch, P parameters, A action, err the conflict that was found.
 STATE = "V, W, U, bits, kind, count, vertex, hull_radius, P, A, L, key, tick, err"
 
 
@@ -58,7 +59,7 @@ class Source:
         if op == "draw":
             rule, number, *variables = args
             places = (*variables, "0", "0", "0")[:3]
-            return f"uniform(key, tick, {rule * 256 + number}, {', '.join(places)})"
+            return f"keyed_uniform(key, tick, {rule * 256 + number}, {', '.join(places)})"
         if op == "relation":
             return self._relation(w, symbol)
         raise AssertionError(f"no source for {op}")
@@ -75,18 +76,29 @@ class Source:
         if what == "overlaps":
             return f"over({shapes})"
         top = "top_i" if a == "i" else f"topmost(V, bits, kind, count, vertex, hull_radius, {a})"
-        is_floor = self.matcher.match(w.groups[a], Needs((Floor,), None))
+        is_floor = self.matcher.match(w.groups[a], Pattern((Floor,)))
         off_floor = f"not ({match_test(a, is_floor)})" if is_floor else ""
         return both(f"{top} == {b}", off_floor, f"within({shapes})" if what == "contains" else "")
 
 
-def write_value(w: Writer, tree: Tree, variables: tuple[str, ...], add: str, number: int = 0) -> None:
-    """A tree of values: ``add`` is the source that takes one, e.g. ``total += {}``."""
-    if isinstance(tree, Branch):
-        with w.block(f"if {w.value(bind(tree.condition, variables, number))}:"):
-            write_value(w, tree.yes, variables, add, number)
-        with w.block("else:"):
-            write_value(w, tree.no, variables, add, number)
+def write_tree(
+    w: Writer, tree: Tree, variables: tuple[str, ...], number: int, write_leaf: Callable[[Leaf], None]
+) -> None:
+    """A decision tree as nested ``if``s; rule ``number`` has these loop variables as its entities."""
+    if isinstance(tree, Leaf):
+        write_leaf(tree)
         return
-    assert tree.value is not None
-    w.line(add.format(w.value(bind(tree.value, variables, number))))
+    with w.block(f"if {w.value(bind(tree.condition, variables, number))}:"):
+        write_tree(w, tree.yes, variables, number, write_leaf)
+    with w.block("else:"):
+        write_tree(w, tree.no, variables, number, write_leaf)
+
+
+def write_value(w: Writer, tree: Tree, variables: tuple[str, ...], statement: str, number: int = 0) -> None:
+    """A tree of values; ``statement`` is the source that uses one, such as ``total += {}``."""
+
+    def write_leaf(leaf: Leaf) -> None:
+        assert leaf.value is not None
+        w.line(statement.format(w.value(bind(leaf.value, variables, number))))
+
+    write_tree(w, tree, variables, number, write_leaf)

@@ -1,16 +1,18 @@
-"""Pair rules that have nothing to say of most partners: list the others once, instead of asking every pair.
+"""Sparse pairs: a pair rule to which most partners are alike runs over a list of the others only.
 
 A rule such as the Lorentz law decides by the partner alone (no charge, no magnetism) that its effect does not depend on
-the partner. Such *quiet* partners are counted; the loop of a target runs over the rest.
+the partner. Such *quiet* partners are counted; the loop of a target runs over the rest. The plain twin is
+:mod:`segar.engine.compiler.plain_pairs`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from segar.engine.compiler.applications import Application, bind_tree
 from segar.engine.compiler.emit import Writer
-from segar.engine.compiler.loops import both, condition, match_test, over_group
+from segar.engine.compiler.loops import both, condition, match_test, over_group, share
 from segar.engine.compiler.spec import Group
 from segar.language import Branch, Leaf, Symbol, Tree, walk
 
@@ -18,13 +20,14 @@ MANY_PARTNERS = 5  # in smaller groups it does not pay to list them
 
 
 @dataclass(frozen=True)
-class Gate:
+class SparsePairs:
     """A pair rule, its quiet path, and where the list of partners that are not quiet lies.
 
     Attributes:
+        mask: bits that a partner must have.
         quiet: conditions on the partner ``j`` and whether they hold, all on the way to ``leaf``.
-        leaf: outcomes with quiet partners; they depend on the target alone.
-        rest: the rule's tree without that leaf.
+        leaf: effects with quiet partners; they depend on the target alone.
+        tree: the rule's tree.
         list_at: source of the list's begin in ``L``.
         name: suffix of the local names that hold how many partners are listed, and how many are quiet.
     """
@@ -34,7 +37,7 @@ class Gate:
     mask: int
     quiet: tuple[tuple[Symbol, bool], ...]
     leaf: Leaf
-    rest: Tree
+    tree: Tree
     list_at: str
     name: str
 
@@ -49,10 +52,48 @@ class Gate:
                 w.line(f"L[{self.list_at} + listed_{self.name}] = j")
                 w.line(f"listed_{self.name} += 1")
 
-    def write_count(self, w: Writer, target: Group) -> None:
+    def write(
+        self,
+        w: Writer,
+        target: Group,
+        apply: Callable[[Tree], None],
+        sums: Callable[[], list[tuple[str, str]]],
+        quiet_matters: bool,
+    ) -> None:
+        """Write the effects of all partners on the target ``i``: first of those listed, then of the quiet ones.
+
+        Args:
+            apply: writes the effects of a tree.
+            sums: local names, and the values that one quiet partner adds to them.
+            quiet_matters: whether quiet partners have effects that count.
+        """
+        with w.block(f"for n in range(listed_{self.name}):"):
+            w.line(f"j = L[{self.list_at} + n]")
+            with condition(w, "i != j" if share(self.partners, target) else ""):
+                w.groups = {"i": target, "j": self.partners}
+                apply(self.rest)
+        if not quiet_matters:
+            return
+        self._write_count(w, target)
+        w.groups = {"i": target}
+        with w.block("if quiet > 0:"):
+            apply(self.leaf)
+            self._write_repeats(w, sums())
+
+    @property
+    def rest(self) -> Tree:
+        """The rule's tree without its quiet leaf."""
+        return _replace_leaves(self.tree, lambda leaf: Leaf() if leaf is self.leaf else leaf)
+
+    @property
+    def quiet_tree(self) -> Tree:
+        """The rule's tree with its quiet leaf only."""
+        return _replace_leaves(self.tree, lambda leaf: leaf if leaf is self.leaf else Leaf())
+
+    def _write_count(self, w: Writer, target: Group) -> None:
         """Put the number of quiet partners of ``i`` in ``quiet``."""
         w.line(f"quiet = quiet_{self.name}")
-        if set(self.partners.slots) & set(target.slots):
+        if share(self.partners, target):
             # The target is no partner of itself, and may be in the other group or not.
             inside = "" if set(target.slots) <= set(self.partners.slots) else f"i in {self.partners.slots}"
             with condition(w, both(inside, match_test("i", self.mask))):
@@ -61,8 +102,10 @@ class Gate:
                 with w.block(f"if {self._is_quiet(w)}:"):
                     w.line("quiet -= 1")
 
-    def write_repeats(self, w: Writer, sums: list[tuple[str, str]]) -> None:
-        """What one quiet partner added, all others add as well; zeros need no adding."""
+    def _write_repeats(self, w: Writer, sums: list[tuple[str, str]]) -> None:
+        """Add for all other quiet partners what one of them added; zeros need no adding."""
+        if not sums:
+            return
         with (
             w.block(f"if {' or '.join(f'{value} != 0.0' for _, value in sums)}:"),
             w.block("for _ in range(1, quiet):"),
@@ -75,13 +118,16 @@ class Gate:
         return " and ".join(tests)
 
 
-def find_gate(application: Application, partners: Group, mask: int, list_at: int, number: int) -> Gate | None:
-    """The gate of a pair rule, or None where no path is quiet or there are few partners.
+def find_sparse_pairs(
+    kind: type[SparsePairs], application: Application, partners: Group, mask: int, list_at: int, number: int
+) -> SparsePairs | None:
+    """The sparse pairs of a pair rule, or None where no path is quiet or there are few partners.
 
     Args:
-        mask: what the bits of a partner must hold.
+        kind: sparse pairs or their plain twin.
+        mask: bits that a partner must have.
         list_at: how many entries of ``L`` behind ``NEAR_AT`` earlier lists of the stage take.
-        number: tells the gates of a stage apart.
+        number: of the pair rule in the stage, for the names of its variables.
     """
     if len(application.needs) != 2 or application.rule.relation is not None or len(partners.slots) < MANY_PARTNERS:
         return None
@@ -90,15 +136,14 @@ def find_gate(application: Application, partners: Group, mask: int, list_at: int
     if path is None or not path[0]:
         return None
     quiet, leaf = path
-    name = f"{number}_{partners.slots[0]}"
-    return Gate(application, partners, mask, quiet, leaf, _without(tree, leaf), f"NEAR_AT + {list_at}", name)
+    return kind(application, partners, mask, quiet, leaf, tree, f"NEAR_AT + {list_at}", f"{number}_{partners.slots[0]}")
 
 
 def _quiet_path(tree: Tree) -> tuple[tuple[tuple[Symbol, bool], ...], Leaf] | None:
-    """The last path of conditions on ``j`` alone to a leaf that speaks of ``i`` alone."""
+    """The last path of conditions on ``j`` alone to a leaf whose effects depend on ``i`` alone."""
     if isinstance(tree, Leaf):
-        speaks_of_target = all(_variables(c) <= {"i"} for o in tree.outcomes for c in o.components)
-        return ((), tree) if speaks_of_target else None
+        depends_on_target = all(_variables(c) <= {"i"} for e in tree.effects for c in e.components)
+        return ((), tree) if depends_on_target else None
     if not _variables(tree.condition) <= {"j"}:
         return None
     for branch, holds in ((tree.no, False), (tree.yes, True)):
@@ -108,10 +153,10 @@ def _quiet_path(tree: Tree) -> tuple[tuple[tuple[Symbol, bool], ...], Leaf] | No
     return None
 
 
-def _without(tree: Tree, leaf: Leaf) -> Tree:
+def _replace_leaves(tree: Tree, replace: Callable[[Leaf], Leaf]) -> Tree:
     if isinstance(tree, Leaf):
-        return Leaf() if tree is leaf else tree
-    return Branch(tree.condition, _without(tree.yes, leaf), _without(tree.no, leaf))
+        return replace(tree)
+    return Branch(tree.condition, _replace_leaves(tree.yes, replace), _replace_leaves(tree.no, replace))
 
 
 def _variables(symbol: Symbol) -> set[str]:

@@ -1,173 +1,204 @@
-"""Rules of one stage -> source: for each target entity, gather the outcomes of all rules on it, then write.
+"""A stage -> source: for each target entity, gather the effects of all rules on it, then write them to the state.
 
-All rules of a stage read the state from before the stage. A factor that some rule of the stage reads on another entity
+All rules of a stage read the state from before the stage. A factor that some rule of the stage reads of another entity
 is therefore written to a second buffer ``W`` and copied when the stage is over; all others are written in place.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
+from dataclasses import dataclass, field
 
 from segar.engine.compiler.applications import Application, application_symbols, bind_tree
-from segar.engine.compiler.conflicts import Takes, check_static, find_disputed, read_across
+from segar.engine.compiler.conflicts import (
+    check_certain_conflicts,
+    counted_effects,
+    find_possible_conflicts,
+    read_across,
+)
 from segar.engine.compiler.emit import Writer, bind
-from segar.engine.compiler.loops import VARIABLES, both, condition, match_test, over_group, share
-from segar.engine.compiler.sparse_pairs import Gate, find_gate
-from segar.engine.compiler.spec import Group, Matcher, Needs, needs_of, outcomes_of, relation_mask, settle
-from segar.errors import RuleError
+from segar.engine.compiler.loops import both, condition, match_test, over_group, share
+from segar.engine.compiler.plain_pairs import PlainPairs
+from segar.engine.compiler.set_factors import FactorSetting
+from segar.engine.compiler.sparse_pairs import SparsePairs, find_sparse_pairs
+from segar.engine.compiler.spec import Group, Matcher, relation_mask, settle
 from segar.language import (
     Aggregate,
     Branch,
     Differential,
+    Effect,
+    EffectExpression,
     Factor,
     Floor,
     Leaf,
-    Outcome,
+    Operation,
+    Pattern,
     Position,
     Rule,
     SetFactor,
     Slot,
+    Stage,
+    Symbol,
     Tree,
     holds,
+    leaves_of,
 )
 
+Matching = list[tuple[Application, int]]
+"""Applications whose target may be in a group, with the mask of bits that a target must have."""
 
-class Stage:
+
+@dataclass
+class _Change:
+    """A factor that the stage may change in a group: its first column, and the kinds of effects on it."""
+
+    factor: type[Factor]
+    column: int
+    setting: FactorSetting
+    kinds: set[type[Effect]] = field(default_factory=set)
+
+    @property
+    def columns(self) -> range:
+        return range(self.column, self.column + self.factor.width)
+
+
+class StageWriter:
     """Writes the source of one stage.
 
     Args:
         matcher: groups and bits of the layout.
-        rules: the rules of the stage with their numbers in the world.
-        takes: whether a rule's outcome belongs to this stage.
-        scale: source of the factor on differentials (``dt``; ``1.0`` for actions).
-        rates: write the differentials of Position to ``U``, unscaled, instead of changing the state.
+        stage: the effects that count, and what becomes of them. A stage that finds rates writes the differentials of
+            Position to ``U`` and leaves the state as it is.
+        rules: the rules of the stage with their numbers in the kernel.
+        plain: loop over all partners of pair rules.
     """
 
-    def __init__(
-        self, matcher: Matcher, rules: list[tuple[int, Rule]], takes: Takes, scale: str = "dt", rates: bool = False
-    ) -> None:
-        self.matcher, self.takes, self.scale, self.rates = matcher, takes, scale, rates
-        self.applications = []
-        for number, rule in rules:
-            if len(rule.signature.entities) > len(VARIABLES):
-                raise RuleError(f"{rule.where}: a rule can involve at most {len(VARIABLES)} entities")
-            needs = needs_of(rule)
-            for target in range(len(needs)):
-                if any(o.argument == target and takes(rule, o) for o in outcomes_of(rule.tree)):
-                    self.applications.append(Application(rule, number, target, needs))
+    def __init__(self, matcher: Matcher, stage: Stage, rules: list[tuple[int, Rule]], plain: bool = False) -> None:
+        self.matcher, self.counts = matcher, stage.counts
+        self.finds_rates = stage.operation is Operation.FIND_RATES
+        self.time_step = "dt" if stage.scales else "1.0"
+        numbered = [Application(rule, n, target) for n, rule in rules for target in range(len(rule.needs))]
+        self.applications = [a for a in numbered if self._matters(a, a.rule.tree)]
         self.groups = self._indistinct_groups(self.applications)
         self.shared = read_across(matcher, self.groups, self.applications)
         self.list_length = 0
-        self.gates = self._find_gates()
+        self.pairs = {} if self.finds_rates else self._find_sparse_pairs(PlainPairs if plain else SparsePairs)
+
+    @property
+    def target_groups(self) -> list[Group]:
+        """Groups whose entities the stage may change."""
+        return [
+            g for g in self.groups if any(self.matcher.match(g, a.target_needs) is not None for a in self.applications)
+        ]
+
+    def write(self, w: Writer) -> None:
+        """Write the stage; the surroundings define V, W, L, bits, P, dt, key, tick, err and the shape arrays."""
+        buffered: list[tuple[Group, int]] = []
+        for partners in self.pairs.values():
+            for pairs in (p for _, p in partners if p is not None):
+                pairs.write_list(w)
+        for group in self.groups:
+            mine = [(a, m) for a in self.applications if (m := self.matcher.match(group, a.target_needs)) is not None]
+            if mine:
+                with over_group(w, group, "i"):
+                    buffered += self._write_target(w, group, mine)
+        for group, column in dict.fromkeys(buffered):
+            with over_group(w, group, "i"):
+                w.line(f"V[i, {column}] = W[i, {column}]")
 
     def _indistinct_groups(self, applications: list[Application]) -> tuple[Group, ...]:
-        """Slots that match alike and keep what they hold in the same columns share a loop: less source, same result."""
+        """Slots that match alike and have the same columns share a loop, which gives less source and the same result."""
         needs = [n for a in applications for n in a.needs]
-        needs += [Needs((Floor, Position), None), Needs((Floor,), None), Needs((Position,), None)]
-        by_type = dict.fromkeys(
-            s.args[0]
-            for a in applications
-            for s in application_symbols(a)
-            if s.op == "relation" and not isinstance(s.args[0], str)
-        )
+        needs += [Pattern((Floor, Position)), Pattern((Floor,)), Pattern((Position,))]
+        symbols = [s for a in applications for s in application_symbols(a) if s.op == "relation"]
+        by_type = dict.fromkeys(s.args[0] for s in symbols if not isinstance(s.args[0], str))
         factors = {f for n in needs for f in n.factors} | {f for what in by_type if what[0] == "needs" for f in what[1]}
 
         def key(slot: Slot) -> tuple:
             group = Group((0,), slot.types, False)  # optional slots join the others: one more test, half the source
             held = tuple(frozenset(holds(t, f) for t in slot.types) for f in sorted(factors, key=lambda f: f.__name__))
-            floors = tuple(Floor in t.declared for t in slot.types)
             return (
                 tuple(self.matcher.match(group, n) for n in needs),
                 tuple(relation_mask(self.matcher, what, group) for what in by_type),
                 held,
-                all(floors),
+                all(Floor in t.declared for t in slot.types),
             )
 
-        return self.matcher.merge(range(len(self.matcher.layout.slots)), key)
+        return self.matcher.merge(key)
 
-    def write(self, w: Writer) -> None:
-        """Write the stage; the surroundings define V, W, L, bits, P, dt, key, tick, err and the shape arrays."""
-        buffered: list[tuple[Group, int, int]] = []
-        for partners in self.gates.values():
-            for gate in (g for _, g in partners if g is not None):
-                gate.write_list(w)
-        for group in self.groups:
-            mine = [
-                (a, m) for a in self.applications if (m := self.matcher.match(group, a.needs[a.target])) is not None
-            ]
-            if not mine:
+    def _find_sparse_pairs(self, kind: type[SparsePairs]) -> dict[Application, list[tuple[Group, SparsePairs | None]]]:
+        """Pair rules to which most partners are alike: their groups of partners, and how to write the pairs of these."""
+        found: dict[Application, list[tuple[Group, SparsePairs | None]]] = {}
+        for a in self.applications:
+            if len(a.needs) != 2 or all(self.matcher.match(g, a.target_needs) is None for g in self.groups):
                 continue
-            with over_group(w, group, "i"):
-                buffered += self._write_target(w, group, mine)
-        for group, column, width in dict.fromkeys(buffered):
-            with over_group(w, group, "i"):
-                for c in range(column, column + width):
-                    w.line(f"V[i, {c}] = W[i, {c}]")
-
-    def _find_gates(self) -> dict[Application, list[tuple[Group, Gate | None]]]:
-        """Pair rules that are quiet about most partners: their groups of partners, and the gates of those."""
-        found: dict[Application, list[tuple[Group, Gate | None]]] = {}
-        for a in self.applications if not self.rates else ():
-            if len(a.needs) != 2 or all(self.matcher.match(g, a.needs[a.target]) is None for g in self.groups):
-                continue
-            partners: list[tuple[Group, Gate | None]] = []
+            partners: list[tuple[Group, SparsePairs | None]] = []
             for other in self._indistinct_groups([a]):
                 mask = self.matcher.match(other, a.needs[1 - a.target])
                 if mask is not None:
-                    gate = find_gate(a, other, mask, self.list_length, len(found))
-                    self.list_length += len(other.slots) if gate is not None else 0
-                    partners.append((other, gate))
-            if any(gate is not None for _, gate in partners):
+                    pairs = find_sparse_pairs(kind, a, other, mask, self.list_length, len(found))
+                    self.list_length += len(other.slots) if pairs is not None else 0
+                    partners.append((other, pairs))
+            if any(pairs is not None for _, pairs in partners):
                 found[a] = partners
         return found
 
-    def _write_target(self, w: Writer, group: Group, mine: list[tuple[Application, int]]) -> list:
-        factors = self._factors(group, mine)
-        check_static(group, mine, self.takes)
-        self.disputed = find_disputed(self.matcher, group, mine, self.takes)
-        for column, (_, width, kinds) in factors.items():
-            if Aggregate in kinds:
-                w.line(f"agg_{column} = False")
-            if Differential in kinds:
-                w.line(f"dif_{column} = False")
-            for c in range(width):
-                for kind, prefix in ((Aggregate, "ax"), (Differential, "dx"), (SetFactor, "sx")):
-                    if kind in kinds:
-                        w.line(f"{prefix}_{column + c} = 0.0")
-            if SetFactor in kinds:
-                w.line(f"set_{column} = -1")
-                if column in self.disputed:
-                    w.line(f"by_{column} = -1")
-                    w.line(f"rival_{column} = -1")
-        if any(self._asks_topmost(a, group) for a, _ in mine):
+    def _write_target(self, w: Writer, group: Group, mine: Matching) -> list[tuple[Group, int]]:
+        """Write the effects on the entities ``i`` of a group; returns the columns that are written to the buffer."""
+        applications = [a for a, _ in mine]
+        check_certain_conflicts(group, applications, self.counts)
+        self.changes = self._changes(group, applications)
+        for change in self.changes.values():
+            self._begin(w, change)
+        if any(self._needs_topmost(a) for a in applications):
             self._write_topmost(w)
-        unary: dict[str, list[Application]] = defaultdict(list)
-        for application, mask in mine:
-            if len(application.needs) == 1:
-                unary[match_test("i", mask)].append(application)
-        for test, applications in unary.items():
-            with condition(w, test):
-                self._apply(w, applications, {"i": group})
-        plain = [(a, mask) for a, mask in mine if len(a.needs) == 2 and a not in self.gates]
+        self._write_unary(w, group, mine)
+        plain = [(a, mask) for a, mask in mine if len(a.needs) == 2 and a not in self.pairs]
         for other in self._indistinct_groups([a for a, _ in plain]):
             self._write_pairs(w, group, other, plain)
         for a, mask in mine:
-            for other, gate in self.gates.get(a, ()):
-                if gate is None:
+            for other, pairs in self.pairs.get(a, ()):
+                if pairs is None:
                     self._write_pairs(w, group, other, [(a, mask)])
                 else:
                     with condition(w, match_test("i", mask)):
-                        self._write_gated(w, group, gate)
-        for application, mask in mine:
-            if len(application.needs) == 3:
-                self._write_triples(w, group, application, mask)
-        return self._fold(w, group, factors)
+                        self._write_sparse_pairs(w, group, pairs)
+        for a, mask in mine:
+            if len(a.needs) == 3:
+                self._write_triples(w, group, a, mask)
+        if self.finds_rates:
+            self._write_rates(w)
+            return []
+        for change in self.changes.values():
+            self._write_change(w, change)
+        return [(group, c) for change in self.changes.values() if change.factor in self.shared for c in change.columns]
+
+    def _changes(self, group: Group, applications: list[Application]) -> dict[int, _Change]:
+        """What the stage may change in this group, by column."""
+        conflicting = find_possible_conflicts(self.matcher, group, applications, self.counts)
+        found: dict[int, _Change] = {}
+        for a in applications:
+            for effect in self._counted(a, a.rule.tree):
+                column = self.matcher.column(group, effect.factor)
+                setting = FactorSetting("i", column, effect.factor.width, column in conflicting)
+                found.setdefault(column, _Change(effect.factor, column, setting)).kinds.add(effect.kind)
+        return found
+
+    def _begin(self, w: Writer, change: _Change) -> None:
+        """Write that no rule has an effect on the factor yet."""
+        for kind, flag, total in ((Aggregate, "agg", "ax"), (Differential, "dif", "dx")):
+            if kind in change.kinds:
+                w.line(f"{flag}_{change.column} = False")
+                for c in change.columns:
+                    w.line(f"{total}_{c} = 0.0")
+        if SetFactor in change.kinds:
+            change.setting.begin(w)
 
     def _write_topmost(self, w: Writer) -> None:
         """Find the floor that entity ``i`` is on, discs inline; as ``topmost`` in the device code."""
         w.line("top_i = -1")
         for floor in self.groups:
-            mask = self.matcher.match(floor, Needs((Floor, Position), None))
+            mask = self.matcher.match(floor, Pattern((Floor, Position)))
             if mask is None:
                 continue
             with over_group(w, floor, "f"), condition(w, match_test("f", mask)):
@@ -181,90 +212,85 @@ class Stage:
                 with w.block("if under and (top_i < 0 or V[f, ORDER] < V[top_i, ORDER]):"):
                     w.line("top_i = f")
 
-    def _write_pairs(self, w: Writer, group: Group, other: Group, mine: list[tuple[Application, int]]) -> None:
-        pairs: dict[str, list[Application]] = defaultdict(list)
+    def _write_unary(self, w: Writer, group: Group, mine: Matching) -> None:
+        by_test: dict[str, list[Application]] = defaultdict(list)
+        for a, mask in mine:
+            if len(a.needs) == 1:
+                by_test[match_test("i", mask)].append(a)
+        for test, applications in by_test.items():
+            with condition(w, test):
+                self._apply(w, applications, {"i": group})
+
+    def _write_pairs(self, w: Writer, group: Group, other: Group, mine: Matching) -> None:
+        by_test: dict[str, list[Application]] = defaultdict(list)
         for a, mask in mine:
             if not (other.slots == group.slots and group.is_single):
                 other_mask = self.matcher.match(other, a.needs[1 - a.target])
-                if other_mask is not None and not self._never(a, {"i": group, "j": other}):
-                    pairs[both(match_test("i", mask), match_test("j", other_mask))].append(a)
-        if not pairs:
+                if other_mask is not None and not _is_false(self._relation(a, {"i": group, "j": other})):
+                    by_test[both(match_test("i", mask), match_test("j", other_mask))].append(a)
+        if not by_test:
             return
         with over_group(w, other, "j"), condition(w, "i != j" if share(other, group) else ""):
-            for test, applications in pairs.items():
+            for test, applications in by_test.items():
                 with condition(w, test):
                     self._apply(w, applications, {"i": group, "j": other})
 
-    def _write_gated(self, w: Writer, group: Group, gate: Gate) -> None:
-        a = gate.application
-        with w.block(f"for n in range(listed_{gate.name}):"):
-            w.line(f"j = L[{gate.list_at} + n]")
-            with condition(w, "i != j" if share(gate.partners, group) else ""):
-                w.groups = {"i": group, "j": gate.partners}
-                self._merge(w, [(a, gate.rest)], group)
-        if not self._matters(a, gate.leaf):
-            return
-        gate.write_count(w, group)
-        w.groups = {"i": group}
-        with w.block("if quiet > 0:"):
-            self._merge(w, [(a, gate.leaf)], group)
-            sums = []
-            for o in gate.leaf.outcomes:
-                if o.argument == a.target and self.takes(a.rule, o) and o.kind is not SetFactor:
-                    column = self.matcher.column(group, o.factor)
-                    prefix = "ax" if o.kind is Aggregate else "dx"
-                    sums += [(f"{prefix}_{column + c}", w.value(v)) for c, v in enumerate(o.components)]
-            if sums:
-                gate.write_repeats(w, sums)
+    def _write_sparse_pairs(self, w: Writer, group: Group, pairs: SparsePairs) -> None:
+        a = pairs.application
+
+        def sums() -> list[tuple[str, str]]:
+            effects = [e for e in self._counted(a, pairs.leaf) if e.kind is not SetFactor]
+            return [
+                (name, w.value(v))
+                for e in effects
+                for name, v in zip(self._totals(group, e), e.components, strict=True)
+            ]
+
+        pairs.write(w, group, lambda tree: self._merge(w, [(a, tree)], group), sums, self._matters(a, pairs.leaf))
 
     def _write_triples(self, w: Writer, group: Group, a: Application, mask: int) -> None:
         names = [v for v in a.variables if v != "i"]
-        needs = {v: a.needs[n] for n, v in enumerate(a.variables)}
+        needs = dict(zip(a.variables, a.needs, strict=True))
         groups = self._indistinct_groups([a])
         for second in groups:
             for third in groups:
                 masks = [self.matcher.match(g, needs[v]) for g, v in ((second, names[0]), (third, names[1]))]
                 if masks[0] is None or masks[1] is None:
                     continue
-                distinct = " and ".join(
-                    f"{p} != {q}"
-                    for p, q, same in (
-                        ("i", "j", share(second, group)),
-                        ("i", "k", share(third, group)),
-                        ("j", "k", share(second, third)),
-                    )
-                    if same
-                )
-                with over_group(w, second, "j"), over_group(w, third, "k"):
-                    test = both(distinct, match_test("i", mask), match_test("j", masks[0]), match_test("k", masks[1]))
-                    with condition(w, test):
-                        self._apply(w, [a], {"i": group, "j": second, "k": third})
+                pairs = (("i", "j", second, group), ("i", "k", third, group), ("j", "k", second, third))
+                distinct = [f"{p} != {q}" for p, q, one, two in pairs if share(one, two)]
+                tests = [match_test("i", mask), match_test("j", masks[0]), match_test("k", masks[1])]
+                with over_group(w, second, "j"), over_group(w, third, "k"), condition(w, both(*distinct, *tests)):
+                    self._apply(w, [a], {"i": group, "j": second, "k": third})
 
     def _apply(self, w: Writer, applications: list[Application], groups: dict[str, Group]) -> None:
         """The trees of rules on the same entities, bound to loop variables; shared conditions are tested once."""
         w.groups = groups
         trees: list[tuple[Application, Tree]] = []
         for a in applications:
-            tree = bind_tree(a.rule.tree, a)
-            if a.rule.relation is not None:
-                truth = settle(self.matcher, bind(a.rule.relation.truth, a.variables, a.number), groups)
-                if truth.op == "const" and not truth.args[0]:
-                    continue
-                if truth.op != "const":
-                    tree = Branch(truth, tree, Leaf())
-            trees.append((a, tree))
+            tree, truth = bind_tree(a.rule.tree, a), self._relation(a, groups)
+            if truth is None or truth.op != "const":
+                trees.append((a, tree if truth is None else Branch(truth, tree, Leaf())))
+            elif truth.args[0]:
+                trees.append((a, tree))
         self._merge(w, trees, groups["i"])
+
+    def _relation(self, a: Application, groups: dict[str, Group]) -> Symbol | None:
+        """The truth of the rule's relation for entities of these groups; None without a relation."""
+        if a.rule.relation is None:
+            return None
+        return settle(self.matcher, bind(a.rule.relation.truth, a.variables, a.number), groups)
 
     def _merge(self, w: Writer, trees: list[tuple[Application, Tree]], group: Group) -> None:
         """Write trees one after the other; those that test the same condition first share its ``if``."""
         while trees:
             a, tree = trees[0]
             if isinstance(tree, Leaf):
-                mine = [o for o in tree.outcomes if o.argument == a.target and self.takes(a.rule, o)]
-                if mine:
+                effects = self._counted(a, tree)
+                if effects:
                     w.line(f"# {a.rule.name}")
-                for outcome in mine:
-                    self._gather(w, a, outcome, group)
+                for effect in effects:
+                    self._add_effect(w, a, effect, group)
                 trees = trees[1:]
                 continue
             same = [(b, t) for b, t in trees if isinstance(t, Branch) and t.condition is tree.condition]
@@ -278,87 +304,61 @@ class Stage:
                     with w.block(header):
                         self._merge(w, branches, group)
 
-    def _matters(self, a: Application, tree: Tree) -> bool:
-        return any(o.argument == a.target and self.takes(a.rule, o) for o in outcomes_of(tree))
-
-    def _gather(self, w: Writer, a: Application, outcome: Outcome, group: Group) -> None:
-        column = self.matcher.column(group, outcome.factor)
-        values = [w.value(c) for c in outcome.components]
-        if outcome.kind in (Aggregate, Differential):
-            flag, sum_ = ("agg", "ax") if outcome.kind is Aggregate else ("dif", "dx")
-            w.line(f"{flag}_{column} = True")
-            for c, value in enumerate(values):
-                w.line(f"{sum_}_{column + c} += {value}")
+    def _add_effect(self, w: Writer, a: Application, effect: EffectExpression, group: Group) -> None:
+        column = self.matcher.column(group, effect.factor)
+        values = [w.value(c) for c in effect.components]
+        if effect.kind is SetFactor:
+            self.changes[column].setting.add(w, a.number, a.rule.priority, values)
             return
-        priority = a.rule.priority
-        with w.block(f"if set_{column} < {priority}:"):
-            w.line(f"set_{column} = {priority}")
-            for c, value in enumerate(values):
-                w.line(f"sx_{column + c} = {value}")
-            if column in self.disputed:
-                w.line(f"by_{column} = {a.number}")
-                w.line(f"rival_{column} = -1")
-        if column in self.disputed:
-            differs = " or ".join(f"sx_{column + c} != {value}" for c, value in enumerate(values))
-            with w.block(f"elif set_{column} == {priority} and ({differs}):"):
-                w.line(f"rival_{column} = {a.number}")
+        w.line(f"{'agg' if effect.kind is Aggregate else 'dif'}_{column} = True")
+        for name, value in zip(self._totals(group, effect), values, strict=True):
+            w.line(f"{name} += {value}")
 
-    def _fold(self, w: Writer, group: Group, factors: dict) -> list:
-        if self.rates:
-            self._fold_rates(w, factors)
-            return []
-        buffered = []
-        for column, (factor, width, kinds) in factors.items():
-            if SetFactor in kinds and column in self.disputed:
-                with w.block(f"if rival_{column} >= 0:"):
-                    w.line(f"err[0], err[1], err[2], err[3], err[4] = 1, i, {column}, by_{column}, rival_{column}")
-            buffer = "W" if factor in self.shared else "V"
-            if buffer == "W":
-                buffered.append((group, column, width))
-                for c in range(column, column + width):
-                    w.line(f"W[i, {c}] = V[i, {c}]")
-            word = "if"
-            for kind, test, prefix in (
-                (SetFactor, f"set_{column} >= 0", "sx"),
-                (Aggregate, f"agg_{column}", "ax"),
-                (Differential, f"dif_{column}", "dx"),
-            ):
-                if kind not in kinds:
+    def _totals(self, group: Group, effect: EffectExpression) -> list[str]:
+        """Local names of the sums that an aggregate or a differential is added to."""
+        column, name = self.matcher.column(group, effect.factor), "ax" if effect.kind is Aggregate else "dx"
+        return [f"{name}_{c}" for c in range(column, column + effect.factor.width)]
+
+    def _write_change(self, w: Writer, change: _Change) -> None:
+        """Write the new value: SetFactor wins over Aggregate, and Aggregate over Differential."""
+        column = change.column
+        if SetFactor in change.kinds:
+            change.setting.report_conflict(w)
+        state = "W" if change.factor in self.shared else "V"
+        if state == "W":
+            for c in change.columns:
+                w.line(f"W[i, {c}] = V[i, {c}]")
+        tests = {SetFactor: change.setting.is_set, Aggregate: f"agg_{column}", Differential: f"dif_{column}"}
+        for n, kind in enumerate(kind for kind in tests if kind in change.kinds):
+            with w.block(f"{'elif' if n else 'if'} {tests[kind]}:"):
+                if kind is SetFactor:
+                    change.setting.store(w, state)
                     continue
-                with w.block(f"{word} {test}:"):
-                    for c in range(column, column + width):
-                        right = f"{prefix}_{c}" if kind is not Differential else f"V[i, {c}] + dx_{c} * {self.scale}"
-                        w.line(f"{buffer}[i, {c}] = {right}")
-                word = "elif"
-        return buffered
+                for c in change.columns:
+                    value = f"ax_{c}" if kind is Aggregate else f"V[i, {c}] + dx_{c} * {self.time_step}"
+                    w.line(f"{state}[i, {c}] = {value}")
 
-    def _fold_rates(self, w: Writer, factors: dict) -> None:
-        for column, (_, _, kinds) in factors.items():
-            overruled = [f"set_{column} >= 0"] * (SetFactor in kinds) + [f"agg_{column}"] * (Aggregate in kinds)
-            for c in (0, 1):
-                rate = f"dx_{column + c}" if Differential in kinds else "0.0"
-                w.line(f"U[i, {c}] = " + (f"0.0 if {' or '.join(overruled)} else {rate}" if overruled else rate))
+    def _write_rates(self, w: Writer) -> None:
+        """Write the sums of differentials to ``U``; a position that some rule sets or aggregates has the rate 0."""
+        for change in self.changes.values():
+            replaced = [change.setting.is_set] * (SetFactor in change.kinds)
+            replaced += [f"agg_{change.column}"] * (Aggregate in change.kinds)
+            for axis, c in enumerate(change.columns):
+                rate = f"dx_{c}" if Differential in change.kinds else "0.0"
+                w.line(f"U[i, {axis}] = " + (f"0.0 if {' or '.join(replaced)} else {rate}" if replaced else rate))
 
-    def _factors(self, group: Group, mine: list[tuple[Application, int]]) -> dict:
-        """Column -> (factor, width, kinds of outcomes) for all that the stage may change in this group."""
-        found: dict[int, tuple[type[Factor], int, set]] = {}
-        for a, _ in mine:
-            for outcome in outcomes_of(a.rule.tree):
-                if outcome.argument == a.target and self.takes(a.rule, outcome):
-                    column = self.matcher.column(group, outcome.factor)
-                    entry = found.setdefault(column, (outcome.factor, outcome.factor.width, set()))  # type: ignore[attr-defined]
-                    entry[2].add(outcome.kind)
-        return found
+    def _counted(self, a: Application, tree: Tree) -> list[EffectExpression]:
+        """The effects at the leaves of a tree that are on the application's target and count in this stage."""
+        return [effect for leaf in leaves_of(tree) for effect in counted_effects(a, leaf, self.counts)]
 
-    def _asks_topmost(self, a: Application, group: Group) -> bool:
-        return any(
-            s.op == "relation" and s.args[0] in ("is_on", "contains") and a.variables[s.args[1]] == "i"
-            for s in application_symbols(a)
-        )
+    def _matters(self, a: Application, tree: Tree) -> bool:
+        return bool(self._counted(a, tree))
 
-    def _never(self, a: Application, groups: dict[str, Group]) -> bool:
-        """Whether the relation is false for all entities of these groups."""
-        if a.rule.relation is None:
-            return False
-        truth = settle(self.matcher, bind(a.rule.relation.truth, a.variables, a.number), groups)
-        return truth.op == "const" and not truth.args[0]
+    def _needs_topmost(self, a: Application) -> bool:
+        """Whether the rule's relation needs the floor that its target is on."""
+        symbols = [s for s in application_symbols(a) if s.op == "relation" and s.args[0] in ("is_on", "contains")]
+        return any(a.variables[s.args[1]] == "i" for s in symbols)
+
+
+def _is_false(truth: Symbol | None) -> bool:
+    return truth is not None and truth.op == "const" and not truth.args[0]

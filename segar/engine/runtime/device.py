@@ -18,7 +18,7 @@ FLOOR_BITS = 0
 
 
 def njit(function):  # type: ignore[no-untyped-def]
-    """Stands for numba's decorator where this file is read as plain Python."""
+    """Takes the place of numba's decorator where this file is read as plain Python."""
     return function
 
 
@@ -27,25 +27,8 @@ THRESHOLD = 1e-7  # [m] closer than this counts as touching; 2022 uses the same
 
 
 @njit
-def mix(z):
-    """One round of SplitMix64: a well mixed uint64 from a uint64."""
-    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return z ^ (z >> np.uint64(31))
-
-
-@njit
-def uniform(key, tick, site, a, b, c):
-    """A uniform number in [0, 1) that depends on all arguments and nothing else."""
-    z = mix(np.uint64(key) + np.uint64(tick + 1) * np.uint64(0x9E3779B97F4A7C15))
-    z = mix(z + np.uint64(site) * np.uint64(0xD1B54A32D192ED03))
-    z = mix(z + np.uint64(a * 65536 + b) * np.uint64(0x8CB92BA72F3D8DD7) + np.uint64(c))
-    return np.float64(z >> np.uint64(11)) * (1.0 / 9007199254740992.0)
-
-
-@njit
 def radius(V, kind, hull_radius, i):
-    """Radius of the disc that stands for a body in contacts: half its Size, or the hull's circumscribed one."""
+    """Radius of a body's disc in contacts: half its Size, or that of the hull's circumscribed disc."""
     return 0.5 * V[i, SIZE] if kind[i] == 1 else hull_radius[i]
 
 

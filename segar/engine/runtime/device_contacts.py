@@ -31,12 +31,12 @@ def hit_body(V, bits, P, err, i, j): ...  # type: ignore[no-untyped-def]
 
 
 # --- copied from here on ---
-MAX_CONTACTS = 64  # contacts that one sub-step resolves before it gives up the rest of its time
+MAX_CONTACTS = 64  # contacts that one sub-step resolves; the rest of its time is left out then
 MAX_REWINDS = 256  # rewinds before one contact
 REST_OVERLAP = 1e-7  # [m] bodies that move alike and overlap deeper than this are pushed apart
 REACH = 2.0  # a body can be off by twice its way in a sub-step from where it was listed: one back, one on
-WALL = 0  # stands for the second body of a contact with a wall; of two bodies the second is never slot 0
-MAX_SEPARATIONS = 50  # passes that push overlapping bodies apart after a sub-step gave up
+WALL = 0  # in place of the second body of a contact with a wall; of two bodies the second is never slot 0
+MAX_SEPARATIONS = 50  # passes that push overlapping bodies apart where contacts were left unresolved
 
 
 @njit
@@ -112,7 +112,7 @@ def push_apart(V, ri, rj, share, i, j):
 
 @njit
 def margin_of(U, i, time):
-    """How far body ``i`` can be off in ``time`` from where it stands, and still touch [m]; 0 for no time."""
+    """How far body ``i`` can get in ``time`` from its present place, and still touch [m]; 0 for no time."""
     if time == 0.0:
         return 0.0
     return REACH * math.sqrt(U[i, 0] * U[i, 0] + U[i, 1] * U[i, 1]) * time + THRESHOLD
@@ -120,8 +120,8 @@ def margin_of(U, i, time):
 
 @njit
 def measure_bodies(V, W, U, bits, kind, hull_radius, time):
-    """What lists need of each body: ``W[body, 1]`` its radius; ``W[body, 2]`` how far it can be off in ``time`` from
-    where it stands; ``W[body, 0]`` the left edge of all that, infinite for an absent one."""
+    """Write what lists need of each body: ``W[body, 1]`` its radius, ``W[body, 2]`` how far it can get in ``time`` from
+    its present place, ``W[body, 0]`` the left edge of both together, infinite for an absent body."""
     for a in range(len(COLLIDERS)):
         i = COLLIDERS[a]
         W[i, 1] = radius(V, kind, hull_radius, i)
@@ -169,7 +169,7 @@ def any_touch(V, W, U, bits, kind, hull_radius, L):
 
 @njit
 def list_near(V, W, U, bits, kind, hull_radius, L, time):
-    """List walls and pairs that can meet within ``time`` in ``L[NEAR_AT:]``, as ``first << 16 | second``; how many."""
+    """List walls and pairs that can meet within ``time`` in ``L[NEAR_AT:]``, as ``first << 16 | second``; returns how many."""
     n = 0
     measure_bodies(V, W, U, bits, kind, hull_radius, time)
     if MANY_BODIES:
@@ -201,7 +201,7 @@ def list_near(V, W, U, bits, kind, hull_radius, L, time):
 
 @njit
 def list_faster(V, W, U, L, near, i, time):
-    """Add what body ``i`` can meet if it has become faster than it was listed; returns the new number of entries.
+    """List again what body ``i`` can meet, if it has become faster since it was listed; returns the new number of entries.
 
     Entries may stand in the list twice. Negative where there is no room for them.
     """
@@ -282,7 +282,7 @@ def share_of(first, second):
 
 @njit
 def translate(V, U, time):
-    """Move everything along its displacement rate ``U`` for ``time``."""
+    """Move all bodies along their displacement rates ``U`` for ``time``."""
     for m in range(len(MOVERS)):
         i = MOVERS[m]
         V[i, X] += U[i, 0] * time
@@ -299,7 +299,7 @@ def approaching(V, i, j):
 
 @njit
 def exchange(V, bits, kind, hull_radius, P, err, i, j, early):
-    """What a wall, or body ``j``, and body ``i`` do to each other; ``early``: in contact before the sub-step."""
+    """Apply the rule of contact to body ``i`` and a wall or body ``j``; ``early``: in contact before the sub-step."""
     if j == WALL:
         nx, ny = blocked_axes(V, radius(V, kind, hull_radius, i), i)
         if not early or nx * V[i, X] * V[i, VX] + ny * V[i, X + 1] * V[i, VX + 1] > 0.0:
@@ -315,13 +315,13 @@ def exchange(V, bits, kind, hull_radius, P, err, i, j, early):
 
 
 @njit
-def resolve(V, W, U, bits, kind, hull_radius, P, err, L, dt):
-    """Find the first contact, move back to it, exchange, go on; returns (contacts, whether time was given up).
+def resolve_contacts(V, W, U, bits, kind, hull_radius, P, err, L, dt):
+    """Find the first contact, move back to it, exchange, go on; returns (contacts, whether some were left unresolved).
 
     A contact that would need more time than has passed was there before this sub-step (a body pinned, grown, or at rest
-    in contact): it is resolved in place, by an exchange if the bodies approach and by pushing them apart. Only what is
-    listed as near is looked at: a body stays within the way that it goes in a sub-step from where it began it, so that
-    one list serves until a contact makes something faster.
+    in contact): it is resolved in place, by an exchange if the bodies approach and by pushing them apart. Only walls and
+    pairs in the list of near ones are tested: no body gets farther from its first place than it moves in a sub-step, so
+    one list serves until a contact makes a body faster.
     """
     contacts, near, remaining, time_span = 0, -1, dt, dt + 1e-6
     while contacts < MAX_CONTACTS:

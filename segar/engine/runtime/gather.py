@@ -1,21 +1,18 @@
-"""Numbers read out of a batch of states into the rows of a float32 table, compiled: what state observations are."""
+"""Compiled reading of numbers from a batch of states into the rows of a float32 table, for state observations."""
 
-# ruff: noqa: SIM102  numba decides `is not None` at compile time only where it stands alone
-# pyright: reportCallIssue=false
+# ruff: noqa: SIM102  numba decides `is not None` at compile time only where it is the whole condition
 from __future__ import annotations
 
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit, types
-from numba.extending import intrinsic
-from numba.np.arrayobj import make_array, populate_array
+from numba import njit
 
 _options = {"nogil": True, "cache": True, "error_model": "numpy", "_nrt": False}
 
 
 class Reads(NamedTuple):
-    """What :func:`gather` reads where all that is there is shown as it is: its arguments of these names."""
+    """Arguments of :func:`gather` for a table that shows the numbers of the state unchanged."""
 
     types: np.ndarray
     reads: np.ndarray
@@ -31,9 +28,8 @@ def no_reads() -> Reads:
 
 
 @njit(**_options)
-def gather_range(values, level, rows, start, stop, table, places, address):
-    """:func:`gather` for ``rows[start:stop]`` of the table of ``places`` columns that lies at a memory address."""
-    out = _table_at(address, len(level), places)
+def gather_range(values, level, rows, start, stop, table, out):
+    """Fill ``rows[start:stop]`` of ``out``, float32 ``(num_envs, places)``, by :func:`gather`."""
     gather(
         values, level, rows[start:stop], table.types, table.reads, table.type_reads, None, None, None, table.missing,
         table.limit, out, None,
@@ -42,13 +38,22 @@ def gather_range(values, level, rows, start, stop, table, places, address):
 
 @njit(**_options)
 def gather(values, level, rows, types, reads, type_reads, seen, shift, scale, missing, limit, out, mask):
-    """Fill ``out[rows]``: entry ``reads[k, 2]`` is column ``reads[k, 1]`` of slot ``reads[k, 0]``; then the type numbers.
+    """Fill ``out[rows]`` with numbers of the states, and then with truths about the types of entities.
 
-    What is nan there is missing. So is everything of an entity whose column ``reads[k, 3]``, if it is not -1, holds
-    false, of one whose type ``seen[slot, type]`` excludes, and of slot -1. Values are shifted and scaled. Entry
-    ``type_reads[k, 0]`` is 1 where the type ``type_reads[k, 2]`` fills slot ``type_reads[k, 1]``. Entries ``reads[k, 4]``
-    and ``type_reads[k, 3]`` of ``mask`` are 1 where the number is not missing. Where ``seen`` (then no slot is -1),
-    ``shift`` or ``mask`` is None, the kernel is compiled without what they are for.
+    A number that is nan in the state is missing, and shown as ``missing``; others are shifted, scaled and clipped to
+    ``limit``. Where ``seen`` (then no slot is -1), ``shift`` or ``mask`` is None, the kernel is compiled without what
+    they are for.
+
+    Args:
+        values: float64 ``(num_envs, entities, columns)``; ``level``: int64 ``(num_envs,)``.
+        rows: environments, int64 ``(n,)``.
+        types: int ``(levels, entities)``, number of each entity's type, -1 for an absent entity.
+        reads: int64 ``(k, 5)``: slot (-1: always missing), column, entry of ``out``, a column that hides the number
+            where it holds false (-1: none), entry of ``mask``.
+        type_reads: int64 ``(k, 4)``: entry of ``out``, slot, type whose presence there is shown, entry of ``mask``.
+        seen: bool ``(entities, types)``, whether a type is shown in a slot; the others are missing.
+        shift, scale: float ``(k,)``, for each of ``reads``.
+        out: float ``(num_envs, places)``; ``mask``: like it, 1 where a number is not missing.
     """
     for row in range(len(rows)):
         env = rows[row]
@@ -77,22 +82,3 @@ def gather(values, level, rows, types, reads, type_reads, seen, shift, scale, mi
                 if seen is not None:
                     there = there and seen[slot, kind]
                 mask[env, type_reads[k, 3]] = there
-
-
-@intrinsic
-def _table_at(_context, address, rows, columns):
-    """The float32 table, rows one after the other, that lies at a memory address."""
-    kind = types.Array(types.float32, 2, "C")
-
-    def generate(context, builder, signature, args):
-        address, rows, columns = (
-            context.cast(builder, a, t, types.intp) for a, t in zip(args, signature.args, strict=True)
-        )
-        table = make_array(kind)(context, builder)
-        pointer = builder.inttoptr(address, table.data.type)
-        size = context.get_constant(types.intp, 4)
-        strides = [builder.mul(columns, size), size]
-        populate_array(table, pointer, [rows, columns], strides, size, meminfo=None)
-        return table._getvalue()
-
-    return kind(address, rows, columns), generate

@@ -1,8 +1,9 @@
-"""How threads share one call of a kernel: they take parts of the batch from a counter, without locks or the interpreter.
+"""The ledger: threads share one call of a kernel by taking parts of the batch from a counter, without locks.
 
-A ``ledger`` is int64 ``[LEDGER_LENGTH]``: which parts are taken, how many are done, how many there are, and whether
-workers are dismissed. The owner of a call opens the ledger; whoever is there takes parts until none is left; the owner
-returns when all are done. A worker that comes late finds nothing to take, and one that never comes costs nothing.
+A ``ledger`` is int64 ``(LEDGER_LENGTH,)``. It holds how many parts are taken, how many are done, how many there are, and
+whether the other threads should leave. The owner of a call opens the ledger. The owner and the workers that are in the
+kernel take parts until none is left, and the owner returns when all of them are done. A worker that comes late finds no
+part and costs nothing. The plain twin is :mod:`segar.engine.runtime.plain_ledger`.
 """
 
 # pyright: reportCallIssue=false
@@ -14,15 +15,11 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array
 
-TAKEN, DONE, PARTS, DISMISSED = (
-    0,
-    8,
-    16,
-    24,
-)  # a cache line of 8 numbers each, so that waiting for one does not slow the others
+# Each number has a cache line of 8 entries to itself, so that threads that wait for one do not slow the others.
+TAKEN, DONE, PARTS, DISMISSED = 0, 8, 16, 24
 LEDGER_LENGTH = 32
-FROM_THE_END = 1 << 32  # parts taken are counted in the lower half from the first, in the upper half from the last
-PATIENCE = 400_000  # looks at the ledger before an idle worker gives up, some 200 microseconds
+FROM_THE_END = 1 << 32  # the lower half of TAKEN counts parts from the first on, the upper half parts from the last on
+PATIENCE = 400_000  # how often an idle worker reads the ledger before it leaves, some 200 microseconds
 
 _options = {"nogil": True, "error_model": "numpy", "_nrt": False}
 
@@ -36,7 +33,7 @@ def make_ledger(parts: int) -> np.ndarray:
 
 @njit(**_options)
 def open_ledger(ledger):
-    """Let everyone take the parts of a new call."""
+    """Let all threads take the parts of a new call."""
     store(ledger, DISMISSED, 0)
     store(ledger, DONE, 0)
     store(ledger, TAKEN, 0)
@@ -44,9 +41,10 @@ def open_ledger(ledger):
 
 @njit(**_options)
 def take_part(ledger, owns):
-    """The number of a part that is now the caller's; -1 to the owner when all parts are done, to a worker when idle.
+    """The number of a part that the caller now has to do. Otherwise -1: to the owner when all parts are done, to a worker
+    when it has waited long enough or is dismissed.
 
-    The owner goes up from the first part, workers down from the last: next time each meets what its cache holds.
+    The owner takes parts from the first on, workers from the last on: in the next call, each finds its parts in its cache.
     """
     for _ in range(PATIENCE):
         if _left(ledger, load(ledger, TAKEN)) > 0:
@@ -62,24 +60,25 @@ def take_part(ledger, owns):
 
 @njit(**_options)
 def _left(ledger, taken):
+    """How many parts are left, given the value of TAKEN."""
     return ledger[PARTS] - taken % FROM_THE_END - taken // FROM_THE_END
 
 
 @njit(**_options)
 def finish_part(ledger):
-    """Say that a part that was taken is done; what was written for it is visible to the owner."""
+    """Count a part as done; what the thread wrote for it is visible to the owner from then on."""
     fetch_add(ledger, DONE, 1)
 
 
 @njit(**_options)
 def dismiss(ledger):
-    """Let workers that wait for parts give up at once."""
+    """Make workers that wait for parts leave at once."""
     store(ledger, DISMISSED, 1)
 
 
 @intrinsic
 def load(_context, ledger, index):
-    """``ledger[index]``, read after everything that its writer wrote before."""
+    """``ledger[index]``, read so that all that its writer wrote before it is visible."""
 
     def generate(context, builder, signature, args):
         return builder.load_atomic(_place(context, builder, signature, args), "acquire", 8)
@@ -89,7 +88,7 @@ def load(_context, ledger, index):
 
 @intrinsic
 def store(_context, ledger, index, value):
-    """``ledger[index] = value``, seen by others after everything written before."""
+    """``ledger[index] = value``, visible to others after all that was written before it."""
 
     def generate(context, builder, signature, args):
         value = context.cast(builder, args[2], signature.args[2], types.int64)

@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 import segar.language.random
-from segar.engine.simulator import Outcome, State
+from segar.engine.simulator import State, StepResult
 from segar.errors import ConflictError, RuleError
 from segar.language.effects import Differential, SetFactor
 from segar.language.entities import GoalTile, GolfBall, Object
@@ -59,7 +59,7 @@ def test_kernel_and_interpreter_agree_over_six_steps_from_the_start(sampled, nam
     for _ in range(6):
         actions = rng.uniform(-1, 1, (5, 2)).astype(np.float32)
         accept(compare(simulator, levels, state, actions))
-        simulator.act(state, levels, actions, Outcome.empty(5))
+        simulator.act(state, levels, actions, StepResult.empty(5))
 
 
 def test_compiled_random_rules_agree_on_mixed_and_optional_slots(mixed):

@@ -40,9 +40,9 @@ def test_bodies_neither_overlap_nor_leave_the_arena_in_random_play(sampled, name
             mass = read(state, levels, Mass)[:, :1]
             push = rng.uniform(-2, 2, (len(mass), 2)) / np.maximum(mass, 0.1)
             read(state, levels, Velocity)[:, 0] += push * (mass > 0)
-        before = state.gave_up.copy()
+        before = state.unresolved_contacts.copy()
         simulator.step(state, levels)
-        resolved = state.gave_up == before
+        resolved = state.unresolved_contacts == before
         overlap, outside = depths(state, levels)
         assert overlap[resolved].max() < OVERLAP and outside.max() < OVERLAP
     assert state.contacts.sum() > 500 * (name == "objectsx3-hard") and np.array_equal(np.isnan(state.values), nan)
@@ -84,7 +84,7 @@ def test_a_ball_between_two_walls_of_balls_gives_up_its_time_and_not_its_sanity(
     read(state, levels, Mobile)[0, [2, 3]] = 0.0
     v[0, 0] = (9.0, 0.0)
     simulator.step(state, levels)
-    assert state.contacts[0] == 64 and state.gave_up[0] == 1
+    assert state.contacts[0] == 64 and state.unresolved_contacts[0] == 1
     assert depths(state, levels)[0][0] < OVERLAP and np.isfinite(v[0, 0]).all()
 
 

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import segar.language.random
-from segar.engine.compiler.spec import leaves_of
 from segar.errors import ConflictError, RuleError, SegarError
 from segar.language.effects import Aggregate, Differential, SetFactor
 from segar.language.entities import Ball, Entity, GoalTile, GolfBall
@@ -33,7 +32,7 @@ from segar.language.relations import is_equal, is_on, overlaps, relation
 from segar.language.rule_definition import rule, value_rule
 from segar.language.signature import Action, Wall
 from segar.language.task import Task
-from segar.language.tracing import Leaf
+from segar.language.tracing import Leaf, leaves_of
 from segar.language.values import where
 from segar.levels.level_set import Levels
 from segar.reference.interpreter import Interpreter
@@ -56,7 +55,7 @@ def test_an_if_becomes_a_branch_and_an_early_return_a_leaf():
         return Aggregate[Acceleration](a, -v)
 
     leaves = leaves_of(brake.tree)
-    assert sorted(len(leaf.outcomes) for leaf in leaves) == [0, 1]
+    assert sorted(len(leaf.effects) for leaf in leaves) == [0, 1]
 
 
 def test_a_condition_that_is_asked_twice_forks_once():
@@ -231,7 +230,7 @@ def reads_what_a_ball_lacks(ball: Ball) -> SetFactor[Mass]:
             r"`if v:`\): a vector is neither true nor false: test its norm\(\), or one component",
         ),
         (compares_with_text, 1, "a factor cannot be combined or compared with 'heavy'"),
-        (misspells_a_method, 1, "AttributeError: 'Vector' object has no attribute 'unit'"),
+        (misspells_a_method, 1, "AttributeError: 'VectorValue' object has no attribute 'unit'"),
         (changes_a_computed_value, 1, "must be the factor that changes, as the rule received it .*which is computed"),
         (changes_a_text, 1, "Label, a text, which no rule changes"),
         (puts_a_vector_into_a_scalar, 1, r"SetFactor\[Mass\] was given a vector for a scalar factor"),

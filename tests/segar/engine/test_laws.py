@@ -76,7 +76,7 @@ def test_collisions_keep_momentum_and_energy(crowd):
     state = state.copy()
     before = momentum(state, levels), energy(state, levels)
     simulator.step(state, levels, 5)
-    assert (state.contacts > 1).mean() > 0.8 and not state.gave_up.any()
+    assert (state.contacts > 1).mean() > 0.8 and not state.unresolved_contacts.any()
     np.testing.assert_allclose(momentum(state, levels), before[0], atol=1e-11)
     np.testing.assert_allclose(energy(state, levels), before[1], rtol=1e-12)
 

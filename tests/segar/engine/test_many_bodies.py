@@ -125,7 +125,7 @@ def pair_at_rest(distance: float, first_mobile: bool, second_mobile: bool) -> tu
 def test_what_overlaps_at_rest_is_pushed_apart(distance):
     levels, state = pair_at_rest(distance, True, True)
     uncompiled(World(), levels.layout).step(state, levels)
-    assert depths(state, levels)[0][0] < OVERLAP and state.gave_up[0] == 0
+    assert depths(state, levels)[0][0] < OVERLAP and state.unresolved_contacts[0] == 0
     x = read(state, levels, Position)[0, 2:4]
     np.testing.assert_allclose(x.sum(axis=0), [distance, 0.0], atol=1e-12)  # both go equally far
     assert not read(state, levels, Velocity)[0, 2:4].any()
@@ -142,7 +142,7 @@ def test_fixed_bodies_that_overlap_stay_and_cost_nothing():
     levels, state = pair_at_rest(0.1, False, False)
     uncompiled(World(), levels.layout).step(state, levels, 3)
     np.testing.assert_array_equal(read(state, levels, Position)[0, 2:4, 0], [0.0, 0.1])
-    assert state.contacts[0] == 0 and state.gave_up[0] == 0
+    assert state.contacts[0] == 0 and state.unresolved_contacts[0] == 0
 
 
 def test_a_crowd_neither_overlaps_nor_leaves_the_arena():
@@ -164,8 +164,8 @@ def test_a_crowd_neither_overlaps_nor_leaves_the_arena():
     velocities[~np.isnan(velocities)] = rng.normal(0, 2, (~np.isnan(velocities)).sum())
     state = snapshot.state
     for _ in range(200):
-        before = state.gave_up.copy()
+        before = state.unresolved_contacts.copy()
         env.simulator.step(state, levels)
         overlap, outside = depths(state, levels)
-        assert overlap[state.gave_up == before].max() < OVERLAP and outside.max() < OVERLAP
+        assert overlap[state.unresolved_contacts == before].max() < OVERLAP and outside.max() < OVERLAP
     assert state.contacts.sum() > 1000

@@ -51,7 +51,7 @@ def test_the_table_says_what_the_code_does(what, number, example):
 
 def test_the_table_names_every_number_that_the_code_has():
     names = [
-        "segar.rule",
+        "segar.language.rule_definition",
         "segar.language.relations",
         *(f"segar.rules.{m.name}" for m in pkgutil.iter_modules(segar.rules.__path__)),
     ]

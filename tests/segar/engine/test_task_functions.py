@@ -68,11 +68,11 @@ TASK = Task(
 
 
 def states_and_outcome():
-    from segar.engine.simulator import Outcome
+    from segar.engine.simulator import StepResult
 
     state = random_states(SOME, 300, np.random.default_rng(0), speed=0.1)
     read(state, SOME, Done)[::3] = 1.0
-    outcome = Outcome.empty(300)
+    outcome = StepResult.empty(300)
     actions = np.full((300, 1), 0.5, np.float32)
     before = state.copy()
     simulator = uncompiled(NOTHING, SOME.layout, TASK)

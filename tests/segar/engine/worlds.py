@@ -10,7 +10,7 @@ from unittest import mock
 
 import numpy as np
 
-from segar.engine.simulator import Outcome, Simulator, State
+from segar.engine.simulator import Simulator, State, StepResult
 from segar.errors import ConflictError
 from segar.language.factors import (
     Acceleration,
@@ -89,7 +89,7 @@ class Disagreement:
     worst: float = 0.0
     worst_crowded: float = 0.0
     contacts: int = 0
-    gave_up: int = 0
+    unresolved_contacts: int = 0
     conflicts: int = 0
 
 
@@ -101,7 +101,7 @@ def compare(simulator: Simulator, levels: Levels, state: State, actions: Any = N
     interpreter = Interpreter(simulator.world, levels.layout, simulator.task)
     found = Disagreement()
     for e in range(len(state.level)):
-        ours, outcome = _pick(state, e), Outcome.empty(1)
+        ours, outcome = _pick(state, e), StepResult.empty(1)
         complaint = _step(simulator, levels, ours, None if actions is None else actions[e : e + 1], n, outcome)
         key, tick = int(state.key[e]), int(state.tick[e])
         action = None if actions is None else actions[e]
@@ -123,13 +123,13 @@ def compare(simulator: Simulator, levels: Levels, state: State, actions: Any = N
         else:
             found.worst = max(found.worst, difference)
         assert ours.tick[0] == theirs.tick and ours.contacts[0] - state.contacts[e] == theirs.contacts, f"state {e}"
-        assert ours.gave_up[0] - state.gave_up[e] == theirs.gave_up
+        assert ours.unresolved_contacts[0] - state.unresolved_contacts[e] == theirs.unresolved_contacts
         if actions is not None:
             assert outcome.reward[0] == _near(theirs.reward)
             says = bool(outcome.terminated[0]), bool(outcome.success[0]), bool(outcome.death[0])
             assert says == (theirs.terminated, theirs.success, theirs.death), f"state {e}"
         found.contacts += theirs.contacts
-        found.gave_up += theirs.gave_up
+        found.unresolved_contacts += theirs.unresolved_contacts
     return found
 
 
@@ -172,7 +172,7 @@ def _plain_module(text: str) -> types.ModuleType:
     return module
 
 
-def _step(simulator: Simulator, levels: Levels, state: State, actions: Any, n: int, outcome: Outcome) -> str:
+def _step(simulator: Simulator, levels: Levels, state: State, actions: Any, n: int, outcome: StepResult) -> str:
     try:
         if actions is None:
             simulator.step(state, levels, n)

@@ -55,6 +55,15 @@ def test_forks_with_equal_actions_are_equal_to_the_bit_though_rules_are_random(r
     assert not np.array_equal(trails[5][:, 0], trails[5][:, 2], equal_nan=True)
 
 
+def test_files_name_the_unresolved_contacts_as_version_0_1_did(running, tmp_path):
+    saved = running.state()
+    saved.state.unresolved_contacts[:] = np.arange(6)
+    saved.save(tmp_path / "episodes.npz")
+    with np.load(tmp_path / "episodes.npz") as file:
+        assert file["gave_up"].tolist() == list(range(6))
+    assert Snapshot.load(tmp_path / "episodes.npz").state.unresolved_contacts.tolist() == list(range(6))
+
+
 def test_a_fork_goes_on_as_the_environment_that_it_was_taken_from(running):
     fork = VectorEnv(LEVELS, 1, seed=2)
     fork.restore(running.state()[4])

@@ -1,0 +1,85 @@
+"""The order of a step is said once: kernel and interpreter both follow it, also where it is another one."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+
+import segar
+from segar.engine.compiler.entry import stage_source
+from segar.language import SUB_STEP, Operation, rule
+from segar.language.effects import Differential, SetFactor
+from segar.language.entities import Ball, GoalTile, GolfBall
+from segar.language.factors import Charge, Mass, Position, Velocity
+from segar.levels.level_set import Levels
+from segar.reference.interpreter import Interpreter
+from segar.rules.world import World
+from tests.segar.engine.worlds import after, uncompiled
+
+
+def levels() -> Levels:
+    ball = Ball({Position: (0.3, 0.0), Velocity: (1.0, 0.0), Mass: 2.0})
+    return Levels.from_entities([[GolfBall({Position: (-0.5, 0.0)}), GoalTile({Position: (0.8, 0.8)}), ball]])
+
+
+def heavier(m: Mass) -> SetFactor[Mass]:
+    return SetFactor[Mass](m, 2 * m)
+
+
+def faster(v: Velocity, m: Mass) -> SetFactor[Velocity]:
+    return SetFactor[Velocity](v, v * m)
+
+
+def go(x: Position, v: Velocity) -> Differential[Position]:
+    return Differential[Position](x, v)
+
+
+def test_the_kernel_goes_through_the_stages_in_order():
+    text = uncompiled(World(), levels().layout).source.text
+    body = text[text.index("for _ in range(sub_steps):") :]
+    places = [body.index(stage_source(stage, "may_touch(V, bits, kind, hull_radius)")[0]) for stage in SUB_STEP]
+    assert places == sorted(places) and len(set(places)) == len(SUB_STEP)
+
+
+def test_the_interpreter_reports_rules_in_the_order_of_the_stages():
+    start = levels()
+    fired = Interpreter(World(), start.layout).step(start, explain=True).firings
+    names = list(dict.fromkeys(firing.stage for firing in fired))
+    assert names == [name for name in dict.fromkeys(stage.name for stage in SUB_STEP) if name in names]
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_kernel_and_interpreter_follow_the_declared_order(monkeypatch, turned):
+    order = (SUB_STEP[1], SUB_STEP[0], *SUB_STEP[2:]) if turned else SUB_STEP
+    for module in ("engine.compiler.kernel", "engine.compiler.entry", "reference.interpreter"):
+        monkeypatch.setattr(f"segar.{module}.SUB_STEP", order)
+    start = levels()
+    ends = [after(engine, [heavier, faster, go], start).values for engine in ("source", "interpreter")]
+    assert ends[0].tobytes() == ends[1].tobytes()
+    column = start.layout.columns[Velocity]
+    assert ends[0][0, 2, column] == (2.0 if turned else 4.0)
+
+
+def test_every_effect_counts_in_one_stage_and_those_of_a_rechecked_rule_in_two():
+    @rule(recheck=True)
+    def again(m: Mass, q: Charge) -> SetFactor[Charge]:
+        return SetFactor[Charge](q, m)
+
+    applying = [stage for stage in SUB_STEP if stage.operation is Operation.APPLY_EFFECTS and stage.name != "limit"]
+    for factor, stage in ((Charge, "factors"), (Velocity, "velocity"), (Position, "position")):
+        names = [s.name for s in applying if s.counts(rule(heavier), SetFactor, factor)]
+        assert names == [stage]
+        twice = [s.name for s in applying if s.counts(again, SetFactor, factor)]
+        assert twice == (["position"] if factor is Position else ["factors", "velocity"])
+
+
+def test_the_engine_and_the_interpreter_know_no_task_and_no_built_in_physics():
+    root = Path(segar.__file__).parent
+    for path in [*(root / "engine").rglob("*.py"), *(root / "reference").rglob("*.py")]:
+        nodes = list(ast.walk(ast.parse(path.read_text())))
+        names = [node.module or "" for node in nodes if isinstance(node, ast.ImportFrom)]
+        names += [alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names]
+        known = [name for name in names if name.startswith(("segar.tasks", "segar.rules"))]
+        assert not known, f"{path} imports {known}"
