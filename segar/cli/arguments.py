@@ -1,4 +1,4 @@
-"""What the arguments of commands name, and the two forms of an answer: a table for people, one object for programs."""
+"""What the arguments of commands stand for, and the two forms of an answer: a table for people, one object for programs."""
 
 from __future__ import annotations
 
@@ -29,9 +29,7 @@ def find_distribution(name: str) -> LevelDistribution:
     """A named family, or one of the user's own; raises :class:`SegarError`."""
     if ":" not in name:
         return family(name)
-    found = named_object(name)
-    if inspect.isfunction(found):
-        found = found()
+    found = _named_or_made(name)
     if not isinstance(found, LevelDistribution):
         raise SegarError(f"'{name}' is not a LevelDistribution but {found!r}")
     return found
@@ -44,9 +42,7 @@ def task_named(name: str | None, levels: Levels) -> Task:
 
 def find_world(name: str) -> World:
     """The world that ``module:attribute`` names; raises :class:`SegarError`."""
-    found = named_object(name)
-    if inspect.isfunction(found):
-        found = found()
+    found = _named_or_made(name)
     if isinstance(found, LevelDistribution):
         found = found.world or World()
     if isinstance(found, (list, tuple)):
@@ -54,6 +50,12 @@ def find_world(name: str) -> World:
     if not isinstance(found, World):
         raise SegarError(f"'{name}' is no World, LevelDistribution or list of rules, but {found!r}")
     return found
+
+
+def _named_or_made(name: str) -> Any:
+    """The object that ``module:attribute`` names, or what it returns where it is a function."""
+    found = named_object(name)
+    return found() if inspect.isfunction(found) else found
 
 
 def load_levels(path: str, world: str | None) -> Levels:
@@ -71,6 +73,19 @@ def command(
     return made
 
 
+def add_levels(parser: argparse.ArgumentParser, seed_of: str = "the levels") -> None:
+    """Add the arguments that say which levels are sampled."""
+    parser.add_argument("name", metavar="family", help=NAME_HELP)
+    parser.add_argument("-n", "--number", type=at_least(1), default=100, help="of levels (default: %(default)s)")
+    parser.add_argument("--seed", type=at_least(0), default=0, help=f"of {seed_of} (default: %(default)s)")
+    parser.add_argument("--split", default="train", help="such as train or test (default: %(default)s)")
+
+
+def sampled_levels(chosen: argparse.Namespace) -> Levels:
+    """The levels that the arguments of :func:`add_levels` name."""
+    return find_distribution(chosen.name).sample(chosen.number, chosen.seed, chosen.split)
+
+
 def at_least(least: int) -> Callable[[str], int]:
     """The type of an argument that is a whole number from ``least`` up."""
 
@@ -84,6 +99,11 @@ def at_least(least: int) -> Callable[[str], int]:
         return number
 
     return whole_number
+
+
+def print_answer(chosen: argparse.Namespace, answer: Mapping[str, Any], text: str) -> None:
+    """Print the answer as one JSON object where the user asked for that, else the text."""
+    print_json(answer) if chosen.json else print(text)
 
 
 def print_json(answer: Mapping[str, Any]) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -29,15 +29,19 @@ TASK_ROW = ("puttputt", "billiards", "invisiball")  # in one row: each has one d
 TEXTURES = {"one": "auto-encoder", "baseline": "filters"}
 
 
+Renderer: TypeAlias = View | Pixels | TexturedPixels
+"""What draws a level: a view for people, or an observation of pixels."""
+
+
 @dataclass(frozen=True)
 class Cell:
-    """One picture of a sheet: a level, and how it is drawn (a :class:`View` or an observation of pixels)."""
+    """One picture of a sheet: a level, and how it is drawn."""
 
     levels: Levels
-    renderer: Any
+    renderer: Renderer
 
 
-def contact_sheet(seed: int = 0, renderers: Mapping[str, Any] | None = None) -> np.ndarray:
+def contact_sheet(seed: int = 0, renderers: Mapping[str, Renderer] | None = None) -> np.ndarray:
     """All tasks and difficulties, each in all ways: uint8 ``(height, width, 3)``.
 
     Args:
@@ -53,9 +57,9 @@ def contact_sheet(seed: int = 0, renderers: Mapping[str, Any] | None = None) -> 
     return sheet(rows, [[[name] for name in row_names] for row_names in names], [list(ways) for _ in DIFFICULTIES])
 
 
-def default_renderers() -> dict[str, Any]:
+def default_renderers() -> dict[str, Renderer]:
     """For people, in solid colours, and in one set of each kind of textures that comes with SEGAR."""
-    found: dict[str, Any] = {PEOPLE: people(TILE), COLOURS: Pixels(RESOLUTION)}
+    found: dict[str, Renderer] = {PEOPLE: people(TILE), COLOURS: Pixels(RESOLUTION)}
     shipped = shipped_sets()
     return found | {title: TexturedPixels(name, RESOLUTION) for name, title in TEXTURES.items() if name in shipped}
 
@@ -65,7 +69,7 @@ def people(size: int) -> View:
     return View(size=size, labels=False, line=False)
 
 
-def draw_level(levels: Levels, renderer: Any, size: int = TILE) -> np.ndarray:
+def draw_level(levels: Levels, renderer: Renderer, size: int = TILE) -> np.ndarray:
     """The first level as it is at the start, uint8 ``(size, size, 3)``.
 
     Raises:

@@ -24,7 +24,7 @@ COLUMNS = 4  # panels side by side
 PANEL = 2.6  # [inch]
 WIDTH = 40  # characters of a panel's title
 POINTS = 400  # of a density's curve
-DRAWS = 20_000  # from a law that says nothing else, for its picture
+DRAWS = 20_000  # that show a distribution without distribution function
 BINS = 40
 OUTLINES = 5  # of a random shape
 PLANE_CELLS = 80  # along each side of the arena, so that the ends of the location priors lie on their edges
@@ -33,8 +33,8 @@ BLUE, ORANGE = "#3b6ea5", "#d1702b"
 
 
 def draw_marginals(distribution: LevelDistribution, path: str, title: str) -> None:
-    """Draw every marginal of the distribution that is not constant, entities of equal laws together, into a file: numbers
-    and types of entities, then factors and world parameters.
+    """Draw every marginal of the distribution that is not constant, entities of equal distributions together, into a file:
+    numbers and types of entities, then factors and world parameters.
 
     Raises:
         SegarError: matplotlib is not installed, the format is not known, nothing varies, or the file cannot be written.
@@ -68,19 +68,17 @@ def together(names: Sequence[str]) -> str:
     """Names in a row, three or more that count on as ``"ball1 to ball10"``."""
     runs: list[list[str]] = []
     for name in names:
-        stem, digits = _numbered(name)
-        last = _numbered(runs[-1][-1]) if runs else ("", None)
-        if digits is not None and last[1] is not None and (stem, digits) == (last[0], last[1] + 1):
+        if runs and name == _next_name(runs[-1][-1]):
             runs[-1].append(name)
         else:
             runs.append([name])
-    parts = [[f"{run[0]} to {run[-1]}"] if len(run) > 2 else run for run in runs]
-    return ", ".join(name for part in parts for name in part)
+    return ", ".join(f"{run[0]} to {run[-1]}" if len(run) > 2 else ", ".join(run) for run in runs)
 
 
-def _numbered(name: str) -> tuple[str, int | None]:
+def _next_name(name: str) -> str | None:
+    """The name that counts on after this one, as ``ball10`` after ``ball9``; None if the name has no number."""
     stem = name.rstrip("0123456789")
-    return stem, int(name[len(stem) :]) if stem != name else None
+    return None if stem == name else f"{stem}{int(name.removeprefix(stem)) + 1}"
 
 
 @dataclass
@@ -139,14 +137,14 @@ def _draw_shape(axis: Any, shape: BaseShape, unit: str) -> None:
 
 
 def _draw_line(axis: Any, law: Noise, unit: str) -> None:
-    """Density as a curve, atoms as stems on an axis of their own; draws, of a law that says no more."""
+    """Density as a curve, atoms as stems on an axis of their own; a histogram where there is no distribution function."""
     axis.set_xlabel(unit, fontsize=7)
     if isinstance(law, Empirical) and len(law.atoms[0]) > BINS:
         axis.hist(law.values, BINS, density=True, color=BLUE)
         return
     try:
         low, high = law.icdf(np.array([TAIL, 1 - TAIL]))
-    except PriorError:  # a law of one's own need not say its distribution function
+    except PriorError:  # a user's distribution need not have a distribution function
         axis.hist(np.asarray(law.sample(np.random.default_rng(0), DRAWS)), BINS, density=True, color=BLUE)
         return
     margin = 0.05 * (high - low) or 0.5
@@ -170,7 +168,7 @@ def _draw_line(axis: Any, law: Noise, unit: str) -> None:
 
 
 def _draw_plane(axis: Any, law: Noise, unit: str) -> None:
-    """How much mass lies where in the arena, seen from above; of draws, where the law says no distribution function."""
+    """How much mass lies where in the arena, seen from above; of draws, where there is no distribution function."""
     lines = np.linspace(-1.0, 1.0, PLANE_CELLS + 1)
     try:
         below = np.asarray(law.cdf(np.stack(np.meshgrid(lines, lines, indexing="ij"), axis=-1)))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from segar.cli.arguments import at_least, command, print_json
+from segar.cli.arguments import at_least, command, print_answer
 from segar.cli.contact_sheet import contact_sheet, save_png
 from segar.cli.legend import legend
 
@@ -25,4 +25,4 @@ def gallery(chosen: argparse.Namespace) -> None:
     save_png(picture, chosen.output, chosen.colours)
     height, width, _ = picture.shape
     answer = {"file": chosen.output, "width": width, "height": height}
-    print_json(answer) if chosen.json else print(f"{chosen.output}: {width} x {height} pixels")
+    print_answer(chosen, answer, f"{chosen.output}: {width} x {height} pixels")

@@ -12,7 +12,7 @@ from segar.envs import VectorEnv
 from segar.errors import SegarError
 from segar.language import Task
 from segar.levels import Levels
-from segar.rendering import Figure, Stage, View, ending_of, marks, status_line, steps_per_second
+from segar.rendering import Figure, Stage, View, episode_verdict, marks, status_line, steps_per_second
 from segar.rendering.painter import Painter
 from segar.rendering.window import Window
 
@@ -25,7 +25,7 @@ MOUSE_BUTTON = 1
 
 @dataclass
 class Score:
-    """What was played: ``(level, ending, return)`` of each episode that ended."""
+    """The episodes that were played: ``(level, ending, return)`` of each episode that ended."""
 
     episodes: list[tuple[int, str, float]] = field(default_factory=list)
 
@@ -35,12 +35,12 @@ class Score:
 
     def __str__(self) -> str:
         best = max((result for _, _, result in self.episodes), default=None)
-        said = f"{len(self.episodes)} episodes, {self.successes} successes"
-        return said if best is None else f"{said}, best return {best:.3f}"
+        counts = f"{len(self.episodes)} episodes, {self.successes} successes"
+        return counts if best is None else f"{counts}, best return {best:.3f}"
 
 
 class Game:
-    """Levels that a person plays. Time stands still before the first hit, and while somebody aims.
+    """Levels that a person plays. Time stands still before the first hit, and while the player aims.
 
     A hit is an action in the direction from the ball to the mouse, the harder the farther the mouse is; between hits the
     action is zero. All that happens comes from :meth:`handle` and :meth:`advance`, so a program can play as well.
@@ -81,7 +81,7 @@ class Game:
         self._start()
 
     def handle(self, event: pygame.event.Event) -> None:
-        """Do what somebody asks for with mouse or keyboard; pixels are those of :meth:`picture`."""
+        """Do what the player asks for with mouse or keyboard; pixels are those of :meth:`picture`."""
         if event.type in (pygame.QUIT, pygame.WINDOWCLOSE):
             self.is_open = False
         elif event.type == pygame.KEYDOWN:
@@ -99,16 +99,16 @@ class Game:
             return False
         _, _, terminated, truncated, info = self.env.step(self._action[None])
         self._action = np.zeros(2, np.float32)
-        said = {name: bool(info[name][0]) for name in ("success", "death")}
-        self.ending = ending_of(said, bool(terminated[0]), bool(truncated[0]))
+        flags = {name: bool(info[name][0]) for name in ("success", "death")}
+        self.ending = episode_verdict(flags, bool(terminated[0]), bool(truncated[0]))
         if self.ending:
             self.score.episodes.append((self.level, self.ending, float(info["return"][0])))
         return True
 
     def picture(self) -> pygame.Surface:
-        """What there is to see now."""
+        """The picture of the present state."""
         now = self.env.state()
-        line = status_line(self.env, now, 0, self.ending)
+        line = status_line(self.env.task, now, 0, self.ending)
         picture = self._painter.draw(self._stage.scene(now.state.values[0], int(now.state.level[0]), line))
         if self.aim is not None:
             self._draw_aim(picture)
@@ -126,10 +126,10 @@ class Game:
         return next((figure for figure in agents if figure.is_alive and not figure.is_done), agents[0])
 
     def run(self, frames: int | None = None) -> Score:
-        """Play in a window until somebody leaves, or for so many frames; return the score."""
+        """Play in a window until the player leaves, or for so many frames; return the score."""
         height, width, _ = self.view.shape
         window = Window((width, height), f"SEGAR: {self.env.task.name}")
-        rate = max(self.speed * steps_per_second(self.env), 1)
+        rate = max(self.speed * steps_per_second(self.env.levels, self.env.task), 1)
         shown = 0
         while self.is_open and window.is_open and (frames is None or shown < frames):
             for event in pygame.event.get():
@@ -141,7 +141,7 @@ class Game:
         return self.score
 
     def _compile(self) -> None:
-        """Step once, so that nobody waits for a kernel at the first hit."""
+        """Step once, so that the first hit does not wait for a kernel."""
         self.env.reset()
         self.env.step(np.zeros((1, 2), np.float32))
 

@@ -20,6 +20,8 @@ from segar.cli.arguments import (
     task_named,
 )
 from segar.errors import LevelError
+from segar.hardness import hardness as measured_hardness
+from segar.hardness import influence
 
 
 def add_commands(commands: Any) -> None:
@@ -45,14 +47,12 @@ def add_commands(commands: Any) -> None:
 
 def hardness(chosen: argparse.Namespace) -> None:
     """``segar hardness``."""
-    from segar import hardness as measures
-
     levels = load_levels(chosen.levels, chosen.world)
     if levels.world is None and levels.provenance.rules:
         rules = ", ".join(levels.provenance.rules)
         raise LevelError(f"{chosen.levels}: these levels have rules of their own ({rules}); give them by --world")
     task, rng = task_named(chosen.task, levels), np.random.default_rng(chosen.seed)
-    found = measures.hardness(
+    found = measured_hardness(
         levels,
         task,
         rng=rng,
@@ -63,7 +63,7 @@ def hardness(chosen: argparse.Namespace) -> None:
     )
     answer: dict[str, Any] = {"file": chosen.levels, **found.summary(), "per_level": found.rows()}
     if chosen.factors:
-        split = measures.influence(levels, task, rng=rng)
+        split = influence(levels, task, rng=rng)
         answer["factors"] = [dataclasses.asdict(entry) for entry in split.factors]
     if chosen.output:
         found.oracle.save(chosen.output)

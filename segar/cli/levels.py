@@ -1,4 +1,4 @@
-"""``segar sample``, ``segar distance``, ``segar describe``: levels, how far sets of them are apart, and their laws."""
+"""``segar sample``, ``segar distance``, ``segar describe``: levels, how far sets of them are apart, and their priors."""
 
 from __future__ import annotations
 
@@ -12,13 +12,16 @@ from segar.cli.arguments import (
     FILE_HELP,
     NAME_HELP,
     WORLD_HELP,
+    add_levels,
     at_least,
     command,
     find_distribution,
     load_levels,
-    print_json,
+    print_answer,
+    sampled_levels,
     table,
 )
+from segar.cli.figures import draw_marginals
 from segar.cli.priors_text import composition, described
 
 MODES = ("exact", "reference", "paper")
@@ -27,10 +30,7 @@ MODES = ("exact", "reference", "paper")
 def add_commands(commands: Any) -> None:
     """Add ``sample``, ``distance`` and ``describe`` to the sub-commands of a parser."""
     sampling = command(commands, "sample", sample, "sample levels into a file")
-    sampling.add_argument("name", metavar="family", help=NAME_HELP)
-    sampling.add_argument("-n", "--number", type=at_least(1), default=100, help="of levels (default: %(default)s)")
-    sampling.add_argument("--seed", type=at_least(0), default=0, help="of the sample (default: %(default)s)")
-    sampling.add_argument("--split", default="train", help="such as train or test (default: %(default)s)")
+    add_levels(sampling)
     sampling.add_argument("-o", "--output", required=True, metavar="FILE", help="the level file (npz) to be written")
 
     comparing = command(commands, "distance", distance, "measure how far two level sets are apart")
@@ -38,24 +38,29 @@ def add_commands(commands: Any) -> None:
     comparing.add_argument("b", metavar="B", help="another one")
     comparing.add_argument("--mode", choices=MODES, default="exact", help="of the W2 distance (default: %(default)s)")
     comparing.add_argument(
-        "--resamples", type=at_least(19), metavar="N", help="also test for one law by N random deals, at least 19"
+        "--resamples",
+        type=at_least(19),
+        metavar="N",
+        help="also test whether both have one distribution, by N random deals, at least 19",
     )
     comparing.add_argument("--world", help=WORLD_HELP)
     comparing.add_argument("--seed", type=at_least(0), default=0, help="of the deals (default: %(default)s)")
 
-    describing = command(commands, "describe", describe, "show the laws of all factors of a level distribution")
+    describing = command(
+        commands, "describe", describe, "show the distributions of all factors of a level distribution"
+    )
     describing.add_argument("name", metavar="family", help=NAME_HELP)
     describing.add_argument("-o", "--output", metavar="FILE", help="also draw all marginals (png, pdf or svg)")
 
 
 def sample(chosen: argparse.Namespace) -> None:
     """``segar sample``."""
-    levels = find_distribution(chosen.name).sample(chosen.number, chosen.seed, chosen.split)
+    levels = sampled_levels(chosen)
     levels.save(chosen.output)
     origin = levels.provenance
     answer = {"file": chosen.output, "levels": len(levels), "name": origin.name, "distribution": origin.distribution}
     answer |= {"seed": origin.seed, "split": origin.split}
-    print_json(answer) if chosen.json else print(f"{chosen.output}: {repr(levels).strip('<>')}")
+    print_answer(chosen, answer, f"{chosen.output}: {repr(levels).strip('<>')}")
 
 
 def distance(chosen: argparse.Namespace) -> None:
@@ -70,30 +75,25 @@ def distance(chosen: argparse.Namespace) -> None:
         ks = metrics.ks_report(a, b, rng=rng, resamples=chosen.resamples)
         answer |= {"w2_95": [w2.low, w2.high], "w2_floor": w2.floor, "w2_p_value": w2.p_value, "ks_p_value": ks.p_value}
     answer["ks_by_factor"] = dict(sorted(by_factor.items(), key=lambda item: -item[1]))
-    if chosen.json:
-        print_json(answer)
-        return
-    print(table(("measure", "value"), [(k, v) for k, v in answer.items() if k not in ("a", "b", "ks_by_factor")]))
-    print("\n" + table(("factor", "ks"), list(answer["ks_by_factor"].items())))
+    measures = [(name, value) for name, value in answer.items() if name not in ("a", "b", "ks_by_factor")]
+    factors = list(answer["ks_by_factor"].items())
+    print_answer(chosen, answer, f"{table(('measure', 'value'), measures)}\n\n{table(('factor', 'ks'), factors)}")
 
 
 def describe(chosen: argparse.Namespace) -> None:
     """``segar describe``."""
     distribution = find_distribution(chosen.name)
-    rows, slots = [law.row() for law in described(distribution)], composition(distribution)
+    rows, slots = [one.row() for one in described(distribution)], composition(distribution)
     if chosen.output:
-        from segar.cli.figures import draw_marginals
-
         draw_marginals(distribution, chosen.output, chosen.name)
-    if chosen.json:
-        answer = {"name": chosen.name, "distribution": distribution.hash, "entities": slots, "marginals": rows}
-        print_json(answer | ({"figure": chosen.output} if chosen.output else {}))
-        return
+    answer = {"name": chosen.name, "distribution": distribution.hash, "entities": slots, "marginals": rows}
     entities = [(name, " | ".join(_shares(slot)), slot["there"]) for name, slot in slots.items()]
-    print(table(("entity", "types", "there"), entities))
-    print("\n" + table(("entity", "factor", "law", "mean", "sd", "low", "high"), [list(row.values()) for row in rows]))
+    head = ("entity", "factor", "distribution", "mean", "sd", "low", "high")
+    text = f"{table(('entity', 'types', 'there'), entities)}\n\n{table(head, [list(row.values()) for row in rows])}"
     if chosen.output:
-        print(f"\n{chosen.output}: all marginals that are not constant")
+        answer["figure"] = chosen.output
+        text += f"\n\n{chosen.output}: all marginals that are not constant"
+    print_answer(chosen, answer, text)
 
 
 def _shares(slot: dict[str, Any]) -> list[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from segar.cli.arguments import NAME_HELP, TASK_HELP, at_least, find_distribution, task_named
+from segar.cli.arguments import TASK_HELP, add_levels, at_least, sampled_levels, task_named
 from segar.rendering import View
 from segar.support import need_pygame
 
@@ -14,10 +14,7 @@ def add_commands(commands: Any) -> None:
     """Add ``play`` to the sub-commands of a parser."""
     purpose = "play levels with the mouse"
     playing = commands.add_parser("play", help=purpose, description="Play levels with the mouse.")
-    playing.add_argument("name", metavar="family", help=NAME_HELP)
-    playing.add_argument("-n", "--number", type=at_least(1), default=100, help="of levels (default: %(default)s)")
-    playing.add_argument("--seed", type=at_least(0), default=0, help="of the levels (default: %(default)s)")
-    playing.add_argument("--split", default="train", help="such as train or test (default: %(default)s)")
+    add_levels(playing)
     playing.add_argument("--level", type=at_least(0), default=0, help="to begin with (default: %(default)s)")
     playing.add_argument("--task", help=TASK_HELP)
     playing.add_argument("--size", type=at_least(64), default=720, help="of the arena [px] (default: %(default)s)")
@@ -33,7 +30,7 @@ def play(chosen: argparse.Namespace) -> None:
     need_pygame("playing")
     from segar.cli.game import Game
 
-    levels = find_distribution(chosen.name).sample(chosen.number, chosen.seed, chosen.split)
+    levels = sampled_levels(chosen)
     game = Game(
         levels,
         task_named(chosen.task, levels),

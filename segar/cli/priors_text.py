@@ -1,4 +1,4 @@
-"""What ``segar describe`` shows of a distribution: which entities there may be, and the laws of all their factors."""
+"""What ``segar describe`` shows of a distribution: which entities there may be, and the distributions of their factors."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from segar.language import Factor, Shape
 from segar.levels import Draw, LevelDistribution, factors_needed
 from segar.noise import Choice, Deterministic, Empirical, Noise, as_noise
 
-CONDITIONAL_SAMPLE = 2000  # levels that show a factor whose law depends on others
+CONDITIONAL_SAMPLE = 2000  # levels that show a factor whose distribution depends on others
 SPLIT = "describe"
 
 
 @dataclass(frozen=True)
 class Described:
-    """The law of one factor of one entity; of shapes, which are no numbers, the shape or a choice of shapes.
+    """The distribution of one factor of one entity; of shapes, which are no numbers, the shape or a choice of shapes.
 
     Attributes:
-        reads: names of the factors that decide it level by level; the law is then that of 2,000 levels.
+        reads: names of the factors that decide it level by level; the distribution is then that in 2,000 levels.
     """
 
     entity: str
@@ -30,15 +30,14 @@ class Described:
     reads: tuple[str, ...] = ()
 
     def row(self) -> dict[str, Any]:
-        """Law, mean, standard deviation and support; those of a law on the plane are pairs. What a law does not say is
-        None."""
+        """Distribution, mean, standard deviation and support, of distributions on the plane as pairs; None if unknown."""
         depends = f"depends on {', '.join(self.reads)}; drawn: " if self.reads else ""
         numbers = _numbers(self.law) if isinstance(self.law, Noise) and self.law.width else _nothing()
         return {"entity": self.entity, "factor": self.factor.__name__, "law": f"{depends}{self.law!r}", **numbers}
 
 
 def described(distribution: LevelDistribution) -> list[Described]:
-    """The laws of all factors, entity by entity, and of the world parameters."""
+    """The distributions of all factors, entity by entity, and of the world parameters."""
     found = []
     shapes, conditional = _shapes(distribution), _conditional(distribution)
     for entity, laws in distribution.marginals().items():
@@ -69,7 +68,7 @@ def composition(distribution: LevelDistribution) -> dict[str, dict[str, Any]]:
 
 
 def numbers(distribution: LevelDistribution) -> list[tuple[list[str], Noise]]:
-    """The entities of which there is a number that varies, and the law of that number."""
+    """The entities of which there is a number that varies, and the distribution of that number."""
     plan = distribution.plan
     laws = [([plan.layout.names[slot] for slot in group.slots], as_noise(group.count)) for group in plan.groups]
     return [(names, law) for names, law in laws if len(law.atoms[0]) > 1]
@@ -84,7 +83,7 @@ def _shapes(distribution: LevelDistribution) -> dict[str, list[Described]]:
 
 
 def _conditional(distribution: LevelDistribution) -> dict[str, list[Described]]:
-    """What ``marginals`` leaves out, as it is in some levels; entities that share their priors are one law."""
+    """What ``marginals`` leaves out, as it is in some levels; entities that share their priors share a distribution."""
     plan, known = distribution.plan, distribution.marginals()
     draws: dict[tuple[int, type[Factor]], list[Draw]] = {}
     for draw in plan.draws:
@@ -117,7 +116,7 @@ def _numbers(law: Noise) -> dict[str, Any]:
     try:
         mean, deviation = np.asarray(law.mean, float), np.sqrt(np.asarray(law.var, float))
         support = np.asarray(law.support, float).reshape(-1, 2)
-    except PriorError:  # a law of one's own need not say its distribution function
+    except PriorError:  # a user's distribution need not have a distribution function
         return _nothing()
     if isinstance(law, Deterministic):
         deviation = np.zeros_like(mean)
@@ -126,7 +125,7 @@ def _numbers(law: Noise) -> dict[str, Any]:
 
 
 def is_constant(law: Any) -> bool:
-    """Whether a factor with this law, or this shape, is the same in all levels."""
+    """Whether a factor with this distribution, or this shape, is the same in all levels."""
     if isinstance(law, Choice):
         return len(set(law.keys)) == 1
     return isinstance(law, Deterministic) if isinstance(law, Noise) else not law.is_random

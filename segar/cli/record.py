@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from segar.cli.arguments import NAME_HELP, TASK_HELP, at_least, command, find_distribution, print_json, task_named
+from segar.cli.arguments import TASK_HELP, add_levels, at_least, command, print_answer, sampled_levels, task_named
 from segar.datasets import Policy, check_replay, record, to_minari
 from segar.envs import Env
 from segar.errors import SegarError, did_you_mean
@@ -27,12 +27,9 @@ def add_commands(commands: Any) -> None:
     made = command(
         commands, "record", run, "record episodes: a dataset with frames and factors, or a video of one episode"
     )
-    made.add_argument("name", metavar="family", help=NAME_HELP)
+    add_levels(made, "levels and episodes")
     made.add_argument("-o", "--output", required=True, metavar="PLACE", help="a folder; or a file, .mp4 or .gif")
-    made.add_argument("-n", "--number", type=at_least(1), default=100, help="of levels (default: %(default)s)")
     made.add_argument("--episodes", type=at_least(1), default=100, help="of the dataset (default: %(default)s)")
-    made.add_argument("--seed", type=at_least(0), default=0, help="of levels and episodes (default: %(default)s)")
-    made.add_argument("--split", default="train", help="such as train or test (default: %(default)s)")
     made.add_argument("--policy", choices=POLICIES, default="uniform", help="who plays (default: %(default)s)")
     made.add_argument("--observation", choices=list(OBSERVATIONS), default="rgb", help="(default: %(default)s)")
     made.add_argument("--task", help=TASK_HELP)
@@ -45,10 +42,10 @@ def add_commands(commands: Any) -> None:
 
 def run(chosen: argparse.Namespace) -> None:
     """``segar record``."""
-    levels = find_distribution(chosen.name).sample(chosen.number, chosen.seed, chosen.split)
+    levels = sampled_levels(chosen)
     task = task_named(chosen.task, levels)
     if Path(chosen.output).suffix.lower() in video.FORMATS:
-        film(chosen, levels, task)
+        record_video(chosen, levels, task)
         return
     dataset = record(
         chosen.output,
@@ -68,10 +65,10 @@ def run(chosen: argparse.Namespace) -> None:
         answer["steps_replayed"] = check_replay(dataset, task=task)
     if chosen.minari:
         answer["minari"] = to_minari(dataset, chosen.minari).id
-    print_json(answer) if chosen.json else print(", ".join(f"{name} {value}" for name, value in answer.items()))
+    print_answer(chosen, answer, ", ".join(f"{name} {value}" for name, value in answer.items()))
 
 
-def film(chosen: argparse.Namespace, levels: Levels, task: Task) -> None:
+def record_video(chosen: argparse.Namespace, levels: Levels, task: Task) -> None:
     """Record one episode as people see it."""
     level = chosen.level % len(levels)
     env = Env(levels, task=task, seed=chosen.seed, render_mode="rgb_array", view=View(size=chosen.size))
@@ -80,7 +77,7 @@ def film(chosen: argparse.Namespace, levels: Levels, task: Task) -> None:
     play = None if policy is None else lambda observation, info: policy(observation, info, rng)
     frames = video.record(env, chosen.output, play, seed=chosen.seed, options={"level": level})
     answer = {"file": chosen.output, "level": level, "frames": frames, "frames_per_second": env.metadata["render_fps"]}
-    print_json(answer) if chosen.json else print(f"{chosen.output}: {frames} frames of level {level}")
+    print_answer(chosen, answer, f"{chosen.output}: {frames} frames of level {level}")
 
 
 def scripted(task: Task) -> Policy:

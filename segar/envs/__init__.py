@@ -1,19 +1,18 @@
-"""Environments: one engine, three faces, one semantics."""
+"""Environments: the batched core, and the interfaces of Gymnasium and TorchRL to it.
 
-from __future__ import annotations
-
-from typing import Any
+The room puts engine, levels, tasks, observations and rendering together. Other rooms use the names below.
+"""
 
 from segar.envs.gym_env import Env
 from segar.envs.registration import REWARDS, register_all
 from segar.envs.snapshots import Snapshot
 from segar.envs.vector import VectorEnv, world_of
 
-__all__ = ["REWARDS", "Any", "Env", "Snapshot", "TorchRLEnv", "VectorEnv", "annotations", "register_all", "world_of"]
+__all__ = ["REWARDS", "Env", "Snapshot", "TorchRLEnv", "VectorEnv", "register_all", "world_of"]
 
 
-def __getattr__(name: str) -> Any:
-    """``TorchRLEnv`` is loaded when it is asked for, so that ``import segar`` stays free of torch."""
+def __getattr__(name: str) -> type:
+    """Load ``TorchRLEnv`` when it is asked for, so that ``import segar`` does not load torch."""
     if name == "TorchRLEnv":
         from segar.envs.torchrl_env import TorchRLEnv
 

@@ -1,18 +1,18 @@
-"""Arrays for observations that nobody else holds: fresh memory costs as much as drawing into it."""
+"""Memory for observations that is used again once no caller holds any of it: fresh memory costs as much as drawing into it."""
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Sequence
+import weakref
 from typing import Any
 
 import gymnasium
 import numpy as np
+from gymnasium.vector.utils import create_empty_array
 
-from segar.observations import build, empty_batch, leaves
+from segar.observations import Arrays, BoundObservation, leaves, map_leaves, own_arrays
+from segar.support import is_plain
 
-MAX_BUFFERS = 4  # observations that are kept for use again
-UNSHARED = 3  # reference count of an array that only the list of a buffer, the loop and getrefcount hold
+MAX_BUFFERS = 4  # observations whose memory is kept for use again
 
 
 class Buffers:
@@ -20,56 +20,79 @@ class Buffers:
 
     Args:
         copy: whether observations are the caller's to keep; otherwise later ones overwrite them.
-        observation: what writes them; where they are not the caller's, and it keeps arrays of its own, these are used
-            (:class:`segar.observations.protocol.Keeps`).
+        observation: the observation that writes into the arrays. Where ``copy`` is false and it has arrays of its own, these
+            are used (:class:`segar.observations.protocol.OwnsBuffers`).
     """
 
-    def __init__(self, num_envs: int, copy: bool, observation: Any) -> None:
-        space = observation.space
-        self._space, self._num_envs = space, num_envs
-        self._keeper = observation if not copy and getattr(observation, "kept", None) is not None else None
-        self._is_array = isinstance(space, gymnasium.spaces.Box)
-        self._always = empty_batch(space, num_envs) if not copy and self._keeper is None else None
-        self._outputs: list[list[np.ndarray]] = []
-        self._finals: list[tuple[list[np.ndarray], np.ndarray]] = []
+    def __init__(self, num_envs: int, copy: bool, observation: BoundObservation) -> None:
+        self._space, self._num_envs, self._copy, self._observation = observation.space, num_envs, copy, observation
+        self._overwritten: Arrays | None = None
+        self._outputs: list[ReusedArrays] = []
+        self._finals: list[ReusedArrays] = []
 
     def output(self) -> Any:
         """Arrays to write observations into, ``[num_envs, ...]``."""
-        if self._keeper is not None:
-            return self._keeper.kept
-        if self._always is not None:
-            return self._always
-        for arrays in self._outputs:
-            if _is_free(arrays):
-                return self._assemble(arrays)
-        fresh = list(leaves(empty_batch(self._space, self._num_envs)))
-        self._outputs = [*self._outputs[-(MAX_BUFFERS - 1) :], fresh]
-        return self._assemble(fresh)
+        if self._copy:
+            return self._unheld(self._outputs).lend()
+        own = own_arrays(self._observation)
+        if own is None and self._overwritten is None:
+            self._overwritten = create_empty_array(self._space, self._num_envs)
+        return self._overwritten if own is None else own
 
     def final_output(self, rows: np.ndarray) -> Any:
-        """Arrays for final observations, zero but for ``rows``."""
-        for index, (arrays, filled) in enumerate(self._finals):
-            if _is_free(arrays):
-                for array in arrays:
-                    array[filled] = 0
-                self._finals[index] = (arrays, rows)
-                return self._assemble(arrays)
-        zeros = build(self._space, lambda box: np.zeros((self._num_envs, *box.shape), box.dtype))
-        fresh = list(leaves(zeros))
-        self._finals = [*self._finals[-(MAX_BUFFERS - 1) :], (fresh, rows)]
-        return self._assemble(fresh)
+        """Arrays for final observations, ``[num_envs, ...]``, which are 0 and to be filled in these rows (int64) alone."""
+        arrays = self._unheld(self._finals)
+        arrays.clear(rows)
+        return arrays.lend()
 
-    def _assemble(self, arrays: Sequence[np.ndarray]) -> Any:
-        """The arrays as the space has them."""
-        if self._is_array:
-            return arrays[0]
-        given = iter(arrays)
-        return build(self._space, lambda _: next(given))
+    def _unheld(self, pool: list[ReusedArrays]) -> ReusedArrays:
+        """Arrays of the pool that no caller holds, or new ones, which then belong to it."""
+        for arrays in pool if not is_plain() else ():
+            if not arrays.are_held():
+                return arrays
+        pool[:] = [*pool[-(MAX_BUFFERS - 1) :], ReusedArrays(self._space, self._num_envs)]
+        return pool[-1]
 
 
-def _is_free(arrays: Sequence[np.ndarray]) -> bool:
-    """Whether nobody but these buffers holds any of the arrays."""
-    for array in arrays:  # noqa: SIM110 - a generator would hold one more reference
-        if sys.getrefcount(array) != UNSHARED:
-            return False
-    return True
+class Memory(np.ndarray):
+    """An array that owns its memory, and whose type is not that of the arrays that are lent.
+
+    NumPy makes a view of a view hold the array that owns the memory, unless that array has another type. Then all views of a
+    lent array hold the lent array.
+    """
+
+
+class ReusedArrays:
+    """Memory for one batch of observations, which is lent as arrays, and again once the caller holds none of them.
+
+    A weak reference to each lent array says whether it is held: views, tensors and memoryviews of the array keep it alive.
+    Counts of references would not say so: since Python 3.14 a variable may hold an array without being counted.
+    """
+
+    def __init__(self, space: gymnasium.Space, num_envs: int) -> None:
+        self._memory = create_empty_array(space, num_envs, Memory)
+        self._lent: list[weakref.ref[np.ndarray]] = []
+        self._filled: Any = slice(None)  # rows that may differ from 0
+
+    def are_held(self) -> bool:
+        """Whether a caller holds any of the lent arrays, or a view of one."""
+        for array in self._lent:  # noqa: SIM110 - `any` takes twice the time
+            if array() is not None:
+                return True
+        return False
+
+    def lend(self) -> Any:
+        """New arrays in the memory, as the space has them."""
+        self._lent.clear()
+        return map_leaves(self._lend, self._memory)
+
+    def clear(self, rows: np.ndarray) -> None:
+        """Set all rows to 0; ``rows`` (int64) will be filled next."""
+        for memory in leaves(self._memory):  # type: ignore[arg-type]
+            memory[self._filled] = 0
+        self._filled = rows
+
+    def _lend(self, memory: Memory) -> np.ndarray:
+        array = memory.view(np.ndarray)
+        self._lent.append(weakref.ref(array))
+        return array

@@ -1,4 +1,4 @@
-"""Compiled bookkeeping of episodes: where they start, how long they last, what they returned."""
+"""Compiled bookkeeping of episodes: on which level they start, how long they last, the sum of their rewards."""
 
 from __future__ import annotations
 
@@ -11,7 +11,9 @@ _options = {"nogil": True, "cache": True, "error_model": "numpy", "_nrt": False}
 
 
 @njit(**_options)
-def begin(rows, seed, chosen, level_values, values, level, key, tick, contacts, gave_up, returns, lengths, episodes):
+def start_episodes(
+    rows, seed, chosen, level_values, values, level, key, tick, contacts, unresolved, returns, lengths, episodes
+):
     """Start episodes in ``rows``: on ``chosen[env]`` where it is not negative, else on a level drawn uniformly.
 
     The draw depends on (seed, environment, episode) alone, so environment e meets the same levels in any batch.
@@ -27,21 +29,22 @@ def begin(rows, seed, chosen, level_values, values, level, key, tick, contacts, 
             for c in range(values.shape[2]):
                 values[e, i, c] = level_values[at, i, c]
         key[e] = mix(k + np.uint64(at))
-        tick[e] = contacts[e] = gave_up[e] = lengths[e] = 0
+        tick[e] = contacts[e] = unresolved[e] = lengths[e] = 0
         returns[e] = 0.0
         episodes[e] += 1
 
 
 @njit(**_options)
-def note_last(ended, level, lengths, contacts, gave_up, returns, success, death, counts, sums, flags):
-    """Write what the episodes of environments ``ended`` came to into arrays of all environments, which are 0 elsewhere.
+def record_ends(ended, level, lengths, contacts, unresolved, returns, success, death, counts, sums, flags):
+    """Write the results of the episodes that ended into arrays of all environments, which are 0 elsewhere.
 
-    ``counts`` int64 [4, N] receives level, lengths, contacts and gave_up; ``sums`` float64 [N] the returns; ``flags``
-    bool [4, N] success, death, and twice which environments ended. Their success and death are taken back.
+    ``counts`` int64 [4, N] receives level, lengths, contacts and unresolved; ``sums`` float64 [N] the returns; ``flags``
+    bool [4, N] success, death, and twice which environments ended. ``success`` and ``death`` of these are set to false,
+    because their next episodes begin.
     """
     for r in range(len(ended)):
         e = ended[r]
-        counts[0, e], counts[1, e], counts[2, e], counts[3, e] = level[e], lengths[e], contacts[e], gave_up[e]
+        counts[0, e], counts[1, e], counts[2, e], counts[3, e] = level[e], lengths[e], contacts[e], unresolved[e]
         sums[e] = returns[e]
         flags[0, e], flags[1, e] = success[e], death[e]
         flags[2, e] = flags[3, e] = True
@@ -49,8 +52,8 @@ def note_last(ended, level, lengths, contacts, gave_up, returns, success, death,
 
 
 @njit(**_options)
-def account(reward, terminated, max_steps, returns, lengths, truncated, ended):
-    """Count one step; mark what is out of time; list the environments whose episode ended and return how many."""
+def count_step(reward, terminated, max_steps, returns, lengths, truncated, ended):
+    """Count one step and mark episodes whose time is up; list the environments whose episode ended, return how many."""
     n = 0
     for e in range(len(reward)):
         lengths[e] += 1

@@ -11,8 +11,9 @@ from gymnasium.vector import AutoresetMode
 from segar.envs.vector import VectorEnv
 from segar.errors import SegarError, did_you_mean
 from segar.language import SingleFactors, SingleResults, Task
+from segar.levels import Levels
 from segar.observations import map_leaves
-from segar.rendering import RENDER_MODES, Camera, View, ending_of
+from segar.rendering import RENDER_MODES, Camera, View, episode_verdict
 
 
 class Env(gymnasium.Env):
@@ -25,18 +26,20 @@ class Env(gymnasium.Env):
     metadata = {"render_modes": RENDER_MODES, "render_fps": 20}  # noqa: RUF012 - gymnasium's attribute
 
     def __init__(
-        self, levels: Any, *, render_mode: str | None = None, view: View | None = None, **options: Any
+        self, levels: Levels, *, render_mode: str | None = None, view: View | None = None, **options: Any
     ) -> None:
         self._batch = VectorEnv(levels, 1, autoreset_mode=AutoresetMode.DISABLED, **options)
         self.render_mode = render_mode
         self.observation_space = self._batch.single_observation_space
         self.action_space = self._batch.single_action_space
         self.metadata = {**type(self).metadata, "render_fps": self._batch.metadata["render_fps"]}
-        self._camera = Camera(self._batch, render_mode, view) if render_mode is not None else None
-        self._ending: str | None = None  # None before the first reset
+        self._camera = None
+        if render_mode is not None:
+            self._camera = Camera(levels, self._batch.simulator.world, self.task, 1, render_mode, view)
+        self._verdict: str | None = None  # how the episode ended, '' while it goes on; None before the first reset
 
     @property
-    def levels(self) -> Any:
+    def levels(self) -> Levels:
         return self._batch.levels
 
     @property
@@ -53,14 +56,14 @@ class Env(gymnasium.Env):
                 f"reset: unknown option '{next(iter(options))}'.{did_you_mean(next(iter(options)), ['level'])}"
             )
         observations, info = self._batch.reset(seed=seed, options=batch_options)
-        self._look("")
+        self._show("")
         return _first(observations), _single(info)
 
     def step(self, action: np.ndarray) -> tuple[Any, float, bool, bool, dict]:
         """Advance by one step; see :meth:`VectorEnv.step`."""
         observations, rewards, ends, time_outs, batch_info = self._batch.step(np.asarray(action, np.float32)[None])
         terminated, truncated, info = bool(ends[0]), bool(time_outs[0]), _single(batch_info)
-        self._look(ending_of(info, terminated, truncated))
+        self._show(episode_verdict(info, terminated, truncated))
         return _first(observations), float(rewards[0]), terminated, truncated, info
 
     def render(self) -> np.ndarray | None:
@@ -71,9 +74,9 @@ class Env(gymnasium.Env):
         """
         if self._camera is None:
             return None
-        if self._ending is None:
+        if self._verdict is None:
             raise SegarError("call reset() before render()")
-        frames = self._camera.render([self._ending])
+        frames = self._camera.render(self._batch.state(), [self._verdict])
         return frames[0] if frames is not None else None
 
     def close(self) -> None:
@@ -81,9 +84,9 @@ class Env(gymnasium.Env):
         if self._camera is not None:
             self._camera.close()
 
-    def _look(self, ending: str) -> None:
-        """Remember how the episode ended, and show it where somebody looks on."""
-        self._ending = ending
+    def _show(self, verdict: str) -> None:
+        """Note how the episode ended, and show the state where the render mode is a window."""
+        self._verdict = verdict
         if self.render_mode == "human":
             self.render()
 
@@ -94,5 +97,6 @@ def _first(observations: Any) -> Any:
 
 
 def _single(info: dict[str, Any]) -> dict[str, Any]:
+    """The info of the only environment: numbers and truths instead of arrays."""
     plain = {name: array.item(0) for name, array in info.items() if type(array) is np.ndarray}
     return {**plain, "factors": SingleFactors(info["factors"]), "results": SingleResults(info["results"])}

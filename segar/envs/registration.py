@@ -9,8 +9,10 @@ from typing import Any
 
 import gymnasium
 
+from segar.envs.gym_env import Env
+from segar.envs.vector import VectorEnv
 from segar.levels import families, family
-from segar.tasks import TASKS
+from segar.tasks import TASKS, puttputt
 
 OBSERVATION_NAMES = ("rgb", "state")
 REWARDS = {"v0": "squared", "v1": "linear"}
@@ -38,8 +40,6 @@ def _register(id_: str, family_name: str, observation: str, options: dict[str, A
 
 def make_env(family_name: str, reward: str | None = None, **options: Any) -> gymnasium.Env:
     """The single environment of an id; see :func:`make_vector_env`."""
-    from segar.envs.gym_env import Env
-
     return Env(**_arguments(family_name, reward, options))
 
 
@@ -55,14 +55,10 @@ def make_vector_env(
         options: ``num_levels`` (default 100), ``seed`` (default 0) and ``split`` (default 'train') choose the level
             set; all others go to :class:`segar.envs.VectorEnv`.
     """
-    from segar.envs.vector import VectorEnv
-
     return VectorEnv(num_envs=num_envs, **_arguments(family_name, reward, options))
 
 
 def _arguments(family_name: str, reward: str | None, options: dict[str, Any]) -> dict[str, Any]:
-    from segar.tasks import puttputt
-
     seed = options.pop("seed", 0)
     levels = family(family_name).sample(options.pop("num_levels", 100), seed=seed, split=options.pop("split", "train"))
     if reward is not None:

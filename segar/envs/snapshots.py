@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,10 +17,10 @@ if TYPE_CHECKING:
     from segar.levels import Levels
 
 FORMAT = ArchiveFormat("segar-snapshot", 1, "a snapshot", "snapshot", SegarError)
-STATE_ARRAYS = ("values", "level", "key", "tick", "contacts", "unresolved_contacts")
-STORED_AS = {"unresolved_contacts": "gave_up"}  # arrays whose name in files of format 1 is another
+STATE_ARRAYS = tuple(array.name for array in fields(State))
 EPISODE_ARRAYS = ("returns", "lengths", "episodes")
-MEMORY = "memory/"  # before the names of what observations remember
+MEMORY = "memory/"  # stands before the names of what observations remember
+NAMES_IN_FILES = {"unresolved_contacts": "gave_up"}  # arrays whose name in files is the one that SEGAR 0.1 gave them
 
 
 @dataclass
@@ -76,27 +76,29 @@ class Snapshot:
         Raises:
             SegarError: the file cannot be written; what stood at ``path`` still stands there.
         """
-        arrays = {STORED_AS.get(name, name): getattr(self.state, name) for name in STATE_ARRAYS}
+        arrays = {_name_in_file(name): getattr(self.state, name) for name in STATE_ARRAYS}
         arrays |= {name: getattr(self, name) for name in EPISODE_ARRAYS}
         arrays |= {f"{MEMORY}{name}": array for name, array in self.memory.items()}
         FORMAT.write(Path(path), arrays, {"seed": self.seed, "memory": list(self.memory)})
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Snapshot:
-        """The snapshot in a file that ``save`` wrote.
+        """The snapshot in a file that ``save`` wrote, here or in SEGAR 0.1.
 
         Raises:
-            SegarError: the file is no snapshot, is incomplete, or was written by a newer version.
+            SegarError: the file is no snapshot, is incomplete, has arrays that do not fit each other, or was written by a
+                newer version.
         """
-        stored = {name: STORED_AS.get(name, name) for name in STATE_ARRAYS}
-        arrays, metadata = FORMAT.read(Path(path), (*stored.values(), *EPISODE_ARRAYS))
+        path, in_file = Path(path), [_name_in_file(name) for name in (*STATE_ARRAYS, *EPISODE_ARRAYS)]
+        arrays, metadata = FORMAT.read(path, in_file)
         names = metadata.get("memory", ())  # which arrays these are, only the description says
-        kept, _ = FORMAT.read(Path(path), [f"{MEMORY}{name}" for name in names]) if names else ({}, {})
+        memory, _ = FORMAT.read(path, [f"{MEMORY}{name}" for name in names]) if names else ({}, {})
+        _check_arrays(path, arrays, memory)
         return cls(
-            State(**{name: arrays[in_file] for name, in_file in stored.items()}),
+            State(**{name: arrays[_name_in_file(name)] for name in STATE_ARRAYS}),
             **{name: arrays[name] for name in EPISODE_ARRAYS},
             seed=int(metadata["seed"]),
-            memory={name: kept[f"{MEMORY}{name}"] for name in names},
+            memory={name: memory[f"{MEMORY}{name}"] for name in names},
         )
 
     def check_fits(self, levels: Levels, num_envs: int) -> None:
@@ -123,4 +125,21 @@ class Snapshot:
             e = int(np.flatnonzero(strange)[0])
             raise SegarError(
                 f"this snapshot is of other levels: environment {e} holds a factor that no entity has in level {level[e]}"
+            )
+
+
+def _name_in_file(name: str) -> str:
+    """The name of an array in files."""
+    return NAMES_IN_FILES.get(name, name)
+
+
+def _check_arrays(path: Path, arrays: dict[str, np.ndarray], memory: dict[str, np.ndarray]) -> None:
+    """Raise :class:`SegarError` unless the arrays have the dtypes and shapes of one batch of environments."""
+    kinds = {"values": (np.float64, 3), "returns": (np.float64, 1), "key": (np.uint64, 1)}
+    for name, array in {**arrays, **memory}.items():
+        dtype, axes = kinds.get(name, (np.int64, 1)) if name in arrays else (array.dtype, array.ndim)
+        if (array.dtype, array.ndim, array.shape[:1]) != (dtype, axes, (arrays["returns"].size,)):
+            raise SegarError(
+                f"{path}: '{name}' must be {np.dtype(dtype)} of {axes} axes and {arrays['returns'].size} environments, not"
+                f" {array.dtype} of shape {array.shape}; the file was changed, save the snapshot again"
             )

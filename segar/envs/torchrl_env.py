@@ -1,4 +1,4 @@
-"""TorchRL's face of the engine: a batched ``EnvBase`` over :class:`segar.envs.VectorEnv`. The only file that imports torch."""
+"""TorchRL's interface: a batched ``EnvBase`` over :class:`segar.envs.VectorEnv`. No other file of segar imports torch."""
 
 from __future__ import annotations
 
@@ -15,8 +15,10 @@ from torchrl.envs import EnvBase
 from segar.envs.snapshots import Snapshot
 from segar.envs.vector import VectorEnv
 from segar.errors import SegarError
+from segar.levels import Levels
+from segar.observations import ObservationLike
 
-# What VectorEnv's info says about the running episode, and its dtype here; each entry has shape [num_envs, 1].
+# Entries about the running episode, from the info of VectorEnv, and their dtypes; each has the shape [num_envs, 1].
 EPISODE_KEYS = {
     "level": torch.int64,
     "return": torch.float64,
@@ -46,7 +48,9 @@ class TorchRLEnv(EnvBase):
     torch.Size([64, 30, 1])
     """
 
-    def __init__(self, levels: Any, num_envs: int, *, observation: Any = "state", **options: Any) -> None:
+    def __init__(
+        self, levels: Levels, num_envs: int, *, observation: ObservationLike = "state", **options: Any
+    ) -> None:
         super().__init__(device="cpu", batch_size=torch.Size([num_envs]))
         self.vector_env = VectorEnv(
             levels, num_envs, observation=observation, autoreset_mode=AutoresetMode.DISABLED, copy=True, **options
@@ -71,7 +75,7 @@ class TorchRLEnv(EnvBase):
     def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
         action = tensordict.get("action").detach().numpy()
         observation, reward, terminated, truncated, info = self.vector_env.step(action)
-        return self._tensordict(observation, terminated, truncated, info, reward=reward)
+        return self._tensordict(observation, info, terminated, truncated, reward)
 
     def _reset(self, tensordict: TensorDictBase | None = None, *, levels: Any = None, **_: Any) -> TensorDictBase:
         options: dict[str, Any] = {}
@@ -81,8 +85,7 @@ class TorchRLEnv(EnvBase):
             options["reset_mask"] = tensordict.get("_reset").reshape(self.num_envs).numpy()
         seed, self._next_seed = self._next_seed, None
         observation, info = self.vector_env.reset(seed=seed, options=options)
-        never = np.zeros(self.num_envs, dtype=bool)
-        after = self._tensordict(observation, never, never, info)
+        after = self._tensordict(observation, info)
         if tensordict is not None:
             # TorchRL keeps the unmasked rows of what it was given, and pads what it was not given with zeros: give it all.
             tensordict.update({key: value for key, value in after.items() if key not in tensordict.keys()})
@@ -93,12 +96,12 @@ class TorchRLEnv(EnvBase):
         return self.vector_env.state()
 
     def restore(self, snapshot: Snapshot) -> TensorDict:
-        """Goes on from a snapshot; returns what a reset would, about the episodes that run in it."""
+        """Go on from a snapshot; return the entries of a reset, about the episodes that run in the snapshot."""
         observation = self.vector_env.restore(snapshot)
         never = np.zeros(self.num_envs, dtype=bool)
         info = {"level": snapshot.state.level, "return": snapshot.returns, "length": snapshot.lengths}
         info = {key: value.copy() for key, value in info.items()} | {"success": never, "death": never}
-        return self._tensordict(observation, never, never, info)
+        return self._tensordict(observation, info)
 
     def _set_seed(self, seed: int | None) -> None:
         self._next_seed = seed
@@ -106,21 +109,20 @@ class TorchRLEnv(EnvBase):
     def _tensordict(
         self,
         observation: Any,
-        terminated: np.ndarray,
-        truncated: np.ndarray,
         info: dict[str, Any],
+        terminated: np.ndarray | None = None,
+        truncated: np.ndarray | None = None,
         reward: np.ndarray | None = None,
     ) -> TensorDict:
-        entries = {
-            **_tensors(observation, self.num_envs),
-            "terminated": torch.from_numpy(terminated)[:, None],
-            "truncated": torch.from_numpy(truncated)[:, None],
-            "done": torch.from_numpy(terminated | truncated)[:, None],
-        }
-        for key in EPISODE_KEYS:
-            entries[key] = torch.from_numpy(info[key])[:, None]
+        """The entries of a step, or of a reset where no end and no reward are given."""
+        terminated = np.zeros(self.num_envs, bool) if terminated is None else terminated
+        truncated = np.zeros(self.num_envs, bool) if truncated is None else truncated
+        columns = {"terminated": terminated, "truncated": truncated, "done": terminated | truncated}
+        columns |= {key: info[key] for key in EPISODE_KEYS}
         if reward is not None:
-            entries["reward"] = torch.from_numpy(reward.astype(np.float32))[:, None]
+            columns["reward"] = reward.astype(np.float32)
+        entries = {key: _tensor(part, self.num_envs) for key, part in _named(observation).items()}
+        entries |= {key: torch.from_numpy(column)[:, None] for key, column in columns.items()}
         return TensorDict._new_unsafe(entries, batch_size=self.batch_size)
 
     @property
@@ -129,7 +131,7 @@ class TorchRLEnv(EnvBase):
         return self.batch_size[0]
 
     def close(self, *, raise_if_closed: bool = True) -> None:
-        """Frees the engine's buffers."""
+        """Close the batch of environments."""
         super().close(raise_if_closed=raise_if_closed)
         self.vector_env.close()
 
@@ -161,10 +163,6 @@ def _spec(space: spaces.Space, num_envs: int) -> Any:
     if space.dtype == np.uint8:
         return _bounded(space, torch.uint8).expand(num_envs, *space.shape)
     return Unbounded(shape=torch.Size((num_envs, *space.shape)), dtype=torch.float32)
-
-
-def _tensors(observation: Any, num_envs: int) -> dict[str, Any]:
-    return {key: _tensor(part, num_envs) for key, part in _named(observation).items()}
 
 
 def _tensor(part: Any, num_envs: int) -> Any:

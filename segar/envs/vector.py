@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import weakref
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -13,27 +13,24 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
 from segar.engine import Simulator, State, StepResult
-from segar.envs import episode_kernel
 from segar.envs.buffers import Buffers
+from segar.envs.episode_kernel import count_step, record_ends, start_episodes
 from segar.envs.snapshots import Snapshot
 from segar.errors import ActionError, LevelError, SegarError, did_you_mean
 from segar.language import Factor, Factors, Results, Task
-from segar.observations import copy_rows, for_task, leaves, make_observation
-from segar.rendering import RENDER_MODES, Camera, steps_per_second
+from segar.levels import Levels
+from segar.observations import ObservationLike, copy_rows, for_task, hooks_of, leaves, make_observation, simulator_reads
+from segar.rendering import RENDER_MODES, Camera, View, steps_per_second
 from segar.rules import World
 from segar.support import Team
 from segar.tasks import task_of
-
-if TYPE_CHECKING:
-    from segar.levels import Levels
-    from segar.rendering import View
 
 
 class VectorEnv(gymnasium.vector.VectorEnv):
     """``num_envs`` environments on a level set, natively batched.
 
     Each episode starts on a level drawn uniformly from the set (the epistemic POMDP). Environment ``e`` behaves in the
-    same way whatever ``num_envs`` and ``num_threads``.
+    same way for all ``num_envs`` and ``num_threads``.
 
     ``info`` holds ``level`` (int64, index in ``levels``), ``return`` (float64, every reward counted) and ``length`` of
     the running episode, ``success`` and ``death`` (bool), ``factors`` (mapping of the true factors, gathered on
@@ -73,7 +70,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         levels: Levels,
         num_envs: int,
         *,
-        observation: Any = "state",
+        observation: ObservationLike = "state",
         task: Task | None = None,
         seed: int | None = None,
         num_threads: int = 1,
@@ -97,13 +94,10 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             raise SegarError("autoreset_mode NEXT_STEP is not offered; use SAME_STEP or DISABLED")
         self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
         self.simulator = Simulator(world or world_of(levels), levels.layout, self.task, num_threads)
-        observation = for_task(make_observation(observation), self.task)
-        self.observation = observation.bind(replace(levels, world=self.simulator.world), num_envs)
-        self._start, self._advance, self._memory, self._recall = (
-            getattr(self.observation, name, None) for name in ("start", "advance", "memory", "recall")
-        )
+        described = for_task(make_observation(observation), self.task)
+        self.observation = described.bind(replace(levels, world=self.simulator.world), num_envs)
+        self._hooks, self._reads = hooks_of(self.observation), simulator_reads(self.observation)
         self._team = Team(num_threads)
-        self._reads = getattr(self.observation, "reads", None)  # the simulator writes these as it goes
         self.single_observation_space = self.observation.space
         self.single_action_space = gymnasium.spaces.Box(
             np.array(self.task.action_low, np.float32), np.array(self.task.action_high, np.float32), dtype=np.float32
@@ -116,7 +110,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self._any_level = np.full(num_envs, -1)
         self._outcome = StepResult.empty(num_envs)
         self._buffers = Buffers(num_envs, copy, self.observation)
-        self._held: weakref.ref[Factors] | None = None
+        self._last_factors: weakref.ref[Factors] | None = None
         self._started = False
         self._now = Snapshot(
             State.empty(num_envs, levels.layout),
@@ -126,8 +120,10 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             _fresh_seed() if seed is None else _checked_seed(seed),
         )
         self.render_mode = render_mode
-        self._camera = Camera(self, render_mode, view) if render_mode is not None else None
-        self.metadata["render_fps"] = steps_per_second(self)
+        self._camera = None
+        if render_mode is not None:
+            self._camera = Camera(levels, self.simulator.world, self.task, num_envs, render_mode, view)
+        self.metadata["render_fps"] = steps_per_second(levels, self.task)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict]:
         """Start new episodes; return observations and info.
@@ -155,11 +151,10 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         if not self._started and not mask.all():
             raise SegarError("the first reset must start all environments")
         self._started = True
-        self._release()
-        self._begin(np.flatnonzero(mask), chosen)
-        observations = self._observe(self._rows, self._buffers.output())
-        if self.render_mode == "human":
-            self.render()
+        self._detach_factors()
+        self._start_episodes(np.flatnonzero(mask), chosen)
+        observations = self._observe_all()
+        self._update_window()
         return observations, self._info(np.zeros(self.num_envs, np.bool_), np.zeros(self.num_envs, np.bool_))
 
     def step(self, actions: np.ndarray) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray, dict]:
@@ -175,28 +170,16 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             ActionError: wrong shape, or not finite. ConflictError: rules contradict each other in some state.
         """
         actions = self._checked_actions(actions)
-        self._release()
-        now, out = self._now, self._outcome
-        observations = self._buffers.output() if self._reads else None
-        self.simulator.act(now.state, self.levels, actions, out, self._reads, observations)
-        if self._advance is not None:
-            self._advance(actions)
-        truncated = np.empty(self.num_envs, np.bool_)
-        count = episode_kernel.account(
-            out.reward, out.terminated, self.task.max_steps, now.returns, now.lengths, truncated, self._ended
-        )
-        reward = out.reward.copy() if self.copy else out.reward
-        terminated, success, death = out.terminated.copy(), out.success.copy(), out.death.copy()
-        if self._reads is None:
-            observations = self._observe(self._rows, self._buffers.output())
-        if self.render_mode == "human":
-            self.render()
-        if self.autoreset_mode is AutoresetMode.DISABLED or count == 0:
+        self._detach_factors()
+        observations = self._step_states(actions)
+        truncated, ended = self._count_step()
+        reward, terminated, success, death = self._outcome_for_caller()
+        self._update_window()
+        if not len(ended) or self.autoreset_mode is AutoresetMode.DISABLED:
             return observations, reward, terminated, truncated, self._info(success, death)
-        ended = self._ended[:count].copy()
         final = self._final(observations, ended, success, death)
-        self._begin(ended)
-        self._observe(ended, observations)
+        self._start_episodes(ended)
+        self._write_observations(observations, ended)
         return observations, reward, terminated, truncated, {**self._info(success, death), **final}
 
     def render(self) -> tuple[np.ndarray, ...] | None:
@@ -209,7 +192,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             return None
         if not self._started:
             raise SegarError("call reset() before render()")
-        return self._camera.render()
+        return self._camera.render(self._now)
 
     def close_extras(self, **kwargs: Any) -> None:
         """Close the window, if there is one."""
@@ -218,29 +201,27 @@ class VectorEnv(gymnasium.vector.VectorEnv):
 
     def state(self) -> Snapshot:
         """A copy of everything that decides how the episodes go on, and of the past that observations show."""
-        memory = self._memory() if self._memory is not None else {}
-        return replace(self._now.copy(), memory=memory)
+        return replace(self._now.copy(), memory=self._hooks.memory())
 
     def restore(self, snapshot: Snapshot) -> Any:
         """Go on from a snapshot of ``num_envs`` environments on these levels; return the observations.
 
-        What observations show of the past is in the snapshot. What it does not hold, because its environment observed
-        something else, is as if the episode had started now.
+        The snapshot holds what observations show of the past. Where it does not, because its environment observed
+        something else, observations are as if the episode had started now.
 
         Raises:
             SegarError: the snapshot is of another number of environments, or of other levels, or holds the past of
                 another observation.
         """
         snapshot.check_fits(self.levels, self.num_envs)
-        self._release()
-        if self._start is not None:
-            self._start(snapshot.state.key, snapshot.state.level, np.ones(self.num_envs, np.bool_))
-        if self._recall is not None:
-            self._recall(snapshot.memory)
+        self._detach_factors()
+        everywhere = np.ones(self.num_envs, np.bool_)
+        self._hooks.start(snapshot.state.key, snapshot.state.level, everywhere)
+        self._hooks.recall(snapshot.memory)
         self._now = replace(snapshot, memory={}).copy()
         self._started = True
-        self.observation.begin(self._now.state.values, self._now.state.level, np.ones(self.num_envs, np.bool_))
-        return self._observe(self._rows, self._buffers.output())
+        self.observation.begin(self._now.state.values, self._now.state.level, everywhere)
+        return self._observe_all()
 
     def intervene(self, entity: str, factor: type[Factor], value: Any, where: np.ndarray | None = None) -> Any:
         """Set a factor of one entity in the environments where ``where`` (bool, all if None); return observations.
@@ -258,81 +239,117 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         part = self._now.state.values[:, slot, layout.columns[factor] : layout.columns[factor] + factor.width]
         if np.isnan(part[mask]).any():
             raise LevelError(f"'{entity}' has no {factor.__name__} in some of these environments")
-        self._release()
+        self._detach_factors()
         part[mask] = factor.check(value)
         self.observation.begin(self._now.state.values, self._now.state.level, mask)
-        return self._observe(self._rows, self._buffers.output())
+        return self._observe_all()
 
-    def _begin(self, rows: np.ndarray, chosen: np.ndarray | None = None) -> None:
+    def _step_states(self, actions: np.ndarray) -> Any:
+        """Step all states by the actions; return the observations of the states that follow."""
+        if self._reads is not None:  # the simulator writes the observations while it has the states at hand
+            observations = self._buffers.output()
+            self.simulator.act(self._now.state, self.levels, actions, self._outcome, self._reads, observations)
+            return observations
+        self.simulator.act(self._now.state, self.levels, actions, self._outcome)
+        self._hooks.advance(actions)
+        return self._observe_all()
+
+    def _count_step(self) -> tuple[np.ndarray, np.ndarray]:
+        """Count the step in returns and lengths; return ``truncated`` and the rows of the episodes that ended."""
+        now, truncated = self._now, np.empty(self.num_envs, np.bool_)
+        count = count_step(
+            self._outcome.reward, self._outcome.terminated, self.task.max_steps, now.returns, now.lengths, truncated,
+            self._ended,
+        )  # fmt: skip
+        return truncated, self._ended[:count]
+
+    def _outcome_for_caller(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Reward, terminated, success and death of the step, as far as needed in arrays that the next step leaves alone."""
+        out = self._outcome
+        reward = out.reward.copy() if self.copy else out.reward
+        return reward, out.terminated.copy(), out.success.copy(), out.death.copy()
+
+    def _start_episodes(self, rows: np.ndarray, chosen: np.ndarray | None = None) -> None:
         """Start episodes in these rows, on the chosen levels or on ones drawn uniformly."""
         now, state = self._now, self._now.state
         chosen = self._any_level if chosen is None else chosen
-        episode_kernel.begin(
+        start_episodes(
             rows, np.uint64(now.seed), chosen, self.levels.values, state.values, state.level, state.key, state.tick,
-            state.contacts, state.unresolved_contacts, now.returns, now.lengths, now.episodes,
+            state.contacts, now.state.unresolved_contacts, now.returns, now.lengths, now.episodes,
         )  # fmt: skip
         mask = np.zeros(self.num_envs, np.bool_)
         mask[rows] = True
-        if self._start is not None:
-            self._start(state.key, state.level, mask)
+        self._hooks.start(state.key, state.level, mask)
         self.observation.begin(state.values, state.level, mask)
 
-    def _observe(self, rows: np.ndarray, out: Any) -> Any:
+    def _observe_all(self) -> Any:
+        """The observations of all present states."""
+        observations = self._buffers.output()
+        self._write_observations(observations, self._rows)
+        return observations
+
+    def _write_observations(self, out: Any, rows: np.ndarray) -> None:
+        """Write the observations of these rows of the present states into ``out``."""
         values, level, write = self._now.state.values, self._now.state.level, self.observation.write
         self._team.do_range(lambda a, b: write(values, level, out, rows[a:b]), len(rows))
-        return out
+
+    def _update_window(self) -> None:
+        """Show the present states where the render mode is a window."""
+        if self.render_mode == "human":
+            self.render()
 
     def _info(self, success: np.ndarray, death: np.ndarray) -> dict[str, Any]:
+        """The info about all running episodes."""
         now = self._now
         factors = Factors(self.levels.layout, now.state.values)
-        self._held = weakref.ref(factors)
-        return {
-            "level": now.state.level.copy(),
-            "return": now.returns.copy(),
-            "length": now.lengths.copy(),
-            "success": success,
-            "death": death,
-            "contacts": now.state.contacts.copy(),
-            "gave_up": now.state.unresolved_contacts.copy(),
-            "factors": factors,
-            "results": Results(self.task.results, factors),
-        }
+        self._last_factors = weakref.ref(factors)
+        counts = (now.state.level, now.lengths, now.state.contacts, now.state.unresolved_contacts)
+        return self._named_info([array.copy() for array in counts], now.returns.copy(), success, death, factors)
 
-    def _final(self, observations: Any, ended: np.ndarray, success: np.ndarray, death: np.ndarray) -> dict:
-        """The last observations and info of episodes that ended, in full-sized arrays with a mask.
+    def _final(self, observations: Any, ended: np.ndarray, success: np.ndarray, death: np.ndarray) -> dict[str, Any]:
+        """The last observations and info of episodes that ended, in full-sized arrays with masks.
 
-        What ``success`` and ``death`` say of them is taken back: the next episodes have begun.
+        ``success`` and ``death`` are set to false for these episodes, because the next ones begin.
         """
-        now, state = self._now, self._now.state
+        now, state, ended = self._now, self._now.state, ended.copy()  # the caller's factors hold the rows
         final_obs = self._buffers.final_output(ended)
         for last, array in zip(leaves(final_obs), leaves(observations), strict=True):
             copy_rows(array, last, ended)
         counts, flags = np.zeros((4, self.num_envs), np.int64), np.zeros((4, self.num_envs), np.bool_)
         returns = np.zeros(self.num_envs)
-        episode_kernel.note_last(
+        record_ends(
             ended, state.level, now.lengths, state.contacts, state.unresolved_contacts, now.returns, success, death, counts,
             returns, flags,
         )  # fmt: skip
         factors = Factors(self.levels.layout, state.values[ended], ended, self.num_envs)
-        final_info = {
+        final_info = self._named_info(counts, returns, flags[0], flags[1], factors)
+        return {"final_obs": final_obs, "_final_obs": flags[2], "final_info": final_info, "_final_info": flags[3]}
+
+    def _named_info(
+        self, counts: Any, returns: np.ndarray, success: np.ndarray, death: np.ndarray, factors: Factors
+    ) -> dict[str, Any]:
+        """Info by its names; ``counts`` are level, length, contacts and unresolved contacts."""
+        return {
             "level": counts[0],
             "return": returns,
             "length": counts[1],
-            "success": flags[0],
-            "death": flags[1],
+            "success": success,
+            "death": death,
             "contacts": counts[2],
-            "gave_up": counts[3],
+            "unresolved_contacts": counts[3],
             "factors": factors,
             "results": Results(self.task.results, factors),
         }
-        return {"final_obs": final_obs, "_final_obs": flags[2], "final_info": final_info, "_final_info": flags[3]}
 
-    def _release(self) -> None:
-        """The state is about to change: the factors of the last step take a copy if someone still holds them."""
-        factors = self._held() if self._held is not None else None
+    def _detach_factors(self) -> None:
+        """Let the factors of the last step take a copy of the state, which is about to change, if a caller holds them.
+
+        A weak reference says whether a caller does: the object lives as long as any reference to it, counted or borrowed.
+        """
+        factors = self._last_factors() if self._last_factors is not None else None
         if factors is not None and self.copy:
             factors.keep()
-        self._held = None
+        self._last_factors = None
 
     def _checked_actions(self, actions: Any) -> np.ndarray:
         if not self._started:

@@ -1,38 +1,52 @@
-"""What an environment asks of an observation: bind it to levels once, then fill the caller's batch buffer.
+"""What an environment asks of an observation, and when it calls what.
 
-An observation is a description (which factors, which resolution); :meth:`Observation.bind` makes the object that
-holds caches for one environment. Everything an observation reads is the batch of states, never Python objects.
+An observation is a description: which factors, which resolution. :meth:`Observation.bind` makes the object that works in one
+batch of environments and holds its caches. It reads arrays of states and never Python objects.
 
-Most observations show the present state and need :class:`Observation` and :class:`BoundObservation` alone. What may
-be added is optional, and an environment calls it only where it is there: :meth:`Starts.start` for what is chosen once
-per episode, :class:`Remembers` for what shows the past, :class:`Keeps` for what has its observations at hand anyhow,
-:class:`DrawsPlanes` for frames, :class:`KnowsTask` for what depends on the task, and ``members``, a tuple of the
-observations that one is made of.
+An environment calls a bound observation in this order; hooks in brackets are optional, and are called only where the bound
+observation has them:
+
+* episodes start: [:meth:`EpisodeHook.start`], then ``begin``, then ``write``;
+* a step was taken: [:meth:`StepHook.advance`], then ``write``;
+* a step is taken, and the observation is :class:`WrittenBySimulator`: the simulator writes it, and ``write`` is not called;
+* the caller intervened in the states: ``begin``, then ``write``;
+* a snapshot is taken: [:meth:`HasMemory.memory`];
+* a snapshot is restored: [:meth:`EpisodeHook.start`], [:meth:`HasMemory.recall`], then ``begin``, then ``write``.
+
+``write`` fills arrays of the environment, or those of the observation itself where it :class:`OwnsBuffers`.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, runtime_checkable
+
+import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     import gymnasium
-    import numpy as np
 
+    from segar.engine import Reads
     from segar.language import Factor, Task
     from segar.levels import Levels
+
+Arrays: TypeAlias = np.ndarray | tuple[Any, ...] | dict[str, Any]
+"""An array, or tuples and dicts of arrays, as a Box, Tuple or Dict space has them."""
 
 
 @runtime_checkable
 class BoundObservation(Protocol):
-    """An observation at work in one environment; ``space`` is that of a single environment, without the batch axis."""
+    """An observation at work in one batch of environments."""
 
-    space: gymnasium.Space
+    @property
+    def space(self) -> gymnasium.Space:
+        """The space of the observations of a single environment, without the batch axis; a plain attribute will do."""
+        ...
 
     def begin(self, values: np.ndarray, level: np.ndarray, mask: np.ndarray) -> None:
-        """Prepare the environments where ``mask`` (bool ``[env]``) is true: their states are not those that a step led
-        to, because an episode starts, a snapshot was restored, or somebody intervened.
+        """Prepare the environments where ``mask`` (bool ``[env]``) is true, whose states no step led to.
+
+        Their episodes start, or a snapshot was restored, or the caller intervened.
 
         Args:
             values: states, float64 ``[env, entity, column]``.
@@ -41,23 +55,23 @@ class BoundObservation(Protocol):
         ...
 
     def write(self, values: np.ndarray, level: np.ndarray, out: Any, rows: np.ndarray) -> None:
-        """Fill ``out[rows]`` (``[env, *space.shape]``, C-contiguous; rows int64); disjoint rows may run in threads.
+        """Fill ``out[rows]`` (``[env, *space.shape]``, C-contiguous; rows int64); threads may write disjoint rows.
 
-        ``out`` is a tuple or dict of such arrays where ``space`` is a Tuple or Dict. Writing again what was written
-        changes nothing.
+        ``out`` is a tuple or dict of such arrays where ``space`` is a Tuple or Dict. To write the same states twice has
+        the same result as to write them once.
         """
         ...
 
 
 @runtime_checkable
-class Starts(Protocol):
+class EpisodeHook(Protocol):
     """A bound observation that chooses something once per episode."""
 
     def start(self, key: np.ndarray, level: np.ndarray, mask: np.ndarray) -> None:
-        """Episodes run under these keys where ``mask`` is true; called before :meth:`BoundObservation.begin`.
+        """Start episodes under these keys where ``mask`` (bool ``[env]``) is true.
 
-        All that is chosen must follow from the key or from the level, so that an environment sees the same whatever the
-        batch is, and a restored episode goes on as it was: ``restore`` calls this, too.
+        All that is chosen must follow from the key or from the level. An environment then sees the same in a batch of any
+        size, and a restored episode goes on as it was.
 
         Args:
             key: uint64 ``[env]``, random bits that belong to the episode; its forks share them.
@@ -67,30 +81,49 @@ class Starts(Protocol):
 
 
 @runtime_checkable
-class Remembers(Starts, Protocol):
-    """A bound observation that shows the past of the episode, and forgets it when one starts."""
+class StepHook(Protocol):
+    """A bound observation that follows the steps of an episode."""
 
     def advance(self, actions: np.ndarray) -> None:
-        """All environments have taken a step by these actions, float32 ``[env, action size]``; a write follows."""
+        """Note that all environments took a step by these actions, float32 ``[env, action size]``."""
         ...
+
+
+@runtime_checkable
+class HasMemory(Protocol):
+    """A bound observation that shows more than the present state, so that snapshots must hold what it remembers."""
 
     def memory(self) -> dict[str, np.ndarray]:
         """Copies of what snapshots must hold, by name; arrays lead with the environment."""
         ...
 
     def recall(self, memory: Mapping[str, np.ndarray]) -> None:
-        """Remember what :meth:`memory` gave; called after :meth:`start`, before ``begin``."""
+        """Remember what :meth:`memory` returned. An array is absent where another observation took the snapshot."""
         ...
 
 
 @runtime_checkable
-class Keeps(Protocol):
+class OwnsBuffers(Protocol):
     """A bound observation that keeps its observations up to date in arrays of its own."""
 
     kept: Any
-    """Arrays ``[env, *space.shape]``, contiguous or not, for environments that may overwrite what they returned: if they
-    are the ``out`` of ``write``, there is nothing to copy. None where there are none. After :meth:`Remembers.advance` they
-    may be others."""
+    """Arrays ``[env, *space.shape]``, contiguous or not, or None where there are none.
+
+    An environment that may overwrite what it returned (``copy=False``) gives them to ``write`` as ``out`` and returns them,
+    so that nothing is copied. After :meth:`StepHook.advance` they may be other arrays.
+    """
+
+
+@runtime_checkable
+class WrittenBySimulator(Protocol):
+    """A bound observation that shows numbers of the state as they are.
+
+    The simulator writes such an observation during the step, while the states are in the processor's cache. Observations
+    that are composed of others are written after the step.
+    """
+
+    reads: Reads | None
+    """Which numbers; None where the observation must be written after the step. Then :class:`BoundObservation` applies."""
 
 
 @runtime_checkable
@@ -102,11 +135,15 @@ class Observation(Protocol):
         ...
 
     def shows(self, factor: type[Factor]) -> bool:
-        """Whether the observation changes with the values of this factor, of whatever it shows that has it.
+        """Whether the observation may change with the values of this factor, of the entities that it shows.
 
-        Where this is false, two states that differ in the factor alone look the same to the bit.
+        Where this is false, two states that differ in this factor alone give equal observations.
         """
         ...
+
+
+ObservationLike: TypeAlias = Observation | str | Sequence[Any] | Mapping[str, Any]
+"""An observation, its name in :data:`segar.observations.OBSERVATIONS`, or a sequence or mapping of these."""
 
 
 @runtime_checkable
@@ -127,4 +164,14 @@ class KnowsTask(Protocol):
 
     def for_task(self, task: Task) -> Observation:
         """The observation in environments of this task."""
+        ...
+
+
+@runtime_checkable
+class Composed(Protocol):
+    """An observation that is made of others."""
+
+    @property
+    def members(self) -> tuple[Observation, ...]:
+        """The observations that it is made of."""
         ...

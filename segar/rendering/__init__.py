@@ -1,6 +1,9 @@
-"""Pictures for people: frames, windows, videos, a game, contact sheets."""
+"""Pictures for people: frames, windows, videos.
 
-from segar.rendering.camera import RENDER_MODES, Camera, ending_of, status_line, steps_per_second
+The room draws states; it knows no environments. It imports the engine's states and the colours of the observations.
+"""
+
+from segar.rendering.camera import RENDER_MODES, Camera, Episodes, episode_verdict, status_line, steps_per_second
 from segar.rendering.scene import Figure, Scene, Stage
 from segar.rendering.video import record, write_video
 from segar.rendering.view import View
@@ -8,11 +11,12 @@ from segar.rendering.view import View
 __all__ = [
     "RENDER_MODES",
     "Camera",
+    "Episodes",
     "Figure",
     "Scene",
     "Stage",
     "View",
-    "ending_of",
+    "episode_verdict",
     "record",
     "status_line",
     "steps_per_second",

@@ -84,8 +84,8 @@ class Painter:
 
     def _at(self, place: np.ndarray) -> tuple[float, float]:
         """Where on the oversampled picture a place is."""
-        edge, walls = OVERSAMPLING * self.view.size * MARGIN, self._walls
-        return edge + (float(place[0]) + walls) * self._scale, edge + (walls - float(place[1])) * self._scale
+        x, y = self.pixel(place, self._walls)
+        return OVERSAMPLING * x, OVERSAMPLING * y
 
     def _width(self, pixels: float) -> int:
         """A width of a line, at least one pixel: pygame takes no width for no outline."""

@@ -1,4 +1,4 @@
-"""What there is to see in one environment, read from its state: no pictures here, only things with places and factors."""
+"""The things of one environment as people see them, read from its state: places, colours and factors, no pictures."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ class Scene:
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """Levels with their rules and task: what it takes to see in a state what is there.
+    """Levels with their rules and task, which are needed to read the things of a state.
 
     ``colours`` maps entity types to colours, beside the built-in ones.
     """

@@ -21,7 +21,7 @@ FRAMES_PER_SECOND = 20  # where the environment does not say
 
 
 def record(
-    env: Any,
+    env: gymnasium.Env | gymnasium.vector.VectorEnv,
     path: str | PathLike[str],
     policy: Callable[[Any, dict[str, Any]], Any] | None = None,
     *,
@@ -30,7 +30,7 @@ def record(
     steps: int | None = None,
     fps: float | None = None,
 ) -> int:
-    """Play an episode, film it into ``path``, and return how many frames it has.
+    """Play an episode, record a video of it in ``path``, and return how many frames it has.
 
     Args:
         env: a Gymnasium environment, single or vectorised, made with ``render_mode="rgb_array"``. Several environments
@@ -39,7 +39,7 @@ def record(
         policy: function of observation and info that gives an action (of all environments); uniform where it is None.
         seed: of the environment and of the uniform policy.
         options: for the reset, such as ``{"level": 3}``.
-        steps: how many to film at most; by default one episode, of a vector environment 100 steps.
+        steps: how many to record at most; by default one episode, of a vector environment 100 steps.
         fps: frames per second; by default in time with the simulation.
 
     Raises:

@@ -19,16 +19,16 @@ class Window:
         try:
             pygame.display.init()
             self._window = pygame.Window(title, size)
-        except pygame.error as said:
+        except pygame.error as error:
             raise SegarError(
-                f"no window can be opened: {said}; where there is no screen, set SDL_VIDEODRIVER=dummy, or use"
+                f"no window can be opened: {error}; where there is no screen, set SDL_VIDEODRIVER=dummy, or use"
                 " render_mode='rgb_array'"
-            ) from said
+            ) from error
         self._clock = pygame.time.Clock()
         self.is_open = True
 
     def show(self, picture: np.ndarray | pygame.Surface, rate: float) -> None:
-        """Show a picture, not more often than ``rate`` times a second; nothing once somebody closed the window."""
+        """Show a picture, not more often than ``rate`` times a second; nothing once the user closed the window."""
         self._look_for_close()
         if not self.is_open:
             return

@@ -12,7 +12,8 @@ from segar.textures.filter_clusters import (
     filter_weights,
     texture_set,
 )
-from segar.textures.inputs import BACKGROUND, NOISE, NOISE_CLIP, TypeInputs, is_noise, name_of_input, type_inputs
+from segar.textures.inputs import BACKGROUND, NOISE, NOISE_CLIP, is_noise, name_of_input
+from segar.textures.layout_inputs import TypeInputs, type_inputs
 from segar.textures.read_out import linear_read_out
 from segar.textures.samples import UNIFORM, Laws, family_laws, product_of_marginals
 from segar.textures.standard import CHIEF, EXTREMES, INPUTS, KINDS, looks, units

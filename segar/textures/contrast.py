@@ -1,4 +1,4 @@
-"""How well things can be told apart by their textures, whatever their noise."""
+"""How well things can be distinguished by their textures under all noise."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def look_distances(
     """How far each thing, with noise, is from the floor and from each thing without noise, ``[draw, thing, 1 + thing]``.
 
     The distance of two textures is the root mean square of the difference of their pixels, in grey levels (0 to 255). Column
-    0 is the floor. A thing can be told in a draw if it is nearest to itself, in the column one after its own number.
+    0 is the floor. A thing is recognised in a draw if it is nearest to itself, in the column one after its own number.
 
     Args:
         things: what is compared, with the factors that it has.

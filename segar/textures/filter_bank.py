@@ -133,8 +133,8 @@ def _read_npz(path: Path, key: str | None) -> dict[str, np.ndarray]:
         with np.load(path, allow_pickle=False) as archive:
             names = archive.files if key is None else [name for name in archive.files if name == key]
             return _filters_among({name: archive[name] for name in names})
-    except (ValueError, OSError) as said:
-        raise SegarError(f"{path} cannot be read as an .npz of plain arrays: {said}") from said
+    except (ValueError, OSError) as error:
+        raise SegarError(f"{path} cannot be read as an .npz of plain arrays: {error}") from error
 
 
 def _read_safetensors(path: Path, key: str | None) -> dict[str, np.ndarray]:
@@ -146,8 +146,8 @@ def _read_safetensors(path: Path, key: str | None) -> dict[str, np.ndarray]:
             shapes = {name: tuple(archive.get_slice(name).get_shape()) for name in archive.keys()}
             wanted = [name for name, shape in shapes.items() if _is_bank(shape) and key in (None, name)]
             return _filters_among({name: archive.get_tensor(name) for name in wanted})
-    except (SafetensorError, TypeError) as said:
-        raise SegarError(f"{path} cannot be read as .safetensors: {said}") from said
+    except (SafetensorError, TypeError) as error:
+        raise SegarError(f"{path} cannot be read as .safetensors: {error}") from error
 
 
 def _filters_among(arrays: Mapping[str, Any]) -> dict[str, np.ndarray]:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from segar.errors import SegarError
+from segar.support import emd
 from segar.textures.filter_bank import FilterBank
 from segar.textures.inputs import BACKGROUND, NOISE, is_noise
 from segar.textures.samples import UNIFORM, Laws
@@ -45,10 +46,11 @@ def filter_textures(
     clusters of the second and later models are aligned to those of ``baseline``, by default to the first model's.
 
     Args:
-        inputs, laws: what is shown, and the laws that say how much each varies.
+        inputs, laws: what is shown, and the distributions that say how much each input varies.
 
     Raises:
-        SegarError: there are too few filters for the inputs, or no law for one; ``baseline`` has filters of another size.
+        SegarError: there are too few filters for the inputs, no distribution for an input, or ``baseline`` has filters of
+            another size.
     """
     models, seeds = [], tuple(seeds)
     for seed in seeds:
@@ -64,7 +66,7 @@ def filter_textures(
 def texture_set(
     name: str, models: Sequence[np.ndarray], inputs: Sequence[str] = INPUTS, laws: Laws = UNIFORM, **origin: Any
 ) -> TextureSet:
-    """The set of models that :func:`filter_weights` made, without bias; ``origin`` tells people how."""
+    """The set of models that :func:`filter_weights` made, without bias; ``origin`` says for people how they were made."""
     weights = np.stack(models)
     bias = np.zeros((len(weights), *weights.shape[2:]))
     return TextureSet(name, tuple(inputs), weights, bias, *units(inputs, laws), origin=origin)
@@ -147,8 +149,6 @@ def cluster_costs(a: FilterClusters, b: FilterClusters) -> np.ndarray:
         SegarError: filters have different sizes.
     """
     from scipy.spatial.distance import cdist
-
-    from segar.support import emd
 
     if a.filters.shape[1:] != b.filters.shape[1:]:
         raise SegarError(

@@ -1,4 +1,4 @@
-"""How much a texture tells: factors read out of its pixels by least squares."""
+"""How well factors can be read out of the pixels of a texture by least squares."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ def linear_read_out(
     hidden, its value varies and the texture does not.
 
     Args:
-        laws: what the values are drawn from, see :func:`segar.textures.samples.product_of_marginals`.
+        laws: the distributions of the values, see :func:`segar.textures.samples.product_of_marginals`.
         hidden: inputs that enter as 0, classes or names.
         samples: how many things are drawn.
 
     Raises:
-        SegarError: something hidden is not an input, there is no law for an input, or there are too few samples.
+        SegarError: something hidden is not an input, there is no distribution for an input, or there are too few samples.
     """
     room = 3 * textures.period**2 + 1
     if samples < 4 * room:

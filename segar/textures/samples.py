@@ -1,4 +1,4 @@
-"""Values of the inputs of textures, drawn from a product of marginals: what textures are trained and measured on."""
+"""Values of the inputs of textures, drawn from a product of marginals. Textures are trained and measured on them."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from segar.errors import SegarError, did_you_mean
+from segar.levels import TASK_LEVELS, families, family, mix
 from segar.noise import DiscreteRangeNoise, Noise, UniformNoise
 from segar.textures.inputs import BACKGROUND, NOISE_CLIP, is_noise
 
@@ -33,9 +34,7 @@ UNIFORM: Laws = {
 
 @cache
 def family_laws() -> Laws:
-    """What the named level distributions draw each factor of ``UNIFORM`` from: the mixture over all their entities."""
-    from segar.levels import TASK_LEVELS, families, family, mix
-
+    """The distribution of each factor of ``UNIFORM`` in the named level distributions: the mixture over all their entities."""
     parts: dict[str, list[tuple[Noise, float]]] = {}
     for name in (*families(), *TASK_LEVELS):
         for entity, laws in family(name).marginals().items():
@@ -52,10 +51,10 @@ def product_of_marginals(inputs: Sequence[str], n: int, rng: np.random.Generator
 
     Args:
         inputs: as in :class:`segar.textures.TextureSet`.
-        laws: what the inputs that are neither background nor noise are drawn from.
+        laws: the distributions of the inputs that are neither background nor noise.
 
     Raises:
-        SegarError: there is no law for an input.
+        SegarError: there is no distribution for an input.
     """
     drawn: list[Any] = []
     for name in inputs:
@@ -67,7 +66,7 @@ def product_of_marginals(inputs: Sequence[str], n: int, rng: np.random.Generator
             drawn.append(np.asarray(laws[name].sample(rng, n), dtype=float))
         else:
             raise SegarError(
-                f"no law says how to draw the input '{name}'; give laws=UNIFORM | {{'{name}': UniformNoise(...)}}."
+                f"no distribution is given for the input '{name}'; give laws=UNIFORM | {{'{name}': UniformNoise(...)}}."
                 f"{did_you_mean(name, laws)}"
             )
     return np.stack(drawn, axis=-1)

@@ -74,14 +74,14 @@ EXTREMES: tuple[Entity, ...] = (
 
 
 def units(inputs: Sequence[str] = INPUTS, laws: Laws = UNIFORM) -> tuple[np.ndarray, np.ndarray]:
-    """Shift and scale of inputs, float64 ``[input]`` each: a feature is in standard deviations of its law.
+    """Shift and scale of inputs, float64 ``[input]`` each: a feature is in standard deviations of the input.
 
     Raises:
-        SegarError: there is no law for an input.
+        SegarError: there is no distribution for an input.
     """
     for name in inputs:
         if name not in laws and name != BACKGROUND and not is_noise(name):
-            raise SegarError(f"no law says how much the input '{name}' varies; known: {', '.join(laws)}")
+            raise SegarError(f"no distribution says how much the input '{name}' varies; known: {', '.join(laws)}")
     spreads = [float(laws[name].var) ** 0.5 if name in laws else 1.0 for name in inputs]
     return np.array([CENTRED.get(name, 0.0) for name in inputs]), 1.0 / np.array(spreads)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -189,43 +189,26 @@ def to_pixels(raw: np.ndarray, squash: str = "tanh") -> np.ndarray:
 
 
 def _check(textures: TextureSet) -> None:
-    where, inputs = f"TextureSet '{textures.name}'", textures.inputs
-    twice = _first_repeated(inputs)
-    if twice is not None:
-        raise SegarError(f"{where}: the input '{twice}' stands twice")
+    """Raise :class:`SegarError` unless the arrays fit the inputs and each other."""
+    where, inputs, shape = f"TextureSet '{textures.name}'", textures.inputs, textures.weights.shape
+    for name in inputs:
+        if inputs.count(name) > 1:
+            raise SegarError(f"{where}: the input '{name}' stands twice")
     if textures.squash not in SQUASHES:
         raise SegarError(
             f"{where}: squash must be 'tanh' or 'clip', not {textures.squash!r}.{did_you_mean(str(textures.squash), SQUASHES)}"
         )
-    shape = textures.weights.shape
-    if (
-        len(shape) != 5
-        or shape[0] < 1
-        or shape[1] != len(inputs)
-        or shape[2] < 1
-        or shape[2:] != (shape[2],) * 2 + (3,)
-    ):
+    if len(shape) != 5 or 0 in shape or shape[1:] != (len(inputs), shape[2], shape[2], 3):
         raise SegarError(
             f"{where}: weights must have the shape [model, {len(inputs)} inputs, P, P, 3], not {list(shape)}"
         )
     expected = {"bias": (shape[0], *shape[2:]), "shift": (len(inputs),), "scale": (len(inputs),)}
-    for field, wanted in expected.items():
-        if getattr(textures, field).shape != wanted:
-            raise SegarError(
-                f"{where}: {field} must have the shape {list(wanted)}, not {list(getattr(textures, field).shape)}"
-            )
-    for field in ("weights", "bias", "shift", "scale"):
-        if not np.isfinite(getattr(textures, field)).all():
+    for field in ("weights", *expected):
+        array = getattr(textures, field)
+        if array.shape != expected.get(field, shape):
+            raise SegarError(f"{where}: {field} must have the shape {list(expected[field])}, not {list(array.shape)}")
+        if not np.isfinite(array).all():
             raise SegarError(f"{where}: {field} has numbers that are not finite")
-    for i, name in enumerate(inputs):
-        if (name == BACKGROUND or is_noise(name)) and textures.shift[i] != 0.0:
+    for name, shift in zip(inputs, textures.shift, strict=True):
+        if (name == BACKGROUND or is_noise(name)) and shift != 0.0:
             raise SegarError(f"{where}: the shift of '{name}' must be 0")
-
-
-def _first_repeated(names: Iterable[str]) -> str | None:
-    seen: set[str] = set()
-    for name in names:
-        if name in seen:
-            return name
-        seen.add(name)
-    return None

@@ -1,4 +1,4 @@
-"""What the agent did last, as an observation."""
+"""The last actions of the agent, as an observation."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import gymnasium
 import numpy as np
 
 from segar.errors import SegarError
-from segar.observations.composed.checked_memory import remembered
+from segar.observations.composed.checked_memory import checked_memory
 from segar.tasks import task_of
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ class PreviousActions:
 
     Args:
         n: how many.
-        task: whose actions; an environment gives its own, and where there is none it is the one that levels name.
+        task: the task of the actions; environments give theirs. The task that the levels name where it is None.
 
     Raises:
         SegarError: ``n`` is less than 1.
@@ -40,7 +40,7 @@ class PreviousActions:
             raise SegarError(f"PreviousActions: n must be at least 1, not {self.n!r}")
 
     def shows(self, factor: type[Factor]) -> bool:
-        """It shows no factor."""
+        """Whether actions change with the factor: never."""
         return False
 
     def for_task(self, task: Task) -> PreviousActions:
@@ -53,7 +53,7 @@ class PreviousActions:
 
 
 class BoundPreviousActions:
-    """:class:`PreviousActions` in one environment; see :class:`segar.observations.protocol.Remembers`."""
+    """:class:`PreviousActions` in one environment; see :class:`segar.observations.protocol.HasMemory`."""
 
     def __init__(self, n: int, task: Task, num_envs: int) -> None:
         self._low, self._high = np.array(task.action_low, np.float32), np.array(task.action_high, np.float32)
@@ -75,12 +75,12 @@ class BoundPreviousActions:
         np.clip(actions, self._low, self._high, out=self._actions[:, -self._size :])
 
     def memory(self) -> dict[str, np.ndarray]:
-        """The actions."""
+        """A copy of the actions."""
         return {"actions": self._actions.copy()}
 
     def recall(self, memory: Mapping[str, np.ndarray]) -> None:
-        """Remember these."""
-        actions = remembered(memory, "actions", self._actions)
+        """Remember the actions in ``memory``."""
+        actions = checked_memory(memory, "actions", self._actions)
         if actions is not None:
             self._actions[:] = actions
 

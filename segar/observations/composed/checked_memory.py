@@ -1,4 +1,4 @@
-"""What a snapshot holds for an observation: looked up by name, and of the right shape."""
+"""What a snapshot holds for an observation: arrays that are looked up by name and checked."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import numpy as np
 from segar.errors import SegarError
 
 
-def remembered(memory: Mapping[str, np.ndarray], name: str, like: np.ndarray) -> np.ndarray | None:
-    """The memory of this name, or None where the snapshot is of an environment that did not keep it.
+def checked_memory(memory: Mapping[str, np.ndarray], name: str, like: np.ndarray) -> np.ndarray | None:
+    """The array of this name, or None where the environment of the snapshot did not remember it.
 
     Raises:
-        SegarError: it has not the shape and dtype of ``like``: another observation kept it.
+        SegarError: the array has not the shape and dtype of ``like``, because another observation remembered it.
     """
     if name not in memory:
         return None

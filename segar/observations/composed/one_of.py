@@ -10,7 +10,10 @@ import gymnasium
 import numpy as np
 
 from segar.errors import SegarError, did_you_mean
-from segar.observations.composed.composed import Members
+from segar.observations.composed.composed import BoundComposed
+from segar.observations.composed.multi import make_observation
+from segar.observations.hooks import for_task
+from segar.observations.protocol import Observation
 from segar.support import LOW_WORD, SPACING, SPARE_BITS, WORD, philox, stream_key
 
 if TYPE_CHECKING:
@@ -45,8 +48,6 @@ class OneOf:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        from segar.observations.registry import make_observation
-
         object.__setattr__(self, "family", tuple(make_observation(member) for member in self.family))
         if not self.family:
             raise SegarError("OneOf: a family needs at least one observation")
@@ -54,7 +55,7 @@ class OneOf:
             raise SegarError(
                 f"OneOf: per must be 'episode' or 'level', not {self.per!r}.{did_you_mean(str(self.per), PER)}"
             )
-        weights = np.asarray([1.0] * len(self.family) if self.weights is None else self.weights, float)
+        weights = self._weights()
         sane = np.isfinite(weights).all() and (weights >= 0).all() and weights.sum() > 0
         if weights.shape != (len(self.family),) or not sane:
             raise SegarError(
@@ -63,24 +64,26 @@ class OneOf:
             )
 
     @property
-    def members(self) -> tuple[Any, ...]:
+    def members(self) -> tuple[Observation, ...]:
         """The observations, in order."""
         return tuple(self.family)
 
     @property
     def edges(self) -> np.ndarray:
         """Where on [0, 1) the range of each observation ends."""
-        weights = np.ones(len(self.family)) if self.weights is None else np.asarray(self.weights, float)
+        weights = self._weights()
         return np.cumsum(weights / weights.sum())
 
+    def _weights(self) -> np.ndarray:
+        """The weights, float64 ``[member]``."""
+        return np.ones(len(self.family)) if self.weights is None else np.asarray(self.weights, float)
+
     def shows(self, factor: type[Factor]) -> bool:
-        """Whether any of them does."""
+        """Whether any of the members shows the factor."""
         return any(member.shows(factor) for member in self.family)
 
     def for_task(self, task: Task) -> OneOf:
-        """Each of them in environments of this task."""
-        from segar.observations.registry import for_task
-
+        """Each of the members in environments of this task."""
         return replace(self, family=[for_task(member, task) for member in self.family])
 
     def bind(self, levels: Levels, num_envs: int) -> BoundOneOf:
@@ -88,8 +91,8 @@ class OneOf:
         return BoundOneOf(self, levels, num_envs)
 
 
-class BoundOneOf(Members):
-    """:class:`OneOf` in one environment; ``chosen`` (int64 ``[env]``) says which member each environment shows."""
+class BoundOneOf(BoundComposed):
+    """:class:`OneOf` in one batch of environments; ``chosen`` (int64 ``[env]``) says which member each environment shows."""
 
     def __init__(self, one_of: OneOf, levels: Levels, num_envs: int) -> None:
         members = [member.bind(levels, num_envs) for member in one_of.family]
@@ -117,17 +120,16 @@ class BoundOneOf(Members):
             self.chosen[mask] = self._of_level[level[mask]]
         else:
             self.chosen[mask] = self._draw(stream_key("observation", "episode", self._seed), key[mask])
-        for k, member in enumerate(self.members):
-            if hasattr(member, "start"):
-                member.start(key, level, mask & (self.chosen == k))
+        for k, hooks in enumerate(self._hooks.values()):
+            hooks.start(key, level, mask & (self.chosen == k))
 
     def begin(self, values: np.ndarray, level: np.ndarray, mask: np.ndarray) -> None:
-        """Prepare the chosen ones."""
+        """Prepare the members that the environments show."""
         for k, member in enumerate(self.members):
             member.begin(values, level, mask & (self.chosen == k))
 
     def write(self, values: np.ndarray, level: np.ndarray, out: Any, rows: np.ndarray) -> None:
-        """Fill ``out[rows]``, each row by the one that is chosen there."""
+        """Fill ``out[rows]``, each row by the member that its environment shows."""
         chosen = self.chosen[rows]
         for k, member in enumerate(self.members):
             own = rows[chosen == k]

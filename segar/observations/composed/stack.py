@@ -10,17 +10,19 @@ import gymnasium
 import numpy as np
 
 from segar.errors import SegarError
-from segar.observations.composed.checked_memory import remembered
-from segar.observations.composed.composed import Members
+from segar.observations.composed.checked_memory import checked_memory
+from segar.observations.composed.composed import BoundComposed
+from segar.observations.composed.frame_tape import make_tape
+from segar.observations.composed.multi import make_observation
 from segar.observations.copying import copy_rows
-from segar.observations.protocol import DrawsPlanes
+from segar.observations.hooks import for_task
+from segar.observations.protocol import BoundObservation, DrawsPlanes, Observation
 
 if TYPE_CHECKING:
     from segar.language import Factor, Task
     from segar.levels import Levels
 
 CHUNK = 64  # environments whose frames are copied while they are in the processor's cache
-TAPE = 64  # steps until what is in the stacks has to be moved
 
 
 @dataclass(frozen=True)
@@ -30,8 +32,8 @@ class Stack:
     Frames are joined along the axis of their channels (``[64, 64, 3]`` becomes ``[64, 64, 3 n]``), everything else along
     its first axis (``[d]`` becomes ``[n d]``). When an episode starts, all n are the first one. An intervention changes
     the newest one alone. Snapshots hold the stack, so that a restored or forked environment shows what it would have
-    shown; restored from a snapshot of an environment that kept no stack, all n are the present one. A frame is what has
-    three axes of bytes, and its channels are the last axis unless the first one is shorter.
+    shown. Restored from a snapshot of an environment that kept no stack, all n are the present one. An array of three axes
+    of bytes counts as a frame, and its channels are the last axis unless the first one is shorter.
 
     An environment made with ``copy=False`` returns the stack itself, which is not to be written into, and draws one frame
     per step. Each step returns another view of its memory, and where channels come last, they lie in planes there: the
@@ -51,25 +53,21 @@ class Stack:
     n: int
 
     def __post_init__(self) -> None:
-        from segar.observations.registry import make_observation
-
         object.__setattr__(self, "observation", make_observation(self.observation))
         if self.n < 1:
             raise SegarError(f"Stack: n must be at least 1, not {self.n!r}")
 
     @property
-    def members(self) -> tuple[Any, ...]:
-        """What is stacked."""
+    def members(self) -> tuple[Observation, ...]:
+        """The observation that is stacked."""
         return (self.observation,)
 
     def shows(self, factor: type[Factor]) -> bool:
-        """Whether what is stacked does."""
+        """Whether the stacked observation shows the factor."""
         return self.observation.shows(factor)
 
     def for_task(self, task: Task) -> Stack:
         """The stack in environments of this task."""
-        from segar.observations.registry import for_task
-
         return replace(self, observation=for_task(self.observation, task))
 
     def bind(self, levels: Levels, num_envs: int) -> BoundStack:
@@ -81,24 +79,23 @@ class Stack:
         return BoundStack(self.observation.bind(levels, num_envs), self.n, num_envs)
 
 
-class BoundStack(Members):
-    """:class:`Stack` in one environment; see :class:`segar.observations.protocol.Remembers`.
+class BoundStack(BoundComposed):
+    """:class:`Stack` in one batch of environments, with a memory and with arrays of its own.
 
-    All stacks lie on one tape, those of an environment side by side, the oldest frame first. A step moves no frame, but the
-    place where the tape is read, by one frame: every frame is then one older, and the newest of each environment takes the
-    place of what was the oldest of the next one. At the end of the tape, all is moved back to its start.
+    See :class:`segar.observations.protocol.HasMemory` and :class:`segar.observations.protocol.OwnsBuffers`.
 
     Args:
-        member: what is stacked, :class:`segar.observations.protocol.BoundObservation`.
-        channels: which axis of the stack is theirs, where ``member`` can write frames with channels first into the stack;
-            otherwise None: they are written elsewhere, in the form that ``member.space`` says, and then stacked.
+        member: the observation that is stacked.
+        channels: which axis of the stack is that of the channels, "first" or "last", where ``member`` writes frames with
+            channels first straight into the stack. Where it is None, ``member`` writes the form of its space into an array
+            beside the stack, which is then copied.
 
     Attributes:
-        kept: the observations of all environments, ``[env, *space.shape]``, a view of the tape; ``write`` keeps them up to
-            date, and after ``advance`` it is another one.
+        kept: the stacks of all environments, ``[env, *space.shape]``, a view of memory that ``write`` keeps up to date; after
+            ``advance`` it is another view.
     """
 
-    def __init__(self, member: Any, n: int, num_envs: int, channels: str | None = None) -> None:
+    def __init__(self, member: BoundObservation, n: int, num_envs: int, channels: str | None = None) -> None:
         super().__init__([member], ["stacked"])
         box = member.space
         if not isinstance(box, gymnasium.spaces.Box) or not box.shape:
@@ -111,42 +108,36 @@ class BoundStack(Members):
         low, high = (np.concatenate([edge] * n, axis) for edge in edges)
         self.space = gymnasium.spaces.Box(low, high, dtype=box.dtype)  # type: ignore[arg-type]
         shape = edges[0].shape
-        self._n, self._turned = n, axis == 2
-        self._in_memory: tuple[int, ...] = (shape[2], *shape[:2]) if self._turned else shape
-        self._tape = np.zeros((num_envs * n + TAPE, *self._in_memory), box.dtype)
+        self._turned = axis == 2  # the axis that is joined lies first in memory, and last in the observation
+        self._tape = make_tape(num_envs, n, (shape[2], *shape[:2]) if self._turned else shape, box.dtype)
         self._fresh = np.ones(num_envs, np.bool_)
-        self._read_from(0)
+        self.kept = self._view_of_stacks()
 
     def start(self, key: np.ndarray, level: np.ndarray, mask: np.ndarray) -> None:
-        """The next frame fills the stacks where ``mask`` is true."""
+        """Let the next frame fill the stacks where ``mask`` is true."""
         self._fresh[mask] = True
         super().start(key, level, mask)
 
     def begin(self, values: np.ndarray, level: np.ndarray, mask: np.ndarray) -> None:
-        """Prepare what is stacked."""
+        """Prepare the observation that is stacked."""
         self.members[0].begin(values, level, mask)
 
     def advance(self, actions: np.ndarray) -> None:
-        """The next frame is a new one."""
-        if self._first < TAPE:
-            self._read_from(self._first + 1)
-        else:
-            past = self._tape[self._first + 1 :]
-            for frame in range(0, len(past), TAPE):  # pieces that do not reach into where they come from
-                self._tape[frame : frame + TAPE][: len(past) - frame] = past[frame : frame + TAPE]
-            self._read_from(0)
+        """Make each frame one older; the next ``write`` draws the newest."""
+        self._tape.advance()
+        self.kept = self._view_of_stacks()
         super().advance(actions)
 
     def memory(self) -> dict[str, np.ndarray]:
-        """The stacks, and what the member remembers."""
+        """A copy of the stacks, and what the stacked observation remembers."""
         stack = np.empty(self.kept.shape, self.kept.dtype)
         copy_rows(self.kept, stack)
         return {"stack": stack, **super().memory()}
 
     def recall(self, memory: Mapping[str, np.ndarray]) -> None:
-        """Go on from these stacks."""
+        """Go on from the stacks in ``memory``."""
         super().recall(memory)
-        stack = remembered(memory, "stack", self.kept)
+        stack = checked_memory(memory, "stack", self.kept)
         if stack is not None:
             self.kept[:] = stack
             self._fresh[:] = False
@@ -159,28 +150,25 @@ class BoundStack(Members):
             self._draw(values, level, some)
             fresh = some[self._fresh[some]]
             if len(fresh):
-                self._stacks[fresh, :-1] = self._stacks[fresh, -1:]
+                self._tape.stacks[fresh, :-1] = self._tape.stacks[fresh, -1:]
                 self._fresh[fresh] = False
             if out is not self.kept:
                 copy_rows(self.kept, out, some)
 
     def _draw(self, values: np.ndarray, level: np.ndarray, rows: np.ndarray) -> None:
-        """Write the newest frames."""
-        newest = self._stacks[:, -1]
+        """Write the newest frames of these environments into the stacks."""
+        newest = self._tape.stacks[:, -1]
         if self._drawn is None:
             self.members[0].write(values, level, newest, rows)
         else:
             self.members[0].write(values, level, self._drawn, rows)
             copy_rows(self._drawn, newest.transpose(0, 2, 3, 1) if self._turned else newest, rows)
 
-    def _read_from(self, first: int) -> None:
-        """Read the tape from this frame on."""
-        num_envs, n, shape = len(self._fresh), self._n, self._in_memory
-        self._first = first
-        frames = self._tape[first : first + num_envs * n]
-        self._stacks = frames.reshape(num_envs, n, *shape)
-        joined = frames.reshape(num_envs, n * shape[0], *shape[1:])
-        self.kept = joined.transpose(0, 2, 3, 1) if self._turned else joined
+    def _view_of_stacks(self) -> np.ndarray:
+        """The stacks of all environments as the observation has them."""
+        num_envs, n, joined, *others = self._tape.stacks.shape
+        stacks = self._tape.stacks.reshape(num_envs, n * joined, *others)
+        return stacks.transpose(0, 2, 3, 1) if self._turned else stacks
 
 
 def joined_axis(edge: np.ndarray) -> int:

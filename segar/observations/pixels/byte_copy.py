@@ -1,15 +1,35 @@
-"""Copying and clearing bytes within compiled kernels by the C library's memcpy and memset.
+"""Copying and clearing bytes within compiled kernels by the C library's memcpy and memset, and by loops, their plain twins.
 
-Most spans that are drawn are 5 to 30 bytes long, and no two alike: a loop over bytes is predicted wrongly at each end, which
-takes longer than the copying.
+Most spans that are drawn are 5 to 30 bytes long, and no two alike. The processor mispredicts the end of a loop over bytes,
+which takes longer than the copying.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
+from numba import njit
 from numba.core import cgutils, types
 from numba.extending import intrinsic
+
+from segar.observations.kernel_options import KERNEL_OPTIONS
+from segar.support import is_plain
+
+
+@njit(**KERNEL_OPTIONS)
+def plain_copy_bytes(to, to_byte, source, source_byte, count):
+    """The plain twin of :func:`_copy_bytes`."""
+    target, origin = to.reshape(-1), source.reshape(-1)
+    for k in range(count):
+        target[to_byte + k] = origin[source_byte + k]
+
+
+@njit(**KERNEL_OPTIONS)
+def plain_clear_bytes(to, to_byte, count):
+    """The plain twin of :func:`_clear_bytes`."""
+    target = to.reshape(-1)
+    for k in range(count):
+        target[to_byte + k] = 0
 
 
 def _copy_bytes(typing_context: Any, to: Any, to_byte: Any, source: Any, source_byte: Any, count: Any) -> Any:
@@ -41,5 +61,5 @@ def _pointer(context: Any, builder: Any, kind: Any, array: Any, offset: Any) -> 
     return cgutils.pointer_add(builder, context.make_array(kind)(context, builder, array).data, offset)
 
 
-copy_bytes: Any = intrinsic(_copy_bytes)
-clear_bytes: Any = intrinsic(_clear_bytes)
+copy_bytes: Any = plain_copy_bytes if is_plain() else intrinsic(_copy_bytes)
+clear_bytes: Any = plain_clear_bytes if is_plain() else intrinsic(_clear_bytes)

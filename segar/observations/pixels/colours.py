@@ -62,7 +62,7 @@ class Colour:
 
 # Hues far apart: things that can meet in one level differ in hue, and a factor's sign changes the hue again.
 COLOURS: Mapping[type[Entity], Colour] = {
-    Entity: Colour((165, 165, 185)),  # whatever has no nearer ancestor here
+    Entity: Colour((165, 165, 185)),  # types without a nearer ancestor in this table
     GolfBall: Colour((255, 255, 255)),
     CueBall: Colour((255, 255, 255)),
     Ball: Colour((255, 215, 0)),

@@ -14,11 +14,11 @@ if TYPE_CHECKING:
     from segar.levels import Levels
 
 RENDERER_VERSION = 2
-"""Raised whenever a frame of some state becomes another one; ``tests/observations/test_golden_frames.py`` watches it."""
+"""Raised whenever the frame of some state changes; ``tests/segar/observations/test_golden_frames.py`` holds frames of it."""
 
 
 class Drawing:
-    """Frames of ``num_envs`` environments, of things whose patterns somebody else makes.
+    """Frames of ``num_envs`` environments, of things with given patterns.
 
     Attributes:
         texels: uint8 ``[env, entity, plane, P, n * texel]``: rows of each thing's pattern, which has period P; from
@@ -39,13 +39,13 @@ class Drawing:
         pictures = pixels_as_bytes(floors[:, at[:, None], at], canvas)
         self._floors = pictures.reshape(len(floors), -1)
         self._backgrounds = np.zeros((num_envs, self._floors.shape[1]), np.uint8)
-        self._canvas, self._scene = canvas, pixel_kernel.scene_of(levels, canvas.resolution)
+        self._canvas, self._geometry = canvas, pixel_kernel.frame_geometry(levels, canvas.resolution)
         self._entities = entities
 
     def paint(self, values: np.ndarray, level: np.ndarray, rows: np.ndarray) -> None:
         """Paint floors and tiles of environments ``rows`` (int64)."""
         pixel_kernel.paint_backgrounds(
-            values, level, rows, self._scene, self._canvas, self.texels, self.floor, self._floors, self._backgrounds,
+            values, level, rows, self._geometry, self._canvas, self.texels, self.floor, self._floors, self._backgrounds,
             np.empty(self._entities, np.int64),
         )  # fmt: skip
 
@@ -59,6 +59,6 @@ class Drawing:
         else:
             raise SegarError(f"frames are drawn into contiguous memory only, not into strides of {out.strides} bytes")
         pixel_kernel.draw_frames(
-            values, level, rows, self._scene, self._canvas, self.texels, self._backgrounds, frames, stride,
+            values, level, rows, self._geometry, self._canvas, self.texels, self._backgrounds, frames, stride,
             np.empty(self._entities, np.int64),
         )  # fmt: skip

@@ -15,23 +15,21 @@ import numpy as np
 from numba import njit
 
 from segar.language import CIRCLE, HULL, Entity, Factor, Floor, Layout, Mobile, Order, Position, Size, Visible, holds
+from segar.observations.kernel_options import KERNEL_OPTIONS
 from segar.observations.pixels.byte_copy import clear_bytes, copy_bytes
 
 if TYPE_CHECKING:
     from segar.levels import Levels
 
-# Columns of ``Scene.columns[type]``: where a type keeps what the kernel reads; -1 where it lacks the factor.
+# Entries of ``FrameGeometry.columns[type]``: the column of each factor that the kernel reads; -1 where a type lacks it.
 POSITION, SIZE, VISIBLE, ORDER, MOBILE = range(5)
 DRAWN: tuple[type[Factor], ...] = (Position, Size, Visible, Order, Mobile)  # in that order
-RUN = 8  # [pixels] a row of a pattern gives this many in one copy, whatever its phase
+RUN = 8  # [pixels] a row of a pattern gives this many in one copy, from any pixel of its period on
 LEVEL_EDGE = 1e-6  # an edge whose normal has a smaller x runs along rows, and no estimate finds its columns
 
-# Nothing here allocates, so numba's reference counting of arrays, which costs as much as the drawing, is off.
-_options = {"nogil": True, "cache": True, "error_model": "numpy", "_nrt": False}
 
-
-class Scene(NamedTuple):
-    """What the kernels know of a level set; the first five lead with the level and the entity."""
+class FrameGeometry(NamedTuple):
+    """What the kernels know of a level set; the first five arrays lead with the level and the entity."""
 
     types: np.ndarray
     kinds: np.ndarray
@@ -47,11 +45,11 @@ class Scene(NamedTuple):
     """int32; see :func:`disc_spans`."""
 
 
-def scene_of(levels: Levels, resolution: int) -> Scene:
-    """The scene of a level set in frames of ``resolution`` pixels."""
+def frame_geometry(levels: Levels, resolution: int) -> FrameGeometry:
+    """The geometry of a level set in frames of ``resolution`` pixels."""
     types = levels.layout.types
     columns = [[column_of(levels.layout, t, factor) for factor in DRAWN] for t in types]
-    return Scene(
+    return FrameGeometry(
         levels.types,
         levels.shape_kind,
         levels.vertex_count,
@@ -104,46 +102,46 @@ def edge_lines(vertices: np.ndarray, counts: np.ndarray) -> np.ndarray:
     return np.concatenate([normal, distance, inverse], axis=-1)
 
 
-@njit(**_options)
-def paint_backgrounds(values, level, rows, scene, canvas, texels, floor, floors, backgrounds, chosen):
+@njit(**KERNEL_OPTIONS)
+def paint_backgrounds(values, level, rows, geometry, canvas, texels, floor, floors, backgrounds, chosen):
     """Paint floor ``floor[env]`` and the tiles of environments ``rows``: highest Order first, so the lowest is on top."""
     for r in range(len(rows)):
         env = rows[r]
         size = backgrounds.shape[1]
         copy_bytes(backgrounds, env * size, floors, floor[env] * size, size)
-        n = sort_by_order(values, env, level[env], scene, True, chosen)
+        n = sort_by_order(values, env, level[env], geometry, True, chosen)
         for k in range(n - 1, -1, -1):
-            stamp(values, env, level[env], chosen[k], scene, canvas, True, texels, backgrounds, env * size)
+            stamp(values, env, level[env], chosen[k], geometry, canvas, True, texels, backgrounds, env * size)
 
 
-@njit(**_options)
-def draw_frames(values, level, rows, scene, canvas, texels, backgrounds, frames, stride, chosen):
+@njit(**KERNEL_OPTIONS)
+def draw_frames(values, level, rows, geometry, canvas, texels, backgrounds, frames, stride, chosen):
     """Copy each environment's background into ``frames[env * stride :]`` and stamp its objects: highest Order on top."""
     for r in range(len(rows)):
         env = rows[r]
         size = backgrounds.shape[1]
         copy_bytes(frames, env * stride, backgrounds, env * size, size)
-        n = sort_by_order(values, env, level[env], scene, False, chosen)
+        n = sort_by_order(values, env, level[env], geometry, False, chosen)
         for k in range(n):
-            stamp(values, env, level[env], chosen[k], scene, canvas, False, texels, frames, env * stride)
+            stamp(values, env, level[env], chosen[k], geometry, canvas, False, texels, frames, env * stride)
 
 
 # Below, arrays are passed whole with indices: a view of one row costs more than what is done with it.
 
 
-@njit(**_options)
-def sort_by_order(values, env, level, scene, floor, chosen):
+@njit(**KERNEL_OPTIONS)
+def sort_by_order(values, env, level, geometry, floor, chosen):
     """Collect the visible tiles (``floor``) or objects of a level in ascending Order, ties by slot; return how many."""
     n = 0
-    for entity in range(scene.types.shape[1]):
-        kind = scene.types[level, entity]
-        if kind < 0 or scene.is_floor[kind] != floor or scene.columns[kind, POSITION] < 0:
+    for entity in range(geometry.types.shape[1]):
+        kind = geometry.types[level, entity]
+        if kind < 0 or geometry.is_floor[kind] != floor or geometry.columns[kind, POSITION] < 0:
             continue
-        if scene.columns[kind, VISIBLE] >= 0 and not values[env, entity, scene.columns[kind, VISIBLE]] > 0.0:
+        if geometry.columns[kind, VISIBLE] >= 0 and not values[env, entity, geometry.columns[kind, VISIBLE]] > 0.0:
             continue
-        order = order_of(values, env, level, entity, scene)
+        order = order_of(values, env, level, entity, geometry)
         k = n
-        while k > 0 and order_of(values, env, level, chosen[k - 1], scene) > order:
+        while k > 0 and order_of(values, env, level, chosen[k - 1], geometry) > order:
             chosen[k] = chosen[k - 1]
             k -= 1
         chosen[k] = entity
@@ -151,55 +149,55 @@ def sort_by_order(values, env, level, scene, floor, chosen):
     return n
 
 
-@njit(**_options)
-def order_of(values, env, level, entity, scene):
-    column = scene.columns[scene.types[level, entity], ORDER]
+@njit(**KERNEL_OPTIONS)
+def order_of(values, env, level, entity, geometry):
+    column = geometry.columns[geometry.types[level, entity], ORDER]
     return values[env, entity, column] if column >= 0 else 0.0
 
 
-@njit(**_options)
-def stamp(values, env, level, entity, scene, canvas, is_tile, texels, frames, begin):
+@njit(**KERNEL_OPTIONS)
+def stamp(values, env, level, entity, geometry, canvas, is_tile, texels, frames, begin):
     """Draw one entity, if it has a finite place, into the frame at byte ``begin``; tiles always have an outline, others if
     they are mobile."""
-    kind = scene.types[level, entity]
-    x = values[env, entity, scene.columns[kind, POSITION]]
-    y = values[env, entity, scene.columns[kind, POSITION] + 1]
+    kind = geometry.types[level, entity]
+    x = values[env, entity, geometry.columns[kind, POSITION]]
+    y = values[env, entity, geometry.columns[kind, POSITION] + 1]
     if not (math.isfinite(x) and math.isfinite(y)):
         return
     outlined = is_tile
-    if not is_tile and scene.columns[kind, MOBILE] >= 0:
-        outlined = values[env, entity, scene.columns[kind, MOBILE]] > 0.0
-    if scene.kinds[level, entity] == CIRCLE:
-        diameter = values[env, entity, scene.columns[kind, SIZE]]
+    if not is_tile and geometry.columns[kind, MOBILE] >= 0:
+        outlined = values[env, entity, geometry.columns[kind, MOBILE]] > 0.0
+    if geometry.kinds[level, entity] == CIRCLE:
+        diameter = values[env, entity, geometry.columns[kind, SIZE]]
         if diameter >= 0.0:
-            stamp_disc(env, entity, x, y, diameter / 2, outlined, scene, canvas, texels, frames, begin)
-    elif scene.kinds[level, entity] == HULL:
-        stamp_hull(env, level, entity, x, y, outlined, scene, canvas, texels, frames, begin)
+            stamp_disc(env, entity, x, y, diameter / 2, outlined, geometry, canvas, texels, frames, begin)
+    elif geometry.kinds[level, entity] == HULL:
+        stamp_hull(env, level, entity, x, y, outlined, geometry, canvas, texels, frames, begin)
 
 
-@njit(**_options)
-def stamp_disc(env, entity, x, y, radius, outlined, scene, canvas, texels, frames, begin):
+@njit(**KERNEL_OPTIONS)
+def stamp_disc(env, entity, x, y, radius, outlined, geometry, canvas, texels, frames, begin):
     cx, cy = column_at(x, canvas), canvas.resolution - column_at(y, canvas)
     r = int(np.rint(min(radius * canvas.scale, float(canvas.resolution))))
     first_row = max(cy - r, 0)
     period = texels.shape[3]
     r0 = (first_row - cy) % period
     for row in range(first_row, min(cy + r, canvas.resolution - 1) + 1):
-        outer = scene.spans[r, abs(row - cy), 0]
-        inner = scene.spans[r, abs(row - cy), 1] if outlined else outer
+        outer = geometry.spans[r, abs(row - cy), 0]
+        inner = geometry.spans[r, abs(row - cy), 1] if outlined else outer
         a, b, c, d = cx - outer, cx + outer, cx - inner, cx + inner
         stamp_row(env, entity, row, a, b, c, d, cx, r0, canvas, texels, frames, begin)
         r0 = r0 + 1 if r0 + 1 < period else 0
 
 
-@njit(**_options)
+@njit(**KERNEL_OPTIONS)
 def column_at(x, canvas):
     """The column of a coordinate, or the distance of its row from the bottom; far outside, somewhere outside."""
     limit = 4.0 * canvas.resolution
     return int(np.rint(min(max((x + canvas.walls) * canvas.scale, -limit), limit)))
 
 
-@njit(**_options)
+@njit(**KERNEL_OPTIONS)
 def stamp_row(env, entity, row, first, last, inner_first, inner_last, cx, r0, canvas, texels, frames, begin):
     """Fill the columns ``first`` to ``last`` of a row, black but for the pattern's row ``r0`` from ``inner_first`` to
     ``inner_last``; column ``cx`` has the pattern's first pixel."""
@@ -223,13 +221,19 @@ def stamp_row(env, entity, row, first, last, inner_first, inner_last, cx, r0, ca
             left -= run
 
 
-@njit(**_options)
-def stamp_hull(env, level, entity, x, y, outlined, scene, canvas, texels, frames, begin):
+@njit(**KERNEL_OPTIONS)
+def stamp_hull(env, level, entity, x, y, outlined, geometry, canvas, texels, frames, begin):
     """Fill the pixels whose world point lies in a convex polygon; those within one pixel of an edge are its outline."""
     left, right, bottom, top = np.inf, -np.inf, np.inf, -np.inf
-    for k in range(scene.vertex_counts[level, entity]):
-        left, right = min(left, scene.vertices[level, entity, k, 0]), max(right, scene.vertices[level, entity, k, 0])
-        bottom, top = min(bottom, scene.vertices[level, entity, k, 1]), max(top, scene.vertices[level, entity, k, 1])
+    for k in range(geometry.vertex_counts[level, entity]):
+        left, right = (
+            min(left, geometry.vertices[level, entity, k, 0]),
+            max(right, geometry.vertices[level, entity, k, 0]),
+        )
+        bottom, top = (
+            min(bottom, geometry.vertices[level, entity, k, 1]),
+            max(top, geometry.vertices[level, entity, k, 1]),
+        )
     resolution, scale, edge = canvas.resolution, canvas.scale, float(canvas.resolution)
     first = int(min(max(np.ceil((x + left + canvas.walls) * scale), 0.0), edge))
     last = int(min(max(np.floor((x + right + canvas.walls) * scale), -1.0), edge - 1.0))
@@ -238,25 +242,25 @@ def stamp_hull(env, level, entity, x, y, outlined, scene, canvas, texels, frames
     cx, cy = column_at(x, canvas), resolution - column_at(y, canvas)
     for row in range(first_row, last_row + 1):
         py = (resolution - row) / scale - canvas.walls - y
-        a, b = hull_span(level, entity, x, py, 0.0, first, last, scene, canvas)
+        a, b = hull_span(level, entity, x, py, 0.0, first, last, geometry, canvas)
         if a > b:
             continue
-        c, d = hull_span(level, entity, x, py, 1.0, a, b, scene, canvas) if outlined else (a, b)
+        c, d = hull_span(level, entity, x, py, 1.0, a, b, geometry, canvas) if outlined else (a, b)
         r0 = (row - cy) % texels.shape[3]
         stamp_row(env, entity, row, a, b, c, d, cx, r0, canvas, texels, frames, begin)
 
 
-@njit(**_options)
-def hull_span(level, entity, x, py, depth, first, last, scene, canvas):
+@njit(**KERNEL_OPTIONS)
+def hull_span(level, entity, x, py, depth, first, last, geometry, canvas):
     """First and last of the columns ``first`` to ``last`` whose pixels lie at least ``depth`` pixels within a hull.
 
     Each edge bounds the columns on one side. An estimate finds the bound to a rounding; the distance itself decides, so
     that the span holds exactly the pixels for which all distances are large enough.
     """
     within = depth / canvas.scale
-    for k in range(scene.vertex_counts[level, entity]):
-        a, rest = scene.edges[level, entity, k, 0], scene.edges[level, entity, k, 1] * py
-        c, inverse = scene.edges[level, entity, k, 2], scene.edges[level, entity, k, 3]
+    for k in range(geometry.vertex_counts[level, entity]):
+        a, rest = geometry.edges[level, entity, k, 0], geometry.edges[level, entity, k, 1] * py
+        c, inverse = geometry.edges[level, entity, k, 2], geometry.edges[level, entity, k, 3]
         bound = ((within - c - rest) * inverse + x + canvas.walls) * canvas.scale
         if inverse != 0.0 and (bound < first - 1 if a > 0.0 else bound > last + 1):
             continue
@@ -277,7 +281,7 @@ def hull_span(level, entity, x, py, depth, first, last, scene, canvas):
     return first, last
 
 
-@njit(**_options)
+@njit(**KERNEL_OPTIONS)
 def depth_at(column, x, a, rest, c, canvas):
     """How far inside an edge the pixel of a column lies, in pixels."""
     return (a * (column / canvas.scale - canvas.walls - x) + rest + c) * canvas.scale

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from segar.levels import Levels
 
 OUTLINES: tuple[type[Factor], ...] = (*DRAWN, Shape, Floor)
-"""What decides where things are drawn, how large and over what, whatever they look like."""
+"""Factors that decide where things are drawn, how large, and over which others."""
 
 
 @dataclass(frozen=True)

@@ -8,17 +8,16 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from segar.observations.kernel_options import KERNEL_OPTIONS
 from segar.support import GOLDEN, mix, normal, uniform
 from segar.textures import NOISE_CLIP
-
-_options = {"nogil": True, "cache": True, "error_model": "numpy", "_nrt": False}
 
 
 class Loom(NamedTuple):
     """What the kernels know of a set of textures and of the entity types that they show.
 
-    ``types``, ``is_floor``: as in a :class:`segar.observations.pixels.pixel_kernel.Scene`; ``columns``, ``constants``, ``noise``:
-    as in :class:`segar.textures.TypeInputs`; the others as in :class:`segar.textures.TextureSet`, in float64.
+    ``types``, ``is_floor``: as in :class:`segar.observations.pixels.pixel_kernel.FrameGeometry`; ``columns``, ``constants``,
+    ``noise``: as in :class:`segar.textures.TypeInputs`; the others as in :class:`segar.textures.TextureSet`, in float64.
     """
 
     types: np.ndarray
@@ -38,7 +37,7 @@ class Loom(NamedTuple):
     """int64 ``[3]``, weights of red, green and blue in grey, in thousandths; all 0 for RGB frames."""
 
 
-@njit(**_options)
+@njit(**KERNEL_OPTIONS)
 def draw_noise(key, rows, noise):
     """Fill ``noise[rows]``, float64 ``[env, entity, draw]``, from N(0, 1), clipped; each by its key, entity and number."""
     for r in range(len(rows)):
@@ -50,14 +49,14 @@ def draw_noise(key, rows, noise):
                 noise[env, entity, draw] = min(max(normal(bits), -NOISE_CLIP), NOISE_CLIP)
 
 
-@njit(**_options)
+@njit(**KERNEL_OPTIONS)
 def draw_models(key, rows, count, model):
     """Fill ``model[rows]`` with whole numbers below ``count``, each by its key."""
     for r in range(len(rows)):
         model[rows[r]] = np.int64(uniform(mix(key[r])) * count)
 
 
-@njit(**_options)
+@njit(**KERNEL_OPTIONS)
 def read_features(values, level, rows, loom, noise, features):
     """Fill ``features[rows]``, float64 ``[env, entity, input]``."""
     for r in range(len(rows)):
@@ -69,7 +68,7 @@ def read_features(values, level, rows, loom, noise, features):
                     features[env, entity, i] = feature(values, env, entity, kind, i, loom, noise)
 
 
-@njit(**_options)
+@njit(**KERNEL_OPTIONS)
 def weave_things(level, rows, loom, model, features, raw, texels):
     """Make the patterns of all things of environments ``rows`` from their features; ``raw``: float64 ``[P * P * 3]``."""
     for r in range(len(rows)):
@@ -79,7 +78,7 @@ def weave_things(level, rows, loom, model, features, raw, texels):
                 weave(env, entity, loom, model[env], features, raw, texels)
 
 
-@njit(**_options)
+@njit(**KERNEL_OPTIONS)
 def follow_changes(values, level, rows, loom, model, noise, features, raw, texels):
     """Make anew the patterns of objects whose features have changed."""
     for r in range(len(rows)):
@@ -97,7 +96,7 @@ def follow_changes(values, level, rows, loom, model, noise, features, raw, texel
                 weave(env, entity, loom, model[env], features, raw, texels)
 
 
-@njit(**_options)
+@njit(**KERNEL_OPTIONS)
 def feature(values, env, entity, kind, i, loom, noise):
     """The feature of input i for an entity of type ``kind``."""
     if loom.noise[i] >= 0:
@@ -108,7 +107,7 @@ def feature(values, env, entity, kind, i, loom, noise):
     return value if math.isfinite(value) else 0.0
 
 
-@njit(**_options)
+@njit(**KERNEL_OPTIONS)
 def weave(env, entity, loom, model, features, raw, texels):
     """Make one thing's pattern: one period from its features, repeated to the end of each row."""
     for k in range(len(raw)):
@@ -138,7 +137,7 @@ def weave(env, entity, loom, model, features, raw, texels):
                 texels[env, entity, plane, row, k] = texels[env, entity, plane, row, k - back]
 
 
-@njit(**_options)
+@njit(**KERNEL_OPTIONS)
 def luma_of(raw, at, luma):
     """The grey of three numbers from 0 to 255, as :func:`segar.observations.pixels.canvas.grey_of` rounds it."""
     total = luma[0] * int(raw[at]) + luma[1] * int(raw[at + 1]) + luma[2] * int(raw[at + 2])

@@ -10,7 +10,7 @@ import numpy as np
 
 from segar.errors import SegarError, did_you_mean
 from segar.language import Factor, Floor
-from segar.observations.composed.checked_memory import remembered
+from segar.observations.composed.checked_memory import checked_memory
 from segar.observations.pixels import texture_kernel
 from segar.observations.pixels.canvas import LUMA, Channels, canvas_for, check_frame, frame_space
 from segar.observations.pixels.drawing import Drawing
@@ -95,7 +95,7 @@ class TexturedPixels:
 
 
 class BoundTexturedPixels:
-    """:class:`TexturedPixels` in one environment; see :class:`segar.observations.protocol.Remembers`.
+    """:class:`TexturedPixels` in one environment; see :class:`segar.observations.protocol.HasMemory`.
 
     Snapshots hold the features of the patterns: what they were made of at the start of an episode is not in its state.
     """
@@ -158,16 +158,13 @@ class BoundTexturedPixels:
             )  # fmt: skip
         self._drawing.draw(values, level, out, rows)
 
-    def advance(self, actions: np.ndarray) -> None:
-        """Patterns remember the start of the episode alone."""
-
     def memory(self) -> dict[str, np.ndarray]:
         """The features of all patterns."""
         return {"features": self._features.copy()}
 
     def recall(self, memory: Mapping[str, np.ndarray]) -> None:
         """Make the next patterns from these features instead of the state's."""
-        features = remembered(memory, "features", self._features)
+        features = checked_memory(memory, "features", self._features)
         if features is not None:
             self._features[:] = features
             self._recalled = True
@@ -177,7 +174,7 @@ class BoundTexturedPixels:
 
 
 def _keys_of(levels: Levels, seed: int) -> tuple[np.uint64, np.ndarray]:
-    """A key of the seed, and one for each level, uint64 ``[level]``, that it has in whatever set it is."""
+    """A key of the seed, and one for each level, uint64 ``[level]``, which it has in every set that holds it."""
     origin = levels.provenance
     of_split = stream_key("textures", seed, origin.distribution, origin.seed, origin.split)
     steps = origin.indices.astype(np.uint64) * np.uint64(texture_kernel.GOLDEN)

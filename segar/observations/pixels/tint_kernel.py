@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-_options = {"nogil": True, "cache": True, "error_model": "numpy", "_nrt": False}
+from segar.observations.kernel_options import KERNEL_OPTIONS
 
 
-@njit(**_options)
+@njit(**KERNEL_OPTIONS)
 def tint_things(values, level, rows, tiles_too, types, is_floor, columns, tints, luma, blends, texels):
     """Colour the things of environments ``rows`` whose blend is another one than ``blends[env, entity]`` says.
 
@@ -34,24 +34,19 @@ def tint_things(values, level, rows, tiles_too, types, is_floor, columns, tints,
                 fill(env, entity, kind, blend, tints, luma, texels)
 
 
-@njit(**_options)
+@njit(**KERNEL_OPTIONS)
 def fill(env, entity, kind, blend, tints, luma, texels):
     """Make a thing's pattern of one colour."""
-    red = np.uint8(np.rint(tints[kind, 0, 0] + blend * (tints[kind, 1, 0] - tints[kind, 0, 0])))
-    green = np.uint8(np.rint(tints[kind, 0, 1] + blend * (tints[kind, 1, 1] - tints[kind, 0, 1])))
-    blue = np.uint8(np.rint(tints[kind, 0, 2] + blend * (tints[kind, 1, 2] - tints[kind, 0, 2])))
-    length = texels.shape[4]
-    if luma[1] > 0:
-        grey = np.uint8((luma[0] * red + luma[1] * green + luma[2] * blue + 500) // 1000)
-        for k in range(length):
-            texels[env, entity, 0, 0, k] = grey
-    elif texels.shape[2] == 3:
-        for k in range(length):
-            texels[env, entity, 0, 0, k] = red
-            texels[env, entity, 1, 0, k] = green
-            texels[env, entity, 2, 0, k] = blue
-    else:
-        for k in range(0, length, 3):
-            texels[env, entity, 0, 0, k] = red
-            texels[env, entity, 0, 0, k + 1] = green
-            texels[env, entity, 0, 0, k + 2] = blue
+    colour = (blended(tints, kind, 0, blend), blended(tints, kind, 1, blend), blended(tints, kind, 2, blend))
+    grey = np.uint8((luma[0] * colour[0] + luma[1] * colour[1] + luma[2] * colour[2] + 500) // 1000)
+    for plane in range(texels.shape[2]):
+        for k in range(texels.shape[4]):
+            channel = plane if texels.shape[2] == 3 else k % 3
+            texels[env, entity, plane, 0, k] = grey if luma[1] > 0 else colour[channel]
+
+
+@njit(**KERNEL_OPTIONS)
+def blended(tints, kind, channel, blend):
+    """One channel of the colour between the low and the high colour of an entity type, uint8."""
+    low, high = tints[kind, 0, channel], tints[kind, 1, channel]
+    return np.uint8(np.rint(low + blend * (high - low)))

@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from segar.errors import LevelError, did_you_mean
 from segar.language import Entity, Factor, Layout, Position, Slot, Visible
+from segar.observations.state.state_options import StateOptions
 
-if TYPE_CHECKING:
-    from segar.observations.state.state_vector import StateVector
-
-FORMS = ("vector", "table")
-MASKS = (None, "numbers", "dict")
 EMPTY = -1  # the slot of a table's row that nothing fills
 
 
@@ -62,21 +57,23 @@ class _Draft:
         return self.layout.slots[slot].name if slot != EMPTY else "empty"
 
 
-def lay_out(state: StateVector, layout: Layout) -> Places:
+def lay_out(options: StateOptions, layout: Layout) -> Places:
     """The places of a state observation on a layout; raises :class:`LevelError` for what is not there."""
-    chosen = _chosen_slots(state, layout)
+    chosen = _chosen_slots(options, layout)
     draft = _Draft(layout)
-    rows = _lay_out_table(state, draft, chosen) if state.form == "table" else _lay_out_vector(state, draft, chosen)
+    rows = (
+        _lay_out_table(options, draft, chosen) if options.form == "table" else _lay_out_vector(options, draft, chosen)
+    )
     if not draft.names:
         raise LevelError("StateVector: nothing is left to show; give it other entities, factors or hidden factors")
     seen = _seen(layout, chosen)
-    return _places(state, draft, rows, seen)
+    return _places(options, draft, rows, seen)
 
 
-def _lay_out_vector(state: StateVector, draft: _Draft, chosen: dict[int, tuple[type[Entity], ...]]) -> int:
+def _lay_out_vector(options: StateOptions, draft: _Draft, chosen: dict[int, tuple[type[Entity], ...]]) -> int:
     """Each slot has the numbers of the factors that its types declare. Returns the number of rows, 1."""
-    factors = _chosen_factors(state, draft.layout)
-    for factor in state.chosen_factors or ():
+    factors = _chosen_factors(options, draft.layout)
+    for factor in options.chosen_factors or ():
         if not any(issubclass(f, factor) for kinds in chosen.values() for t in kinds for f in t.declared):
             raise LevelError(
                 f"StateVector: none of the entities shown, {', '.join(draft.layout.slots[k].name for k in chosen)}, has"
@@ -86,23 +83,23 @@ def _lay_out_vector(state: StateVector, draft: _Draft, chosen: dict[int, tuple[t
         for factor in factors:
             if any(factor in t.declared for t in kinds):
                 draft.add_factor(index, factor)
-        if state.types or (state.types is None and _is_open(draft.layout.slots[index])):
+        if options.types or (options.types is None and _is_open(draft.layout.slots[index])):
             for kind in kinds:
                 draft.add_type(index, kind)
     return 1
 
 
-def _lay_out_table(state: StateVector, draft: _Draft, chosen: dict[int, tuple[type[Entity], ...]]) -> int:
+def _lay_out_table(options: StateOptions, draft: _Draft, chosen: dict[int, tuple[type[Entity], ...]]) -> int:
     """All slots have the same columns. Returns the number of rows."""
-    layout, rows = draft.layout, state.slots or len(chosen)
+    layout, rows = draft.layout, options.slots or len(chosen)
     if len(chosen) > rows:
         names = ", ".join(layout.slots[k].name for k in chosen)
         raise LevelError(f"StateVector: {len(chosen)} entities do not fit into slots={rows}: {names}")
-    factors = _chosen_factors(state, layout)
-    if state.factors is None:
+    factors = _chosen_factors(options, layout)
+    if options.factors is None:
         factors = [f for f in factors if any(f in t.declared for kinds in chosen.values() for t in kinds)]
     kinds = tuple(dict.fromkeys(t for types in chosen.values() for t in types))
-    if not (state.types or (state.types is None and any(_is_open(layout.slots[k]) for k in chosen))):
+    if not (options.types or (options.types is None and any(_is_open(layout.slots[k]) for k in chosen))):
         kinds = ()
     for index in [*chosen, *[EMPTY] * (rows - len(chosen))]:
         for factor in factors:
@@ -112,13 +109,13 @@ def _lay_out_table(state: StateVector, draft: _Draft, chosen: dict[int, tuple[ty
     return rows
 
 
-def _places(state: StateVector, draft: _Draft, rows: int, seen: np.ndarray | None) -> Places:
+def _places(options: StateOptions, draft: _Draft, rows: int, seen: np.ndarray | None) -> Places:
     layout, length = draft.layout, len(draft.names)
-    needs = -1 if state.sees_invisible else layout.columns.get(Visible, -1)
+    needs = -1 if options.sees_invisible else layout.columns.get(Visible, -1)
     width = length // rows
     place_of, mask_of, names = np.arange(length), np.arange(length), draft.names
     shape: tuple[int, ...] = (rows, width)
-    if state.mask == "numbers":
+    if options.mask == "numbers":
         place_of = place_of + place_of // width * width
         mask_of, shape = place_of + width, (rows, 2 * width)
         masks = [f"{name}.mask" for name in names]
@@ -134,7 +131,7 @@ def _places(state: StateVector, draft: _Draft, rows: int, seen: np.ndarray | Non
     if seen is None and any(read[0] == EMPTY for read in reads):
         seen = np.ones((len(layout.slots), len(layout.types) + 1), np.bool_)
     return Places(
-        shape if state.form == "table" else shape[1:],
+        shape if options.form == "table" else shape[1:],
         names,
         np.array(reads, np.int64).reshape(-1, 5),
         np.array(type_reads, np.int64).reshape(-1, 4),
@@ -143,13 +140,13 @@ def _places(state: StateVector, draft: _Draft, rows: int, seen: np.ndarray | Non
     )
 
 
-def _chosen_slots(state: StateVector, layout: Layout) -> dict[int, tuple[type[Entity], ...]]:
+def _chosen_slots(options: StateOptions, layout: Layout) -> dict[int, tuple[type[Entity], ...]]:
     """The slots that are shown, in order, with those of their types that are."""
-    if state.entities is None:  # all but abstract entities such as the floor
+    if options.entities is None:  # all but abstract entities such as the floor
         return {k: slot.types for k, slot in enumerate(layout.slots) if slot.may_have(Position)}
     chosen: dict[int, tuple[type[Entity], ...]] = {}
-    for wanted in state.entities:
-        for index in _slots_of(wanted, layout, padded=state.slots is not None):
+    for wanted in options.entities:
+        for index in _slots_of(wanted, layout, padded=options.slots is not None):
             kinds = layout.slots[index].types
             if isinstance(wanted, type):
                 kinds = tuple(t for t in kinds if issubclass(t, wanted))
@@ -186,12 +183,12 @@ def _names_of(entity: type[Entity]) -> set[str]:
     return {t.__name__ for t in entity.__mro__ if issubclass(t, Entity)}
 
 
-def _chosen_factors(state: StateVector, layout: Layout) -> list[type[Factor]]:
+def _chosen_factors(options: StateOptions, layout: Layout) -> list[type[Factor]]:
     """The factors that are shown, in order; a chosen one that no entity has stands for itself."""
-    found = dict.fromkeys(layout.factors if state.chosen_factors is None else ())
-    for factor in state.chosen_factors or ():
+    found = dict.fromkeys(layout.factors if options.chosen_factors is None else ())
+    for factor in options.chosen_factors or ():
         found |= dict.fromkeys([f for f in layout.factors if issubclass(f, factor)] or [factor])
-    return [f for f in found if state.has_number_of(f)]
+    return [f for f in found if options.has_number_of(f)]
 
 
 def _seen(layout: Layout, chosen: dict[int, tuple[type[Entity], ...]]) -> np.ndarray | None:

@@ -1,35 +1,30 @@
 """Numbers of a state in units of the prior: measured from its mean, divided by its spread.
 
-The prior is the law that the levels come from: of training and test levels of one distribution, equal numbers mean equal
-states. A number that several types may supply has the mean and the spread of their mixture in equal parts. A vector has
-one spread, the root mean square of its components', so that directions stay comparable. What the prior does not vary keeps
-its unit and is measured from its constant. Size keeps its unit [m] and its zero, since outlines of hulls do not follow it.
+The prior is the distribution that the levels come from. Equal numbers of training and test levels of one distribution thus
+mean equal states. A number that several types may supply has the mean and the spread of their mixture in equal parts. A
+vector has one spread, the root mean square of its components', so that directions stay comparable. A number that the prior
+does not vary keeps its unit and is measured from its constant. Size keeps its unit [m] and its zero, since outlines of hulls
+do not follow it.
 """
 
 from __future__ import annotations
-
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from segar.errors import LevelError
 from segar.language import Factor, Size
+from segar.levels import Levels, source_moments
 from segar.observations.state.places import EMPTY, Places
-
-if TYPE_CHECKING:
-    from segar.levels import Levels
 
 NO_SPREAD = 1e-9  # standard deviation over mean below which a factor is constant but for rounding
 
 
 def shift_and_scale(places: Places, levels: Levels) -> tuple[np.ndarray, np.ndarray]:
-    """What is subtracted from each of the numbers that ``places.reads`` names, and by what it is multiplied then.
+    """The number to subtract from each entry of ``places.reads``, and the factor to multiply by then; float64 ``[k]`` both.
 
     Raises:
         LevelError: the levels know no distribution.
     """
-    from segar.levels import source_moments
-
     moments = source_moments(levels)
     if not moments:
         raise LevelError(
@@ -47,7 +42,8 @@ def shift_and_scale(places: Places, levels: Levels) -> tuple[np.ndarray, np.ndar
 
 
 def _mean_and_spread(known: list[tuple[np.ndarray, np.ndarray]], factor: type[Factor]) -> tuple[np.ndarray, float]:
-    """Mean of each component, and the one spread, of the mixture of laws given by mean and variance; 1 if there is none."""
+    """Mean of each component, and the one spread, of a mixture of distributions with these means and variances; a spread of 1
+    where the mixture is constant."""
     means, variances = (np.stack(values) for values in zip(*known, strict=True))
     mean, variance = means.mean(axis=0), variances.mean(axis=0) + means.var(axis=0)
     spread = float(np.sqrt(variance.mean()))

@@ -2,31 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import numpy as np
 
 from segar.engine import Reads, gather
-from segar.errors import SegarError, did_you_mean
-from segar.language import Acceleration, Density, Done, Drag, Entity, Factor, InfiniteEnergy, Order, Visible
-from segar.observations.state.factor_names import factors_of
-from segar.observations.state.places import FORMS, MASKS, lay_out
+from segar.observations.state.places import lay_out
 from segar.observations.state.scales import shift_and_scale
+from segar.observations.state.state_options import FACTOR_LIMIT, StateOptions
 
 if TYPE_CHECKING:
     from segar.levels import Levels
 
-HIDDEN: tuple[type[Factor], ...] = (Acceleration, Drag, Density, Done, InfiniteEnergy, Order, Visible)
-"""Not shown unless asked for: they follow from others, concern drawing, or no rule reads them."""
-FACTOR_LIMIT = 1e6  # values beyond are clipped, so that observations stay finite
-MISSING_2022 = -1000.0  # what the implementation of 2022 puts where an entity lacks a factor
-
 
 @dataclass(frozen=True)
-class StateVector:
+class StateVector(StateOptions):
     """The factors of things in fixed places, float32: one after the other, or as a table ``[slots, features]``.
 
     Its shape depends on the distribution alone. Unless other ``entities`` are chosen, each slot that can hold a thing
@@ -58,50 +50,6 @@ class StateVector:
         SegarError: an option is unknown, or a factor is no factor or has no number.
     """
 
-    entities: Sequence[str | type[Entity]] | None = None
-    factors: Sequence[str | type[Factor]] | None = None
-    hidden: Sequence[str | type[Factor]] = ()
-    form: Literal["vector", "table"] = "vector"
-    slots: int | None = None
-    types: bool | None = None
-    missing: float = 0.0
-    mask: Literal["numbers", "dict"] | None = None
-    normalise: bool = False
-    sees_invisible: bool = True
-
-    def __post_init__(self) -> None:
-        for option, known in (("form", FORMS), ("mask", MASKS)):
-            value = getattr(self, option)
-            if value not in known:
-                names = [str(k) for k in known]
-                raise SegarError(f"StateVector has no {option} {value!r}.{did_you_mean(str(value), names)}")
-        if self.slots is not None and (self.form != "table" or self.slots < 1):
-            raise SegarError(
-                f"StateVector: slots are the rows of a table, at least 1; not {self.slots} of a {self.form}"
-            )
-        if not np.isfinite(self.missing):
-            raise SegarError(f"StateVector: missing must be a finite number, not {self.missing!r}; mask= marks it")
-        _ = self.chosen_factors, self.hidden_factors  # raise for what is no factor
-
-    def shows(self, factor: type[Factor]) -> bool:
-        """Whether the vector changes with the factor's values, of the entities shown that have it."""
-        return self.has_number_of(factor) or (factor is Visible and not self.sees_invisible)
-
-    def has_number_of(self, factor: type[Factor]) -> bool:
-        """Whether the factor's values are among the numbers, of the entities shown that have it."""
-        chosen = self.chosen_factors is None or issubclass(factor, self.chosen_factors)
-        return factor.width > 0 and chosen and not issubclass(factor, self.hidden_factors)
-
-    @property
-    def chosen_factors(self) -> tuple[type[Factor], ...] | None:
-        """The classes of ``factors``; None stands for all."""
-        return None if self.factors is None else factors_of("StateVector: factors", self.factors)
-
-    @property
-    def hidden_factors(self) -> tuple[type[Factor], ...]:
-        """The classes of what is not shown though it might be chosen."""
-        return (HIDDEN if self.factors is None else ()) + factors_of("StateVector: hidden", self.hidden)
-
     def bind(self, levels: Levels, num_envs: int) -> BoundStateVector:
         """The observation at work on these levels.
 
@@ -112,14 +60,18 @@ class StateVector:
 
 
 class BoundStateVector:
-    """:class:`StateVector` in one environment; ``names`` says what each number is, e.g. ``golfball.Position.x``."""
+    """:class:`StateVector` in one batch of environments; see :class:`segar.observations.protocol.WrittenBySimulator`.
+
+    Attributes:
+        names: what each number is, e.g. ``golfball.Position.x``.
+    """
 
     def __init__(self, state: StateVector, levels: Levels) -> None:
         self._places = lay_out(state, levels.layout)
         self.names = self._places.names
         self._shift, self._scale = shift_and_scale(self._places, levels) if state.normalise else (None, None)
         self._types, self._missing, self._mask = levels.types, float(state.missing), state.mask
-        self.reads: Reads | None = None  # what is shown, where it is shown as it is: the simulator may then write it
+        self.reads: Reads | None = None
         if self._places.seen is None and self._shift is None and self._mask is None:
             places = self._places
             self.reads = Reads(levels.types, places.reads, places.type_reads, self._missing, FACTOR_LIMIT)

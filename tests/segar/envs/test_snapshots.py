@@ -10,6 +10,7 @@ import pytest
 import segar
 from segar import GolfBall, Mass, Position, SegarError, SetFactor, Velocity
 from segar.envs import Snapshot, VectorEnv
+from segar.envs.snapshots import FORMAT
 
 
 @segar.rule
@@ -157,6 +158,59 @@ def test_files_that_are_no_snapshots_are_refused(running, tmp_path):
     LEVELS.save(path)
     with pytest.raises(SegarError, match="is not a snapshot"):
         Snapshot.load(path)
+
+
+ARRAYS_OF_0_1 = ("values", "level", "key", "tick", "contacts", "gave_up", "returns", "lengths", "episodes")
+
+
+def test_a_snapshot_of_segar_0_1_is_read(running, tmp_path):
+    snapshot = running.state()
+    arrays = {name: getattr(snapshot.state, name, getattr(snapshot, name, None)) for name in ARRAYS_OF_0_1}
+    arrays["gave_up"] = np.arange(6)
+    FORMAT.write(tmp_path / "old.npz", arrays, {"version": "0.1.0", "seed": snapshot.seed, "memory": []})
+    there = some_steps(running, ACTIONS)
+    again = VectorEnv(LEVELS, 6, seed=9, max_steps=20)
+    old = Snapshot.load(tmp_path / "old.npz")
+    np.testing.assert_array_equal(old.unresolved_contacts, np.arange(6))
+    again.restore(old)
+    assert same(there, some_steps(again, ACTIONS))
+
+
+def test_a_saved_snapshot_has_the_arrays_that_segar_0_1_reads(running, tmp_path):
+    running.state().save(tmp_path / "snapshot.npz")
+    with np.load(tmp_path / "snapshot.npz") as archive:
+        assert set(archive.files) == {*ARRAYS_OF_0_1, "metadata"}
+
+
+@pytest.mark.parametrize(
+    ("name", "array", "words"),
+    [
+        (
+            "values",
+            np.zeros((6, 3)),
+            r"'values' must be float64 of 3 axes and 6 environments, not float64 of shape \(6, 3\)",
+        ),
+        ("level", np.zeros(6), "'level' must be int64 of 1 axes and 6 environments, not float64"),
+        (
+            "tick",
+            np.zeros(5, np.int64),
+            r"'tick' must be int64 of 1 axes and 6 environments, not int64 of shape \(5,\)",
+        ),
+        (
+            "memory/stack",
+            np.zeros((2, 4)),
+            r"'memory/stack' must be float64 of 2 axes and 6 environments, not float64 of shape \(2, 4\)",
+        ),
+    ],
+)
+def test_a_snapshot_whose_arrays_do_not_fit_each_other_is_refused(running, tmp_path, name, array, words):
+    running.state().save(tmp_path / "snapshot.npz")
+    with np.load(tmp_path / "snapshot.npz") as archive:
+        arrays = {key: archive[key] for key in archive.files if key != "metadata"}
+    memory = [name.removeprefix("memory/")] if name.startswith("memory/") else []
+    FORMAT.write(tmp_path / "changed.npz", arrays | {name: array}, {"seed": 1, "memory": memory})
+    with pytest.raises(SegarError, match=rf"changed.npz: {words}.*save the snapshot again"):
+        Snapshot.load(tmp_path / "changed.npz")
 
 
 def test_a_snapshot_that_cannot_be_written_leaves_what_was_there(running, tmp_path):

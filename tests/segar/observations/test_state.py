@@ -26,7 +26,7 @@ from segar import (
     Velocity,
 )
 from segar.observations.arrays import empty_batch
-from segar.observations.state.state_vector import HIDDEN, MISSING_2022
+from segar.observations.state.state_options import HIDDEN, MISSING_2022
 
 # One to three things of four types, so that slots can be empty and can hold what has the factor or lacks it.
 DIST = segar.LevelDistribution(

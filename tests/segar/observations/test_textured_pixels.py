@@ -26,7 +26,7 @@ from segar.language.factors import (
 )
 from segar.observations.pixels.solid_colours import Pixels
 from segar.observations.pixels.textured import TexturedPixels
-from segar.observations.protocol import Observation, Remembers
+from segar.observations.protocol import HasMemory, Observation
 from segar.textures import TextureSet
 from tests.segar.observations.plain_renderer import Look, draw_plainly
 from tests.segar.observations.scenes import ANYTHING, Scene, draw, frames_of, put, random_textures, scene, start
@@ -215,7 +215,7 @@ def test_what_is_shown_is_said():
 def test_textured_pixels_keep_the_protocol_of_observations():
     pixels = TexturedPixels(random_textures(), 32)
     assert isinstance(pixels, Observation)
-    assert isinstance(pixels.bind(LEVELS, 40), Remembers)
+    assert isinstance(pixels.bind(LEVELS, 40), HasMemory)
     assert pixels.bind(LEVELS, 40).space.shape == (32, 32, 3)
 
 

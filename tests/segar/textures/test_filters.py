@@ -170,5 +170,5 @@ def test_a_set_can_show_factors_of_ones_own():
     laws = UNIFORM | {"Temperature": UniformNoise(0.0, 300.0)}
     textures = filter_textures("mine", built_in(), inputs=("background", "Temperature", "Mass"), laws=laws)
     assert linear_read_out(textures, rng=np.random.default_rng(0), laws=laws)["Temperature"] > 0.95
-    with pytest.raises(segar.SegarError, match="no law says how much the input 'Temperature' varies"):
+    with pytest.raises(segar.SegarError, match="no distribution says how much the input 'Temperature' varies"):
         filter_textures("mine", built_in(), inputs=("background", "Temperature"))

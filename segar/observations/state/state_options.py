@@ -1,0 +1,73 @@
+"""The options of state observations: which entities and factors are shown, and in which form."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from segar.errors import SegarError, did_you_mean
+from segar.language import Acceleration, Density, Done, Drag, Entity, Factor, InfiniteEnergy, Order, Visible
+from segar.observations.state.factor_names import factors_of
+
+HIDDEN: tuple[type[Factor], ...] = (Acceleration, Drag, Density, Done, InfiniteEnergy, Order, Visible)
+"""Not shown unless asked for: they follow from others, concern drawing, or no rule reads them."""
+FACTOR_LIMIT = 1e6  # values beyond are clipped, so that observations stay finite
+MISSING_2022 = -1000.0  # what the implementation of 2022 puts where an entity lacks a factor
+FORMS = ("vector", "table")
+MASKS = (None, "numbers", "dict")
+
+
+@dataclass(frozen=True)
+class StateOptions:
+    """The options of a :class:`segar.observations.state.state_vector.StateVector`, which says what each means.
+
+    Raises:
+        SegarError: an option is unknown, or a factor is no factor or has no number.
+    """
+
+    entities: Sequence[str | type[Entity]] | None = None
+    factors: Sequence[str | type[Factor]] | None = None
+    hidden: Sequence[str | type[Factor]] = ()
+    form: Literal["vector", "table"] = "vector"
+    slots: int | None = None
+    types: bool | None = None
+    missing: float = 0.0
+    mask: Literal["numbers", "dict"] | None = None
+    normalise: bool = False
+    sees_invisible: bool = True
+
+    def __post_init__(self) -> None:
+        for option, known in (("form", FORMS), ("mask", MASKS)):
+            value = getattr(self, option)
+            if value not in known:
+                names = [str(k) for k in known]
+                raise SegarError(f"StateVector has no {option} {value!r}.{did_you_mean(str(value), names)}")
+        if self.slots is not None and (self.form != "table" or self.slots < 1):
+            raise SegarError(
+                f"StateVector: slots are the rows of a table, at least 1; not {self.slots} of a {self.form}"
+            )
+        if not np.isfinite(self.missing):
+            raise SegarError(f"StateVector: missing must be a finite number, not {self.missing!r}; mask= marks it")
+        _ = self.chosen_factors, self.hidden_factors  # raise for what is no factor
+
+    def shows(self, factor: type[Factor]) -> bool:
+        """Whether the vector changes with the factor's values, of the entities shown that have it."""
+        return self.has_number_of(factor) or (factor is Visible and not self.sees_invisible)
+
+    def has_number_of(self, factor: type[Factor]) -> bool:
+        """Whether the factor's values are among the numbers, of the entities shown that have it."""
+        chosen = self.chosen_factors is None or issubclass(factor, self.chosen_factors)
+        return factor.width > 0 and chosen and not issubclass(factor, self.hidden_factors)
+
+    @property
+    def chosen_factors(self) -> tuple[type[Factor], ...] | None:
+        """The classes of ``factors``; None stands for all."""
+        return None if self.factors is None else factors_of("StateVector: factors", self.factors)
+
+    @property
+    def hidden_factors(self) -> tuple[type[Factor], ...]:
+        """The classes of the factors that are not shown."""
+        return (HIDDEN if self.factors is None else ()) + factors_of("StateVector: hidden", self.hidden)

@@ -1,0 +1,165 @@
+"""Memory of observations is used again when a caller holds none of it, and never while a caller holds any of it."""
+
+from __future__ import annotations
+
+import gc
+import pickle
+
+import numpy as np
+import pytest
+import torch
+
+import segar
+from segar import Pixels, Stack
+from segar.envs import VectorEnv
+from segar.envs.buffers import MAX_BUFFERS, Buffers
+from segar.observations import leaves
+
+LEVELS = segar.family("objectsx1-hard").sample(6, seed=0)
+OBSERVATIONS = {"state": "state", "rgb": "rgb", "stack": Stack(Pixels(), 2), "both": {"b": "rgb", "a": "state"}}
+
+# What a caller may hold of an array, as an object from which the numbers can be read again.
+HELD = {
+    "the array": lambda a: a,
+    "a slice": lambda a: a[1:3],
+    "a slice of a slice": lambda a: a[1:][..., :2],
+    "a row": lambda a: a[0],
+    "another shape": lambda a: a.reshape(len(a), -1),
+    "transposed": lambda a: a.T,
+    "other bytes": lambda a: a.view(np.uint8),
+    "a masked array": lambda a: np.ma.masked_array(a, copy=False),
+    "broadcast": lambda a: np.broadcast_to(a, (2, *a.shape)),
+    "a memoryview": memoryview,
+    "a part of a memoryview": lambda a: memoryview(a)[1:],
+    "a tensor": torch.from_numpy,
+    "a tensor of a slice": lambda a: torch.from_numpy(a[1:]),
+    "a part of a tensor": lambda a: torch.from_numpy(a)[1:],
+    "through dlpack": torch.from_dlpack,
+}
+
+
+def steps(env: VectorEnv, count: int) -> None:
+    """Take steps that end episodes, and hold nothing of what they return."""
+    for k in range(count):
+        env.step(np.random.default_rng(k).uniform(-1, 1, (env.num_envs, 2)).astype(np.float32))
+
+
+@pytest.mark.parametrize("observation", OBSERVATIONS.values(), ids=OBSERVATIONS)
+@pytest.mark.parametrize("hold", HELD.values(), ids=HELD)
+def test_nothing_that_a_caller_holds_is_overwritten(hold, observation):
+    env = VectorEnv(LEVELS, 4, observation=observation, seed=0, max_steps=4)
+    held = [hold(array) for array in leaves(env.reset()[0])]
+    for k in range(8):
+        observations, *_, info = env.step(np.full((4, 2), 0.1 * k, np.float32))
+        held += [hold(array) for array in leaves(observations)]
+        held += [hold(array) for array in leaves(info.get("final_obs", ()))]
+    del observations, info
+    before = [np.asarray(one).copy() for one in held]
+    steps(env, 3 * MAX_BUFFERS)
+    for one, copy in zip(held, before, strict=True):
+        np.testing.assert_array_equal(np.asarray(one), copy)
+
+
+def test_memory_that_nobody_holds_is_used_again():
+    env = VectorEnv(LEVELS, 4, seed=0)
+    places = {env.reset()[0].ctypes.data}
+    for _ in range(20):
+        places.add(env.step(np.zeros((4, 2), np.float32))[0].ctypes.data)
+    assert len(places) <= 2
+
+
+def test_an_array_outlives_its_environment():
+    env = VectorEnv(LEVELS, 4, observation="rgb", seed=0)
+    held = env.reset()[0][1:]
+    copy = held.copy()
+    del env
+    gc.collect()
+    _ = [np.ones((4, 64, 64, 3), np.uint8) for _ in range(20)]
+    np.testing.assert_array_equal(held, copy)
+
+
+def test_lent_arrays_are_like_others():
+    array = VectorEnv(LEVELS, 4, seed=0).reset()[0]
+    assert type(array) is np.ndarray and array.flags.writeable and array.flags.c_contiguous and array.flags.aligned
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(array)), array)
+
+
+def test_final_observations_are_zero_but_for_the_episodes_that_ended():
+    env = VectorEnv(LEVELS, 6, seed=0, max_steps=3)
+    env.reset(options={"levels": np.arange(6)})
+    seen = 0
+    for k in range(12):
+        _, _, terminated, truncated, info = env.step(np.full((6, 2), 0.3, np.float32))
+        if k == 4:
+            env.reset(options={"reset_mask": np.arange(6) < 2})  # so that episodes end in different steps
+        if "final_obs" in info:
+            assert np.array_equal(info["_final_obs"], terminated | truncated)
+            assert not info["final_obs"][~info["_final_obs"]].any() and info["final_obs"][info["_final_obs"]].any()
+            seen += 1
+    assert seen >= 4
+
+
+def test_without_copies_an_observation_is_overwritten_in_place():
+    env = VectorEnv(LEVELS, 4, seed=0, copy=False)
+    first = env.reset()[0]
+    assert env.step(np.ones((4, 2), np.float32))[0] is first
+
+
+def test_final_observations_of_a_dict_belong_to_their_names_without_copies_too():
+    observation = {"pixels": Stack(Pixels(), 2), "a": "state"}  # Gymnasium sorts the names of a dict
+    copied, overwritten = (
+        VectorEnv(LEVELS, 4, observation=observation, seed=0, max_steps=3, copy=c) for c in (True, False)
+    )
+    copied.reset()
+    overwritten.reset()
+    for _ in range(3):
+        action = np.full((4, 2), 0.2, np.float32)
+        expected, found = copied.step(action)[-1], overwritten.step(action)[-1]
+    for name in observation:
+        np.testing.assert_array_equal(found["final_obs"][name], expected["final_obs"][name])
+
+
+def test_the_plain_twin_gives_the_same_arrays_from_fresh_memory(monkeypatch):
+    def trail() -> list[np.ndarray]:
+        env = VectorEnv(LEVELS, 4, observation={"b": "rgb", "a": "state"}, seed=0, max_steps=5)
+        found = [a.copy() for a in leaves(env.reset()[0])]
+        for k in range(12):
+            observations, *_, info = env.step(np.full((4, 2), 0.1 * k, np.float32))
+            found += [a.copy() for a in (*leaves(observations), *leaves(info.get("final_obs", ())))]
+        return found
+
+    clever = trail()
+    monkeypatch.setattr("segar.envs.buffers.is_plain", lambda: True)
+    assert all(np.array_equal(a, b) for a, b in zip(clever, trail(), strict=True))
+    env = VectorEnv(LEVELS, 1, seed=0)
+    buffers = Buffers(1, True, env.observation)
+    places = [array.__array_interface__["data"][0] for array in [buffers.output(), buffers.output()]]
+    assert places[0] != places[1]
+
+
+@pytest.mark.parametrize(
+    "hold", [lambda info: info, lambda info: {"factors": info["factors"]}], ids=["info", "factors"]
+)
+def test_factors_of_a_step_stay_as_they_were_while_they_are_held(hold):
+    env = VectorEnv(LEVELS, 4, seed=0, max_steps=3)
+    env.reset()
+    held = []
+    for k in range(8):
+        info = env.step(np.full((4, 2), 0.2 * k, np.float32))[-1]
+        held.append((hold(info), info["factors"]["Position"]))
+    del info
+    steps(env, 4)
+    for holder, position in held:
+        np.testing.assert_array_equal(holder["factors"]["Position"], position)
+
+
+def test_results_of_a_step_stay_as_they_were_while_they_are_held():
+    levels = segar.family("billiards").sample(2, seed=0)
+    env = VectorEnv(levels, 2, seed=0)
+    env.reset()
+    results = env.step(np.full((2, 2), 0.9, np.float32))[-1]["results"]
+    before = {name: np.array(results[name]) for name in results}
+    steps(env, 10)
+    assert before
+    for name, value in before.items():
+        np.testing.assert_array_equal(results[name], value)

@@ -1,0 +1,143 @@
+"""Who is called when: hooks are optional, one by one, and observations of SEGAR 0.1 have those that they had."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+
+import segar
+from segar import Multi, OneOf, Pixels, PreviousActions, Stack, StateVector, TexturedPixels
+from segar.envs import VectorEnv
+from segar.observations.protocol import (
+    BoundObservation,
+    Composed,
+    DrawsPlanes,
+    EpisodeHook,
+    HasMemory,
+    KnowsTask,
+    Observation,
+    OwnsBuffers,
+    StepHook,
+    WrittenBySimulator,
+)
+
+LEVELS = segar.family("objectsx1-hard").sample(4, seed=0)
+HOOKS = ("start", "advance", "memory", "recall")
+
+
+class Recorder:
+    """An observation, and at the same time the bound one, that notes its calls; it has the chosen hooks and no other."""
+
+    def __init__(self, *hooks: str) -> None:
+        self.calls: list[str] = []
+        self.space = gymnasium.spaces.Box(-1, 1, (1,), np.float32)
+        for hook in hooks:
+            setattr(self, hook, getattr(self, f"_{hook}"))
+
+    def shows(self, factor: type[segar.Factor]) -> bool:
+        return False
+
+    def bind(self, levels: segar.Levels, num_envs: int) -> Recorder:
+        return self
+
+    def begin(self, values: np.ndarray, level: np.ndarray, mask: np.ndarray) -> None:
+        self.calls.append("begin")
+
+    def write(self, values: np.ndarray, level: np.ndarray, out: np.ndarray, rows: np.ndarray) -> None:
+        self.calls.append("write")
+        out[rows] = 0.5
+
+    def _start(self, key: np.ndarray, level: np.ndarray, mask: np.ndarray) -> None:
+        self.calls.append("start")
+
+    def _advance(self, actions: np.ndarray) -> None:
+        self.calls.append("advance")
+
+    def _memory(self) -> dict[str, np.ndarray]:
+        self.calls.append("memory")
+        return {"note": np.ones((2, 1))}
+
+    def _recall(self, memory: Any) -> None:
+        self.calls.append("recall")
+
+
+def calls_of(recorder: Recorder, observation: Any) -> list[str]:
+    """The calls in a reset, a step, an intervention, a snapshot and its restoring."""
+    env = VectorEnv(LEVELS, 2, observation=observation, seed=0)
+    env.reset()
+    env.step(np.zeros((2, 2), np.float32))
+    env.intervene("golfball", segar.Mass, 2.0)
+    env.restore(env.state())
+    return recorder.calls
+
+
+EVERY = ["start", "begin", "write", "advance", "write", "begin", "write", "memory", "start", "recall", "begin", "write"]
+
+
+@pytest.mark.parametrize("hooks", [HOOKS, (), ("start",), ("advance",), ("memory", "recall"), ("start", "advance")])
+@pytest.mark.parametrize(
+    "composed", [lambda o: o, lambda o: (o, "state"), lambda o: OneOf([o])], ids=["alone", "tuple", "one"]
+)
+def test_hooks_are_called_in_order_and_only_those_that_are_there(hooks, composed):
+    recorder = Recorder(*hooks)
+    assert calls_of(recorder, composed(recorder)) == [c for c in EVERY if c in hooks or c in ("begin", "write")]
+
+
+class Wrapper:
+    """A wrapper of a bound observation that forwards whatever it does not have."""
+
+    def __init__(self, inner: Any) -> None:
+        self._inner = inner
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._inner, name)
+
+    def bind(self, levels: segar.Levels, num_envs: int) -> Wrapper:
+        return Wrapper(self._inner.bind(levels, num_envs))
+
+
+def test_hooks_that_a_wrapper_forwards_are_called():
+    recorder = Recorder(*HOOKS)
+    assert calls_of(recorder, Wrapper(recorder)) == EVERY
+    plain = VectorEnv(LEVELS, 2, observation=PreviousActions(2), seed=0)
+    wrapped = VectorEnv(LEVELS, 2, observation=Wrapper(PreviousActions(2)), seed=0)
+    for env in (plain, wrapped):
+        env.reset()
+    for k in range(3):
+        action = np.full((2, 2), 0.1 * (k + 1), np.float32)
+        np.testing.assert_array_equal(plain.step(action)[0], wrapped.step(action)[0])
+
+
+BUILT_IN = {
+    "state": (StateVector(), {WrittenBySimulator}, set()),
+    "rgb": (Pixels(), set(), {DrawsPlanes}),
+    "textures": (TexturedPixels(), {EpisodeHook, HasMemory}, {DrawsPlanes}),
+    "actions": (PreviousActions(), {EpisodeHook, StepHook, HasMemory}, {KnowsTask}),
+    "stack": (Stack("rgb", 2), {EpisodeHook, StepHook, HasMemory, OwnsBuffers}, {KnowsTask, Composed}),
+    "tuple": (Multi(("rgb", "state")), {EpisodeHook, StepHook, HasMemory, OwnsBuffers}, {KnowsTask, Composed}),
+    "one of several": (OneOf(["rgb"]), {EpisodeHook, StepHook, HasMemory}, {KnowsTask, Composed}),
+}
+
+
+@pytest.mark.parametrize(("observation", "of_bound", "of_description"), BUILT_IN.values(), ids=BUILT_IN)
+def test_built_in_observations_have_the_protocols_that_they_are_documented_with(observation, of_bound, of_description):
+    bound = observation.bind(LEVELS, 2)
+    assert isinstance(observation, Observation) and isinstance(bound, BoundObservation)
+    assert {
+        p for p in (EpisodeHook, StepHook, HasMemory, OwnsBuffers, WrittenBySimulator) if isinstance(bound, p)
+    } == of_bound
+    assert {p for p in (DrawsPlanes, KnowsTask, Composed) if isinstance(observation, p)} == of_description
+
+
+def test_the_simulator_writes_what_write_would():
+    env, after = (VectorEnv(LEVELS, 3, seed=0) for _ in range(2))
+    assert env._reads is not None
+    after._reads = None
+    for one in (env, after):
+        one.reset()
+    for k in range(5):
+        action = np.full((3, 2), 0.2 * k, np.float32)
+        np.testing.assert_array_equal(env.step(action)[0], after.step(action)[0])
