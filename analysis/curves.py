@@ -19,7 +19,7 @@ from analysis.plotting import style
 from analysis.plotting.figures import new_figure, save_figure
 from analysis.tables import write_csv
 from experiments.commands.hydra_app import compose, run_simple_command
-from experiments.evaluation.baselines import find_anchors
+from experiments.evaluation.baselines import find_baselines
 from experiments.runs.files import write_text
 from experiments.runs.run_folder import LEVELS_TEST, read_config, read_metrics, read_summary
 from experiments.settings import ACTION_MODES, CHECKOUT, require, require_known
@@ -107,14 +107,14 @@ def row_of(curve: Curve, folder: Path) -> dict[str, Any]:
     """The line of the table."""
     summary = read_summary(folder)
     levels = Levels.load(folder / LEVELS_TEST)
-    anchors = find_anchors(levels, rng=np.random.default_rng(ANCHOR_SEED))
+    baselines = find_baselines(levels, rng=np.random.default_rng(ANCHOR_SEED))
     row: dict[str, Any] = {"name": curve.name, "levels": curve.levels, "settings": " ".join(curve.settings)}
     row |= {"frames": curve.frames, "threads": read_config(folder).num_threads, "minutes": seconds_of(folder) / 60}
     for mode in ACTION_MODES:
         for split in ("train", "test"):
             row[f"{split}_success_{mode}"] = summary[f"evaluation/{split}/success/{mode}"]
         row[f"test_return_{mode}"] = summary[f"evaluation/test/return/{mode}"]
-        row[f"test_score_{mode}"] = float(anchors.normalised(row[f"test_return_{mode}"]))
+        row[f"test_score_{mode}"] = float(baselines.normalised(row[f"test_return_{mode}"]))
     return row
 
 

@@ -23,7 +23,7 @@ from omegaconf import DictConfig
 from experiments.commands.config_store import conf_dir
 from experiments.commands.hydra_app import run_command, to_plain
 from experiments.evaluation.probing import PREFIX, ProbeConfig, probe_finished, probe_settings
-from experiments.evaluation.transfers import RunWork, evaluate_transfer
+from experiments.evaluation.transfers import RunTask
 from experiments.reproduction.display import Display
 from experiments.reproduction.experiment_file import Experiment, chosen_names, experiment_at
 from experiments.reproduction.imported_results import read_elsewhere
@@ -55,7 +55,7 @@ from experiments.train import train
 
 PLAN = "plan.json"
 ENOUGH_LEFT = 0.85  # share of the work that is left, below which the time that was spent tells about the rest
-Work = RunWork | StudyWork
+Work = RunTask | StudyWork
 
 
 @dataclass(frozen=True)
@@ -173,7 +173,12 @@ def cores() -> int:
 
 
 def carry_out(work: Work) -> dict[str, float]:
-    """Trains, or goes on; tests and probes the agent where that is not done yet; or runs a study. Returns final figures."""
+    """Trains, or goes on; tests and probes the agent where that is not done yet; or runs a study. Returns final figures.
+
+    What tests an agent imports torch; it is imported here, so that planning does without.
+    """
+    from experiments.evaluation.transfer_evaluation import evaluate_transfer
+
     if isinstance(work, StudyWork):
         run_study(work)
         return {}
@@ -181,7 +186,7 @@ def carry_out(work: Work) -> dict[str, float]:
     for transfer in work.transfers:
         if not transfer.is_done(work.run):
             evaluate_transfer(work.run, transfer)
-    if work.probes is not None and work.lacks_probes():
+    if work.probes is not None and work.needs_probing():
         figures = {**figures, **probe_finished(work.run, work.probes)}
     return figures
 

@@ -12,11 +12,13 @@ import torch
 from numpy.typing import NDArray
 
 from analysis.probes.pairs import NAME_OF_TYPE, Column, Frames
+from experiments.algorithms.learner import Policy
 from experiments.evaluation.baselines import RandomAgent
+from experiments.evaluation.episodes import Agent, action_rng, actions_of
 from experiments.evaluation.evaluator import OWN, load_agent
 from experiments.levels.builders import distribution_of, environment_options
 from experiments.runs.run_folder import read_config
-from segar.envs import VectorEnv
+from segar.envs import VectorEnv, play
 from segar.errors import LevelError
 from segar.language import Factor, GlobalFriction
 from segar.levels import Levels
@@ -37,7 +39,7 @@ def collect_run(
     num_envs: int = ENVS,
     mode: str = "deterministic",
     seed: int = 0,
-) -> tuple[Any, Frames]:
+) -> tuple[Policy, Frames]:
     """The policy of a run, and the frames that it sees on levels.
 
     Args:
@@ -57,14 +59,15 @@ def collect_run(
         levels = dataclasses.replace(Levels.load(folder / OWN[levels]), world=distribution.world)
     policy, _ = load_agent(folder, trained, levels, lambda line: None)
     options = environment_options(trained)
-    rng = torch.Generator().manual_seed(seed) if mode == "sampled" else None
     columns = varying_columns(distribution, {"task": options["task"]})
-    found = collect(policy, levels, columns, options, frames=frames, num_envs=num_envs, rng=rng, seed=seed)
+    found = collect(
+        policy, levels, columns, options, frames=frames, num_envs=num_envs, rng=action_rng(mode, seed), seed=seed
+    )
     return policy, found
 
 
 def collect(
-    agent: Any,
+    agent: Agent,
     levels: Levels,
     columns: Sequence[Column],
     options: Mapping[str, Any],
@@ -107,54 +110,37 @@ def collect(
 
 
 def play_wave(
-    agent: Any,
+    agent: Agent,
     env: VectorEnv,
-    chosen: NDArray[np.int64],
+    levels: NDArray[np.int64],
     columns: Sequence[Column],
     rng: torch.Generator | None,
     enough: int,
     first_episode: int,
 ) -> Frames:
-    """One episode of each environment, on the ``chosen`` levels, until all are over or there are ``enough`` frames."""
-    observation, _ = env.reset(options={"levels": chosen})
-    if hasattr(agent, "begin"):
-        agent.begin(env)
-    running = np.ones(env.num_envs, np.bool_)
-    values = read_columns(env, columns)
+    """One episode in each environment, on the level that ``levels`` names, until all end or there are ``enough`` frames."""
     parts: list[dict[str, Any]] = []
-    step = have = 0
-    while running.any() and have < enough:
-        rows = np.flatnonzero(running)
-        seen = np.array(observation[rows])
-        observation, _, terminated, truncated, _ = env.step(actions_of(agent, env, observation, rows, rng))
+    observation, factors, frames = np.zeros(0), np.zeros(0), 0
+    for now in play(env, actions_of(agent, env, rng), env.reset(options={"levels": levels})):
         # Where an episode ended, this is the first state of the next one already: "late" means what it meant in 2022.
         later = read_columns(env, columns)
-        parts.append(
-            {
-                "observation": seen,
-                "factors": values[rows],
-                "late": later[rows],
-                "episode": first_episode + rows,
-                "level": chosen[rows],
-                "step": np.full(len(rows), step),
-            }
-        )
-        running &= ~(terminated | truncated)
-        values, step, have = later, step + 1, have + len(rows)
+        rows = np.flatnonzero(now.played)
+        if len(rows):
+            parts.append(
+                {
+                    "observation": observation[rows],
+                    "factors": factors[rows],
+                    "late": later[rows],
+                    "episode": first_episode + rows,
+                    "level": levels[rows],
+                    "step": np.full(len(rows), now.time - 1),
+                }
+            )
+        observation, factors, frames = now.observation, later, frames + len(rows)
+        if frames >= enough:
+            break
     arrays = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     return Frames(columns=tuple(columns), **arrays)
-
-
-def actions_of(
-    agent: Any, env: VectorEnv, observation: Any, rows: NDArray[np.int64], rng: torch.Generator | None
-) -> NDArray[Any]:
-    """The agent's actions where episodes go on, zeros elsewhere; one that remembers, or reads the env, is asked about all."""
-    if hasattr(agent, "begin") or len(rows) == env.num_envs:
-        return agent.act(observation, rng=rng)
-    said = agent.act(observation[rows], rng=rng)
-    actions = np.zeros((env.num_envs, *said.shape[1:]), said.dtype)
-    actions[rows] = said
-    return actions
 
 
 def read_columns(env: VectorEnv, columns: Sequence[Column]) -> NDArray[np.float64]:

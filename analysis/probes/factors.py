@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from typing import Any
 
@@ -11,9 +11,9 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy import stats
 
-from analysis.probes.entropy import BINS, quantise
+from analysis.probes.entropy import BINS, Quantised, quantise
 from analysis.probes.nearest import ksg_estimate
-from analysis.probes.pairs import Column, Pairs, episode_folds, standardised_representation
+from analysis.probes.pairs import Pairs, episode_folds, standardised_representation
 from analysis.probes.readouts import predict_linear, predict_mlp
 from analysis.stats.estimate import Estimate
 from segar.errors import SegarError, did_you_mean
@@ -32,8 +32,6 @@ def probe_factors(
     rng: np.random.Generator,
     *,
     probes: Sequence[str] = tuple(PROBES),
-    folds: int = FOLDS,
-    bins: int = BINS,
     nearest: bool = True,
 ) -> pd.DataFrame:
     """What can be read of each factor: one row per factor, probe and quantity.
@@ -51,7 +49,7 @@ def probe_factors(
                       ``nearest`` asks for it
 
     ``n`` counts episodes, and intervals are over episodes; ``p`` is one-sided, of the probe being no better than a
-    constant. ``entropy`` [nats] is that of the factor cut into at most ``bins`` cells. Frames of an episode share their
+    constant. ``entropy`` [nats] is that of the factor cut into at most 8 cells. Frames of an episode share their
     static factors: estimates that took them for independent would find information where there is none.
 
     Raises:
@@ -60,7 +58,7 @@ def probe_factors(
     for name in probes:
         if name not in PROBES:
             raise SegarError(f"probe '{name}' is unknown.{did_you_mean(name, PROBES)}")
-    parts = episode_folds(pairs.episode, folds, rng)
+    parts = episode_folds(pairs.episode, FOLDS, rng)
     x = standardised_representation(pairs.representation)
     rows: list[dict[str, Any]] = []
     for probe in probes:
@@ -69,78 +67,72 @@ def probe_factors(
             there = np.isfinite(pairs.factors[:, k])
             z, group = pairs.factors[there, k], pairs.episode[there]
             base = {"factor": column.name, "probe": probe, "frames": int(there.sum()), "static": column.is_static}
-            reason = why_not(z, group, folds)
+            reason = why_not(z, group)
             if reason:
                 quantity = "accuracy" if column.is_category else "r2"
                 rows.append(base | {"quantity": quantity} | asdict(Estimate.missing(len(np.unique(group)), reason)))
                 continue
-            told = np.isfinite(predicted[there, k])
-            held_out = predicted[there, k][told], z[told], group[told]
-            if column.is_category:
-                rows += category_rows(base, column, *held_out, folds, rng)
-            else:
-                rows += number_rows(base, column, *held_out, bins, folds, rng, nearest)
+            has_prediction = np.isfinite(predicted[there, k])
+            guess, z, group = predicted[there, k][has_prediction], z[has_prediction], group[has_prediction]
+            cells = quantise(column, z)
+            estimates = (category_estimates if column.is_category else number_estimates)(guess, z, cells, group, rng)
+            if nearest and not column.is_category:
+                estimates["ksg"] = ksg_estimate(jittered(guess, rng), z, rng, group)
+            entropy = {"entropy": cells.entropy, "entropy_of": cells.source}
+            rows += [base | {"quantity": name} | asdict(one) | entropy for name, one in estimates.items()]
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
-def why_not(z: NDArray[np.float64], group: NDArray[np.int64], folds: int) -> str:
-    """Why nothing can be asked of this factor; empty where it can."""
-    if len(np.unique(group)) < 2 * folds:
-        return f"it is there in {len(np.unique(group))} episodes; {2 * folds} are needed"
+def why_not(z: NDArray[np.float64], group: NDArray[np.int64]) -> str:
+    """Why this factor cannot be probed; empty where it can."""
+    if len(np.unique(group)) < 2 * FOLDS:
+        return f"it is there in {len(np.unique(group))} episodes; {2 * FOLDS} are needed"
     return "it does not vary in these frames" if np.ptp(z) == 0 else ""
 
 
-def number_rows(
-    base: dict[str, Any],
-    column: Column,
+def number_estimates(
     predicted: NDArray[np.float64],
     z: NDArray[np.float64],
+    cells: Quantised,
     group: NDArray[np.int64],
-    bins: int,
-    folds: int,
     rng: np.random.Generator,
-    nearest: bool,
-) -> list[dict[str, Any]]:
-    """The rows of a factor that is a number."""
-    cells = quantise(column, z, bins)
-    entropy = {"entropy": cells.entropy, "entropy_of": cells.source}
+) -> dict[str, Estimate]:
+    """What predictions [n] know of a factor [n] that is a number, by quantity."""
+    edges = np.unique(np.quantile(predicted, np.arange(1, BINS) / BINS))
+    information = information_estimates(np.searchsorted(edges, predicted), z, cells, group, rng)
     error, spread = (z - predicted) ** 2, (z - z.mean()) ** 2
-    edges = np.unique(np.quantile(predicted, np.arange(1, bins) / bins))
-    gain = information_gain(np.searchsorted(edges, predicted), cells.cells(z), cells.probabilities, group, folds, rng)
-    nats = ratio_over_groups(gain, np.ones(len(z)), group, rng)
-    found_by = {
-        "r2": ratio_over_groups(spread - error, spread, group, rng),
-        "information": nats,
-        "fraction": scaled(nats, lambda value: value / cells.entropy)
-        if cells.entropy > 0
-        else Estimate.missing(nats.n, "nearly all of its values are the same"),
-    }
-    if nearest:
-        found_by["ksg"] = ksg_estimate(jittered(predicted, rng), z, rng, group)
-    return [base | {"quantity": name} | asdict(one) | entropy for name, one in found_by.items()]
+    return {"r2": ratio_over_groups(spread - error, spread, group, rng), **information}
 
 
-def category_rows(
-    base: dict[str, Any],
-    column: Column,
+def category_estimates(
     predicted: NDArray[np.float64],
     z: NDArray[np.float64],
+    cells: Quantised,
     group: NDArray[np.int64],
-    folds: int,
     rng: np.random.Generator,
-) -> list[dict[str, Any]]:
-    """The rows of a factor that is a category."""
-    cells = quantise(column, z)
-    entropy = {"entropy": cells.entropy, "entropy_of": cells.source}
+) -> dict[str, Estimate]:
+    """What predictions [n] know of a factor [n] that is a category, by quantity."""
     classes, label = np.unique(z, return_inverse=True)
     guess = np.searchsorted(classes, predicted)
     weight = 1.0 / np.bincount(label)[label] / len(classes)
     accuracy = ratio_over_groups((guess == label) * weight, weight, group, rng, above=1 / len(classes))
-    gain = information_gain(guess, cells.cells(z), cells.probabilities, group, folds, rng)
+    return {"accuracy": accuracy, **information_estimates(guess, z, cells, group, rng)}
+
+
+def information_estimates(
+    guess: NDArray[np.int64],
+    z: NDArray[np.float64],
+    cells: Quantised,
+    group: NDArray[np.int64],
+    rng: np.random.Generator,
+) -> dict[str, Estimate]:
+    """Information [nats] of predictions, as small whole numbers [n], about the cells of ``z``; and as a share of entropy."""
+    gain = information_gain(guess, cells.cells(z), cells.probabilities, group, rng)
     nats = ratio_over_groups(gain, np.ones(len(z)), group, rng)
-    share = scaled(nats, lambda value: value / cells.entropy)
-    named = (("accuracy", accuracy), ("information", nats), ("fraction", share))
-    return [base | {"quantity": name} | asdict(one) | entropy for name, one in named]
+    if cells.entropy == 0:
+        return {"information": nats, "fraction": Estimate.missing(nats.n, "nearly all of its values are the same")}
+    low, value, high = (float(v / cells.entropy) for v in (nats.low, nats.estimate, nats.high))
+    return {"information": nats, "fraction": replace(nats, estimate=value, low=low, high=high)}
 
 
 def information_gain(
@@ -148,7 +140,6 @@ def information_gain(
     cell: NDArray[np.int64],
     probabilities: NDArray[np.float64],
     group: NDArray[np.int64],
-    folds: int,
     rng: np.random.Generator,
 ) -> NDArray[np.float64]:
     """log q(cell | prediction) - log p(cell) of each frame [nats], both in small whole numbers.
@@ -160,7 +151,7 @@ def information_gain(
     _, place, length = np.unique(group, return_inverse=True, return_counts=True)
     weight = 1.0 / length[place]
     out = np.empty(len(cell))
-    for held_out in episode_folds(group, folds, rng):
+    for held_out in episode_folds(group, FOLDS, rng):
         rest = np.setdiff1d(np.arange(len(cell)), held_out)
         counts = np.zeros((size, len(probabilities)))
         np.add.at(counts, (prediction[rest], cell[rest]), weight[rest])
@@ -189,12 +180,6 @@ def ratio_over_groups(
     spread = float(excess.std(ddof=1))
     p = float(stats.t.sf(excess.mean() / (spread / np.sqrt(n)), n - 1)) if spread > 0 else float(excess.mean() <= 0)
     return Estimate(value, low, high, n, p)
-
-
-def scaled(found: Estimate, function: Callable[[float], float]) -> Estimate:
-    """The estimate and the ends of its interval through a function that rises."""
-    value, low, high = (float(function(v)) for v in (found.estimate, found.low, found.high))
-    return replace(found, estimate=value, low=low, high=high)
 
 
 def jittered(x: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:

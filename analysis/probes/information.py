@@ -74,33 +74,6 @@ def mine_accuracy(
     return _scores(x, z, group, rng, marginal, ("jsd",), 1, folds, None)["jsd"][0].accuracy
 
 
-def estimate_information(
-    pairs: Pairs,
-    rng: np.random.Generator,
-    *,
-    bound: Bound = "jsd",
-    marginal: Marginal = "joint",
-    replicates: int = REPLICATES,
-    folds: int = FOLDS,
-    settings: CriticSettings | PaperSettings | None = None,
-) -> tuple[Estimate, Estimate]:
-    """Accuracy and value of a bound on the information between phi and all factors, means of replicates with intervals.
-
-    ``p`` is that of chance, one-sided, over replicates of critic and folds, not of frames. InfoNCE has no accuracy: it
-    does not care where the zero of T lies. Values are those of held-out pairs, so that they can lie far below 0: a critic
-    that learnt few episodes by heart is sure of itself, and wrong. The accuracy is 0.5 then.
-
-    Args:
-        bound: "jsd" (MINE's, at most 2 log 2 nats), "infonce" (at most log 256 nats) or "smile" (clip 5). The critic
-            of SMILE is trained as that of "jsd", as its authors do.
-        marginal: see :func:`mine_accuracy`; "paper" knows "jsd" alone.
-
-    Raises:
-        SegarError: as :func:`mine_accuracy`, or an argument is unknown.
-    """
-    return estimate_bounds(pairs, rng, (bound,), marginal, replicates, folds, settings)[bound]
-
-
 def estimate_bounds(
     pairs: Pairs,
     rng: np.random.Generator,
@@ -110,7 +83,20 @@ def estimate_bounds(
     folds: int = FOLDS,
     settings: CriticSettings | PaperSettings | None = None,
 ) -> dict[str, tuple[Estimate, Estimate]]:
-    """:func:`estimate_information` for several bounds; "jsd" and "smile" are then read off the same critics."""
+    """Accuracy and value [nats] of bounds on the information between phi and all factors, means of replicates.
+
+    ``p`` is that of chance, one-sided, over replicates of critic and folds, not of frames. InfoNCE has no accuracy,
+    because it does not depend on where the zero of T lies. Values are those of held-out pairs. They can lie far below 0:
+    a critic that learnt few episodes by heart is sure of itself, and wrong. Its accuracy is 0.5 then.
+
+    Args:
+        bounds: "jsd" (MINE's, at most 2 log 2 nats), "infonce" (at most log 256 nats), "smile" (clip 5). "jsd" and
+            "smile" are read off the same critics, which are trained as those of "jsd", as the authors of SMILE do.
+        marginal: see :func:`mine_accuracy`; "paper" knows "jsd" alone.
+
+    Raises:
+        SegarError: as :func:`mine_accuracy`, or an argument is unknown.
+    """
     x, z, group = _prepared(pairs.representation, pairs.factors, pairs.episode, pairs)
     found = {}
     for bound, scores in _scores(x, z, group, rng, marginal, bounds, replicates, folds, settings).items():

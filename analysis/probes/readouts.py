@@ -64,20 +64,20 @@ def predict_numbers(
     inner = min(INNER_FOLDS, len(np.unique(episode)))
     for left_out in episode_folds(episode, inner, rng) if inner > 1 else ():
         kept = np.setdiff1d(np.arange(len(rest)), left_out)
-        said = ridge_path(phi[kept], target[kept], phi[left_out])
-        error += ((said - target[left_out]) ** 2).sum(axis=1)
+        predicted = ridge_path(phi[kept], target[kept], phi[left_out])
+        error += ((predicted - target[left_out]) ** 2).sum(axis=1)
     best = error.argmin(axis=0) if inner > 1 else np.full(target.shape[1], len(ALPHAS) - 1)
     return ridge_path(phi, target, np.asarray(x[test], np.float64))[best, :, np.arange(len(best))].T
 
 
-def ridge_path(x: NDArray[np.float64], target: NDArray[np.float64], asked: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Ridge's predictions [alphas, m, k] for ``asked`` [m, d], fitted on ``x`` [n, d] and ``target`` [n, k]."""
+def ridge_path(x: NDArray[np.float64], target: NDArray[np.float64], new: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Ridge's predictions [alphas, m, k] for ``new`` [m, d], fitted on ``x`` [n, d] and ``target`` [n, k]."""
     middle, mean = x.mean(axis=0), target.mean(axis=0)
     around = x - middle
     values, vectors = np.linalg.eigh(around.T @ around)
     projected = vectors.T @ (around.T @ (target - mean))
     weights = projected / (np.maximum(values, 0.0)[:, None] + ALPHAS[:, None, None])
-    return ((asked - middle) @ vectors) @ weights + mean
+    return ((new - middle) @ vectors) @ weights + mean
 
 
 def predict_category(x: Any, rest: Any, test: Any, target: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -106,28 +106,26 @@ def predict_fold(
     """A network's predictions [len(test), k], trained on the rows ``rest``; nan for factors that are not there."""
     heads = [Head(pairs.factors[rest, k], column.is_category) for k, column in enumerate(pairs.columns)]
     size = sum(head.outputs for head in heads)
-    network = Embedding(
-        x.shape[1], WIDTH, size
-    )  # with a linear way beside the layers, so that it is no worse than ridge
+    network = Embedding(x.shape[1], WIDTH, size)  # its linear part makes it no worse than ridge
     draw_weights(network, rng)
     optimizer = torch.optim.AdamW(network.parameters(), LEARNING_RATE, weight_decay=DECAY)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, STEPS)
     seen = torch.from_numpy(x[rest])
     for _ in range(STEPS):
         rows = torch.randperm(len(seen), generator=rng)[:BATCH]
-        said = network(seen[rows]).split([head.outputs for head in heads], 1)
-        loss = sum((head.loss(part, rows) for head, part in zip(heads, said, strict=True)), torch.zeros(()))
+        predicted = network(seen[rows]).split([head.outputs for head in heads], 1)
+        loss = sum((head.loss(part, rows) for head, part in zip(heads, predicted, strict=True)), torch.zeros(()))
         optimizer.zero_grad()
         loss.backward()
         optimizer.step()
         schedule.step()
     with torch.no_grad():
-        said = network(torch.from_numpy(x[test])).split([head.outputs for head in heads], 1)
-    return np.stack([head.value(part) for head, part in zip(heads, said, strict=True)], axis=1)
+        predicted = network(torch.from_numpy(x[test])).split([head.outputs for head in heads], 1)
+    return np.stack([head.value(part) for head, part in zip(heads, predicted, strict=True)], axis=1)
 
 
 class Head:
-    """What a network says of one factor, and how wrong that is. ``z`` [n] is the factor in the training frames."""
+    """The outputs of a network for one factor, and their loss. ``z`` [n] is the factor in the training frames."""
 
     def __init__(self, z: NDArray[np.float64], is_category: bool) -> None:
         there = np.isfinite(z)
@@ -143,19 +141,19 @@ class Head:
             self.target = torch.from_numpy(np.where(there, (z - self.mean) / self.spread, 0.0).astype(np.float32))
             self.outputs = 1
 
-    def loss(self, said: Tensor, rows: Tensor) -> Tensor:
+    def loss(self, predicted: Tensor, rows: Tensor) -> Tensor:
         """Mean loss over the frames ``rows`` that have the factor, 0 if none has it."""
         there, target = self.there[rows], self.target[rows]
         if not there.any():
-            return said.sum() * 0.0
+            return predicted.sum() * 0.0
         if self.is_category:
-            return F.cross_entropy(said[there], target[there])
-        return F.mse_loss(said[there, 0], target[there])
+            return F.cross_entropy(predicted[there], target[there])
+        return F.mse_loss(predicted[there, 0], target[there])
 
-    def value(self, said: Tensor) -> NDArray[np.float64]:
+    def value(self, predicted: Tensor) -> NDArray[np.float64]:
         """The prediction [n]: a number, or the likeliest category."""
         if not self.known:
-            return np.full(len(said), np.nan)
+            return np.full(len(predicted), np.nan)
         if self.is_category:
-            return self.classes[said.argmax(1).numpy()].astype(np.float64)
-        return said[:, 0].numpy().astype(np.float64) * self.spread + self.mean
+            return self.classes[predicted.argmax(1).numpy()].astype(np.float64)
+        return predicted[:, 0].numpy().astype(np.float64) * self.spread + self.mean

@@ -19,11 +19,11 @@ from analysis.probes.factors import probe_factors
 from analysis.probes.information import Bound, estimate_bounds, mine_of_2022
 from analysis.probes.pairs import Frames, Pairs, standardised
 from analysis.stats.estimate import mean_of_replicates
-from experiments.evaluation.evaluator import shape_in
+from experiments.algorithms.learner import Policy
+from experiments.evaluation.evaluator import new_policy, shape_in
 from experiments.evaluation.probing import IDENTITY, KSG, ON_BOTH, READOUTS, TRAINED, ProbeConfig
-from experiments.levels.builders import environment_options
+from experiments.networks.encoders import initialize
 from experiments.runs.run_folder import LEVELS_TRAIN, read_config
-from experiments.settings import import_object
 from segar.errors import SegarError
 from segar.levels import Levels
 
@@ -41,8 +41,8 @@ def probe_run(folder: Path | str, config: ProbeConfig | None = None, seed: int =
     same network before training; ``pixel PCA``, principal components of the observations; and ``shuffled``, phi of
     another episode, which must know nothing.
 
-    Where an episode is spoken of, it is a level on test levels: all that is said is about levels that were not fitted on.
-    On training levels, of which there may be one, episodes are divided: there, to know the level is to know its factors.
+    On test levels all frames of a level count as one episode, so that results are about levels that were not fitted on.
+    Training levels, of which there may be one, are divided by episodes: there, to know the level is to know its factors.
 
     Columns: ``run``, ``levels``, ``representation``, those of :func:`analysis.probes.factors.probe_factors`, where
     ``factor`` is "all" for the bounds, whose ``probe`` is e.g. "jsd" and whose ``quantity`` is "accuracy" (chance 0.5) or
@@ -59,9 +59,7 @@ def probe_run(folder: Path | str, config: ProbeConfig | None = None, seed: int =
         policy, frames = collect_run(
             folder, name, frames=config.frames, num_envs=config.num_envs, mode=config.mode, seed=seed
         )
-        if (
-            name == "test"
-        ):  # who has seen a level knows its static factors; training levels may be too few to be divided
+        if name == "test":  # to know a level is to know its static factors; training levels may be too few to divide
             frames = replace(frames, episode=frames.level)
             found = len(np.unique(frames.level))
             if found < TEST_LEVELS:
@@ -71,11 +69,11 @@ def probe_run(folder: Path | str, config: ProbeConfig | None = None, seed: int =
                 )
         seen[name] = frames, frames.pairs(policy.represent)
     tables = []
-    for kind, asked in config.representations.items():
+    for kind, wanted in config.representations.items():
         for name in seen if kind in ON_BOTH else ("test",):
-            rng = rng_of(seed, name, kind)  # what is asked of one changes nothing about another
+            rng = rng_of(seed, name, kind)  # so that no representation depends on which others are probed
             pairs = represent(kind, *seen[name], folder, rng)
-            tables.append(place(probe_pairs(pairs, rng, asked, config), folder, name, kind))
+            tables.append(place(probe_pairs(pairs, rng, wanted, config), folder, name, kind))
     if config.paper_replicates:
         tables += paper_rows(folder, seen, config, rng_of(seed, "paper"))
     return pd.concat([table for table in tables if len(table)], ignore_index=True)
@@ -86,21 +84,20 @@ def rng_of(seed: int, *names: str) -> np.random.Generator:
     return np.random.default_rng([seed, zlib.crc32(" ".join(names).encode())])
 
 
-def probe_pairs(pairs: Pairs, rng: np.random.Generator, asked: Sequence[str], config: ProbeConfig) -> pd.DataFrame:
-    """The rows of :func:`probe_run` that concern one representation; ``asked`` names bounds, readouts, and "ksg"."""
+def probe_pairs(pairs: Pairs, rng: np.random.Generator, wanted: Sequence[str], config: ProbeConfig) -> pd.DataFrame:
+    """The rows of :func:`probe_run` that concern one representation; ``wanted`` names bounds, readouts, and "ksg"."""
     settings = CriticSettings(steps=config.steps, batch=config.batch)
-    bounds = [name for name in get_args(Bound) if name in asked]
+    bounds = [name for name in get_args(Bound) if name in wanted]
     rows = []
     if bounds:
-        for bound, found in estimate_bounds(
-            pairs, rng, bounds, replicates=config.replicates, settings=settings
-        ).items():
+        estimates = estimate_bounds(pairs, rng, bounds, replicates=config.replicates, settings=settings)
+        for bound, found in estimates.items():
             for quantity, one in zip(("accuracy", "information"), found, strict=True):
                 rows.append({"factor": "all", "probe": bound, "quantity": quantity, "frames": len(pairs)} | asdict(one))
     tables = [pd.DataFrame(rows)] if rows else []
-    readouts = [name for name in READOUTS if name in asked]
+    readouts = [name for name in READOUTS if name in wanted]
     if readouts:
-        tables.append(probe_factors(pairs, rng, probes=readouts, nearest=KSG in asked))
+        tables.append(probe_factors(pairs, rng, probes=readouts, nearest=KSG in wanted))
     return pd.concat([table.astype(object) for table in tables], ignore_index=True).infer_objects()
 
 
@@ -119,14 +116,10 @@ def represent(kind: str, frames: Frames, trained: Pairs, folder: Path, rng: np.r
     raise SegarError(f"representation '{kind}' is unknown")
 
 
-def untrained(folder: Path, rng: np.random.Generator) -> Any:
+def untrained(folder: Path, rng: np.random.Generator) -> Policy:
     """The network of a run with fresh weights."""
-    from experiments.networks.encoders import initialize
-
     config = read_config(folder)
-    learner = import_object(config.algorithm.learner, "algorithm")
-    shape = shape_in(Levels.load(folder / LEVELS_TRAIN), config)
-    policy = learner.make_policy(config.algorithm, shape, len(environment_options(config)["task"].action_low))
+    policy = new_policy(config, shape_in(Levels.load(folder / LEVELS_TRAIN), config))
     draw = getattr(policy, "initialize", None) or (lambda generator: initialize(policy, generator))
     draw(torch.Generator().manual_seed(int(rng.integers(2**31))))
     return policy
@@ -167,8 +160,8 @@ def shuffled(pairs: Pairs, rng: np.random.Generator) -> Pairs:
     order = rng.permutation(len(names))
     rows_of = [np.flatnonzero(pairs.episode == name) for name in names]
     source = np.empty(len(pairs), np.int64)
-    for mine, theirs in zip(order, np.roll(order, 1), strict=True):
-        rows, others = rows_of[mine], rows_of[theirs]
+    for episode, other in zip(order, np.roll(order, 1), strict=True):
+        rows, others = rows_of[episode], rows_of[other]
         source[rows] = others[rng.integers(len(others), size=len(rows))]
     return pairs.with_representation(pairs.representation[source])
 

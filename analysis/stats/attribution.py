@@ -18,7 +18,7 @@ from scipy import stats
 from analysis.stats.association import require
 from analysis.stats.estimate import Estimate, mean_of_replicates
 from analysis.tables import column
-from experiments.levels.mixed_levels import REST, Groups, hybrid_levels
+from experiments.levels.mixed_levels import REST, Groups, mixed_levels
 from segar.errors import SegarError
 from segar.levels import Levels
 
@@ -71,7 +71,7 @@ def play_design(
     first, second = train[i], test[j]
     parts = []
     for chosen in design.to_dict("records"):
-        value = np.asarray(play(hybrid_levels(first, second, groups, chosen)), np.float64)
+        value = np.asarray(play(mixed_levels(first, second, groups, chosen)), np.float64)
         part = {"pair": np.arange(pairs), "train_level": i, "test_level": j}
         parts.append(pd.DataFrame(part | {str(name): int(bit) for name, bit in chosen.items()} | {"value": value}))
     return pd.concat(parts, ignore_index=True)

@@ -16,7 +16,7 @@ import pandas as pd
 
 from analysis.tables import write_csv
 from experiments.evaluation.baselines import IdleAgent
-from experiments.evaluation.episodes import play
+from experiments.evaluation.episodes import play_episodes
 from segar.hardness import hardness
 from segar.levels import DIFFICULTIES, family
 
@@ -39,7 +39,7 @@ def players(kind: str, difficulty: str, count: int) -> list[dict[str, Any]]:
     """One row per player on ``count`` test levels of a panel."""
     levels = family(f"{kind}-{difficulty}").sample(count, seed=0, split="test")
     found = hardness(levels, rng=np.random.default_rng(0), plays=PLAYS, samples=SAMPLES, iterations=ITERATIONS)
-    idle = play(IdleAgent(), levels, np.arange(count), {}, rng=None, seed=0)
+    idle = play_episodes(IdleAgent(), levels, np.arange(count), {}, rng=None, seed=0)
     episodes = {
         "idle": ([r["return"] for r in idle], [r["success"] for r in idle]),
         "random": (found.random_return, found.random_success),

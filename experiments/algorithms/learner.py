@@ -52,7 +52,7 @@ class Learner(Protocol):
         ...
 
     def iterate(self) -> Mapping[str, float]:
-        """Collects and learns once; returns figures to log, among them those that :func:`episode_figures` makes."""
+        """Collects and learns once; returns figures to log, among them means over ended episodes, e.g. ``episode/return``."""
         ...
 
     def state_dict(self) -> dict[str, Any]:

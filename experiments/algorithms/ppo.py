@@ -289,20 +289,6 @@ def make_batch(config: PPOConfig, rollout: Rollout, reward: Tensor) -> TensorDic
     return TensorDict(entries, rollout.reward.shape[:2])
 
 
-def episode_figures(ended: list[Any]) -> dict[str, float]:
-    """Means over the episodes that ended: return, length, success, death; and how many they were."""
-    if not ended:
-        return {"episode/count": 0.0}
-    masks = [after.get("done") for after in ended]
-    means = {
-        f"episode/{key}": float(
-            torch.cat([after.get(key)[m] for after, m in zip(ended, masks, strict=True)]).double().mean()
-        )
-        for key in ("return", "length", "success", "death")
-    }
-    return {**means, "episode/count": float(sum(int(m.sum()) for m in masks))}
-
-
 def check_finite(figures: Mapping[str, float], frames: int) -> None:
     """Raises :class:`TrainingError` that names the first figure that is not finite."""
     for name, value in figures.items():

@@ -1,7 +1,8 @@
-"""What scores are measured between: agents that know nothing, and one that knows everything.
+"""Baselines of returns: a random agent, an idle one, the scripted player, and the oracle, which knows the levels.
 
-0 is what a uniformly random agent gets on the same levels, 1 what the planner of :mod:`segar.hardness` finds. An agent
-that does nothing can be below 0, and one can be above 1 only by luck: the planner's way is the best that was found.
+A normalised score is 0 where an agent's return is that of the uniformly random agent on the same levels, and 1 where it
+is that of the planner of :mod:`segar.hardness`. The score of an idle agent can lie below 0. A score above 1 is possible,
+because the planner's plan is only the best one that was found.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ SAMPLES, ITERATIONS = 64, 5  # of the search, per level
 
 
 @dataclass(frozen=True)
-class Anchors:
+class Baselines:
     """Mean full returns on a level set: of a uniformly random agent, and of the oracle."""
 
     random: float
@@ -43,7 +44,7 @@ def normalised_score(value: Any, random: float, oracle: float) -> Any:
     return (np.asarray(value, float) - random) / (span if span > 0 else np.nan)
 
 
-def find_anchors(
+def find_baselines(
     levels: Levels,
     task: Task | None = None,
     *,
@@ -52,8 +53,8 @@ def find_anchors(
     samples: int = SAMPLES,
     iterations: int = ITERATIONS,
     num_threads: int = 1,
-) -> Anchors:
-    """The anchors of a level set, each level counted equally; about 0.1 s per level.
+) -> Baselines:
+    """The baselines of a level set, each level counted equally; about 0.1 s per level.
 
     Args:
         task: what is played; the task of the levels where it is None.
@@ -65,10 +66,10 @@ def find_anchors(
         SegarError: plays, samples or iterations are too few, or the levels do not fit the task.
     """
     if plays < 1:
-        raise SegarError(f"anchors need at least 1 random play per level, not {plays}")
+        raise SegarError(f"baselines need at least 1 random play per level, not {plays}")
     _, returns = random_episodes(make_starts(levels, task, num_threads=num_threads), plays, rng)
     oracle = plan(levels, task, rng=rng, samples=samples, iterations=iterations, num_threads=num_threads)
-    return Anchors(random=float(returns.mean()), oracle=float(oracle.returns.mean()))
+    return Baselines(random=float(returns.mean()), oracle=float(oracle.returns.mean()))
 
 
 class RandomAgent:

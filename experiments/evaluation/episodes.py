@@ -2,50 +2,78 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
 import torch
 
-from experiments.collection.collector import action_size
 from experiments.levels.builders import environment_options
 from experiments.networks.encoders import successive
 from experiments.runs.run_folder import RESULTS
 from experiments.settings import ACTION_MODES, RunConfig
-from segar.envs import VectorEnv
+from segar.envs import Act, TimeStep, VectorEnv, play
+from segar.levels import Levels
+from segar.metrics import coverage, effective_number, ks, sample_entropy, w2
 
 BATCH = 512  # episodes that are played at once
 QUANTITIES = ("return", "return_ref", "length", "success", "death")
 
 
-class Player(Protocol):
-    """Whoever acts: a policy, see :class:`experiments.algorithms.learner.Policy`, or an agent of :mod:`experiments.evaluation.baselines`."""
+class Agent(Protocol):
+    """What acts: a :class:`experiments.algorithms.learner.Policy`, or an agent of :mod:`experiments.evaluation.baselines`.
+
+    An agent that remembers, or that reads more than observations, has a method ``begin(env)``, too. It is called when
+    the episodes of a batch start, and ``act`` is then always given the observations of all environments.
+    """
 
     def act(self, observation: np.ndarray, *, rng: torch.Generator | None) -> np.ndarray:
         """Actions float32 [n, 2] for observations [n, ...]; sampled with ``rng``, deterministic where it is None."""
         ...
 
 
-def evaluate_run(policy: Player, config: RunConfig, train: Any, test: Any) -> list[dict[str, Any]]:
+def evaluate_run(policy: Agent, config: RunConfig, train: Levels, test: Levels) -> list[dict[str, Any]]:
     """Episodes on all training levels (each equally often, ``evaluation.episodes`` in all at least) and on each test
     level once, with deterministic and with sampled actions; rows as in ``run_folder.EPISODE_SCHEMA``."""
+    options, seed = environment_options(config), config.evaluation.seed
     rounds = -(-config.evaluation.episodes // len(train))
+    return [
+        *play_in_modes(policy, "train", train, options, seed, rounds=rounds),
+        *play_in_modes(policy, "test", test, options, seed),
+    ]
+
+
+def play_in_modes(
+    policy: Agent,
+    name: str,
+    levels: Levels,
+    env_options: Mapping[str, Any],
+    seed: int,
+    modes: Iterable[str] = ACTION_MODES,
+    rounds: int = 1,
+) -> list[dict[str, Any]]:
+    """``rounds`` episodes on each level in each action mode; rows as in ``run_folder.EPISODE_SCHEMA``.
+
+    Args:
+        name: what the column ``levels`` says.
+        seed: of the environments, and of the sampled actions.
+    """
     rows = []
-    for name, levels, indices in (
-        ("train", train, np.tile(np.arange(len(train)), rounds)),
-        ("test", test, np.arange(len(test))),
-    ):
-        for mode in ACTION_MODES:
-            rng = torch.Generator().manual_seed(config.evaluation.seed) if mode == "sampled" else None
-            episodes = play(policy, levels, indices, environment_options(config), rng=rng, seed=config.evaluation.seed)
-            rows.extend({"levels": name, "action_mode": mode, **episode} for episode in episodes)
+    for mode in modes:
+        indices, rng = np.tile(np.arange(len(levels)), rounds), action_rng(mode, seed)
+        episodes = play_episodes(policy, levels, indices, env_options, rng=rng, seed=seed)
+        rows += [{"levels": name, "action_mode": mode, **episode} for episode in episodes]
     return rows
 
 
-def play(
-    policy: Player,
-    levels: Any,
+def action_rng(mode: str, seed: int) -> torch.Generator | None:
+    """The source of the actions of a mode: a generator for "sampled", None for "deterministic"."""
+    return torch.Generator().manual_seed(seed) if mode == "sampled" else None
+
+
+def play_episodes(
+    policy: Agent,
+    levels: Levels,
     indices: np.ndarray,
     env_options: Mapping[str, Any],
     *,
@@ -59,47 +87,54 @@ def play(
         seed: of the environments, for tasks whose physics is random.
     """
     rows: list[dict[str, Any]] = []
-    for start in range(0, len(indices), BATCH):
-        rows.extend(_play_batch(policy, levels, indices[start : start + BATCH], env_options, rng, seed + start))
+    for first in range(0, len(indices), BATCH):
+        batch = indices[first : first + BATCH]
+        env = VectorEnv(levels, len(batch), seed=seed + first, **env_options)
+        start = env.reset(seed=seed + first, options={"levels": batch})
+        found: dict[int, dict[str, Any]] = {}
+        with successive(policy):
+            for now in play(env, actions_of(policy, env, rng), start):
+                found |= _ended_episodes(now)
+        env.close()
+        rows += [found[i] for i in range(len(batch))]
     return rows
 
 
-def _play_batch(policy, levels, indices, env_options, rng, seed) -> list[dict[str, Any]]:
-    env = VectorEnv(levels, len(indices), seed=seed, **env_options)
-    rows: list[dict[str, Any] | None] = [None] * len(indices)
-    observation, _ = env.reset(seed=seed, options={"levels": indices})
-    acts_for_all = hasattr(policy, "begin") or not isinstance(observation, np.ndarray)  # it remembers, or looks at env
-    if hasattr(policy, "begin"):
-        policy.begin(env)
-    actions = np.zeros((len(indices), action_size(env)), np.float32)
-    with successive(policy):
-        while None in rows:
-            # An environment whose episode is over starts another one, in which nobody acts and which nobody records.
-            playing = np.array([row is None for row in rows])
-            if acts_for_all or playing.all():
-                actions[:] = policy.act(observation, rng=rng)
-            else:
-                actions[playing] = policy.act(observation[playing], rng=rng)
-            observation, reward, terminated, truncated, info = env.step(actions)
-            new = [i for i in np.flatnonzero(terminated | truncated).tolist() if rows[i] is None]
-            if new:
-                final = info["final_info"]
-                said = {f"{RESULTS}{name}": np.asarray(values) for name, values in final["results"].items()}
-                for i in new:
-                    rows[i] = _row(final, i, reward[i]) | {name: values[i].tolist() for name, values in said.items()}
-    env.close()
-    return [row for row in rows if row is not None]
+def actions_of(policy: Agent, env: VectorEnv, rng: torch.Generator | None) -> Act:
+    """What :func:`segar.envs.play` asks for actions: the policy's where episodes go on, and zeros elsewhere."""
+    has_begin = hasattr(policy, "begin")
+
+    def act(now: TimeStep) -> np.ndarray:
+        if has_begin and now.time == 0:
+            policy.begin(env)  # type: ignore[attr-defined]
+        if has_begin or now.running.all() or not isinstance(now.observation, np.ndarray):
+            return policy.act(now.observation, rng=rng)
+        chosen = policy.act(now.observation[now.running], rng=rng)
+        actions = np.zeros((len(now.running), *chosen.shape[1:]), chosen.dtype)
+        actions[now.running] = chosen
+        return actions
+
+    return act
 
 
-def _row(final: Mapping[str, Any], i: int, last_reward: float) -> dict[str, Any]:
-    total = float(final["return"][i])
+def _ended_episodes(now: TimeStep) -> dict[int, dict[str, Any]]:
+    """The rows of the episodes that end in this step, by environment."""
+    ended = np.flatnonzero(now.ended).tolist()
+    if not ended:
+        return {}
+    final = now.info["final_info"]
+    results = {f"{RESULTS}{name}": np.asarray(values) for name, values in final["results"].items()}
     return {
-        "level": int(final["level"][i]),
-        "return": total,
-        "return_ref": total - float(last_reward),
-        "length": int(final["length"][i]),
-        "success": bool(final["success"][i]),
-        "death": bool(final["death"][i]),
+        i: {
+            "level": int(final["level"][i]),
+            "return": float(final["return"][i]),
+            "return_ref": float(final["return"][i]) - float(now.reward[i]),
+            "length": int(final["length"][i]),
+            "success": bool(final["success"][i]),
+            "death": bool(final["death"][i]),
+            **{name: values[i].tolist() for name, values in results.items()},
+        }
+        for i in ended
     }
 
 
@@ -125,28 +160,24 @@ def evaluation_figures(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     return figures
 
 
-def distance_figures(train: Any, test: Any, modes: Sequence[Any]) -> dict[str, float]:
+def distance_figures(train: Levels, test: Levels, modes: Sequence[Any]) -> dict[str, float]:
     """How far test levels are from training levels: Wasserstein-2 in each mode, e.g. ``w2/exact``, and ``ks``, the
     Kolmogorov-Smirnov statistic of all factors together."""
-    from segar.metrics import ks, w2
-
     return {**{f"w2/{mode}": float(w2(train, test, mode=mode)) for mode in modes}, "ks": float(ks(train, test))}
 
 
-def diversity_figures(train: Any, test: Any) -> dict[str, float]:
+def diversity_figures(train: Levels, test: Levels) -> dict[str, float]:
     """How diverse training levels are, as ``diversity/<what>``.
 
-    ``effective_number``: how many levels without any likeness they are worth. ``entropy``: of their law, in nats, factor
-    by factor, from the share of values that ``entropy_left_out`` does not count. ``radius``: how far the worst served
-    test level is from the nearest of them, in standard deviations.
+    ``effective_number``: the number of levels without any likeness that they are worth. ``entropy``: of their
+    distribution, in nats, factor by factor, from the share of values that ``entropy_left_out`` does not count.
+    ``radius``: the largest distance of a test level from the nearest training level, in standard deviations.
     """
-    from segar.metrics import coverage, effective_number, sample_entropy
-
     entropy = sample_entropy(train, "mean_field")
-    found = {
+    figures = {
         "effective_number": effective_number(train),
         "entropy": entropy.value,
         "entropy_left_out": entropy.left_out,
         "radius": coverage(train, test).radius,
     }
-    return {f"diversity/{name}": float(value) for name, value in found.items()}
+    return {f"diversity/{name}": float(value) for name, value in figures.items()}

@@ -1,4 +1,4 @@
-"""A trained agent on any levels: what it achieves there, between chance and the oracle, and how that looks."""
+"""A trained agent on any levels: what it achieves there beside a random agent and the oracle, and videos of it."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 
 from experiments.algorithms.checkpoint import load_newest_policy
+from experiments.algorithms.learner import Policy
 from experiments.collection.collector import observation_shape
 from experiments.commands import process_defaults as runtime
-from experiments.evaluation.baselines import Anchors, IdleAgent, find_anchors
-from experiments.evaluation.episodes import QUANTITIES, play
-from experiments.evaluation.videos import film
+from experiments.evaluation.baselines import Baselines, IdleAgent, find_baselines
+from experiments.evaluation.episodes import QUANTITIES, Agent, action_rng, play_episodes, play_in_modes
+from experiments.evaluation.videos import record_video
 from experiments.levels.builders import distribution_of, environment_options, find_distribution
 from experiments.runs.run_folder import (
     EPISODE_SCHEMA,
@@ -41,7 +41,7 @@ OWN = {"train": LEVELS_TRAIN, "test": LEVELS_TEST}  # the run's own level sets
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What came of it: one row per episode, the figures of each player, and where it lies."""
+    """The results: one row per episode, the figures of each player, and the folder that holds them."""
 
     episodes: Sequence[Mapping[str, Any]]
     summary: Mapping[str, Any]
@@ -49,7 +49,7 @@ class Evaluation:
 
 
 def evaluate(config: EvaluateConfig, say: Callable[[str], None] = print) -> Evaluation:
-    """Plays the levels, writes what comes of it, and prints a table.
+    """Plays the levels, writes the results, and prints a table.
 
     Raises:
         SegarError: there is no such run or level set, or the agent cannot observe these levels; the message says why.
@@ -61,18 +61,18 @@ def evaluate(config: EvaluateConfig, say: Callable[[str], None] = print) -> Eval
     policy, frames = load_agent(folder, trained, levels, say)
     options = environment_options(trained)
     rows = play_levels(policy, levels, options, config)
-    anchors = find_anchors(
+    baselines = find_baselines(
         levels, options["task"], rng=np.random.default_rng(config.seed), num_threads=config.num_threads
     ) if config.scores else None  # fmt: skip
-    idle = play(IdleAgent(), levels, np.arange(len(levels)), options, rng=None, seed=config.seed)
-    players = {mode: figures([row for row in rows if row["action_mode"] == mode], anchors) for mode in config.modes}
-    players["no-op"] = figures(idle, anchors)
+    idle = play_episodes(IdleAgent(), levels, np.arange(len(levels)), options, rng=None, seed=config.seed)
+    players = {mode: figures([row for row in rows if row["action_mode"] == mode], baselines) for mode in config.modes}
+    players["no-op"] = figures(idle, baselines)
     summary = {"run": str(folder), "frames": frames, "levels": origin(config, levels), "players": players}
-    if anchors is not None:
-        summary["anchors"] = {"random": anchors.random, "oracle": anchors.oracle}
+    if baselines is not None:
+        summary["anchors"] = dataclasses.asdict(baselines)  # the name that readers of 0.1's files know
     out = Path(config.out).expanduser().resolve() if config.out else folder / EVALUATIONS / label(config, levels)
     write(out, levels, rows, summary)
-    say(as_table(f"{folder.name} after {frames:,} frames, on {described(config, levels)}:", players, anchors))
+    say(as_table(f"{folder.name} after {frames:,} frames, on {described(config, levels)}:", players, baselines))
     if config.videos != "none":
         say(make_videos(out, config, policy, levels, options, rows))
     say(f"results: {out}")
@@ -98,7 +98,7 @@ def find_levels(config: EvaluateConfig, folder: Path, trained: RunConfig) -> Lev
     return levels if config.n is None else levels[: config.n]
 
 
-def load_agent(folder: Path, trained: RunConfig, levels: Levels, say: Callable[[str], None]) -> tuple[Any, int]:
+def load_agent(folder: Path, trained: RunConfig, levels: Levels, say: Callable[[str], None]) -> tuple[Policy, int]:
     """The run's policy for these levels, and the frames that it was trained for.
 
     Raises:
@@ -113,9 +113,16 @@ def load_agent(folder: Path, trained: RunConfig, levels: Levels, say: Callable[[
             f"'{trained.observation.name}' gives {shape}. A state vector depends on the entities that there can be; an agent "
             "that sees pixels can play all levels"
         )
-    learner = import_object(trained.algorithm.learner, "algorithm")
-    policy = learner.make_policy(trained.algorithm, shape, len(environment_options(trained)["task"].action_low))
+    policy = new_policy(trained, shape)
     return policy, load_newest_policy(folder, policy, say)
+
+
+def new_policy(trained: RunConfig, observation_shape: tuple[int, ...]) -> Any:
+    """The run's policy, a :class:`experiments.algorithms.learner.Policy` and ``nn.Module``, without its weights."""
+    learner = import_object(trained.algorithm.learner, "algorithm")
+    return learner.make_policy(
+        trained.algorithm, observation_shape, len(environment_options(trained)["task"].action_low)
+    )
 
 
 def shape_in(levels: Levels, trained: RunConfig) -> tuple[int, ...]:
@@ -126,30 +133,33 @@ def shape_in(levels: Levels, trained: RunConfig) -> tuple[int, ...]:
 
 
 def play_levels(
-    policy: Any, levels: Levels, options: Mapping[str, Any], config: EvaluateConfig
+    policy: Agent, levels: Levels, options: Mapping[str, Any], config: EvaluateConfig
 ) -> list[dict[str, Any]]:
     """One episode on each level by the deterministic policy, ``config.episodes`` by the sampled one; rows as in
     ``run_folder.EPISODE_SCHEMA``, with ``config.levels`` as the name of the level set."""
-    rows = []
-    for mode in config.modes:
-        sampled = mode == "sampled"
-        indices = np.tile(np.arange(len(levels)), config.episodes if sampled else 1)
-        rng = torch.Generator().manual_seed(config.seed) if sampled else None
-        episodes = play(policy, levels, indices, options, rng=rng, seed=config.seed)
-        rows += [{"levels": config.levels, "action_mode": mode, **episode} for episode in episodes]
-    return rows
+    rounds = {"deterministic": 1, "sampled": config.episodes}
+    return [
+        row
+        for mode in config.modes
+        for row in play_in_modes(policy, config.levels, levels, options, config.seed, (mode,), rounds[mode])
+    ]
 
 
-def figures(rows: Sequence[Mapping[str, Any]], anchors: Anchors | None) -> dict[str, float]:
+def figures(rows: Sequence[Mapping[str, Any]], baselines: Baselines | None) -> dict[str, float]:
     """Means over episodes, the standard error of the mean return over levels, and the normalised score."""
     means = {name: float(np.mean([row[name] for row in rows])) for name in QUANTITIES}
-    by_level: dict[int, list[float]] = {}
-    for row in rows:
-        by_level.setdefault(row["level"], []).append(row["return"])
-    of_levels = [np.mean(returns) for returns in by_level.values()]
+    of_levels = list(mean_returns(rows).values())
     error = float(np.std(of_levels, ddof=1) / np.sqrt(len(of_levels))) if len(of_levels) > 1 else float("nan")
-    score = {} if anchors is None else {"score": float(anchors.normalised(means["return"]))}
+    score = {} if baselines is None else {"score": float(baselines.normalised(means["return"]))}
     return {**means, "return_error": error, **score}
+
+
+def mean_returns(rows: Sequence[Mapping[str, Any]]) -> dict[int, float]:
+    """The mean return on each level, by index of the level."""
+    returns: dict[int, list[float]] = {}
+    for row in rows:
+        returns.setdefault(row["level"], []).append(row["return"])
+    return {level: float(np.mean(values)) for level, values in returns.items()}
 
 
 def write(out: Path, levels: Levels, rows: Sequence[Mapping[str, Any]], summary: Mapping[str, Any]) -> None:
@@ -166,31 +176,26 @@ def write(out: Path, levels: Levels, rows: Sequence[Mapping[str, Any]], summary:
 def make_videos(
     out: Path,
     config: EvaluateConfig,
-    policy: Any,
+    policy: Agent,
     levels: Levels,
     options: Mapping[str, Any],
     rows: Sequence[Mapping[str, Any]],
 ) -> str:
-    """Films the best, the median and the worst level; returns what to say of that."""
+    """Records videos of the best, the median and the worst level; returns lines that name them."""
     mode = config.modes[0]
     chosen = choose_levels([row for row in rows if row["action_mode"] == mode])
     lines = []
     for name, (level, value) in chosen.items():
         path = out / f"{name}.{config.videos}"
-        rng = torch.Generator().manual_seed(config.seed) if mode == "sampled" else None
-        film(path, policy, levels, level, options, rng=rng, seed=config.seed)
+        record_video(path, policy, levels, level, options, rng=action_rng(mode, config.seed), seed=config.seed)
         lines.append(f"  {path.name:<11} level {level}, return {value:.2f}")
     return "\n".join([f"videos, {mode} actions:", *lines])
 
 
 def choose_levels(rows: Sequence[Mapping[str, Any]]) -> dict[str, tuple[int, float]]:
     """Of the best, the median and the worst level: its index and its mean return."""
-    returns: dict[int, list[float]] = {}
-    for row in rows:
-        returns.setdefault(row["level"], []).append(row["return"])
-    ranked = sorted(((float(np.mean(values)), level) for level, values in returns.items()), key=lambda pair: pair[0])
-    places = {"best": len(ranked) - 1, "median": len(ranked) // 2, "worst": 0}
-    return {name: (ranked[place][1], ranked[place][0]) for name, place in places.items()}
+    ranked = sorted(mean_returns(rows).items(), key=lambda pair: pair[1])
+    return {"best": ranked[-1], "median": ranked[len(ranked) // 2], "worst": ranked[0]}
 
 
 def origin(config: EvaluateConfig, levels: Levels) -> dict[str, Any]:
@@ -223,11 +228,12 @@ def described(config: EvaluateConfig, levels: Levels) -> str:
     return f"{len(levels)} levels of {config.levels}{more}"
 
 
-def as_table(title: str, players: Mapping[str, Mapping[str, float]], anchors: Anchors | None) -> str:
+def as_table(title: str, players: Mapping[str, Mapping[str, float]], baselines: Baselines | None) -> str:
     """One line per player: mean return and its error, success, death, score."""
-    shown = ("return", "return_error", "success", "death", *(("score",) if anchors is not None else ()))
+    shown = ("return", "return_error", "success", "death", *(("score",) if baselines is not None else ()))
     rows = [[name, *(player[key] for key in shown)] for name, player in players.items()]
-    if anchors is not None:
-        rows += [["random", anchors.random, None, None, None, 0.0], ["oracle", anchors.oracle, None, None, None, 1.0]]
+    if baselines is not None:
+        ends = {"random": (baselines.random, 0.0), "oracle": (baselines.oracle, 1.0)}
+        rows += [[name, value, None, None, None, score] for name, (value, score) in ends.items()]
     head = ["", "return", "± error", *shown[2:]]
     return f"{title}\n{table(head, rows)}"

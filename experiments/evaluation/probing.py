@@ -1,7 +1,7 @@
-"""Probes of finished runs: what is asked about their representations, and ``probes.parquet``, where the answers lie.
+"""Probes of finished runs: what they measure of a representation, and ``probes.parquet``, which holds the results.
 
-What probes are is a matter of ``analysis.probes``, which is imported by name and only where a run is probed: what trains
-does not depend on it.
+The code that probes is a plug-in: the entry point ``default`` of the group ``segar.probes``, a function of the run folder
+and a :class:`ProbeConfig` that returns a ``pandas.DataFrame``. It is loaded only where a run is probed.
 """
 
 from __future__ import annotations
@@ -11,6 +11,8 @@ import json
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache, partial
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any
 
@@ -38,17 +40,16 @@ from experiments.settings import (
     TrackingError,
     as_data,
     construct,
-    import_object,
     require,
     require_known,
 )
 from experiments.tracking.mlflow_sync import Delivery, files_of, read_mark
 from segar.errors import SegarError
 
-PROBER = "analysis.probes.table:probe_run"  # (run folder, ProbeConfig) -> pandas.DataFrame
-ABOUT = b"segar"  # in the file's metadata: what was asked, by which code, and how long it took
+PLUGINS, PLUGIN = "segar.probes", "default"  # group and name of the entry point
+ABOUT = b"segar"  # key of the file's metadata: the settings ("asked"), the fingerprint of the code, the seconds
 TRAINED, IDENTITY = "trained", "identity"
-ON_BOTH = (TRAINED, IDENTITY)  # are probed on training and test levels, the others on test levels
+ON_BOTH = (TRAINED, IDENTITY)  # are probed on training and test levels, the others on test levels only
 BOUNDS, READOUTS, KSG = ("jsd", "infonce", "smile"), ("ridge", "mlp"), "ksg"
 REPRESENTATIONS = (TRAINED, "random encoder", "pixel PCA", IDENTITY, "shuffled")
 EVERYTHING = (*BOUNDS, *READOUTS, KSG)
@@ -60,7 +61,7 @@ SECONDS = {"ridge": 0.4, "mlp": 2.6, "ksg": 0.3, "paper": 1.2}
 
 @dataclass(frozen=True)
 class ProbeConfig:
-    """What is asked about a run. The defaults ask everything, which takes minutes."""
+    """What the probes of a run measure. The defaults measure everything, which takes minutes."""
 
     frames: int = 5000  # of training levels, and as many of test levels
     num_envs: int = 128  # episodes that are played at once; ksg needs 100
@@ -70,7 +71,7 @@ class ProbeConfig:
     batch: int = 128
     paper_frames: int = 1000  # for the accuracy as in 2022, which had ten episodes of at most 101
     paper_replicates: int = 5  # of that; 0: none
-    # What is asked of each representation: bounds, readouts, and ksg, which belongs to the readouts.
+    # The probes of each representation: bounds, readouts, and ksg, which belongs to the readouts.
     representations: Mapping[str, Sequence[str]] = field(
         default_factory=lambda: dict.fromkeys(REPRESENTATIONS, EVERYTHING)
     )
@@ -82,11 +83,13 @@ class ProbeConfig:
         require(self.paper_frames >= 64, "paper_frames", self.paper_frames, "at least 64, one batch")
         require(self.paper_replicates >= 0, "paper_replicates", self.paper_replicates, "0 or more")
         require_known("mode", self.mode, ACTION_MODES)
-        for name, asked in self.representations.items():
+        for name, probes in self.representations.items():
             require_known("representations", name, REPRESENTATIONS)
-            require(not isinstance(asked, str), f"representations.{name}", asked, f"a list of {', '.join(EVERYTHING)}")
-            for one in asked:
-                require_known(f"representations.{name}", one, EVERYTHING)
+            require(
+                not isinstance(probes, str), f"representations.{name}", probes, f"a list of {', '.join(EVERYTHING)}"
+            )
+            for probe in probes:
+                require_known(f"representations.{name}", probe, EVERYTHING)
 
 
 def probe_settings(data: Mapping[str, Any], place: str) -> ProbeConfig:
@@ -98,34 +101,38 @@ def probe_settings(data: Mapping[str, Any], place: str) -> ProbeConfig:
 
 
 def assumed_seconds(config: ProbeConfig, speed: float) -> float:
-    """How long one thread may take for a run whose agent makes ``speed`` frames per second in training."""
+    """How long one thread may take [s] for a run whose agent makes ``speed`` frames per second in training."""
     seconds = 2 * config.frames / speed + SECONDS["paper"] * config.paper_replicates
-    for name, asked in config.representations.items():
+    for name, probes in config.representations.items():
         sets = 2 if name in ON_BOTH else 1
-        objectives = ("infonce" in asked) + bool({"jsd", "smile"} & {*asked})
+        objectives = ("infonce" in probes) + bool({"jsd", "smile"} & {*probes})
         steps = 2 * config.replicates * config.steps * config.batch  # 2 folds
-        readouts = sum(SECONDS[one] for one in asked if one in SECONDS) * config.frames / ProbeConfig.frames
+        readouts = sum(SECONDS[probe] for probe in probes if probe in SECONDS) * config.frames / ProbeConfig.frames
         seconds += sets * (objectives * steps * SECONDS_PER_SAMPLE + readouts)
     return seconds
 
 
 def is_probed(run: RunConfig, config: ProbeConfig) -> bool:
-    """Whether this was asked about the run by the probes as they are now."""
+    """Whether the run's folder holds what the installed probes measure with these settings."""
     about = read_about(folder_path(run))
     return about is not None and about["asked"] == as_data(config) and about["code"] == code_of_probes()
 
 
-def probe_finished(run: RunConfig, config: ProbeConfig, say: Callable[[str], None] | None = None) -> dict[str, float]:
-    """Probes a finished run: writes ``probes.parquet``, adds to the run's figures, tells MLflow; returns the figures.
+print_at_once = partial(print, flush=True)  # so that logs can be read while they are written
+
+
+def probe_finished(run: RunConfig, config: ProbeConfig, say: Callable[[str], None] = print_at_once) -> dict[str, float]:
+    """Probes a finished run: writes ``probes.parquet``, adds to the run's figures, sends these to MLflow; returns them.
 
     Raises:
-        RunFolderError: it cannot be probed; the message says which run, why, and what to do.
+        ConfigError: no probes are installed.
+        RunFolderError: the run cannot be probed; the message says which run, why, and what to do.
     """
-    folder, say = folder_path(run), say or say_at_once
+    folder, probe = folder_path(run), find_probes().load()
     say(f"{run.label()}: probes")
     began = time.perf_counter()
     try:
-        table = pa.Table.from_pandas(import_object(PROBER, "probes")(folder, config), preserve_index=False)
+        table = pa.Table.from_pandas(probe(folder, config), preserve_index=False)
     except SegarError as error:
         raise RunFolderError(
             f"the probes of {run.label()} failed: {error}. The run is kept, and the same command probes it again; "
@@ -138,31 +145,39 @@ def probe_finished(run: RunConfig, config: ProbeConfig, say: Callable[[str], Non
         add_figures(folder, figures, took)
         with replacing(folder / PROBES) as beside:  # last: it is there if and only if the figures are
             pq.write_table(table.replace_schema_metadata({ABOUT: json.dumps(about).encode()}), beside)
-        tell(run, folder, say)
+        send_to_tracker(run, folder, say)
     say(f"{run.label()}: probed in {took:.1f} s, accuracy {figures.get(PREFIX + 'accuracy/test', float('nan')):.3f}")
     return figures
 
 
-def say_at_once(message: str) -> None:
-    """Prints; logs are looked at while they are written."""
-    print(message, flush=True)
+@cache
+def find_probes() -> EntryPoint:
+    """The plug-in that probes; raises :class:`ConfigError` if none is installed."""
+    found = entry_points(group=PLUGINS, name=PLUGIN)
+    if not found:
+        raise ConfigError(
+            f"no probes are installed: no package has an entry point '{PLUGIN}' in the group '{PLUGINS}'. Install the "
+            "checkout, which has one: pip install -e . (or make setup); grids.<experiment>.probes=false leaves probes out"
+        )
+    return next(iter(found))
 
 
 def read_about(folder: Path) -> dict[str, Any] | None:
-    """What was asked about the run in ``folder`` (``asked``), by which ``code``, in how many ``seconds``; None: nothing was."""
+    """The settings of the probes of a run (``asked``), the fingerprint of their ``code``, and their ``seconds``; None
+    where the run was not probed, or its file is damaged, so that it is probed again."""
     try:
         return json.loads((pq.read_schema(folder / PROBES).metadata or {})[ABOUT])
-    except (OSError, KeyError, ValueError):  # no file, no file of ours, or a damaged one: it is made again
+    except (OSError, KeyError, ValueError):
         return None
 
 
 def code_of_probes() -> str:
-    """A fingerprint of what measures, not of the library that is measured."""
-    return fingerprint(PROBER.partition(":")[0])
+    """A fingerprint of the code that measures, not of the library that is measured."""
+    return fingerprint(find_probes().module)
 
 
 def figures_of(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    """What stands beside gap, W2 and KS: accuracies, those of controls, and how well each factor is read on test levels."""
+    """The figures of a run: accuracies, those of controls, and how well each factor is read on test levels."""
     found = {}
     for row in rows:
         name = None
@@ -179,7 +194,7 @@ def figures_of(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
 
 
 def add_figures(folder: Path, figures: Mapping[str, float], took: float) -> None:
-    """Puts these figures behind those of training, instead of any from earlier probes, which MLflow is then sent again."""
+    """Writes these figures after those of training, in place of those of earlier probes; MLflow is to get them again."""
     rows = read_metrics(folder).to_pylist()
     kept = [row for row in rows if not row["name"].startswith(PREFIX)]
     frames = max((row["frames"] for row in kept), default=0)
@@ -191,8 +206,8 @@ def add_figures(folder: Path, figures: Mapping[str, float], took: float) -> None
     write_rows(folder / METRICS, kept + new, METRIC_SCHEMA)
 
 
-def tell(run: RunConfig, folder: Path, say: Callable[[str], None]) -> None:
-    """Sends MLflow what it lacks of the run, if it is told of it at all; what it misses is told, with the way out."""
+def send_to_tracker(run: RunConfig, folder: Path, say: Callable[[str], None]) -> None:
+    """Sends MLflow what it lacks of a tracked run; where that fails, ``say`` gets the error and the command to repeat it."""
     if run.tracking.name == "none":
         return
     try:

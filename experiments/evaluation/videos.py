@@ -9,17 +9,17 @@ from typing import Any
 import numpy as np
 import torch
 
-from segar.envs import VectorEnv
+from experiments.evaluation.episodes import Agent, actions_of
+from segar.envs import VectorEnv, play
 from segar.levels import Levels
 from segar.rendering import View, write_video
 
-FORMATS = ("mp4", "gif")
 VIEW = View(size=384)
 
 
-def film(
+def record_video(
     path: Path,
-    policy: Any,
+    policy: Agent,
     levels: Levels,
     level: int,
     env_options: Mapping[str, Any],
@@ -27,7 +27,7 @@ def film(
     rng: torch.Generator | None,
     seed: int,
 ) -> int:
-    """Films one episode of a policy (:class:`experiments.algorithms.learner.Policy`) on a level; returns how many frames it has.
+    """Record one episode of a policy on a level; return the number of frames.
 
     Args:
         path: ends in .mp4 or .gif.
@@ -39,25 +39,15 @@ def film(
     """
     options = dict(autoreset_mode="Disabled", render_mode="rgb_array", view=VIEW)
     env = VectorEnv(levels, 1, seed=seed, **options, **env_options)
+
+    def frames() -> Iterator[np.ndarray]:
+        start = env.reset(seed=seed, options={"levels": np.array([level])})
+        for _ in play(env, actions_of(policy, env, rng), start):
+            images = env.render()
+            assert images is not None  # the render mode is rgb_array
+            yield images[0]
+
     try:
-        return write_video(path, _frames(env, policy, level, rng, seed), env.metadata["render_fps"])
+        return write_video(path, frames(), env.metadata["render_fps"])
     finally:
         env.close()
-
-
-def _frames(env: VectorEnv, policy: Any, level: int, rng: torch.Generator | None, seed: int) -> Iterator[np.ndarray]:
-    observation, _ = env.reset(seed=seed, options={"levels": np.array([level])})
-    if hasattr(policy, "begin"):
-        policy.begin(env)
-    yield _frame(env)
-    over = False
-    while not over:
-        observation, _, terminated, truncated, _ = env.step(policy.act(observation, rng=rng))
-        yield _frame(env)
-        over = bool(terminated[0] or truncated[0])
-
-
-def _frame(env: VectorEnv) -> np.ndarray:
-    frames = env.render()
-    assert frames is not None  # the render mode is rgb_array
-    return frames[0]

@@ -21,7 +21,7 @@ Groups = Mapping[str, Sequence[Any]]
 entities, outlines of hulls, and all other factors."""
 
 
-def hybrid_levels(train: Levels, test: Levels, groups: Groups, chosen: Mapping[str, Any]) -> Levels:
+def mixed_levels(train: Levels, test: Levels, groups: Groups, chosen: Mapping[str, Any]) -> Levels:
     """Level i of ``train`` with the factors of ``chosen`` groups from level i of ``test``.
 
     A factor passes where the entities of both levels have it. With all groups chosen, these are the test levels; with

@@ -13,7 +13,7 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from experiments.evaluation.transfers import RunWork
+from experiments.evaluation.transfers import RunTask
 from experiments.runs.run_folder import PROBES
 from experiments.settings import ConfigError
 
@@ -28,7 +28,7 @@ class Elsewhere:
     transfers: frozenset[tuple[str, str]] = frozenset()
     probed: frozenset[str] = frozenset()
 
-    def has(self, work: RunWork) -> bool:
+    def has(self, work: RunTask) -> bool:
         """Whether all of this work was done. Part of it is of no use: what is left needs the weights."""
         name = work.run.label()
         tested = all((name, one.folder_name()) in self.transfers for one in work.transfers)

@@ -15,7 +15,7 @@ from typing import Any
 
 from experiments.commands.hydra_app import compose
 from experiments.evaluation.probing import ProbeConfig, assumed_seconds, read_about
-from experiments.evaluation.transfers import Mixture, RunWork, Transfer
+from experiments.evaluation.transfers import FactorSwap, RunTask, Transfer
 from experiments.levels.mixed_levels import REST, SEPARATOR
 from experiments.reproduction.experiment_file import BASE, Experiment, GridConfig, TransferConfig, other_panel
 from experiments.reproduction.imported_results import Elsewhere
@@ -68,8 +68,8 @@ class Plan:
     """The experiments, the runs of each, and all work, each piece once."""
 
     experiments: tuple[Experiment, ...]
-    members: Mapping[str, tuple[RunWork, ...]]  # of each experiment, with the transfers that it asks for
-    runs: tuple[RunWork, ...]  # all, with the transfers that anybody asks for
+    members: Mapping[str, tuple[RunTask, ...]]  # of each experiment, with the transfers that it asks for
+    runs: tuple[RunTask, ...]  # all, with the transfers that anybody asks for
     studies: tuple[StudyWork, ...]
 
 
@@ -86,16 +86,16 @@ def make_plan(
     to be run.
     """
     members = {e.name: tuple(works_of(e, base, probes or ProbeConfig())) for e in experiments}
-    union: dict[str, RunWork] = {}
+    union: dict[str, RunTask] = {}
     for work in (work for works in members.values() for work in works):
         label = work.run.label()
-        known = union.get(label, RunWork(work.run))
+        known = union.get(label, RunTask(work.run))
         by_folder = {one.folder_name(): one for one in (*known.transfers, *work.transfers)}
-        union[label] = RunWork(work.run, tuple(by_folder.values()), known.probes or work.probes)
+        union[label] = RunTask(work.run, tuple(by_folder.values()), known.probes or work.probes)
     theirs = {label for label, work in union.items() if elsewhere.has(work) and not work.is_done_here()}
-    union = {label: dataclasses.replace(work, elsewhere=label in theirs) for label, work in union.items()}
+    union = {label: dataclasses.replace(work, imported=label in theirs) for label, work in union.items()}
     members = {
-        name: tuple(dataclasses.replace(work, elsewhere=work.run.label() in theirs) for work in works)
+        name: tuple(dataclasses.replace(work, imported=work.run.label() in theirs) for work in works)
         for name, works in members.items()
     }
     studies = [
@@ -106,14 +106,14 @@ def make_plan(
     return Plan(tuple(experiments), members, tuple(union.values()), tuple(studies))
 
 
-def works_of(experiment: Experiment, base: RunConfig, probes: ProbeConfig) -> Iterable[RunWork]:
+def works_of(experiment: Experiment, base: RunConfig, probes: ProbeConfig) -> Iterable[RunTask]:
     """The runs of an experiment, their transfers and probes, seed after seed."""
     if experiment.grid is None:
         return
     for run in grid_runs(experiment.grid, base):
         found = [one for one in (transfer_of(asked, run) for asked in experiment.transfers) if one is not None]
         found += mixtures_of(experiment, run)
-        yield RunWork(run, tuple(found), probes if experiment.probes else None)
+        yield RunTask(run, tuple(found), probes if experiment.probes else None)
 
 
 def grid_runs(grid: GridConfig, base: RunConfig) -> Iterable[RunConfig]:
@@ -189,7 +189,7 @@ def mixtures_of(experiment: Experiment, run: RunConfig) -> Iterable[Transfer]:
     for size in range(1, len(names)):
         for changed in combinations(names, size):
             label = f"{SEPARATOR.join(changed)} of test levels"
-            mixture = Mixture(experiment.attribution, changed)
+            mixture = FactorSwap(experiment.attribution, changed)
             yield Transfer(
                 label, panel, levels.variation, run.observation, levels.test_count, levels.test_seed, mixture
             )
@@ -217,7 +217,7 @@ class Speeds:
     measured: int  # runs
     probing: Mapping[tuple[str, str, str], float] = field(default_factory=dict)  # seconds; also by what was asked
 
-    def seconds(self, work: RunWork) -> float:
+    def seconds(self, work: RunTask) -> float:
         """How long the rest of a run may take by itself."""
         run = work.run
         kind = (run.algorithm.name, run.observation.name)
@@ -228,9 +228,9 @@ class Speeds:
             return left
         return left + evaluation + work.frames_left() / self.frames.get(kind, assumed_speed(run))
 
-    def seconds_of_probes(self, work: RunWork) -> float:
+    def seconds_of_probes(self, work: RunTask) -> float:
         """How long the probes of a run may take; 0 where it has them, or is to have none."""
-        if work.probes is None or not work.lacks_probes():
+        if work.probes is None or not work.needs_probing():
             return 0.0
         kind = kind_of(work.run)
         measured = self.probing.get((*kind, in_words(as_data(work.probes))))
@@ -297,8 +297,8 @@ def as_text(plan: Plan, speeds: Speeds, processes: int, scale: ScaleConfig) -> s
                 len(works) or None,
                 len(works) - len(own) or None,
                 sum(work.is_done() for work in works) if works else None,
-                f"{sum(map(RunWork.frames_left, own)):,}" if works else "study",
-                sum(map(RunWork.lacks_probes, works)) if experiment.probes else None,
+                f"{sum(map(RunTask.frames_left, own)):,}" if works else "study",
+                sum(map(RunTask.needs_probing, works)) if experiment.probes else None,
                 in_minutes(sum(map(speeds.seconds, left)) / processes) if left else None,
             ]
         )
@@ -313,7 +313,7 @@ def as_text(plan: Plan, speeds: Speeds, processes: int, scale: ScaleConfig) -> s
     probing = sum(map(speeds.seconds_of_probes, waiting)) / processes
     closing = (
         f"{scale.name}: {len(plan.runs)} runs, {len(plan.runs) - len(waiting)} done, {len(waiting)} to do with "
-        f"{sum(map(RunWork.frames_left, waiting)):,} frames, {sum(map(RunWork.lacks_probes, waiting))} to probe"
+        f"{sum(map(RunTask.frames_left, waiting)):,} frames, {sum(map(RunTask.needs_probing, waiting))} to probe"
         f"{f' ({in_minutes(probing)})' if probing else ''}; {len(studies)} of {len(plan.studies)} studies to do; "
         f"about {in_minutes(total / processes)} with {processes} at a time (by {basis})."
     )
@@ -353,7 +353,7 @@ def as_data_of(plan: Plan) -> list[dict[str, Any]]:
                     "folder": folder_path(work.run).name,
                     "transfers": [one.folder_name() for one in work.transfers],
                     "probes": work.probes is not None,
-                    "elsewhere": work.elsewhere,
+                    "elsewhere": work.imported,
                 }
                 for work in plan.members[experiment.name]
             ],

@@ -16,7 +16,7 @@ import torch
 from experiments.algorithms.checkpoint import resume_checkpoint, save_checkpoint
 from experiments.algorithms.learner import Learner
 from experiments.commands.signals import Watch
-from experiments.evaluation.episodes import mean_figures, play
+from experiments.evaluation.episodes import mean_figures, play_episodes
 from experiments.levels.builders import environment_options
 from experiments.runs.journal import Journal
 from experiments.runs.run_folder import METRIC_SCHEMA, METRICS, read_metrics, read_versions, write_rows
@@ -126,7 +126,7 @@ class Training:
         for mode in ACTION_MODES:
             rng = torch.Generator().manual_seed(config.evaluation.seed) if mode == "sampled" else None
             options, seed = environment_options(config), config.evaluation.seed
-            rows = play(self.learner.policy, test, np.arange(len(test)), options, rng=rng, seed=seed)
+            rows = play_episodes(self.learner.policy, test, np.arange(len(test)), options, rng=rng, seed=seed)
             figures |= mean_figures(rows, "test", mode)
         return figures
 

@@ -15,7 +15,6 @@ from segar.support import __version__, replacing
 
 FORMAT, FORMAT_VERSION = "segar-dataset", 1
 MANIFEST, LEVELS = "manifest.json", "levels.npz"
-READ_AT_ONCE = 1 << 20  # [byte]
 
 
 @dataclass(frozen=True)
@@ -116,30 +115,31 @@ class Manifest:
             shards = {int(number): ShardEntry(**entry) for number, entry in content["shards"].items()}
             settings = Settings(**content["settings"])
             return cls(settings, content["columns"], content["arrays"], shards, content["version"])
-        except (json.JSONDecodeError, KeyError, TypeError, ValueError) as said:
-            if isinstance(said, SegarError):
-                raise
-            raise SegarError(f"{path} is damaged: {said!r}") from said
+        except SegarError:
+            raise
+        except (KeyError, TypeError, ValueError) as error:
+            raise SegarError(f"{path} is damaged: {error!r}") from error
 
 
-def check_same_settings(begun: Settings, asked: Settings, folder: Path) -> None:
-    """Raise :class:`SegarError` that names each setting in which a dataset differs from what is asked for."""
-    old, new = asdict(begun), asdict(asked)
+def check_same_settings(begun: Manifest, wanted: Settings, folder: Path) -> None:
+    """Raise :class:`SegarError` that names each setting in which a dataset that was begun differs from ``wanted``."""
+    old, new = asdict(begun.settings), asdict(wanted)
     differing = [f"{name} ({old[name]!r} there, {new[name]!r} asked for)" for name in old if old[name] != new[name]]
     if differing:
+        by_version = (
+            f". The kernel changes with rules, task and code; this folder was begun by SEGAR {begun.version}, and"
+            " Dataset.load reads it once it is complete"
+        )
         raise SegarError(
             f"{folder} holds a dataset with other settings: {'; '.join(differing)}. Ask for the same ones, or record into"
-            " another folder"
+            f" another folder{by_version if old['kernel'] != new['kernel'] else ''}"
         )
 
 
 def sha256(path: Path) -> str:
     """SHA-256 of a file, in hexadecimal digits."""
-    found = hashlib.sha256()
     with open(path, "rb") as file:
-        while block := file.read(READ_AT_ONCE):
-            found.update(block)
-    return found.hexdigest()
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def check_files(folder: Path, number: int, files: Mapping[str, str]) -> None:

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import os
-import shutil
-import uuid
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import gymnasium
@@ -62,10 +61,10 @@ def to_minari(
         )
     settings = dataset.manifest.settings
     env = VectorEnv(dataset.levels, 1, observation=observation or settings.observation, **_task_options(dataset))
-    words = f"{settings.episodes} episodes of {settings.task} on {dataset.levels!r}, played by {settings.policy}"
+    summary = f"{settings.episodes} episodes of {settings.task} on {dataset.levels!r}, played by {settings.policy}"
     shards = iter(dataset)
     with _unfinished(Path(get_dataset_path())) as root, warnings.catch_warnings():
-        # Minari advises to name an environment for evaluation and more; that is the caller's affair.
+        # Minari warns where metadata such as an environment for evaluation is not given.
         warnings.filterwarnings("ignore", category=UserWarning, module="minari")
         made = minari.create_dataset_from_buffers(
             dataset_id,
@@ -76,7 +75,7 @@ def to_minari(
             algorithm_name=settings.policy,
             author=author,
             author_email=author_email,
-            description=description or words,
+            description=description or summary,
             jpeg_encoding=False,
         )
         for shard in shards:
@@ -150,15 +149,15 @@ def _spec_of(dataset: Dataset) -> EnvSpec | None:
 
 @contextmanager
 def _unfinished(root: Path) -> Iterator[Path]:
-    """A folder within Minari's that Minari takes for its own, until the block ends; then it is removed."""
-    inside, before = root / f"{UNFINISHED}{uuid.uuid4().hex[:12]}", os.environ.get(ROOT)
-    inside.mkdir(parents=True)
-    os.environ[ROOT] = str(inside)
-    try:
-        yield inside
-    finally:
-        if before is None:
-            del os.environ[ROOT]
-        else:
-            os.environ[ROOT] = before
-        shutil.rmtree(inside, ignore_errors=True)
+    """A folder within Minari's folder that stands for it inside the block, and is removed at its end."""
+    before = os.environ.get(ROOT)
+    root.mkdir(parents=True, exist_ok=True)
+    with TemporaryDirectory(prefix=UNFINISHED, dir=root, ignore_cleanup_errors=True) as inside:
+        os.environ[ROOT] = inside
+        try:
+            yield Path(inside)
+        finally:
+            if before is None:
+                del os.environ[ROOT]
+            else:
+                os.environ[ROOT] = before

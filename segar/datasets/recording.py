@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from segar.datasets.dataset import Dataset
-from segar.datasets.fingerprint_text import in_words
+from segar.datasets.fingerprints import fingerprint_text
 from segar.datasets.manifest import (
     LEVELS,
     MANIFEST,
@@ -22,7 +22,7 @@ from segar.datasets.manifest import (
     check_files,
     check_same_settings,
 )
-from segar.datasets.rollouts import Policy, leaves, play, uniform
+from segar.datasets.rollouts import Policy, leaves, roll_out
 from segar.datasets.shards import factor_columns, write_shard
 from segar.envs import VectorEnv
 from segar.errors import SegarError
@@ -84,8 +84,8 @@ def record(
         task=one.task.name,
         max_steps=one.task.max_steps,
         sub_steps=one.task.sub_steps,
-        observation=observation if isinstance(observation, str) else in_words(observation),
-        policy=policy_name or (UNIFORM if policy is None else in_words(policy)),
+        observation=observation if isinstance(observation, str) else fingerprint_text(observation),
+        policy=policy_name or (UNIFORM if policy is None else fingerprint_text(policy)),
         seed=seed,
         episodes=episodes,
         episodes_per_shard=episodes_per_shard,
@@ -126,7 +126,7 @@ def _begun(folder: Path, settings: Settings, levels: Levels, env: VectorEnv) -> 
     """The manifest of a recording that was begun before, or is begun now."""
     if (folder / MANIFEST).exists():
         manifest = Manifest.read(folder)
-        check_same_settings(manifest.settings, settings, folder)
+        check_same_settings(manifest, settings, folder)
         remove_unfinished(folder)
         return manifest
     folder.mkdir(parents=True, exist_ok=True)
@@ -153,10 +153,15 @@ def _record_shard(
     """Play the episodes of a shard and write them."""
     numbers = np.array(settings.episodes_of(number))
     env, seed = make_env(len(numbers)), seed_of_shard(settings.seed, number)
-    choose = policy or partial(uniform, space=env.action_space)
     rng = np.random.default_rng([settings.seed, number])
-    rollouts = play(env, numbers % len(levels), int(numbers[0]), seed, choose, rng)
+    rollouts = roll_out(env, numbers % len(levels), int(numbers[0]), seed, policy or _uniform(env), rng)
     return write_shard(folder, number, rollouts, seed, levels.layout)
+
+
+def _uniform(env: VectorEnv) -> Policy:
+    """The policy that draws from all actions uniformly."""
+    space: Any = env.action_space
+    return lambda observations, info, rng: rng.uniform(space.low, space.high)
 
 
 def _is_whole(folder: Path, number: int, manifest: Manifest) -> bool:

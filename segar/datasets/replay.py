@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import chain, repeat
 from typing import Any
 
 import numpy as np
 
 from segar.datasets.dataset import Dataset
 from segar.datasets.recording import hash_of_kernel
-from segar.datasets.rollouts import Rollouts, play
+from segar.datasets.rollouts import Policy, Rollouts, roll_out
 from segar.datasets.shards import TRUTHS, Shard
 from segar.envs import VectorEnv
 from segar.errors import SegarError
@@ -29,8 +30,8 @@ def check_replay(
         task, world: those of the recording, if they are not the levels' own.
 
     Raises:
-        SegarError: rules, task or layout are not those of the recording, or something came out differently; the message
-            says in which episode and step, and what.
+        SegarError: something came out differently; the message says in which episode and step, what, and whether rules,
+            task or version are those of the recording.
     """
     settings = dataset.manifest.settings
     if observation is None and settings.observation in OBSERVATIONS:
@@ -47,24 +48,27 @@ def check_replay(
             sub_steps=settings.sub_steps,
             world=world,
         )
-        if hash_of_kernel(env) != settings.kernel:
+        try:
+            _compare(shard, _play_again(shard, starts, env), observation is not None)
+        except SegarError as difference:
+            if hash_of_kernel(env) == settings.kernel:
+                raise
             raise SegarError(
                 f"{dataset.folder} was recorded with other rules, another task ({settings.task}) or another SEGAR"
-                f" ({dataset.manifest.version}); give task= and world= as they were"
-            )
-        first = int(shard.rollouts.episode[0])
-        actions = _recorded_actions(shard.rollouts, starts, env.single_action_space.shape[0])  # type: ignore[index]
-        again = play(env, shard.rollouts.level[starts], first, shard.seed, actions, np.random.default_rng(0))
-        _compare(shard, again, observation is not None)
+                f" ({dataset.manifest.version}); give task= and world= as they were. The first difference: {difference}"
+            ) from difference
     return dataset.steps
 
 
-def _recorded_actions(rollouts: Rollouts, starts: np.ndarray, size: int) -> Any:
-    """A policy that does what was recorded, and nothing once an episode is over."""
-    padded = np.zeros((int(rollouts.step.max()) + 1, len(starts), size), np.float32)
-    padded[rollouts.step, rollouts.episode - rollouts.episode[0]] = np.nan_to_num(rollouts.action)
-    steps = iter(padded)
-    return lambda observations, info, rng: next(steps)
+def _play_again(shard: Shard, starts: np.ndarray, env: VectorEnv) -> Rollouts:
+    """The episodes of a shard, whose first rows are ``starts``, as their actions lead through them now."""
+    recorded = shard.rollouts
+    actions = np.zeros((int(recorded.step.max()) + 1, len(starts), recorded.action.shape[1]), np.float32)
+    actions[recorded.step, recorded.episode - recorded.episode[0]] = np.nan_to_num(recorded.action)
+    steps = chain(actions, repeat(np.zeros_like(actions[0])))  # after its recorded end an episode does nothing
+    policy: Policy = lambda observations, info, rng: next(steps)  # noqa: E731
+    first, levels = int(recorded.episode[0]), recorded.level[starts]
+    return roll_out(env, levels, first, shard.seed, policy, np.random.default_rng(0))
 
 
 def _compare(shard: Shard, again: Rollouts, with_observations: bool) -> None:

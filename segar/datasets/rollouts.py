@@ -1,4 +1,4 @@
-"""Episodes -> arrays: what happens when a policy plays, with the true factors beside what is seen."""
+"""Episodes as arrays: what a policy observes and does, and the true factors."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import gymnasium
 import numpy as np
 
-from segar.envs import VectorEnv
+from segar.envs import TimeStep, VectorEnv, play
 
 Policy: TypeAlias = Callable[[Any, dict[str, Any], np.random.Generator], np.ndarray]
 SEPARATOR = "."  # between the parts of the name of an array within an observation
@@ -24,9 +24,9 @@ class Rollouts:
         episode, step, level: int64 ``[row]``.
         action: float32 ``[row, n]``, taken in this state; nan in the last row of an episode, where none is.
         reward: float64 ``[row]``, of that action; nan in the last row.
-        terminated, truncated, success, death: bool ``[row]``, said after that action; false in the last row.
+        terminated, truncated, success, death: bool ``[row]``, after that action; false in the last row.
         values: float64 ``[row, entity, column]``, the state; columns are those of ``levels.layout``.
-        observations: name -> array ``[row, ...]``, what was seen.
+        observations: name -> array ``[row, ...]``, what was observed.
     """
 
     episode: np.ndarray
@@ -45,37 +45,50 @@ class Rollouts:
         return len(self.episode)
 
 
-def uniform(observations: Any, info: dict[str, Any], rng: np.random.Generator, space: Any) -> np.ndarray:
-    """Actions drawn uniformly from the Box of all of them, float32 ``(num_envs, n)``."""
-    return rng.uniform(space.low, space.high).astype(np.float32)
-
-
-def play(
+def roll_out(
     env: VectorEnv, levels: np.ndarray, first_episode: int, seed: int, policy: Policy, rng: np.random.Generator
 ) -> Rollouts:
     """One episode in each environment.
 
     Args:
         env: with ``autoreset_mode`` DISABLED.
-        levels: int64 ``(num_envs,)``, on which level each plays.
-        first_episode: the number of the first one.
+        levels: int64 ``(num_envs,)``, the level that each environment plays.
+        first_episode: the number of the first episode.
         seed: of the environments.
         policy: function of the batch of observations, ``info`` and ``rng``.
     """
-    n = env.num_envs
-    observations, info = env.reset(seed=seed, options={"levels": levels})
-    seen, states, steps = [leaves(observations)], [env.state().state.values], []
-    lengths, running = np.zeros(n, np.int64), np.ones(n, np.bool_)
-    while running.any():
-        actions = np.asarray(policy(observations, info, rng), np.float32)
-        observations, reward, terminated, truncated, info = env.step(actions)
-        taken = np.clip(actions, env.action_space.low, env.action_space.high)  # type: ignore[attr-defined]
-        steps.append((taken, reward, terminated, truncated, info["success"], info["death"]))
-        seen.append(leaves(observations))
+
+    def act(now: TimeStep) -> np.ndarray:
+        return np.asarray(policy(now.observation, now.info, rng), np.float32)
+
+    low, high = np.array(env.task.action_low, np.float32), np.array(env.task.action_high, np.float32)
+    lengths = np.zeros(env.num_envs, np.int64)
+    seen, states, steps = [], [], []
+    for now in play(env, act, env.reset(seed=seed, options={"levels": levels})):
+        seen.append(leaves(now.observation))
         states.append(env.state().state.values)
-        lengths[running] += 1
-        running &= ~(terminated | truncated)
-    return _joined(seen, states, steps, levels, lengths, first_episode)
+        lengths += now.played
+        if now.time:
+            outcome = {name: getattr(now, name) for name in ("reward", "terminated", "truncated")}
+            outcome |= {name: now.info[name] for name in ("success", "death")}
+            steps.append({"action": np.clip(now.action, low, high), **outcome})
+    episodes = [(time, e) for e, length in enumerate(lengths) for time in range(length + 1)]
+    time, env_of = (np.array(part, np.int64) for part in zip(*episodes, strict=True))
+    is_last = time == lengths[env_of]
+
+    def after_step(name: str) -> np.ndarray:
+        found = np.stack([step[name] for step in steps])[np.minimum(time, len(steps) - 1), env_of]
+        found[is_last] = np.nan if found.dtype.kind == "f" else False
+        return found
+
+    return Rollouts(
+        episode=first_episode + env_of,
+        step=time,
+        level=levels[env_of],
+        **{name: after_step(name) for name in steps[0]},
+        values=np.stack(states)[time, env_of],
+        observations={name: np.stack([s[name] for s in seen])[time, env_of] for name in seen[0]},
+    )
 
 
 def leaves(observation: Any, name: str = OBSERVATION) -> dict[str, np.ndarray]:
@@ -96,38 +109,3 @@ def from_leaves(arrays: Mapping[str, np.ndarray], space: gymnasium.Space, name: 
     if isinstance(space, gymnasium.spaces.Tuple):
         return tuple(from_leaves(arrays, part, f"{name}{SEPARATOR}{k}") for k, part in enumerate(space.spaces))
     return arrays[name]
-
-
-def _joined(
-    seen: list[dict[str, np.ndarray]],
-    states: list[np.ndarray],
-    steps: list[tuple[np.ndarray, ...]],
-    levels: np.ndarray,
-    lengths: np.ndarray,
-    first: int,
-) -> Rollouts:
-    """Cut what happened in all environments into episodes, and put these one after the other."""
-    n = len(levels)
-    rows = [(t, e) for e in range(n) for t in range(lengths[e] + 1)]
-    time, env = (np.array(part, np.int64) for part in zip(*rows, strict=True))
-    is_last = time == lengths[env]
-    asked = np.minimum(time, len(steps) - 1)
-
-    def column(place: int, last: Any) -> np.ndarray:
-        found = np.stack([step[place] for step in steps])[asked, env]
-        found[is_last] = last
-        return found
-
-    return Rollouts(
-        episode=first + env,
-        step=time,
-        level=levels[env],
-        action=column(0, np.nan),
-        reward=column(1, np.nan),
-        terminated=column(2, False),
-        truncated=column(3, False),
-        success=column(4, False),
-        death=column(5, False),
-        values=np.stack(states)[time, env],
-        observations={name: np.stack([s[name] for s in seen])[time, env] for name in seen[0]},
-    )

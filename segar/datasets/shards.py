@@ -1,4 +1,4 @@
-"""Shards: one Parquet table of scalars and factors, and beside it one NPZ of what was seen, row by row."""
+"""Shards: a Parquet table of scalars and factors, and an NPZ file of the observations, row by row."""
 
 from __future__ import annotations
 
@@ -122,11 +122,14 @@ def factor_columns(layout: Layout) -> list[dict[str, str]]:
 
 def write_shard(folder: Path, number: int, rollouts: Rollouts, seed: int, layout: Layout) -> ShardEntry:
     """Write a shard's two files and return its entry for the manifest."""
-    names = {"table": f"shard-{number:05d}.parquet", "seen": f"shard-{number:05d}.npz"}
-    _write_table(folder / names["table"], _table(rollouts, seed, layout))
-    with replacing(folder / names["seen"], f"shard {number}") as beside, open(beside, "wb") as file:
+    from pyarrow import parquet, table
+
+    table_name, observations_name = f"shard-{number:05d}.parquet", f"shard-{number:05d}.npz"
+    with replacing(folder / table_name, "the table") as beside:
+        parquet.write_table(table(_table(rollouts, seed, layout)), beside, compression="zstd")
+    with replacing(folder / observations_name, f"shard {number}") as beside, open(beside, "wb") as file:
         np.savez_compressed(file, **dict[str, Any](rollouts.observations))
-    return ShardEntry(seed, len(rollouts), {name: sha256(folder / name) for name in names.values()})
+    return ShardEntry(seed, len(rollouts), {name: sha256(folder / name) for name in (table_name, observations_name)})
 
 
 def read_shard(folder: Path, number: int, manifest: Manifest, layout: Layout) -> Shard:
@@ -136,12 +139,15 @@ def read_shard(folder: Path, number: int, manifest: Manifest, layout: Layout) ->
         SegarError: its files are not there, have other hashes than the manifest says, or do not fit each other.
     """
     need("reading a dataset", "pyarrow")
+    from pyarrow import parquet
+
     entry = manifest.shards[number]
     check_files(folder, number, entry.files)
-    table_name, seen_name = sorted(entry.files, key=lambda name: name.endswith(".npz"))
-    with np.load(folder / seen_name, allow_pickle=False) as archive:
+    observations_name, table_name = sorted(entry.files)  # .npz, .parquet
+    with np.load(folder / observations_name, allow_pickle=False) as archive:
         observations = {name: archive[name] for name in manifest.arrays}
-    columns = _read_table(folder / table_name)
+    table: Any = parquet.read_table(folder / table_name)
+    columns = {name: table[name].to_numpy() for name in table.column_names}
     if {len(column) for column in (*columns.values(), *observations.values())} != {entry.rows}:
         raise SegarError(f"shard {number} of {folder} is damaged: its files do not have {entry.rows} rows each")
     actions = [columns[name] for name in columns if name.startswith("action.")]
@@ -181,19 +187,3 @@ def _place(column: Mapping[str, str], layout: Layout) -> tuple[int, int]:
     """Slot and column of a state that a column of the table holds."""
     first = layout.columns[layout.factor(column["factor"])]
     return layout.slot_index(column["entity"]), first + (column["component"] == "y")
-
-
-def _write_table(path: Path, columns: Mapping[str, np.ndarray]) -> None:
-    import pyarrow
-    import pyarrow.parquet
-
-    table = pyarrow.table({name: pyarrow.array(column) for name, column in columns.items()})
-    with replacing(path, "the table") as beside:
-        pyarrow.parquet.write_table(table, beside, compression="zstd")
-
-
-def _read_table(path: Path) -> dict[str, np.ndarray]:
-    import pyarrow.parquet
-
-    table: Any = pyarrow.parquet.read_table(path)
-    return {name: table[name].to_numpy() for name in table.column_names}

@@ -4,11 +4,24 @@ The room puts engine, levels, tasks, observations and rendering together. Other 
 """
 
 from segar.envs.gym_env import Env
+from segar.envs.playing import Act, StepSource, TimeStep, play
 from segar.envs.registration import REWARDS, register_all
 from segar.envs.snapshots import Snapshot
 from segar.envs.vector import VectorEnv, world_of
 
-__all__ = ["REWARDS", "Env", "Snapshot", "TorchRLEnv", "VectorEnv", "register_all", "world_of"]
+__all__ = [
+    "REWARDS",
+    "Act",
+    "Env",
+    "Snapshot",
+    "StepSource",
+    "TimeStep",
+    "TorchRLEnv",
+    "VectorEnv",
+    "play",
+    "register_all",
+    "world_of",
+]
 
 
 def __getattr__(name: str) -> type:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from segar.errors import SegarError
-from segar.hardness.rollouts import Starts, make_starts, play, scripted, trace, uniform_actions
+from segar.hardness.rollouts import Starts, make_starts, play_forks, scripted, trace, uniform_actions
 from segar.language import Layout, Task
 from segar.levels import Levels, require_generator
 
@@ -143,7 +143,7 @@ def _set_pieces(starts: Starts, rows: np.ndarray, horizon: int) -> np.ndarray:
     script = scripted(starts)
     if script is None:
         return pieces
-    return np.concatenate([pieces, play(starts, rows, script).actions[:, None, :horizon]], axis=1)
+    return np.concatenate([pieces, play_forks(starts, rows, script).actions[:, None, :horizon]], axis=1)
 
 
 def _derivatives(starts: Starts, rows: np.ndarray, drawn: np.ndarray, nudge: float) -> tuple[np.ndarray, np.ndarray]:

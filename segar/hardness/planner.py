@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from segar.envs import VectorEnv
+from segar.envs import VectorEnv, play
 from segar.errors import SegarError
-from segar.hardness.rollouts import Episodes, Player, Starts, make_starts, open_loop, play, scripted
+from segar.hardness.rollouts import Episodes, Player, Starts, make_starts, open_loop, play_forks, scripted
 from segar.language import Task
 from segar.levels import Levels, require_generator
 from segar.support import ArchiveFormat
@@ -19,9 +19,9 @@ from segar.support import ArchiveFormat
 BATCH = 16384  # rollouts that are simulated side by side; bounds the memory
 ELITES = 0.125  # share of the candidates that the next ones are drawn around
 FIRST_SPREAD = 0.5  # of the first candidates around the scripted player, as a share of half the action's range
-LEAST_SPREAD = 0.02  # the search never stops trying
+LEAST_SPREAD = 0.02  # of half the range; the candidates of the last iteration still differ
 SMOOTHNESS = 0.8  # correlation of the perturbations of successive actions
-PATIENCE = 3  # candidates are broken off after so many times the steps of the best success
+PATIENCE = 3  # candidates are truncated at so many times the steps of the best success
 FORMAT = ArchiveFormat("segar-plan", 1, "a plan", "plan", SegarError)
 PLAN_ARRAYS = ("solved", "died", "steps", "returns", "actions", "values")
 PLAN_NUMBERS = ("task", "seed", "rollouts")
@@ -143,32 +143,28 @@ def replay(levels: Levels, certificate: Plan, task: Task | None = None) -> np.nd
     env = VectorEnv(levels, n, task=task, seed=certificate.seed, autoreset_mode="Disabled")
     if env.task.name != certificate.task:
         raise SegarError(f"this plan is for the task {certificate.task}, not for {env.task.name}; give task=")
-    _, info = env.reset(options={"levels": np.arange(n)})
-    same, running = np.zeros(n, np.bool_), np.ones(n, np.bool_)
-    for actions in certificate.actions.swapaxes(0, 1):
-        _, _, terminated, truncated, info = env.step(actions)
-        ended = np.flatnonzero(running & (terminated | truncated))
-        running[ended] = False
-        if len(ended):
-            same[ended] = _agrees(certificate, ended, info, env.state().state.values)
-        if not running.any():
+    start = env.reset(options={"levels": np.arange(n)})
+    same = np.zeros(n, np.bool_)
+    for now in play(env, lambda now: certificate.actions[:, now.time], start):
+        if now.ended.any():
+            same |= now.ended & _agrees(certificate, now.info, env.state().state.values)
+        if now.time == certificate.actions.shape[1]:
             break
     return same
 
 
-def _agrees(certificate: Plan, ended: np.ndarray, info: dict[str, Any], values: np.ndarray) -> np.ndarray:
-    """Whether what an environment says of the episodes that ended is what the plan says, to the bit."""
-    said = {"solved": info["success"], "died": info["death"], "steps": info["length"], "returns": info["return"]}
-    same = np.array([values[e].tobytes() == certificate.values[e].tobytes() for e in ended])
-    for name, array in said.items():
-        same &= array[ended] == getattr(certificate, name)[ended]
+def _agrees(certificate: Plan, info: dict[str, Any], values: np.ndarray) -> np.ndarray:
+    """Of each level, whether an environment's info and states are what the plan says, to the bit; bool ``(n,)``."""
+    same = np.array([a.tobytes() == b.tobytes() for a, b in zip(values, certificate.values, strict=True)])
+    for name, key in (("solved", "success"), ("died", "death"), ("steps", "length"), ("returns", "return")):
+        same &= info[key] == getattr(certificate, name)
     return same
 
 
 def scripted_episodes(starts: Starts) -> Episodes | None:
     """One episode per level by the task's scripted player, None where the task has none."""
     player = scripted(starts)
-    return None if player is None else play(starts, np.arange(len(starts.levels)), player)
+    return None if player is None else play_forks(starts, np.arange(len(starts.levels)), player)
 
 
 def _search(
@@ -178,9 +174,9 @@ def _search(
     n, task, script = len(rows), starts.task, scripted(starts)
     shape = (task.max_steps, len(task.action_low))
     half_range = (np.array(task.action_high) - np.array(task.action_low)) / 2
-    best = play(starts, rows, open_loop(np.zeros((n, *shape), np.float32)))
+    best = play_forks(starts, rows, open_loop(np.zeros((n, *shape), np.float32)))
     if script is not None:
-        best = _better(best, play(starts, rows, script), task)
+        best = _better(best, play_forks(starts, rows, script), task)
     mean, spread = best.actions, np.full((n, *shape), FIRST_SPREAD * half_range, np.float32)
     elites, level = max(2, round(ELITES * samples)), np.repeat(np.arange(n), samples)
     for _ in range(iterations):
@@ -188,7 +184,7 @@ def _search(
         player = _perturbed(mean, spread, level, rng)
         if script is not None:
             player = _relay(player, script, _hand_over(rng, best.steps, samples).ravel())
-        played = play(starts, rows[level], player, limits[level])
+        played = play_forks(starts, rows[level], player, limits[level])
         keys = -value(played, task).reshape(n, samples), ~played.solved.reshape(n, samples)
         order = np.lexsort(keys, axis=1)
         picked = order[:, :elites] + samples * np.arange(n)[:, None]

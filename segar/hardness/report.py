@@ -9,11 +9,11 @@ import numpy as np
 
 from segar.errors import SegarError
 from segar.hardness.planner import BATCH, Plan, require_search, scripted_episodes, search
-from segar.hardness.rollouts import Episodes, Starts, make_starts, play, uniform_actions
+from segar.hardness.rollouts import Episodes, Starts, make_starts, play_forks, uniform_actions
 from segar.language import Task
 from segar.levels import Levels, require_generator
 
-NORMAL_95 = 1.959963984540054  # two-sided 95 % point of the standard normal law
+NORMAL_95 = 1.959963984540054  # two-sided 95 % point of the standard normal distribution
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,28 +41,28 @@ class Hardness:
 
     def rows(self) -> list[dict[str, Any]]:
         """One dictionary per level of plain numbers and truths; steps are None where the level was not solved."""
-        return [
-            {
+        rows = []
+        for i in range(len(self.oracle)):
+            row: dict[str, Any] = {
                 "level": i,
                 "random_success": float(self.random_success[i]),
                 "random_success_95": [float(self.random_low[i]), float(self.random_high[i])],
                 "random_return": float(self.random_return[i]),
-                **({} if self.scripted is None else _row("scripted", self.scripted, i)),
-                **_row("oracle", self.oracle, i),
             }
-            for i in range(len(self.oracle))
-        ]
+            for name, player in self._players().items():
+                row[f"{name}_solved"] = bool(player.solved[i])
+                row[f"{name}_steps"] = int(player.steps[i]) if player.solved[i] else None
+                row[f"{name}_return"] = float(player.returns[i])
+            rows.append(row)
+        return rows
 
     def summary(self) -> dict[str, Any]:
         """The same over all levels, as plain numbers.
 
-        Each share comes with the Wilson interval of as many trials as there are levels. For ``random_success``, which
-        several plays of one level have in common, that is wide enough whatever the levels are like.
+        Each share comes with the Wilson interval of as many trials as there are levels. For ``random_success``, a mean
+        over several plays of each level, this interval is wide enough whatever the levels are like.
         """
-        n = len(self.oracle)
-        players = (
-            {"oracle": self.oracle} if self.scripted is None else {"scripted": self.scripted, "oracle": self.oracle}
-        )
+        n, players = len(self.oracle), self._players()
         found: dict[str, Any] = {"levels": n, "task": self.task, "plays": self.plays}
         shares = {"random_success": self.random_success}
         shares |= {f"{name}_success": player.solved for name, player in players.items()}
@@ -75,6 +75,10 @@ class Hardness:
             found[f"{name}_steps"] = float(steps.mean()) if len(steps) else None
             found[f"{name}_return"] = float(player.returns.mean())
         return found | {"oracle_rollouts": self.oracle.rollouts}
+
+    def _players(self) -> dict[str, Episodes | Plan]:
+        """The players whose episodes are known, by name."""
+        return {**({} if self.scripted is None else {"scripted": self.scripted}), "oracle": self.oracle}
 
 
 def hardness(
@@ -132,7 +136,7 @@ def random_episodes(starts: Starts, plays: int, rng: np.random.Generator) -> tup
     for at in range(0, len(rows), BATCH):
         block = slice(at, at + BATCH)
         keys = rng.integers(0, 2**64, len(rows[block]), np.uint64)
-        played = play(starts, rows[block], at_random, keys=keys)
+        played = play_forks(starts, rows[block], at_random, keys=keys)
         solved[block], returns[block] = played.solved, played.returns
     return solved.reshape(-1, plays), returns.reshape(-1, plays)
 
@@ -143,12 +147,3 @@ def wilson_interval(share: Any, trials: int) -> tuple[Any, Any]:
     centre = (p + z2 / (2 * trials)) / (1 + z2 / trials)
     margin = NORMAL_95 / (1 + z2 / trials) * np.sqrt(p * (1 - p) / trials + z2 / (4 * trials**2))
     return np.maximum(centre - margin, 0.0), np.minimum(centre + margin, 1.0)
-
-
-def _row(name: str, player: Episodes | Plan, i: int) -> dict[str, Any]:
-    solved = bool(player.solved[i])
-    return {
-        f"{name}_solved": solved,
-        f"{name}_steps": int(player.steps[i]) if solved else None,
-        f"{name}_return": float(player.returns[i]),
-    }

@@ -1,4 +1,4 @@
-"""Whole episodes in one batch, without an environment around them: where they start, who plays, how they end."""
+"""Whole episodes from copies of first states: where they start, who plays them, how they end."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from segar.engine import Simulator, State, StepResult
-from segar.envs import VectorEnv
+from segar.envs import TimeStep, VectorEnv, play
 from segar.errors import SegarError
 from segar.language import Factors, Task
 from segar.levels import Levels, require_levels
@@ -56,10 +56,6 @@ class Starts:
     state: State
     seed: int
 
-    def fork(self, rows: np.ndarray) -> State:
-        """Copies of the first states of these levels, repeated as often as they are named."""
-        return State(**{name: array[rows] for name, array in vars(self.state).items()})
-
 
 def make_starts(levels: Levels, task: Task | None = None, seed: int = 0, num_threads: int = 1) -> Starts:
     """The first states of one episode per level, exactly as a fresh :class:`segar.envs.VectorEnv` starts them.
@@ -75,51 +71,85 @@ def make_starts(levels: Levels, task: Task | None = None, seed: int = 0, num_thr
     return Starts(levels, env.task, env.simulator, env.state().state, seed)
 
 
-def play(
+class ForkedEpisodes:
+    """Episodes that go on from copies of first states: what :func:`segar.envs.play` steps without an environment.
+
+    Its observations are the states, float64 ``(n, entities, columns)``, which the next step overwrites. It drops rows
+    that are over, and draws no further episode.
+
+    Args:
+        rows: int ``(n,)``, the level of each episode; a level may occur any number of times.
+        limits: int ``(n,)``, steps after which an episode is truncated.
+        keys: uint64 ``(n,)`` of the randomness in rules; those that follow from the seed where it is None.
+    """
+
+    def __init__(self, starts: Starts, rows: np.ndarray, limits: np.ndarray, keys: np.ndarray | None = None) -> None:
+        self.starts, self.num_envs, self.limits, self.time = starts, len(rows), limits, 0
+        self._keep(starts.state, rows)
+        self.state.key = self.state.key if keys is None else keys
+
+    def start(self) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """The first states, and no info."""
+        return self.state.values, {}
+
+    def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+        """Advance all rows; ``info`` holds ``success`` and ``death``. The next step overwrites what it returns."""
+        outcome, self.time = self.outcome, self.time + 1
+        self.starts.simulator.act(self.state, self.starts.levels, actions, outcome)
+        info = {"success": outcome.success, "death": outcome.death}
+        return self.state.values, outcome.reward, outcome.terminated, self.time >= self.limits, info
+
+    def shrink(self, kept: np.ndarray) -> np.ndarray:
+        """Drop all rows but ``kept``, bool ``(n,)``; return the states of these."""
+        self.limits = self.limits[kept]
+        self._keep(self.state, kept)
+        return self.state.values
+
+    def _keep(self, state: State, rows: np.ndarray) -> None:
+        """Go on from copies of these rows of a state."""
+        self.state = State(**{name: array[rows] for name, array in vars(state).items()})
+        self.outcome = StepResult.empty(len(self.state.values))
+
+
+def play_forks(
     starts: Starts,
     rows: np.ndarray,
     player: Player,
     limits: np.ndarray | None = None,
     keys: np.ndarray | None = None,
 ) -> Episodes:
-    """One episode from the start of each level in ``rows`` (int ``(n,)``, repeated as one likes), by ``player``.
-
-    What is over is not simulated any further: the batch is made smaller when half of it has ended.
+    """One episode by ``player`` from the start of each level in ``rows``; arguments as of :class:`ForkedEpisodes`.
 
     Args:
-        limits: int ``(n,)``, steps after which an episode is broken off; the task's time limit where it is None.
-        keys: uint64 ``(n,)`` of the randomness in rules; those that follow from the seed where it is None.
+        limits: the task's time limit where it is None.
+
+    Raises:
+        SegarError: the player gives an action that is not finite.
     """
-    n, task, size = len(rows), starts.task, len(starts.task.action_low)
+    n, task = len(rows), starts.task
     low, high = np.array(task.action_low, np.float32), np.array(task.action_high, np.float32)
-    limits = np.full(n, task.max_steps) if limits is None else limits
+
+    def act(now: TimeStep) -> np.ndarray:
+        chosen = np.asarray(player(now.time, now.episodes, now.observation), np.float32)
+        if not np.isfinite(chosen).all():
+            raise SegarError(f"task {task.name}: the player gave actions in step {now.time} that are not finite")
+        return np.clip(chosen, low, high)
+
+    forks = ForkedEpisodes(starts, rows, np.full(n, task.max_steps) if limits is None else limits, keys)
+    values = forks.state.values.copy()
     solved, died = np.zeros(n, np.bool_), np.zeros(n, np.bool_)
     steps, returns, last = np.zeros(n, np.int64), np.zeros(n), np.zeros(n)
-    actions = np.zeros((n, task.max_steps, size), np.float32)
-    state, live = starts.fork(rows), np.arange(n)  # the episode that each row of the state plays
-    state.key = state.key if keys is None else keys
-    values, running, outcome = state.values.copy(), np.ones(n, np.bool_), StepResult.empty(n)
-    for t in range(limits.max()):
-        chosen = np.asarray(player(t, live, state.values), np.float32)
-        if not np.isfinite(chosen).all():
-            raise SegarError(f"task {task.name}: the player gave actions in step {t} that are not finite")
-        chosen = np.clip(chosen, low, high)
-        starts.simulator.act(state, starts.levels, np.ascontiguousarray(chosen), outcome)
-        on = live[running]
-        actions[on, t] = chosen[running]
-        steps[on] += 1
-        returns[on] += outcome.reward[running]
-        last[on] = outcome.reward[running]
-        ended = running & (outcome.terminated | (t + 1 >= limits[live]))
-        over = live[ended]
-        solved[over], died[over], values[over] = outcome.success[ended], outcome.death[ended], state.values[ended]
-        running &= ~ended
-        if not running.any():
-            break
-        if running.sum() * 2 <= len(live):
-            state = State(**{name: array[running] for name, array in vars(state).items()})
-            live = live[running]
-            running, outcome = np.ones(len(live), np.bool_), StepResult.empty(len(live))
+    actions = np.zeros((n, task.max_steps, len(low)), np.float32)
+    for now in play(forks, act, forks.start()):
+        if now.time == 0:
+            continue
+        on, over = now.episodes[now.played], now.episodes[now.ended]
+        actions[on, now.time - 1] = now.action[now.played]
+        steps[on] = now.time
+        returns[on] += now.reward[now.played]
+        last[on] = now.reward[now.played]
+        solved[over], died[over] = now.info["success"][now.ended], now.info["death"][now.ended]
+        values[over] = now.observation[now.ended]
     return Episodes(solved, died, steps, returns, last, actions, values)
 
 
@@ -131,19 +161,17 @@ def trace(starts: Starts, rows: np.ndarray, actions: np.ndarray) -> tuple[np.nda
 
     Returns:
         float64 ``(len(rows), steps + 1, entities, columns)``, and the step at which each episode ended, int
-        ``(len(rows),)``, ``steps + 1`` where it did not. What has ended stands still.
+        ``(len(rows),)``, ``steps + 1`` where it did not. After its end an episode keeps its last state.
     """
     n, length = actions.shape[:2]
-    state, outcome = starts.fork(rows), StepResult.empty(n)
-    states = np.empty((n, length + 1, *state.values.shape[1:]))
-    states[:, 0] = state.values
+    forks = ForkedEpisodes(starts, rows, np.full(n, length))
+    states = np.empty((n, length + 1, *forks.state.values.shape[1:]))
+    states[:, 0] = forks.state.values
     ends = np.full(n, length + 1)
-    actions = np.asarray(actions, np.float32)
-    for t in range(length):
-        starts.simulator.act(state, starts.levels, np.ascontiguousarray(actions[:, t]), outcome)
-        over = ends <= t
-        states[:, t + 1] = np.where(over[:, None, None], states[:, t], state.values)
-        ends[~over & outcome.terminated] = t + 1
+    for now in play(forks, lambda now: actions[now.episodes, now.time], forks.start()):
+        states[now.episodes[now.played], now.time] = now.observation[now.played]
+        states[now.episodes[now.ended], now.time + 1 :] = now.observation[now.ended, None]
+        ends[now.episodes[now.played & now.terminated]] = now.time
     return states, ends
 
 

@@ -29,7 +29,12 @@ FORBIDDEN_ARROWS = (
 TORCH = ("torch", "torchrl", "tensordict")
 THE_ONLY_TORCH_FILE = "segar/envs/torchrl_env.py"
 THE_ONLY_MATPLOTLIB_FILE = "segar/cli/figures.py"
-FOLDERS_WITH_AN_EXTRA = {"segar/cli/": "render", "segar/rendering/": "render", "segar/datasets/": "datasets", "segar/textures/": "filters"}
+FOLDERS_WITH_AN_EXTRA = {
+    "segar/cli/": "render",
+    "segar/rendering/": "render",
+    "segar/datasets/": "datasets",
+    "segar/textures/": "filters",
+}
 
 # The extras of pyproject.toml that a package may count on, besides the core dependencies.
 EXTRAS = {"segar": (), "experiments": ("train", "ui", "search"), "analysis": ("train", "analysis")}

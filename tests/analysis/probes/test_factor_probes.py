@@ -111,7 +111,7 @@ def test_information_about_independent_cells_is_not_positive():
     for seed in range(20):
         cell = rng(seed).integers(0, 4, 200)[group]
         said = rng(seed + 50).integers(0, 4, 200)[group]
-        gains.append(information_gain(said, cell, np.full(4, 0.25), group, 2, rng(seed)).mean())
+        gains.append(information_gain(said, cell, np.full(4, 0.25), group, rng(seed)).mean())
     assert np.mean(gains) < 0
 
 

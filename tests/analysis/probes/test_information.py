@@ -8,7 +8,7 @@ import torch
 
 from analysis.probes import mine_accuracy
 from analysis.probes.critics import CriticSettings, infonce_value, jsd_value, smile_value
-from analysis.probes.information import estimate_information, mine_of_2022
+from analysis.probes.information import estimate_bounds, mine_of_2022
 from analysis.probes.nearest import gaussian_information
 from analysis.probes.pairs import Column, Pairs
 from segar.errors import SegarError
@@ -73,7 +73,7 @@ def test_episodes_that_resemble_themselves_fool_nobody():
 def test_bounds_come_near_the_information_of_gaussians(bound):
     z = rng(10).normal(size=(2000, 2))
     x = 0.8 * z + 0.6 * rng(11).normal(size=z.shape)
-    _, value = estimate_information(pairs_of(x, z), rng(), bound=bound, replicates=1)
+    _, value = estimate_bounds(pairs_of(x, z), rng(), [bound], replicates=1)[bound]
     assert value.estimate == pytest.approx(2 * gaussian_information(0.8), rel=0.15)
 
 
@@ -87,7 +87,7 @@ def test_the_accuracy_of_gaussians_is_that_of_the_best_critic():
         return -0.5 * math.log(1 - r * r) - (r * r * (a * a + b * b) - 2 * r * a * b) / (2 * (1 - r * r))
 
     best = ((log_ratio(x, z) > 0).mean() + (log_ratio(x, np.roll(z, 1)) < 0).mean()) / 2
-    found, _ = estimate_information(pairs_of(x[:2000, None], z[:2000, None]), rng(), replicates=1)
+    found, _ = estimate_bounds(pairs_of(x[:2000, None], z[:2000, None]), rng(), ["jsd"], replicates=1)["jsd"]
     assert best - 0.03 < found.estimate < best + 0.015
 
 
@@ -112,7 +112,7 @@ def test_units_and_linear_maps_of_phi_do_not_matter():
 def test_replicates_repeat_from_their_seed_and_have_an_interval():
     data = pairs_of(rng(16).normal(size=(600, 4)), rng(17).normal(size=(600, 2)))
     quick = CriticSettings(steps=50)
-    first, second = (estimate_information(data, rng(5), replicates=3, settings=quick) for _ in range(2))
+    first, second = (estimate_bounds(data, rng(5), ["jsd"], replicates=3, settings=quick)["jsd"] for _ in range(2))
     assert first == second
     assert first[0].n == 3 and first[0].low < first[0].estimate < first[0].high
 

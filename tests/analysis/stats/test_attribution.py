@@ -1,4 +1,4 @@
-"""What makes the gap: hybrids of levels, and shares that add up to what is to be explained."""
+"""What makes the gap: mixed levels, and shares that add up to what is to be explained."""
 
 import numpy as np
 import pandas as pd
@@ -12,13 +12,13 @@ from analysis.stats.attribution import (
     anova,
     full_factorial,
     half_factorial,
-    hybrid_levels,
     main_effects,
+    mixed_levels,
     play_design,
     shapley,
 )
 from experiments.evaluation.baselines import IdleAgent
-from experiments.evaluation.episodes import play
+from experiments.evaluation.episodes import play_episodes
 from segar import Charge, Position, Size
 from segar.errors import LevelError, SegarError
 from segar.language.parameters import FloorFriction, Gravity
@@ -40,14 +40,14 @@ def column(levels, slot, factor):
 def test_all_groups_make_the_test_levels_and_none_the_training_levels(sets):
     train, test = sets
     for chosen, expected in (({}, train), (dict.fromkeys(NAMES, True), test)):
-        made = hybrid_levels(train, test, GROUPS, chosen)
+        made = mixed_levels(train, test, GROUPS, chosen)
         for name in ("types", "values", "shape_kind", "vertices", "parameters"):
             assert np.array_equal(getattr(made, name), getattr(expected, name), equal_nan=True), name
 
 
 def test_one_group_changes_and_the_rest_stays(sets):
     train, test = sets
-    made = hybrid_levels(train, test, GROUPS, {"position": True})
+    made = mixed_levels(train, test, GROUPS, {"position": True})
     assert np.array_equal(column(made, "goal", Position), column(test, "goal", Position))
     assert np.array_equal(column(made, "golfball", Size), column(train, "golfball", Size))
     assert np.array_equal(made.types, train.types)
@@ -58,7 +58,7 @@ def test_a_parameter_can_be_a_group_and_the_floor_follows_it():
     train, test = (dist.sample(4, seed=0, split=split) for split in ("train", "test"))
     test.parameters[:, test.layout.parameters.index(FloorFriction)] = 0.3
     groups = {"physics": [Gravity, FloorFriction]}
-    made = hybrid_levels(train, test, groups, {"physics": True})
+    made = mixed_levels(train, test, groups, {"physics": True})
     assert (made.parameters[:, made.layout.parameters.index(FloorFriction)] == 0.3).all()
     assert (made.values[:, -1, made.layout.columns[segar.Friction]] == 0.3).all()
 
@@ -133,7 +133,7 @@ def test_the_gap_of_a_player_is_attributed(sets):
     train, test = (segar.family("empty-hard").sample(6, seed=1, split=split) for split in ("train", "test"))
 
     def returns(levels):
-        rows = play(IdleAgent(), levels, np.arange(len(levels)), {"observation": "state"}, rng=None, seed=0)
+        rows = play_episodes(IdleAgent(), levels, np.arange(len(levels)), {"observation": "state"}, rng=None, seed=0)
         return np.array([row["return"] for row in rows])
 
     groups = {"position": [Position], "charge": [Charge]}
@@ -146,9 +146,9 @@ def test_the_gap_of_a_player_is_attributed(sets):
 
 def test_groups_that_overlap_or_name_nothing_are_refused(sets):
     with pytest.raises(LevelError, match="groups 'a' and 'b'"):
-        hybrid_levels(*sets, {"a": [Size], "b": ["Size"]}, {})
+        mixed_levels(*sets, {"a": [Size], "b": ["Size"]}, {})
     with pytest.raises(LevelError, match="no factor or parameter 'Sise'"):
-        hybrid_levels(*sets, {"a": ["Sise"]}, {})
+        mixed_levels(*sets, {"a": ["Sise"]}, {})
 
 
 def test_a_design_with_a_hole_is_refused(sets):

@@ -13,7 +13,7 @@ from experiments.algorithms.ppo import PPO, check_finite, make_batch
 from experiments.collection.collector import Rollout
 from experiments.collection.rewards import ReturnScale, learner_reward
 from experiments.commands.hydra_app import compose
-from experiments.evaluation.episodes import play
+from experiments.evaluation.episodes import play_episodes
 from experiments.levels.builders import make_levels
 from experiments.networks.encoders import MLP, FrameEncoder
 from experiments.networks.policies import SquashedNormal
@@ -243,7 +243,7 @@ def test_ppo_learns():
     ppo = PPO(config, PPO.make_env(train, config.num_envs, seed=0), 40_000, 0)
 
     def test_return():
-        rows = play(ppo.policy, test, np.arange(50), {}, rng=None, seed=0)
+        rows = play_episodes(ppo.policy, test, np.arange(50), {}, rng=None, seed=0)
         return np.mean([row["return"] for row in rows])
 
     untrained = test_return()

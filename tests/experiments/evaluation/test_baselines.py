@@ -1,4 +1,4 @@
-"""Anchors: agents between which scores are normalised play as evaluation lets them, and the order is as it must be."""
+"""Baselines: the agents between which scores are normalised play in evaluation, and their returns have the right order."""
 
 import dataclasses
 
@@ -12,10 +12,10 @@ from experiments.evaluation.baselines import (
     Oracle,
     RandomAgent,
     ScriptedAgent,
-    find_anchors,
+    find_baselines,
     normalised_score,
 )
-from experiments.evaluation.episodes import play
+from experiments.evaluation.episodes import play_episodes
 from segar.errors import SegarError
 from segar.hardness import plan
 
@@ -24,7 +24,7 @@ TWICE = np.tile(np.arange(12), 2)
 
 
 def mean_return(agent, rng=None):
-    rows = play(agent, LEVELS, TWICE, {}, rng=rng, seed=0)
+    rows = play_episodes(agent, LEVELS, TWICE, {}, rng=rng, seed=0)
     assert [row["level"] for row in rows] == TWICE.tolist()
     return np.mean([row["return"] for row in rows]), np.mean([row["success"] for row in rows])
 
@@ -62,13 +62,13 @@ def test_an_idle_agent_does_not_move():
 
 
 def test_the_random_agent_scores_0_and_the_oracle_1():
-    anchors = find_anchors(LEVELS, rng=np.random.default_rng(0), plays=50, samples=32, iterations=3)
-    assert anchors.normalised(anchors.random) == 0.0
-    assert anchors.normalised(anchors.oracle) == 1.0
+    baselines = find_baselines(LEVELS, rng=np.random.default_rng(0), plays=50, samples=32, iterations=3)
+    assert baselines.normalised(baselines.random) == 0.0
+    assert baselines.normalised(baselines.oracle) == 1.0
     by_evaluation, _ = mean_return(RandomAgent())
-    assert anchors.normalised(by_evaluation) == pytest.approx(0.0, abs=0.15)
+    assert baselines.normalised(by_evaluation) == pytest.approx(0.0, abs=0.15)
     script, _ = mean_return(ScriptedAgent())
-    assert 0.9 < anchors.normalised(script) <= 1.0
+    assert 0.9 < baselines.normalised(script) <= 1.0
 
 
 def test_scores_are_normalised_entry_by_entry_and_are_nan_where_nothing_can_be_won():
@@ -81,7 +81,7 @@ def test_an_oracle_refuses_levels_that_its_plan_is_not_for():
     with pytest.raises(
         SegarError, match="this plan is for 3 levels of the task puttputt-squared, not for 12 of puttputt-squared"
     ):
-        play(Oracle(found), LEVELS, np.arange(12), {}, rng=None, seed=0)
+        play_episodes(Oracle(found), LEVELS, np.arange(12), {}, rng=None, seed=0)
 
 
 def test_a_script_refuses_a_task_that_has_none():

@@ -5,7 +5,13 @@ import pytest
 import torch
 
 from experiments.evaluation import episodes
-from experiments.evaluation.episodes import distance_figures, diversity_figures, evaluate_run, evaluation_figures, play
+from experiments.evaluation.episodes import (
+    distance_figures,
+    diversity_figures,
+    evaluate_run,
+    evaluation_figures,
+    play_episodes,
+)
 from experiments.settings import EvaluationConfig, RunConfig
 from segar import family
 from segar.envs import VectorEnv
@@ -38,7 +44,7 @@ def plain_episode(level, policy):
 
 
 def test_every_level_is_played_as_in_an_environment_of_its_own():
-    rows = play(Linear(), LEVELS, np.arange(12), {}, rng=None, seed=0)
+    rows = play_episodes(Linear(), LEVELS, np.arange(12), {}, rng=None, seed=0)
     assert [row["level"] for row in rows] == list(range(12))
     for level, row in enumerate(rows):
         rewards, success, death = plain_episode(level, Linear())
@@ -48,9 +54,9 @@ def test_every_level_is_played_as_in_an_environment_of_its_own():
 
 
 def test_results_do_not_depend_on_the_batch(monkeypatch):
-    whole = play(Linear(), LEVELS, np.arange(12), {}, rng=None, seed=0)
+    whole = play_episodes(Linear(), LEVELS, np.arange(12), {}, rng=None, seed=0)
     monkeypatch.setattr(episodes, "BATCH", 5)
-    assert play(Linear(), LEVELS, np.arange(12), {}, rng=None, seed=0) == whole
+    assert play_episodes(Linear(), LEVELS, np.arange(12), {}, rng=None, seed=0) == whole
 
 
 class Counting(Linear):
@@ -70,9 +76,9 @@ class Remembering(Counting):
 
 
 def test_only_those_act_whose_episode_goes_on_unless_the_policy_knows_its_environments():
-    lengths = np.array([row["length"] for row in play(Linear(), LEVELS, np.arange(12), {}, rng=None, seed=0)])
+    lengths = np.array([row["length"] for row in play_episodes(Linear(), LEVELS, np.arange(12), {}, rng=None, seed=0)])
     some, all_of_them = Counting(), Remembering()
-    rows = [play(policy, LEVELS, np.arange(12), {}, rng=None, seed=0) for policy in (some, all_of_them)]
+    rows = [play_episodes(policy, LEVELS, np.arange(12), {}, rng=None, seed=0) for policy in (some, all_of_them)]
     assert rows[0] == rows[1]
     assert some.acted == [int((lengths > t).sum()) for t in range(lengths.max())]
     assert all_of_them.acted == [12] * lengths.max()
@@ -80,7 +86,7 @@ def test_only_those_act_whose_episode_goes_on_unless_the_policy_knows_its_enviro
 
 def test_a_death_counts_in_the_return_and_not_in_that_of_the_reference():
     levels = family("tilesx3-hard").sample(30, seed=0)
-    rows = play(Linear(), levels, np.arange(30), {}, rng=torch.Generator().manual_seed(0), seed=0)
+    rows = play_episodes(Linear(), levels, np.arange(30), {}, rng=torch.Generator().manual_seed(0), seed=0)
     deaths = [row for row in rows if row["death"]]
     assert deaths
     assert all(row["return"] - row["return_ref"] <= -100 for row in deaths)

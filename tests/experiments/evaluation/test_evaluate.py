@@ -12,7 +12,7 @@ import pytest
 
 import segar
 from experiments.commands.hydra_app import run_simple_command
-from experiments.evaluation.baselines import find_anchors
+from experiments.evaluation.baselines import find_baselines
 from experiments.evaluation.evaluator import choose_levels, evaluate
 from experiments.runs.run_folder import CHECKPOINT, PREVIOUS, read_episodes, read_summary
 from experiments.settings import (
@@ -68,9 +68,9 @@ def test_any_levels_can_be_played_and_everything_is_written(trained, tmp_path):
 def test_scores_lie_between_chance_and_the_oracle_on_the_same_levels(trained):
     found = evaluate(EvaluateConfig(str(trained), levels="empty-easy", n=4, seed=1, videos="none"))
     levels = segar.family("empty-easy").sample(4, seed=1, split="test")
-    anchors = find_anchors(levels, rng=np.random.default_rng(1))
+    baselines = find_baselines(levels, rng=np.random.default_rng(1))
     for player in found.summary["players"].values():
-        assert player["score"] == pytest.approx(anchors.normalised(player["return"]))
+        assert player["score"] == pytest.approx(baselines.normalised(player["return"]))
     assert found.summary["anchors"]["oracle"] > found.summary["anchors"]["random"]
 
 

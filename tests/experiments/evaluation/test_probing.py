@@ -1,6 +1,7 @@
 """Finished runs are probed once, whatever happens on the way, and their figures stand beside gap and distances."""
 
 import dataclasses
+from importlib.metadata import EntryPoint, EntryPoints
 
 import numpy as np
 import pandas as pd
@@ -10,14 +11,15 @@ import torch
 import yaml
 
 from analysis.probes.pairs import Column, Pairs
-from analysis.probes.table import probe_pairs
+from analysis.probes.table import probe_pairs, probe_run
 from experiments.commands.config_store import conf_dir
 from experiments.evaluation import probing
 from experiments.evaluation.probing import ProbeConfig, is_probed, probe_finished, probe_settings
-from experiments.evaluation.transfers import RunWork
+from experiments.evaluation.transfers import RunTask
 from experiments.reproduce import ReproduceConfig, carry_out
 from experiments.reproduction.experiment_file import experiment_at
 from experiments.reproduction.plan import as_text, make_plan, measure_speeds
+from experiments.runs.executed_code import fingerprint
 from experiments.runs.run_folder import PROBES, folder_path, read_metrics
 from experiments.settings import ConfigError, RunFolderError, TrackingConfig, TrackingError
 from experiments.tracking.mlflow_store import open_store
@@ -52,10 +54,19 @@ def no_answers(folder, config):
     raise SegarError("all frames are of one episode")
 
 
+def install(monkeypatch, *functions):
+    """Makes these functions of this file the registered probes."""
+    plugins = [EntryPoint("default", f"{__name__}:{one.__name__}", "segar.probes") for one in functions]
+    monkeypatch.setattr(probing, "entry_points", lambda **of: EntryPoints(plugins).select(**of))
+    probing.find_probes.cache_clear()
+
+
 @pytest.fixture(autouse=True)
-def prober(monkeypatch):
+def installed(monkeypatch):
     calls.clear()
-    monkeypatch.setattr(probing, "PROBER", f"{__name__}:answers")
+    install(monkeypatch, answers)
+    yield
+    probing.find_probes.cache_clear()
 
 
 @pytest.fixture
@@ -126,7 +137,7 @@ def test_killed_before_the_end_it_is_done_again_and_leaves_nothing_twice(finishe
 
 
 def test_a_failure_names_the_run_the_cause_and_what_to_do(finished, monkeypatch):
-    monkeypatch.setattr(probing, "PROBER", f"{__name__}:no_answers")
+    install(monkeypatch, no_answers)
     with pytest.raises(
         RunFolderError, match=rf"probes of {finished.label()} failed: all frames are of one episode.*again"
     ):
@@ -134,10 +145,24 @@ def test_a_failure_names_the_run_the_cause_and_what_to_do(finished, monkeypatch)
     assert not is_probed(finished, ASKED)
 
 
+def test_without_an_installed_plug_in_the_error_says_how_to_get_one(finished, monkeypatch):
+    install(monkeypatch)
+    with pytest.raises(ConfigError, match=r"no probes are installed.*group 'segar.probes'.*pip install -e \."):
+        probe_finished(finished, ASKED)
+
+
+def test_the_fingerprint_of_probes_is_that_of_the_plug_ins_module(monkeypatch):
+    plugin = EntryPoint("default", "analysis.probes.table:probe_run", "segar.probes")
+    monkeypatch.setattr(probing, "entry_points", lambda **of: EntryPoints([plugin]).select(**of))
+    probing.find_probes.cache_clear()
+    assert probing.code_of_probes() == fingerprint("analysis.probes.table")
+    assert probing.find_probes().load() is probe_run
+
+
 def test_a_run_that_is_trained_anew_loses_its_answers(tmp_path):
     config = short_run(tmp_path / "run")
     run(config, say=lambda line: None)
-    carry_out(RunWork(config, (), ASKED))
+    carry_out(RunTask(config, (), ASKED))
     assert calls == [("run", 100)] and is_probed(config, ASKED)
     run(dataclasses.replace(config, restart=True), say=lambda line: None)
     assert not is_probed(config, ASKED)

@@ -4,7 +4,8 @@ import dataclasses
 
 import pytest
 
-from experiments.evaluation.transfers import Mixture, RunWork, Transfer, evaluate_transfer
+from experiments.evaluation.transfer_evaluation import evaluate_transfer
+from experiments.evaluation.transfers import FactorSwap, RunTask, Transfer
 from experiments.runs.run_folder import folder_path, read_summary
 from experiments.settings import ConfigError, ObservationConfig, PPOConfig
 from experiments.training.run import run
@@ -18,16 +19,19 @@ STATE = ObservationConfig("state")
 def trained(tmp_path_factory):
     config = short_run(tmp_path_factory.mktemp("runs") / "run")
     levels = dataclasses.replace(config.levels, test_count=2 * config.levels.count)
-    config = dataclasses.replace(config, levels=levels, algorithm=PPOConfig(num_envs=8, num_steps=8, widths=(8,)))
+    # As many episodes on training levels as on test levels: in batches of another size, matrix products round otherwise.
+    evaluation = dataclasses.replace(config.evaluation, episodes=levels.test_count)
+    algorithm = PPOConfig(num_envs=8, num_steps=8, widths=(8,))
+    config = dataclasses.replace(config, levels=levels, evaluation=evaluation, algorithm=algorithm)
     run(config, say=lambda line: None)
     return config
 
 
 def test_what_comes_of_it_lies_in_the_run_folder(trained):
     transfer = Transfer("empty-medium", "empty-medium", "", STATE, test_count=5)
-    assert not RunWork(trained, (transfer,)).is_done()
+    assert not RunTask(trained, (transfer,)).is_done()
     summary = evaluate_transfer(trained, transfer, say=lambda line: None)
-    assert RunWork(trained, (transfer,)).is_done()
+    assert RunTask(trained, (transfer,)).is_done()
     assert summary["transfer"]["panel"] == "empty-medium" and summary["frames"] == 256
     assert {"w2/exact", "ks", "evaluation/test/return/sampled", "evaluation/test/success/deterministic"} <= {*summary}
     assert transfer.folder(trained).parent.parent == folder_path(trained)
@@ -58,7 +62,7 @@ def test_levels_that_the_agent_cannot_observe_are_refused(trained):
 
 @pytest.mark.parametrize(("changed", "levels"), [(("position", "rest"), "test"), ((), "train")])
 def test_levels_in_between_end_in_those_of_training_and_of_the_test(trained, changed, levels):
-    mixture = Mixture({"position": ["Position"]}, changed)
+    mixture = FactorSwap({"position": ["Position"]}, changed)
     between = Transfer("between", "empty-easy", "", STATE, test_count=trained.levels.test_count, mixture=mixture)
     summary, of_run = evaluate_transfer(trained, between, say=lambda line: None), read_summary(folder_path(trained))
     name = "evaluation/{}/return/deterministic"
@@ -66,14 +70,14 @@ def test_levels_in_between_end_in_those_of_training_and_of_the_test(trained, cha
 
 
 def test_a_group_that_names_no_factor_is_told(trained):
-    mixture = Mixture({"position": ["Positon"]}, ("position",))
+    mixture = FactorSwap({"position": ["Positon"]}, ("position",))
     with pytest.raises(LevelError, match=r"no factor or parameter 'Positon'. Did you mean 'Position'"):
         evaluate_transfer(trained, Transfer("x", "empty-easy", "", STATE, mixture=mixture), say=lambda line: None)
 
 
 def test_mixtures_of_different_groups_lie_in_different_folders():
     names = {
-        Transfer("x", "empty-easy", "", STATE, mixture=Mixture({"a": [factor]}, ("a",))).folder_name()
+        Transfer("x", "empty-easy", "", STATE, mixture=FactorSwap({"a": [factor]}, ("a",))).folder_name()
         for factor in ("Position", "Size")
     }
     assert len(names) == 2

@@ -11,7 +11,7 @@ import pytest
 
 import segar
 from segar.datasets import Dataset, Episode, check_replay, record
-from segar.datasets.fingerprint_text import in_words
+from segar.datasets.fingerprints import fingerprint_text
 from segar.datasets.rollouts import from_leaves, leaves
 from segar.observations.composed.stack import Stack
 from segar.observations.pixels.colours import Colour
@@ -115,6 +115,18 @@ def test_a_replay_that_differs_says_where(tmp_path, recorded):
 def test_a_replay_with_another_task_is_refused(recorded):
     with pytest.raises(segar.SegarError, match=r"another task \(puttputt-squared\)"):
         check_replay(recorded, task=segar.puttputt(impulse=1.0))
+
+
+def test_a_recording_of_another_version_is_read_and_replayed_and_refused_where_it_would_go_on(
+    tmp_path, recorded, levels
+):
+    folder = shutil.copytree(recorded.folder, tmp_path / "data")
+    manifest = json.loads((folder / "manifest.json").read_text())
+    manifest["settings"]["kernel"] = "0" * 16  # the kernel's code lay elsewhere
+    (folder / "manifest.json").write_text(json.dumps(manifest))
+    assert check_replay(Dataset.load(folder)) == recorded.steps
+    with pytest.raises(segar.SegarError, match=r"kernel \('0000.*another folder.*was begun by SEGAR 0.*Dataset.load"):
+        record(folder, levels, **OPTIONS)
 
 
 def test_the_table_names_every_factor_with_its_entity(recorded):
@@ -296,9 +308,12 @@ def test_observations_of_several_parts_are_taken_apart_and_put_together():
 
 
 def test_words_tell_observations_apart_and_are_the_same_in_every_process():
-    assert in_words(Pixels(32)) == in_words(Pixels(32)) != in_words(Pixels(64))
-    assert in_words(StateVector()) != in_words(StateVector(sees_invisible=False))
+    assert fingerprint_text(Pixels(32)) == fingerprint_text(Pixels(32)) != fingerprint_text(Pixels(64))
+    assert fingerprint_text(StateVector()) != fingerprint_text(StateVector(sees_invisible=False))
     a, b = np.zeros(2000), np.zeros(2000)
     b[1000] = 1e-9
-    assert in_words(a) == in_words(a.copy()) != in_words(b)
-    assert in_words(object()) == "builtins.object" and in_words(in_words) == "segar.datasets.fingerprint_text.in_words"
+    assert fingerprint_text(a) == fingerprint_text(a.copy()) != fingerprint_text(b)
+    assert (
+        fingerprint_text(object()) == "builtins.object"
+        and fingerprint_text(fingerprint_text) == "segar.datasets.fingerprints.fingerprint_text"
+    )

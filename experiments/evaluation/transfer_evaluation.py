@@ -1,0 +1,55 @@
+"""Test a trained agent on the levels of a :class:`experiments.evaluation.transfers.Transfer`.
+
+The results lie in ``evaluations/`` of the run folder: the levels, ``episodes.parquet``, and ``summary.json``, which is
+written last.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from experiments.evaluation.episodes import distance_figures, mean_figures, play_in_modes
+from experiments.evaluation.evaluator import load_agent, write
+from experiments.evaluation.transfers import Transfer
+from experiments.levels.builders import environment_options, make_levels
+from experiments.levels.mixed_levels import mixed_levels
+from experiments.runs.run_folder import LEVELS_TEST, LEVELS_TRAIN, folder_path
+from experiments.settings import ACTION_MODES, LevelsConfig, RunConfig, as_data
+from segar.levels import Levels
+
+
+def evaluate_transfer(run: RunConfig, transfer: Transfer, say: Callable[[str], None] = print) -> dict[str, Any]:
+    """Plays each test level once, deterministically and with sampled actions; writes and returns the summary.
+
+    Raises:
+        SegarError: the run has no weights, or its agent cannot observe these levels.
+    """
+    folder, test = folder_path(run), levels_of(run, transfer)
+    as_seen = dataclasses.replace(run, observation=transfer.observation)
+    policy, frames = load_agent(folder, as_seen, test, say)
+    rows = play_in_modes(policy, "test", test, environment_options(as_seen), run.evaluation.seed)
+    figures: dict[str, float] = {}
+    for mode in ACTION_MODES:
+        figures |= mean_figures([row for row in rows if row["action_mode"] == mode], "test", mode)
+    figures |= distance_figures(Levels.load(folder / LEVELS_TRAIN), test, run.evaluation.distances)
+    summary = {"transfer": as_data(transfer), "frames": frames, **figures}
+    write(transfer.folder(run), test, rows, summary)
+    say(f"{run.label()}: tested on {transfer.label}, return {figures['evaluation/test/return/deterministic']:.3f}")
+    return summary
+
+
+def levels_of(run: RunConfig, transfer: Transfer) -> Levels:
+    """The levels of a transfer; raises :class:`SegarError` if they cannot be made."""
+    if transfer.mixture is None:
+        levels = LevelsConfig(
+            train=transfer.panel, count=1, variation=transfer.variation, test_count=transfer.test_count,
+            test_seed=transfer.test_seed,
+        )  # fmt: skip
+        return make_levels(levels)[1]
+    train, test = (Levels.load(folder_path(run) / name) for name in (LEVELS_TRAIN, LEVELS_TEST))
+    chosen = dict.fromkeys(transfer.mixture.changed, True)
+    return mixed_levels(train[np.arange(len(test)) % len(train)], test, transfer.mixture.groups, chosen)

@@ -1,0 +1,88 @@
+"""The loop that plays episodes: one in each row of a batch, from its start until all of them are over."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any, Protocol, TypeAlias
+
+import numpy as np
+
+ROW_ARRAYS = ("episodes", "action", "reward", "terminated", "truncated", "played", "running")
+
+
+@dataclass(frozen=True, eq=False)
+class TimeStep:
+    """What is known after the start, or after a step, of episodes that are played side by side.
+
+    Attributes:
+        time: steps that were taken; 0 after the start.
+        episodes: int64 ``(n,)``, the number of the episode that each row of the arrays is about.
+        observation, info: as the source of the steps gave them.
+        action: float ``(n, action size)``, what led here; reward: float64 ``(n,)``; terminated, truncated: bool
+            ``(n,)``. All are zero after the start.
+        played: bool ``(n,)``, whether the step belongs to the row's episode. It does not where that was over before.
+        running: bool ``(n,)``, whether the row's episode goes on.
+    """
+
+    time: int
+    episodes: np.ndarray
+    observation: Any
+    info: dict[str, Any]
+    action: np.ndarray
+    reward: np.ndarray
+    terminated: np.ndarray
+    truncated: np.ndarray
+    played: np.ndarray
+    running: np.ndarray
+
+    @property
+    def ended(self) -> np.ndarray:
+        """Bool ``(n,)``: whether this step was the last one of the row's episode."""
+        return self.played & ~self.running
+
+
+Act: TypeAlias = Callable[[TimeStep], np.ndarray]
+"""Gives the actions of all rows, float ``(n, action size)``; those of episodes that are over have no effect on others."""
+
+
+class StepSource(Protocol):
+    """What :func:`play` steps: a :class:`segar.envs.VectorEnv`, or another batch of episodes.
+
+    A source may have a method ``shrink(kept)``. It is called when half of the rows or more are over, drops all rows but
+    ``kept`` (bool ``(n,)``), and returns the observations of the rows that remain.
+    """
+
+    num_envs: int  # rows at the start
+
+    def step(self, actions: np.ndarray, /) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+        """Advance all rows; return observations, rewards, terminated, truncated, info, as Gymnasium has them."""
+        ...
+
+
+def play(source: StepSource, act: Act, start: tuple[Any, dict[str, Any]]) -> Iterator[TimeStep]:
+    """Play one episode in each row of ``source``: yields the start, then every step, until all episodes are over.
+
+    Rows whose episode is over are stepped on, because a batch moves as one, unless the source drops them. To stop
+    early, stop iterating.
+
+    Args:
+        act: chooses the actions of a step; it is called when the caller asks for that step.
+        start: observations and info from which the episodes begin, e.g. ``env.reset(options={"levels": levels})``.
+    """
+    n = source.num_envs
+    none, zero = np.zeros(n, np.bool_), np.zeros(n)
+    now = TimeStep(0, np.arange(n), *start, np.zeros((n, 0)), zero, none, none, played=none, running=~none)
+    yield now
+    shrink = getattr(source, "shrink", None)
+    while now.running.any():
+        if shrink is not None and 2 * now.running.sum() <= len(now.running):
+            rows = {name: getattr(now, name)[now.running] for name in ROW_ARRAYS}
+            now = replace(now, observation=shrink(now.running), **rows)
+        action = act(now)
+        observation, reward, terminated, truncated, info = source.step(action)
+        now = TimeStep(
+            now.time + 1, now.episodes, observation, info, action, reward, terminated, truncated,
+            played=now.running, running=now.running & ~(terminated | truncated),
+        )  # fmt: skip
+        yield now
