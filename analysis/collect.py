@@ -1,14 +1,14 @@
-"""``python -m analysis.collect results=DIR``: from the run folders of a plan to tidy tables.
+"""``python -m analysis.collect results=DIR``: makes tidy tables from the run folders of a plan.
 
 ``DIR`` is a results folder of ``experiments.reproduce``, whose ``plan.json`` names the runs. Written there:
 
 ``runs.parquet``           one row per finished run, see :func:`run_row`
-``transfers.parquet``      one row per run and other test set: the same figures there
-``levels.parquet``         one row per run, test set, action mode and level: what bootstraps over levels start from
+``transfers.parquet``      one row per run and other test set: the same figures on that test set
+``levels.parquet``         one row per run, test set, action mode and level: for bootstraps over levels
 ``curves.parquet``         one row per run, figure and time
-``probes.parquet``         what the probes say of each run that was to be probed, see :func:`probe_rows`
+``probes.parquet``         the results of the probes, see :func:`probe_rows`
 ``tables/<experiment>.csv``  the rows of runs and transfers that belong to an experiment
-``missing.csv``            what is planned and not finished
+``missing.csv``            the runs and tests that are planned and not finished
 
 Tables are replaced whole; the same runs give the same rows in the same order.
 """
@@ -46,20 +46,18 @@ from experiments.settings import ACTION_MODES, RunConfig, RunFolderError, cell_o
 
 PLAN = "plan.json"
 LEVELS, CURVES = "levels.parquet", "curves.parquet"
-DIGITS = {"estimate": 3, "low": 3, "high": 3, "entropy": 3, "p": 4}  # after the point, in the table of probes
+FILES = {"runs": RUNS, "transfers": TRANSFERS, "levels": LEVELS, "curves": CURVES, "probes": PROBES}  # of all tables
+PROBE_DIGITS = {"estimate": 3, "low": 3, "high": 3, "entropy": 3, "p": 4}  # after the point, in the table of probes
 TABLES, MISSING = "tables", "missing.csv"
 OWN = "own"  # the test set that a run has by itself
-CURVES_OF = (
-    "episode/return",
-    "episode/success",
-    "evaluation/test/return/deterministic",
-)  # what is drawn against frames
+# The figures over time that reports draw.
+CURVES_OF = ("episode/return", "episode/success", "evaluation/test/return/deterministic")
 WHICH = ["family", "difficulty", "n", "algorithm", "observation", "task", "variation", "design", "seed", "run", "test"]
 
 
 @dataclass(frozen=True)
 class CollectConfig:
-    """Which results."""
+    """The results folder, and whether MLflow shows its experiments."""
 
     results: str  # a folder that experiments.reproduce made
     tracking: bool = True  # show the experiments in MLflow, if the plan says so
@@ -67,21 +65,21 @@ class CollectConfig:
 
 @dataclass(frozen=True)
 class Collected:
-    """All tables, and what is planned but not finished."""
+    """All tables of :data:`FILES`, and what is planned but not finished."""
 
     runs: pd.DataFrame
     transfers: pd.DataFrame
     levels: pd.DataFrame
     curves: pd.DataFrame
-    missing: pd.DataFrame
     probes: pd.DataFrame
+    missing: pd.DataFrame
 
 
 def collect(config: CollectConfig) -> Collected:
-    """Reads the runs, writes the tables, says what is missing; raises :class:`RunFolderError` if there is no plan."""
+    """Reads the runs, writes the tables and prints what is missing; raises :class:`RunFolderError` if there is no plan."""
     folder = Path(config.results).expanduser().resolve()
     plan = read_plan(folder)
-    found = read_all(plan)
+    found = read_runs(plan)
     write_tables(folder, plan, found)
     print(f"{len(found.runs)} runs and {len(found.transfers)} transfers are in {folder / RUNS} and {TRANSFERS}.")
     if not found.probes.empty:
@@ -95,6 +93,11 @@ def collect(config: CollectConfig) -> Collected:
     return found
 
 
+def collect_tables(results: Path) -> None:
+    """Makes the tables of a results folder: what ``experiments.reproduce`` calls, as the plug-in ``tables``."""
+    collect(CollectConfig(str(results)))
+
+
 def read_plan(folder: Path) -> dict[str, Any]:
     """The plan that a results folder holds; raises :class:`RunFolderError` if it holds none."""
     try:
@@ -105,26 +108,27 @@ def read_plan(folder: Path) -> dict[str, Any]:
         ) from error
 
 
-def read_all(plan: Mapping[str, Any]) -> Collected:
+def read_runs(plan: Mapping[str, Any]) -> Collected:
     """The tables of all runs and transfers of a plan."""
     root = Path(plan["runs"])
-    runs, transfers, levels, curves, missing, probes = [], [], [], [], [], []
-    theirs = {run["folder"] for one in plan["experiments"] for run in one["runs"] if run.get("elsewhere")}
-    for name, (experiments, wanted, probed) in sorted(members(plan).items()):
+    runs, transfers, missing = [], [], []
+    imported = {run["folder"] for one in plan["experiments"] for run in one["runs"] if run.get("elsewhere")}
+    tables = imported_rows(plan, imported)
+    for name, (experiments, wanted, probed) in sorted(runs_of(plan).items()):
         folder = root / name
-        if name in theirs:
+        if name in imported:
             continue
         if not is_finished(folder):
             missing.append({"run": name, "reason": "not finished" if folder.exists() else "not begun"})
             continue
         config, summary = read_config(folder), read_summary(folder)
-        place = place_of(config, name)
+        place = run_columns(config, name)
         episodes = read_episodes(folder).to_pandas()
         runs.append(run_row(folder, config, summary, episodes, place, experiments))
-        levels.append(level_rows(episodes, {**place, "test": OWN}))
-        curves.append(curve_rows(folder, place))
+        tables["levels"].append(level_rows(episodes, {**place, "test": OWN}))
+        tables["curves"].append(curve_rows(folder, place))
         if probed and (folder / PROBES).exists():
-            probes.append(probe_rows(folder, place))
+            tables["probes"].append(probe_rows(folder, place))
         elif probed:
             missing.append({"run": name, "reason": "probes are not finished"})
         for transfer in wanted:
@@ -133,49 +137,36 @@ def read_all(plan: Mapping[str, Any]) -> Collected:
                 missing.append({"run": name, "reason": f"{transfer} is not finished"})
                 continue
             played = pd.read_parquet(there / EPISODES)
-            row, label = transfer_row(json.loads((there / SUMMARY).read_text()), played, episodes, place, transfer)
+            row = transfer_row(json.loads((there / SUMMARY).read_text()), played, episodes, place, transfer)
             transfers.append(row)
-            levels.append(level_rows(played, {**place, "test": label}))
-    joined = {
-        RUNS: [pd.DataFrame(runs)],
-        TRANSFERS: [pd.DataFrame(transfers)],
-        LEVELS: levels,
-        CURVES: curves,
-        PROBES: probes,
-    }
-    for name, parts in made_elsewhere(plan, theirs).items():
-        joined[name] += parts
-    tables = {name: in_one(parts) for name, parts in joined.items()}
-    return Collected(
-        in_order(tables[RUNS]),
-        in_order(tables[TRANSFERS]),
-        tables[LEVELS],
-        tables[CURVES],
-        pd.DataFrame(missing, columns=["run", "reason"]),
-        tables[PROBES],
-    )
+            tables["levels"].append(level_rows(played, {**place, "test": row["test"]}))
+    tables["runs"].append(pd.DataFrame(runs))
+    tables["transfers"].append(pd.DataFrame(transfers))
+    joined = {name: join(parts) for name, parts in tables.items()}
+    for name in ("runs", "transfers"):
+        joined[name] = sort_rows(joined[name])
+    return Collected(**joined, missing=pd.DataFrame(missing, columns=["run", "reason"]))
 
 
-def made_elsewhere(plan: Mapping[str, Any], runs: set[str]) -> dict[str, list[pd.DataFrame]]:
-    """The rows of runs that the plan's tables from elsewhere have, by table; each run from the first folder that has it.
+def imported_rows(plan: Mapping[str, Any], runs: set[str]) -> dict[str, list[pd.DataFrame]]:
+    """The rows of runs that the plan's imported results have, by table; each run from the first folder that has it.
 
     Raises:
         RunFolderError: none of the folders has one of the runs any more.
     """
-    found: dict[str, list[pd.DataFrame]] = {name: [] for name in (RUNS, TRANSFERS, LEVELS, CURVES, PROBES)}
-    left = set(runs)
-    asked = members(plan)
+    found: dict[str, list[pd.DataFrame]] = {name: [] for name in FILES}
+    left, asked = set(runs), runs_of(plan)
     for folder in map(Path, plan.get("elsewhere", ())):
-        tables = {name: pd.read_parquet(folder / name) for name in found if (folder / name).exists()}
-        here = left & set(tables[RUNS]["run"]) if RUNS in tables else set()
+        tables = {name: pd.read_parquet(folder / file) for name, file in FILES.items() if (folder / file).exists()}
+        here = left & set(tables["runs"]["run"]) if "runs" in tables else set()
         left -= here
         for name, table in tables.items():
             if len(table):
                 found[name].append(cast(pd.DataFrame, table.loc[table["run"].isin(sorted(here))]))
         if here:
-            own = found[RUNS][-1]
+            own = found["runs"][-1]
             needed_by = [" ".join(asked[run][0]) for run in own["run"]]
-            found[RUNS][-1] = own.assign(experiments=needed_by, finished=own.get("finished", ""))
+            found["runs"][-1] = own.assign(experiments=needed_by, finished=own.get("finished", ""))
     if left:
         raise RunFolderError(
             f"{min(left)} was to be found in {', '.join(plan['elsewhere']) or 'no folder'}, and is not there any more. Run "
@@ -184,15 +175,14 @@ def made_elsewhere(plan: Mapping[str, Any], runs: set[str]) -> dict[str, list[pd
     return found
 
 
-def in_one(parts: Sequence[pd.DataFrame]) -> pd.DataFrame:
-    """Tables one below the other, run by run."""
+def join(parts: Sequence[pd.DataFrame]) -> pd.DataFrame:
+    """One table with the rows of all, sorted by run; empty where there are no rows."""
     there = [part for part in parts if len(part)]
     return pd.concat(there).sort_values("run", kind="stable", ignore_index=True) if there else pd.DataFrame()
 
 
-def members(plan: Mapping[str, Any]) -> dict[str, tuple[list[str], list[str], bool]]:
-    """Of each run of a plan: the experiments that it belongs to, the transfers that any of them asks for, and whether one
-    asks for probes."""
+def runs_of(plan: Mapping[str, Any]) -> dict[str, tuple[list[str], list[str], bool]]:
+    """For each run of a plan: the names of its experiments, their transfers, and whether one of them wants probes."""
     found: dict[str, tuple[list[str], list[str], bool]] = {}
     for experiment in plan["experiments"]:
         for run in experiment["runs"]:
@@ -202,16 +192,16 @@ def members(plan: Mapping[str, Any]) -> dict[str, tuple[list[str], list[str], bo
     return found
 
 
-def place_of(config: RunConfig, name: str) -> dict[str, Any]:
-    """What a run is, in columns that all tables share."""
+def run_columns(config: RunConfig, name: str) -> dict[str, Any]:
+    """The columns that all tables share, and that say what a run is."""
     cell, levels = cell_of(config), config.levels
     return {
         "family": cell.family,
         "difficulty": cell.difficulty,
         "n": cell.count,
         "algorithm": config.algorithm.name,
-        "observation": look_of(config.observation.name, config.observation.options),
-        "task": look_of(config.task.name.rpartition(":")[2], config.task.options),
+        "observation": name_with_options(config.observation.name, config.observation.options),
+        "task": name_with_options(config.task.name.rpartition(":")[2], config.task.options),
         "variation": levels.variation,
         "design": levels.design,
         "seed": cell.seed,
@@ -219,7 +209,7 @@ def place_of(config: RunConfig, name: str) -> dict[str, Any]:
     }
 
 
-def look_of(name: str, options: Mapping[str, Any]) -> str:
+def name_with_options(name: str, options: Mapping[str, Any]) -> str:
     """A name with the options that differ from the defaults, e.g. ``textures(hidden=Mass)``."""
     shown = (f"{k}={'+'.join(map(str, v)) if isinstance(v, list | tuple) else v}" for k, v in sorted(options.items()))
     return f"{name}({','.join(shown)})" if options else name
@@ -233,12 +223,12 @@ def run_row(
     place: Mapping[str, Any],
     experiments: Sequence[str],
 ) -> dict[str, Any]:
-    """What a run was and achieved.
+    """A row of ``runs.parquet``: the settings of a run and its results.
 
     ``experiments`` (joined by spaces), the place, ``hash``, ``frames``, ``hours`` of training and evaluation,
     ``w2_<mode>``, ``ks``, ``effective_number``, ``entropy``, ``entropy_left_out``, ``radius``, and for each action mode
     what :func:`analysis.tables.performance` gives: ``eta_train_deterministic``, ``success_test_sampled``,
-    ``gap_deterministic``, ``gap_se_deterministic`` and so on; ``finished``, and what :func:`made_with` gives.
+    ``gap_deterministic``, ``gap_se_deterministic`` and so on; ``finished``, and what :func:`software` gives.
     """
     seconds = summary["seconds"] + summary.get("evaluation_seconds", 0.0)
     ends = [entry["time"] for entry in read_journal(folder) if entry["event"] == "finished"]
@@ -250,14 +240,14 @@ def run_row(
         "frames": summary["frames"],
         "test_levels": config.levels.test_count,
         **distances(summary),
-        **in_modes(episodes),
+        **performance_by_mode(episodes),
         "hours": seconds / 3600,
         "finished": ends[-1] if ends else "",
-        **made_with(read_versions(folder)),
+        **software(read_versions(folder)),
     }
 
 
-def made_with(versions: Mapping[str, Any]) -> dict[str, str]:
+def software(versions: Mapping[str, Any]) -> dict[str, str]:
     """``code`` (fingerprint), ``commit`` (of the checkout, a + behind it if files differed; empty outside of one) and
     ``libraries`` (Python and what decides results, with their versions) of a run's versions.json."""
     git = versions["git"]
@@ -270,32 +260,27 @@ def made_with(versions: Mapping[str, Any]) -> dict[str, str]:
 
 
 def transfer_row(
-    summary: Mapping[str, Any],
-    played: pd.DataFrame,
-    episodes: pd.DataFrame,
-    place: Mapping[str, Any],
-    folder: str,
-) -> tuple[dict[str, Any], str]:
-    """What an agent achieved elsewhere, beside what it achieves on its training levels; and the name of that place."""
+    summary: Mapping[str, Any], played: pd.DataFrame, episodes: pd.DataFrame, place: Mapping[str, Any], folder: str
+) -> dict[str, Any]:
+    """What an agent achieved on other levels, named ``test``, beside what it achieves on its training levels."""
     asked = summary["transfer"]
-    label, mixture = asked["label"], asked.get("mixture") or {}
+    mixture = asked.get("mixture") or {}
     family, _, difficulty = asked["panel"].rpartition("-")
     whole = pd.concat([select(episodes, levels="train"), played], ignore_index=True)
-    row = {
+    return {
         **place,
-        "test": label,
+        "test": asked["label"],
         "test_family": family,
         "test_difficulty": difficulty,
         "test_variation": asked["variation"],
-        "test_observation": look_of(asked["observation"]["name"], asked["observation"]["options"]),
+        "test_observation": name_with_options(asked["observation"]["name"], asked["observation"]["options"]),
         "test_changed": SEPARATOR.join(mixture.get("changed", ())),
         "test_groups": SEPARATOR.join(mixture.get("groups", ())),
         "test_levels": asked["test_count"],
         "transfer": folder,
         **distances(summary),
-        **in_modes(whole),
+        **performance_by_mode(whole),
     }
-    return row, label
 
 
 def distances(summary: Mapping[str, Any]) -> dict[str, float]:
@@ -305,7 +290,7 @@ def distances(summary: Mapping[str, Any]) -> dict[str, float]:
     return {**w2, "ks": summary.get("ks", float("nan")), **more}
 
 
-def in_modes(episodes: pd.DataFrame) -> dict[str, float]:
+def performance_by_mode(episodes: pd.DataFrame) -> dict[str, float]:
     """:func:`analysis.tables.performance` of each action mode, its name behind each column."""
     parts = {mode: select(episodes, action_mode=mode) for mode in ACTION_MODES}
     return {f"{key}_{mode}": value for mode, part in parts.items() for key, value in performance(part).items()}
@@ -316,8 +301,8 @@ def level_rows(episodes: pd.DataFrame, place: Mapping[str, Any]) -> pd.DataFrame
     groups = episodes.groupby(["levels", "action_mode", "level"], sort=True)
     means = cast(pd.DataFrame, groups[["return", "return_ref", "length", "success", "death"]].mean())
     table = means.assign(episodes=groups.size()).reset_index()
-    for place_of_column, name in enumerate(("run", "test")):
-        table.insert(place_of_column, name, place[name])
+    for position, name in enumerate(("run", "test")):
+        table.insert(position, name, place[name])
     return table
 
 
@@ -339,28 +324,22 @@ def probe_rows(folder: Path, place: Mapping[str, Any]) -> pd.DataFrame:
     """
     table = pd.read_parquet(folder / PROBES).drop(columns="run").rename(columns={"n": "units"})
     table = cast(pd.DataFrame, table.loc[(table["factor"] == "all") | (table["quantity"] != "information")])
-    table = table.assign(**{name: table[name].astype("float32").round(digits) for name, digits in DIGITS.items()})
+    table = table.assign(**{name: table[name].astype("float32").round(digits) for name, digits in PROBE_DIGITS.items()})
     for k, (name, value) in enumerate(place.items()):
         table.insert(k, name, value)
     return table
 
 
-def in_order(table: pd.DataFrame) -> pd.DataFrame:
-    """Rows in the order of what they are."""
+def sort_rows(table: pd.DataFrame) -> pd.DataFrame:
+    """The rows, sorted by the columns that say what a run is."""
     return table.sort_values(WHICH, ignore_index=True) if len(table) else table
 
 
 def write_tables(folder: Path, plan: Mapping[str, Any], found: Collected) -> None:
     """Replaces all tables of a results folder."""
-    for name, table in (
-        (RUNS, found.runs),
-        (TRANSFERS, found.transfers),
-        (LEVELS, found.levels),
-        (CURVES, found.curves),
-        (PROBES, found.probes),
-    ):
-        with replacing(folder / name) as beside:
-            table.to_parquet(beside, index=False, compression="zstd")
+    for name, file in FILES.items():
+        with replacing(folder / file) as beside:
+            getattr(found, name).to_parquet(beside, index=False, compression="zstd")
     for experiment in plan["experiments"]:
         if experiment["runs"]:
             write_csv(folder / TABLES / f"{experiment['name']}.csv", experiment_rows(experiment, found))
@@ -368,7 +347,7 @@ def write_tables(folder: Path, plan: Mapping[str, Any], found: Collected) -> Non
 
 
 def experiment_rows(experiment: Mapping[str, Any], found: Collected) -> pd.DataFrame:
-    """The rows of an experiment: its runs, and of their transfers those that it asks for."""
+    """The rows of an experiment: its runs, and those of their transfers that belong to it."""
     wanted = {run["folder"]: set(run["transfers"]) for run in experiment["runs"]}
     parts: list[pd.DataFrame] = []
     if not found.runs.empty:
@@ -382,7 +361,7 @@ def experiment_rows(experiment: Mapping[str, Any], found: Collected) -> pd.DataF
 
 
 def pairs(table: pd.DataFrame, a: str, b: str) -> Iterable[tuple[str, str]]:
-    """The values of two columns, row by row."""
+    """The pairs of values of two columns, one for each row."""
     return zip(table[a], table[b], strict=True)
 
 

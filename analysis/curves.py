@@ -1,12 +1,11 @@
 """``python -m analysis.curves``: how each algorithm learns, from one run each, as a figure, a table and two CSV files.
 
-Runs that are there are read, the others are trained first; ``only=[sac, drq]`` does so for some, and leaves the rows of
-the others as they are. The figure and the table of ``docs/reference/algorithms.md`` are its output.
+Finished runs are read, the others are trained first. ``only=[sac, drq]`` does so for some, and leaves the rows of the
+others as they are. It writes the figure and the table of ``docs/reference/algorithms.md``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -69,7 +68,7 @@ CURVES = (
 
 @dataclass(frozen=True)
 class CurvesConfig:
-    """Which runs, and where things are."""
+    """Which runs, and the folders that are read and written."""
 
     only: tuple[str, ...] = ()  # names of curves; none: all
     root: str | None = None  # where the run folders lie; None: runs/ of the checkout
@@ -104,7 +103,7 @@ def trained(curve: Curve, config: CurvesConfig) -> Path:
 
 
 def row_of(curve: Curve, folder: Path) -> dict[str, Any]:
-    """The line of the table."""
+    """The row of the table for a curve."""
     summary = read_summary(folder)
     levels = Levels.load(folder / LEVELS_TEST)
     baselines = find_baselines(levels, rng=np.random.default_rng(ANCHOR_SEED))
@@ -177,18 +176,8 @@ def with_table(page: str, rows: pd.DataFrame) -> str:
 
 def as_markdown(rows: pd.DataFrame) -> str:
     """The table as the page has it: both action modes as deterministic / sampled."""
-    head = (
-        "run",
-        "levels",
-        "settings",
-        "frames",
-        "threads",
-        "minutes",
-        "train success",
-        "test success",
-        "score on test levels",
-    )
-    lines: list[Sequence[str]] = [head, ["---"] * 3 + ["--:"] * 6]
+    head = "run, levels, settings, frames, threads, minutes, train success, test success, score on test levels"
+    lines = [head.split(", "), ["---"] * 3 + ["--:"] * 6]
     for row in rows.to_dict("records"):
         pairs = [
             f"{row[f'{key}_deterministic']:.2f} / {row[f'{key}_sampled']:.2f}"

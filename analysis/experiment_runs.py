@@ -1,7 +1,7 @@
 """Experiments in MLflow: one parent run each, with its table as artifact; the training runs are the children.
 
 A training run that several experiments share is the child of the first one; its tag ``figure`` names all figures and its
-tag ``experiments`` all experiments, so that each can be searched for; its colour is its family's. Doing it again changes
+tag ``experiments`` all experiments, so that each can be searched for; its colour is its family's. A second call changes
 nothing.
 """
 

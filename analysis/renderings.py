@@ -6,7 +6,6 @@ filters of a network's first layer, and one state in the features of auto-encode
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from analysis.plotting import style
+from analysis.studies.command import run_from_command_line
 from experiments.runs.files import replacing
 from segar.language import (
     Ball,
@@ -53,13 +53,11 @@ DPI = 100
 Panel = tuple[str, np.ndarray]
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser("python -m analysis.renderings", description=__doc__)
-    parser.add_argument("-o", "--output", type=Path, default=Path("renderings"), help="folder for the PNG files")
-    chosen = parser.parse_args()
-    chosen.output.mkdir(parents=True, exist_ok=True)
+def run(output: Path = Path("renderings")) -> None:
+    """Draws all pictures as PNG files into the folder ``output``."""
+    output.mkdir(parents=True, exist_ok=True)
     for name, panels in {"tasks": tasks(), "features": features(), "feature_variants": variants()}.items():
-        path = chosen.output / f"{name}.png"
+        path = output / f"{name}.png"
         save(side_by_side(panels), path)
         print(path)
 
@@ -141,4 +139,4 @@ def save(figure: Figure, path: Path) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_from_command_line(run)

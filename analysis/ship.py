@@ -1,7 +1,7 @@
-"""``python -m analysis.ship results=FOLDER to=docs/results/standard``: the tables that a report needs, small enough to keep.
+"""``python -m analysis.ship results=FOLDER to=docs/results/standard``: copies the tables that a report needs, made small.
 
 Runs, transfers, probes, curves, what is missing, and the tables of studies. Numbers get six significant digits, curves at
-most 40 points a run and figure (means of what lies between), and levels.parquet, which no report reads, stays behind.
+most 40 points a run and figure (means of the points between). levels.parquet is not copied, because no report reads it.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ LEFT_OUT = {PROBES: ("note", "level"), RUNS: ("finished",)}  # columns that no r
 
 @dataclass(frozen=True)
 class ShipConfig:
-    """From where, and where to."""
+    """The folder that is read, and the folder that is written."""
 
     results: str  # a folder that experiments.reproduce made
     to: str  # a folder for the small tables; its name up to the first dash is what the report calls the scale
@@ -71,7 +71,7 @@ def rounded(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def thinned(curves: pd.DataFrame) -> pd.DataFrame:
-    """Curves with one point per fortieth of their run: the mean of what lies in it."""
+    """Curves with one point per fortieth of their run, the mean of its points."""
     if curves.empty:
         return curves
     longest = curves.groupby("run")["frames"].transform("max").to_numpy(np.float64)

@@ -1,4 +1,4 @@
-"""What rows of episodes say of a run, and a few words for tables: rows, columns, means, CSV files."""
+"""The performance of a run from its rows of episodes, and short functions on tables: rows, columns, means, CSV files."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ CURVE_POINTS = 40  # of a curve that is drawn or shipped
 
 
 def performance(episodes: pd.DataFrame) -> dict[str, float]:
-    """How a run did on its levels, from its evaluation episodes in one action mode.
+    """The performance of a run on its levels, from its evaluation episodes in one action mode.
 
     ``eta_train`` and ``eta_test`` (mean full return), ``gap`` = test - train, ``se_train``, ``se_test`` and ``gap_se``,
     ``success_train``, ``death_test`` and so on (shares), ``gap_ref`` (of returns without the last reward, as the 2022

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import dataclasses
 import os
-import subprocess
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -38,18 +37,10 @@ from experiments.reproduction.plan import (
     make_plan,
     measure_speeds,
 )
+from experiments.reproduction.plugin import REPORTS, STUDIES, find_plugin, run_plugin
 from experiments.reproduction.process_pool import Job, Outcome, run_jobs
 from experiments.runs.run_folder import runs_root, write_json
-from experiments.settings import (
-    CHECKOUT,
-    ConfigError,
-    RunConfig,
-    TrainingError,
-    design_hash,
-    paper_cells,
-    require,
-    run_config,
-)
+from experiments.settings import ConfigError, RunConfig, TrainingError, design_hash, paper_cells, require, run_config
 from experiments.tracking.mlflow_store import is_server
 from experiments.train import train
 
@@ -69,7 +60,7 @@ class ReproduceConfig:
     probes: Mapping[str, Any] = field(default_factory=dict)  # of each scale: what is asked of experiments with probes
     elsewhere: tuple[str, ...] = ()  # folders with tables of runs that were made on other machines
     dry_run: bool = False  # print the plan, and run nothing
-    report: bool = True  # have analysis.report write the claims, figures, page and PDF
+    report: bool = True  # have the plug-in "report" write the claims, figures, page and PDF
 
     def __post_init__(self) -> None:
         require(self.processes >= 0, "processes", self.processes, "0 or more")
@@ -126,6 +117,7 @@ def reproduce(
 
     Raises:
         TrainingError: some runs failed; the others are finished and in the tables.
+        ConfigError: a study is not known.
     """
     elsewhere = read_elsewhere(config.tables_elsewhere())
     plan = make_plan(config.at_scale(), with_sweep_tag(config), config.folder, config.asked(), elsewhere)
@@ -135,6 +127,8 @@ def reproduce(
     print(f"Runs: {runs_root(config.run)}\nTables, report, logs: {config.folder}", flush=True)
     if config.dry_run:
         return
+    for study in plan.studies:
+        find_plugin(STUDIES, study.study)
     # Studies first: the longest takes a minute, in which at the end there would be nothing else to do.
     waiting: dict[str, tuple[Work, float]] = {
         one.name: (one, STUDY_SECONDS) for one in plan.studies if not is_study_done(one)
@@ -192,13 +186,10 @@ def carry_out(work: Work) -> dict[str, float]:
 
 
 def run_study(study: StudyWork) -> None:
-    """Has a module of analysis do what needs no training; raises :class:`TrainingError` if it fails."""
+    """Runs a study in a process of its own; raises :class:`TrainingError` if it fails."""
     study.out.mkdir(parents=True, exist_ok=True)
-    options = [part for key, value in study.options for part in (f"--{key}", value)]
-    command = [sys.executable, "-m", study.module, "--output", str(study.out), *options]
-    done = subprocess.run(command, cwd=CHECKOUT)
-    if done.returncode:
-        raise TrainingError(f"{study.module} ended with {done.returncode}")
+    if not run_plugin(STUDIES, study.study, study.out, dict(study.options)):
+        raise TrainingError(f"the study {study.study} failed")
     write_json(study.mark, study.asked())
 
 
@@ -240,14 +231,11 @@ def ending(outcome: Outcome) -> str:
 
 
 def tables_and_report(config: ReproduceConfig, plan: Plan) -> bool:
-    """Has the analysis make the tables, and the report if anything is trained; returns whether it could.
-
-    Processes of their own, because experiments does not import analysis: what trains must not depend on what draws.
-    """
+    """Has the plug-ins make the tables, and the report if anything is trained; returns whether they could."""
     began = time.monotonic()
-    done = run_module("analysis.collect", {"results": config.folder})
+    done = run_plugin(REPORTS, "tables", config.folder)
     if done and config.report and plan.runs:
-        done = run_module("analysis.report", {"results": config.folder})
+        done = run_plugin(REPORTS, "report", config.folder)
     if done:
         print(f"Tables and report took {in_minutes(time.monotonic() - began)}. Figures and curves in the browser:")
         print(f"  {dashboard(config.run)}")
@@ -260,13 +248,6 @@ def dashboard(run: RunConfig) -> str:
     if uri is None:
         return f"{sys.executable} -m experiments.dashboard root={quoted(runs_root(run))}    (or: make dashboard)"
     return uri if is_server(uri) else f"{sys.executable} -m mlflow server --backend-store-uri '{uri}'"
-
-
-def run_module(module: str, settings: Mapping[str, Any]) -> bool:
-    """Runs a command of analysis; returns whether it went well."""
-    command = [sys.executable, "-m", module, *(f"{key}={quoted(value)}" for key, value in settings.items())]
-    environment = {name: value for name, value in os.environ.items() if name != "HYDRA_FULL_ERROR"}  # ours, see entry
-    return subprocess.run(command, cwd=CHECKOUT, env=environment).returncode == 0
 
 
 def quoted(value: Any) -> str:

@@ -17,7 +17,7 @@ from matplotlib.lines import Line2D
 from PIL import Image
 
 from analysis.plotting import style
-from analysis.stats.correlation import Line, NotAvailable, fit_line
+from analysis.stats.correlation import NotAvailable, fit_line
 from analysis.tables import column, select
 from experiments.runs.files import write_bytes
 
@@ -84,14 +84,9 @@ def draw_line(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str = "#333333",
     limits = axes.get_ylim()
     axes.plot(at, line.at(at), color=colour, linewidth=style.LINE_WIDTH, zorder=4)
     if band:
-        draw_band(axes, line, at, colour)
+        half = line.half_width(at)
+        axes.fill_between(at, line.at(at) - half, line.at(at) + half, color=colour, alpha=0.13, linewidth=0, zorder=1.5)
     axes.set_ylim(*limits)  # the wide band of a few points would flatten everything else
-
-
-def draw_band(axes: Axes, line: Line, at: np.ndarray, colour: str) -> None:
-    """The 95 % band of a line's height."""
-    half = line.half_width(at)
-    axes.fill_between(at, line.at(at) - half, line.at(at) + half, color=colour, alpha=0.13, linewidth=0, zorder=1.5)
 
 
 def legend_of(table: pd.DataFrame) -> list[Line2D]:

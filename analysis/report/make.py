@@ -3,52 +3,34 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections import Counter
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from analysis.collect import PLAN
+from analysis.plotting import style
 from analysis.plotting.figures import save_figure
-from analysis.report import drawings, drawings_agents, drawings_beyond, verdicts
-from analysis.report.claims import CORRECTED, PAPER, Claim, claims_table
-from analysis.report.document import Picture
-from analysis.report.drawings import Drawn
-from analysis.report.evidence import GIVEN, Evidence
-from analysis.report.html import page
-from analysis.report.pdf import sheets
+from analysis.report.claims import verdicts
+from analysis.report.claims.claim import CORRECTED, PAPER, Claim, claims_table
+from analysis.report.claims.evidence import GIVEN, Evidence
+from analysis.report.claims.reading import read_claims
+from analysis.report.document.blocks import Picture
+from analysis.report.document.html import page
+from analysis.report.document.pdf import sheets
+from analysis.report.document.sections import document
+from analysis.report.document.tables import statistics
+from analysis.report.figures import FIGURES, Draw
+from analysis.report.number_format import estimate_text
 from analysis.report.results import read_results
-from analysis.report.sections import CLAIMS, Drawings, document
-from analysis.report.tabulated import statistics
 from analysis.tables import write_csv
 from experiments.reproduction.imported_results import RUNS
 from experiments.runs.files import write_bytes, write_text
 from experiments.settings import CHECKOUT, RunFolderError, TrackingConfig, require_known
 from experiments.tracking.mlflow_store import calling, open_store
 
-FIGURES: Mapping[str, Callable[[Evidence], Drawn | str]] = {
-    "figure_3a": drawings.figure_3a,
-    "estimates": drawings.estimates,
-    "figure_3b": drawings.figure_3b,
-    "train_and_test": drawings.train_and_test,
-    "figure_4a": drawings.figure_4a,
-    "figure_4b": drawings_agents.figure_4b,
-    "figure_5a": drawings_agents.figure_5a,
-    "figure_5b": drawings_agents.figure_5b,
-    "appendix_mass": drawings_agents.appendix_mass,
-    "appendix_sac": drawings_agents.appendix_sac,
-    "appendix_measures": drawings_beyond.measures,
-    "fixed_n": drawings_beyond.fixed_n,
-    "diversity": drawings_beyond.diversity,
-    "attribution": drawings_beyond.attribution,
-    "rules": drawings_beyond.rules,
-    "visual": drawings_beyond.visual,
-    "hardness": drawings_beyond.hardness,
-    "upper_bound": drawings_beyond.upper_bound,
-    "w2_study": drawings_beyond.w2_study,
-}
 SHIPPED = CHECKOUT / "docs" / "results"
 SCALES = ("paper", "standard", "quick", "smoke")  # the largest first
 SUFFIXES = (".svg", ".png")
@@ -57,13 +39,11 @@ PAGE, SHEETS, VERDICTS = "report.html", "report.pdf", "claims.csv"
 
 @dataclass(frozen=True)
 class ReportConfig:
-    """Which results, and where the report goes."""
+    """The settings of a report: the results, the folder that it is written to, and which figures."""
 
     results: str | None = None  # a folder of tables; None: the largest scale in docs/results
     out: str | None = None  # None: into that folder
-    only: tuple[str, ...] = field(
-        default_factory=tuple
-    )  # names of figures: these alone are drawn, nothing else is made
+    only: tuple[str, ...] = ()  # names of figures: these alone are drawn, nothing else is made
     tracking: bool = True  # show the report in MLflow, if the results have a plan that says so
 
     def __post_init__(self) -> None:
@@ -89,12 +69,38 @@ class ReportConfig:
 
 @dataclass(frozen=True)
 class Report:
-    """What was made."""
+    """A report: its folder and files, and the claims and statistics in it."""
 
     folder: Path
     files: list[Path]
     claims: list[Claim]
     evidence: Evidence
+
+
+def report_results(results: Path) -> None:
+    """Makes the report of a results folder: what ``experiments.reproduce`` calls, as the plug-in ``report``."""
+    main(ReportConfig(str(results)))
+
+
+def main(config: ReportConfig) -> None:
+    """Makes the report and prints what came of it."""
+    made = make_report(config)
+    results = made.evidence.results
+    print(
+        f"{len(results.runs)} runs are in the report, {len(results.missing_runs())} runs or tests of the plan are missing."
+    )
+    if config.only:
+        for path in made.files:
+            print(path)
+        return
+    for settings in (PAPER, CORRECTED):
+        counted = Counter(claim.verdict(settings) for claim in made.claims)
+        print(f"{settings}: " + ", ".join(f"{count} {name}" for name, count in sorted(counted.items()) if name))
+    if len(results.main):
+        print(
+            f"gap against W2 of 2022, pooled: {estimate_text(made.evidence.association('reference', 'gap_2022', 'pooled'))}"
+        )
+    print(f"report: {made.folder / PAGE}")
 
 
 def make_report(config: ReportConfig) -> Report:
@@ -103,21 +109,17 @@ def make_report(config: ReportConfig) -> Report:
     folder = Path(config.out).expanduser().resolve() if config.out else config.folder
     wanted = {name: draw for name, draw in FIGURES.items() if not config.only or name in config.only}
     drawn = {name: drawing(evidence, folder, name, draw, config.name) for name, draw in wanted.items()}
-    files = [
-        folder / "figures" / f"{n}{s}"
-        for n, one in drawn.items()
-        if isinstance(one, Picture)
-        for s in (*SUFFIXES, ".csv")
-    ]
+    there = [name for name, one in drawn.items() if isinstance(one, Picture)]
+    files = [folder / "figures" / f"{name}{suffix}" for name in there for suffix in (*SUFFIXES, ".csv")]
     if config.only:
         return Report(folder, files, [], evidence)
-    claims = [claim(evidence) for claim in CLAIMS]
+    claims = read_claims(evidence)
     written = {folder / "statistics" / f"{name}.csv": table for name, table in statistics(evidence).items()}
     written[folder / VERDICTS] = claims_table(claims)
     for path, table in written.items():
         write_csv(path, table, 4)
     files += written
-    text = document(evidence, claims, Drawings(drawn))
+    text = document(evidence, claims, drawn)
     write_text(folder / PAGE, page(text))
     write_bytes(folder / SHEETS, sheets(text))
     files += [folder / PAGE, folder / SHEETS]
@@ -128,11 +130,10 @@ def make_report(config: ReportConfig) -> Report:
     return report
 
 
-def drawing(
-    evidence: Evidence, folder: Path, name: str, draw: Callable[[Evidence], Drawn | str], place: str
-) -> Picture | str:
-    """Draws a figure and writes its files; or says why it cannot be drawn."""
-    found = draw(evidence)
+def drawing(evidence: Evidence, folder: Path, name: str, draw: Draw, place: str) -> Picture | str:
+    """Draws a figure and writes its files; returns the picture, or why it cannot be drawn."""
+    with style.applied():
+        found = draw(evidence)
     if isinstance(found, str):
         return found
     svg, png = save_figure(found.figure, folder / "figures" / name, SUFFIXES)
@@ -151,7 +152,7 @@ def remove_others(folder: Path, files: list[Path]) -> None:
 
 
 def track(results: Path, report: Report) -> None:
-    """Shows headline numbers and files in MLflow, as a run of its own; a repeated report replaces it."""
+    """Writes headline numbers and files to MLflow, as a run of its own; a repeated report replaces that run."""
     plan: dict[str, Any] = json.loads((results / PLAN).read_text()) if (results / PLAN).exists() else {}
     if plan.get("tracking", {"name": "none"})["name"] == "none":
         return

@@ -1,4 +1,4 @@
-"""The tables of a results folder. The report reads nothing else, so whoever has the tables can make it again."""
+"""The tables of a results folder, which are all that a report is made from."""
 
 from __future__ import annotations
 
@@ -25,15 +25,16 @@ STUDIES = "studies"
 PANEL = ("family", "difficulty")
 BLOCK = (*PANEL, "seed")  # runs that share their nested training levels
 HARDER = {"easy": "medium", "medium": "hard"}
-NEEDED = ("experiments", *BLOCK, "n", "algorithm", "observation", "design", "variation", "run", "frames", "w2_reference",
+REQUIRED = ("experiments", *BLOCK, "n", "algorithm", "observation", "design", "variation", "run", "frames", "w2_reference",
           "w2_exact", "gap_deterministic", "gap_ref_deterministic", "gap_sampled", "gap_se_deterministic")  # fmt: skip
 ETA = "eta_test_deterministic"
+TEST_COLUMNS = ("test_family", "test_difficulty", "test_variation", "test_observation", "test_changed", "test_groups")
 FRAME, STACK, MEMORY = "one frame", "four frames", "one frame, a memory"
 
 
 @dataclass(frozen=True)
 class Results:
-    """All tables of a folder; what is not there is empty."""
+    """All tables of a results folder; a table that has no file is empty."""
 
     folder: Path
     scale: str  # the folder's name up to the first dash, e.g. "quick"
@@ -62,52 +63,42 @@ class Results:
     @cached_property
     def tested(self) -> pd.DataFrame:
         """All transfers, with the columns of :func:`measured`; ``test_changed`` is empty but for levels in between."""
-        if self.transfers.empty:
-            return self.transfers
-        changed = self.transfers["test_changed"].fillna("") if "test_changed" in self.transfers else ""
-        return measured(self.transfers.assign(test_changed=changed))
+        none = self.runs.head(0).assign(**dict.fromkeys(TEST_COLUMNS, ""))
+        table = self.transfers if len(self.transfers) else none
+        changed = table["test_changed"].fillna("") if "test_changed" in table else ""
+        return measured(table.assign(test_changed=changed))
 
     @cached_property
     def moved(self) -> pd.DataFrame:
-        """The transfers to levels of other distributions, or seen otherwise."""
-        table = self.tested
-        return select(table, test_changed="") if len(table) else table
+        """The transfers to levels of other distributions, or to other observations."""
+        return select(self.tested, test_changed="")
 
     @cached_property
     def between(self) -> pd.DataFrame:
-        """The transfers to levels between training and test; ``test_changed`` says what is as in the test."""
-        table = self.tested
-        return keep(table, table["test_changed"] != "") if len(table) else table
+        """The transfers to levels between training and test; ``test_changed`` names the groups that are as in the test."""
+        return keep(self.tested, self.tested["test_changed"] != "")
 
     @cached_property
     def harder(self) -> pd.DataFrame:
         """Agents of the main grid on the next harder levels of their family, in the same physics and look."""
         table = self.moved
-        if table.empty:
-            return table
-        pairs = zip(table["difficulty"], table["test_difficulty"], strict=True)
-        harder = np.array([HARDER.get(one) == other for one, other in pairs])
+        harder = table["difficulty"].map(HARDER.get) == table["test_difficulty"]
         same = (table["test_family"] == table["family"]) & (table["test_variation"] == table["variation"])
         same &= (table["test_observation"] == table["observation"]) & table["run"].isin(list(self.main["run"]))
         return keep(table, harder & same)
 
     @cached_property
     def other_physics(self) -> pd.DataFrame:
-        """The transfers to levels whose variation is not that of training, as :meth:`shifted`; ``trained`` is in which."""
-        table = self.moved
-        if table.empty:
-            return table
-        part = self.shifted(keep(table, table["test_variation"] != table["variation"]))
+        """The transfers to another variation than in training (``trained``), with the ``difference`` of :meth:`shifted`."""
+        part = self.shifted(keep(self.moved, self.moved["test_variation"] != self.moved["variation"]))
         return part.assign(trained=[name or "the default" for name in part["variation"]])
 
     @cached_property
     def other_looks(self) -> pd.DataFrame:
-        """The transfers of the experiment ``visual``, as :meth:`shifted`; ``shift`` says to which textures, or to which
-        difficulty, and ``trained`` in which textures."""
-        table, runs = self.moved, self.of("visual")
-        if table.empty or runs.empty:
-            return pd.DataFrame()
-        part = self.shifted(keep(table, table["run"].isin(list(runs["run"]))))
+        """The transfers of the experiment ``visual``, with the ``difference`` of :meth:`shifted`.
+
+        ``shift`` names the textures or the difficulty of the test levels, ``trained`` the textures of training."""
+        part = self.shifted(keep(self.moved, self.moved["run"].isin(list(self.of("visual")["run"]))))
         same = np.asarray(part["test_observation"] == part["observation"])
         places = zip(same, part["test_difficulty"], part["test_observation"], strict=True)
         shift = [f"{difficulty} levels" if s else texture(look) for s, difficulty, look in places]
@@ -115,7 +106,9 @@ class Results:
 
     @cached_property
     def masses(self) -> pd.DataFrame:
-        """The runs of the appendix's mass and frame stack; ``mass`` is shown or hidden, ``past`` what else the agent has."""
+        """The runs of the appendix's mass and frame stack.
+
+        ``mass`` is "shown" or "hidden"; ``past`` says what the agent has of past frames."""
         table = self.of("appendix_mass", "appendix_memory")
         looks = [(str(look), str(name)) for look, name in zip(table["observation"], table["algorithm"], strict=True)]
         past = [MEMORY if "recurrent" in name else STACK if "stack4" in look else FRAME for look, name in looks]
@@ -125,9 +118,11 @@ class Results:
         """Transfers with ``difference``: the return there less that of the same agent on its own test levels."""
         return paired(moved, self.runs, ETA, ["run"])
 
-    def lacking(self) -> list[str]:
-        """What is missing, by name: of the plan; where that is not known, the cells of the main grid that no run has, though
-        every combination of what the runs have should be there."""
+    def missing_runs(self) -> list[str]:
+        """The names of the runs and tests of the plan that are missing.
+
+        Where the plan is not known, the cells of the main grid that no run has: every combination of the families,
+        difficulties, numbers of levels and seeds of the runs should have one."""
         if self.missing is not None:
             return [f"{run}: {reason}" for run, reason in zip(self.missing["run"], self.missing["reason"], strict=True)]
         if self.main.empty:
@@ -148,7 +143,7 @@ def read_results(folder: Path) -> Results:
     runs = pd.read_parquet(folder / RUNS)
     if runs.empty:
         raise RunFolderError(f"{folder / RUNS} has no rows: no run is finished; run the same command again")
-    for name in NEEDED:
+    for name in REQUIRED:
         if name not in runs:
             raise RunFolderError(f"{folder / RUNS} has no column '{name}'.{did_you_mean(name, map(str, runs.columns))}")
     tables = [optional(folder / name) for name in (TRANSFERS, CURVES, PROBES)]
@@ -166,7 +161,7 @@ def optional(path: Path) -> pd.DataFrame:
 
 
 def scale_of(folder: Path) -> str:
-    """What the plan calls the scale; where there is no plan, the folder's name up to the first dash."""
+    """The name of the scale: from the plan, or from the folder's name up to the first dash where there is no plan."""
     plan = folder / PLAN
     return str(json.loads(plan.read_text())["scale"]) if plan.exists() else folder.name.partition("-")[0]
 
@@ -209,7 +204,7 @@ def paired(
 
     Args:
         at: the columns of ``first`` that name its partner.
-        there: what they are called in ``second``; as in ``first`` if not said.
+        there: the names of these columns in ``second``; by default as in ``first``.
     """
     places = second[list(there or at)].itertuples(index=False, name=None)
     partners = dict(zip(places, column(second, value), strict=True))

@@ -60,10 +60,10 @@ def associations(
         a, b = (part[name].to_numpy(np.float64) for name in (x, y))
         panels = indicators(list(part_names))
         covariates = covariate_matrix(part, given, log)
-        said = " and ".join(f"log {name}" if log else name for name in given)
+        covariates_text = " and ".join(f"log {name}" if log else name for name in given)
         tests = [("pooled", "", None), ("given panel", "", panels)]
         if given:
-            tests.append((f"given panel and {said}", "", np.column_stack([panels, covariates])))
+            tests.append((f"given panel and {covariates_text}", "", np.column_stack([panels, covariates])))
             tests.append(("given cell", "", indicators(list(labels(part, [*panel, *given])))))
         base = {"outliers": rule, "removed": removed}
         for test, label, matrix in tests:

@@ -52,11 +52,7 @@ class Line:
 
     points: int
     slope: float
-    slope_p: float
-    slope_low: float  # 95 % interval
-    slope_high: float
     intercept: float
-    r_squared: float
     residual_sd: float  # sqrt(sum of squared residuals / (points - 2))
     x_mean: float
     x_spread: float  # sum of (x - mean)^2
@@ -107,16 +103,11 @@ def fit_line(x: Column, y: Column) -> Line | NotAvailable:
         return NotAvailable(reason)
     found: Any = stats.linregress(x, y)
     slope, intercept = float(found.slope), float(found.intercept)
-    half = float(stats.t.ppf(0.975, len(x) - 2) * found.stderr)
     residuals = y - intercept - slope * x
     return Line(
         points=len(x),
         slope=slope,
-        slope_p=float(found.pvalue),
-        slope_low=slope - half,
-        slope_high=slope + half,
         intercept=intercept,
-        r_squared=float(found.rvalue**2),
         residual_sd=float(np.sqrt(residuals @ residuals / (len(x) - 2))),
         x_mean=float(x.mean()),
         x_spread=float(((x - x.mean()) ** 2).sum()),

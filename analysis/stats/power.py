@@ -87,8 +87,10 @@ def p_values(
     one = np.ones((len(a), 1))
     tests = {"pooled": one, "given panel": np.column_stack([one, panels])}
     if given:
-        said = " and ".join(f"log {name}" for name in given)
-        tests[f"given panel and {said}"] = np.column_stack([one, panels, covariate_matrix(table, given, True)])
+        covariates_text = " and ".join(f"log {name}" for name in given)
+        tests[f"given panel and {covariates_text}"] = np.column_stack(
+            [one, panels, covariate_matrix(table, given, True)]
+        )
     found = {test: partial_p(a, y, design) for test, design in tests.items()}
     parts = [np.flatnonzero(names == name) for name in np.unique(names)]
     within = [partial_p(a[rows], y[rows], one[rows]) for rows in parts if len(rows) > 2 and np.ptp(a[rows]) > 0]

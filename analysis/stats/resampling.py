@@ -81,8 +81,8 @@ def cluster_jackknife(
 ) -> Estimate:
     """A statistic of a table, with an interval from leaving out one cluster of rows at a time: for few clusters.
 
-    The error is sqrt((G - 1) / G sum (theta_g - theta)²) over the G clusters that are left out, the law Student's with
-    G - 1 degrees of freedom (CV3 of MacKinnon, Nielsen and Webb 2023). Of a mean of clusters of one size it is Student's
+    The error is sqrt((G - 1) / G sum (theta_g - theta)²) over the G clusters that are left out, the distribution Student's
+    with G - 1 degrees of freedom (CV3 of MacKinnon, Nielsen and Webb 2023). Of a mean of clusters of one size it is Student's
     test of their means. :func:`cluster_bootstrap` says too much of few clusters: three that agree in sign have its
     smallest p. ``n`` counts clusters; ``p`` is that of 0, two-sided.
 
@@ -145,7 +145,7 @@ def permutation_within(
 ) -> Estimate:
     """Correlation of ``x`` and ``y`` given the panel, with the p of permuting x among the runs of each panel.
 
-    Differences between panels, and any law of errors, leave this p what it says; it is exact where the runs of a panel
+    Differences between panels, and any distribution of errors, leave this p valid; it is exact where the runs of a panel
     can be exchanged if there is no association. Training sets of one seed are nested in n, which ``given`` can take
     out: the residuals of x on panel and covariates are permuted then (Freedman and Lane 1983), which is approximate.
     (hits + 1) / (resamples + 1), two-sided. The interval is nan: a permutation gives none.

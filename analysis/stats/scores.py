@@ -6,7 +6,8 @@ task, tasks are not. Estimates agree with the package rliable, whose bootstrap d
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -65,12 +66,7 @@ def aggregates(
     Raises:
         SegarError: a column is missing, or a task lacks a run.
     """
-    rows = []
-    for name, scores in matrices(table, score, by, task, run).items():
-        drawn = resampled(scores, rng, resamples)
-        for aggregate, function in AGGREGATES.items():
-            rows.append(with_interval(function, scores, drawn).row(**{by: name, "metric": aggregate}))
-    return pd.DataFrame(rows)
+    return interval_rows(matrices(table, score, by, task, run), AGGREGATES, (by, "metric"), rng, resamples)
 
 
 def performance_profiles(
@@ -86,19 +82,26 @@ def performance_profiles(
 ) -> pd.DataFrame:
     """Share of runs, over all tasks, that score above each threshold: columns ``by``, ``threshold``, ``estimate``,
     ``low``, ``high`` (95 %, of each point by itself), ``n``; raises as :func:`aggregates`."""
+    shares = {float(at): lambda runs, at=at: (runs > at).mean(axis=(-2, -1)) for at in thresholds}
+    return interval_rows(matrices(table, score, by, task, run), shares, (by, "threshold"), rng, resamples)
+
+
+def interval_rows(
+    scores: Mapping[str, Scores],
+    functions: Mapping[Any, Callable[[Scores], Scores]],
+    columns: tuple[str, str],
+    rng: np.random.Generator,
+    resamples: int,
+) -> pd.DataFrame:
+    """Each function of each scores ``[runs, tasks]``, with its 95 % interval; ``columns`` name the scores and the function."""
     rows = []
-    for name, scores in matrices(table, score, by, task, run).items():
-        drawn = resampled(scores, rng, resamples)
-        for threshold in thresholds:
-            one = with_interval(lambda runs, at=threshold: (runs > at).mean(axis=(-2, -1)), scores, drawn)
-            rows.append(one.row(**{by: name, "threshold": float(threshold)}))
+    for name, values in scores.items():
+        drawn = resampled(values, rng, resamples)
+        for label, function in functions.items():
+            low, high = np.quantile(function(drawn), (0.025, 0.975))
+            one = Estimate(float(function(values)), float(low), float(high), values.size)
+            rows.append(one.row(**dict(zip(columns, (name, label), strict=True))))
     return pd.DataFrame(rows)
-
-
-def with_interval(function: Callable[[Scores], Scores], scores: Scores, drawn: Scores) -> Estimate:
-    """``function`` of the scores ``[runs, tasks]``, with its 95 % interval over the resampled ones ``[..., runs, tasks]``."""
-    low, high = np.quantile(function(drawn), (0.025, 0.975))
-    return Estimate(float(function(scores)), float(low), float(high), scores.size)
 
 
 def probability_of_improvement(

@@ -1,4 +1,6 @@
-"""``python -m analysis.studies.baselines --output DIR``: what chance, nobody, a script and a planner achieve in each panel.
+"""``python -m analysis.studies.baselines --output DIR``: what four players achieve in each panel.
+
+The random, the idle, the scripted and the planning player need no training.
 
 ``anchors.csv`` has for each panel and player the mean full return, its standard error over levels, success and steps. A
 normalised score is (return - random) / (oracle - random).
@@ -6,7 +8,6 @@ normalised score is (return - random) / (oracle - random).
 
 from __future__ import annotations
 
-import argparse
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -14,31 +15,29 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from analysis.studies.command import run_from_command_line
 from analysis.tables import write_csv
 from experiments.evaluation.baselines import IdleAgent
 from experiments.evaluation.episodes import play_episodes
-from segar.hardness import hardness
-from segar.levels import DIFFICULTIES, family
+from segar.hardness import Hardness, hardness
+from segar.levels import DIFFICULTIES, Levels, family
+from segar.tasks import Task
 
 FAMILIES = ("empty", "objectsx1", "tilesx1")
 PLAYS = 20  # random episodes per level
 SAMPLES, ITERATIONS = 64, 5  # of the planner, per level
 
 
-def main() -> None:
-    """The command."""
-    parser = argparse.ArgumentParser("python -m analysis.studies.baselines", description=__doc__)
-    parser.add_argument("-o", "--output", type=Path, default=Path("anchors"), help="folder for the table")
-    parser.add_argument("--levels", type=int, default=100, help="test levels of each panel")
-    chosen = parser.parse_args()
-    rows = [row for place in product(FAMILIES, DIFFICULTIES) for row in players(*place, chosen.levels)]
-    write_csv(chosen.output / "anchors.csv", pd.DataFrame(rows))
+def run(output: Path = Path("anchors"), levels: int = 100) -> None:
+    """Writes ``anchors.csv`` into the folder ``output``, from so many test levels of each panel."""
+    rows = [row for place in product(FAMILIES, DIFFICULTIES) for row in players(*place, levels)]
+    write_csv(output / "anchors.csv", pd.DataFrame(rows))
 
 
 def players(kind: str, difficulty: str, count: int) -> list[dict[str, Any]]:
     """One row per player on ``count`` test levels of a panel."""
     levels = family(f"{kind}-{difficulty}").sample(count, seed=0, split="test")
-    found = hardness(levels, rng=np.random.default_rng(0), plays=PLAYS, samples=SAMPLES, iterations=ITERATIONS)
+    found = hardness_of(levels)
     idle = play_episodes(IdleAgent(), levels, np.arange(count), {}, rng=None, seed=0)
     episodes = {
         "idle": ([r["return"] for r in idle], [r["success"] for r in idle]),
@@ -56,5 +55,11 @@ def players(kind: str, difficulty: str, count: int) -> list[dict[str, Any]]:
     return rows
 
 
+def hardness_of(levels: Levels, task: Task | None = None) -> Hardness:
+    """Episodes of the random, the scripted and the planning player on each level, in the levels' task or another."""
+    rng = np.random.default_rng(0)
+    return hardness(levels, task, rng=rng, plays=PLAYS, samples=SAMPLES, iterations=ITERATIONS)
+
+
 if __name__ == "__main__":
-    main()
+    run_from_command_line(run)

@@ -1,13 +1,12 @@
-"""``python -m analysis.studies.illustrations --output DIR``: what the appendix illustrates, as tables to draw from.
+"""``python -m analysis.studies.illustrations --output DIR``: the tables of the appendix's illustrations.
 
-``densities.csv``  the density of initial factors of a panel: law, and a histogram of levels (probability per unit)
-``ks.csv``         distribution functions of a factor in n levels and in its law, and where they differ most
+``densities.csv``  the density of initial factors of a panel: a histogram of levels (probability per unit)
+``ks.csv``         distribution functions of a factor in n levels and in its distribution, and where they differ most
 ``w2.csv``         which training level goes to which test level in the optimal matching of two small sets, and how far
 """
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ import numpy as np
 import pandas as pd
 from scipy.optimize import linear_sum_assignment
 
+from analysis.studies.command import run_from_command_line
 from analysis.tables import write_csv
 from segar.language import Factor, GoalTile, GolfBall, Position
 from segar.levels import Levels, family
@@ -29,13 +29,10 @@ DENSITY_LEVELS = 2000
 NAMES = {GolfBall: "GolfBall", GoalTile: "GoalTile"}
 
 
-def main() -> None:
-    """The command."""
-    parser = argparse.ArgumentParser("python -m analysis.studies.illustrations", description=__doc__)
-    parser.add_argument("-o", "--output", type=Path, default=Path("illustrations"), help="folder for the tables")
-    chosen = parser.parse_args()
+def run(output: Path = Path("illustrations")) -> None:
+    """Writes the three tables into the folder ``output``."""
     for name, rows in {"densities": densities(), "ks": ks_curves(), "w2": matching()}.items():
-        write_csv(chosen.output / f"{name}.csv", pd.DataFrame(rows))
+        write_csv(output / f"{name}.csv", pd.DataFrame(rows))
 
 
 def densities() -> list[dict[str, Any]]:
@@ -56,7 +53,7 @@ def densities() -> list[dict[str, Any]]:
 
 
 def ks_curves() -> list[dict[str, Any]]:
-    """Distribution functions of the ball's x in n levels and of its law, with the statistic of all of this factor."""
+    """Distribution functions of the ball's x in n levels and in the panel, with the KS statistic of this factor."""
     dist = family(PANEL)
     at = np.linspace(-1.0, 1.0, POINTS)
     rows = []
@@ -66,13 +63,13 @@ def ks_curves() -> list[dict[str, Any]]:
         statistic = ks_by_factor(levels, dist)["GolfBall.Position.x"]
         of_sample = np.searchsorted(x, at, side="right") / n
         rows += [
-            {"n": n, "x": a, "sample": f, "law": law_of_x(a), "ks": statistic}
+            {"n": n, "x": a, "sample": f, "law": cdf_of_x(a), "ks": statistic}
             for a, f in zip(at, of_sample, strict=True)
         ]
     return rows
 
 
-def law_of_x(x: float) -> float:
+def cdf_of_x(x: float) -> float:
     """The distribution function of a coordinate that is uniform between the margins of the arena."""
     return float(np.clip((x + 0.95) / 1.9, 0.0, 1.0))
 
@@ -87,12 +84,8 @@ def matching() -> list[dict[str, Any]]:
     whole = float(w2(a, b, scale=unit))
     rows = []
     for i, j in zip(from_levels, to_levels, strict=True):
-        row: dict[str, Any] = {
-            "train_level": int(i),
-            "test_level": int(j),
-            "distance": float(np.sqrt(costs[i, j])),
-            "w2": whole,
-        }
+        row: dict[str, Any] = {"train_level": int(i), "test_level": int(j)}
+        row |= {"distance": float(np.sqrt(costs[i, j])), "w2": whole}
         for name, levels, level in (("train", a, i), ("test", b, j)):
             for entity, word in NAMES.items():
                 for axis in (0, 1):
@@ -114,4 +107,4 @@ def column_of(levels: Levels, entity: type, factor: type[Factor], axis: int) -> 
 
 
 if __name__ == "__main__":
-    main()
+    run_from_command_line(run)

@@ -1,15 +1,14 @@
-"""``python -m analysis.studies.w2 --output DIR``: how far n training levels are from 100 test levels, without training.
+"""``python -m analysis.studies.w2 --output DIR``: W2 of n training levels to 100 test levels, without training.
 
-Nine panels, and six pairs of a panel and the next harder one, for eight n and several seeds. What comes of it:
+Nine panels, and six pairs of a panel and the next harder one, for eight n and several seeds:
 
 ``distances.csv``  W2 in three modes and KS, one row per pair, n and seed
 ``means.csv``      mean, deviation and standard error over seeds, and for the reference mode the mean of 2022 beside it
-``explained.csv``  R^2 of log W2 on panel, on log n, on both, and on their cells: is W2 more than how many levels there are?
+``explained.csv``  R^2 of log W2 on panel, on log n, on both, and on their cells: how much of W2 is the number of levels?
 """
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
@@ -19,6 +18,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.stats.correlation import NotAvailable, explained, indicators
+from analysis.studies.command import run_from_command_line
 from analysis.tables import column, select, write_csv
 from segar.levels import family
 from segar.metrics import ks, w2
@@ -49,16 +49,12 @@ MEANS_OF_2022: dict[tuple[str, str], tuple[float, ...]] = {
 ROUNDING = 0.0005  # of the numbers above
 
 
-def main() -> None:
-    """The command."""
-    parser = argparse.ArgumentParser("python -m analysis.studies.w2", description=__doc__)
-    parser.add_argument("-o", "--output", type=Path, default=Path("w2_study"), help="folder for the tables")
-    parser.add_argument("--seeds", type=int, default=SEEDS_OF_2022, help="pairs of level sets per pair of panels and n")
-    chosen = parser.parse_args()
-    table = distances(range(chosen.seeds))
+def run(output: Path = Path("w2_study"), seeds: int = SEEDS_OF_2022) -> None:
+    """Writes the three tables into the folder ``output``, from so many pairs of level sets per pair of panels and n."""
+    table = distances(range(seeds))
     means, models = means_of(table), models_of(table)
     for name, one in {"distances": table, "means": means, "explained": models}.items():
-        write_csv(chosen.output / f"{name}.csv", one)
+        write_csv(output / f"{name}.csv", one)
     print(models.to_string(index=False))
 
 
@@ -91,15 +87,8 @@ def means_of(table: pd.DataFrame) -> pd.DataFrame:
             values = column(part, f"w2_{mode}")
             deviation = float(values.std(ddof=1)) if len(values) > 1 else float("nan")
             error = deviation / np.sqrt(len(values))
-            row = {
-                "train": train,
-                "test": test,
-                "n": n,
-                "mode": mode,
-                "mean": values.mean(),
-                "sd": deviation,
-                "se": error,
-            }
+            row = {"train": train, "test": test, "n": n, "mode": mode}
+            row |= {"mean": values.mean(), "sd": deviation, "se": error}
             if mode == "reference":
                 published = MEANS_OF_2022[train, test][COUNTS.index(n)]
                 apart = np.hypot(error, deviation / np.sqrt(SEEDS_OF_2022)) + ROUNDING
@@ -124,4 +113,4 @@ def models_of(table: pd.DataFrame) -> pd.DataFrame:
 
 
 if __name__ == "__main__":
-    main()
+    run_from_command_line(run)

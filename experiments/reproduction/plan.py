@@ -46,11 +46,11 @@ STUDY_SECONDS = 30.0
 
 @dataclass(frozen=True)
 class StudyWork:
-    """A study without training: a module of analysis, its arguments, and where its files go."""
+    """A study without training: the plug-in that runs it, its options, and where its files go."""
 
     name: str
-    module: str
-    options: tuple[tuple[str, str], ...]
+    study: str
+    options: tuple[tuple[str, Any], ...]
     out: Path
 
     @property
@@ -60,7 +60,7 @@ class StudyWork:
 
     def asked(self) -> dict[str, Any]:
         """What the mark says."""
-        return {"module": self.module, "options": dict(self.options)}
+        return {"study": self.study, "options": dict(self.options)}
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ def make_plan(
         for name, works in members.items()
     }
     studies = [
-        StudyWork(e.name, e.study, tuple((k, str(v)) for k, v in e.options.items()), results / "studies" / e.name)
+        StudyWork(e.name, e.study, tuple(e.options.items()), results / "studies" / e.name)
         for e in experiments
         if e.study
     ]

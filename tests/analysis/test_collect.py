@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.collect import CollectConfig, collect, made_with
+from analysis.collect import CollectConfig, collect, software
 from analysis.plotting.style import colours
 from experiments.reproduce import ReproduceConfig, write_plan
 from experiments.reproduction.experiment_file import experiment_at
@@ -95,7 +95,7 @@ def test_a_run_says_what_made_it(made):
 
 
 def test_outside_of_a_checkout_there_is_no_commit():
-    assert made_with({**MADE_WITH, "git": None})["commit"] == ""
+    assert software({**MADE_WITH, "git": None})["commit"] == ""
 
 
 def test_a_transfer_is_held_against_the_training_levels(made):

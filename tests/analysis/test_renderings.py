@@ -13,13 +13,11 @@ from analysis.renderings import MARGIN, RESOLUTION, TITLE_HEIGHT, ZOOM
 @pytest.fixture(scope="module")
 def pictures(tmp_path_factory):
     folder = tmp_path_factory.mktemp("renderings")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("sys.argv", ["renderings", "--output", str(folder / "new")])
-        renderings.main()
+    renderings.run(folder / "new")
     return {path.stem: matplotlib.image.imread(path) for path in (folder / "new").iterdir()}
 
 
-def test_one_command_draws_all_pictures(pictures):
+def test_one_call_draws_all_pictures(pictures):
     assert {name: picture.shape[1] // (RESOLUTION * ZOOM) for name, picture in pictures.items()} == {
         "tasks": 2,
         "features": 2,

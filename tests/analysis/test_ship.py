@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.report.evidence import Evidence
+from analysis.report.claims.evidence import Evidence
 from analysis.report.results import read_results
 from analysis.ship import ENOUGH, ShipConfig, rounded, ship, thinned
 from analysis.tables import CURVE_POINTS

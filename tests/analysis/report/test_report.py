@@ -11,12 +11,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.report.__main__ import main
-from analysis.report.document import pieces
-from analysis.report.evidence import Evidence
-from analysis.report.make import FIGURES, SHIPPED, ReportConfig, make_report, track
+from analysis.report.claims.evidence import Evidence
+from analysis.report.document.blocks import pieces
+from analysis.report.figures import FIGURES
+from analysis.report.make import SHIPPED, ReportConfig, main, make_report, track
+from analysis.report.number_format import estimate_text, p_value, signed
 from analysis.report.results import read_results
-from analysis.report.words import p_value, said, signed
 from analysis.stats.estimate import Estimate
 from experiments.settings import ConfigError, RunFolderError, TrackingConfig
 from experiments.tracking.mlflow_store import open_store
@@ -35,7 +35,7 @@ def few_runs():
 @pytest.fixture
 def undrawn(monkeypatch):
     """Figures and bootstraps take seconds; some tests are not about them."""
-    monkeypatch.setattr("analysis.report.evidence.RESAMPLES", 100)
+    monkeypatch.setattr("analysis.report.claims.evidence.RESAMPLES", 100)
 
     def touch(figure, path, suffixes):
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -235,8 +235,8 @@ def test_p_values_are_short(p, text):
 
 
 def test_estimates_are_said_with_interval_p_and_n():
-    assert said(Estimate(-0.65, -0.79, -0.44, 45, 1.6e-6)) == "r = −0.65 [−0.79, −0.44], p = 1.6e-6, n = 45"
-    assert said(Estimate.missing(2, "2 points")) == "no r: 2 points"
+    assert estimate_text(Estimate(-0.65, -0.79, -0.44, 45, 1.6e-6)) == "r = −0.65 [−0.79, −0.44], p = 1.6e-6, n = 45"
+    assert estimate_text(Estimate.missing(2, "2 points")) == "no r: 2 points"
     assert signed(-0.001) == "0.00"
 
 

@@ -227,8 +227,6 @@ def test_probes_need_agents():
     with pytest.raises(
         ConfigError, match=r"grids.mine.probes: True is not allowed; it must be beside a grid of agents"
     ):
-        experiment_at(
-            "mine", {"title": "Mine", "study": "analysis.studies.w2", "probes": True, "scales": {"quick": {}}}, "quick"
-        )
+        experiment_at("mine", {"title": "Mine", "study": "w2", "probes": True, "scales": {"quick": {}}}, "quick")
     without = experiment_at("mine", {**MAIN, "scales": {"single": {"probes": False}}}, "single")
     assert without is not None and not without.probes

@@ -12,6 +12,7 @@ import pytest
 from experiments.commands.hydra_app import compose
 from experiments.reproduce import ReproduceConfig, dashboard, quoted, reproduce
 from experiments.reproduction.plan import StudyWork
+from experiments.reproduction.plugin import REPORTS, STUDIES
 from experiments.runs.run_folder import folder_path, is_finished
 from experiments.settings import ConfigError, ScaleConfig, TrackingConfig, TrainingError, cell_of, paper_cells
 from tests.places import ROOT
@@ -104,7 +105,8 @@ def test_a_failing_run_stops_no_other_and_is_named_with_its_log(tmp_path, capfd)
     assert "[4/4]" in capfd.readouterr().out
 
 
-def test_tables_and_report_name_what_failed_and_say_where_they_are(tmp_path, capfd):
+def test_tables_and_report_name_what_failed_and_say_where_they_are(tmp_path, capfd, register):
+    register(REPORTS, tables="analysis.collect:collect_tables", report="analysis.report.make:report_results")
     config = asked(tmp_path)
     with pytest.raises(TrainingError, match="1 of 4 failed"):
         reproduce(config, train_but_for_one)
@@ -144,23 +146,32 @@ def test_tables_that_cannot_be_made_are_an_error(tmp_path):
         reproduce(asked(tmp_path), pretend, lambda config, plan: False)
 
 
-def test_a_study_is_done_once_for_the_same_options(tmp_path, capfd):
-    study = {"title": "Pictures", "study": "analysis.studies.illustrations", "scales": {"smoke": {}}}
-    reproduce(asked(tmp_path, {"pictures": study}), None, finish_nothing)
-    out = asked(tmp_path).folder / "studies" / "pictures"
-    assert {"densities.csv", "ks.csv", "w2.csv", "study.json"} == {path.name for path in out.iterdir()}
-    assert "[1/1] pictures" in capfd.readouterr().out
-    reproduce(asked(tmp_path, {"pictures": study}), None, finish_nothing)
+def test_a_study_is_done_once_for_the_same_options(tmp_path, capfd, register):
+    register(STUDIES, "def run(output):\n    (output / 'a.csv').touch()\n", pictures="some_plugins:run")
+    study = {"title": "Pictures", "study": "pictures", "scales": {"smoke": {}}}
+    reproduce(asked(tmp_path, {"illustrated": study}), None, finish_nothing)
+    out = asked(tmp_path).folder / "studies" / "illustrated"
+    assert {"a.csv", "study.json"} == {path.name for path in out.iterdir()}
+    assert "[1/1] illustrated" in capfd.readouterr().out
+    reproduce(asked(tmp_path, {"illustrated": study}), None, finish_nothing)
     assert "0 of 1 studies to do" in capfd.readouterr().out
 
 
-def test_a_study_that_fails_is_told_with_its_log(tmp_path):
-    study = {"title": "None", "study": "analysis.no_such", "scales": {"smoke": {}}}
+def test_a_study_that_fails_is_told_with_its_log(tmp_path, register):
+    register(STUDIES, "def run(output):\n    raise ValueError('no such file')\n", broken="some_plugins:run")
+    study = {"title": "None", "study": "broken", "scales": {"smoke": {}}}
     with pytest.raises(TrainingError) as told:
         reproduce(asked(tmp_path, {"none": study}), None, finish_nothing)
-    assert "none: TrainingError: analysis.no_such ended with 1" in str(told.value)
-    assert "No module named analysis.no_such" in (asked(tmp_path).folder / "logs" / "none.log").read_text()
+    assert "none: TrainingError: the study broken failed" in str(told.value)
+    assert "ValueError: no such file" in (asked(tmp_path).folder / "logs" / "none.log").read_text()
     assert StudyWork("none", "a", (), tmp_path).mark.name == "study.json"
+
+
+def test_a_study_that_is_not_known_is_an_error_before_anything_is_trained(tmp_path):
+    study = {"title": "None", "study": "no_such", "scales": {"smoke": {}}}
+    with pytest.raises(ConfigError, match=r"'no_such' in the group segar\.studies.*make setup"):
+        reproduce(asked(tmp_path, {"main": MAIN, "none": study}), pretend, finish_nothing)
+    assert not (tmp_path / "trained").exists()
 
 
 def test_a_killed_reproduction_goes_on_where_it_stopped(tmp_path):

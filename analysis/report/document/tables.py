@@ -7,10 +7,10 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 import pandas as pd
 
-from analysis.report.document import Table
-from analysis.report.evidence import BLOCKS, DISTANCES, GAPS, GIVEN, PERMUTATION, Evidence, estimate_of
+from analysis.report.claims.evidence import BLOCKS, DISTANCES, GAPS, GIVEN, PERMUTATION, Evidence, estimate_of
+from analysis.report.document.blocks import Table
+from analysis.report.number_format import interval, p_value, plain, signed
 from analysis.report.results import PANEL
-from analysis.report.words import interval, p_value, plain, signed
 from analysis.stats.estimate import Estimate
 from analysis.tables import mean_by, select
 
@@ -76,24 +76,12 @@ def main_table(evidence: Evidence) -> Table:
                     DISTANCES[mode], GAPS[gap], test, signed(one.estimate), interval(one), p_value(one.p), interval(block),
                     p_value(block.p), p_value(shuffled.p), signed(rank.estimate), f"{one.n:.0f}",
                 ])  # fmt: skip
-    head = (
-        "distance",
-        "returns",
-        "test",
-        "r",
-        "95 %",
-        "p",
-        "95 %, blocks",
-        "p, blocks",
-        "p, permuted",
-        "Spearman ρ",
-        "n",
-    )
+    head = ("distance", "returns", "test", "r", "95 %", "p", "95 %, blocks", "p, blocks", "p, permuted", "Spearman ρ",
+            "n")  # fmt: skip
     caption = (
         'Gap against W2 in the main grid. The first interval and p take runs for independent, as the paper does. "Blocks": '
-        'runs of a panel and a seed stay together. "Permuted": W2 shuffled within panels, '
-        "or within cells, each a panel and a number of levels. Data: `statistics/associations.csv`, "
-        "`statistics/resampled.csv`."
+        'runs of a panel and a seed stay together. "Permuted": W2 shuffled within panels, or within cells, each a panel '
+        "and a number of levels. Data: `statistics/associations.csv`, `statistics/resampled.csv`."
     )
     return Table(head, rows, 3, caption)
 
@@ -113,8 +101,7 @@ def panel_table(evidence: Evidence) -> Table:
     head = ("panel", "n", "r, as in the paper", "95 %", "p", "r, corrected", "95 %", "p", "p, Holm", "Spearman ρ", "p")
     caption = (
         "Each panel by itself. As in the paper: W2 and returns of 2022. Corrected: exact W2, full returns, and Holm's "
-        "correction for all "
-        'panels. Data: `statistics/associations.csv`, test "within".'
+        'correction for all panels. Data: `statistics/associations.csv`, test "within".'
     )
     return Table(head, rows, 1, caption)
 
@@ -122,8 +109,8 @@ def panel_table(evidence: Evidence) -> Table:
 def mixed_table(evidence: Evidence) -> Table:
     """Slopes of the mixed models."""
     rows = [
-        [DISTANCES[r["w2"]], GAPS[r["gap"]], r["model"], words_of(str(r["term"])), signed(r["estimate"]),
-         interval(estimate_of(r)), p_value(r["p"]), f"{r['n']:.0f}"]
+        [DISTANCES[r["w2"]], GAPS[r["gap"]], r["model"], "W2" if str(r["term"]).startswith("w2_") else r["term"],
+         signed(r["estimate"]), interval(estimate_of(r)), p_value(r["p"]), f"{r['n']:.0f}"]
         for r in evidence.mixed.to_dict("records")
     ]  # fmt: skip
     caption = (
@@ -134,13 +121,8 @@ def mixed_table(evidence: Evidence) -> Table:
     return Table(("distance", "returns", "model", "term", "slope", "95 %", "p", "n"), rows, 4, caption)
 
 
-def words_of(term: str) -> str:
-    """A term of a model in words."""
-    return "W2" if term.startswith("w2_") else term
-
-
 def sensitivity_table(evidence: Evidence) -> Table:
-    """What choices of the analysis do to the headline."""
+    """The headline when choices of the analysis change."""
     rows = [
         [r["change"], DISTANCES[r["w2"]], GAPS[r["gap"]], r["test"], signed(r["estimate"]), interval(estimate_of(r)),
          p_value(r["p"]), f"{r['n']:.0f}"]
@@ -159,7 +141,7 @@ def explained_table(evidence: Evidence) -> Table:
 
 
 def predictor_table(evidence: Evidence) -> Table:
-    """How well the gap is predicted."""
+    """R² of the gap on W2 and on log n, also on panels that were left out."""
     rows = [
         [str(r["predictors"]).replace("reference", "2022").replace("paper", "Algorithm 1"), plain(r["adjusted_r2"]),
          plain(r["r2_left_out"])]
@@ -173,12 +155,11 @@ def predictor_table(evidence: Evidence) -> Table:
 
 
 def power_table(evidence: Evidence) -> Table:
-    """What this design would find."""
+    """The power of this design."""
     rows = [[r["test"], plain(r["estimate"]), f"{r['n']:.0f}"] for r in evidence.power.to_dict("records")]
     caption = (
         "How often this design would find an effect as large as the paper's p-value implies for 45 runs (r = −0.60), "
-        "by simulation on the "
-        'distances of these runs. "Within": share of panels. Data: `statistics/power.csv`.'
+        'by simulation on the distances of these runs. "Within": share of panels. Data: `statistics/power.csv`.'
     )
     return Table(("test", "power at p < 0.05", "runs"), rows, 1, caption)
 

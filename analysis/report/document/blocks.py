@@ -1,4 +1,4 @@
-"""What a report consists of. Two back ends print it: :mod:`analysis.report.html` and :mod:`analysis.report.pdf`.
+"""The parts of a report: headings, paragraphs, tables, figures and claims, which ``html`` and ``pdf`` print.
 
 Texts may hold ``code`` between backquotes and **strong words** between double asterisks, and nothing else.
 """
@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from analysis.report.claims import Claim
-from analysis.report.words import interval, p_value, signed
+from analysis.report.claims.claim import Claim
+from analysis.report.number_format import NONE, interval, p_value, signed
 
 PIECE = re.compile(r"`([^`]+)`|\*\*([^*]+)\*\*")
 
@@ -105,13 +105,11 @@ def pieces(text: str) -> list[tuple[str, str]]:
 
 def finding_rows(claim: Claim) -> list[list[str]]:
     """The tests of a claim as cells: settings, test, effect, 95 % interval, n, p, verdict."""
-    rows = []
-    for one in claim.findings:
-        found = one.found
-        effect = f"{signed(found.estimate)}"
-        n = f"{found.n:.0f}" if found.n else "–"
-        rows.append([one.settings, one.test, one.measure, effect, interval(found), n, p_value(found.p), one.verdict])
-    return rows
+    return [
+        [one.settings, one.test, one.measure, signed(one.found.estimate), interval(one.found),
+         f"{one.found.n:.0f}" if one.found.n else NONE, p_value(one.found.p), one.verdict]
+        for one in claim.findings
+    ]  # fmt: skip
 
 
 FINDING_HEAD = ("settings", "test", "effect is", "effect", "95 %", "n", "p", "verdict")

@@ -1,4 +1,4 @@
-"""Numbers in words: signs, p-values, intervals and estimates as sentences have them."""
+"""Numbers as the report prints them: with signs, p-values, intervals and estimates."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def interval(found: Estimate, digits: int = 2) -> str:
     return f"[{signed(found.low, digits)}, {signed(found.high, digits)}]"
 
 
-def said(found: Estimate, name: str = "r", digits: int = 2) -> str:
+def estimate_text(found: Estimate, name: str = "r", digits: int = 2) -> str:
     """``r = −0.65 [−0.79, −0.44], p = 1.6e-6, n = 45``; or why there is no number."""
     if not math.isfinite(found.estimate):
         return f"no {name}: {found.note}" if found.note else f"no {name}"

@@ -4,13 +4,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.report.claims import CORRECTED, PAPER
-from analysis.report.claims_gap import held
-from analysis.report.evidence import BLOCKS, Evidence
+from analysis.report.claims.claim import CORRECTED, PAPER, with_holm
+from analysis.report.claims.evidence import BLOCKS, Evidence
+from analysis.report.claims.reading import ROWS, STATEMENTS, TESTS, read_claims
+from analysis.report.claims.verdicts import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED, of_insignificance
+from analysis.report.document.tables import row_of
 from analysis.report.results import read_results
-from analysis.report.sections import CLAIMS
-from analysis.report.tabulated import row_of
-from analysis.report.verdicts import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED, of_insignificance
 from analysis.stats.estimate import Estimate
 from analysis.stats.prediction import left_out
 from tests.synthetic_results import everything, run_rows, transfer_rows, write_results
@@ -18,7 +17,7 @@ from tests.synthetic_results import everything, run_rows, transfer_rows, write_r
 
 def claims_of(folder, tables):
     evidence = Evidence(read_results(write_results(folder, tables)))
-    return {claim.name: claim for claim in (make(evidence) for make in CLAIMS)}
+    return {claim.name: claim for claim in read_claims(evidence)}
 
 
 @pytest.fixture(scope="module")
@@ -61,8 +60,8 @@ def test_accuracies_without_relation_to_the_gap_are_none(full):
 
 def test_of_four_trends_one_that_chance_would_make_is_no_trend_when_corrected():
     found = {name: Estimate(0.6, 0.0, 0.9, 9, p) for name, p in {"a": 0.04, "b": 0.3, "c": 0.2, "d": 0.9}.items()}
-    assert of_insignificance(held(PAPER, found)["a"]) == NOT_REPRODUCED
-    corrected = held(CORRECTED, found)
+    assert of_insignificance(with_holm(PAPER, found)["a"]) == NOT_REPRODUCED
+    corrected = with_holm(CORRECTED, found)
     assert corrected["a"].p == pytest.approx(4 * 0.04)
     assert all(of_insignificance(one) == REPRODUCED for one in corrected.values())
 
@@ -119,3 +118,15 @@ def test_a_line_that_holds_in_all_panels_predicts_a_new_one():
     found = left_out(table, "y", {"x": ["x"], "noise": ["noise"]}).set_index("predictors")
     assert found.loc["x", "r2_left_out"] > 0.98
     assert found.loc["noise", "r2_left_out"] < 0.1
+
+
+def test_every_claim_has_a_test_and_rows_and_every_test_a_claim():
+    claims, evidence = STATEMENTS["claims"], STATEMENTS["evidence"]
+    assert list(claims) == sorted(claims, key=list(TESTS).index) and set(claims) == set(TESTS)
+    for words in claims.values():
+        assert words["evidence"] in ROWS and {words["evidence"], words.get("else_needs", words["evidence"])} <= set(
+            evidence
+        )
+        assert set(words) <= {
+            "where", "says", "evidence", "else_needs", "note", "reproduced", "not_reproduced", "undecided",
+        }  # fmt: skip

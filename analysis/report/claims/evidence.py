@@ -60,11 +60,9 @@ class Evidence:
     @cached_property
     def associations(self) -> pd.DataFrame:
         """:func:`analysis.stats.association.associations` of the main grid for every W2 mode and kind of gap."""
-        parts = []
-        for mode in self.modes:
-            for gap in GAPS:
-                table = associations(self.main, f"w2_{mode}", gap)
-                parts.append(table.assign(w2=mode, gap=gap))
+        parts = [
+            associations(self.main, f"w2_{mode}", gap).assign(w2=mode, gap=gap) for mode in self.modes for gap in GAPS
+        ]
         return leading(pd.concat(parts, ignore_index=True), "w2", "gap") if parts else pd.DataFrame()
 
     def association(
@@ -133,12 +131,10 @@ class Evidence:
             for test, given in GIVEN.items():
                 for gap in ("gap", "gap_2022"):
                     base: dict[str, Any] = {"w2": mode, "gap": gap, "test": test}
-                    name = f"{mode} {gap} {test}"
-                    one = self.correlation(name, self.main, f"w2_{mode}", gap, given)
-                    rows.append(one.row(**base, way=BLOCKS))
+                    what = (f"{mode} {gap} {test}", self.main, f"w2_{mode}", gap)
+                    rows.append(self.correlation(*what, given).row(**base, way=BLOCKS))
                     if given:
-                        one = self.permutation(name, self.main, f"w2_{mode}", gap, test)
-                        rows.append(one.row(**base, way=PERMUTATION))
+                        rows.append(self.permutation(*what, test).row(**base, way=PERMUTATION))
         return pd.DataFrame(rows)
 
     @cached_property
@@ -198,8 +194,10 @@ class Evidence:
 
     @cached_property
     def attribution(self) -> pd.DataFrame:
-        """What each group of factors adds to the gap: ``group`` and ``part`` (in units of return), one row per group and
-        run, beside the columns that say what the run is. Runs without all combinations are left out."""
+        """The part of the gap that each group of factors adds: ``group`` and ``part`` (in units of return).
+
+        One row per group and run, beside the columns of the run. Runs without all combinations are left out.
+        """
         between = self.results.between
         if between.empty:
             return pd.DataFrame()

@@ -1,17 +1,17 @@
-"""What goes beyond the paper: each experiment with its figure and table, or a sentence that says that it was
-not run."""
+"""What goes beyond the paper: each experiment with its figure and tables, or a sentence that says that it was not run."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import pandas as pd
 
-from analysis.report.claims_information import beside
-from analysis.report.document import Block, Heading, Paragraph, Table
-from analysis.report.evidence import Evidence, pearson
-from analysis.report.tabulated import means, means_table
-from analysis.report.words import plain, said, signed
+from analysis.report.claims.evidence import Evidence, pearson
+from analysis.report.claims.information import beside
+from analysis.report.document.blocks import Block, Heading, Paragraph, Table
+from analysis.report.document.tables import means, means_table
+from analysis.report.number_format import estimate_text, plain, signed
+from analysis.report.results import with_panel
 from analysis.tables import column, count_of, keep, select
 
 Drawer = Callable[[str], list[Block]]
@@ -23,31 +23,24 @@ SHIFT_CAPTION = (
 
 
 def blocks(evidence: Evidence, drawn: Drawer) -> list[Block]:
-    """All of it."""
+    """All experiments beyond the paper, in the order of the report."""
     parts: list[Block] = [Heading("Beyond the paper")]
-    parts += [Heading("W2 at one number of levels", 3), *drawn("fixed_n"), *designs(evidence)]
-    parts += [Heading("Diversity of the training set", 3), *drawn("diversity")]
-    parts += [Heading("Other physics", 3), *drawn("rules"), *physics(evidence)]
-    parts += [Heading("Other textures", 3), *drawn("visual"), *looks(evidence)]
-    parts += [Heading("Hardness by reward", 3), *drawn("hardness")]
-    parts += [Heading("Agents that see the factors", 3), *drawn("upper_bound"), *true_factors(evidence)]
-    parts += [Heading("W2 without training", 3), *drawn("w2_study"), *distances(evidence)]
-    parts += [Heading("What chance and a planner reach", 3), *anchors(evidence)]
-    parts += [Heading("Which factors make the gap", 3), *drawn("attribution"), *attributed(evidence)]
+    for title, figure, tables_of in EXPERIMENTS:
+        parts += [Heading(title, 3), *(drawn(figure) if figure else ()), *(tables_of(evidence) if tables_of else ())]
     return parts
 
 
 def designs(evidence: Evidence) -> list[Block]:
-    """Gap per design."""
+    """The gap of each design of training sets."""
     runs = evidence.results.of("fixed_n")
-    if runs.empty or count_of(runs, "design") < 2:
+    if count_of(runs, "design") < 2:
         return []
     found = means(evidence, runs, ["design"], "gap", "fixed_n")
     return [means_table(found, {"design": "design"}, "gap", GAP_CAPTION)]
 
 
 def physics(evidence: Evidence) -> list[Block]:
-    """What each physics of the test levels costs."""
+    """The loss in return in each physics of the test levels."""
     part = evidence.results.other_physics
     if part.empty:
         return []
@@ -63,7 +56,7 @@ def physics(evidence: Evidence) -> list[Block]:
 
 
 def looks(evidence: Evidence) -> list[Block]:
-    """What each look, and harder levels, cost."""
+    """The loss in return with each kind of textures, and on harder levels."""
     part = evidence.results.other_looks
     if part.empty:
         return []
@@ -97,7 +90,7 @@ def attributed(evidence: Evidence) -> list[Block]:
 
 
 def true_factors(evidence: Evidence) -> list[Block]:
-    """What pixels cost."""
+    """The success of agents that see factors less that of agents that see pixels."""
     seen, main = evidence.results.of("upper_bound"), evidence.main
     if seen.empty or main.empty:
         return []
@@ -106,20 +99,19 @@ def true_factors(evidence: Evidence) -> list[Block]:
     if paired.empty:
         return []
     found = evidence.mean("upper_bound", paired)
-    return [Paragraph(f"Success on test levels with factors less that with pixels: {said(found, 'difference')}.")]
+    return [
+        Paragraph(f"Success on test levels with factors less that with pixels: {estimate_text(found, 'difference')}.")
+    ]
 
 
 def distances(evidence: Evidence) -> list[Block]:
-    """What W2 is made of, and how far both distances agree at one n."""
+    """R² of W2 on panel and number of levels, and how far both distances agree at one n."""
     study = evidence.results.studies.get("w2_study", {})
     out: list[Block] = []
     if "explained" in study:
+        models = ("panel", "log_n", "panel_and_log_n", "cell")
         rows = [
-            [
-                str(r["mode"]),
-                f"{r['points']:.0f}",
-                *(plain(r[k]) for k in ("panel", "log_n", "panel_and_log_n", "cell")),
-            ]
+            [str(r["mode"]), f"{r['points']:.0f}", *(plain(r[model]) for model in models)]
             for r in study["explained"].to_dict("records")
         ]
         head = ("W2", "points", "on panel", "on log n", "on both", "on cells")
@@ -143,19 +135,29 @@ def agreement(table: pd.DataFrame, n: int = 10) -> Table:
     return Table(("panel", "r", "seeds"), rows, 1, caption)
 
 
-def anchors(evidence: Evidence) -> list[Block]:
+def baselines(evidence: Evidence) -> list[Block]:
     """Returns of the players between which scores are normalised."""
     table = evidence.results.studies.get("anchors", {}).get("anchors", pd.DataFrame())
     if table.empty:
         return [Paragraph("It was not run (`experiments=[anchors]`).")]
-    rows = []
     players = [p for p in ("idle", "random", "script", "oracle") if p in set(table["player"])]
-    rows_of = {(r["family"], r["difficulty"], r["player"]): r for r in table.to_dict("records")}
-    for family, difficulty in dict.fromkeys((r["family"], r["difficulty"]) for r in table.to_dict("records")):
-        row = [f"{family}-{difficulty}"]
-        for player in players:
-            one = rows_of.get((family, difficulty, player))
-            row += [plain(one["return"], 1), plain(one["success"])] if one else ["", ""]
-        rows.append(row)
+    rows = []
+    for panel, part in with_panel(table).groupby("panel", sort=False):
+        found = {r["player"]: [plain(r["return"], 1), plain(r["success"])] for r in part.to_dict("records")}
+        rows.append([str(panel), *(cell for player in players for cell in found.get(player, ["", ""]))])
     head = ["panel", *(text for player in players for text in (f"{player}, return", "success"))]
     return [Table(head, rows, 1, "Full returns and success on test levels. Data: `studies/anchors/anchors.csv`.")]
+
+
+# Title, figure if any, and tables if any.
+EXPERIMENTS: Sequence[tuple[str, str, Callable[[Evidence], list[Block]] | None]] = (
+    ("W2 at one number of levels", "fixed_n", designs),
+    ("Diversity of the training set", "diversity", None),
+    ("Other physics", "rules", physics),
+    ("Other textures", "visual", looks),
+    ("Hardness by reward", "hardness", None),
+    ("Agents that see the factors", "upper_bound", true_factors),
+    ("W2 without training", "w2_study", distances),
+    ("What chance and a planner reach", "", baselines),
+    ("Which factors make the gap", "attribution", attributed),
+)

@@ -5,73 +5,56 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 
 import pandas as pd
 
-from analysis.report import beyond, claims_gap, claims_information, claims_learning, tabulated, verdicts
-from analysis.report.claims import CORRECTED, PAPER, Claim
-from analysis.report.document import Block, Bullets, Document, Heading, Paragraph, Picture, Table, Verdict
-from analysis.report.evidence import PAPER_R, Evidence
-from analysis.report.words import listed, plain, said
+from analysis.report.claims import verdicts
+from analysis.report.claims.claim import CORRECTED, PAPER, Claim
+from analysis.report.claims.evidence import PAPER_R, Evidence
+from analysis.report.document import beyond, tables
+from analysis.report.document.blocks import Block, Bullets, Document, Heading, Paragraph, Picture, Table, Verdict
+from analysis.report.number_format import estimate_text, listed, plain
 from analysis.stats.power import critical_r
 from analysis.tables import column, count_of, mean_by, select
 
 PAPER_FRAMES, PAPER_TEST_LEVELS = 1_000_000, 500
 IN_SHORT = ("3a", "3a-n", "3a-cell", "fixed-n", "3b-trend", "4a-larger", "4b-none", "5a-gap", "A-mass")
 LEARNED = 0.5  # success on training levels below which an agent did not learn its task
-CLAIMS = (*claims_gap.CLAIMS, *claims_information.CLAIMS, *claims_learning.CLAIMS,
-          *claims_information.CLAIMS_OF_APPENDIX, *claims_learning.CLAIMS_OF_APPENDIX)  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Drawings:
-    """The figures by name: a picture, or why there is none."""
-
-    found: Mapping[str, Picture | str]
-
-    def blocks(self, name: str) -> list[Block]:
-        """The figure, or a sentence."""
-        one = self.found[name]
-        return [Paragraph(f"No figure: {one}.")] if isinstance(one, str) else [one]
-
-
-def document(evidence: Evidence, claims: Sequence[Claim], drawings: Drawings) -> Document:
-    """The whole report."""
+def document(evidence: Evidence, claims: Sequence[Claim], figures: Mapping[str, Picture | str]) -> Document:
+    """The whole report; ``figures`` has by name each figure, or why there is none."""
     by_name = {claim.name: claim for claim in claims}
+
+    def drawn(name: str) -> list[Block]:
+        one = figures[name]
+        return [Paragraph(f"No figure: {one}.")] if isinstance(one, str) else [one]
 
     def boxes(*names: str) -> list[Block]:
         return [Verdict(by_name[name]) for name in names]
+
+    def section(title: str, level: int, figure: str, *names: str) -> list[Block]:
+        return [Heading(title, level), *drawn(figure), *boxes(*names)]
 
     blocks: list[Block] = [
         *opening(evidence),
         *summary(claims),
         *what_was_run(evidence),
         *limits(evidence),
-        *main_grid(evidence, drawings, boxes),
-        Heading("Out of distribution"),
-        *drawings.blocks("figure_4a"),
-        *boxes("4a-larger", "4a-shift", "4a-trend", "4a-all"),
-        Heading("What representations know"),
-        *drawings.blocks("figure_4b"),
-        *boxes("4b-train", "4b-none"),
-        Heading("Self-supervised losses", 3),
-        *drawings.blocks("figure_5a"),
-        *boxes("5a-gap", "5a-similar", "5a-trends"),
-        Heading("Mass and frame stack", 3),
-        *drawings.blocks("appendix_mass"),
+        *section("The main grid: gap against W2", 2, "figure_3a", "3a", "3a-panel", "3a-n", "3a-cell", "fixed-n"),
+        *(estimates(evidence, drawn) if len(evidence.main) else ()),
+        *section("Each panel by itself", 3, "figure_3b", "3b-trend", "3b-easy", "3b-empty", "3b-weak"),
+        *(panels_and_cells(evidence, drawn) if len(evidence.main) else ()),
+        *section("Out of distribution", 2, "figure_4a", "4a-larger", "4a-shift", "4a-trend", "4a-all"),
+        *section("What representations know", 2, "figure_4b", "4b-train", "4b-none"),
+        *section("Self-supervised losses", 3, "figure_5a", "5a-gap", "5a-similar", "5a-trends"),
+        *section("Mass and frame stack", 3, "appendix_mass"),
         *masses(evidence),
         *boxes("A-mass", "A-flip"),
-        Heading("Learning"),
-        *drawings.blocks("figure_5b"),
-        *boxes("5b-diversity", "5b-easy"),
-        Heading("SAC", 3),
-        *drawings.blocks("appendix_sac"),
-        *boxes("A-sac-easy", "A-sac-hard"),
-        Heading("KS and W2", 3),
-        *drawings.blocks("appendix_measures"),
-        *boxes("A-ks"),
-        *beyond.blocks(evidence, drawings.blocks),
+        *section("Learning", 2, "figure_5b", "5b-diversity", "5b-easy"),
+        *section("SAC", 3, "appendix_sac", "A-sac-easy", "A-sac-hard"),
+        *section("KS and W2", 3, "appendix_measures", "A-ks"),
+        *beyond.blocks(evidence, drawn),
         *how_verdicts_are_decided(),
     ]
     scale = evidence.results.scale
@@ -80,28 +63,26 @@ def document(evidence: Evidence, claims: Sequence[Claim], drawings: Drawings) ->
 
 
 def opening(evidence: Evidence) -> list[Block]:
-    """What this is about, and what is missing."""
+    """The runs of this report, and a warning about missing ones."""
     results = evidence.results
     main, runs = results.main, results.runs
-    blocks: list[Block] = []
+    text = f"{len(runs)} runs, none of them of the main grid"
     if len(main):
         text = (
             f"{len(main)} runs of the main grid ({listed(main['algorithm'])} on {listed(main['observation'])}, "
             f"{frames_of(main)} frames, seed{'s' if count_of(main, 'seed') > 1 else ''} {listed(main['seed'])})"
         )
-        others = len(runs) - len(main)
-        more = f", {others} more runs" if others else ""
-        tests = f", and {len(results.transfers)} tests of their agents elsewhere" if len(results.transfers) else ""
-        text += f"{more}{tests}. "
-    else:
-        text = f"{len(runs)} runs, none of them of the main grid. "
+        others, tests = len(runs) - len(main), len(results.transfers)
+        text += f", {others} more runs" if others else ""
+        text += f", and {tests} tests of their agents elsewhere" if tests else ""
     text += (
+        ". "
         "The gap is the mean return on test levels less that on training levels; negative means worse on test levels. "
         "Every claim is read twice: with the settings of the paper and its code of 2022, and with what is wrong in "
         "them corrected."
     )
-    blocks.append(Paragraph(text, "lead"))
-    missing = results.lacking()
+    blocks: list[Block] = [Paragraph(text, "lead")]
+    missing = results.missing_runs()
     if missing:
         shown = ", ".join(map(str, missing[:8])) + (" and others" if len(missing) > 8 else "")
         text = f"**Of what was planned, {len(missing)} runs or tests are missing**, and the report does without them: {shown}."
@@ -115,7 +96,7 @@ def frames_of(table: pd.DataFrame) -> str:
 
 
 def summary(claims: Sequence[Claim]) -> list[Block]:
-    """What follows in short, and all claims with their verdicts in one table."""
+    """The main claims in sentences, and all claims with their verdicts in one table."""
     tested = [claim for claim in claims if claim.findings]
     counted = {s: Counter(claim.verdict(s) for claim in tested if claim.verdict(s)) for s in (PAPER, CORRECTED)}
     sentences = [f"{len(tested)} of {len(claims)} claims can be tested with these runs."]
@@ -128,7 +109,8 @@ def summary(claims: Sequence[Claim]) -> list[Block]:
         first = {s: next((one for one in claim.findings if one.settings == s), None) for s in (PAPER, CORRECTED)}
         several = sum(one.settings == CORRECTED for one in claim.findings) > 1
         number = first[CORRECTED] or first[PAPER]
-        shown = "" if number is None or several else said(number.found, symbol(number.measure))
+        name = "r" if number is not None and number.measure.endswith("Pearson r") else "difference"
+        shown = "" if number is None or several else estimate_text(number.found, name)
         corrected = claim.verdict(CORRECTED) if claim.findings else ""
         rows.append([claim.name, claim.verdict(PAPER), corrected, claim.statement, shown])
     head = ("claim", PAPER, CORRECTED, "the paper says, in our words", "corrected, in numbers")
@@ -146,21 +128,16 @@ def reading(claim: Claim) -> str:
     return f"{text[:1].upper()}{text[1:]}."
 
 
-def symbol(measure: str) -> str:
-    """What a measure is called before its value."""
-    return "r" if measure.endswith("Pearson r") else "difference"
-
-
 def masses(evidence: Evidence) -> list[Block]:
-    """What agents reach with the mass shown and hidden."""
+    """The success of agents with the mass shown and hidden."""
     table = evidence.results.masses
     if table.empty:
         return []
     named = table.assign(levels=table["n"])
-    found = tabulated.means(evidence, named, ["past", "mass", "levels"], "success_test_deterministic", "masses")
+    found = tables.means(evidence, named, ["past", "mass", "levels"], "success_test_deterministic", "masses")
     head = {"past": "the agent has", "mass": "mass", "levels": "training levels"}
     caption = "Mean success on test levels, with the 95 % interval of (panel, seed) blocks where there are several."
-    return [tabulated.means_table(found, head, "success", caption, plain)]
+    return [tables.means_table(found, head, "success", caption, plain)]
 
 
 def what_was_run(evidence: Evidence) -> list[Block]:
@@ -175,21 +152,15 @@ def what_was_run(evidence: Evidence) -> list[Block]:
             frames_of(part), listed(part["n"]), listed(part["seed"]), hours,
         ])  # fmt: skip
     head = ("experiment", "algorithm", "observation", "runs", "frames", "training levels", "seeds", "hours")
-    blocks: list[Block] = [
-        Heading("What was run"),
-        Table(head, rows, 3, "Experiments share runs, so their hours overlap."),
-    ]
+    shown = Table(head, rows, 3, "Experiments share runs, so their hours overlap.")
     sentences = []
     if "hours" in runs:
-        sentences.append(
-            f"All runs together took {plain(float(column(runs, 'hours').sum()), 1)} hours of training and evaluation."
-        )
+        hours = plain(float(column(runs, "hours").sum()), 1)
+        sentences.append(f"All runs together took {hours} hours of training and evaluation.")
     if "test_levels" in runs:
-        sentences.append(
-            f"Agents were tested on {listed(runs['test_levels'])} test levels each, which all seeds of a panel share."
-        )
-    blocks.append(Paragraph(" ".join(sentences)))
-    return [*blocks, *versions(named)]
+        levels = listed(runs["test_levels"])
+        sentences.append(f"Agents were tested on {levels} test levels each, which all seeds of a panel share.")
+    return [Heading("What was run"), shown, Paragraph(" ".join(sentences)), *versions(named)]
 
 
 def versions(named: pd.DataFrame) -> list[Block]:
@@ -213,7 +184,7 @@ def versions(named: pd.DataFrame) -> list[Block]:
 
 
 def limits(evidence: Evidence) -> list[Block]:
-    """What this scale cannot say."""
+    """The limits of a scale: frames, algorithms, test levels, seeds, power."""
     main = evidence.main
     if main.empty:
         return []
@@ -227,10 +198,9 @@ def limits(evidence: Evidence) -> list[Block]:
             f"The agents are {listed(algorithms)} on {listed(observations)}, chosen to learn within this budget; the "
             "paper's are `ppo` on `textures`, which learn little in so few frames."
         )
-    if "test_levels" in main and int(column(main, "test_levels").max()) < PAPER_TEST_LEVELS:
-        items.append(
-            f"{int(column(main, 'test_levels').max())} test levels per panel; the code of 2022 has {PAPER_TEST_LEVELS}."
-        )
+    tested = int(column(main, "test_levels").max()) if "test_levels" in main else PAPER_TEST_LEVELS
+    if tested < PAPER_TEST_LEVELS:
+        items.append(f"{tested} test levels per panel; the code of 2022 has {PAPER_TEST_LEVELS}.")
     seeds, points = count_of(main, "seed"), max(Counter(main["panel"]).values())
     items.append(
         f"{seeds} seed{'s' if seeds > 1 else ''}: a panel has at most {points} points, which reach p < 0.05 only where |r| "
@@ -259,39 +229,40 @@ def limits(evidence: Evidence) -> list[Block]:
     return [Heading("Limits of this scale"), Bullets(items)]
 
 
-def main_grid(evidence: Evidence, drawings: Drawings, boxes: Callable[..., list[Block]]) -> list[Block]:
-    """Figures 3a and 3b."""
-    blocks: list[Block] = [Heading("The main grid: gap against W2"), *drawings.blocks("figure_3a")]
-    blocks += boxes("3a", "3a-panel", "3a-n", "3a-cell", "fixed-n")
-    if len(evidence.main):
-        blocks += [
-            Heading("Pooled, partial, and one number of levels", 3),
-            *drawings.blocks("estimates"),
-            tabulated.main_table(evidence),
-            tabulated.explained_table(evidence),
-            Paragraph(confound(evidence)),
-            tabulated.mixed_table(evidence),
-            tabulated.predictor_table(evidence),
-            tabulated.sensitivity_table(evidence),
-            tabulated.power_table(evidence),
-        ]
-    blocks += [Heading("Each panel by itself", 3), *drawings.blocks("figure_3b")]
-    blocks += boxes("3b-trend", "3b-easy", "3b-empty", "3b-weak")
-    if len(evidence.main):
-        blocks += [tabulated.panel_table(evidence)]
-        blocks += [Heading("How many levels close the gap", 3), *drawings.blocks("train_and_test")]
-        blocks += [Heading("All cells", 3), tabulated.cell_table(evidence.main)]
-    return blocks
+def estimates(evidence: Evidence, drawn: Callable[[str], list[Block]]) -> list[Block]:
+    """All correlations of the main grid, and what they rest on."""
+    return [
+        Heading("Pooled, partial, and one number of levels", 3),
+        *drawn("estimates"),
+        tables.main_table(evidence),
+        tables.explained_table(evidence),
+        Paragraph(confound(evidence)),
+        tables.mixed_table(evidence),
+        tables.predictor_table(evidence),
+        tables.sensitivity_table(evidence),
+        tables.power_table(evidence),
+    ]
+
+
+def panels_and_cells(evidence: Evidence, drawn: Callable[[str], list[Block]]) -> list[Block]:
+    """The main grid by panels, by numbers of levels, and by cells."""
+    return [
+        tables.panel_table(evidence),
+        Heading("How many levels close the gap", 3),
+        *drawn("train_and_test"),
+        Heading("All cells", 3),
+        tables.cell_table(evidence.main),
+    ]
 
 
 def confound(evidence: Evidence) -> str:
-    """What the table of R² means."""
+    """A sentence on what the table of R² means."""
     part = select(evidence.explained, of="both")
     both = dict(zip(part["w2"], column(part, "r2"), strict=True))
     mode = "exact" if "exact" in both else evidence.modes[0]
     return (
         f"Panel and log n explain {per_cent(both[mode])} of the variance of the logarithm of the "
-        f"{tabulated.DISTANCES[mode]}: a correlation over the main grid cannot tell W2 from how many levels were "
+        f"{tables.DISTANCES[mode]}: a correlation over the main grid cannot tell W2 from how many levels were "
         "sampled, and where. The partial correlation given both rests on the few per cent that are left."
     )
 

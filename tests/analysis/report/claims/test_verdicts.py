@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.report import verdicts
-from analysis.report.claims import CORRECTED, PAPER, Claim, Finding, claims_table
-from analysis.report.verdicts import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED, UNDECIDED, VERDICTS
+from analysis.report.claims import verdicts
+from analysis.report.claims.claim import CORRECTED, PAPER, Claim, Finding, claims_table
+from analysis.report.claims.verdicts import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED, UNDECIDED, VERDICTS
 from analysis.stats.estimate import Estimate
 
 REAL = st.floats(-1, 1)

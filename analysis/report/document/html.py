@@ -7,8 +7,8 @@ from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from analysis.report.claims import CORRECTED, PAPER
-from analysis.report.document import FINDING_HEAD, Document, Picture, finding_rows, pieces
+from analysis.report.claims.claim import CORRECTED, PAPER
+from analysis.report.document.blocks import FINDING_HEAD, Document, Picture, finding_rows, pieces
 
 MARKS = {"reproduced": "✓", "not reproduced": "✗", "undecided": "?", "not testable": "–"}
 

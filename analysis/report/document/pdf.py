@@ -11,20 +11,10 @@ from fpdf import FPDF
 from fpdf.enums import XPos, YPos
 from fpdf.fonts import FontFace
 
-from analysis.report.claims import CORRECTED, PAPER
-from analysis.report.document import (
-    FINDING_HEAD,
-    Bullets,
-    Document,
-    Heading,
-    Paragraph,
-    Picture,
-    Table,
-    Verdict,
-    finding_rows,
-    pieces,
-)  # fmt: skip
-from analysis.report.html import MARKS
+from analysis.report.claims.claim import CORRECTED, PAPER
+from analysis.report.document import blocks
+from analysis.report.document.blocks import FINDING_HEAD, Document, finding_rows, pieces
+from analysis.report.document.html import MARKS
 
 FONT, MONO = "DejaVu Sans", "DejaVu Sans Mono"
 FACES = {(FONT, ""): "DejaVuSans.ttf", (FONT, "B"): "DejaVuSans-Bold.ttf", (MONO, ""): "DejaVuSansMono.ttf"}
@@ -69,25 +59,25 @@ def sheets(document: Document) -> bytes:
     rich(pdf, document.subtitle, BODY, SOFT)
     for block in document.blocks:
         match block:
-            case Heading():
+            case blocks.Heading():
                 heading(pdf, block)
-            case Paragraph():
+            case blocks.Paragraph():
                 rich(pdf, block.text, BODY + (0.5 if block.kind == "lead" else 0), bold=block.kind == "warning")
-            case Bullets():
+            case blocks.Bullets():
                 for item in block.items:
                     rich(pdf, f"•  {item}", BODY, indent=3)
-            case Table():
+            case blocks.Table():
                 if block.caption:
                     rich(pdf, block.caption, SMALL, SOFT)
                 cells(pdf, block.head, block.rows, range(block.left))
-            case Picture():
+            case blocks.Picture():
                 picture(pdf, block)
-            case Verdict():
+            case blocks.Verdict():
                 claim(pdf, block)
     return bytes(pdf.output())
 
 
-def heading(pdf: Sheet, block: Heading) -> None:
+def heading(pdf: Sheet, block: blocks.Heading) -> None:
     """A heading that is not left alone at the end of a page."""
     if pdf.get_y() > pdf.h - 55:
         pdf.add_page()
@@ -151,7 +141,7 @@ def widths_of(pdf: Sheet, head: Sequence[str], rows: Sequence[Sequence[str]]) ->
     return [min(width, cap) for width in needed] if sum(needed) > pdf.epw else needed
 
 
-def picture(pdf: Sheet, block: Picture) -> None:
+def picture(pdf: Sheet, block: blocks.Picture) -> None:
     """A figure across the page, with its caption on the same page."""
     from PIL import Image
 
@@ -166,7 +156,7 @@ def picture(pdf: Sheet, block: Picture) -> None:
     pdf.ln(1.5)
 
 
-def claim(pdf: Sheet, block: Verdict) -> None:
+def claim(pdf: Sheet, block: blocks.Verdict) -> None:
     """A claim: statement, verdicts, what follows, tests."""
     one = block.claim
     if pdf.get_y() > pdf.h - 60:
@@ -188,7 +178,7 @@ def claim(pdf: Sheet, block: Verdict) -> None:
             pdf.set_text_color(*COLOURS[verdict])
             pdf.write(4, f"{MARKS[verdict]} {verdict}    ")
     pdf.ln(5)
-    for text in (*one.notes, one.follows, f"It would take {one.needs}." if one.needs else ""):
+    for text in (one.note, one.follows, f"It would take {one.needs}." if one.needs else ""):
         if text:
             rich(pdf, text, BODY)
     if one.findings:

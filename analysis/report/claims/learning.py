@@ -1,0 +1,115 @@
+"""The tests of the claims about learning (figure 5b, SAC) and about the KS statistic."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pandas as pd
+
+from analysis.report.claims.claim import CORRECTED, PAPER, Finding, mean_difference
+from analysis.report.claims.evidence import Evidence
+from analysis.report.claims.information import beside
+from analysis.report.claims.verdicts import of_effect
+from analysis.stats.correlation import NotAvailable, explained, indicators
+from analysis.tables import column, keep, select
+
+SMALL_SHARE = 0.1  # of a variance; less does not matter
+TEST_LEVELS = 100  # of the study
+OUTCOMES = {PAPER: "eta_train_deterministic", CORRECTED: "success_train_deterministic"}
+ON_TEST = {PAPER: "eta_test_deterministic", CORRECTED: "success_test_deterministic"}
+
+
+def distances_of_empty(evidence: Evidence) -> pd.DataFrame:
+    """The KS statistics in distribution of the family Empty, from the study of distances.
+
+    Joint distribution functions of more entities differ by 1 for most n, where no rate can be seen.
+    """
+    table = evidence.results.studies.get("w2_study", {}).get("distances", pd.DataFrame())
+    if table.empty:
+        return table
+    return keep(table, (table["train"] == table["test"]) & (table["ks"] > 0) & table["train"].str.startswith("empty-"))
+
+
+def diversity_above_panel(evidence: Evidence, runs: pd.DataFrame) -> Iterator[Finding]:
+    """Figure 5b's caption: R² of the performance on the number of levels, each by itself, less R² on the panel."""
+    for settings, outcome in ((PAPER, OUTCOMES[PAPER]), (CORRECTED, ON_TEST[CORRECTED])):
+        by_n, by_panel = (indicators(list(runs[key].astype(str))) for key in ("n", "panel"))
+        values = np.column_stack([column(runs, outcome), by_n, by_panel])
+        found = evidence.by_blocks(f"5b-diversity {outcome}", runs, values, difference_of_r2(by_n.shape[1]))
+        words = f"{column_words(outcome)}: R² of the number of levels less R² of the panel"
+        yield Finding(settings, words, "difference of R²", found, of_effect(found, 1, SMALL_SHARE))
+
+
+def difference_of_r2(width: int) -> Callable[[np.ndarray], float]:
+    """R² of the first column on the next ``width`` ones less R² on the rest; NaN where one cannot be had."""
+
+    def difference(values: np.ndarray) -> float:
+        y, sets = values[:, 0], (values[:, 1 : 1 + width], values[:, 1 + width :])
+        one, other = (explained(y, x) for x in sets)
+        return float("nan") if isinstance(one, NotAvailable) or isinstance(other, NotAvailable) else one - other
+
+    return difference
+
+
+def easier_tasks_first(evidence: Evidence, runs: pd.DataFrame) -> Iterator[Finding]:
+    """Figure 5b's paragraph: within one budget, easier configurations get further."""
+    comparisons = (("difficulty", "easy", "hard"), ("family", "empty", "objectsx1"), ("family", "empty", "tilesx1"))
+    for settings, outcome in OUTCOMES.items():
+        for key, easier, harder in comparisons:
+            same = ("difficulty" if key == "family" else "family", "n", "seed")
+            differences = beside(runs, outcome, runs[key] == easier, runs[key] == harder, same)
+            words = f"{column_words(outcome)}, {easier} less {harder}"
+            yield from mean_difference(evidence, settings, words, differences, sign=1)
+
+
+def sac_beside_ppo(evidence: Evidence, runs: pd.DataFrame) -> Iterator[Finding]:
+    """Appendix: SAC on easy tasks, beside PPO."""
+    both = pd.concat([runs.assign(kind="sac"), evidence.main.assign(kind="ppo")], ignore_index=True)
+    both = select(both, difficulty="easy")
+    for settings, outcome in ON_TEST.items():
+        differences = beside(both, outcome, both["kind"] == "sac", both["kind"] == "ppo")
+        words = f"{column_words(outcome)}, SAC less PPO, easy panels (SAC had fewer frames)"
+        yield from mean_difference(evidence, settings, words, differences, sign=1)
+
+
+def sac_easy_beside_hard(evidence: Evidence, runs: pd.DataFrame) -> Iterator[Finding]:
+    """Appendix: SAC on easy tasks beside SAC on hard ones."""
+    easy, hard = runs["difficulty"] == "easy", runs["difficulty"] == "hard"
+    for settings, outcome in ON_TEST.items():
+        differences = beside(runs, outcome, easy, hard, ("family", "n", "seed"))
+        yield from mean_difference(evidence, settings, f"{column_words(outcome)}, easy less hard", differences, sign=1)
+
+
+def rate_of_ks(evidence: Evidence, distances: pd.DataFrame) -> Iterator[Finding]:
+    """Appendix, limitations: whether the KS statistic falls exponentially in n, or as a power of the effective n."""
+    log_ks, panel = np.log(column(distances, "ks")), indicators(list(distances["train"]))
+    values = np.column_stack([log_ks, panel, column(distances, "n"), panel, log_effective_n(distances)])
+    found = evidence.by_blocks("A-ks", distances, values, difference_of_r2(panel.shape[1] + 1), ("train", "seed"))
+    words = "Empty: R² of log KS on n (exponential) less R² on the logarithm of the effective n (a power)"
+    yield Finding(CORRECTED, words, "difference of R²", found, of_effect(found, 1, 0.0))
+
+
+def slope_of_ks(evidence: Evidence, distances: pd.DataFrame) -> dict[str, str]:
+    """The power of the effective n with which KS falls, and its interval: ``slope``, ``low``, ``high``."""
+    log_ks, panel = np.log(column(distances, "ks")), indicators(list(distances["train"]))
+    values = np.column_stack([log_ks, np.ones(len(distances)), panel, log_effective_n(distances)])
+    found = evidence.by_blocks("A-ks slope", distances, values, last_slope, ("train", "seed"))
+    return {"slope": f"{found.estimate:.2f}", "low": f"{found.low:.2f}", "high": f"{found.high:.2f}"}
+
+
+def last_slope(values: np.ndarray) -> float:
+    """The slope of the last column, in least squares of the first on all others."""
+    return float(np.linalg.lstsq(values[:, 1:], values[:, 0], rcond=None)[0][-1])
+
+
+def log_effective_n(table: pd.DataFrame) -> np.ndarray:
+    """The logarithm of the effective number of two samples: n training levels, and the study's test levels."""
+    n = column(table, "n")
+    return np.log(n * TEST_LEVELS / (n + TEST_LEVELS))
+
+
+def column_words(column: str) -> str:
+    """A column of the runs in words, e.g. ``return on test levels``."""
+    kind, split, _ = column.split("_")
+    return f"{'return' if kind == 'eta' else kind} on {'training' if split == 'train' else split} levels"

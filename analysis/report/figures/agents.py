@@ -1,0 +1,165 @@
+"""The figures about information and learning: 4b, 5a, 5b, SAC, mass and frame stack."""
+
+from __future__ import annotations
+
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from analysis.plotting import style
+from analysis.plotting.figures import DOT, draw_line, new_figure
+from analysis.report.claims.claim import CORRECTED, PAPER
+from analysis.report.claims.evidence import Evidence, pearson
+from analysis.report.claims.information import ACCURACIES, GAPS, PROBES, accuracies, auxiliary
+from analysis.report.figures.drawing import (
+    CELL,
+    GAP,
+    SHORT_GAP,
+    Drawn,
+    dots,
+    draw_curves,
+    figure_of_panels,
+    legend_below,
+)
+from analysis.report.number_format import estimate_text
+from analysis.report.results import FRAME, MEMORY, STACK, panels_of, with_panel
+from analysis.tables import binned, column, count_of, mean_by, pick, select
+
+NO_PROBES = "the agents were not probed (`probes.parquet`)"
+
+
+def figure_4b(evidence: Evidence) -> Drawn | str:
+    """Gap against the accuracy of the critic, as in the paper and corrected."""
+    probed = accuracies(evidence.results, evidence.main)
+    if probed.empty:
+        return NO_PROBES
+    table = pick(probed, [*CELL, "probe", *ACCURACIES, "gap", "gap_2022"])
+    figure = new_figure(9, 4.2)
+    for axes, settings in zip(figure.subplots(1, 2), (PAPER, CORRECTED), strict=True):
+        draw_accuracy(axes, select(table, probe=PROBES[settings]), GAPS[settings], settings)
+    caption = (
+        "Figure 4b. Gap against the accuracy of a critic that tells pairs of representation and factors from shuffled "
+        "ones, on training and on test levels. Chance is 0.5 (dashed). Left: as in 2022, where the shuffling makes "
+        "the critic detect dependence inside the representation. Right: with whole rows shuffled, time aligned, and "
+        "pairs held out."
+    )
+    return Drawn(figure, table, caption)
+
+
+def draw_accuracy(axes: Axes, table: pd.DataFrame, gap: str, title: str) -> None:
+    """Two point sets, training and test levels, a line each."""
+    axes.axvline(0.5, color="#999999", linewidth=0.9, linestyle="--")
+    for levels, colour, marker in zip(("train", "test"), style.PALETTE, style.MARKERS, strict=False):
+        x, y = column(table, f"accuracy_{levels}"), column(table, gap)
+        label = f"{levels}: {estimate_text(pearson(table, f'accuracy_{levels}', gap))}"
+        axes.scatter(x, y, s=32, color=colour, marker=marker, label=label, **DOT)
+    # After all points, because lines keep to the limits that the points made.
+    for levels, colour in zip(("train", "test"), style.PALETTE, strict=False):
+        draw_line(axes, column(table, f"accuracy_{levels}"), column(table, gap), colour, band=False)
+    axes.set_title(title)
+    axes.set_xlabel("accuracy of the critic")
+    axes.set_ylabel(GAP)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), fontsize=8.5)
+
+
+def accuracy_grid(parts: list[list[tuple[str, pd.DataFrame, str]]], width: float) -> Figure:
+    """Rows of axes, each of a title, its runs and the column of the gap; ``width`` in inches is that of one axes."""
+    figure = new_figure(width * len(parts[0]), 3.7 * len(parts))
+    for row, drawn in zip(figure.subplots(len(parts), len(parts[0]), squeeze=False), parts, strict=True):
+        for axes, (title, table, gap) in zip(row, drawn, strict=True):
+            draw_accuracy(axes, table, gap, title)
+    return figure
+
+
+def figure_5a(evidence: Evidence) -> Drawn | str:
+    """Gap against accuracy per self-supervised algorithm; without probes, the gaps alone."""
+    runs = evidence.results.of("figure_5a")
+    if not auxiliary(runs):
+        return "no agents with self-supervised losses were trained (`experiments=[figure_5a]`)"
+    probed = accuracies(evidence.results, runs)
+    algorithms = sorted(set(runs["algorithm"]))
+    if probed.empty:
+        table = pick(runs, [*CELL, "algorithm", "gap"])
+        caption = f"Figure 5a without its x axis, as {NO_PROBES}: the gap per algorithm and number of levels."
+        return Drawn(dots(table, "algorithm", "gap", SHORT_GAP), table, caption)
+    table = pick(probed, [*CELL, "algorithm", "probe", *ACCURACIES, "gap", "gap_2022"])
+    parts = [
+        [(f"{name}, {key}", select(table, probe=PROBES[key], algorithm=name), GAPS[key]) for name in algorithms]
+        for key in (PAPER, CORRECTED)
+    ]
+    caption = "Figure 5a. Gap against the accuracy of the critic, with and without self-supervised losses."
+    return Drawn(accuracy_grid(parts, 3.6), table, caption)
+
+
+def figure_5b(evidence: Evidence) -> Drawn | str:
+    """Training curves of the main grid."""
+    if evidence.results.curves.empty or evidence.main.empty:
+        return "the curves are not among the tables (`curves.parquet`)"
+    curves = evidence.results.curves
+    chosen = select(curves, name="episode/return").merge(pick(evidence.main, ["run", *CELL]), on="run")
+    if chosen.empty:
+        return "the curves have no returns of training episodes"
+    chosen = chosen.assign(frames=binned(column(chosen, "frames")))
+    table = mean_by(chosen, ["family", "difficulty", "n", "frames"], ["value"])
+    families, difficulties = style.ordered(table["family"]), style.ordered(table["difficulty"])
+    colours = dict(zip(sorted(set(table["n"])), style.SEQUENCE, strict=False))
+    figure = new_figure(3.5 * len(families), 2.5 * len(difficulties) + 0.4)
+    grid = figure.subplots(len(difficulties), len(families), squeeze=False, sharex=True)
+    for row, difficulty in zip(grid, difficulties, strict=True):
+        for axes, family in zip(row, families, strict=True):
+            draw_curves(axes, select(table, family=family, difficulty=difficulty), colours, 1.3)
+            axes.set_title(f"{family}, {difficulty}")
+        row[0].set_ylabel("training return")
+    for axes in grid[-1]:
+        axes.set_xlabel("thousand frames")
+    legend_below(figure, grid[0][0], 8, "training levels")
+    caption = (
+        "Figure 5b. Return of training episodes against frames, means over seeds and over a fortieth of the budget; "
+        "each axes has its own scale."
+    )
+    return Drawn(figure, table, caption)
+
+
+def appendix_sac(evidence: Evidence) -> Drawn | str:
+    """Test return of SAC against frames."""
+    runs, curves = evidence.results.of("appendix_sac"), evidence.results.curves
+    if runs.empty or curves.empty:
+        return "SAC was not run, or its curves are not among the tables (`experiments=[appendix_sac]`)"
+    chosen = select(curves, name="evaluation/test/return/deterministic").merge(pick(runs, ["run", *CELL]), on="run")
+    if chosen.empty:
+        return "the curves have no returns of SAC on test levels"
+    table = mean_by(chosen, ["family", "difficulty", "n", "frames"], ["value"])
+    named = with_panel(table)
+    panels = panels_of(named)
+    colours = dict(zip(sorted(set(table["n"])), style.SEQUENCE, strict=False))
+    figure, grid = figure_of_panels(len(panels), 3.4, 2.7, 0.4)
+    for axes, panel in zip(grid, panels, strict=False):
+        draw_curves(axes, select(named, panel=panel), colours, style.LINE_WIDTH)
+        axes.set_title(panel)
+        axes.set_xlabel("thousand frames")
+        axes.set_ylabel("return on test levels")
+    legend_below(figure, grid[0], 8, "training levels")
+    caption = "Appendix, SAC. Return on test levels against frames, deterministic actions, means over seeds."
+    return Drawn(figure, table, caption)
+
+
+def appendix_mass(evidence: Evidence) -> Drawn | str:
+    """Gap against accuracy with the mass shown and hidden, by what the agent has of the past; without probes, gaps alone."""
+    runs = evidence.results.masses
+    if count_of(runs, "observation") < 2:
+        return "it was not run (`experiments=[appendix_mass]`)"
+    what = "Appendix, mass and frame stack, corrected: the mass varies tenfold, shown or hidden in training and test alike."
+    probed = accuracies(evidence.results, runs)
+    if probed.empty:
+        named = runs.assign(sees=runs["past"] + ", " + runs["mass"])
+        table = pick(named, [*CELL, "sees", "w2_exact", "gap", "success_test_deterministic"])
+        return Drawn(dots(table, "sees", "gap", SHORT_GAP), table, f"{what} Without its x axis, as {NO_PROBES}.")
+    columns = [*CELL, "past", "mass", "w2_exact", *ACCURACIES, "gap", "success_test_deterministic"]
+    table = pick(select(probed, probe=PROBES[CORRECTED]), columns)
+    pasts = [past for past in (FRAME, STACK, MEMORY) if past in set(table["past"])]
+    parts = [
+        [(f"{past}, mass {mass}", select(table, past=past, mass=mass), GAPS[CORRECTED]) for past in pasts]
+        for mass in ("shown", "hidden")
+    ]
+    caption = f"{what} Gap against the accuracy of the critic on training and on test levels."
+    return Drawn(accuracy_grid(parts, 3.8), table, caption)

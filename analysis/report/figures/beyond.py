@@ -1,0 +1,242 @@
+"""The figures beyond the paper, and of the studies that train nothing."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+
+from analysis.plotting import style
+from analysis.plotting.figures import DOT, draw_points, legend_of, new_figure, zero_line
+from analysis.report.claims.evidence import Evidence, pearson
+from analysis.report.figures.drawing import (
+    CELL,
+    GAP,
+    Drawn,
+    dots,
+    error_bars,
+    figure_of_families,
+    legend_below,
+    log_axis,
+)
+from analysis.report.number_format import estimate_text
+from analysis.report.results import PANEL
+from analysis.tables import column, count_of, keep, mean_by, pick, select
+
+SUCCESS = "success_test_deterministic"
+COST = "return there − on own test levels"
+
+
+def fixed_n(evidence: Evidence) -> Drawn | str:
+    """Gap against both distances at one number of levels, by design."""
+    runs = evidence.results.of("fixed_n")
+    if count_of(runs, "design") < 2:
+        return "it was not run (`experiments=[fixed_n]`)"
+    table = pick(runs, [*CELL, "design", "w2_reference", "w2_exact", "gap", "gap_2022"])
+    figure = new_figure(9.4, 4.2)
+    colours, markers = (look(sorted(set(table["design"]))) for look in (style.colours, style.markers))
+    for axes, (x, label) in zip(figure.subplots(1, 2, sharey=True),
+                                (("w2_reference", "W2 of 2022"), ("w2_exact", "exact W2")), strict=True):  # fmt: skip
+        zero_line(axes)
+        for design in sorted(set(table["design"])):
+            part = select(table, design=design)
+            look = {"color": colours[design], "marker": markers[design], "label": design, **DOT}
+            axes.scatter(column(part, x), column(part, "gap"), s=34, **look)
+        found = pearson(runs, x, "gap", ("panel", "n"))
+        axes.set_title(f"given panel: {estimate_text(found)}", loc="left", fontsize=9.5)
+        axes.set_xlabel(f"{label}, training to test levels")
+    figure.axes[0].set_ylabel(GAP)
+    legend_below(figure, figure.axes[0], 5)
+    caption = (
+        "W2 without n: training sets of one size, picked near together (clustered), far apart (covering), at random "
+        "(iid), or equal but for the order of drawing (nuisance_only), which changes the W2 of 2022 and nothing else."
+    )
+    return Drawn(figure, table, caption)
+
+
+def diversity(evidence: Evidence) -> Drawn | str:
+    """Success on test levels against three measures of the training set."""
+    runs = evidence.results.of("diversity")
+    names = {"effective_number": "effective number", "entropy": "entropy [nats]", "radius": "covering radius"}
+    names = {k: v for k, v in names.items() if k in runs and np.isfinite(column(runs, k)).all()}
+    if runs.empty or not names:
+        return "it was not run (`experiments=[diversity]`)"
+    table = pick(runs, [*CELL, "design", *names, SUCCESS])
+    figure = new_figure(3.8 * len(names), 3.9)
+    for axes, (x, label) in zip(figure.subplots(1, len(names), squeeze=False)[0], names.items(), strict=True):
+        draw_points(axes, table, x, SUCCESS)
+        found = pearson(runs, x, SUCCESS, ("panel", "log_n"))
+        axes.set_title(f"given panel and log n:\n{estimate_text(found)}", loc="left", fontsize=9.5)
+        axes.set_xlabel(label)
+    figure.axes[0].set_ylabel("success on test levels")
+    figure.legend(handles=legend_of(table), loc="outside lower center", ncols=6)
+    caption = "How diverse the training set is, at one number of levels, against success on test levels."
+    return Drawn(figure, table, caption)
+
+
+def attribution(evidence: Evidence) -> Drawn | str:
+    """The part of the gap that each group of factors adds."""
+    table = evidence.attribution
+    if table.empty:
+        return "it was not run (`experiments=[attribution]`)"
+    groups = {"position": "where things are", "properties": "their properties", "rest": "what they are"}
+    caption = (
+        "The gap, divided among groups of factors by Shapley's values: what is lost when a group is as in test levels "
+        "instead of training levels, over all orders in which groups may be changed. A dot per run, a bar at the mean."
+    )
+    named = table.assign(group=[groups.get(name, name) for name in table["group"]])
+    return Drawn(dots(named, "group", "part", "part of the gap"), pick(table, [*CELL, "group", "part", "gap"]), caption)
+
+
+def rules(evidence: Evidence) -> Drawn | str:
+    """The loss in return in other physics than in training."""
+    part = evidence.results.other_physics
+    if part.empty:
+        return "it was not run (`experiments=[rules]`)"
+    table = pick(part, [*CELL, "trained", "test_variation", "difference", "gap", "gap_se", SUCCESS])
+    caption = (
+        "Agents in other physics than they were trained in: return there less return on the test levels of their own "
+        "physics. A dot per run, a bar at the mean of each."
+    )
+    return Drawn(dots(table, "test_variation", "difference", COST, "trained"), table, caption)
+
+
+def visual(evidence: Evidence) -> Drawn | str:
+    """The loss in return with other textures, beside that on harder levels."""
+    part = evidence.results.other_looks
+    if part.empty:
+        return "it was not run (`experiments=[visual]`)"
+    table = pick(part, [*CELL, "trained", "shift", "difference", "gap", SUCCESS])
+    caption = (
+        "The same levels in other textures against harder levels in the same textures: return there less return on the "
+        "test levels of training. A dot per run, a bar at the mean of each."
+    )
+    return Drawn(dots(table, "shift", "difference", COST, "trained"), table, caption)
+
+
+def hardness(evidence: Evidence) -> Drawn | str:
+    """Success against the number of conditions on the reward: agents, chance, script and planner."""
+    study = evidence.results.studies.get("hardness_of_levels", {}).get("hardness", pd.DataFrame())
+    runs = evidence.results.of("hardness")
+    if study.empty and runs.empty:
+        return "it was not run (`experiments=[hardness, hardness_of_levels]`)"
+    parts = []
+    for player in ("random", "scripted", "oracle") if len(study) else ():
+        names = {"conditions": "conditions", **{f"{player}_{name}": name for name in ("success", "low", "high")}}
+        parts.append(pick(study, names).set_axis(list(names.values()), axis=1).assign(player=player))
+    if len(runs):
+        number = runs["task"].str.extract(r"(?:conditions=|conditions_)(\d+)")[0]
+        agents = runs.assign(conditions=number.fillna("0").astype(float), success=runs[SUCCESS])
+        grouped = mean_by(agents, ["conditions"], ["success"])
+        parts.append(grouped.assign(player="agents", low=np.nan, high=np.nan))
+    table = pd.concat(parts, ignore_index=True)
+    figure = new_figure(5.6, 3.8)
+    axes = figure.subplots()
+    for k, player in enumerate(dict.fromkeys(table["player"])):
+        part = select(table, player=player)
+        look = {"marker": style.MARKERS[k], "color": style.PALETTE[k], "capsize": 2.5, "label": player}
+        x, y = column(part, "conditions") + 0.05 * (k - 1), column(part, "success")
+        axes.errorbar(x, y, yerr=error_bars(part, "success"), **look)
+    axes.set_xticks(sorted(set(table["conditions"])))
+    axes.set_ylim(-0.05, 1.08)
+    axes.set_xlabel("conditions on the goal")
+    axes.set_ylabel("success on test levels")
+    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+    caption = (
+        "Hardness by reward: the goal counts only when entered slowly, after a wall, after sand. Bars are Wilson's 95 "
+        "% intervals over levels."
+    )
+    return Drawn(figure, table, caption)
+
+
+def upper_bound(evidence: Evidence) -> Drawn | str:
+    """Agents that see the true factors beside those that see pixels."""
+    seen, main = evidence.results.of("upper_bound"), evidence.main
+    if seen.empty or main.empty:
+        return "it was not run (`experiments=[upper_bound]`)"
+    both = pd.concat([main.assign(sees="pixels"), seen.assign(sees="factors")], ignore_index=True)
+    table = pick(both, [*CELL, "sees", SUCCESS, "gap"])
+    colours, markers = style.shades(table["difficulty"]), style.markers(table["difficulty"])
+
+    def draw(axes: Axes, part: pd.DataFrame) -> None:
+        for difficulty, (sees, line) in product(colours, {"factors": "-", "pixels": ":"}.items()):
+            means = mean_by(select(part, difficulty=difficulty, sees=sees), ["n"], [SUCCESS])
+            axes.plot(column(means, "n"), column(means, SUCCESS), color=colours[difficulty], marker=markers[difficulty],
+                      linestyle=line, label=f"{difficulty}, {sees}")  # fmt: skip
+
+    figure = figure_of_families(table, "success on test levels", draw)
+    legend_below(figure, figure.axes[0], 3)
+    caption = "What agents reach that see the true factors (solid) beside those that see pixels (dotted)."
+    return Drawn(figure, table, caption)
+
+
+def appendix_measures(evidence: Evidence) -> Drawn | str:
+    """The appendix's illustrations of KS and of W2."""
+    study = evidence.results.studies.get("appendix_measures", {})
+    if not {"ks", "w2"} <= set(study):
+        return "it was not run (`experiments=[appendix_measures]`)"
+    ks, w2 = study["ks"], study["w2"]
+    figure = new_figure(9.4, 4.1)
+    left, right = figure.subplots(1, 2)
+    for n, colour in zip(sorted(set(ks["n"])), style.PALETTE, strict=False):
+        part = select(ks, n=n)
+        left.step(column(part, "x"), column(part, "sample"), color=colour, where="post",
+                  label=f"{n} levels, KS = {part['ks'].iloc[0]:.2f}")  # fmt: skip
+    left.plot(column(part, "x"), column(part, "law"), color="#000000", linestyle="--", label="law")
+    left.set_xlabel("x of the ball")
+    left.set_ylabel("distribution function")
+    left.legend(fontsize=8.5)
+    for row in w2.to_dict("records"):
+        right.plot([row["train_golfball_x"], row["test_golfball_x"]], [row["train_golfball_y"], row["test_golfball_y"]],
+                   color="#999999", linewidth=0.9, zorder=1)  # fmt: skip
+    for k, levels in enumerate(("train", "test")):
+        right.scatter(column(w2, f"{levels}_golfball_x"), column(w2, f"{levels}_golfball_y"), color=style.PALETTE[k],
+                      marker=style.MARKERS[k], s=32, label=f"{levels} levels", zorder=2)  # fmt: skip
+    right.set_aspect("equal")
+    right.set_xlabel("x of the ball")
+    right.set_ylabel("y of the ball")
+    right.set_title(f"W2 = {w2['w2'].iloc[0]:.2f}: goals count, too", loc="left", fontsize=9.5)
+    right.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8.5)
+    table = pd.concat([ks.assign(shows="ks"), w2.assign(shows="w2")], ignore_index=True)
+    caption = (
+        "Appendix. Left: KS is the largest distance of two distribution functions. Right: W2 is the root of the mean "
+        "squared cost of the best matching of two sets of levels."
+    )
+    return Drawn(figure, table, caption)
+
+
+def w2_study(evidence: Evidence) -> Drawn | str:
+    """W2 against the number of levels, without training, with the means of 2022."""
+    study = evidence.results.studies.get("w2_study", {})
+    if "means" not in study:
+        return "the study of distances was not run (`experiments=[w2_study]`)"
+    table = study["means"]
+    inside = keep(table, table["train"] == table["test"])
+    modes = [m for m in ("reference", "exact") if m in set(inside["mode"])]
+    figure = new_figure(4.6 * len(modes), 4.3)
+    axes = figure.subplots(1, len(modes), squeeze=False)[0]
+    for one, mode in zip(axes, modes, strict=True):
+        part = select(inside, mode=mode)
+        for panel in sorted(set(part["train"])):
+            family, _, difficulty = panel.partition("-")
+            mine = select(part, train=panel).sort_values("n")
+            look = {"color": style.colours(["empty", "objectsx1", "tilesx1"])[family],
+                    "marker": style.markers(["easy", "medium", "hard"])[difficulty]}  # fmt: skip
+            one.errorbar(column(mine, "n"), column(mine, "mean"), yerr=column(mine, "sd"), markersize=4.5,
+                         linewidth=1.1, elinewidth=0.8, **look)  # fmt: skip
+            if mode == "reference":
+                one.plot(column(mine, "n"), column(mine, "mean_2022"), "x", color="#000000", markersize=4, zorder=5)
+        log_axis(one, sorted(set(part["n"])))
+        one.set_xlabel("training levels")
+        one.set_ylabel("W2 to 100 test levels")
+        one.set_title("W2 of 2022 (crosses: measured then)" if mode == "reference" else "exact W2")
+    places = pd.DataFrame([panel.split("-") for panel in dict.fromkeys(inside["train"])], columns=list(PANEL))
+    figure.legend(handles=legend_of(places), loc="outside lower center", ncols=6, handletextpad=0.2)
+    caption = (
+        "The x axis by itself: W2 of n training levels to test levels of the same distribution, without any training; "
+        "bars are standard deviations over level seeds. Panels lie above each other, and all fall with n: that is the "
+        "confound of figure 3a."
+    )
+    return Drawn(figure, table, caption)

@@ -1,0 +1,125 @@
+"""What the report's figures share: what a figure is, labels of axes, and figures of one axes per family or panel.
+
+All of it is drawn within :func:`analysis.plotting.style.applied`, which the caller enters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from analysis.plotting import style
+from analysis.plotting.figures import new_figure, zero_line
+from analysis.report.results import panels_of, with_panel
+from analysis.tables import column, mean_by, select
+
+CELL = ["family", "difficulty", "n", "seed"]
+SHORT_GAP = "gap (test − training)"
+GAP, GAP_2022 = "gap: return on test − on training levels", "gap, returns of 2022"
+ACROSS = 3  # axes in a row at most, of figures that have one per panel
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A figure, the numbers in it, and what it shows."""
+
+    figure: Figure
+    table: pd.DataFrame
+    caption: str
+
+
+def figure_of_families(table: pd.DataFrame, y_label: str, draw: Callable[[Axes, pd.DataFrame], None]) -> Figure:
+    """A figure with an axes per family, against numbers of training levels; ``draw`` draws the rows of a family."""
+    families = style.ordered(table["family"])
+    figure = new_figure(3.5 * len(families) + 0.3, 3.7)
+    axes = figure.subplots(1, len(families), sharey=True, squeeze=False)[0]
+    for one, family in zip(axes, families, strict=True):
+        part = select(table, family=family)
+        draw(one, part)
+        log_axis(one, sorted(set(part["n"])))
+        one.set_title(family)
+        one.set_xlabel("training levels")
+    axes[0].set_ylabel(y_label)
+    return figure
+
+
+def legend_below(figure: Figure, axes: Axes, columns: int, title: str | None = None) -> None:
+    """The legend of one of the figure's axes, below all of them."""
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=columns, title=title)
+
+
+def error_bars(table: pd.DataFrame, middle: str) -> np.ndarray:
+    """How far the columns ``low`` and ``high`` lie from ``middle``, float64 ``[2, rows]``; 0 where there is no interval."""
+    y, low, high = (column(table, name) for name in (middle, "low", "high"))
+    return np.nan_to_num(np.array([np.maximum(y - low, 0), np.maximum(high - y, 0)]))
+
+
+def log_axis(axes: Axes, counts: Sequence[int]) -> None:
+    """A logarithmic axis that has the numbers of levels as its ticks."""
+    axes.set_xscale("log")
+    axes.set_xticks(list(counts), [str(n) for n in counts])
+    axes.minorticks_off()
+
+
+def draw_curves(axes: Axes, curves: pd.DataFrame, colours: Mapping[int, str], width: float) -> None:
+    """A line of ``value`` against ``frames`` for each number of training levels."""
+    for n, colour in colours.items():
+        part = select(curves, n=n)
+        axes.plot(column(part, "frames") / 1000, column(part, "value"), color=colour, label=str(n), linewidth=width)
+
+
+def figure_of_panels(count: int, width: float, height: float, below: float) -> tuple[Figure, np.ndarray]:
+    """A figure with so many axes, each of this size in inches; ``below`` is for the legend."""
+    columns = across(count)
+    rows = -(-count // columns)
+    figure = new_figure(width * columns, height * rows + below)
+    grid = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axes in grid[count:]:
+        axes.set_visible(False)
+    return figure, grid
+
+
+def across(count: int) -> int:
+    """How many of so many axes stand in a row."""
+    return 2 if count == 4 else min(count, ACROSS)
+
+
+def dots(table: pd.DataFrame, group: str, y: str, label: str, trained: str = "") -> Figure:
+    """One axes per panel, and per value of the column ``trained``: a dot per run, groups side by side, a bar at their mean."""
+    named = with_panel(table)
+    panels = panels_of(named)
+    if trained:
+        named = named.assign(panel=named["panel"] + ", trained in " + named[trained].astype(str))
+        panels = [one for panel in panels for one in sorted(set(named["panel"])) if one.startswith(f"{panel},")]
+    groups = sorted(set(map(str, table[group])))
+    counts = sorted(set(table["n"]))
+    colours = dict(zip(counts, style.SEQUENCE, strict=False))
+    figure, grid = figure_of_panels(len(panels), 3.7, 3.3, 0.3)
+    for axes, panel in zip(grid, panels, strict=False):
+        part = select(named, panel=panel)
+        for k, n in enumerate(counts):
+            mine = select(part, n=n)
+            at = np.array([groups.index(str(one)) for one in mine[group]]) + 0.14 * (k - (len(counts) - 1) / 2)
+            axes.scatter(at, column(mine, y), s=26, color=colours[n], label=f"n = {n}", zorder=3)
+        means = mean_by(part, [group], [y])
+        axes.plot(
+            [groups.index(str(g)) for g in means[group]],
+            column(means, y),
+            "_",
+            color="#000000",
+            markersize=22,
+            zorder=2,
+        )
+        zero_line(axes)
+        axes.set_xticks(range(len(groups)), groups, rotation=30, ha="right", fontsize=8.5)
+        axes.set_xlim(-0.6, len(groups) - 0.4)
+        axes.set_title(panel)
+    for axes in grid[:: across(len(panels))]:
+        axes.set_ylabel(label)
+    legend_below(figure, grid[0], 6)
+    return figure
