@@ -42,7 +42,7 @@ from experiments.runs.run_folder import (
     read_summary,
     read_versions,
 )
-from experiments.settings import ACTION_MODES, RunConfig, RunFolderError, cell_of
+from experiments.settings import ACTION_MODES, RunConfig, RunFolderError, grid_point
 
 PLAN = "plan.json"
 LEVELS, CURVES = "levels.parquet", "curves.parquet"
@@ -193,8 +193,8 @@ def runs_of(plan: Mapping[str, Any]) -> dict[str, tuple[list[str], list[str], bo
 
 
 def run_columns(config: RunConfig, name: str) -> dict[str, Any]:
-    """The columns that all tables share, and that say what a run is."""
-    cell, levels = cell_of(config), config.levels
+    """What a run is, in columns that all tables share."""
+    cell, levels = grid_point(config), config.levels
     return {
         "family": cell.family,
         "difficulty": cell.difficulty,

@@ -17,7 +17,7 @@ from analysis.plotting.style import colours
 from analysis.tables import column
 from experiments.settings import TrackingConfig
 from experiments.tracking.mlflow_store import calling, open_store, store_uri
-from experiments.tracking.mlflow_sync import read_mark
+from experiments.tracking.mlflow_sync import read_sync_state
 from experiments.tracking.mlflow_views import COLOUR
 
 PARENT = "mlflow.parentRunId"  # MLflow's own tag, by which its pages nest runs
@@ -43,7 +43,7 @@ def show_experiments(results: Path, plan: Mapping[str, Any], runs: pd.DataFrame)
     shared = {} if runs.empty else {str(a): str(b) for a, b in zip(runs["run"], runs["experiments"], strict=True)}
     drawn = colours_of(runs)
     for run, parent in parents.items():
-        mark = read_mark(root / run)
+        mark = read_sync_state(root / run)
         is_here = mark is not None and mark.run_id is not None and mark.store == store_uri(tracking, root)
         if mark is not None and is_here:
             tags = {PARENT: parent, "figure": ", ".join(figures[run]), "experiments": shared.get(run, "")}

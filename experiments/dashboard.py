@@ -11,7 +11,8 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from experiments.commands.hydra_app import run_command, to_plain
-from experiments.settings import CHECKOUT, TrackingConfig, TrackingError, as_data, construct, require
+from experiments.runs.run_folder import root_folder
+from experiments.settings import TrackingConfig, TrackingError, as_data, construct, require
 from experiments.tracking.mlflow_store import STORE, calling, show_views, store_uri
 from experiments.tracking.mlflow_views import VIEWS, link
 
@@ -32,7 +33,7 @@ class DashboardConfig:
     @property
     def folder(self) -> Path:
         """Absolute path of the folder that holds the store."""
-        return Path(self.root).expanduser().resolve() if self.root else CHECKOUT / "runs"
+        return root_folder(self.root)
 
     @property
     def address(self) -> str:
@@ -41,11 +42,11 @@ class DashboardConfig:
 
 
 def serve(config: DashboardConfig) -> None:
-    """Becomes MLflow's server, until Ctrl-C; raises :class:`TrackingError` if there is nothing to show, or no port."""
+    """Replaces this process by MLflow's server; raises :class:`TrackingError` if there is no store, or no free port."""
     command = server_command(config)
     require_free(config.port)
     os.environ["MLFLOW_SERVER_ENABLE_JOB_EXECUTION"] = "false"  # a job runner that nothing here uses; 20 s to start
-    os.environ["PYTHONWARNINGS"] = "ignore"  # of the server's own libraries, which its user cannot mend
+    os.environ["PYTHONWARNINGS"] = "ignore"  # the user cannot do anything about those of the server's libraries
     print(f"Results of {config.folder}: {config.address} (in a few seconds). Ctrl-C stops it.")
     print(*links(config), sep="\n", flush=True)
     os.execv(command[0], command)
@@ -68,7 +69,7 @@ def server_command(config: DashboardConfig) -> list[str]:
 
 
 def links(config: DashboardConfig) -> list[str]:
-    """A line for each view of each of MLflow's experiments, which are given those that they lack; :class:`TrackingError`."""
+    """One line for each view of each experiment of MLflow's; adds missing views. Raises :class:`TrackingError`."""
     from mlflow import MlflowClient
 
     client = calling(MlflowClient, tracking_uri=store_uri(TrackingConfig(), config.folder))
@@ -84,7 +85,7 @@ def links(config: DashboardConfig) -> list[str]:
 
 
 def require_free(port: int) -> None:
-    """Raises :class:`TrackingError` if something listens on the port already."""
+    """Raises :class:`TrackingError` if a process listens on the port already."""
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # a port that was closed a moment ago is free
         try:

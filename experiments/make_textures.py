@@ -1,6 +1,7 @@
 """Make the sets of textures that come with SEGAR, and say how well factors can be read from them.
 
-A set with a model below the bars of :mod:`experiments.textures.texture_bars` is not written, and the message names model and factor.
+A set with a model below the bars of :mod:`experiments.textures.texture_bars` is not written; the message names the model
+and the factor.
 
 python -m experiments.make_textures                     # all sets, into segar/textures/data
 python -m experiments.make_textures one --into /tmp     # one of them, elsewhere

@@ -1,8 +1,8 @@
 """The paper's experiments, from training to tables and report: ``python -m experiments.reproduce scale=quick``.
 
-Every file of ``conf/experiment/`` is an experiment: a grid of runs, other levels that the agents are tested on, a study that
-needs no training. Runs that several experiments need are trained once; what is finished is found by the hash of its
-settings, and what was cut off goes on. First a plan is printed, at last where the tables and the report are.
+Every file of ``conf/experiment/`` is an experiment: a grid of runs, transfers of its agents to other levels, a study that
+needs no training. A run that several experiments need is trained once. Finished runs are found by the hash of their
+settings, and interrupted runs are resumed. The command prints a plan first, and the places of tables and report at the end.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from experiments.evaluation.probing import PREFIX, ProbeConfig, probe_finished, 
 from experiments.evaluation.transfers import RunTask
 from experiments.reproduction.display import Display
 from experiments.reproduction.experiment_file import Experiment, chosen_names, experiment_at
-from experiments.reproduction.imported_results import read_elsewhere
+from experiments.reproduction.imported_results import read_imported_results
 from experiments.reproduction.plan import (
     STUDY_SECONDS,
-    Plan,
+    ReproductionPlan,
     StudyWork,
     as_data_of,
     as_text,
@@ -38,27 +38,37 @@ from experiments.reproduction.plan import (
     measure_speeds,
 )
 from experiments.reproduction.plugin import REPORTS, STUDIES, find_plugin, run_plugin
-from experiments.reproduction.process_pool import Job, Outcome, run_jobs
+from experiments.reproduction.process_pool import Job, JobResult, run_jobs
 from experiments.runs.run_folder import runs_root, write_json
-from experiments.settings import ConfigError, RunConfig, TrainingError, design_hash, paper_cells, require, run_config
+from experiments.settings import (
+    ConfigError,
+    RunConfig,
+    TrainingError,
+    as_data,
+    construct,
+    design_hash,
+    paper_grid,
+    require,
+    run_config,
+)
 from experiments.tracking.mlflow_store import is_server
 from experiments.train import train
 
 PLAN = "plan.json"
-ENOUGH_LEFT = 0.85  # share of the work that is left, below which the time that was spent tells about the rest
+ENOUGH_LEFT = 0.85  # share of the work that is left, below which the time spent so far predicts the rest
 Work = RunTask | StudyWork
 
 
 @dataclass(frozen=True)
 class ReproduceConfig:
-    """What is run: the settings that all runs share, which experiments, and how many runs side by side."""
+    """The settings that all runs share, the experiments, and how many runs work side by side."""
 
     run: RunConfig = field(default_factory=RunConfig)
     processes: int = 0  # 0: one per core
     experiments: tuple[str, ...] = ()  # none: all of this scale
     grids: Mapping[str, Any] = field(default_factory=dict)  # of each experiment, as its file says
-    probes: Mapping[str, Any] = field(default_factory=dict)  # of each scale: what is asked of experiments with probes
-    elsewhere: tuple[str, ...] = ()  # folders with tables of runs that were made on other machines
+    probes: Mapping[str, Any] = field(default_factory=dict)  # of each scale: settings of probes
+    imported: tuple[str, ...] = ()  # folders with tables of runs that were made on other machines
     dry_run: bool = False  # print the plan, and run nothing
     report: bool = True  # have the plug-in "report" write the claims, figures, page and PDF
 
@@ -71,24 +81,24 @@ class ReproduceConfig:
     @property
     def name(self) -> str:
         """Names scale and settings, e.g. ``quick-3f9a12cd``."""
-        return f"{self.run.scale.name}-{design_hash(paper_cells(self.run)[0])}"
+        return f"{self.run.scale.name}-{design_hash(paper_grid(self.run)[0])}"
 
     @property
     def folder(self) -> Path:
-        """Where tables, report and logs go."""
+        """The folder of tables, report and logs."""
         return runs_root(self.run) / "results" / self.name
 
-    def tables_elsewhere(self) -> list[Path]:
-        """The folders of ``elsewhere``."""
-        return [Path(folder).expanduser().resolve() for folder in self.elsewhere]
+    def imported_folders(self) -> list[Path]:
+        """Absolute paths of the folders of ``imported``."""
+        return [Path(folder).expanduser().resolve() for folder in self.imported]
 
-    def asked(self) -> ProbeConfig:
-        """What runs are asked at this scale."""
+    def probe_config(self) -> ProbeConfig:
+        """How runs are probed at this scale."""
         scale = self.run.scale.name
         return probe_settings(self.probes.get(scale, {}), f"probes.{scale}")
 
     def at_scale(self) -> list[Experiment]:
-        """The experiments that were asked for, at this scale; raises :class:`ConfigError` if one is wrong, or none is left."""
+        """The chosen experiments at this scale; raises :class:`ConfigError` if one is wrong, or none is left."""
         found = []
         for name in chosen_names(self.experiments, list(self.grids)):
             experiment = experiment_at(name, self.grids[name], self.run.scale.name)
@@ -107,20 +117,20 @@ class ReproduceConfig:
 def reproduce(
     config: ReproduceConfig,
     work: Callable[[Work], Any] | None = None,
-    finish: Callable[[ReproduceConfig, Plan], bool] | None = None,
+    finish: Callable[[ReproduceConfig, ReproductionPlan], bool] | None = None,
 ) -> None:
-    """Does what is not done yet, writes the tables, and says where everything is.
+    """Carries out all tasks that are not done yet, makes tables and report, and prints where they are.
 
     Args:
-        work: does one piece of work, in another process; importable by name. None: :func:`carry_out`.
-        finish: makes tables and report, and returns whether it could; None: :func:`tables_and_report`.
+        work: carries out one task in another process; importable by name. None: :func:`carry_out`.
+        finish: makes tables and report, and returns whether it succeeded; None: :func:`tables_and_report`.
 
     Raises:
         TrainingError: some runs failed; the others are finished and in the tables.
         ConfigError: a study is not known.
     """
-    elsewhere = read_elsewhere(config.tables_elsewhere())
-    plan = make_plan(config.at_scale(), with_sweep_tag(config), config.folder, config.asked(), elsewhere)
+    imported = read_imported_results(config.imported_folders())
+    plan = make_plan(config.at_scale(), with_sweep_tag(config), config.folder, config.probe_config(), imported)
     speeds = measure_speeds(runs_root(config.run))
     processes = config.processes or cores()
     print(as_text(plan, speeds, processes, config.run.scale), flush=True)
@@ -129,7 +139,7 @@ def reproduce(
         return
     for study in plan.studies:
         find_plugin(STUDIES, study.study)
-    # Studies first: the longest takes a minute, in which at the end there would be nothing else to do.
+    # Studies first: the longest takes a minute, in which other processes would be idle at the end.
     waiting: dict[str, tuple[Work, float]] = {
         one.name: (one, STUDY_SECONDS) for one in plan.studies if not is_study_done(one)
     }
@@ -143,16 +153,14 @@ def reproduce(
         raise TrainingError(failures(failed, len(waiting), finished))
 
 
-def write_plan(config: ReproduceConfig, plan: Plan) -> None:
-    """Leaves the plan where the tables are made from it."""
+def write_plan(config: ReproduceConfig, plan: ReproductionPlan) -> None:
+    """Writes the plan into the results folder, where the tables are made from it."""
     config.folder.mkdir(parents=True, exist_ok=True)
     tracking = dataclasses.asdict(config.run.tracking)
     about = {"name": config.name, "scale": config.run.scale.name, "runs": str(runs_root(config.run))}
-    elsewhere = [str(folder) for folder in config.tables_elsewhere()]
+    imported = [str(folder) for folder in config.imported_folders()]
     experiments = as_data_of(plan)
-    write_json(
-        config.folder / PLAN, {**about, "elsewhere": elsewhere, "tracking": tracking, "experiments": experiments}
-    )
+    write_json(config.folder / PLAN, {**about, "elsewhere": imported, "tracking": tracking, "experiments": experiments})
 
 
 def with_sweep_tag(config: ReproduceConfig) -> RunConfig:
@@ -167,9 +175,9 @@ def cores() -> int:
 
 
 def carry_out(work: Work) -> dict[str, float]:
-    """Trains, or goes on; tests and probes the agent where that is not done yet; or runs a study. Returns final figures.
+    """Trains or resumes a run, then tests and probes its agent as far as needed; or runs a study. Returns final figures.
 
-    What tests an agent imports torch; it is imported here, so that planning does without.
+    The module that tests agents imports torch. It is imported here, so that planning does not load torch.
     """
     from experiments.evaluation.transfer_evaluation import evaluate_transfer
 
@@ -195,18 +203,18 @@ def run_study(study: StudyWork) -> None:
 
 def do_all(
     config: ReproduceConfig, waiting: Mapping[str, tuple[Work, float]], processes: int, work: Callable[[Work], Any]
-) -> list[Outcome]:
-    """Does the work side by side and tells of each piece as it ends; returns what failed."""
+) -> list[JobResult]:
+    """Carries out tasks side by side and shows each as it ends; returns the failed ones."""
     logs = config.folder / "logs"
     jobs = {name: Job(name, one, logs / f"{name}.log") for name, (one, _) in waiting.items()}
     weights = {name: seconds for name, (_, seconds) in waiting.items()}
     began = time.monotonic()
 
-    def line(outcome: Outcome) -> str:
+    def line(outcome: JobResult) -> str:
         share, spent = display.share_left(), time.monotonic() - began
         if not share:
             return f"{ending(outcome)}; all done"
-        # The first pieces also load libraries and compile kernels, so that little follows from them.
+        # The first tasks also load libraries and compile kernels, so that their speed says little.
         left = spent * share / (1 - share) if share < ENOUGH_LEFT else share * sum(weights.values()) / processes
         return f"{ending(outcome)}; about {in_minutes(left)} left"
 
@@ -216,8 +224,8 @@ def do_all(
     return [outcome for outcome in outcomes if outcome.error is not None]
 
 
-def ending(outcome: Outcome) -> str:
-    """How a piece of work ended, in one line."""
+def ending(outcome: JobResult) -> str:
+    """The result of a task in one line."""
     name, took = outcome.job.name, in_minutes(outcome.seconds)
     if outcome.error is not None:
         return f"{name}: FAILED after {took}: {outcome.error} (log: {outcome.job.log})"
@@ -230,7 +238,7 @@ def ending(outcome: Outcome) -> str:
     return ", ".join([f"{name}: {took}", *(f"{k} {figures[v]:.2f}" for k, v in shown.items() if v in figures)])
 
 
-def tables_and_report(config: ReproduceConfig, plan: Plan) -> bool:
+def tables_and_report(config: ReproduceConfig, plan: ReproductionPlan) -> bool:
     """Has the plug-ins make the tables, and the report if anything is trained; returns whether they could."""
     began = time.monotonic()
     done = run_plugin(REPORTS, "tables", config.folder)
@@ -243,7 +251,7 @@ def tables_and_report(config: ReproduceConfig, plan: Plan) -> bool:
 
 
 def dashboard(run: RunConfig) -> str:
-    """What opens MLflow's pages over the runs: the server's address, or a command."""
+    """The server's address, or the command that opens MLflow's pages over the runs."""
     uri = run.tracking.uri
     if uri is None:
         return f"{sys.executable} -m experiments.dashboard root={quoted(runs_root(run))}    (or: make dashboard)"
@@ -260,8 +268,8 @@ def quoted(value: Any) -> str:
     return "[" + ",".join(quoted(one) if isinstance(one, str) else str(one) for one in value) + "]"
 
 
-def failures(failed: Sequence[Outcome], pieces: int, finished: bool) -> str:
-    """What went wrong, and what to do."""
+def failures(failed: Sequence[JobResult], pieces: int, finished: bool) -> str:
+    """The failed tasks, and what to do about them."""
     lines = [f"{len(failed)} of {pieces} failed:"] if failed else []
     lines += [f"  {one.job.name}: {one.error}\n    log: {one.job.log}" for one in failed]
     if not finished:
@@ -276,17 +284,14 @@ def build(config: DictConfig) -> ReproduceConfig:
     """Hydra's result as settings."""
     data = to_plain(config)
     own = {key: data.pop(key) for key in SETTINGS}
-    lists = {key: tuple(own[key]) for key in ("experiments", "elsewhere")}
-    return ReproduceConfig(run_config(data), **{**own, **lists})
+    return construct(ReproduceConfig, own, "", run=run_config(data))
 
 
-SETTINGS = {
-    "processes": 0, "experiments": [], "grids": {}, "probes": {}, "elsewhere": [], "dry_run": False, "report": True,
-}  # fmt: skip
+SETTINGS = {name: value for name, value in as_data(ReproduceConfig()).items() if name != "run"}  # and their defaults
 
 
 def help_text() -> str:
-    """What the command takes, with the scales and experiments that ``conf/`` has."""
+    """The settings of the command, with the scales and experiments in ``conf/``."""
     lines = [(__doc__ or "").strip(), "", "  make reproduce-paper SCALE=quick", ""]
     lines += ['Settings, as name=value (make: ARGS="name=value ..."):']
     lines += [
@@ -295,7 +300,7 @@ def help_text() -> str:
         "  dry_run=true               print the plan and run nothing",
         "  processes=N                runs side by side; 0, the default: one per core",
         "  report=false               tables only",
-        "  elsewhere=[FOLDER]         tables of runs that were made on other machines: they count as done, and are joined in",
+        "  imported=[FOLDER]          tables of runs that were made on other machines: they count as done, and are joined in",
         "  ++grids.NAME.grid.seeds=5  instead of what its file says; ++grids.NAME.scales.quick={} adds a scale",
         "  probes.SCALE.frames=N      how finished runs are probed at a scale; grids.NAME.probes=false: not at all",
         "  +experiment@grids.NAME=NAME  an experiment of your own, conf/experiment/NAME.yaml",

@@ -1,6 +1,6 @@
-"""What became of runs, as a table: ``python -m experiments.results``, or ``sweep=NAME`` for those of one sweep.
+"""A table of runs: ``python -m experiments.results``, or ``sweep=NAME`` for those of one sweep.
 
-One line per run: the settings in which these runs differ, how far it is, and what it achieved.
+One line per run: the settings in which these runs differ, its state, and its final figures.
 """
 
 from __future__ import annotations
@@ -11,18 +11,18 @@ from pathlib import Path
 
 from experiments.commands.hydra_app import run_simple_command
 from experiments.runs.journal import read_journal
-from experiments.runs.run_folder import is_finished, is_locked, read_config, read_summary, run_folders
-from experiments.settings import CHECKOUT, RunConfig, RunFolderError, flat
+from experiments.runs.run_folder import is_finished, is_locked, read_config, read_summary, root_folder, run_folders
+from experiments.settings import RunConfig, RunFolderError, flat
 from segar.cli.arguments import table
 
-FIGURES = {  # of a summary: what it is called in the table
+FIGURES = {  # figures of a summary, and their names in the table
     "evaluation/train/return/deterministic": "train return",
     "evaluation/test/return/deterministic": "test return",
     "evaluation/gap/deterministic": "gap",
     "evaluation/test/success/deterministic": "test success",
 }
-ALWAYS = ("levels.train", "algorithm.name")  # settings that are told even where all runs have the same
-DERIVED = ("algorithm.kind", "algorithm._target_")  # settings that say nothing that another one does not
+ALWAYS = ("levels.train", "algorithm.name")  # settings that are shown even where all runs have the same value
+DERIVED = ("algorithm.type",)  # settings that follow from others
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class ResultsConfig:
 
 def results(config: ResultsConfig, say: Callable[[str], None] = print) -> None:
     """Prints the table; raises :class:`RunFolderError` if there is no such run."""
-    root = Path(config.root).expanduser().resolve() if config.root else CHECKOUT / "runs"
+    root = root_folder(config.root)
     found = [(folder, read_config(folder)) for folder in run_folders(root)]
     chosen = [(folder, run) for folder, run in found if config.sweep in (None, run.tracking.sweep)]
     if not chosen:
@@ -60,7 +60,7 @@ def as_table(runs: Sequence[tuple[Path, RunConfig]]) -> str:
 
 
 def state_of(folder: Path) -> str:
-    """How a run stands: finished, at work, stopped or failed (after so many frames), or cut off."""
+    """The state of a run: finished, at work, stopped or failed (after so many frames), or cut off."""
     if is_finished(folder):
         return "finished"
     if is_locked(folder):

@@ -1,9 +1,9 @@
 """A search for good hyper-parameters with Optuna: ``python -m experiments.search search=ppo_fast search.trials=20``.
 
-Every trial is an ordinary run (or one per seed), with its run folder, its place in MLflow and its checkpoints. What was
-tried lies in an SQLite file under ``searches/`` of the runs' root: the same command goes on from there, and a trial that
-was cut off is tried again and goes on from its checkpoint. ``conf/search.yaml`` gives trials validation levels of their
-own, so that the test levels of a final run have decided nothing.
+Every trial is an ordinary run (or one per seed), with its run folder, its place in MLflow and its checkpoints. The trials
+are stored in an SQLite file under ``searches/`` of the runs' root: the same command continues from there, and a trial that
+was interrupted resumes from its checkpoint. ``conf/search.yaml`` gives trials validation levels of their own, so that the
+test levels of a final run decide nothing.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from omegaconf import DictConfig
 from optuna.trial import FrozenTrial, Trial, TrialState
 
 from experiments.commands.hydra_app import run_command, to_plain
-from experiments.reproduction.process_pool import Job, Outcome, run_jobs
+from experiments.reproduction.process_pool import Job, JobResult, run_jobs
 from experiments.reproduction.search_space import Dimension, dimensions, with_values
 from experiments.runs.run_folder import lock, runs_root
 from experiments.settings import (
@@ -39,12 +39,12 @@ from segar.cli.arguments import table
 from segar.errors import did_you_mean
 
 SHOWN = 5  # trials in the closing table
-ERROR = "error"  # what a trial that went wrong remembers; one that was cut off remembers nothing
+ERROR = "error"  # attribute of a failed trial; an interrupted trial has none
 
 
 @dataclass(frozen=True)
 class SearchConfig:
-    """What is searched, how long, and what counts."""
+    """The space of a search, its budget, and the figure that it optimises."""
 
     space: Mapping[str, Any] = field(default_factory=dict)  # see experiments.reproduction.search_space
     trials: int = 20  # in all, those of earlier calls included
@@ -64,7 +64,7 @@ class SearchConfig:
 
 @dataclass(frozen=True)
 class Search:
-    """A search: the settings that all trials share, what is searched, and who carries out a run."""
+    """A search: the settings that all trials share, its own settings, and the function that carries out a run."""
 
     run: RunConfig
     config: SearchConfig
@@ -77,75 +77,75 @@ class Search:
 
     @property
     def name(self) -> str:
-        """Names what it is about, with a hash of all that decides the trials; their number does not."""
-        asked = as_data(self.config)
-        decisive = {key: asked[key] for key in ("space", "seeds", "metric", "direction")}
+        """Levels and algorithm, with a hash of all settings that decide the trials; their number does not."""
+        settings = as_data(self.config)
+        decisive = {key: settings[key] for key in ("space", "seeds", "metric", "direction")}
         text = json.dumps([self.run.identity(), decisive], sort_keys=True)
         digest = hashlib.sha256(text.encode()).hexdigest()[:8]
         return f"{self.run.levels.train}-{self.run.algorithm.name}-{digest}".replace(":", "_")
 
 
-def search(asked: Search) -> optuna.Study:
-    """Tries settings until enough trials are through, and prints the best.
+def search(spec: Search) -> optuna.Study:
+    """Tries settings until enough trials have ended, and prints the best.
 
     Raises:
         ConfigError: a setting of the space does not exist, or there is none.
-        RunFolderError: another process is at the same search.
-        TrainingError: no trial went through.
+        RunFolderError: another process is at work on the same search.
+        TrainingError: all trials failed.
     """
-    require(bool(asked.space), "search.space", {}, "one setting or more; search=ppo_fast has some")
-    with_values(asked.run, {name: dimension.example for name, dimension in asked.space.items()})  # before anything runs
-    folder = runs_root(asked.run) / "searches" / asked.name
+    require(bool(spec.space), "search.space", {}, "one setting or more; search=ppo_fast has some")
+    with_values(spec.run, {name: dimension.example for name, dimension in spec.space.items()})  # before anything runs
+    folder = runs_root(spec.run) / "searches" / spec.name
     folder.mkdir(parents=True, exist_ok=True)
     with lock(folder):
-        study = open_study(f"sqlite:///{folder / 'trials.db'}", asked)
-        left = asked.config.trials - sum(map(is_through, study.get_trials(deepcopy=False)))
-        print(f"{asked.name}: {left} of {asked.config.trials} trials to do; logs: {folder / 'logs'}", flush=True)
+        study = open_study(f"sqlite:///{folder / 'trials.db'}", spec)
+        left = spec.config.trials - sum(map(has_ended, study.get_trials(deepcopy=False)))
+        print(f"{spec.name}: {left} of {spec.config.trials} trials to do; logs: {folder / 'logs'}", flush=True)
         while left > 0:
-            trials = [study.ask() for _ in range(min(left, max(asked.config.processes // asked.config.seeds, 1)))]
-            jobs = {trial.number: jobs_of(asked, trial, folder / "logs") for trial in trials}
-            outcomes = run_jobs([job for some in jobs.values() for job in some], asked.work, asked.config.processes)
+            trials = [study.ask() for _ in range(min(left, max(spec.config.processes // spec.config.seeds, 1)))]
+            jobs = {trial.number: jobs_of(spec, trial, folder / "logs") for trial in trials}
+            outcomes = run_jobs([job for some in jobs.values() for job in some], spec.work, spec.config.processes)
             for trial in trials:
-                tell(study, trial, [one for one in outcomes if one.job in jobs[trial.number]], asked.config)
+                record_trial(study, trial, [one for one in outcomes if one.job in jobs[trial.number]], spec.config)
             left -= len(trials)
-    print(report(study, asked), flush=True)
+    print(report(study, spec), flush=True)
     return study
 
 
-def open_study(storage: str, asked: Search) -> optuna.Study:
-    """The study in this storage, made if need be. Trials that were cut off are up again."""
+def open_study(storage: str, spec: Search) -> optuna.Study:
+    """The study in this storage, made if need be; interrupted trials are put back into its queue."""
     optuna.logging.set_verbosity(optuna.logging.WARNING)
-    sampler = optuna.samplers.TPESampler(seed=asked.config.sampler_seed, constant_liar=asked.config.processes > 1)
+    sampler = optuna.samplers.TPESampler(seed=spec.config.sampler_seed, constant_liar=spec.config.processes > 1)
     study = optuna.create_study(
-        study_name=asked.name,
+        study_name=spec.name,
         storage=storage,
-        direction="maximize" if asked.config.direction == "maximize" else "minimize",
+        direction="maximize" if spec.config.direction == "maximize" else "minimize",
         load_if_exists=True,
         sampler=sampler,
     )
-    for trial in study.get_trials(states=(TrialState.RUNNING,)):  # nobody is at them: this process holds the lock
+    for trial in study.get_trials(states=(TrialState.RUNNING,)):  # interrupted, as this process holds the lock
         study.tell(trial.number, state=TrialState.FAIL)
         study.enqueue_trial(trial.params)
     return study
 
 
-def is_through(trial: FrozenTrial) -> bool:
-    """Whether a trial came to an end, good or bad."""
+def has_ended(trial: FrozenTrial) -> bool:
+    """Whether a trial was completed or failed; an interrupted one is to be repeated."""
     return trial.state is TrialState.COMPLETE or ERROR in trial.user_attrs
 
 
-def jobs_of(asked: Search, trial: Trial, logs: Any) -> list[Job]:
+def jobs_of(spec: Search, trial: Trial, logs: Any) -> list[Job]:
     """The runs of a trial."""
-    values = {name: dimension.suggest(trial, name) for name, dimension in asked.space.items()}
-    run = dataclasses.replace(with_values(asked.run, values), folder=None)
-    runs = [dataclasses.replace(run, seed=run.seed + k) for k in range(asked.config.seeds)]
+    values = {name: dimension.suggest(trial, name) for name, dimension in spec.space.items()}
+    run = dataclasses.replace(with_values(spec.run, values), folder=None)
+    runs = [dataclasses.replace(run, seed=run.seed + k) for k in range(spec.config.seeds)]
     return [
         Job(f"trial-{trial.number}-s{one.seed}", one, logs / f"trial-{trial.number}-s{one.seed}.log") for one in runs
     ]
 
 
-def tell(study: optuna.Study, trial: Trial, outcomes: Sequence[Outcome], config: SearchConfig) -> None:
-    """Tells the study what a trial came to, and prints it; raises :class:`ConfigError` if runs have no such figure."""
+def record_trial(study: optuna.Study, trial: Trial, outcomes: Sequence[JobResult], config: SearchConfig) -> None:
+    """Reports a trial's result to the study, and prints it; raises :class:`ConfigError` if runs have no such figure."""
     wrong = next((outcome for outcome in outcomes if outcome.error is not None), None)
     if wrong is not None:
         trial.set_user_attr(ERROR, wrong.error)
@@ -161,27 +161,27 @@ def tell(study: optuna.Study, trial: Trial, outcomes: Sequence[Outcome], config:
     print(f"trial {trial.number}: {value:.4g} with {settings}", flush=True)
 
 
-def report(study: optuna.Study, asked: Search) -> str:
+def report(study: optuna.Study, spec: Search) -> str:
     """The best trials, and the command that trains with the best one; raises :class:`TrainingError` if there is none."""
     found = [(trial.value, trial) for trial in study.get_trials(deepcopy=False) if trial.value is not None]
     if not found:
         raise TrainingError("no trial of the search went through; see the logs above")
-    found.sort(key=lambda pair: pair[0], reverse=asked.config.direction == "maximize")
+    found.sort(key=lambda pair: pair[0], reverse=spec.config.direction == "maximize")
     best = found[0][1].params
     rows = [[trial.number, value, *map(in_short, trial.params.values())] for value, trial in found[:SHOWN]]
-    run = asked.run
+    run = spec.run
     groups = f"levels={run.levels.train} observation={run.observation.name} algorithm={run.algorithm.name}"
     settings = " ".join(f"{name}={in_short(value)}" for name, value in best.items())
     return "\n".join(
         [
-            table(["trial", asked.config.metric, *best], rows),
+            table(["trial", spec.config.metric, *best], rows),
             f"train with the best: python -m experiments.train {groups} {settings}",
         ]
     )
 
 
 def in_short(value: Any) -> str:
-    """A parameter of Optuna's as on the command line; text holds a choice as JSON."""
+    """A parameter of Optuna's as the command line writes it; text holds a choice as JSON."""
     return json.dumps(json.loads(value), separators=(",", ":")) if isinstance(value, str) else f"{value:.4g}"
 
 
@@ -191,8 +191,8 @@ SETTINGS = {"search": as_data(SearchConfig())}  # and their defaults
 def build(config: DictConfig) -> Search:
     """Hydra's result as settings."""
     data = to_plain(config)
-    asked = construct(SearchConfig, data.pop("search"), "search")
-    return Search(run_config(data), asked)
+    settings = construct(SearchConfig, data.pop("search"), "search")
+    return Search(run_config(data), settings)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
-"""Sends to MLflow what it missed while it was away: ``python -m experiments.upload run=FOLDER``, or ``root=FOLDER`` for all.
+"""Sends figures of runs that MLflow missed: ``python -m experiments.upload run=FOLDER``, or ``root=FOLDER`` for all runs.
 
-Runs that are at work are left alone: they do it themselves.
+Runs that are at work are skipped, because they send their figures themselves.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from pathlib import Path
 
 from experiments.commands.hydra_app import run_simple_command
 from experiments.runs.journal import read_journal
-from experiments.runs.run_folder import METRICS, lock, read_config, read_metrics, run_folders
-from experiments.settings import CHECKOUT, RunFolderError, TrackingError
-from experiments.tracking.mlflow_sync import Delivery, files_of
+from experiments.runs.run_folder import METRICS, lock, read_config, read_metrics, root_folder, run_folders
+from experiments.settings import RunFolderError, TrackingError
+from experiments.tracking.mlflow_sync import RunSync, files_of
 
 STATUS = {"finished": "FINISHED", "failed": "FAILED"}  # of a run whose journal ends so; all others were cut off
 
@@ -25,17 +25,17 @@ class UploadConfig:
 
     run: str | None = None  # one run folder
     root: str | None = None  # or all run folders under this one; None: runs/ of the checkout
-    uri: str | None = None  # of the store; None: the one that the run was told of
+    uri: str | None = None  # of the store; None: the one in the run's settings
 
 
 def upload(config: UploadConfig, say: Callable[[str], None] = print) -> None:
-    """Delivers what each run that tracks to MLflow still has to deliver, and says what that was.
+    """Sends what MLflow lacks of each run, and prints how much that was.
 
     Raises:
-        TrackingError: some could not be delivered; the others are.
+        TrackingError: some runs could not be sent; the others were.
         RunFolderError: ``run`` names no run.
     """
-    folders = [absolute(config.run)] if config.run else run_folders(absolute(config.root or str(CHECKOUT / "runs")))
+    folders = [Path(config.run).expanduser().resolve()] if config.run else run_folders(root_folder(config.root))
     failed = 0
     for folder in folders:
         try:
@@ -52,11 +52,11 @@ def upload(config: UploadConfig, say: Callable[[str], None] = print) -> None:
 
 
 def upload_run(folder: Path, uri: str | None = None) -> str:
-    """Delivers what is left of one run; returns what that was.
+    """Sends what MLflow lacks of one run; returns how much that was, as text.
 
     Raises:
         TrackingError: the store does not answer, or refuses.
-        RunFolderError: there is no run, or a process is at it.
+        RunFolderError: there is no run, or a process is at work in its folder.
     """
     config = read_config(folder)
     if uri is not None:
@@ -67,17 +67,12 @@ def upload_run(folder: Path, uri: str | None = None) -> str:
         rows = read_metrics(folder).to_pylist() if (folder / METRICS).exists() else []
         journal = read_journal(folder)
         status = STATUS.get(journal[-1]["event"], "KILLED") if journal else "KILLED"
-        delivery = Delivery(config, folder)
-        if not delivery.lacks(len(rows), files_of(folder), status):
+        sync = RunSync(config, folder)
+        if sync.is_complete(len(rows), files_of(folder), status):
             return "MLflow has all of it"
-        before = min(delivery.mark.sent, len(rows))
-        delivery.send(rows, files_of(folder), status)
-    return f"sent {len(rows) - before} figures to {delivery.mark.store}"
-
-
-def absolute(path: str) -> Path:
-    """The path from the root of the file system."""
-    return Path(path).expanduser().resolve()
+        before = min(sync.state.sent, len(rows))
+        sync.send(rows, files_of(folder), status)
+    return f"sent {len(rows) - before} figures to {sync.state.store}"
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ from experiments.runs.run_folder import (
     write_json,
     write_rows,
 )
-from experiments.settings import Cell, RunConfig, TrackingConfig, as_data, cell_config, cell_of
+from experiments.settings import GridPoint, RunConfig, TrackingConfig, as_data, config_at, grid_point
 
 TEST_LEVELS = 20
 MADE_WITH = {
@@ -86,14 +86,14 @@ def write_grid(config: RunConfig, families=("empty", "tilesx1"), difficulties=("
             for n in counts:
                 w2 = (0.2 + 0.1 * i + 0.15 * j) * n**-0.2
                 gap = -4 * w2 + 0.2 * rng.normal()
-                cell = Cell(family, difficulty, n, config.seed)
-                folders.append(write_run(cell_config(config, cell), gap=gap, w2=w2))
+                cell = GridPoint(family, difficulty, n, config.seed)
+                folders.append(write_run(config_at(config, cell), gap=gap, w2=w2))
     return folders
 
 
 def pretend_to_train(config: RunConfig) -> dict[str, float]:
     """Stands for training: leaves the folder of a finished run, and a line in ``trained`` beside it."""
     with open(Path(str(config.root)) / "trained", "a") as stream:
-        stream.write(f"{cell_of(config)}\n")
+        stream.write(f"{grid_point(config)}\n")
     write_run(config, gap=-2.0 / config.levels.count, w2=1.0 / config.levels.count)
     return {"evaluation/gap/deterministic": -2.0 / config.levels.count}

@@ -1,6 +1,6 @@
-"""PPO beside a loss of its encoder's own: after each of PPO's updates, more gradient steps on the frames that it saw.
+"""PPO with an auxiliary loss on its encoder: after each of PPO's updates follow gradient steps on the frames of the rollout.
 
-A learner of this kind is a sub-class that says which loss, and how a rollout becomes batches for it.
+A sub-class of :class:`Auxiliary` defines the loss, and how a rollout becomes batches for it.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from torch import Tensor, nn
 from torchrl.objectives import SoftUpdate
 from torchrl.objectives.common import LossModule
 
-from experiments.algorithms.ppo import PPO, PPOPolicy, check_finite
+from experiments.algorithms.ppo import PPO, PPOPolicy
 from experiments.collection.collector import Rollout, action_size, observation_shape
 from experiments.networks.augmentations import random_crop, random_intensity, random_shift
 from experiments.networks.encoders import initialize
@@ -26,7 +26,7 @@ M = TypeVar("M", bound=nn.Module)
 
 
 class Auxiliary(ABC):
-    """The learner, see :class:`experiments.algorithms.learner.Learner`: a PPO, a loss, and the optimiser of both."""
+    """The learner, see :class:`experiments.algorithms.learner.Learner`: a PPO, an auxiliary loss, and the optimiser of both."""
 
     def __init__(self, config: Any, env: VectorEnv, frames: int, seed: int) -> None:
         shape = observation_shape(env)
@@ -53,16 +53,16 @@ class Auxiliary(ABC):
 
     @staticmethod
     def make_policy(config: PPOConfig, observation_shape: tuple[int, ...], actions: int) -> PPOPolicy:
-        """The network without weights of its own."""
+        """The policy's network; its weights are to be drawn or loaded."""
         return PPO.make_policy(config, observation_shape, actions)
 
     @abstractmethod
     def make_loss(self, actions: int) -> LossModule:
-        """The loss, with freshly drawn weights; of its figures, the one called ``loss`` is learned by."""
+        """The auxiliary loss, with freshly drawn weights; its figure ``loss`` is minimised."""
 
     @abstractmethod
     def batches(self, rollout: Rollout) -> Iterator[TensorDict]:
-        """``auxiliary_minibatches`` batches, as the loss reads them."""
+        """``auxiliary_minibatches`` batches for the loss."""
 
     @property
     def frames(self) -> int:
@@ -70,13 +70,12 @@ class Auxiliary(ABC):
         return self.ppo.frames
 
     def iterate(self) -> Mapping[str, float]:
-        """Collects, learns as PPO does, then by the auxiliary loss."""
+        """Collects, learns as PPO does, then takes the auxiliary steps; returns the figures of all three."""
         rollout, figures = self.ppo.collect()
-        self.ppo.frames += rollout.reward.numel()
         return {**figures, **self.ppo.learn(rollout), **self.learn(rollout)}
 
     def learn(self, rollout: Rollout) -> dict[str, float]:
-        """Takes the auxiliary gradient steps on a rollout; returns the mean of the loss's figures."""
+        """Takes the auxiliary gradient steps on a rollout; returns the means of the loss's figures."""
         totals: dict[str, Tensor] = {}
         for batch in self.batches(rollout):
             figures = self.loss(batch)
@@ -89,12 +88,10 @@ class Auxiliary(ABC):
             for name, value in figures.items():
                 totals[name] = totals.get(name, 0.0) + value.detach()
         steps = self.config.auxiliary_minibatches
-        means = {f"auxiliary/{name}": float(total) / steps for name, total in totals.items()}
-        check_finite(means, self.frames)
-        return means
+        return {f"auxiliary/{name}": float(total) / steps for name, total in totals.items()}
 
     def augmented(self, frames: Tensor) -> Tensor:
-        """The frames [n, ...], each changed by its own draw."""
+        """The frames [n, ...], each with random changes of its own."""
         config = self.config
         if config.crop < 1:
             frames = random_crop(frames, config.crop, self.rng)
@@ -104,8 +101,8 @@ class Auxiliary(ABC):
             frames = random_intensity(frames, config.intensity, self.rng)
         return frames
 
-    def drawn(self, module: M) -> M:
-        """The module with fresh weights, where the policy is."""
+    def with_fresh_weights(self, module: M) -> M:
+        """The module with freshly drawn weights, on the policy's device."""
         initialize(module, self.rng)
         return module.to(self.ppo.device)
 
@@ -115,7 +112,7 @@ class Auxiliary(ABC):
         return {**self.ppo.state_dict(), "auxiliary": self.loss.state_dict(), **own}
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Goes on from ``state``."""
+        """Continues from ``state``."""
         self.ppo.load_state_dict(state)
         self.loss.load_state_dict(state["auxiliary"])
         if self.optimizer is not self.ppo.optimizer:

@@ -1,7 +1,7 @@
-"""Checkpoints: weights and what it takes to go on, as tensors and plain data, loaded without unpickling objects.
+"""Checkpoints: weights and all state that a resumed run needs, as tensors and plain data, loaded without unpickling objects.
 
-The newest one and the one before are kept. A newest one that is damaged (by a disk, by a copy that was cut off) is put
-aside, and the run goes on from the one before, and says so.
+A run keeps its newest checkpoint and the one before. If the newest one is damaged (by a disk, or by an interrupted copy), it
+is renamed, and the run resumes from the one before.
 """
 
 from __future__ import annotations
@@ -32,16 +32,16 @@ TRAIN_ANEW = "restart=true trains anew"
 def save_checkpoint(
     folder: Path, config: RunConfig, learner: Learner, extra: Mapping[str, Any], code: Mapping[str, str]
 ) -> None:
-    """Writes the run's newest checkpoint; what was the newest becomes the one before.
+    """Writes the run's newest checkpoint; the newest one until now becomes the one before.
 
-    At every moment, also when the process is killed in here, the folder holds a whole checkpoint.
+    The folder holds a whole checkpoint at every moment, also if the process is killed in this function.
 
     Args:
-        extra: what else the run needs to go on; tensors, numbers, text, and dicts and lists of these.
+        extra: further state of the run: tensors, numbers, text, and dicts and lists of these.
         code: the parts of :func:`experiments.runs.executed_code.executed_code`.
 
     Raises:
-        TrainingError: a weight is not finite; such a checkpoint would be of no use, and the old ones stay.
+        TrainingError: a weight is not finite; the old checkpoints stay.
         RunFolderError: it cannot be written; the old ones stay.
     """
     _require_finite(learner)
@@ -67,9 +67,9 @@ def save_checkpoint(
 def resume_checkpoint(
     folder: Path, config: RunConfig, learner: Learner, code: Mapping[str, str], say: Callable[[str], None] = print
 ) -> dict[str, Any] | None:
-    """Puts the learner where the run's checkpoint was; returns its ``extra``, or None where there is no checkpoint.
+    """Restores the learner from the run's checkpoint; returns its ``extra``, or None where there is no checkpoint.
 
-    A damaged newest checkpoint is renamed, ``say`` is told, and the one before counts.
+    A damaged newest checkpoint is renamed, ``say`` gets a message, and the one before is used.
 
     Raises:
         CheckpointError: it was written by other code or for another network or configuration, or is damaged and there
@@ -94,7 +94,7 @@ def resume_checkpoint(
 def newest_checkpoint(folder: Path, say: Callable[[str], None] = print) -> tuple[Path, dict[str, Any]] | None:
     """The newest checkpoint of a run that can be read, and its content; None where there was never one.
 
-    A damaged newest one is renamed (it must not become the one before), and ``say`` is told.
+    A damaged newest one is renamed (it must not become the one before), and ``say`` gets a message.
 
     Raises:
         CheckpointError: there are only damaged ones.

@@ -1,4 +1,4 @@
-"""CURL (Laskin et al. 2020) on PPO: two crops of one frame shall be more alike than crops of two frames.
+"""CURL (Laskin et al. 2020) on PPO: it makes two crops of one frame more alike than crops of different frames.
 
 The defaults follow the paper's protocol: crops of 0.8, contrasts among the 480 frames of a minibatch by x' W y on the
 representation itself, PPO's Adam. ``curl_original`` has what Laskin et al. used, where PPO leaves room for it.
@@ -24,11 +24,12 @@ class CURL(Auxiliary):
     """The learner, see :class:`experiments.algorithms.learner.Learner`."""
 
     def make_loss(self, actions: int) -> CURLLoss:
-        """The contrast of two views of each frame."""
+        """The contrastive loss of two views of each frame."""
         width, wanted = self.encoder.width, self.config.projection
         code = nn.Sequential(nn.Linear(width, wanted), nn.LayerNorm(wanted)) if wanted else nn.Identity()
         similarity = nn.Linear(wanted or width, wanted or width, bias=False)
-        return CURLLoss(self.encoder, self.drawn(code), self.drawn(similarity), distinct=self.config.tau < 1)
+        code, similarity = self.with_fresh_weights(code), self.with_fresh_weights(similarity)
+        return CURLLoss(self.encoder, code, similarity, distinct=self.config.tau < 1)
 
     def batches(self, rollout: Rollout) -> Iterator[TensorDict]:
         """Disjoint parts of the rollout's frames, two views of each."""
@@ -40,12 +41,12 @@ class CURL(Auxiliary):
 
 
 class CURLLoss(LossModule):
-    """InfoNCE over a batch: which of all keys is the query's? Similarity is q' W k; keys are the target encoder's.
+    """InfoNCE over a batch: it finds the key of each query among all keys. Similarity is q' W k; keys are the target encoder's.
 
     Args:
-        code: representation -> what is compared; its targets move with the encoder's.
+        code: maps a representation to the code that is compared; it has targets, as the encoder does.
         similarity: W, a dense layer without bias.
-        distinct: whether targets have weights of their own, which somebody moves; otherwise they are the encoder's.
+        distinct: whether targets have weights of their own, which :class:`SoftUpdate` moves; otherwise they are the encoder's.
     """
 
     network: Any
@@ -69,5 +70,5 @@ class CURLLoss(LossModule):
         return TensorDict({"loss": F.cross_entropy(scores, own), "accuracy": accuracy})
 
     def codes(self, frames: Tensor) -> Tensor:
-        """What is compared [n, d], by the networks as they are."""
+        """The codes [n, d] of frames, by the networks with their present weights."""
         return self.network(TensorDict({"frames": frames}, [len(frames)]))["code"]

@@ -1,7 +1,7 @@
 """SAC on frames with random shifts (DrQ, Yarats et al. 2020), which is what the 2022 code called SAC.
 
-One CNN serves policy and critics. The critics' loss trains it, the policy sees it as given, and a slow copy of it looks
-at what comes next for the target critics. Frames are shifted anew, each by its own draw, whenever they are drawn.
+Policy and critics share one CNN. Only the critics' loss trains it. A slow copy of it encodes the next observations for the
+target critics. Each frame is shifted at random whenever it is sampled from the replay.
 """
 
 from __future__ import annotations
@@ -17,9 +17,10 @@ from torchrl.objectives import SACLoss
 from torchrl.objectives.common import LossModule
 
 from experiments.algorithms.off_policy import OffPolicy
-from experiments.algorithms.sac import Critic, GaussianActor, actions_of, make_sac_loss, representation_of
+from experiments.algorithms.sac import Critic, GaussianActor, make_sac_loss
 from experiments.networks.augmentations import random_shift
 from experiments.networks.encoders import initialize, make_encoder
+from experiments.networks.policies import actions_of, representation_of
 from experiments.settings import ConfigError, DrQConfig
 
 
@@ -68,7 +69,7 @@ class DrQ(OffPolicy):
 
     @staticmethod
     def make_policy(config: DrQConfig, observation_shape: tuple[int, ...], actions: int) -> DrQPolicy:
-        """The network without weights of its own."""
+        """The policy's network; its weights are to be drawn or loaded."""
         return DrQPolicy(config, observation_shape, actions)
 
     def make_loss(self) -> DrQLoss:
@@ -88,8 +89,8 @@ class DrQLoss(LossModule):
     """TorchRL's SAC loss behind one CNN.
 
     Args:
-        heads: the loss of policy and critics on ``features``, which the critics' gradient passes, and on ``seen``, the same
-            without gradient; of the next step, ``features`` are the slow CNN's and ``seen`` the quick one's.
+        heads: the loss of policy and critics. Critics read ``features``; the policy reads ``seen``, the same without gradient.
+            Of the next observation, ``features`` come from the slow CNN and ``seen`` from the trained one.
         rng: draws the shifts.
     """
 
@@ -125,13 +126,18 @@ class DrQLoss(LossModule):
         after = random_shift(batch["next", "observation"], self.shift, self.rng)
         features = self.encode(now, self.encoder_params)
         with torch.no_grad():
-            ahead = {
+            following = {
                 "seen": self.encode(after, self.encoder_params),
                 "features": self.encode(after, self.target_encoder_params),
                 **{key: batch["next", key] for key in ("reward", "terminated", "done")},
             }
         size = batch.batch_size
-        entries = {"features": features, "seen": features.detach(), "u": batch["u"], "next": TensorDict(ahead, size)}
+        entries = {
+            "features": features,
+            "seen": features.detach(),
+            "u": batch["u"],
+            "next": TensorDict(following, size),
+        }
         return TensorDict(entries, size)
 
     def encode(self, frames: Tensor, weights: TensorDictParams) -> Tensor:
@@ -141,11 +147,11 @@ class DrQLoss(LossModule):
 
 
 def projection(config: DrQConfig, width: int) -> nn.Sequential:
-    """Representation -> what a head keeps of it, normalised and between -1 and 1."""
+    """A layer that projects a representation to ``config.projection`` numbers between -1 and 1, normalised."""
     return nn.Sequential(nn.Linear(width, config.projection), nn.LayerNorm(config.projection), nn.Tanh())
 
 
 def features_of(encoder: nn.Module, observation_shape: tuple[int, ...]) -> int:
-    """Size of the encoder's representation."""
+    """The size of the encoder's representation."""
     with torch.no_grad():
         return encoder(torch.zeros(1, *observation_shape, dtype=torch.uint8)).shape[-1]

@@ -1,58 +1,66 @@
-"""What training asks of an algorithm: a learner that goes on by iterations, and a policy that acts.
+"""The protocol of algorithms: a learner collects and learns by iterations, and owns a policy that acts.
 
-An algorithm of your own is a sub-class of :class:`experiments.settings.AlgorithmConfig` whose ``learner`` names a class
-like this one, and a YAML in ``conf/algorithm/`` whose ``type`` names the dataclass.
+An algorithm of your own is three things: a frozen sub-class of :class:`experiments.settings.config.AlgorithmConfig` with its
+settings, whose ``learner`` names a class as ``module:Class``; that class, which has the members of :class:`Learner`; and a
+YAML in ``conf/algorithm/`` that names the settings. :class:`experiments.algorithms.ppo.PPO` is one to start from.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, Protocol
 
 import numpy as np
 import torch
 from torch import nn
 
-from experiments.settings import AlgorithmConfig
+from experiments.settings import AlgorithmConfig, ConfigError, import_object
+from segar.envs import VectorEnv
+
+SHOWN = 6  # members that an error lists, at most
 
 
 class Policy(Protocol):
-    """A network that acts; also an ``nn.Module``, so that its weights can be stored.
+    """A network that acts. It is an ``nn.Module``, so that checkpoints can hold its weights.
 
-    One with a memory, or one that must know more than it observes, has a method ``begin(env)``, too: evaluation calls it
-    when the episodes of a batch start in a :class:`segar.envs.VectorEnv`.
+    A policy with a memory, or one that must know more than it observes, also has a method ``begin(env)``: evaluation calls
+    it when the episodes of a batch start in a :class:`segar.envs.VectorEnv`.
     """
 
     def act(self, observation: np.ndarray, *, rng: torch.Generator | None) -> np.ndarray:
-        """Actions float32 [n, 2] for observations [n, ...]; sampled with ``rng``, deterministic where it is None."""
+        """Actions float32 [n, actions] for observations [n, ...]; sampled with ``rng``, deterministic where it is None."""
         ...
 
     def represent(self, observation: np.ndarray) -> np.ndarray:
-        """The representation phi, float32 [n, width], that probes look at."""
+        """The representation phi, float32 [n, width], that probes read."""
         ...
 
 
 class Learner(Protocol):
-    """An algorithm at work: it owns the policy and its optimiser, and steps the environments that it is given."""
+    """An algorithm at work: it owns the policy and its optimiser, and steps the environments that it is given.
+
+    A class may have a static method ``make_env(levels, num_envs, **options)``, which returns the environments that it
+    wants. Without it, they are a :class:`segar.envs.torchrl_env.TorchRLEnv`.
+    """
 
     policy: Any  # a Policy and an nn.Module
     frames: int  # environment steps so far
 
-    def __init__(self, config: AlgorithmConfig, env: Any, frames: int, seed: int) -> None:
-        """``frames`` is the budget that schedules refer to.
-
-        ``env`` holds ``config.num_envs`` environments: a :class:`segar.envs.torchrl_env.TorchRLEnv`, or what the static
-        method ``make_env(levels, num_envs, **options)`` gives in a class that has one.
-        """
+    def __init__(self, config: AlgorithmConfig, env: VectorEnv, frames: int, seed: int) -> None:
+        """``env`` holds ``config.num_envs`` environments; ``frames`` is the budget that schedules refer to."""
         ...
 
     @staticmethod
     def make_policy(config: AlgorithmConfig, observation_shape: tuple[int, ...], actions: int) -> nn.Module:
-        """The policy's network, whose weights a checkpoint can fill; needs no environment."""
+        """The policy's network, whose weights a checkpoint can fill; it needs no environment."""
         ...
 
     def iterate(self) -> Mapping[str, float]:
-        """Collects and learns once; returns figures to log, among them means over ended episodes, e.g. ``episode/return``."""
+        """Collects and learns once, and counts ``frames``; returns figures to log.
+
+        Progress shows ``episode/return`` and ``episode/success``, which
+        :func:`experiments.collection.collector.mean_figures` computes. A figure that is not finite ends the run.
+        """
         ...
 
     def state_dict(self) -> dict[str, Any]:
@@ -60,5 +68,35 @@ class Learner(Protocol):
         ...
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Goes on from what :meth:`state_dict` returned."""
+        """Continues from what :meth:`state_dict` returned."""
         ...
+
+
+def learner_class(config: AlgorithmConfig) -> type[Learner]:
+    """The class that ``config.learner`` names; raises :class:`ConfigError` that lists the methods which it lacks."""
+    name = getattr(config, "learner", None)
+    if not isinstance(name, str):
+        raise ConfigError(
+            f"algorithm: {type(config).__module__}.{type(config).__qualname__} names no learner; "
+            "learner: ClassVar[str] = 'module:Class' does"
+        )
+    found = import_object(name, "algorithm")
+    _require_members(found, vars(Learner), f"{name} is no learner")
+    return found
+
+
+def make_learner(kind: type[Learner], config: AlgorithmConfig, env: Any, frames: int, seed: int) -> Learner:
+    """A learner of this class; raises :class:`ConfigError` that lists the attributes which it or its policy lacks."""
+    learner, name = kind(config, env, frames, seed), f"{kind.__module__}:{kind.__qualname__}"
+    _require_members(learner, Learner.__annotations__, f"{name} is no learner")
+    _require_members(learner.policy, {**vars(Policy), **vars(nn.Module)}, f"the policy of {name} is none")
+    return learner
+
+
+def _require_members(found: Any, members: Iterable[str], problem: str) -> None:
+    lacking = [name for name in members if not name.startswith("_") and not hasattr(found, name)]
+    if lacking:
+        shown = ", ".join(lacking[:SHOWN]) + (", ..." if len(lacking) > SHOWN else "")
+        raise ConfigError(
+            f"algorithm: {problem}: it lacks {shown}. experiments.algorithms.learner says what each is for"
+        )

@@ -1,6 +1,6 @@
-"""What SAC's kind shares: steps go into a replay, and gradient steps on draws from it keep pace with them.
+"""What SAC and DrQ share: steps go into a replay, and a fixed number of gradient steps on samples of it follows each step.
 
-A learner of this kind is a sub-class that says which policy acts and which loss it learns by.
+A sub-class of :class:`OffPolicy` defines the policy and the loss.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from torch import Tensor, nn
 from torchrl.objectives import SoftUpdate
 from torchrl.objectives.common import LossModule
 
-from experiments.algorithms.ppo import check_finite, learner_reward
 from experiments.collection.collector import action_size, figures_at_end, mean_figures, observation_shape
 from experiments.collection.environment_state import as_tensors, from_tensors
 from experiments.collection.replay import Replay
+from experiments.collection.rewards import learner_reward
 from experiments.networks.devices import usable_device
 from segar.envs import VectorEnv
 
@@ -52,26 +52,25 @@ class OffPolicy(ABC):
 
     @abstractmethod
     def make_loss(self) -> LossModule:
-        """Draws the weights of the policy and of all else that learns, and returns the loss that owns them."""
+        """Draws the weights of the policy and of all other networks; returns the loss that owns them."""
 
     def iterate(self) -> Mapping[str, float]:
-        """``num_steps`` steps in every environment, each followed by the gradient steps that are due."""
+        """Takes ``num_steps`` steps in every environment, each followed by its gradient steps; returns means of all figures."""
         ended: list[Mapping[str, np.ndarray]] = []
         updates: list[dict[str, Tensor]] = []
         for _ in range(self.config.num_steps):
             info = self.step()
             if "_final_info" in info:
                 ended.append(figures_at_end(info))
-            updates += [self.update() for _ in range(self.due())]
+            updates += [self.update() for _ in range(self.updates_due())]
         figures = {**mean_figures(ended), "updates": float(len(updates))}
         if updates:
             figures |= {name: float(torch.stack([u[name] for u in updates]).mean()) for name in updates[0]}
-        check_finite(figures, self.frames)
         return figures
 
     @torch.no_grad()
     def step(self) -> Mapping[str, Any]:
-        """Steps every environment once and remembers the step; returns what the environments say about it."""
+        """Steps every environment once and stores the step; returns the environments' ``info``."""
         before, noise_shape = self.current, (self.config.num_envs, self.actions)
         if self.frames < self.config.warmup:  # uniform actions
             u = (2.0 * torch.rand(noise_shape, generator=self.rng) - 1.0).clamp(min=-NEAR_ONE).atanh()
@@ -90,8 +89,8 @@ class OffPolicy(ABC):
         self.frames += len(u)
         return info
 
-    def due(self) -> int:
-        """Gradient steps that the last step of the environments asks for."""
+    def updates_due(self) -> int:
+        """The number of gradient steps that follow the last step of the environments."""
         if self.frames < self.config.warmup:
             return 0
         per = self.config.steps_per_update
@@ -122,7 +121,7 @@ class OffPolicy(ABC):
         }
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Goes on from ``state``."""
+        """Continues from ``state``."""
         self.loss.load_state_dict(state["loss"])
         self.optimizer.load_state_dict(state["optimizer"])
         self.replay.load_state_dict(state["replay"])

@@ -1,6 +1,6 @@
-"""PPO with a memory: TorchRL's GRU or LSTM stands between the encoder and the heads, and learns through whole rollouts.
+"""PPO with a memory: TorchRL's GRU or LSTM between the encoder and the heads, trained through whole rollouts.
 
-Minibatches are environments, each with all of its steps. The memory is emptied where an episode begins.
+A minibatch holds all steps of some environments. The memory is set to 0 where an episode begins.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from torchrl.objectives import ClipPPOLoss
 from experiments.algorithms.ppo import PPO, clipped_loss
 from experiments.collection.collector import Rollout
 from experiments.networks.encoders import initialize, make_encoder
-from experiments.networks.policies import make_head
+from experiments.networks.policies import make_head, representation_of, squashed_actions
 from experiments.settings import RecurrentPPOConfig
 from segar.envs import VectorEnv
 
@@ -33,7 +33,7 @@ class RecurrentPolicy(nn.Module):
 
     Parameters of a core of width w: 3 (GRU) or 4 (LSTM) times w (w + phi + 2), phi being the representation's width.
 
-    While it acts it remembers the episodes that :meth:`begin` started; ``step`` takes and gives the memory instead.
+    :meth:`act` keeps the memory of the episodes that :meth:`begin` started; :meth:`step` takes and returns a memory.
     """
 
     def __init__(self, config: RecurrentPPOConfig, observation_shape: tuple[int, ...], actions: int) -> None:
@@ -80,25 +80,22 @@ class RecurrentPolicy(nn.Module):
         return (*self.heads(hidden), self.value(hidden), memory)
 
     def begin(self, env: VectorEnv) -> None:
-        """Forgets all: episodes start in ``env``."""
+        """Sets the memory to 0, because episodes start in ``env``."""
         self.acting = torch.zeros(env.num_envs, self.memory_width, device=next(self.parameters()).device)
 
     def prepare(self, observation: Tensor, done: Tensor) -> Tensor:
-        """A rollout's observations [T, N, ...] as the encoder is to read them several times."""
+        """A rollout's observations [T, N, ...] in the form in which the encoder reads them several times."""
         return self.encoder.prepare(observation, done)
 
     @torch.no_grad()
     def act(self, observation: np.ndarray, *, rng: torch.Generator | None) -> np.ndarray:
         """Actions float32 [n, actions] of the next step; sampled with ``rng``, deterministic where it is None."""
-        device = self.acting.device
-        loc, scale, _, self.acting = self.step(torch.from_numpy(observation).to(device), self.acting)
-        u = loc if rng is None else loc + scale * torch.randn(loc.shape, generator=rng).to(device)
-        return u.tanh().cpu().numpy()
+        loc, scale, _, self.acting = self.step(torch.from_numpy(observation).to(self.acting.device), self.acting)
+        return squashed_actions(loc, scale, rng)
 
-    @torch.no_grad()
     def represent(self, observation: np.ndarray) -> np.ndarray:
-        """The representation phi, float32 [n, width]: what the encoder makes of one observation, without memory."""
-        return self.encoder(torch.from_numpy(observation).to(next(self.parameters()).device)).cpu().numpy()
+        """The representation phi, float32 [n, width]: the encoder's output for one observation, without memory."""
+        return representation_of(self.encoder, observation)
 
 
 class RecurrentPPO(PPO):
@@ -108,11 +105,11 @@ class RecurrentPPO(PPO):
 
     @staticmethod
     def make_policy(config: Any, observation_shape: tuple[int, ...], actions: int) -> Any:
-        """The network without weights of its own."""
+        """The policy's network; its weights are to be drawn or loaded."""
         return RecurrentPolicy(config, observation_shape, actions)
 
     def make_loss(self) -> ClipPPOLoss:
-        """TorchRL's clipped loss of sequences; its critic reads what the core made of the frames, as the policy does."""
+        """TorchRL's clipped loss of sequences; policy and critic read the core's output."""
         policy: Any = self.policy
         encode = TensorDictModule(policy.encoder, in_keys=["observation"], out_keys=["phi"])
         heads = TensorDictModule(policy.heads, in_keys=["hidden"], out_keys=["loc", "scale"])
@@ -120,12 +117,12 @@ class RecurrentPPO(PPO):
         return clipped_loss(self.config, (encode, policy.core, heads), critic)
 
     def losses(self, minibatch: TensorDict) -> TensorDictBase:
-        """As PPO's, of sequences [n, T]."""
+        """The loss's figures on sequences [n, T]."""
         with set_recurrent_mode(True):
             return self.loss(minibatch)
 
     def make_batch(self, rollout: Rollout) -> TensorDict:
-        """What the loss reads, [T, N]: PPO's batch, where episodes began, and the memory in front of the first step."""
+        """PPO's batch [T, N], with marks where episodes began, and the memory before the first step."""
         batch = super().make_batch(rollout)
         batch["is_init"] = torch.cat([torch.zeros_like(rollout.done[:1]), rollout.done[:-1]])
         for name, first in zip(self.policy.states, rollout.memory.chunk(len(self.policy.states), -1), strict=True):

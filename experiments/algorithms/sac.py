@@ -1,6 +1,6 @@
 """Soft actor-critic on states (Haarnoja et al. 2018b): TorchRL's loss and target networks, our replay and loop.
 
-Critics look ahead from every step but those that terminated: a truncated episode's last observation is in the replay.
+Critics bootstrap after every step that did not terminate its episode: the replay holds a truncated episode's last observation.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from torchrl.objectives import SACLoss
 
 from experiments.algorithms.off_policy import OffPolicy
 from experiments.networks.encoders import MLP, initialize
-from experiments.networks.policies import SquashedNormal
+from experiments.networks.policies import SquashedNormal, actions_of, representation_of
 from experiments.settings import ConfigError, SACConfig
 
 
@@ -30,7 +30,7 @@ class GaussianActor(nn.Module):
         self.log_std_range = (config.min_log_std, config.max_log_std)
 
     def forward(self, features: Tensor) -> tuple[Tensor, Tensor]:
-        """The law of the pre-tanh action."""
+        """``loc`` and ``scale`` of the pre-tanh action."""
         hidden = self.trunk(features)
         return self.mean(hidden), self.log_std(hidden).clamp(*self.log_std_range).exp()
 
@@ -77,7 +77,7 @@ class SAC(OffPolicy):
 
     @staticmethod
     def make_policy(config: SACConfig, observation_shape: tuple[int, ...], actions: int) -> SACPolicy:
-        """The network without weights of its own."""
+        """The policy's network; its weights are to be drawn or loaded."""
         return SACPolicy(config, observation_shape, actions)
 
     def make_loss(self) -> SACLoss:
@@ -89,24 +89,6 @@ class SAC(OffPolicy):
         return make_sac_loss(self.config, self.policy.actor, critics, self.rng)
 
 
-@torch.no_grad()
-def actions_of(policy: nn.Module, observation: np.ndarray, rng: torch.Generator | None) -> np.ndarray:
-    """Actions float32 [n, actions]; sampled with ``rng``, deterministic where it is None."""
-    loc, scale = policy(torch.from_numpy(observation).to(_device(policy)))
-    u = loc if rng is None else loc + scale * torch.randn(loc.shape, generator=rng).to(loc.device)
-    return u.tanh().cpu().numpy()
-
-
-@torch.no_grad()
-def representation_of(encoder: nn.Module, observation: np.ndarray) -> np.ndarray:
-    """The encoder's output, float32 [n, width]."""
-    return encoder(torch.from_numpy(observation).to(_device(encoder))).cpu().numpy()
-
-
-def _device(module: nn.Module) -> torch.device:
-    return next(module.parameters()).device
-
-
 def make_sac_loss(
     config: SACConfig,
     actor: nn.Module,
@@ -115,12 +97,13 @@ def make_sac_loss(
     actor_sees: str = "observation",
     critics_see: str = "observation",
 ) -> SACLoss:
-    """TorchRL's loss on batches of what actor and critics see, ``u``, and the same ``next`` with reward and end.
+    """TorchRL's loss on batches with the actor's and the critics' inputs, ``u``, and under ``next`` the inputs, reward and end.
 
     Args:
-        actor: what it sees -> ``loc``, ``scale``.
-        critics: each what it sees, ``u`` -> value; of one architecture, with weights of their own.
-        rng: draws the actions that losses look at.
+        actor: maps its input to ``loc`` and ``scale``.
+        critics: each maps its input and ``u`` to a value; of one architecture, with weights of their own.
+        rng: draws the actions that the losses evaluate.
+        actor_sees, critics_see: names of the inputs in a batch.
     """
     parts: list[Any] = [
         TensorDictModule(actor, in_keys=[actor_sees], out_keys=["loc", "scale"]),

@@ -1,7 +1,7 @@
-"""SPR (Schwarzer et al. 2020) on PPO: from a frame and the actions after it, foretell the representations that follow.
+"""SPR (Schwarzer et al. 2020) on PPO: from a frame and the next actions it predicts the representations of the next frames.
 
-The defaults follow the paper's protocol, which foretells one step by one network of representation and action.
-``spr_original`` foretells five by a transition model, as Schwarzer et al. did, where PPO leaves room for it.
+The defaults follow the paper's protocol, which predicts one step by one network of representation and action.
+``spr_original`` predicts five by a transition model, as Schwarzer et al. did, where PPO leaves room for it.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ class SPR(Auxiliary):
     """The learner, see :class:`experiments.algorithms.learner.Learner`."""
 
     def make_loss(self, actions: int) -> SPRLoss:
-        """The error of what is foretold."""
+        """The loss of the predictions."""
         model = MODELS[self.config.model](self.encoder.width, self.config.model_width, actions)  # type: ignore[call-arg]
-        return SPRLoss(self.encoder, self.drawn(model), self.config.weight, distinct=self.config.tau < 1)
+        return SPRLoss(self.encoder, self.with_fresh_weights(model), self.config.weight, distinct=self.config.tau < 1)
 
     def batches(self, rollout: Rollout) -> Iterator[TensorDict]:
-        """Disjoint parts of all sequences of a rollout."""
+        """Disjoint parts of all sequences in a rollout."""
         horizon, (steps, envs) = self.config.horizon, rollout.done.shape[:2]
         order = torch.randperm((steps - horizon) * envs, generator=self.rng).to(rollout.done.device)
         for starts in order.tensor_split(self.config.auxiliary_minibatches):
@@ -57,12 +57,12 @@ def sequences(rollout: Rollout, time: Tensor, env: Tensor, horizon: int) -> Tens
 
 
 class SPRLoss(LossModule):
-    """Twice the cosine distance between what is foretold and the target network's view of what came.
+    """Twice the cosine distance between predicted codes and the target network's codes of the frames that followed.
 
     Args:
-        model: foretells, and projects what is compared; the projection's targets move with the encoder's.
+        model: predicts codes, and projects representations to codes; the projection has targets, as the encoder does.
         weight: of the loss.
-        distinct: whether targets have weights of their own, which somebody moves; otherwise they are the encoder's.
+        distinct: whether targets have weights of their own, which :class:`SoftUpdate` moves; otherwise they are the encoder's.
     """
 
     network: Any
@@ -76,21 +76,21 @@ class SPRLoss(LossModule):
         self.weight = weight
 
     def forward(self, tensordict: TensorDictBase) -> TensorDict:
-        """``loss``, and ``cosine`` between foretold and seen, of what :meth:`SPR.batches` yields."""
+        """``loss``, and ``cosine`` between predicted and seen, of what :meth:`SPR.batches` yields."""
         horizon = tensordict["action"].shape[1]
         online = self.network.module
-        foretold = online.model.foretell(online.encoder(tensordict["first"]), tensordict["action"])
+        predicted = online.model.predict(online.encoder(tensordict["first"]), tensordict["action"])
         with torch.no_grad(), self.target_network_params.to_module(self.network, preserve_module_state=False):
             frames = tensordict["following"].flatten(0, 1)
             seen = self.network(TensorDict({"frames": frames}, [len(frames)]))["code"].unflatten(0, (-1, horizon))
-        cosine = F.cosine_similarity(foretold, seen, dim=-1)
+        cosine = F.cosine_similarity(predicted, seen, dim=-1)
         valid = tensordict["valid"].float()
         mean = (cosine * valid).sum() / valid.sum().clamp(min=1.0)
         return TensorDict({"loss": self.weight * (2.0 - 2.0 * mean), "cosine": mean.detach()})
 
 
 class _Projected(nn.Module):
-    """Frames -> codes, by encoder and projection; holds all that has a target."""
+    """Frames -> codes, by encoder and projection: all modules that have target weights."""
 
     def __init__(self, encoder: nn.Module, model: Model) -> None:
         super().__init__()
@@ -101,19 +101,19 @@ class _Projected(nn.Module):
 
 
 class Model(nn.Module, ABC):
-    """What foretells."""
+    """A model that predicts codes of the next representations."""
 
     @abstractmethod
-    def foretell(self, representation: Tensor, actions: Tensor) -> Tensor:
+    def predict(self, representation: Tensor, actions: Tensor) -> Tensor:
         """Codes [n, k, d] of the k next representations, from the first one [n, width] and actions [n, k, actions]."""
 
     @abstractmethod
     def project(self, representation: Tensor) -> Tensor:
-        """The code [n, d] of a representation that was seen."""
+        """The code [n, d] of a representation."""
 
 
 class ActionProjection(Model):
-    """The 2022 code's: one projection of representation and action, and a predictor; what was seen has no action.
+    """The 2022 code's model: one projection of representation and action, and a predictor. Targets have the action 0.
 
     Each layer is dense with tanh. For 256 wide and two actions: 197 888 parameters.
     """
@@ -125,21 +125,21 @@ class ActionProjection(Model):
         self.projection = nn.Sequential(nn.Linear(inputs + width, width), nn.Tanh())
         self.predictor = nn.Sequential(nn.Linear(width, width), nn.Tanh())
 
-    def foretell(self, representation: Tensor, actions: Tensor) -> Tensor:
+    def predict(self, representation: Tensor, actions: Tensor) -> Tensor:
         """See :class:`Model`; k is 1."""
         action = self.action(actions.squeeze(1))
         return self.predictor(self.projection(torch.cat([representation, action], -1)))[:, None]
 
     def project(self, representation: Tensor) -> Tensor:
         """See :class:`Model`."""
-        nothing = representation.new_zeros(len(representation), self.width)
-        return self.projection(torch.cat([representation, nothing], -1))
+        no_action = representation.new_zeros(len(representation), self.width)
+        return self.projection(torch.cat([representation, no_action], -1))
 
 
 class Transition(Model):
-    """Schwarzer et al.'s: a transition model that is applied again and again, a projection, and a linear predictor.
+    """Schwarzer et al.'s model: a transition model that is applied once per step, a projection, and a linear predictor.
 
-    Their transition model is convolutional, as their representation is an image; here it is an MLP that adds to a vector.
+    Their transition model is convolutional, because their representation is an image; this one is a residual MLP.
     For 256 wide and two actions: 263 936 parameters.
     """
 
@@ -149,13 +149,13 @@ class Transition(Model):
         self.projection = nn.Linear(inputs, width)
         self.predictor = nn.Linear(width, width)
 
-    def foretell(self, representation: Tensor, actions: Tensor) -> Tensor:
+    def predict(self, representation: Tensor, actions: Tensor) -> Tensor:
         """See :class:`Model`."""
-        ahead = []
+        following = []
         for action in actions.unbind(1):
             representation = F.relu(representation + self.change(torch.cat([representation, action], -1)))
-            ahead.append(representation)
-        return self.predictor(self.projection(torch.stack(ahead, 1)))
+            following.append(representation)
+        return self.predictor(self.projection(torch.stack(following, 1)))
 
     def project(self, representation: Tensor) -> Tensor:
         """See :class:`Model`."""

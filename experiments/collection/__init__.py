@@ -1,1 +1,37 @@
-"""Collecting experience: collectors, replay, what a learner sees of rewards."""
+"""Collecting experience: collectors of rollouts, the replay of off-policy learners, and rewards as learners see them.
+
+Authors of algorithms import from here. The modules of ``experiments`` name the file instead, so that the code that a run is
+resumed under is only the code that it executes.
+"""
+
+from experiments.collection.async_collector import AsyncCollector
+from experiments.collection.collector import (
+    Collected,
+    Collector,
+    Rollout,
+    StepPolicy,
+    action_size,
+    figures_at_end,
+    mean_figures,
+    observation_shape,
+)
+from experiments.collection.environment_state import as_tensors, from_tensors
+from experiments.collection.replay import Replay
+from experiments.collection.rewards import ReturnScale, learner_reward
+
+__all__ = [
+    "AsyncCollector",
+    "Collected",
+    "Collector",
+    "Replay",
+    "ReturnScale",
+    "Rollout",
+    "StepPolicy",
+    "action_size",
+    "as_tensors",
+    "figures_at_end",
+    "from_tensors",
+    "learner_reward",
+    "mean_figures",
+    "observation_shape",
+]

@@ -1,8 +1,7 @@
-"""Collecting while learning: a thread collects the next rollout with the weights as they are, while they are learned on.
+"""Collecting while learning: a thread collects the next rollout with a copy of the weights while the learner updates them.
 
-Rollouts then come from a policy that is one update older than the one that learns. What is learned on has that policy's
-own log-probabilities and values, so the loss stays PPO's. It pays where networks compute on a GPU and environments on the
-processor.
+A rollout then comes from a policy that is one update older than the one that learns. It holds the log-probabilities and
+values of that older policy, so the loss stays PPO's. This is faster where networks run on a GPU and environments on the CPU.
 """
 
 from __future__ import annotations
@@ -20,15 +19,15 @@ from experiments.collection.collector import Collected, Collector
 from segar.envs import VectorEnv
 
 
-class CollectorAhead:
-    """As :class:`experiments.collection.collector.Collector`, one rollout ahead of the learner.
+class AsyncCollector:
+    """A :class:`experiments.collection.collector.Collector` that is one rollout ahead of the learner.
 
     Args:
-        env: steps of its own; nobody else may step it.
+        env: only this collector may step it.
         policy: a module that is a :class:`experiments.collection.collector.StepPolicy`; a copy of it acts.
         num_steps: of each environment, per collection.
         device: where policy and rollouts live. On a GPU the collection has a stream of its own.
-        executor: who collects; left out, a thread.
+        executor: carries out the collections; None makes a thread.
     """
 
     def __init__(
@@ -38,13 +37,18 @@ class CollectorAhead:
         # Without gradients also because autocast would share its casts of the weights between threads.
         self.behaviour = copy.deepcopy(policy).requires_grad_(False)
         self.collector = Collector(env, self.behaviour, num_steps, device, storages=2)
-        self.executor = executor or ThreadPoolExecutor(1, thread_name_prefix="collect")
+        # MKL keeps a number of threads for each thread that calls it, and sums in another order where it is another number.
+        self.executor = executor or ThreadPoolExecutor(
+            1, "collect", initializer=torch.set_num_threads, initargs=(torch.get_num_threads(),)
+        )
         self.stream = torch.cuda.Stream(device) if device.type == "cuda" else None
         self.pending: Future[Collected] | None = None
-        self.before: dict[str, Any] = {}  # what the pending collection began with, beside the weights that act
+        self.before: dict[
+            str, Any
+        ] = {}  # the state in which the pending collection began, without the weights that act
 
     def collect(self, rng: torch.Generator, more: bool) -> Collected:
-        """The next rollout; the one after it is begun if ``more`` are wanted. The noise of actions comes from ``rng``."""
+        """The next rollout; if ``more`` are wanted, the one after it is begun. ``rng`` draws the noise of actions."""
         pending = self.pending or self._follow(rng)
         collected, self.pending = pending.result(), None
         if more:
@@ -71,13 +75,13 @@ class CollectorAhead:
         return collected
 
     def state_dict(self) -> dict[str, Any]:
-        """What the pending collection began with, from which it is collected again; else the running episodes."""
+        """The state in which the pending collection began, so that it can be repeated; without one, the running episodes."""
         if self.pending is None:
             return self.collector.state_dict()
         return {**self.before, "behaviour": self.behaviour.state_dict()}
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Goes on from ``state``."""
+        """Continues from ``state``."""
         if self.pending is not None:
             self.pending.result()
             self.pending = None

@@ -1,4 +1,4 @@
-"""Collecting for PPO: every environment is stepped a number of times, into one storage that lasts for the whole run."""
+"""Collecting rollouts for PPO: every environment is stepped a number of times, and the steps are written into one storage."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from segar.observations import copy_rows
 
 
 def observation_shape(env: VectorEnv) -> tuple[int, ...]:
-    """The shape of one observation; raises :class:`ConfigError` if it is not one array."""
+    """The shape of one observation; raises :class:`ConfigError` if an observation is not a single array."""
     space = env.single_observation_space
     if not isinstance(space, Box):
         raise ConfigError("observation: PPO reads one array, not a tuple or dict; choose one part, or stack it")
@@ -28,14 +28,14 @@ def observation_shape(env: VectorEnv) -> tuple[int, ...]:
 
 
 def action_size(env: VectorEnv) -> int:
-    """How many numbers an action has."""
+    """The number of components of an action."""
     shape = env.single_action_space.shape
     assert shape is not None  # a Box has one
     return shape[0]
 
 
 class StepPolicy(Protocol):
-    """What collects: a policy with values, and with a memory, which is empty for policies that have none."""
+    """A policy that a collector can step: it also estimates values, and has a memory, which may be empty."""
 
     memory_width: int
 
@@ -46,9 +46,9 @@ class StepPolicy(Protocol):
 
 @dataclass
 class Rollout:
-    """What one collection saw, time first: observation [T, N, ...]; all others [T, N, 1] but ``u``, loc, scale [T, N, 2].
+    """The steps of one collection, time first: observation [T, N, ...]; ``u``, loc, scale [T, N, actions]; others [T, N, 1].
 
-    A later collection writes over it: the next one, or as many later as the collector has storages.
+    A later collection overwrites it: with k storages, the k-th after it.
     """
 
     observation: Tensor
@@ -56,23 +56,23 @@ class Rollout:
     loc: Tensor
     scale: Tensor
     value: Tensor
-    next_value: Tensor  # of the same episode: of its last observation where the episode was truncated
+    next_value: Tensor  # within the same episode; where it was truncated, the value of its last observation
     reward: Tensor
     terminated: Tensor
     done: Tensor
     memory: Tensor  # [N, memory_width], of the policy before the first step
 
 
-Collected = tuple[Rollout, dict[str, float]]  # and how episodes ended
+Collected = tuple[Rollout, dict[str, float]]  # and mean figures of the episodes that ended
 
 
 class Storage:
-    """Room for one rollout, on the device what the policy reads and computes, as arrays what environments say.
+    """Memory for one rollout: tensors for what the policy reads and computes, arrays for what environments return.
 
     Args:
-        size: steps and environments.
-        observation: those of one step [N, ...]; any of that shape and dtype.
-        actions: numbers in an action.
+        size: numbers of steps and of environments.
+        observation: observations of one step [N, ...], whose shape and dtype are taken.
+        actions: number of components of an action.
     """
 
     def __init__(self, size: tuple[int, int], observation: Tensor, actions: int, device: torch.device) -> None:
@@ -84,7 +84,7 @@ class Storage:
         self.terminated, self.done = np.empty(size, np.bool_), np.empty(size, np.bool_)
 
     def rollout(self, next_value: Tensor, memory: Tensor) -> Rollout:
-        """What it holds, on the device; see :class:`Rollout`."""
+        """The content on the device, see :class:`Rollout`; only what environments returned is copied, and only to a GPU."""
         reward, terminated, done = (
             torch.from_numpy(array)[..., None].to(self.value.device)
             for array in (self.reward, self.terminated, self.done)
@@ -96,17 +96,17 @@ class Storage:
 
 
 class Collector:
-    """Environments at work for a policy; no step allocates or copies more than it must.
+    """Steps environments with a policy and returns rollouts.
 
-    Frames cross to torch in the engine's own memory, and are copied once, into the rollout. What the policy computes is
-    written there, too, so that nothing is evaluated twice.
+    Torch reads frames in the engine's own memory, and they are copied once, into the rollout. The means, deviations and values
+    that the policy computes are written there, too, so that nothing is evaluated twice.
 
     Args:
-        env: with ``autoreset_mode`` SAME_STEP; arrays that it returns may be its own.
+        env: with ``autoreset_mode`` SAME_STEP; it may overwrite the arrays that it returned.
         policy: its actions are sampled.
         num_steps: of each environment, per collection.
         device: where policy and rollout live.
-        storages: rollouts that are kept; each collection writes over the oldest.
+        storages: number of rollouts that are kept; each collection overwrites the oldest.
     """
 
     def __init__(
@@ -122,16 +122,17 @@ class Collector:
         self.storages = deque(Storage(size, frames, actions, device) for _ in range(storages))
 
     def collect(self, rng: torch.Generator, more: bool = True) -> Collected:
-        """The next rollout; noise of actions comes from ``rng``. Whether ``more`` are wanted matters to who collects ahead."""
+        """The next rollout; ``rng`` draws the noise of actions. Only the asynchronous collector reads ``more``, whether
+        another rollout will be collected."""
         return self.collect_with(self.draw_noise(rng))
 
     def draw_noise(self, rng: torch.Generator) -> Tensor:
-        """The noise of one collection's actions; ``rng`` is of the CPU, so that devices draw alike."""
+        """The noise of one collection's actions; ``rng`` is a generator of the CPU, so that all devices get the same noise."""
         return torch.randn(self.storages[0].u.shape, generator=rng)
 
     @torch.no_grad()
     def collect_with(self, noise: Tensor) -> Collected:
-        """Steps every environment ``num_steps`` times; also says how episodes ended."""
+        """Steps every environment ``num_steps`` times with this noise."""
         policy, first_memory, memory = self.policy, self.memory, self.memory
         storage = self.storages[0]
         self.storages.rotate(-1)
@@ -160,7 +161,7 @@ class Collector:
         return storage.rollout(self.bootstrap(storage.value, cut), first_memory), mean_figures(ended)
 
     def upload(self, place: Tensor) -> None:
-        """Copies the current observations to a place in the rollout."""
+        """Copies the current observations into a part of the rollout."""
         if self.device.type == "cpu":
             copy_rows(self.current, place.numpy())
         elif self.pinned is not None:
@@ -170,7 +171,12 @@ class Collector:
             place.copy_(torch.from_numpy(self.current))
 
     def bootstrap(self, value: Tensor, cut: list[tuple[int, np.ndarray, Tensor, Tensor]]) -> Tensor:
-        """The values that follow [T, N, 1]; where an episode was truncated, that of its last observation."""
+        """The values of the next observations [T, N, 1]; where an episode was truncated, the value of its last observation.
+
+        Args:
+            value: of all observations [T + 1, N, 1].
+            cut: truncated episodes: time, environments, last observations, and the policy's memory there.
+        """
         next_value = value[1:].clone()
         if cut:
             values = self.policy.step(torch.cat([last for _, _, last, _ in cut]), torch.cat([m for *_, m in cut]))[2]
@@ -183,7 +189,7 @@ class Collector:
         return {"env": as_tensors(self.env.state()), "memory": self.memory}
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Goes on from ``state``."""
+        """Continues from ``state``."""
         self.current = self.env.restore(from_tensors(self.env.state(), state["env"]))
         self.memory = state["memory"].to(self.device)
 
@@ -192,13 +198,13 @@ EPISODE_FIGURES = ("return", "length", "success", "death")
 
 
 def figures_at_end(info: Mapping[str, Any]) -> dict[str, np.ndarray]:
-    """What a step's ``info`` says of the episodes that it ended, one entry each."""
+    """The figures in a step's ``info`` of the episodes that ended with it, one entry for each episode."""
     final, rows = info["final_info"], info["_final_info"]
     return {key: final[key][rows] for key in EPISODE_FIGURES}
 
 
 def mean_figures(ended: list[Mapping[str, np.ndarray]]) -> dict[str, float]:
-    """Means over the episodes that ended: return, length, success, death; and how many they were."""
+    """Means over the episodes that ended (return, length, success, death), and their number."""
     if not ended:
         return {"episode/count": 0.0}
     means = {f"episode/{key}": float(np.concatenate([one[key] for one in ended]).mean()) for key in EPISODE_FIGURES}

@@ -7,36 +7,26 @@ from typing import Any, TypeVar
 
 import numpy as np
 import torch
+from torch.utils._pytree import tree_map
 
 T = TypeVar("T")
 
 
 def as_tensors(snapshot: Any) -> dict[str, Any]:
-    """A snapshot (a dataclass of arrays, numbers, dicts and such dataclasses) as nested dicts of tensors and numbers."""
-    return {field.name: _plain(getattr(snapshot, field.name)) for field in dataclasses.fields(snapshot)}
+    """A copy of a snapshot (a dataclass of arrays, numbers, dicts and such dataclasses) as nested dicts of tensors."""
+    return tree_map(
+        lambda leaf: torch.from_numpy(leaf) if isinstance(leaf, np.ndarray) else leaf, dataclasses.asdict(snapshot)
+    )
 
 
 def from_tensors(template: T, data: dict[str, Any]) -> T:
-    """The snapshot that :func:`as_tensors` was given; ``template`` is any snapshot of the same environment."""
+    """The snapshot that was given to :func:`as_tensors`; ``template`` is any snapshot of the same environment."""
     changes = {}
     for field in dataclasses.fields(template):  # type: ignore[arg-type]
         old, new = getattr(template, field.name), data[field.name]
-        if dataclasses.is_dataclass(old):
-            changes[field.name] = from_tensors(old, new)
-        else:
-            changes[field.name] = _arrays(new)
+        changes[field.name] = from_tensors(old, new) if dataclasses.is_dataclass(old) else tree_map(_as_array, new)
     return dataclasses.replace(template, **changes)  # type: ignore[type-var]
 
 
-def _arrays(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {name: _arrays(part) for name, part in value.items()}
-    return value.numpy().copy() if isinstance(value, torch.Tensor) else value
-
-
-def _plain(value: Any) -> Any:
-    if dataclasses.is_dataclass(value):
-        return as_tensors(value)
-    if isinstance(value, dict):
-        return {name: _plain(part) for name, part in value.items()}
-    return torch.from_numpy(value.copy()) if isinstance(value, np.ndarray) else value
+def _as_array(leaf: Any) -> Any:
+    return leaf.numpy().copy() if isinstance(leaf, torch.Tensor) else leaf

@@ -1,4 +1,4 @@
-"""What off-policy learners remember: steps of several environments in a ring, each observation once.
+"""The replay of off-policy learners: a ring of the steps of several environments, which holds each observation once.
 
 TorchRL's buffer stores a row per step. A step's next observation is the first one of the row that follows in the same
 episode, so only the last observation of an episode needs a row of its own; frames take half the memory that way.
@@ -111,7 +111,7 @@ class Replay:
         }
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Remembers what :meth:`state_dict` returned, and nothing else; the generator is its owner's to restore."""
+        """Restores what :meth:`state_dict` returned; the owner of the generator restores the generator."""
         self.buffer.empty()
         self.packed.clear()
         self.sampler.forget()

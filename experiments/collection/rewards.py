@@ -1,4 +1,4 @@
-"""What the learner sees of the task's rewards; returns and evaluations always count the task's own."""
+"""Rewards as the learner sees them; returns and evaluations always count the task's own rewards."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ TAIL = 0.25  # slope of the root transform beyond 1: a death of -100 is seen as 
 
 
 class RewardSettings(Protocol):
-    """The settings of an algorithm that decide what it sees of rewards."""
+    """The settings of an algorithm that transform rewards for its learner."""
 
     @property
     def reward_transform(self) -> str:
@@ -29,8 +29,8 @@ class RewardSettings(Protocol):
 def learner_reward(config: RewardSettings, reward: Tensor) -> Tensor:
     """The reward that the learner sees, of any shape."""
     if config.reward_transform == "sqrt":
-        # Near the goal -d^2 is almost flat, which the root mends. Of a death of -100 it would leave -10, which agents that
-        # look ten steps ahead prefer to staying away from the goal, and the whole of it swamps all else.
+        # Near the goal -d^2 is almost flat, and its root is not. The root of a death of -100 is only -10, which an agent that
+        # looks ten steps ahead prefers to staying away from the goal; the death itself would dominate the loss.
         size = reward.abs()
         reward = reward.sign() * torch.where(size > 1.0, 1.0 + TAIL * (size - 1.0), size.sqrt())
     return reward * config.reward_scale
@@ -67,10 +67,10 @@ class ReturnScale:
         self.count = total
 
     def state_dict(self) -> dict[str, Any]:
-        """All that it has seen."""
+        """The statistics so far."""
         return {"returns": self.returns, "count": self.count, "mean": self.mean, "squares": self.squares}
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Goes on from ``state``."""
+        """Continues from ``state``."""
         self.returns, self.count = state["returns"], state["count"]
         self.mean, self.squares = state["mean"], state["squares"]

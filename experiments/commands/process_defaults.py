@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import gc
 import os
 import platform
 
@@ -14,6 +15,9 @@ MALLOC_OPTIONS = {
     -1: 2**31 - 1,  # M_TRIM_THRESHOLD [bytes]
     -2: 256 << 20,  # M_TOP_PAD [bytes]
 }
+# New objects between two searches for reference cycles. With Python's own number, 700, the searches take a third of the time
+# in which torch is imported.
+COLLECT_EVERY = 100_000
 ENVIRONMENT = {
     "MLFLOW_DISABLE_TELEMETRY": "true",
     "DO_NOT_TRACK": "true",  # MLflow does not understand "1" here
@@ -46,3 +50,4 @@ def set_process_defaults(num_threads: int = 1) -> None:
 
 
 set_environment()
+gc.set_threshold(COLLECT_EVERY, *gc.get_threshold()[1:])

@@ -1,9 +1,9 @@
-"""Signals that a run is stopped by: it finishes what it is at, writes a checkpoint, and then gives way.
+"""The signals that stop a run, or make it write a checkpoint and go on.
 
-SIGTERM and SIGINT (Ctrl-C) stop a run. SIGUSR1 and SIGUSR2, which Slurm sends some time before it ends a job
-(``sbatch --signal=USR1@120``), make it write a checkpoint and go on. Where somebody else handles a signal, as
-submitit does to put a job back into the queue, that handler is called once the checkpoint is written; what is ignored
-(in processes whose owner decides for them) stays ignored.
+SIGTERM and SIGINT (Ctrl-C) stop a run: it finishes its iteration, writes a checkpoint, and ends. SIGUSR1 and SIGUSR2, which
+Slurm sends some time before it ends a job (``sbatch --signal=USR1@120``), make it write a checkpoint and go on. A handler
+that another library has installed, such as submitit's, which puts a job back into the queue, is called once the checkpoint
+is written. A signal that the process ignores stays ignored.
 """
 
 from __future__ import annotations
@@ -20,89 +20,92 @@ SAVING = (signal.SIGUSR1, signal.SIGUSR2)
 
 
 class Stopped(KeyboardInterrupt):
-    """A signal ended the run; not an :class:`Exception`, because it is meant for the whole command, not for one run."""
+    """A signal ended the run. It is no :class:`Exception`, because it ends the whole command, not one run of it."""
 
     def __init__(self, number: int, where: str = "") -> None:
         self.signal = signal.Signals(number)
         super().__init__(f"stopped by {self.signal.name}{where}")
 
 
-class Watch:
-    """The signals that come in. In a ``with`` block of it they wait for :meth:`answer`; elsewhere, a stopping one raises
-    :class:`Stopped` at once, as does one that comes in for the second time while it waits."""
+class SignalMonitor:
+    """Collects signals while a run is at work.
+
+    Inside a ``with`` block of it, signals wait until :meth:`handle_pending` is called. Outside of such a block a stopping
+    signal raises :class:`Stopped` at once, as does one that comes in for the second time while the first one waits.
+    """
 
     def __init__(self) -> None:
         self.deferring = False
-        self._waiting: list[int] = []
-        self._others: dict[int, Any] = {}  # handlers that were there before, by signal
+        self._pending: list[int] = []
+        self._other_handlers: dict[int, Any] = {}  # by signal; installed before this monitor
 
     @property
     def pending(self) -> bool:
-        """Whether a checkpoint is asked for."""
-        return bool(self._waiting)
+        """Whether a signal waits for a checkpoint."""
+        return bool(self._pending)
 
     @property
     def stopping(self) -> int | None:
-        """The stopping signal that came in and was not answered."""
-        return next((number for number in self._waiting if number in STOPPING), None)
+        """The number of a stopping signal that still waits."""
+        return next((number for number in self._pending if number in STOPPING), None)
 
-    def __enter__(self) -> Watch:
+    def __enter__(self) -> SignalMonitor:
         self.deferring = True
         return self
 
     def __exit__(self, *_: object) -> None:
         self.deferring = False
 
-    def answer(self, where: str) -> None:
-        """Does what the signals that came in ask for, now that the checkpoint is written.
+    def handle_pending(self, where: str) -> None:
+        """Acts on the signals that wait. Call it after the checkpoint is written.
 
         Raises:
-            Stopped: a stopping signal came in that nobody else handles; ``where`` ends its message.
+            Stopped: a stopping signal came in that no other handler takes; ``where`` ends its message.
         """
-        waiting, self._waiting = self._waiting, []
-        for number in waiting:
-            if number in self._others:
-                self._others[number](number, None)
+        pending, self._pending = self._pending, []
+        for number in pending:
+            if number in self._other_handlers:
+                self._other_handlers[number](number, None)
             elif number in STOPPING:
                 raise Stopped(number, where)
 
-    def take(self, number: int, frame: Any) -> None:
-        """The handler of all watched signals."""
-        if self.deferring and number not in self._waiting:
-            self._waiting.append(number)
+    def receive(self, number: int, frame: Any) -> None:
+        """The handler that is installed for all signals."""
+        if self.deferring and number not in self._pending:
+            self._pending.append(number)
             # Not print: a signal may come in the middle of another print.
             os.write(2, f"{signal.Signals(number).name}: writes a checkpoint after this iteration\n".encode())
-        elif number in self._others:
-            self._others[number](number, frame)
+        elif number in self._other_handlers:
+            self._other_handlers[number](number, frame)
         elif number in STOPPING:
-            self._waiting.clear()
+            self._pending.clear()
             raise Stopped(number)
 
-    def begin(self) -> dict[int, Any]:
-        """Takes over the signals; returns the handlers that were there before."""
+    def install(self) -> dict[int, Any]:
+        """Replaces the handlers of all signals; returns the handlers that were installed before."""
         before = {}
         for number in (*STOPPING, *SAVING):
-            there = signal.getsignal(number)
-            if there is signal.SIG_IGN or there is None:
+            handler = signal.getsignal(number)
+            if handler is signal.SIG_IGN or handler is None:
                 continue
-            if callable(there) and there is not signal.default_int_handler:
-                self._others[number] = there
-            before[number] = signal.signal(number, self.take)
+            if callable(handler) and handler is not signal.default_int_handler:
+                self._other_handlers[number] = handler
+            before[number] = signal.signal(number, self.receive)
         return before
 
 
 @contextmanager
-def watch_signals() -> Iterator[Watch]:
-    """Watches signals inside the block. In a thread that is not the main one there is nothing to watch."""
-    watch = Watch()
+def watch_signals() -> Iterator[SignalMonitor]:
+    """Monitors signals inside the block. Outside of the main thread no signals come in, and nothing is installed."""
+    monitor = SignalMonitor()
     if threading.current_thread() is not threading.main_thread():
-        yield watch
+        yield monitor
         return
-    before = watch.begin()
+    before = monitor.install()
     try:
-        yield watch
+        yield monitor
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-        if watch.stopping is not None:  # the run ended for another reason before it could give way
-            os.kill(os.getpid(), watch.stopping)
+        if monitor.stopping is not None:  # the run ended for another reason before it could act on the signal
+            os.kill(os.getpid(), monitor.stopping)

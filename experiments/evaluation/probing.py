@@ -22,10 +22,10 @@ import pyarrow.parquet as pq
 from experiments.runs.executed_code import fingerprint
 from experiments.runs.files import replacing
 from experiments.runs.run_folder import (
-    MARK,
     METRIC_SCHEMA,
     METRICS,
     PROBES,
+    SYNC_STATE,
     folder_path,
     lock,
     read_metrics,
@@ -43,7 +43,7 @@ from experiments.settings import (
     require,
     require_known,
 )
-from experiments.tracking.mlflow_sync import Delivery, files_of, read_mark
+from experiments.tracking.mlflow_sync import RunSync, files_of, read_sync_state
 from segar.errors import SegarError
 
 PLUGINS, PLUGIN = "segar.probes", "default"  # group and name of the entry point
@@ -200,9 +200,9 @@ def add_figures(folder: Path, figures: Mapping[str, float], took: float) -> None
     frames = max((row["frames"] for row in kept), default=0)
     seconds = max((row["seconds"] for row in rows), default=0.0) + took  # later than any: MLflow shows the latest
     new = [{"name": name, "frames": frames, "seconds": seconds, "value": value} for name, value in figures.items()]
-    mark = read_mark(folder)
+    mark = read_sync_state(folder)
     if mark is not None and mark.sent > len(kept):
-        write_json(folder / MARK, dataclasses.asdict(dataclasses.replace(mark, sent=len(kept))))
+        write_json(folder / SYNC_STATE, dataclasses.asdict(dataclasses.replace(mark, sent=len(kept))))
     write_rows(folder / METRICS, kept + new, METRIC_SCHEMA)
 
 
@@ -211,6 +211,6 @@ def send_to_tracker(run: RunConfig, folder: Path, say: Callable[[str], None]) ->
     if run.tracking.name == "none":
         return
     try:
-        Delivery(run, folder).send(read_metrics(folder).to_pylist(), files_of(folder), "FINISHED")
+        RunSync(run, folder).send(read_metrics(folder).to_pylist(), files_of(folder), "FINISHED")
     except TrackingError as error:
         say(f"{error}. It lacks the probes of this run; this sends them: python -m experiments.upload run={folder}")

@@ -1,1 +1,26 @@
-"""Networks: encoders of observations, policies, augmentations of frames."""
+"""Networks: encoders of observations, heads and distributions of policies, random changes of frames.
+
+Authors of algorithms import from here. The modules of ``experiments`` name the file instead, so that the code that a run is
+resumed under is only the code that it executes.
+"""
+
+from experiments.networks.augmentations import random_crop, random_intensity, random_shift
+from experiments.networks.devices import usable_device
+from experiments.networks.encoders import MLP, FrameEncoder, initialize, make_encoder
+from experiments.networks.policies import Actor, SquashedNormal, actions_of, make_head, representation_of
+
+__all__ = [
+    "MLP",
+    "Actor",
+    "FrameEncoder",
+    "SquashedNormal",
+    "actions_of",
+    "initialize",
+    "make_encoder",
+    "make_head",
+    "random_crop",
+    "random_intensity",
+    "random_shift",
+    "representation_of",
+    "usable_device",
+]

@@ -1,4 +1,4 @@
-"""Random changes of frames that keep what they show; every image is changed by its own draw.
+"""Random changes of frames that keep their content; every frame gets a random change of its own.
 
 All take and return frames uint8 ``[n, height, width, depth]``, channels last, and draw from ``rng``, a generator of the
 processor whatever the device of the frames, so that runs on different devices see the same changes. They work on bytes: a

@@ -1,4 +1,4 @@
-"""Where networks compute."""
+"""The device on which networks compute."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from experiments.settings import ConfigError
 
 
 def usable_device(name: str) -> torch.device:
-    """The device of this name, e.g. ``cpu``, ``cuda``, ``cuda:1``; raises :class:`ConfigError` where there is none such."""
+    """The device of this name, e.g. ``cpu``, ``cuda``, ``cuda:1``; raises :class:`ConfigError` where it cannot be used."""
     try:
         device = torch.device(name)
         torch.empty(0, device=device)

@@ -1,10 +1,10 @@
 """From observations to representations: CNNs that read frames, and an MLP that reads vectors.
 
-Frames are uint8 ``[..., height, width, depth]``, channels last, as environments give them; they become numbers from 0 to
-1 on the device, without a copy of their layout. A CNN may compute in bfloat16; what it returns is float32, and so is
-all that follows it. All weights are Glorot uniform and all biases zero once :func:`initialize` has drawn them.
+Frames are uint8 ``[..., height, width, depth]``, channels last, as environments return them; on the device they become
+numbers from 0 to 1 in the same layout. A CNN may compute in bfloat16; its output and all later layers are float32.
+:func:`initialize` draws Glorot-uniform weights and sets biases to 0.
 
-A CNN of your own is a function like :func:`nature`, and its place ``module:function`` is the name of the encoder.
+A CNN of your own is a function like :func:`nature`; the encoder's name is then ``module:function``.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class EncoderSettings(Protocol):
 
     @property
     def encoder(self) -> str:
-        """Which CNN reads frames; 'mlp' if frames are to be refused. Vectors are always read by an MLP."""
+        """Name of the CNN that reads frames, or 'mlp', which refuses frames. An MLP reads vectors in any case."""
         ...
 
     @property
@@ -41,7 +41,7 @@ class EncoderSettings(Protocol):
 
     @property
     def precision(self) -> str:
-        """In what a CNN computes: 'bf16', 'fp32', or 'auto', which is bf16 where the processor is made for it."""
+        """Number format of a CNN: 'bf16', 'fp32', or 'auto', which is bf16 where the processor multiplies it in hardware."""
         ...
 
 
@@ -75,7 +75,7 @@ def make_encoder(
     return (StackEncoder if isinstance(trunk, Keypoints) else FrameEncoder)(trunk, config.precision)
 
 
-@torch.compiler.assume_constant_result  # what a processor is made for cannot be traced
+@torch.compiler.assume_constant_result  # the capabilities of a processor cannot be traced
 def precision_of(name: str, device: str = "cpu") -> torch.dtype:
     """The number format that 'bf16', 'fp32' or 'auto' means on a kind of device, 'cpu' or 'cuda'.
 
@@ -135,8 +135,10 @@ class FrameEncoder(nn.Module):
         self.trunk.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
     def prepare(self, observation: Tensor, done: Tensor) -> Tensor:
-        """What a rollout's observations [T, N, ...] become that are to be encoded several times; :meth:`forward` takes any
-        part of it. ``done`` [T, N, 1] says with which steps episodes ended."""
+        """A rollout's observations [T, N, ...] in the form in which :meth:`forward` reads any part of them several times.
+
+        ``done`` [T, N, 1] says after which steps episodes ended.
+        """
         return observation
 
     def forward(self, frames: Tensor) -> Tensor:
@@ -153,10 +155,10 @@ class FrameEncoder(nn.Module):
 
 
 class StackEncoder(FrameEncoder):
-    """As :class:`FrameEncoder`, by a CNN that looks at each frame of a stack by itself first, and then at what it saw.
+    """A :class:`FrameEncoder` whose CNN reads each frame of a stack by itself first, and then joins the results.
 
-    Stacks of successive steps share their frames. Those that :meth:`prepare` has seen are therefore known by the places of
-    their frames in a pool, and each frame is looked at once, however many stacks of a batch show it.
+    Stacks of successive steps share frames. :meth:`prepare` therefore puts the distinct frames of a rollout into a pool and
+    replaces stacks by indices into it, so that each frame is read once, however many stacks of a batch hold it.
 
     Args:
         trunk: see :class:`experiments.networks.keypoints.Keypoints`.
@@ -238,9 +240,11 @@ class StackEncoder(FrameEncoder):
 
 @contextmanager
 def successive(network: object) -> Iterator[None]:
-    """Within, the batches that an encoder of ``network`` reads without gradients show successive steps of the same
-    environments, and its weights stay as they are: a :class:`StackEncoder` then looks at no frame twice. Rows that do not
-    follow from the last batch are looked at as ever."""
+    """Lets the :class:`StackEncoder` of ``network`` read no frame twice inside the block.
+
+    The batches that it reads without gradients must show successive steps of the same environments, and its weights must
+    not change. Rows that do not follow from the last batch are read as a whole.
+    """
     parts = network.modules() if isinstance(network, nn.Module) else ()
     encoders = [part for part in parts if isinstance(part, StackEncoder)]
     try:
@@ -261,10 +265,10 @@ def small(height: int, width: int, depth: int) -> nn.Sequential:
 
 
 def keypoints(height: int, width: int, depth: int) -> Keypoints:
-    """Where 16 filters answer, and how these points moved from frame to frame, then dense 256 twice, each with ReLU.
+    """The points at which 16 filters respond, and their movements from frame to frame, then dense 256 twice, each with ReLU.
 
-    It needs far fewer steps than the others where positions matter; see :mod:`experiments.networks.keypoints`. Each further frame of
-    a stack costs as much as the first. For 64 x 64 x 3: 79 664 parameters.
+    It needs far fewer steps than the other CNNs where positions matter; see :mod:`experiments.networks.keypoints`. Each
+    further frame of a stack costs as much as the first. For 64 x 64 x 3: 79 664 parameters.
     """
     return Keypoints(height, width, depth)
 

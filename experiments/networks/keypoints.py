@@ -1,7 +1,7 @@
-"""A CNN that reads off where things are: each filter becomes the point at which it answers (spatial soft-argmax).
+"""A CNN that outputs positions: each filter becomes the point at which it responds (spatial soft-argmax).
 
-As in Finn et al. (2016), "Deep spatial autoencoders for visuomotor learning", with what a stack of frames adds: all frames
-pass the same filters, and the dense layers see the points in the newest frame and how far they moved from frame to frame.
+As in Finn et al. (2016), "Deep spatial autoencoders for visuomotor learning", extended to stacks of frames: all frames
+pass the same filters, and the dense layers read the points in the newest frame and their movements from frame to frame.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from experiments.networks.frame_conv import FrameConv
 from segar.observations import copy_squares
 
 SHARPNESS = 5.0  # of the soft-argmax at first; learned, one number per filter
-MOVED = 5.0  # movements are shown this much enlarged: between frames, things move by a small part of the picture
+MOVED = 5.0  # factor on movements: between two frames, entities move by a small part of the picture
 TINY = 1e-30
 COLOURS = 3
 FILTERS = 16  # whose points are found
@@ -27,9 +27,9 @@ STRIDE = 4  # of the first layer, whose kernel is two strides wide
 class Keypoints(nn.Module):
     """Stacks of frames -> 256 numbers: 16 8x8 filters of stride 4, 16 3x3 ones, soft-argmax, and dense layers.
 
-    A depth that is a multiple of 3 is so many frames in colour, the newest one last; any other is as many in grey. Each frame
-    is looked at by itself (:meth:`look`), cut into squares as large as the stride (:meth:`squares`): the first layer is then
-    one of 2x2 squares.
+    A depth that is a multiple of 3 is a stack of depth / 3 frames in colour, the newest one last; any other depth is a stack
+    of so many grey frames. Each frame is read by itself (:meth:`look`), cut into squares as large as the stride
+    (:meth:`squares`): the first layer is then a convolution over 2x2 squares.
     """
 
     places: Tensor  # [cells, 3]: x and y of each cell of the map, and 1; no buffer, which functional modules take for a weight
@@ -61,7 +61,7 @@ class Keypoints(nn.Module):
         return squares
 
     def look(self, squares: Tensor) -> Tensor:
-        """Where each filter answers in a frame, from -1 to 1: float32 [n, (x, y), filter]."""
+        """The point at which each filter responds in a frame, from -1 to 1: float32 [n, (x, y), filter]."""
         x = squares.permute(0, 3, 1, 2)  # channels stay last in memory
         x = F.relu_(F.conv2d(x, self._first_of_squares(), self.first.bias))
         weight = self.second.weight * self.sharpness[:, None, None, None]
@@ -70,7 +70,7 @@ class Keypoints(nn.Module):
             return SoftArgmax.apply(answers.permute(0, 2, 3, 1).flatten(1, 2), self.places)  # type: ignore[no-any-return]
 
     def join(self, points: Tensor) -> Tensor:
-        """What the dense layers make of the points in a stack, [n, stack, (x, y), filter], and of their movements: [n, 256]."""
+        """The dense layers' output [n, 256] for the points in a stack [n, stack, (x, y), filter] and their movements."""
         moved = (points[:, 1:] - points[:, :-1]) * MOVED
         return self.dense(torch.cat([points[:, -1:], moved], 1).flatten(1))
 

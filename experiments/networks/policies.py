@@ -1,4 +1,4 @@
-"""From representations to actions: heads, and the tanh-Gaussian policy over pre-tanh actions."""
+"""From representations to actions: heads, and the tanh-Gaussian distribution over pre-tanh actions."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ QUADRATURE_NODES = 12
 
 
 class SquashedNormal(Independent):
-    """The law of ``tanh(u)`` with ``u ~ N(loc, scale²)`` per dimension, addressed by ``u``.
+    """The distribution of ``tanh(u)`` with ``u ~ N(loc, scale²)`` per dimension, addressed by ``u``.
 
     ``log_prob(u)`` is the log-density of the action ``tanh(u)``. Nothing is ever inverted, so saturated actions
     (``tanh(u) = ±1`` in float32) stay exact. ``loc`` and ``scale``: float ``[..., d]``.
@@ -80,6 +80,32 @@ class Actor(nn.Module):
     def forward(self, observation: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         hidden = self.encoder(observation)
         return self.mean(hidden), self.log_std(hidden).clamp(*self.log_std_range).exp(), hidden
+
+
+@torch.no_grad()
+def actions_of(network: nn.Module, observation: np.ndarray, rng: torch.Generator | None) -> np.ndarray:
+    """Actions float32 [n, actions] by a network that returns ``loc`` and ``scale`` first.
+
+    They are sampled with ``rng``, a generator of the CPU, and deterministic where it is None.
+    """
+    loc, scale, *_ = network(_on_device_of(network, observation))
+    return squashed_actions(loc, scale, rng)
+
+
+def squashed_actions(loc: Tensor, scale: Tensor, rng: torch.Generator | None) -> np.ndarray:
+    """Actions float32 [n, actions] between -1 and 1; sampled with ``rng``, deterministic where it is None."""
+    u = loc if rng is None else loc + scale * torch.randn(loc.shape, generator=rng).to(loc.device)
+    return u.tanh().cpu().numpy()
+
+
+@torch.no_grad()
+def representation_of(encoder: nn.Module, observation: np.ndarray) -> np.ndarray:
+    """The encoder's output, float32 [n, width]."""
+    return encoder(_on_device_of(encoder, observation)).cpu().numpy()
+
+
+def _on_device_of(module: nn.Module, observation: np.ndarray) -> Tensor:
+    return torch.from_numpy(observation).to(next(module.parameters()).device)
 
 
 def make_head(config: PPOConfig, inputs: int, outputs: int) -> nn.Sequential:

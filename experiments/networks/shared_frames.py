@@ -1,4 +1,4 @@
-"""Which frames the stacks of a rollout share: all of one environment's successive stacks have but one frame of their own."""
+"""Frames that the stacks of a rollout share: each stack has one new frame, and the others are those of the stack before."""
 
 from __future__ import annotations
 

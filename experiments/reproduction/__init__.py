@@ -1,1 +1,1 @@
-"""The experiments of the paper as a plan of runs, and how the plan is carried out."""
+"""The experiments of the paper: their files, the plan of runs, the pool of processes that carries it out, and its display."""

@@ -1,4 +1,4 @@
-"""What is going on, live: on a terminal a bar for all work and one for each run; elsewhere a line as each run ends."""
+"""Shows jobs at work: on a terminal a bar for all and one for each; without a terminal a line when a job ends."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from experiments.reproduction.process_pool import Job, Outcome
+from experiments.reproduction.process_pool import Job, JobResult
 
 LOOK_INTERVAL = 1.0  # [s] between looks at the logs
 TAIL = 4096  # bytes at the end of a log that are looked at
@@ -31,17 +31,17 @@ PROBES_BEGIN = re.compile(r": probes$", re.MULTILINE)  # what experiments.evalua
 
 @dataclass
 class Display:
-    """Shows jobs, whose weights say how much of the time each takes.
+    """Shows jobs at work.
 
     Args:
         jobs: name to job.
         weights: name to expected seconds.
-        line: how a job that ended is told in one line.
+        line: formats the result of a job as one line.
     """
 
     jobs: Mapping[str, Job]
     weights: Mapping[str, float]
-    line: Callable[[Outcome], str]
+    line: Callable[[JobResult], str]
     console: Console = field(default_factory=lambda: Console(file=sys.stdout, soft_wrap=True))
     ended: int = 0
     _bars: Progress | None = None
@@ -69,20 +69,20 @@ class Display:
                 watcher.join()
         self._bars = None
 
-    def end(self, outcome: Outcome) -> None:
-        """Tells that a job has ended."""
+    def end(self, result: JobResult) -> None:
+        """Shows that a job has ended."""
         self.ended += 1
-        name = outcome.job.name
+        name = result.job.name
         with self._lock:
             self._over.add(name)
             if self._bars is not None and name in self._own:
                 self._bars.remove_task(self._own.pop(name))
             if self._bars is not None and self._whole is not None:
                 self._bars.update(self._whole, completed=self.ended)
-        self.console.print(f"[{self.ended}/{len(self.jobs)}] {self.line(outcome)}", markup=False, highlight=False)
+        self.console.print(f"[{self.ended}/{len(self.jobs)}] {self.line(result)}", markup=False, highlight=False)
 
     def share_left(self) -> float:
-        """The share of the expected time that the jobs take which have not ended."""
+        """The share of the expected time that belongs to jobs which have not ended."""
         total = sum(self.weights.values())
         return sum(value for name, value in self.weights.items() if name not in self._over) / total if total else 0.0
 
@@ -100,8 +100,7 @@ class Display:
 
 
 def progress_in(log: Path) -> tuple[int, int, bool]:
-    """How far the run that writes this log was when it last said so, and how far it goes (0, 0 before that); and whether
-    its probes have begun."""
+    """Frames done and frames in all by the last such line of a log (0, 0 without one), and whether probes have begun."""
     try:
         with log.open("rb") as stream:
             stream.seek(max(log.stat().st_size - TAIL, 0))

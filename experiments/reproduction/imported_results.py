@@ -1,7 +1,7 @@
-"""Runs that another machine made, or that ``docs/results`` ships: known by their rows in tables, and not trained again.
+"""Results that are imported: tables of runs that another machine made, or that ``docs/results`` ships.
 
-A folder of such tables is one that ``analysis.collect`` or ``analysis.ship`` wrote. A run is its settings, whose hash is
-part of its name; so what a table says of a name is about that run, whoever made it.
+A folder of such tables is one that ``analysis.collect`` or ``analysis.ship`` wrote. The name of a run holds a hash of its
+settings, so a row with that name describes that run. Such a run counts as done and is not trained again.
 """
 
 from __future__ import annotations
@@ -21,39 +21,45 @@ RUNS, TRANSFERS = "runs.parquet", "transfers.parquet"
 
 
 @dataclass(frozen=True)
-class Elsewhere:
-    """What tables say of runs: by name, whose results, transfers (their folder's name) and probes are there."""
+class ImportedResults:
+    """The runs that imported tables describe.
+
+    Args:
+        runs: labels of the runs that have results.
+        transfers: pairs of a run's label and the name of a transfer's folder.
+        probed: labels of the runs whose representations were probed.
+    """
 
     runs: frozenset[str] = frozenset()
     transfers: frozenset[tuple[str, str]] = frozenset()
     probed: frozenset[str] = frozenset()
 
     def has(self, work: RunTask) -> bool:
-        """Whether all of this work was done. Part of it is of no use: what is left needs the weights."""
+        """Whether the tables hold all results of this task. With a part of them, the rest would still need the weights."""
         name = work.run.label()
         tested = all((name, one.folder_name()) in self.transfers for one in work.transfers)
         return name in self.runs and tested and (work.probes is None or name in self.probed)
 
 
-def read_elsewhere(folders: Sequence[Path]) -> Elsewhere:
-    """What the tables in ``folders`` say; raises :class:`ConfigError` where there are none, or they are not readable."""
+def read_imported_results(folders: Sequence[Path]) -> ImportedResults:
+    """The runs in the tables of ``folders``; raises :class:`ConfigError` where a table is missing or not readable."""
     runs: set[str] = set()
     transfers: set[tuple[str, str]] = set()
     probed: set[str] = set()
     for folder in folders:
         if not (folder / RUNS).exists():
             raise ConfigError(
-                f"elsewhere: {folder} holds no {RUNS}; name folders of tables, such as docs/results/quick, or the results "
+                f"imported: {folder} holds no {RUNS}; name folders of tables, such as docs/results/quick, or the results "
                 "folder of another machine"
             )
         runs.update(*columns(folder / RUNS, "run"))
         transfers.update(zip(*columns(folder / TRANSFERS, "run", "transfer"), strict=True))
         probed.update(*columns(folder / PROBES, "run"))
-    return Elsewhere(frozenset(runs), frozenset(transfers), frozenset(probed))
+    return ImportedResults(frozenset(runs), frozenset(transfers), frozenset(probed))
 
 
 def columns(path: Path, *names: str) -> list[list[str]]:
-    """Columns of a table, each a list; empty ones where there is no file, or it has no columns because it has no rows."""
+    """Columns of a table as lists. They are empty where the file is missing or has no columns, because it has no rows."""
     if not path.exists():
         return [[] for _ in names]
     try:
@@ -61,4 +67,4 @@ def columns(path: Path, *names: str) -> list[list[str]]:
             return [[] for _ in names]
         return [column.to_pylist() for column in pq.read_table(path, columns=list(names)).columns]
     except (OSError, pa.ArrowInvalid) as error:
-        raise ConfigError(f"elsewhere: {path} cannot be read: {error}") from error
+        raise ConfigError(f"imported: {path} cannot be read: {error}") from error

@@ -1,4 +1,4 @@
-"""From experiments to work: which runs they need, each once; what is done already; and how long the rest may take."""
+"""The plan of a reproduction: the runs that experiments need, each once; which of them are done; how long the rest takes."""
 
 from __future__ import annotations
 
@@ -16,20 +16,21 @@ from typing import Any
 from experiments.commands.hydra_app import compose
 from experiments.evaluation.probing import ProbeConfig, assumed_seconds, read_about
 from experiments.evaluation.transfers import FactorSwap, RunTask, Transfer
-from experiments.levels.mixed_levels import REST, SEPARATOR
+from experiments.levels.builders import distribution_of
+from experiments.levels.mixed_levels import REST, SEPARATOR, check_fits, places
 from experiments.reproduction.experiment_file import BASE, Experiment, GridConfig, TransferConfig, other_panel
-from experiments.reproduction.imported_results import Elsewhere
+from experiments.reproduction.imported_results import ImportedResults
 from experiments.runs.journal import read_journal
 from experiments.runs.run_folder import folder_path, is_finished, read_config, read_summary, run_folders
 from experiments.settings import (
-    Cell,
     ConfigError,
+    GridPoint,
     LevelsConfig,
     RunConfig,
     ScaleConfig,
     as_data,
-    cell_config,
-    cell_of,
+    config_at,
+    grid_point,
     paper_seeds,
 )
 from segar.cli.arguments import table
@@ -64,12 +65,12 @@ class StudyWork:
 
 
 @dataclass(frozen=True)
-class Plan:
-    """The experiments, the runs of each, and all work, each piece once."""
+class ReproductionPlan:
+    """The experiments, the runs of each, and all tasks without repetition."""
 
     experiments: tuple[Experiment, ...]
-    members: Mapping[str, tuple[RunTask, ...]]  # of each experiment, with the transfers that it asks for
-    runs: tuple[RunTask, ...]  # all, with the transfers that anybody asks for
+    members: Mapping[str, tuple[RunTask, ...]]  # of each experiment, with its transfers
+    runs: tuple[RunTask, ...]  # all, each with the transfers of all experiments
     studies: tuple[StudyWork, ...]
 
 
@@ -78,12 +79,12 @@ def make_plan(
     base: RunConfig,
     results: Path,
     probes: ProbeConfig | None = None,
-    elsewhere: Elsewhere = Elsewhere(),  # noqa: B008 - nothing can change it
-) -> Plan:
-    """What is to be run; raises :class:`ConfigError` for a file of ``conf/`` that does not exist.
+    imported: ImportedResults = ImportedResults(),  # noqa: B008 - nothing can change it
+) -> ReproductionPlan:
+    """The plan for some experiments; raises :class:`ConfigError` for a file of ``conf/`` that does not exist.
 
-    ``probes`` is what runs of experiments with probes are asked. What was done ``elsewhere``, and is not done here, is not
-    to be run.
+    ``probes`` says how the runs of experiments with probes are probed. A run that is not done here, but whose results are
+    ``imported``, counts as done.
     """
     members = {e.name: tuple(works_of(e, base, probes or ProbeConfig())) for e in experiments}
     union: dict[str, RunTask] = {}
@@ -92,10 +93,10 @@ def make_plan(
         known = union.get(label, RunTask(work.run))
         by_folder = {one.folder_name(): one for one in (*known.transfers, *work.transfers)}
         union[label] = RunTask(work.run, tuple(by_folder.values()), known.probes or work.probes)
-    theirs = {label for label, work in union.items() if elsewhere.has(work) and not work.is_done_here()}
-    union = {label: dataclasses.replace(work, imported=label in theirs) for label, work in union.items()}
+    imported_labels = {label for label, work in union.items() if imported.has(work) and not work.is_done_here()}
+    union = {label: dataclasses.replace(work, imported=label in imported_labels) for label, work in union.items()}
     members = {
-        name: tuple(dataclasses.replace(work, imported=work.run.label() in theirs) for work in works)
+        name: tuple(dataclasses.replace(work, imported=work.run.label() in imported_labels) for work in works)
         for name, works in members.items()
     }
     studies = [
@@ -103,7 +104,7 @@ def make_plan(
         for e in experiments
         if e.study
     ]
-    return Plan(tuple(experiments), members, tuple(union.values()), tuple(studies))
+    return ReproductionPlan(tuple(experiments), members, tuple(union.values()), tuple(studies))
 
 
 def works_of(experiment: Experiment, base: RunConfig, probes: ProbeConfig) -> Iterable[RunTask]:
@@ -111,7 +112,7 @@ def works_of(experiment: Experiment, base: RunConfig, probes: ProbeConfig) -> It
     if experiment.grid is None:
         return
     for run in grid_runs(experiment.grid, base):
-        found = [one for one in (transfer_of(asked, run) for asked in experiment.transfers) if one is not None]
+        found = [one for one in (transfer_of(transfer, run) for transfer in experiment.transfers) if one is not None]
         found += mixtures_of(experiment, run)
         yield RunTask(run, tuple(found), probes if experiment.probes else None)
 
@@ -134,7 +135,7 @@ def grid_runs(grid: GridConfig, base: RunConfig) -> Iterable[RunConfig]:
     frames = grid.frames or scale.frames
     interval = base.evaluation.interval if grid.interval is None else grid.interval
     for seed, algorithm, observation, task, variation, design, family, difficulty, n in places:
-        cell = cell_config(base, Cell(family, difficulty, n, seed))
+        cell = config_at(base, GridPoint(family, difficulty, n, seed))
         yield dataclasses.replace(
             cell,
             levels=dataclasses.replace(cell.levels, variation=variation, design=design),
@@ -148,32 +149,31 @@ def grid_runs(grid: GridConfig, base: RunConfig) -> Iterable[RunConfig]:
 
 @cache
 def setting(group: str, name: str) -> RunConfig:
-    """The settings that a file of ``conf/<group>`` states; raises :class:`ConfigError` if there is none such."""
+    """The settings that a file of ``conf/<group>`` states; raises :class:`ConfigError` if there is no such file."""
     return compose([f"{group}={name}"])
 
 
-def transfer_of(asked: TransferConfig, run: RunConfig) -> Transfer | None:
-    """Where the agent of ``run`` is tested, too; None where there is no such place, or it is the run's own."""
-    cell = cell_of(run)
-    panel = other_panel(cell.family, cell.difficulty, asked)
+def transfer_of(transfer: TransferConfig, run: RunConfig) -> Transfer | None:
+    """A transfer of the agent of ``run``; None where there is no such panel, or it is tested there anyway."""
+    cell = grid_point(run)
+    panel = other_panel(cell.family, cell.difficulty, transfer)
     if panel is None:
         return None
-    variation = run.levels.variation if asked.variation is None else asked.variation
+    variation = run.levels.variation if transfer.variation is None else transfer.variation
     observation = (
-        run.observation if asked.observation is None else setting("observation", asked.observation).observation
+        run.observation if transfer.observation is None else setting("observation", transfer.observation).observation
     )
     if (panel, variation, observation) == (cell.panel, run.levels.variation, run.observation):
         return None  # what the run is tested on anyway
-    parts = [panel if panel != cell.panel else "", asked.variation or "", asked.observation or ""]
+    parts = [panel if panel != cell.panel else "", transfer.variation or "", transfer.observation or ""]
     label = "-".join(part for part in parts if part) or "unvaried"
     return Transfer(label, panel, variation, observation, run.levels.test_count, run.levels.test_seed)
 
 
 def mixtures_of(experiment: Experiment, run: RunConfig) -> Iterable[Transfer]:
-    """The levels between training and test of an experiment that asks what makes the gap; raises :class:`ConfigError`.
+    """Transfers to levels between training and test, for an experiment that attributes the gap; raises :class:`ConfigError`.
 
-    Every training level counts as often as every other, so that what the agent does on the training and the test levels
-    themselves completes the design.
+    Every training level counts equally, so that the evaluations on the training and the test levels complete the design.
     """
     if not experiment.attribution:
         return
@@ -185,7 +185,7 @@ def mixtures_of(experiment: Experiment, run: RunConfig) -> Iterable[Transfer]:
         )
     check_groups(experiment, levels)
     names = (*experiment.attribution, REST)
-    panel = cell_of(run).panel
+    panel = grid_point(run).panel
     for size in range(1, len(names)):
         for changed in combinations(names, size):
             label = f"{SEPARATOR.join(changed)} of test levels"
@@ -196,10 +196,7 @@ def mixtures_of(experiment: Experiment, run: RunConfig) -> Iterable[Transfer]:
 
 
 def check_groups(experiment: Experiment, levels: LevelsConfig) -> None:
-    """Raises :class:`ConfigError` unless a training and a test level can be mixed, by groups of factors that they have."""
-    from experiments.levels.builders import distribution_of
-    from experiments.levels.mixed_levels import check_fits, places
-
+    """Raises :class:`ConfigError` unless training and test levels can be mixed and have the factors of the groups."""
     train, test = (distribution_of(levels, which).sample(1, seed=0, split=which) for which in ("train", "test"))
     try:
         check_fits(train, test)
@@ -215,10 +212,10 @@ class Speeds:
     frames: Mapping[tuple[str, str], float]  # by algorithm and observation
     evaluation: Mapping[tuple[str, str], float]
     measured: int  # runs
-    probing: Mapping[tuple[str, str, str], float] = field(default_factory=dict)  # seconds; also by what was asked
+    probing: Mapping[tuple[str, str, str], float] = field(default_factory=dict)  # seconds; also by the probes' settings
 
     def seconds(self, work: RunTask) -> float:
-        """How long the rest of a run may take by itself."""
+        """How long the rest of a run takes, in seconds, if it runs alone."""
         run = work.run
         kind = (run.algorithm.name, run.observation.name)
         evaluation = self.evaluation.get(kind, ASSUMED_EVALUATION)
@@ -229,16 +226,16 @@ class Speeds:
         return left + evaluation + work.frames_left() / self.frames.get(kind, assumed_speed(run))
 
     def seconds_of_probes(self, work: RunTask) -> float:
-        """How long the probes of a run may take; 0 where it has them, or is to have none."""
+        """How long the probes of a run take, in seconds; 0 where they are done or not wanted."""
         if work.probes is None or not work.needs_probing():
             return 0.0
         kind = kind_of(work.run)
-        measured = self.probing.get((*kind, in_words(as_data(work.probes))))
+        measured = self.probing.get((*kind, settings_key(as_data(work.probes))))
         return measured or assumed_seconds(work.probes, self.frames.get(kind, assumed_speed(work.run)))
 
 
 def assumed_speed(run: RunConfig) -> float:
-    """Frames per second where nothing like it has been measured."""
+    """Frames per second where no such run has been measured."""
     settings = run.algorithm
     kinds = {
         "off-policy": hasattr(settings, "steps_per_update"),
@@ -268,7 +265,7 @@ def measure_speeds(root: Path) -> Speeds:
             evaluation.setdefault(kind, []).append(summary["evaluation_seconds"])
         about = read_about(folder)
         if about is not None:
-            probing.setdefault((*kind, in_words(about["asked"])), []).append(about["seconds"])
+            probing.setdefault((*kind, settings_key(about["asked"])), []).append(about["seconds"])
     return Speeds(medians(frames), medians(evaluation), sum(map(len, frames.values())), medians(probing))
 
 
@@ -277,13 +274,13 @@ def medians(found: Mapping[Any, Sequence[float]]) -> dict[Any, float]:
     return {kind: statistics.median(values) for kind, values in found.items()}
 
 
-def in_words(asked: Mapping[str, Any]) -> str:
-    """Settings of probes as one line, equal for equal ones."""
-    return json.dumps(asked, sort_keys=True)
+def settings_key(settings: Mapping[str, Any]) -> str:
+    """Settings of probes as one line of text, equal for equal settings."""
+    return json.dumps(settings, sort_keys=True)
 
 
-def as_text(plan: Plan, speeds: Speeds, processes: int, scale: ScaleConfig) -> str:
-    """The plan as a table for people: what each experiment is, needs, shares and has, and how long the rest may take."""
+def as_text(plan: ReproductionPlan, speeds: Speeds, processes: int, scale: ScaleConfig) -> str:
+    """The plan as a table: runs of each experiment, which are shared and done, and how long the rest takes."""
     rows, seen = [], set()
     for experiment in plan.experiments:
         works = plan.members[experiment.name]
@@ -321,7 +318,7 @@ def as_text(plan: Plan, speeds: Speeds, processes: int, scale: ScaleConfig) -> s
 
 
 def kind_of(run: RunConfig) -> tuple[str, str]:
-    """What speed depends on."""
+    """The algorithm and the observation, on which speed depends."""
     return run.algorithm.name, run.observation.name
 
 
@@ -340,8 +337,8 @@ def in_minutes(seconds: float) -> str:
     return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"
 
 
-def as_data_of(plan: Plan) -> list[dict[str, Any]]:
-    """The plan as plain data, for the tables: each experiment with the folders of its runs and their transfers."""
+def as_data_of(plan: ReproductionPlan) -> list[dict[str, Any]]:
+    """The plan as plain data, from which tables are made: each experiment with the folders of its runs and transfers."""
     return [
         {
             "name": experiment.name,

@@ -1,8 +1,8 @@
-"""Several runs on one machine: a pool of processes, a log per run, and no run that takes others down with it.
+"""Several runs on one machine: a pool of processes with a log for each run.
 
-The processes are those of :class:`concurrent.futures.ProcessPoolExecutor`. What is added here: what a run prints goes
-to its log; a process that dies abruptly costs its own run alone; and the processes end with this one, even when this
-one is killed. Several machines are a matter of Hydra's launchers, not of this.
+This module adds three things to :class:`concurrent.futures.ProcessPoolExecutor`. The output of a run goes to its log; a
+process that dies abruptly ends only its own run; and the processes end with this one, even when this one is killed. For
+several machines there are Hydra's launchers.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from threadpoolctl import threadpool_limits
 
 @dataclass(frozen=True)
 class Job:
-    """One run: its name, which no other has; what the work is called with; where its output goes."""
+    """One run: its unique name, the argument of its work, and the file for its output."""
 
     name: str
     argument: Any
@@ -36,30 +36,30 @@ class Job:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class JobResult:
     """How a job ended."""
 
     job: Job
     seconds: float
     error: str | None  # the last line of what went wrong
-    result: Any = None  # what the work returned
+    result: Any = None  # the value that the work returned
 
 
 def run_jobs(
     jobs: Sequence[Job],
     work: Callable[[Any], Any],
     processes: int,
-    ended: Callable[[Outcome], None] = lambda _: None,
-) -> list[Outcome]:
-    """Calls ``work(job.argument)`` for every job, ``processes`` at a time; ``ended`` is told of each outcome at once.
+    ended: Callable[[JobResult], None] = lambda _: None,
+) -> list[JobResult]:
+    """Calls ``work(job.argument)`` for every job, ``processes`` at a time, and ``ended`` with each result at once.
 
-    ``work`` must be importable by name. Only what stops this process (Ctrl-C) stops the jobs.
+    ``work`` must be importable by name. An error of one job does not stop the others; Ctrl-C stops all.
     """
-    outcomes: list[Outcome] = []
+    results: list[JobResult] = []
 
-    def end(outcome: Outcome) -> None:
-        outcomes.append(outcome)
-        ended(outcome)
+    def end(result: JobResult) -> None:
+        results.append(result)
+        ended(result)
 
     for job in jobs:
         job.log.parent.mkdir(parents=True, exist_ok=True)
@@ -67,17 +67,17 @@ def run_jobs(
     remaining = list(jobs)
     while remaining:
         _run_pool(remaining, work, processes, end)
-        done = {outcome.job.name for outcome in outcomes}
+        done = {result.job.name for result in results}
         remaining = [job for job in remaining if job.name not in done]
-    return outcomes
+    return results
 
 
-def _run_pool(jobs: list[Job], work: Callable[[Any], Any], processes: int, end: Callable[[Outcome], None]) -> None:
+def _run_pool(jobs: list[Job], work: Callable[[Any], Any], processes: int, end: Callable[[JobResult], None]) -> None:
     """Runs jobs until all have ended or a process died abruptly, which ends every job that had begun."""
     began = time.monotonic()
     broken: list[Job] = []
     with _pool(processes) as pool:
-        futures: dict[Future[Outcome], Job] = {pool.submit(_run_job, work, job): job for job in jobs}
+        futures: dict[Future[JobResult], Job] = {pool.submit(_run_job, work, job): job for job in jobs}
         for future in as_completed(futures):
             job = futures[future]
             match future.exception():
@@ -86,10 +86,10 @@ def _run_pool(jobs: list[Job], work: Callable[[Any], Any], processes: int, end: 
                 case BrokenProcessPool():
                     broken.append(job)
                 case error:
-                    end(Outcome(job, time.monotonic() - began, f"{type(error).__name__}: {error}"))
+                    end(JobResult(job, time.monotonic() - began, f"{type(error).__name__}: {error}"))
     begun = [job for job in broken if job.log.exists()]
     for job in begun or broken[:1]:  # at least one, or a pool that cannot start would be tried for ever
-        end(Outcome(job, time.monotonic() - began, "its process, or one beside it, ended abruptly (out of memory?)"))
+        end(JobResult(job, time.monotonic() - began, "its process, or one beside it, ended abruptly (out of memory?)"))
 
 
 @contextmanager
@@ -119,25 +119,25 @@ def _begin_process(reader: Connection) -> None:
     threading.Thread(target=end_with_owner, daemon=True).start()
 
 
-def _run_job(work: Callable[[Any], Any], job: Job) -> Outcome:
+def _run_job(work: Callable[[Any], Any], job: Job) -> JobResult:
     began = time.monotonic()
     error = result = None
     with _output_to(job.log):
         try:
             result = work(job.argument)
-        except Exception as problem:  # told to the user by the outcome; the other jobs go on
+        except Exception as problem:  # the result reports it; the other jobs continue
             traceback.print_exc()
             error = f"{type(problem).__name__}: {problem}"
-        except KeyboardInterrupt:  # it stopped on a signal, having saved what it needs to go on: so does this process
+        except KeyboardInterrupt:  # the run wrote a checkpoint and stopped on a signal; this process ends, too
             traceback.print_exc()
             sys.stderr.flush()
             os._exit(1)
-    return Outcome(job, time.monotonic() - began, error, result)
+    return JobResult(job, time.monotonic() - began, error, result)
 
 
 @contextmanager
 def _output_to(log: Path) -> Iterator[None]:
-    """Everything that this process prints goes to ``log``, also what libraries print below Python."""
+    """Sends all output of this process to ``log``, that of C libraries included."""
     kept = os.dup(1), os.dup(2)
     with log.open("w") as stream:
         os.dup2(stream.fileno(), 1)

@@ -1,4 +1,4 @@
-"""What a search may choose from: settings by name, each with an interval or a list of choices."""
+"""The space of a search: settings by name, each with an interval or a list of choices."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Dimension:
 
     def suggest(self, trial: Trial, name: str) -> Any:
         """The value of the setting ``name`` in a trial."""
-        if self.choices:  # Optuna knows no lists, as of widths; as text it knows everything
+        if self.choices:  # Optuna takes no lists (of widths, for example), but their text
             return json.loads(str(trial.suggest_categorical(name, [json.dumps(choice) for choice in self.choices])))
         assert self.low is not None and self.high is not None
         if self.whole:
@@ -45,7 +45,7 @@ def dimensions(space: Mapping[str, Any], place: str = "") -> dict[str, Dimension
     """Dotted name and values of each setting in a space, which is nested as the settings are.
 
     Raises:
-        ConfigError: something in it is neither a group of settings nor an interval nor a list of choices.
+        ConfigError: an entry is neither a group of settings nor an interval nor a list of choices.
     """
     found: dict[str, Dimension] = {}
     for key, value in space.items():

@@ -1,1 +1,1 @@
-"""The run folder and its files: settings, tables, journal, versions."""
+"""The run folder and its files: settings, tables, journal, versions. It imports settings and commands, and no torch."""

@@ -1,4 +1,4 @@
-"""Files of a run that are either as they were or whole: see :mod:`segar.support.atomic_files`."""
+"""Files of a run are replaced as a whole or stay as they were: see :mod:`segar.support.atomic_files`."""
 
 from __future__ import annotations
 

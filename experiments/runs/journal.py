@@ -1,7 +1,7 @@
-"""What happened to a run, one JSON object per line: started, stopped, failed, finished; and what nobody could write.
+"""The journal of a run: one JSON object per line says when it was started, stopped, failed, finished, or lost.
 
-A process that is killed outright (``kill -9``, out of memory, a power cut) writes nothing. The next one finds a start
-without an end, says so, and notes it as ``lost``.
+A process that is killed outright (``kill -9``, out of memory, a power cut) writes nothing. The next process finds a start
+without an end, and notes it as ``lost``.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from experiments.runs.run_folder import JOURNAL
 
 
 class Journal:
-    """The journal of a run folder, and where the run is now: what it is doing, and after how many frames."""
+    """Writes the journal of a run folder; ``doing`` and ``frames`` say how far the run is."""
 
     def __init__(self, folder: Path) -> None:
         self.path = folder / JOURNAL
@@ -28,21 +28,21 @@ class Journal:
         self.frames = 0
 
     def begin(self) -> str | None:
-        """Notes that this process is at work; returns what to say about one before it that ended without a word."""
-        said = None
+        """Notes that this process starts; returns a message if the process before it was lost."""
+        message = None
         before = read_journal(self.path.parent)
         if before and before[-1]["event"] == "started":
             last = before[-1]
             self.note("lost", process=last["process"], host=last["host"])
-            said = (
+            message = (
                 f"the process before this one ({last['process']} on {last['host']}, begun {last['time']}) ended without "
                 "a word: killed, out of memory, or a power cut"
             )
         self.note("started", process=os.getpid(), host=socket.gethostname())
-        return said
+        return message
 
     def end(self, error: BaseException | None = None) -> None:
-        """Notes how this process ended: with this error, or well."""
+        """Notes how this process ended: with an error, or finished."""
         if error is None:
             self.note("finished", frames=self.frames)
             return
@@ -51,7 +51,7 @@ class Journal:
         error.add_note(f"This happened during {self.doing}, after {self.frames:,} frames; see {self.path}")
 
     def note(self, event: str, **facts: Any) -> None:
-        """Appends a line; where that is impossible (a full disk), says so and goes on."""
+        """Appends a line; where that is impossible (a full disk), prints the line to stderr."""
         line = {"time": datetime.now(UTC).isoformat(timespec="seconds"), "event": event, **facts}
         try:
             with self.path.open("ab") as stream:
@@ -62,14 +62,14 @@ class Journal:
 
 
 def read_journal(folder: Path) -> list[dict[str, Any]]:
-    """All lines of a run's journal, without those that a full disk or a power cut has cut short."""
+    """All lines of a run's journal that are whole; a full disk or a power cut can leave others."""
     path = folder / JOURNAL
     lines = path.read_text(errors="replace").splitlines() if path.exists() else []
     return [entry for entry in map(_parsed, lines) if entry is not None]
 
 
 def _account(error: BaseException) -> dict[str, Any]:
-    """What an error says, and where in the code it was raised."""
+    """The message of an error, the place in the code where it was raised, and its traceback."""
     frames = traceback.extract_tb(error.__traceback__)
     where = f"{frames[-1].filename}:{frames[-1].lineno} in {frames[-1].name}" if frames else ""
     what = str(error) if isinstance(error, Stopped) else f"{type(error).__name__}: {error}"

@@ -1,26 +1,24 @@
-"""The run folder: what a run leaves behind, and the only thing that analysis reads.
+"""The run folder: all files of a run. Analysis reads nothing else.
 
 ``config.yaml``           the settings; ``read_config`` makes the :class:`RunConfig` again
 ``levels_train.npz``      the levels that were trained on; ``levels_test.npz`` those that were tested on
-``checkpoint/``           ``latest.pt``: weights, and what it takes to go on (tensors and plain data, nothing pickled);
+``checkpoint/``           ``latest.pt``: weights and the state to resume from (tensors and plain data, nothing pickled);
                           ``previous.pt``: the one before it
 ``episodes.parquet``      one row per evaluation episode, see :data:`EPISODE_SCHEMA`
 ``metrics.parquet``       one row per figure and time, see :data:`METRIC_SCHEMA`
 ``versions.json``         libraries, commit, fingerprint of the code, content hashes of the level sets
 ``summary.json``          the final figures; written last, so it is there if and only if the run is finished
 ``journal.jsonl``         when the run was started, stopped, went wrong (with the traceback), and finished
-``tracking.json``         how much of this MLflow has
-``evaluations/``          what ``python -m experiments.evaluate`` found out later
-``probes.parquet``        what the representation knows of the factors, see :mod:`experiments.evaluation.probing`
+``tracking.json``         how much of it was sent to MLflow
+``evaluations/``          results of ``python -m experiments.evaluate``
+``probes.parquet``        how well probes predict the factors from the representation, see :mod:`experiments.evaluation.probing`
 """
 
 from __future__ import annotations
 
-import fcntl
 import json
 import os
 import shutil
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -29,6 +27,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 import yaml
+from filelock import FileLock, Timeout
 
 from experiments.runs.files import TEMPORARY, remove_unfinished, replacing, write_text
 from experiments.settings import CHECKOUT, ConfigError, RunConfig, RunFolderError, as_data, run_config, with_new_names
@@ -47,9 +46,9 @@ EVALUATIONS = "evaluations"
 PROBES = "probes.parquet"
 VERSIONS = "versions.json"
 SUMMARY = "summary.json"
-MARK = "tracking.json"  # how much of the run MLflow has
+SYNC_STATE = "tracking.json"  # how much of the run was sent to MLflow
 LOCK = ".lock"
-LOCK_ATTEMPTS, LOCK_PAUSE = 5, 0.1  # [s] in all, what a glance of another process at the lock may last
+LOCK_TIMEOUT = 0.5  # [s]; longer than another process holds the lock to see whether it is free
 
 RESULTS = "results/"  # begins the names of further columns: what the task says of an episode's last state
 EPISODE_SCHEMA = pa.schema(
@@ -74,9 +73,14 @@ METRIC_SCHEMA = pa.schema(
 )
 
 
+def root_folder(root: str | None) -> Path:
+    """Absolute path of the folder that holds run folders and MLflow's store; None means ``runs/`` of the checkout."""
+    return Path(root).expanduser().resolve() if root else CHECKOUT / "runs"
+
+
 def runs_root(config: RunConfig) -> Path:
-    """Absolute path under which run folders and MLflow's store lie."""
-    return Path(config.root).expanduser().resolve() if config.root else CHECKOUT / "runs"
+    """Absolute path of the folder that holds the folder of this run."""
+    return root_folder(config.root)
 
 
 def folder_path(config: RunConfig) -> Path:
@@ -85,17 +89,17 @@ def folder_path(config: RunConfig) -> Path:
 
 
 def is_finished(folder: Path) -> bool:
-    """Whether a run went through there."""
+    """Whether the run in ``folder`` is finished."""
     return (folder / SUMMARY).exists()
 
 
 @contextmanager
-def claim(config: RunConfig) -> Iterator[Path]:
+def use_run_folder(config: RunConfig) -> Iterator[Path]:
     """The run's folder, made if need be, and locked against other processes inside the block.
 
     Raises:
-        RunFolderError: it holds another run, or something else, or another process is at it, or ``config`` forbids to
-            go on with the run that it holds.
+        RunFolderError: the folder holds another run, or something else; another process is at work in it; or
+            ``config`` forbids to resume the run that it holds.
     """
     folder = folder_path(config)
     try:
@@ -110,22 +114,14 @@ def claim(config: RunConfig) -> Iterator[Path]:
 
 @contextmanager
 def lock(folder: Path) -> Iterator[None]:
-    """Keeps other processes from a run folder inside the block; raises :class:`RunFolderError` if one is at it."""
+    """Keeps other processes out of a run folder inside the block; raises :class:`RunFolderError` if one is at work there."""
     try:
-        file = open(folder / LOCK, "a")  # noqa: SIM115 - held open, hence locked, until the block ends
+        held = FileLock(folder / LOCK, timeout=LOCK_TIMEOUT).acquire()
+    except Timeout:
+        raise RunFolderError(f"another process is at work in {folder}; wait for it, or choose folder=...") from None
     except OSError as error:
         raise RunFolderError(f"cannot use the run folder {folder}: {error.strerror}") from error
-    with file:
-        for attempt in range(LOCK_ATTEMPTS):
-            try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                break
-            except BlockingIOError:
-                if attempt + 1 == LOCK_ATTEMPTS:
-                    raise RunFolderError(
-                        f"another process is at work in {folder}; wait for it, or choose folder=..."
-                    ) from None
-                time.sleep(LOCK_PAUSE)
+    with held:
         yield
 
 
@@ -146,7 +142,7 @@ def run_folders(root: Path) -> list[Path]:
 def _occupy(folder: Path, config: RunConfig) -> None:
     """Writes the settings into an empty folder; raises :class:`RunFolderError` if it holds another run or no run."""
     if (folder / CONFIG).exists():
-        there = read_config(folder)  # also before clearing: what is not a run of ours is not ours to remove
+        there = read_config(folder)  # read before anything is removed: a folder that holds no run must stay
         if config.restart:
             empty(folder, config)
             return
@@ -171,9 +167,9 @@ def _occupy(folder: Path, config: RunConfig) -> None:
 
 
 def empty(folder: Path, config: RunConfig) -> None:
-    """Throws away the run in a folder, and nothing else that lies there, for one with these settings to begin."""
-    names = (SUMMARY, PROBES, EPISODES, METRICS, VERSIONS, LEVELS_TRAIN, LEVELS_TEST, JOURNAL, MARK, CONFIG)
-    for name in names:  # the sign of completion first
+    """Removes the run in a folder, and no other files, and writes the settings of the run that begins there."""
+    names = (SUMMARY, PROBES, EPISODES, METRICS, VERSIONS, LEVELS_TRAIN, LEVELS_TEST, JOURNAL, SYNC_STATE, CONFIG)
+    for name in names:  # the summary first, because it says that the run is finished
         (folder / name).unlink(missing_ok=True)
     for part in (CHECKPOINTS, EVALUATIONS):
         if (folder / part).exists():

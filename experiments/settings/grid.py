@@ -12,7 +12,7 @@ from experiments.settings.run import DIFFICULTIES, RunConfig
 
 
 @dataclasses.dataclass(frozen=True)
-class Cell:
+class GridPoint:
     """Where a run stands in the paper's grid."""
 
     family: str
@@ -29,7 +29,7 @@ class Cell:
         return f"{self.family}-{self.difficulty}" if self.difficulty else self.family
 
 
-def paper_cells(config: RunConfig) -> list[RunConfig]:
+def paper_grid(config: RunConfig) -> list[RunConfig]:
     """A run for every cell and seed of ``config.scale``, seed after seed and panel after panel.
 
     Level seed and training seed are equal: training levels of one seed are never those of another, nor
@@ -37,7 +37,7 @@ def paper_cells(config: RunConfig) -> list[RunConfig]:
     """
     scale = config.scale
     places = product(paper_seeds(config), scale.families, scale.difficulties, scale.counts)
-    return [cell_config(config, Cell(family, difficulty, n, seed)) for seed, family, difficulty, n in places]
+    return [config_at(config, GridPoint(family, difficulty, n, seed)) for seed, family, difficulty, n in places]
 
 
 def paper_seeds(config: RunConfig) -> range:
@@ -45,18 +45,18 @@ def paper_seeds(config: RunConfig) -> range:
     return range(config.seed, config.seed + config.scale.seeds)
 
 
-def cell_config(config: RunConfig, cell: Cell) -> RunConfig:
+def config_at(config: RunConfig, cell: GridPoint) -> RunConfig:
     """``config`` with the levels and the seed of ``cell``."""
     levels = dataclasses.replace(config.levels, train=cell.panel, count=cell.count, seed=cell.seed)
     return dataclasses.replace(config, levels=levels, seed=cell.seed, folder=None)
 
 
-def cell_of(config: RunConfig) -> Cell:
+def grid_point(config: RunConfig) -> GridPoint:
     """Where a run stands, read from its settings."""
     family, dash, difficulty = config.levels.train.rpartition("-")
     if not dash or difficulty not in DIFFICULTIES:
         family, difficulty = config.levels.train, ""
-    return Cell(family, difficulty, config.levels.count, config.seed)
+    return GridPoint(family, difficulty, config.levels.count, config.seed)
 
 
 def design(config: RunConfig) -> dict[str, Any]:

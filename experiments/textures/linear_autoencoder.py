@@ -33,7 +33,7 @@ class Training:
     """How a model is trained.
 
     Attributes:
-        most_attempts: how often a seed is begun anew until its model meets the bars of :mod:`experiments.textures.texture_bars`.
+        most_attempts: how often a seed is tried until its model meets the bars of :mod:`experiments.textures.texture_bars`.
         steps, batch: of Adam, whose ``learning_rate`` falls along a cosine to 0.
         samples: things from the product of marginals, from which batches are drawn.
         noise_weight: of noise in the error of reconstruction; factors have 1.

@@ -34,7 +34,9 @@ def refuse_below_bars(textures: TextureSet) -> None:
     Raises:
         SegarError: one does not; it names the models, and the factors and things in question.
     """
-    found = [f"model {model}: {said}" for model in range(len(textures)) for said in shortfalls(textures, model)]
+    found = [
+        f"model {model}: {shortfall}" for model in range(len(textures)) for shortfall in shortfalls(textures, model)
+    ]
     if found:
         raise SegarError(
             f"textures '{textures.name}' must not be shipped:\n  "

@@ -1,1 +1,1 @@
-"""MLflow: the store, what is sent to it, and its pages."""
+"""MLflow: the store, the sending of runs to it, and its pages. MLflow itself is imported when a store is opened."""

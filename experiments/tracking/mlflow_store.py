@@ -1,12 +1,13 @@
-"""The MLflow store: where it is, and how it is opened, by many processes at once if need be."""
+"""The MLflow store: its address, and how it is opened, by many processes at once if need be."""
 
 from __future__ import annotations
 
-import fcntl
 import logging
 import os
 from pathlib import Path
 from typing import Any
+
+from filelock import FileLock
 
 from experiments.commands import process_defaults as runtime
 from experiments.runs.files import replacing
@@ -15,8 +16,8 @@ from experiments.tracking.mlflow_views import tags_of_views
 
 STORE = "mlflow.db"  # under the root of the runs
 SERVERS = ("http", "https")  # begin the addresses of MLflow's servers
-REMOTE = (*SERVERS, "postgresql", "mysql", "mssql")  # and of all that may come and go while runs are at work
-PATIENCE = {  # MLflow's own is minutes; whoever asks here tries again later anyway
+REMOTE = (*SERVERS, "postgresql", "mysql", "mssql")  # and of all stores that may be unreachable for a while
+PATIENCE = {  # MLflow's defaults are minutes; the tracker tries again later anyway
     "MLFLOW_HTTP_REQUEST_MAX_RETRIES": "1",
     "MLFLOW_HTTP_REQUEST_TIMEOUT": "20",  # [s]
 }
@@ -28,17 +29,17 @@ def store_uri(tracking: TrackingConfig, root: Path) -> str:
 
 
 def is_remote(uri: str) -> bool:
-    """Whether the store at this address is on a network, and may be away for a while."""
+    """Whether the store at this address is on a network, and may be unreachable for a while."""
     return scheme(uri) in REMOTE
 
 
 def is_server(uri: str) -> bool:
-    """Whether a server of MLflow's is at this address, which has pages, and keeps the files of runs."""
+    """Whether this is the address of an MLflow server, which has pages and keeps the files of runs."""
     return scheme(uri) in SERVERS
 
 
 def scheme(uri: str) -> str:
-    """What an address begins with, without the name of a driver: ``postgresql`` for ``postgresql+psycopg2://...``."""
+    """The scheme of an address without the driver: ``postgresql`` for ``postgresql+psycopg2://...``."""
     return uri.partition("://")[0].partition("+")[0]
 
 
@@ -56,10 +57,9 @@ def open_store(tracking: TrackingConfig, root: Path) -> tuple[Any, str]:
         os.environ.setdefault(name, value)
     from mlflow import MlflowClient
 
-    logging.getLogger("urllib3.connectionpool").setLevel(logging.ERROR)  # it would tell of every single retry
+    logging.getLogger("urllib3.connectionpool").setLevel(logging.ERROR)  # it logs every retry
     root.mkdir(parents=True, exist_ok=True)
-    with open(root / ".mlflow.lock", "a") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
+    with FileLock(root / ".mlflow.lock"):
         if tracking.uri is None and not (root / STORE).exists():
             with replacing(root / STORE) as beside:  # half a database could never be opened again
                 calling(MlflowClient, tracking_uri=f"sqlite:///{beside}")
@@ -81,7 +81,7 @@ def show_views(client: Any, experiment: Any) -> None:
 
 
 def calling(function: Any, *arguments: Any, **options: Any) -> Any:
-    """The function's result; what MLflow, its database or the disk refuses becomes one :class:`TrackingError`."""
+    """The function's result; an error of MLflow, its database or the disk becomes a :class:`TrackingError`."""
     from mlflow.exceptions import MlflowException
     from sqlalchemy.exc import SQLAlchemyError
 

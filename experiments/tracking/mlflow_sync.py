@@ -1,9 +1,9 @@
-"""What MLflow has of a run, and what it still lacks: the same figures as in the run folder, each sent once.
+"""What of a run MLflow has: the figures of its run folder, each sent once.
 
-The run folder is what is delivered: the rows of ``metrics.parquet`` in their order, then files, then how the run ended.
-``tracking.json`` marks how far that has come, so a delivery that was cut off goes on from there: by the run itself, when
-the run is gone on with, or by ``python -m experiments.upload``. A row always has the same time, so that one which is
-sent again, because the mark could not be written, is the same point to MLflow.
+A run is sent in an order: the rows of ``metrics.parquet``, then files, then how the run ended. ``tracking.json`` in the run
+folder says how far that has come. So what was cut off goes on from there, by the run itself when it is resumed, or by
+``python -m experiments.upload``. A row always has the same time: one that is sent again, because ``tracking.json`` could
+not be written, is the same point to MLflow.
 """
 
 from __future__ import annotations
@@ -14,19 +14,23 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from experiments.runs.run_folder import EPISODES, MARK, SUMMARY, runs_root, write_json
-from experiments.settings import RunConfig, cell_of, flat
+from experiments.runs.run_folder import EPISODES, SUMMARY, SYNC_STATE, runs_root, write_json
+from experiments.settings import RunConfig, flat, grid_point
 from experiments.tracking.mlflow_store import calling, open_store, store_uri
+
+if TYPE_CHECKING:
+    from mlflow import MlflowClient
+    from mlflow.entities import Metric
 
 BATCH = 1000  # metrics in one call, at most; MLflow's limit
 VALUE_LENGTH = 500  # of a parameter, in characters
 
 
 @dataclass
-class Mark:
-    """How much of a run has been delivered, and where to."""
+class SyncState:
+    """How much of a run was sent, and to which store."""
 
     store: str  # its address
     experiment: str
@@ -37,82 +41,82 @@ class Mark:
     status: str | None = None  # MLflow's word for how the run stands
 
 
-class Delivery:
-    """Delivers one run; not for use by two threads at once."""
+class RunSync:
+    """Sends one run to MLflow; not for use by two threads at once."""
 
     def __init__(self, config: RunConfig, folder: Path) -> None:
         self.config, self.folder = config, folder
-        self.client: Any = None
-        here = Mark(store_uri(config.tracking, runs_root(config)), config.tracking.experiment, int(time.time() * 1000))
-        there = read_mark(folder)
-        is_same = there is not None and (there.store, there.experiment) == (here.store, here.experiment)
-        self.mark = there if there is not None and is_same else here
+        self.client: MlflowClient | None = None
+        store = store_uri(config.tracking, runs_root(config))
+        state = read_sync_state(folder)
+        if state is None or (state.store, state.experiment) != (store, config.tracking.experiment):
+            state = SyncState(store, config.tracking.experiment, int(time.time() * 1000))
+        self.state = state
 
-    def open(self) -> Any:
-        """Finds the run in the store, or begins it there; returns the store's client; raises :class:`TrackingError`."""
+    def open(self) -> MlflowClient:
+        """Finds or creates the run in the store; returns the store's client; raises :class:`TrackingError`."""
         if self.client is not None:
             return self.client
         client, experiment = open_store(self.config.tracking, runs_root(self.config))
-        if self.mark.run_id is None:
-            self.keep_mark()  # what the run is found by, should this process be killed before it knows the id
-            self.mark.run_id = calling(self._find_or_create, client, experiment)
-            self.keep_mark()
+        if self.state.run_id is None:
+            self.write_state()  # if this process is killed before it knows the id, the run is found by this
+            self.state.run_id = calling(self._find_or_create, client, experiment)
+            self.write_state()
         self.client = client
         return client
 
     def send(self, rows: Sequence[Mapping[str, Any]], files: Sequence[Path], status: str) -> None:
-        """Delivers what is not delivered yet of these rows of ``metrics.parquet`` and these files, and the status.
+        """Sends the status, and those of these rows of ``metrics.parquet`` and of these files that were not sent yet.
 
         Raises:
-            TrackingError: the store cannot be reached, or refuses; what it took is marked.
-            RunFolderError: the mark cannot be written.
+            TrackingError: the store cannot be reached, or refuses; what it took is noted.
+            RunFolderError: ``tracking.json`` cannot be written.
         """
-        client = self.open()
+        client, state = self.open(), self.state
         if status == "RUNNING":
-            self._say(status)
-        self.mark.sent = min(self.mark.sent, len(rows))  # a run that was killed goes on from fewer rows
-        while self.mark.sent < len(rows):
-            batch = rows[self.mark.sent : self.mark.sent + BATCH]
-            calling(client.log_batch, self.mark.run_id, metrics=[self._metric(row) for row in batch])
-            self.mark.sent += len(batch)
-            self.keep_mark()
+            self._send_status(client, status)
+        state.sent = min(state.sent, len(rows))  # a run that was killed is resumed with fewer rows
+        while state.sent < len(rows):
+            batch = rows[state.sent : state.sent + BATCH]
+            calling(client.log_batch, state.run_id, metrics=[self._metric(row) for row in batch])
+            state.sent += len(batch)
+            self.write_state()
         for path in files:
-            if path.name not in self.mark.files:
-                calling(client.log_artifact, self.mark.run_id, str(path))
-                self.mark.files.append(path.name)
-                self.keep_mark()
-        self._say(status)
+            if path.name not in state.files:
+                calling(client.log_artifact, state.run_id, str(path))
+                state.files.append(path.name)
+                self.write_state()
+        self._send_status(client, status)
 
-    def lacks(self, rows: int, files: Sequence[Path], status: str) -> bool:
-        """Whether :meth:`send` would have anything to do."""
-        mark = self.mark
-        whole = mark.sent >= rows and {path.name for path in files} <= {*mark.files} and mark.status == status
-        return mark.run_id is None or not whole
+    def is_complete(self, rows: int, files: Sequence[Path], status: str) -> bool:
+        """Whether the store has this many rows, these files and this status."""
+        state = self.state
+        has_files = {path.name for path in files} <= {*state.files}
+        return state.run_id is not None and state.sent >= rows and has_files and state.status == status
 
-    def keep_mark(self) -> None:
-        """Writes the mark; raises :class:`RunFolderError`."""
-        write_json(self.folder / MARK, dataclasses.asdict(self.mark))
+    def write_state(self) -> None:
+        """Writes ``tracking.json``; raises :class:`RunFolderError`."""
+        write_json(self.folder / SYNC_STATE, dataclasses.asdict(self.state))
 
-    def _say(self, status: str) -> None:
-        if status != self.mark.status:
-            calling(
-                self.client.set_terminated if status != "RUNNING" else self.client.update_run, self.mark.run_id, status
-            )
-            self.mark.status = status
-            self.keep_mark()
+    def _send_status(self, client: MlflowClient, status: str) -> None:
+        if status != self.state.status:
+            send = client.update_run if status == "RUNNING" else client.set_terminated
+            calling(send, self.state.run_id, status)
+            self.state.status = status
+            self.write_state()
 
-    def _metric(self, row: Mapping[str, Any]) -> Any:
+    def _metric(self, row: Mapping[str, Any]) -> Metric:
         from mlflow.entities import Metric
 
-        return Metric(row["name"], row["value"], self.mark.begun + int(1000 * row["seconds"]), row["frames"])
+        return Metric(row["name"], row["value"], self.state.begun + int(1000 * row["seconds"]), row["frames"])
 
-    def _find_or_create(self, client: Any, experiment: str) -> str:
+    def _find_or_create(self, client: MlflowClient, experiment: str) -> str:
         from mlflow.entities import Param, RunTag
 
-        tags = {**tags_of(self.config), "run_folder": str(self.folder), "begun": str(self.mark.begun)}
-        wanted = " and ".join(f"tags.{name} = '{tags[name]}'" for name in ("run_folder", "begun"))
-        found = client.search_runs([experiment], wanted, max_results=1)
-        run = found[0] if found else client.create_run(experiment, self.mark.begun, tags, self.config.label())
+        tags = {**tags_of(self.config), "run_folder": str(self.folder), "begun": str(self.state.begun)}
+        query = " and ".join(f"tags.{name} = '{tags[name]}'" for name in ("run_folder", "begun"))
+        found = client.search_runs([experiment], query, max_results=1)
+        run = found[0] if found else client.create_run(experiment, self.state.begun, tags, self.config.label())
         run_id = run.info.run_id
         parameters = [Param(k, str(v)[:VALUE_LENGTH]) for k, v in flat(self.config.identity()).items()]
         client.log_batch(run_id, params=parameters, tags=[RunTag(k, v) for k, v in tags.items()])
@@ -120,27 +124,27 @@ class Delivery:
 
 
 def files_of(folder: Path) -> list[Path]:
-    """The files of a run that MLflow gets, as far as they are there."""
+    """The files of a run that MLflow gets, as far as they exist."""
     return [folder / name for name in (SUMMARY, EPISODES) if (folder / name).exists()]
 
 
 def tags_of(config: RunConfig) -> dict[str, str]:
-    """What MLflow can find a run by."""
-    cell = cell_of(config)
+    """The tags by which MLflow finds a run."""
+    point = grid_point(config)
     return {
         "config_hash": config.hash(),
         "sweep": config.tracking.sweep,
-        "family": cell.family,
-        "difficulty": cell.difficulty,
-        "n": str(cell.count),
-        "seed": str(cell.seed),
+        "family": point.family,
+        "difficulty": point.difficulty,
+        "n": str(point.count),
+        "seed": str(point.seed),
         "algorithm": config.algorithm.name,
         "observation": config.observation.name,
         "test": config.levels.test_distribution,
     }
 
 
-def read_mark(folder: Path) -> Mark | None:
-    """How much of the run in ``folder`` has been delivered; None where nobody has begun to."""
-    path = folder / MARK
-    return Mark(**json.loads(path.read_text())) if path.exists() else None
+def read_sync_state(folder: Path) -> SyncState | None:
+    """How much of the run in ``folder`` was sent; None where nothing was."""
+    path = folder / SYNC_STATE
+    return SyncState(**json.loads(path.read_text())) if path.exists() else None

@@ -68,7 +68,7 @@ VIEWS = {
         "3b",
         (
             ("Against the number of levels", (scatter(COUNT, GAP, "PARAM"), scatter(COUNT, "w2/reference", "PARAM"))),
-            ("Cell by cell", (parallel((PANEL, COUNT), ("w2/reference", "ks", SUCCESS, GAP)),)),
+            ("GridPoint by cell", (parallel((PANEL, COUNT), ("w2/reference", "ks", SUCCESS, GAP)),)),
         ),
     ),
     "gap-against-knowledge": View(

@@ -1,4 +1,4 @@
-"""Where the figures of runs are compared: MLflow, told in batches by a thread of its own.
+"""Trackers show the figures of a run while it runs: in MLflow, to which a thread sends them in batches, or nowhere.
 
 Training never waits for the store and never ends because of it. No run is ever 'active' in the process, so that many
 runs can share one process (joblib reuses its workers).
@@ -14,26 +14,26 @@ from typing import Any, Protocol
 
 from experiments.settings import RunConfig, RunFolderError, TrackingError
 from experiments.tracking.mlflow_store import is_remote
-from experiments.tracking.mlflow_sync import Delivery
+from experiments.tracking.mlflow_sync import RunSync
 
 LONGEST_PAUSE = 60.0  # [s] between attempts, while the store is away
 LAST_WAIT = 30.0  # [s] that the end of a run waits for the store
 
 
 class Tracker(Protocol):
-    """Tells somebody about a run while it runs."""
+    """Sends the figures of a run to where they are shown."""
 
     def begin(self, rows: list[dict[str, Any]]) -> None:
-        """From now on, tells what is appended to ``rows``, those of ``metrics.parquet``."""
+        """Starts to send what is appended to ``rows``, those of ``metrics.parquet``."""
         ...
 
     def finish(self, status: str, files: Sequence[Path] = ()) -> None:
-        """Tells what is left, these files, and how the run ended: FINISHED, FAILED or KILLED."""
+        """Sends what is left, these files, and how the run ended: FINISHED, FAILED or KILLED."""
         ...
 
 
 def start_tracking(config: RunConfig, folder: Path) -> Tracker:
-    """The tracker that the configuration asks for; a run that was begun before goes on as the same run.
+    """The tracker that the configuration names; a resumed run is the same run in the store.
 
     Raises:
         TrackingError: a store on this machine cannot be opened. A server that does not answer may come back: the
@@ -41,14 +41,14 @@ def start_tracking(config: RunConfig, folder: Path) -> Tracker:
     """
     if config.tracking.name == "none":
         return NoTracker()
-    delivery = Delivery(config, folder)
-    if not is_remote(delivery.mark.store):
-        delivery.open()
-    return MLflowTracker(delivery, config.tracking.interval)
+    sync = RunSync(config, folder)
+    if not is_remote(sync.state.store):
+        sync.open()
+    return MLflowTracker(sync, config.tracking.interval)
 
 
 class NoTracker:
-    """Tells nobody."""
+    """A tracker that sends nothing; used where ``tracking=none``."""
 
     def begin(self, rows: list[dict[str, Any]]) -> None:
         """Does nothing."""
@@ -58,10 +58,10 @@ class NoTracker:
 
 
 class MLflowTracker:
-    """Delivers to MLflow every ``interval`` seconds, in a thread; see :mod:`experiments.tracking.mlflow_sync`."""
+    """Sends to MLflow every ``interval`` seconds, in a thread; see :mod:`experiments.tracking.mlflow_sync`."""
 
-    def __init__(self, delivery: Delivery, interval: float) -> None:
-        self.delivery, self.interval = delivery, max(interval, 0.05)
+    def __init__(self, sync: RunSync, interval: float) -> None:
+        self.sync, self.interval = sync, max(interval, 0.05)
         self.rows: Sequence[dict[str, Any]] = []
         self.files: Sequence[Path] = ()
         self.status = "RUNNING"
@@ -70,46 +70,46 @@ class MLflowTracker:
         self._thread = threading.Thread(target=self._work, name="tracking", daemon=True)
 
     def begin(self, rows: list[dict[str, Any]]) -> None:
-        """Starts to deliver; ``rows`` may grow, and nothing else."""
+        """Starts to send ``rows``, which may grow but not change otherwise."""
         self.rows = rows
         self._thread.start()
 
     def finish(self, status: str, files: Sequence[Path] = ()) -> None:
-        """Delivers the rest; waits for that, but not for ever. What could not be delivered is told, with the way out."""
+        """Sends the rest, and waits for that at most :data:`LAST_WAIT`. Prints how to send what could not be sent."""
         self.status, self.files = status, files
         self._ending.set()
         if not self._thread.is_alive():
             self._thread.start()
         self._thread.join(LAST_WAIT)
         if self.missed or self._thread.is_alive():
-            left = len(self.rows) - self.delivery.mark.sent
-            _tell(
-                f"MLflow at {self.delivery.mark.store} has not got all of this run: {left} figures are left. They are in "
-                f"the run folder; this sends them: python -m experiments.upload run={self.delivery.folder}"
+            left = len(self.rows) - self.sync.state.sent
+            _warn(
+                f"MLflow at {self.sync.state.store} has not got all of this run: {left} figures are left. They are in "
+                f"the run folder; this sends them: python -m experiments.upload run={self.sync.folder}"
             )
 
     def _work(self) -> None:
         pause = self.interval
         while True:
             ending = self._ending.wait(pause)
-            pause = self.interval if self._deliver() else min(2 * pause, LONGEST_PAUSE)
+            pause = self.interval if self._send() else min(2 * pause, LONGEST_PAUSE)
             if ending:
                 return
 
-    def _deliver(self) -> bool:
-        """Sends what waits; whether that went well. Tells of the first failure in a row, and of its end."""
+    def _send(self) -> bool:
+        """Sends what waits; returns whether that succeeded. Prints the first failure in a row, and its end."""
         try:
-            self.delivery.send(self.rows[:], self.files, self.status)
+            self.sync.send(self.rows[:], self.files, self.status)
         except (TrackingError, RunFolderError) as error:
             if not self.missed and not self._ending.is_set():
-                _tell(f"{error}. The run goes on; what MLflow misses is sent when it answers again")
+                _warn(f"{error}. The run goes on; what MLflow misses is sent when it answers again")
             self.missed = True
             return False
         if self.missed:
-            _tell(f"MLflow at {self.delivery.mark.store} answers again, and has all figures")
+            _warn(f"MLflow at {self.sync.state.store} answers again, and has all figures")
         self.missed = False
         return True
 
 
-def _tell(message: str) -> None:
+def _warn(message: str) -> None:
     print(message, file=sys.stderr, flush=True)

@@ -1,1 +1,1 @@
-"""One run from settings to summary: training loop, checkpoints, progress."""
+"""One run from settings to summary: :func:`experiments.training.run.run`, its loop, and the progress that it shows."""

@@ -1,4 +1,4 @@
-"""Progress of a run: a bar on a terminal, a line now and then elsewhere."""
+"""Progress of a run: a bar on a terminal; a line every :data:`LINE_INTERVAL` seconds where there is none."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TextIO
 
 from tqdm import tqdm
 
-LINE_INTERVAL = 15.0  # [s] between lines where no terminal shows a bar
+LINE_INTERVAL = 15.0  # [s]
 
 
 class Progress:
@@ -27,7 +27,7 @@ class Progress:
             )
 
     def update(self, frames: int, figures: Mapping[str, float]) -> None:
-        """Says that ``frames`` are done; ``figures`` may hold ``episode/return`` and ``episode/success``."""
+        """Shows that ``frames`` are done; ``figures`` may hold ``episode/return`` and ``episode/success``."""
         advance, self.frames = frames - self.frames, frames
         text = ", ".join(
             f"{name} {figures[f'episode/{name}']:.2f}" for name in ("return", "success") if f"episode/{name}" in figures
@@ -51,6 +51,6 @@ class Progress:
         return (self.frames - self.first) / max(time.monotonic() - self.started, 1e-9)
 
     def close(self) -> None:
-        """Takes the bar away."""
+        """Removes the bar."""
         if self.bar is not None:
             self.bar.close()

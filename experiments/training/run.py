@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from experiments.algorithms.learner import Learner
+from experiments.algorithms.learner import Learner, learner_class, make_learner
 from experiments.commands import process_defaults as runtime
-from experiments.commands.signals import Watch, watch_signals
+from experiments.commands.signals import SignalMonitor, watch_signals
 from experiments.evaluation.episodes import distance_figures, diversity_figures, evaluate_run, evaluation_figures
 from experiments.levels.builders import environment_options, make_levels
 from experiments.runs.executed_code import differing_parts, executed_code
@@ -23,23 +23,24 @@ from experiments.runs.run_folder import (
     LEVELS_TRAIN,
     SUMMARY,
     VERSIONS,
-    claim,
     empty,
     is_finished,
     read_summary,
     read_versions,
+    use_run_folder,
     write_json,
     write_rows,
 )
 from experiments.runs.versions import levels_hash, versions
-from experiments.settings import ConfigError, RunConfig, RunFolderError, TrainingError, import_object
+from experiments.settings import ConfigError, RunConfig, RunFolderError, TrainingError
 from experiments.tracking.mlflow_sync import files_of
 from experiments.tracking.tracker import NoTracker, Tracker, start_tracking
 from experiments.training.training_loop import Training
 from segar.envs.torchrl_env import TorchRLEnv
 from segar.errors import RuleError
+from segar.levels import Levels
 
-SHOWN = {  # in the closing lines: what it is called there
+SHOWN = {  # figures of the closing lines, and their names there
     "evaluation/train/return/deterministic": "return on training levels",
     "evaluation/test/return/deterministic": "return on test levels",
     "evaluation/gap/deterministic": "generalization gap",
@@ -50,7 +51,7 @@ SHOWN = {  # in the closing lines: what it is called there
 
 @dataclass(frozen=True)
 class RunResult:
-    """Where a run lies, what it came to, and whether it was trained now or found finished."""
+    """The folder and the summary of a run, and whether it was trained now or had finished before."""
 
     folder: Path
     summary: Mapping[str, Any]
@@ -58,9 +59,9 @@ class RunResult:
 
 
 def run(config: RunConfig, say: Callable[[str], None] = print) -> RunResult:
-    """Carries out a run, or goes on with it, or finds it finished; safe to call many times in one process.
+    """Carries out a run, or resumes it, or finds it finished; it can be called many times in one process.
 
-    However it ends, its folder holds a whole checkpoint, and its journal says what happened.
+    However the run ends, its folder holds a whole checkpoint, and its journal says what happened.
 
     Raises:
         SegarError: settings, run folder, checkpoint or tracking store cannot be used, or training cannot go on; the
@@ -68,19 +69,15 @@ def run(config: RunConfig, say: Callable[[str], None] = print) -> RunResult:
         Stopped: a signal stopped it; the same call goes on from there.
     """
     runtime.set_process_defaults(config.num_threads)
-    with claim(config) as folder, watch_signals() as signals:
+    kind = learner_class(config.algorithm)  # before a run folder is made: it may not fit
+    with use_run_folder(config) as folder, watch_signals() as signals:
         changed = _changed_code(config, folder) if (folder / VERSIONS).exists() else []
+        differs = f"by other code than this: {', '.join(changed)} changed since"
         if config.stale == "anew" and changed:
-            say(
-                f"{config.label()}: is trained anew, because it was made by other code: {', '.join(changed)} changed since"
-            )
+            say(f"{config.label()}: is trained anew, because it was made {differs}")
             empty(folder, config)
         if is_finished(folder):
-            other = (
-                f" (by other code than this: {', '.join(changed)} changed since; stale=anew trains anew)"
-                if changed
-                else ""
-            )
+            other = f" ({differs}; stale=anew trains anew)" if changed else ""
             say(f"{config.label()}: finished before, nothing to do{other}; {folder}")
             return RunResult(folder, read_summary(folder), trained=False)
         journal = Journal(folder)
@@ -90,7 +87,7 @@ def run(config: RunConfig, say: Callable[[str], None] = print) -> RunResult:
         tracker: Tracker = NoTracker()
         try:
             tracker = start_tracking(config, folder)
-            summary = _carry_out(config, folder, tracker, journal, signals, say)
+            summary = _carry_out(config, kind, folder, tracker, journal, signals, say)
         except BaseException as error:
             journal.end(error)
             tracker.finish("KILLED" if isinstance(error, KeyboardInterrupt | SystemExit) else "FAILED")
@@ -103,16 +100,16 @@ def run(config: RunConfig, say: Callable[[str], None] = print) -> RunResult:
 
 def _carry_out(
     config: RunConfig,
+    kind: type[Learner],
     folder: Path,
     tracker: Tracker,
     journal: Journal,
-    signals: Watch,
+    signals: SignalMonitor,
     say: Callable[[str], None],
 ) -> dict[str, Any]:
     train, test = make_levels(config.levels)
-    kind = import_object(config.algorithm.learner, "algorithm")
     env = _make_environment(kind, config, train)
-    learner: Learner = kind(config.algorithm, env, config.scale.frames, config.seed)
+    learner = make_learner(kind, config.algorithm, env, config.scale.frames, config.seed)
     code = executed_code(config)
     training = Training(config, folder, learner, journal, signals, code)
     hashes = {"train": levels_hash(train), "test": levels_hash(test)}
@@ -126,7 +123,7 @@ def _carry_out(
     try:
         training.train(test)
     except TrainingError:
-        with suppress(RunFolderError):  # the way there is what one wants to look at; a resumed run drops it
+        with suppress(RunFolderError):  # the figures before the error help to explain it; a resumed run drops them
             training.history.write(folder)
         raise
     journal.doing = "evaluation"
@@ -145,7 +142,7 @@ def _carry_out(
     return summary
 
 
-def _make_environment(kind: Any, config: RunConfig, train: Any) -> Any:
+def _make_environment(kind: type[Learner], config: RunConfig, train: Levels) -> Any:
     make_env = getattr(kind, "make_env", TorchRLEnv)
     try:
         num_envs = config.algorithm.num_envs

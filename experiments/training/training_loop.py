@@ -15,13 +15,14 @@ import torch
 
 from experiments.algorithms.checkpoint import resume_checkpoint, save_checkpoint
 from experiments.algorithms.learner import Learner
-from experiments.commands.signals import Watch
+from experiments.commands.signals import SignalMonitor
 from experiments.evaluation.episodes import mean_figures, play_episodes
 from experiments.levels.builders import environment_options
 from experiments.runs.journal import Journal
 from experiments.runs.run_folder import METRIC_SCHEMA, METRICS, read_metrics, read_versions, write_rows
 from experiments.settings import ACTION_MODES, CheckpointError, RunConfig, TrainingError
 from experiments.training.progress import Progress
+from segar.levels import Levels
 
 
 @dataclass
@@ -31,7 +32,7 @@ class History:
     rows: list[dict[str, Any]] = field(default_factory=list)
 
     def log(self, figures: Mapping[str, float], frames: int, seconds: float) -> None:
-        """Adds figures at a time."""
+        """Adds figures of one moment."""
         self.rows += [{"name": k, "frames": frames, "seconds": seconds, "value": float(v)} for k, v in figures.items()]
 
     def write(self, folder: Path) -> None:
@@ -41,19 +42,19 @@ class History:
 
 @dataclass
 class Training:
-    """A run in training: who learns, what came of it so far, and where that goes."""
+    """A run in training: its learner, the figures so far, and the folder to which they are written."""
 
     config: RunConfig
     folder: Path
     learner: Learner
     journal: Journal
-    signals: Watch
+    signals: SignalMonitor
     code: Mapping[str, str]  # the parts of the code that the run executes
     history: History = field(default_factory=History)
     seconds: float = 0.0  # of training, also in processes before this one
 
     def resume(self, hashes: Mapping[str, str], say: Callable[[str], None]) -> None:
-        """Goes back to the run's last checkpoint, if there is one.
+        """Restores the run's last checkpoint, if there is one.
 
         Args:
             hashes: of the training and test levels, which must be those that the run was begun on.
@@ -64,7 +65,7 @@ class Training:
         extra = resume_checkpoint(self.folder, self.config, self.learner, self.code, say)
         if extra is None:
             return
-        # The module that defines levels may be the user's; no fingerprint of code sees it.
+        # The fingerprint of the code does not cover a user's module that defines levels.
         if read_versions(self.folder)["levels"] != hashes:
             raise CheckpointError(
                 f"the run in {self.folder} was begun on other levels than those that {self.config.levels.train} gives "
@@ -75,11 +76,11 @@ class Training:
         self.history.rows = [row for row in read_metrics(self.folder).to_pylist() if row["frames"] <= frames]
         say(f"{self.config.label()}: goes on from {frames:,} of {self.config.scale.frames:,} frames")
 
-    def train(self, test: Any) -> None:
-        """Iterates until the frames are used up; evaluates on the levels ``test`` on the way, where that is asked for.
+    def train(self, test: Levels) -> None:
+        """Iterates until the budget is used up; evaluates on the levels ``test`` every ``evaluation.interval`` frames.
 
         Raises:
-            TrainingError: a figure or a weight is not finite any more. The checkpoints are older than that.
+            TrainingError: a figure or a weight is not finite. The last checkpoint is from before that.
             Stopped: a signal stopped the run; its checkpoint is written.
         """
         config, learner, total = self.config, self.learner, self.config.scale.frames
@@ -95,7 +96,7 @@ class Training:
                 if is_time or learner.frames >= total or self.signals.pending:
                     self.save()
                     saved = time.monotonic()
-                self.signals.answer(f" after {learner.frames:,} of {total:,} frames; the checkpoint is written")
+                self.signals.handle_pending(f" after {learner.frames:,} of {total:,} frames; the checkpoint is written")
 
     def iterate(self) -> Mapping[str, float]:
         """One iteration of the learner, in the history; raises :class:`TrainingError`."""
@@ -115,11 +116,11 @@ class Training:
 
     def save(self) -> None:
         """Writes metrics and checkpoint; raises :class:`RunFolderError`, and :class:`TrainingError` as :meth:`train`."""
-        # Metrics first: rows beyond the checkpoint are dropped when the run goes on, rows that are missing would stay so.
+        # Metrics first: a resumed run drops rows that are newer than its checkpoint, but cannot restore missing rows.
         self.history.write(self.folder)
         save_checkpoint(self.folder, self.config, self.learner, {"seconds": self.seconds}, self.code)
 
-    def evaluate(self, test: Any) -> dict[str, float]:
+    def evaluate(self, test: Levels) -> dict[str, float]:
         """Mean figures on the levels ``test``, one episode each, in both action modes."""
         config = self.config
         figures: dict[str, float] = {}

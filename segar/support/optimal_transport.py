@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from types import ModuleType
 from typing import Any
 
@@ -10,19 +11,27 @@ import numpy as np
 
 from segar.errors import SegarError
 
-# Steps of the network simplex, at most; POT's own 100,000 are too few for some 500 x 200 problems.
+# Of the network simplex, at most; POT's own 100 000 are too few for some 500 x 200 problems.
 TRANSPORT_STEPS = 10_000_000
+BACKENDS = ("PYTORCH", "JAX", "CUPY", "TENSORFLOW")
 
 
 def pot() -> ModuleType:
-    """The library, without torch, jax, cupy and tensorflow.
+    """The module ``ot``, imported on first use without what only its other functions need.
 
-    POT imports whatever of these is installed, which costs seconds; numpy is all that is used here.
+    POT imports every array library and scikit-learn where they are installed, which costs seconds. It works without them,
+    and only its NumPy functions are used here.
     """
-    for backend in ("PYTORCH", "JAX", "CUPY", "TENSORFLOW"):
+    for backend in BACKENDS:
         os.environ.setdefault(f"POT_BACKEND_DISABLE_{backend}", "1")
-    import ot
-
+    is_hidden = "sklearn" not in sys.modules
+    if is_hidden:
+        sys.modules["sklearn"] = None  # type: ignore[assignment]  # makes `import sklearn` fail
+    try:
+        import ot
+    finally:
+        if is_hidden:
+            del sys.modules["sklearn"]
     return ot
 
 

@@ -165,7 +165,7 @@ def test_a_folder_without_a_plan_is_refused(tmp_path):
 
 def test_mlflow_has_a_parent_per_experiment_and_its_runs_as_children(tmp_path):
     from experiments.tracking.mlflow_store import open_store
-    from experiments.tracking.mlflow_sync import Delivery
+    from experiments.tracking.mlflow_sync import RunSync
 
     tracking = TrackingConfig(experiment="here")
     run = settings(tmp_path, seed=1, scale=dataclasses.replace(SCALE, counts=(1,)), tracking=tracking)
@@ -174,7 +174,7 @@ def test_mlflow_has_a_parent_per_experiment_and_its_runs_as_children(tmp_path):
     write_plan(config, plan)
     write_all(plan)
     for work in plan.runs:
-        Delivery(work.run, tmp_path / work.run.label()).open()
+        RunSync(work.run, tmp_path / work.run.label()).open()
     for _ in range(2):  # the second time, nothing is made anew
         collect(CollectConfig(str(config.folder)))
     client, experiment = open_store(tracking, tmp_path)

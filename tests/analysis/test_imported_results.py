@@ -10,7 +10,7 @@ from analysis.collect import CollectConfig, collect
 from analysis.ship import ShipConfig, ship
 from experiments.reproduce import write_plan
 from experiments.reproduction.experiment_file import experiment_at
-from experiments.reproduction.imported_results import read_elsewhere
+from experiments.reproduction.imported_results import read_imported_results
 from experiments.reproduction.plan import as_text, make_plan, measure_speeds
 from experiments.runs.run_folder import folder_path
 from experiments.settings import ConfigError, RunFolderError
@@ -22,9 +22,9 @@ TABLES = ("runs", "transfers", "levels", "curves", "probes")
 def planned_with(root, *tables):
     """The same reproduction under another root, with tables from elsewhere."""
     config, _ = planned(root)
-    config = dataclasses.replace(config, elsewhere=tuple(map(str, tables)))
+    config = dataclasses.replace(config, imported=tuple(map(str, tables)))
     experiments = [experiment_at(k, v, "smoke") for k, v in config.grids.items()]
-    plan = make_plan(experiments, config.run, config.folder, elsewhere=read_elsewhere(config.tables_elsewhere()))
+    plan = make_plan(experiments, config.run, config.folder, imported=read_imported_results(config.imported_folders()))
     write_plan(config, plan)
     return config, plan
 
@@ -82,7 +82,7 @@ def test_what_experiments_need_a_run_is_a_matter_of_the_plan(there, tmp_path):
 
 def test_folders_without_tables_are_refused(there, tmp_path):
     other, _, _ = there
-    with pytest.raises(ConfigError, match=r"elsewhere: .*nowhere holds no runs.parquet; name folders of tables"):
+    with pytest.raises(ConfigError, match=r"imported: .*nowhere holds no runs.parquet; name folders of tables"):
         planned_with(tmp_path / "here", tmp_path / "nowhere")
     config, _ = planned_with(tmp_path / "here", other.folder)
     (other.folder / "runs.parquet").unlink()
@@ -93,5 +93,5 @@ def test_folders_without_tables_are_refused(there, tmp_path):
 def test_a_damaged_table_is_told(there, tmp_path):
     other, _, _ = there
     (other.folder / "probes.parquet").write_bytes(b"PAR1")
-    with pytest.raises(ConfigError, match=r"elsewhere: .*probes.parquet cannot be read"):
+    with pytest.raises(ConfigError, match=r"imported: .*probes.parquet cannot be read"):
         planned_with(tmp_path / "here", other.folder)

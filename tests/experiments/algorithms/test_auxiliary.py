@@ -199,10 +199,10 @@ def test_the_error_is_twice_the_cosine_distance_of_what_was_foretold_and_what_wa
     model = one.loss.network.module.model
     with torch.no_grad():
         loss = one.loss(batch)["loss"]
-        foretold = model.foretell(one.encoder(batch["first"]), batch["action"])[:, 0]
+        predicted = model.predict(one.encoder(batch["first"]), batch["action"])[:, 0]
         with one.loss.target_network_params.to_module(one.loss.network):
             seen = model.project(one.encoder(batch["following"][:, 0]))
-    a, b = F.normalize(foretold, dim=-1), F.normalize(seen, dim=-1)
+    a, b = F.normalize(predicted, dim=-1), F.normalize(seen, dim=-1)
     squared = ((a - b) ** 2).sum(-1)[batch["valid"][:, 0]]
     torch.testing.assert_close(loss, squared.mean())
 
@@ -214,7 +214,7 @@ def test_actions_matter_to_what_is_foretold():
         phi = torch.rand(2, 256, generator=torch.Generator().manual_seed(0))
         still, moved = torch.zeros(2, horizon, 2), torch.zeros(2, horizon, 2)
         moved[:, -1] = 1.0
-        a, b = model.foretell(phi, still), model.foretell(phi, moved)
+        a, b = model.predict(phi, still), model.predict(phi, moved)
         assert torch.equal(a[:, :-1], b[:, :-1]) and not torch.equal(a[:, -1], b[:, -1])
 
 

@@ -169,7 +169,7 @@ def test_random_actions_before_learning_are_uniform_and_finite():
     assert torch.isfinite(u).all()
     shares = torch.histc(u.tanh(), 10, -1.0, 1.0) / u.numel()
     torch.testing.assert_close(shares, torch.full((10,), 0.1), atol=0.02, rtol=0)
-    assert one.due() == 100 and one.frames == 1200
+    assert one.updates_due() == 100 and one.frames == 1200
 
 
 @pytest.mark.parametrize(("per", "expected"), [(1, 9), (2, 5), (3, 3), (100, 0)])
@@ -227,7 +227,7 @@ def test_frames_before_and_after_a_step_are_shifted_by_draws_of_their_own(monkey
         "experiments.algorithms.drq.random_shift", lambda frames, pixels, rng: shifted.append(pixels) or frames
     )
     one = learner(FRAMES)
-    while not one.due():
+    while not one.updates_due():
         one.step()
     one.update()
     assert shifted == [FRAMES.shift] * 2

@@ -8,9 +8,9 @@ import torch
 
 from experiments.algorithms.curl import CURL
 from experiments.algorithms.ppo import PPO
-from experiments.algorithms.recurrent_ppo import RecurrentPPO
-from experiments.collection.async_collector import CollectorAhead
-from experiments.settings import CURLConfig, PPOConfig, RecurrentPPOConfig
+from experiments.algorithms.recurrent_ppo import RecurrentPPO, RecurrentPPOConfig
+from experiments.collection.async_collector import AsyncCollector
+from experiments.settings import CURLConfig, PPOConfig
 from experiments.training.run import run
 from segar import family
 from segar.errors import ActionError
@@ -67,7 +67,6 @@ def test_rollouts_are_those_of_the_weights_before_the_last_update():
         with torch.no_grad():
             loc, scale, value = acting(rollout.observation)
         torch.testing.assert_close((rollout.loc, rollout.scale, rollout.value), (loc, scale, value))
-        one.frames += BATCH
         one.learn(rollout)
         older, newer = newer, {name: value.clone() for name, value in one.policy.state_dict().items()}
         assert any(not torch.equal(older[name], newer[name]) for name in newer), turn
@@ -104,6 +103,6 @@ def test_what_goes_wrong_while_collecting_is_raised_where_it_is_waited_for():
 
 def test_a_copy_acts_and_has_no_gradients():
     collector = learner().collector
-    assert isinstance(collector, CollectorAhead)
+    assert isinstance(collector, AsyncCollector)
     known = {id(weight) for weight in collector.policy.parameters()}
     assert not any(id(weight) in known or weight.requires_grad for weight in collector.behaviour.parameters())

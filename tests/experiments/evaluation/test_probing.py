@@ -23,7 +23,7 @@ from experiments.runs.executed_code import fingerprint
 from experiments.runs.run_folder import PROBES, folder_path, read_metrics
 from experiments.settings import ConfigError, RunFolderError, TrackingConfig, TrackingError
 from experiments.tracking.mlflow_store import open_store
-from experiments.tracking.mlflow_sync import Delivery
+from experiments.tracking.mlflow_sync import RunSync
 from experiments.training.run import run
 from experiments.upload import upload_run
 from segar.errors import SegarError
@@ -173,7 +173,7 @@ def test_mlflow_gets_the_figures_later_if_it_was_away_and_anew_if_they_change(tm
     folder = run(config, say=lambda line: None).folder
     said: list[str] = []
     with monkeypatch.context() as patched:
-        patched.setattr(Delivery, "send", lambda *_: (_ for _ in ()).throw(TrackingError("MLflow refuses: it is away")))
+        patched.setattr(RunSync, "send", lambda *_: (_ for _ in ()).throw(TrackingError("MLflow refuses: it is away")))
         probe_finished(config, ASKED, said.append)
     assert f"python -m experiments.upload run={folder}" in said[1] and is_probed(config, ASKED)
     assert upload_run(folder).startswith("sent 4 figures")

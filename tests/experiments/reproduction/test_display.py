@@ -5,7 +5,7 @@ import io
 from rich.console import Console
 
 from experiments.reproduction.display import Display, progress_in
-from experiments.reproduction.process_pool import Job, Outcome
+from experiments.reproduction.process_pool import Job, JobResult
 from experiments.training.progress import Progress
 
 
@@ -19,9 +19,9 @@ def display_of(folder, terminal, **weights):
 def test_elsewhere_there_is_one_plain_line_per_ending(tmp_path):
     display, stream = display_of(tmp_path, False, a=1.0, b=3.0)
     with display.shown():
-        display.end(Outcome(display.jobs["a"], 1.0, None))
+        display.end(JobResult(display.jobs["a"], 1.0, None))
         assert display.share_left() == 0.75
-        display.end(Outcome(display.jobs["b"], 1.0, None))
+        display.end(JobResult(display.jobs["b"], 1.0, None))
     assert stream.getvalue() == "[1/2] a: done\n[2/2] b: done\n"
 
 
@@ -32,7 +32,7 @@ def test_a_terminal_shows_bars_of_all_work_and_of_what_runs(tmp_path, monkeypatc
     with display.shown():
         while "first" not in display._own:
             pass
-        display.end(Outcome(display.jobs["first"], 1.0, None))
+        display.end(JobResult(display.jobs["first"], 1.0, None))
         assert "first" not in display._own
     assert "all" in stream.getvalue() and "first: done" in stream.getvalue()
 

@@ -14,7 +14,7 @@ from experiments.reproduce import ReproduceConfig, dashboard, quoted, reproduce
 from experiments.reproduction.plan import StudyWork
 from experiments.reproduction.plugin import REPORTS, STUDIES
 from experiments.runs.run_folder import folder_path, is_finished
-from experiments.settings import ConfigError, ScaleConfig, TrackingConfig, TrainingError, cell_of, paper_cells
+from experiments.settings import ConfigError, ScaleConfig, TrackingConfig, TrainingError, grid_point, paper_grid
 from tests.places import ROOT
 from tests.synthetic_runs import pretend_to_train, settings
 
@@ -35,7 +35,7 @@ def pretend(work):
 
 def train_but_for_one(work):
     """Stands for training that fails in one cell."""
-    if cell_of(work.run).panel == "empty-hard" and work.run.levels.count == 10:
+    if grid_point(work.run).panel == "empty-hard" and work.run.levels.count == 10:
         print("a last word")
         raise ValueError("the loss is not finite")
     return pretend(work)
@@ -61,7 +61,7 @@ def test_every_run_is_trained_once_after_a_plan(tmp_path, capfd):
 
 
 def test_finished_runs_are_not_trained_again(tmp_path, capfd):
-    pretend_to_train(paper_cells(asked(tmp_path).run)[2])
+    pretend_to_train(paper_grid(asked(tmp_path).run)[2])
     reproduce(asked(tmp_path), pretend, finish_nothing)
     assert len(trained(tmp_path)) == len(set(trained(tmp_path))) == 4
     assert "1 done, 3 to do" in capfd.readouterr().out
@@ -140,7 +140,7 @@ def test_it_says_where_mlflow_has_the_runs(tmp_path, uri, opens):
 
 
 def test_tables_that_cannot_be_made_are_an_error(tmp_path):
-    for cell in paper_cells(asked(tmp_path).run):
+    for cell in paper_grid(asked(tmp_path).run):
         pretend_to_train(cell)
     with pytest.raises(TrainingError, match="there are no tables or no report: see what it says above"):
         reproduce(asked(tmp_path), pretend, lambda config, plan: False)
@@ -188,7 +188,7 @@ def test_a_killed_reproduction_goes_on_where_it_stopped(tmp_path):
         "    reproduce(ReproduceConfig(config.run, processes=1, grids=config.grids), slowly, finish_nothing)\n"
     )
     owner = subprocess.Popen([sys.executable, script], env={**os.environ, "PYTHONPATH": str(ROOT)})
-    first, *rest = (folder_path(cell) for cell in paper_cells(asked(tmp_path).run))
+    first, *rest = (folder_path(cell) for cell in paper_grid(asked(tmp_path).run))
     end = time.monotonic() + 30
     while not is_finished(first):
         assert time.monotonic() < end and owner.poll() is None
@@ -226,7 +226,7 @@ def test_values_are_quoted_for_hydra(value, text):
 def test_a_scale_chooses_the_protocol_and_the_command_line_has_the_last_word(
     command, cells, observation, algorithm, frames
 ):
-    planned = paper_cells(compose([*command, "seed=1"]))
+    planned = paper_grid(compose([*command, "seed=1"]))
     assert len({cell.label() for cell in planned}) == len(planned) == cells
     (cell,) = {(c.observation.name, c.algorithm.name, c.scale.frames) for c in planned}
     assert cell == (observation, algorithm, frames)
@@ -259,9 +259,16 @@ def test_what_the_file_of_an_experiment_does_not_state_can_be_added():
     assert "smoke: 6 runs" in added.stdout and added.returncode == 0
 
 
+def test_a_setting_of_0_1_is_refused_with_its_name_today(tmp_path):
+    command = [sys.executable, "-m", "experiments.reproduce", "scale=smoke", "elsewhere=[here]", "dry_run=true"]
+    done = subprocess.run([*command, f"root={tmp_path}"], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 1
+    assert "'elsewhere' is called 'imported'" in done.stderr
+
+
 def test_runs_that_are_shipped_are_found_by_their_names_today(tmp_path):
     """Whoever adds a setting says so with ``later``; else whatever anybody has trained is trained again."""
-    command = [sys.executable, "-m", "experiments.reproduce", "scale=quick", "elsewhere=[docs/results/quick]"]
+    command = [sys.executable, "-m", "experiments.reproduce", "scale=quick", "imported=[docs/results/quick]"]
     done = subprocess.run([*command, "dry_run=true", f"root={tmp_path}"], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert "quick: 45 runs, 45 done, 0 to do" in done.stdout

@@ -6,7 +6,7 @@ import pytest
 
 from experiments.commands.hydra_app import compose
 from experiments.results import ResultsConfig, results, state_of
-from experiments.runs.run_folder import claim
+from experiments.runs.run_folder import use_run_folder
 from experiments.settings import ConfigError, LevelsConfig, RunFolderError, TaskConfig, TrackingConfig
 from experiments.training.run import run
 from tests.experiments.short_runs import before_iteration, killed_after, short_run
@@ -40,13 +40,13 @@ def test_a_run_at_work_is_told_from_one_that_was_cut_off(tmp_path, monkeypatch):
     with before_iteration(2, look, monkeypatch):
         run(short_run(tmp_path / "run"))
     assert states == ["at work"]
-    with claim(short_run(tmp_path / "other")):
+    with use_run_folder(short_run(tmp_path / "other")):
         pass
     assert state_of(tmp_path / "other") == "not begun"
 
 
 def test_where_there_is_no_such_run_the_sweeps_are_named(tmp_path):
-    with claim(short_run(tmp_path / "run", tracking=TrackingConfig(sweep="mine"))):
+    with use_run_folder(short_run(tmp_path / "run", tracking=TrackingConfig(sweep="mine"))):
         pass
     with pytest.raises(RunFolderError, match=r"there is no run of the sweep yours in .*; there are the sweeps mine"):
         results(ResultsConfig(root=str(tmp_path), sweep="yours"))

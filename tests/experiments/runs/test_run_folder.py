@@ -17,13 +17,13 @@ from experiments.runs.run_folder import (
     CONFIG,
     METRICS,
     SUMMARY,
-    claim,
     folder_path,
     is_finished,
     read_config,
     read_episodes,
     read_metrics,
     read_summary,
+    use_run_folder,
 )
 from experiments.settings import CheckpointError, RunFolderError
 from experiments.training import run as run_module
@@ -138,7 +138,11 @@ def test_restart_clears_no_folder_whose_settings_are_not_a_runs(config, tmp_path
 
 
 def test_two_processes_cannot_be_at_one_folder(config):
-    with claim(config), pytest.raises(RunFolderError, match="another process is at work in"), claim(config):
+    with (
+        use_run_folder(config),
+        pytest.raises(RunFolderError, match="another process is at work in"),
+        use_run_folder(config),
+    ):
         pass
 
 
@@ -162,7 +166,7 @@ def test_a_finished_run_of_other_code_is_kept_unless_it_is_to_be_made_anew(confi
         in said[-1]
     )
     assert run(dataclasses.replace(config, stale="anew"), said.append).trained
-    assert "is trained anew, because it was made by other code" in said[-2]
+    assert "is trained anew, because it was made by other code than this: learner changed since" in said[-2]
     assert not run(dataclasses.replace(config, stale="anew"), said.append).trained
 
 
@@ -178,7 +182,7 @@ def test_what_the_task_says_of_the_last_state_is_in_the_episodes(config):
 def test_what_a_killed_process_left_half_written_is_removed(config, tmp_path):
     (tmp_path / "run").mkdir()
     (tmp_path / "run" / ".writing-1-config.yaml").write_text("half")
-    with claim(config) as folder:
+    with use_run_folder(config) as folder:
         assert {p.name for p in folder.iterdir()} == {".lock", CONFIG}
 
 

@@ -4,34 +4,26 @@ import dataclasses
 
 import pytest
 
-from experiments.settings import (
-    Cell,
-    LevelsConfig,
-    RunConfig,
-    ScaleConfig,
-    cell_config,
-    cell_of,
-    design_hash,
-    paper_cells,
-)
+from experiments.settings import LevelsConfig, RunConfig, ScaleConfig
+from experiments.settings.grid import GridPoint, config_at, design_hash, grid_point, paper_grid
 
 
 def test_the_paper_has_45_cells():
-    cells = paper_cells(RunConfig(seed=1))
+    cells = paper_grid(RunConfig(seed=1))
     assert len({cell.label() for cell in cells}) == 45
-    assert {cell_of(cell).panel for cell in cells} >= {"empty-easy", "objectsx1-medium", "tilesx1-hard"}
+    assert {grid_point(cell).panel for cell in cells} >= {"empty-easy", "objectsx1-medium", "tilesx1-hard"}
     assert {cell.levels.count for cell in cells} == {1, 10, 50, 100, 200}
 
 
 def test_each_seed_has_training_levels_of_its_own_and_all_share_the_test_levels():
-    cells = paper_cells(RunConfig(seed=4, scale=ScaleConfig(seeds=3)))
+    cells = paper_grid(RunConfig(seed=4, scale=ScaleConfig(seeds=3)))
     assert [(c.seed, c.levels.seed, c.levels.test_seed) for c in cells[::45]] == [(4, 4, 0), (5, 5, 0), (6, 6, 0)]
 
 
 def test_cells_and_seeds_belong_to_one_experiment():
     config = RunConfig(seed=1, scale=ScaleConfig(seeds=2))
-    assert {design_hash(cell) for cell in paper_cells(config)} == {
-        design_hash(cell_config(config, Cell("a", "", 3, 9)))
+    assert {design_hash(cell) for cell in paper_grid(config)} == {
+        design_hash(config_at(config, GridPoint("a", "", 3, 9)))
     }
 
 
@@ -58,5 +50,5 @@ def test_other_settings_make_another_experiment(changes):
     ],
 )
 def test_family_and_difficulty_are_read_from_the_distribution(distribution, family, difficulty):
-    cell = cell_of(RunConfig(levels=LevelsConfig(train=distribution)))
+    cell = grid_point(RunConfig(levels=LevelsConfig(train=distribution)))
     assert (cell.family, cell.difficulty, cell.panel) == (family, difficulty, distribution)

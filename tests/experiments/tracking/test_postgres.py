@@ -13,7 +13,7 @@ from mlflow import MlflowClient
 
 from experiments.runs.run_folder import EPISODES, SUMMARY, read_summary
 from experiments.settings import CHECKOUT, flat
-from experiments.tracking.mlflow_sync import read_mark, tags_of
+from experiments.tracking.mlflow_sync import read_sync_state, tags_of
 from experiments.tracking.mlflow_views import tags_of_views
 from experiments.training.run import run
 from tests.experiments.short_runs import COMMAND, before_iteration
@@ -73,7 +73,7 @@ def same_file(client, run_id, folder, name, tmp_path):
 def wait_until_told(folder, seconds=120.0):
     """Waits until the store has some of the run's figures."""
     end = time.monotonic() + seconds
-    while (mark := read_mark(folder)) is None or not mark.sent:
+    while (mark := read_sync_state(folder)) is None or not mark.sent:
         assert time.monotonic() < end, "waited in vain"
         time.sleep(0.05)
 

@@ -11,11 +11,11 @@ import time
 
 import pytest
 
-from experiments.runs.run_folder import MARK, METRIC_SCHEMA, METRICS, read_metrics, write_rows
+from experiments.runs.run_folder import METRIC_SCHEMA, METRICS, SYNC_STATE, read_metrics, write_rows
 from experiments.settings import CHECKOUT, LevelsConfig, RunConfig, TrackingConfig, TrackingError
-from experiments.tracking import mlflow_sync as delivery_module
+from experiments.tracking import mlflow_sync
 from experiments.tracking.mlflow_store import is_remote, open_store, store_uri
-from experiments.tracking.mlflow_sync import read_mark
+from experiments.tracking.mlflow_sync import read_sync_state
 from experiments.tracking.tracker import NoTracker, start_tracking
 from experiments.training.run import run
 from experiments.upload import UploadConfig, upload
@@ -101,10 +101,10 @@ def test_a_run_that_goes_on_is_the_same_run_and_sends_nothing_twice(store):
 def test_a_mark_that_was_not_written_leads_to_no_second_run_and_no_second_point(store):
     config = RunConfig(root=str(store), seed=6)
     tracker = start_tracking(config, store / "6")
-    before = (store / "6" / MARK).read_text()
+    before = (store / "6" / SYNC_STATE).read_text()
     tracker.begin(rows(7.0))
     tracker.finish("FAILED")
-    (store / "6" / MARK).write_text(json.dumps({**json.loads(before), "run_id": None}))  # killed in between
+    (store / "6" / SYNC_STATE).write_text(json.dumps({**json.loads(before), "run_id": None}))  # killed in between
     tracker = start_tracking(config, store / "6")
     tracker.begin(rows(7.0))
     tracker.finish("FINISHED")
@@ -124,13 +124,13 @@ def test_a_file_is_stored_with_the_run(store, tmp_path):
 def test_figures_are_sent_in_batches(store, monkeypatch):
     tracker = start_tracking(RunConfig(root=str(store), seed=7, tracking=TrackingConfig(interval=1000.0)), store / "7")
     sizes = []
-    log_batch = tracker.delivery.client.log_batch
+    log_batch = tracker.sync.client.log_batch
 
     def count(run_id, metrics=(), **more):
         sizes.append(len(metrics))
         log_batch(run_id, metrics=metrics, **more)
 
-    monkeypatch.setattr(tracker.delivery.client, "log_batch", count)
+    monkeypatch.setattr(tracker.sync.client, "log_batch", count)
     tracker.begin(rows(*range(1500)))
     assert sizes == []
     tracker.finish("FINISHED")
@@ -218,7 +218,7 @@ class Server:
 @pytest.fixture
 def server(monkeypatch):
     server = Server()
-    monkeypatch.setattr(delivery_module, "open_store", server.open)
+    monkeypatch.setattr(mlflow_sync, "open_store", server.open)
     return server
 
 
@@ -303,7 +303,7 @@ def test_an_upload_of_many_names_those_that_fail_and_sends_the_others(tmp_path, 
         folder = run(
             short_run(tmp_path / f"{number}", tracking=REMOTE, levels=LevelsConfig("empty-easy", count=number))
         ).folder
-    mark = json.loads((folder / MARK).read_text()) if (folder / MARK).exists() else None
+    mark = json.loads((folder / SYNC_STATE).read_text()) if (folder / SYNC_STATE).exists() else None
     assert mark is None or mark["sent"] == 0
     (folder / METRICS).write_bytes(b"not a table")
     server.up, said = True, []
@@ -316,7 +316,7 @@ def test_an_upload_of_many_names_those_that_fail_and_sends_the_others(tmp_path, 
 
 def test_another_store_gets_the_whole_run(tmp_path, server):
     folder = run(short_run(tmp_path / "run", tracking=REMOTE)).folder
-    there = read_mark(folder)
+    there = read_sync_state(folder)
     assert there is not None and there.sent == len(points(folder))
     server.points = []
     upload(UploadConfig(run=str(folder), uri="http://elsewhere:5000"))

@@ -153,17 +153,21 @@ def test_a_loss_that_is_not_finite_ends_the_run_and_says_what_where_and_when(tmp
     last = read_journal(tmp_path / "run")[-1]
     assert (last["event"], last["during"], last["frames"]) == ("failed", "training", 3 * FRAMES)
     assert last["error"].startswith("TrainingError: loss/value became nan")
-    assert "training.py" in last["where"] and "in iterate" in last["where"]
+    assert "training_loop.py" in last["where"] and "in iterate" in last["where"]
     assert frames(tmp_path / "run") == 2 * FRAMES
     rows = read_metrics(tmp_path / "run").to_pylist()
     assert [row["frames"] for row in rows if row["name"] == "loss/value"] == [64, 128, 192]
 
 
 def test_a_weight_that_is_not_finite_is_never_saved(tmp_path, monkeypatch):
+    def collect_nothing(learner):
+        learner.frames += FRAMES
+        return None, {}
+
     def spoil(learner):
         next(learner.policy.parameters()).data[0, 0] = torch.inf
         monkeypatch.setattr(PPO, "learn", lambda *_: {})
-        monkeypatch.setattr(PPO, "collect", lambda _: (type("R", (), {"reward": torch.zeros(FRAMES)}), {}))
+        monkeypatch.setattr(PPO, "collect", collect_nothing)
 
     with (
         before_iteration(3, spoil, monkeypatch),
