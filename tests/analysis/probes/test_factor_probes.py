@@ -11,7 +11,7 @@ from analysis.probes.pairs import Column, Pairs, episode_folds, standardised
 from analysis.probes.table import identity, shuffled
 from segar import Choice, Deterministic, GaussianNoise, UniformNoise
 from segar.errors import LevelError, SegarError
-from segar.noise import FactorSwap
+from segar.noise import Mixture
 
 EPISODES, LENGTH = 120, 10
 
@@ -122,7 +122,7 @@ def test_the_entropy_of_cells_is_exact():
 
 
 def test_atoms_are_counted_where_they_are():
-    law = FactorSwap([Deterministic(0.0), UniformNoise(0.5, 1.0)], [0.8, 0.2])
+    law = Mixture([Deterministic(0.0), UniformNoise(0.5, 1.0)], [0.8, 0.2])
     cells = quantise_law(law, 8)
     drawn = np.asarray(law.sample(rng(1), 20_000))
     shares = np.bincount(cells.cells(drawn), minlength=len(cells.probabilities)) / 20_000

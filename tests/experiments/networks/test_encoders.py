@@ -10,7 +10,8 @@ from experiments.networks import encoders
 from experiments.networks.encoders import MLP, FrameEncoder, initialize, make_encoder, successive
 from experiments.networks.keypoints import SoftArgmax, squares_by_torch
 from experiments.networks.shared_frames import are_stacks_by_torch
-from experiments.settings import CNNS, ConfigError, PPOConfig
+from experiments.settings import ConfigError, PPOConfig
+from experiments.settings.algorithms import CNNS
 
 FRAMES = torch.randint(0, 256, (6, 64, 64, 3), dtype=torch.uint8, generator=torch.Generator().manual_seed(0))
 

@@ -8,7 +8,7 @@ import pytest
 from segar.engine import kernel_path
 from segar.engine.simulator import Simulator
 from segar.envs import VectorEnv
-from segar.levels.named_families.registry import family
+from segar.levels.named_families import family
 from segar.reference import plain_random
 from segar.rules import DEFAULT_RULES
 from segar.rules.world import World

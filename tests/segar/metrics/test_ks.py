@@ -184,7 +184,7 @@ def test_numbers_of_entities_have_the_distribution_of_their_slots():
         segar.Choice([(0.0, 0.5), (0.5, 0.0)]),
         segar.noise.Empirical([(0.0, 0.5), (0.5, 0.0), (0.5, 0.2)]),
         segar.noise.Affine(segar.RandomEdgeLocation(), 0.5, (0.1, -0.2)),
-        segar.FactorSwap([RandomUniformLocation(), segar.CenterLocation()], [0.5, 0.5]),
+        segar.Mixture([RandomUniformLocation(), segar.CenterLocation()], [0.5, 0.5]),
     ],
 )
 @pytest.mark.parametrize("axis", [0, 1])
