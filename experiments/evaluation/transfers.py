@@ -61,17 +61,17 @@ class Transfer:
 class RunTask:
     """A run, the transfers of its agent, and what its probes measure.
 
-    ``imported``: another machine did all of it, and tables hold the results.
+    ``imported``: the name by which tables of another machine hold all results; empty where they do not.
     """
 
     run: RunConfig
     transfers: tuple[Transfer, ...] = field(default=())
     probes: ProbeConfig | None = None
-    imported: bool = False
+    imported: str = ""
 
     def is_done(self) -> bool:
         """Whether nothing is left to do."""
-        return self.imported or self.is_done_here()
+        return bool(self.imported) or self.is_done_here()
 
     def is_done_here(self) -> bool:
         """Whether run folders have all of it."""

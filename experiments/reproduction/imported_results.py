@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 
 from experiments.evaluation.transfers import RunTask
 from experiments.runs.run_folder import PROBES
-from experiments.settings import ConfigError
+from experiments.settings import ConfigError, label_in_0_1
 
 RUNS, TRANSFERS = "runs.parquet", "transfers.parquet"
 
@@ -34,11 +34,16 @@ class ImportedResults:
     transfers: frozenset[tuple[str, str]] = frozenset()
     probed: frozenset[str] = frozenset()
 
-    def has(self, work: RunTask) -> bool:
-        """Whether the tables hold all results of this task. With a part of them, the rest would still need the weights."""
-        name = work.run.label()
-        tested = all((name, one.folder_name()) in self.transfers for one in work.transfers)
-        return name in self.runs and tested and (work.probes is None or name in self.probed)
+    def name_of(self, work: RunTask) -> str:
+        """The name by which the tables hold all results of this task; empty where they lack some.
+
+        With a part of the results, the rest would still need the weights. Tables of release 0.1 have its names.
+        """
+        for name in (work.run.label(), label_in_0_1(work.run)):
+            tested = all((name, one.folder_name()) in self.transfers for one in work.transfers)
+            if name in self.runs and tested and (work.probes is None or name in self.probed):
+                return name
+        return ""
 
 
 def read_imported_results(folders: Sequence[Path]) -> ImportedResults:

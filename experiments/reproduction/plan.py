@@ -93,10 +93,10 @@ def make_plan(
         known = union.get(label, RunTask(work.run))
         by_folder = {one.folder_name(): one for one in (*known.transfers, *work.transfers)}
         union[label] = RunTask(work.run, tuple(by_folder.values()), known.probes or work.probes)
-    imported_labels = {label for label, work in union.items() if imported.has(work) and not work.is_done_here()}
-    union = {label: dataclasses.replace(work, imported=label in imported_labels) for label, work in union.items()}
+    stored = {label: "" if work.is_done_here() else imported.name_of(work) for label, work in union.items()}
+    union = {label: dataclasses.replace(work, imported=stored[label]) for label, work in union.items()}
     members = {
-        name: tuple(dataclasses.replace(work, imported=work.run.label() in imported_labels) for work in works)
+        name: tuple(dataclasses.replace(work, imported=stored[work.run.label()]) for work in works)
         for name, works in members.items()
     }
     studies = [
@@ -347,10 +347,10 @@ def as_data_of(plan: ReproductionPlan) -> list[dict[str, Any]]:
             "study": experiment.study,
             "runs": [
                 {
-                    "folder": folder_path(work.run).name,
+                    "folder": work.imported or folder_path(work.run).name,
                     "transfers": [one.folder_name() for one in work.transfers],
                     "probes": work.probes is not None,
-                    "elsewhere": work.imported,
+                    "elsewhere": bool(work.imported),
                 }
                 for work in plan.members[experiment.name]
             ],

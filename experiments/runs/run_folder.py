@@ -30,7 +30,7 @@ import yaml
 from filelock import FileLock, Timeout
 
 from experiments.runs.files import TEMPORARY, remove_unfinished, replacing, write_text
-from experiments.settings import CHECKOUT, ConfigError, RunConfig, RunFolderError, as_data, run_config, with_new_names
+from experiments.settings import CHECKOUT, ConfigError, RunConfig, RunFolderError, as_data, label_in_0_1, run_config, with_new_names
 
 CONFIG = "config.yaml"
 LEVELS_TRAIN = "levels_train.npz"
@@ -84,8 +84,11 @@ def runs_root(config: RunConfig) -> Path:
 
 
 def folder_path(config: RunConfig) -> Path:
-    """Absolute path of the run's folder."""
-    return Path(config.folder).expanduser().resolve() if config.folder else runs_root(config) / config.label()
+    """Absolute path of the run's folder: the one with its name today, unless only one with its name in 0.1 exists."""
+    if config.folder:
+        return Path(config.folder).expanduser().resolve()
+    today, before = (runs_root(config) / name for name in (config.label(), label_in_0_1(config)))
+    return before if before.exists() and not today.exists() else today
 
 
 def is_finished(folder: Path) -> bool:

@@ -42,7 +42,7 @@ def test_runs_from_two_machines_give_the_tables_that_one_would(there, tmp_path):
     for work in plan.runs[2:]:  # these are here
         shutil.copytree(folder_path(work.run), tmp_path / "here" / work.run.label())
     config, mine = planned_with(tmp_path / "here", other.folder)
-    assert [work.imported for work in mine.runs] == [True, True, False, False]
+    assert [bool(work.imported) for work in mine.runs] == [True, True, False, False]
     for work in plan.runs[2:]:
         shutil.rmtree(folder_path(work.run))
     joined = collect(CollectConfig(str(config.folder)))

@@ -12,7 +12,7 @@ from experiments.commands.config_store import conf_dir, register_settings
 from experiments.commands.hydra_app import compose
 from experiments.reproduce import SETTINGS, build
 from experiments.reproduction.plan import make_plan
-from experiments.runs.run_folder import read_config
+from experiments.runs.run_folder import folder_path, read_config
 from experiments.settings import CHECKOUT, ConfigError, RunFolderError, as_data, label_in_0_1, run_config
 
 LABELS = json.loads((Path(__file__).parent / "labels_0_1.json").read_text())  # that release 0.1 itself printed
@@ -95,3 +95,12 @@ def test_settings_in_no_shape_that_any_release_wrote_are_refused(tmp_path, text)
 def test_an_override_of_0_1_is_told_its_new_name():
     with pytest.raises(ConfigError, match=r"algorithm.type: since release 0.2 kind .* names the class of an algorithm"):
         compose(["algorithm.type=experiments.curl:CURLConfig"])
+
+
+def test_a_run_folder_with_its_name_in_0_1_is_found(tmp_path):
+    run = compose([f"root={tmp_path}"])
+    assert folder_path(run) == tmp_path / run.label()
+    (tmp_path / label_in_0_1(run)).mkdir()
+    assert folder_path(run) == tmp_path / label_in_0_1(run)
+    (tmp_path / run.label()).mkdir()
+    assert folder_path(run) == tmp_path / run.label()

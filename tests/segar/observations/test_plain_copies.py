@@ -92,7 +92,7 @@ def rollout_hash() -> str:
 
 @pytest.mark.slow
 def test_environments_give_the_same_bits_with_plain_twins():
-    code = "from tests.segar.observations.test_plain_twins import rollout_hash; print(rollout_hash())"
+    code = "from tests.segar.observations.test_plain_copies import rollout_hash; print(rollout_hash())"
     environment = {**os.environ, "SEGAR_PLAIN": "1"}
     plain = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
     assert plain.stdout.split()[-1] == rollout_hash()
