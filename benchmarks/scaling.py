@@ -128,7 +128,7 @@ def _crowd(count: int, diameter: float, speed: float | None) -> _Crowd:
             segar.Prior(Mobile, True),
             segar.Prior(Charge, 0.0),
         ],
-        parameters={} if speed is None else {segar.FloorFriction: 0.0, segar.WallDamping: 0.0},
+        parameters={} if speed is None else {segar.language.FloorFriction: 0.0, segar.language.WallDamping: 0.0},
         min_distance=0.0,
     )
     levels = dist.sample(CROWDS, seed=0)

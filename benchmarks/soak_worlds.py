@@ -83,10 +83,10 @@ def random_crowd(rng: np.random.Generator) -> segar.LevelDistribution:
         ],
         parameters={
             segar.Gravity: segar.UniformNoise(0.0, 20.0),
-            segar.FloorFriction: segar.UniformNoise(0.0, 0.2),
-            segar.WallDamping: segar.UniformNoise(0.0, 0.5),
-            segar.MaxVelocity: float(rng.choice([2.0, 10.0, 100.0])),
-            segar.Framerate: float(rng.choice([20.0, 100.0, 400.0])),
+            segar.language.FloorFriction: segar.UniformNoise(0.0, 0.2),
+            segar.language.WallDamping: segar.UniformNoise(0.0, 0.5),
+            segar.language.MaxVelocity: float(rng.choice([2.0, 10.0, 100.0])),
+            segar.language.Framerate: float(rng.choice([20.0, 100.0, 400.0])),
         },
         min_distance=0.0,
     )
@@ -105,7 +105,7 @@ def random_rules(name: str, rng: np.random.Generator, quarrels: bool) -> Case:
         rules = [
             replace(rule, priority=rule.priority % 3) for rule in (author.rule() for _ in range(rng.integers(3, 7)))
         ]
-        rules += DEFAULT_RULES if rng.random() < 0.7 else (segar.move, segar.accelerate)
+        rules += DEFAULT_RULES if rng.random() < 0.7 else (segar.move, segar.rules.accelerate)
         world = segar.World([rules[i] for i in rng.permutation(len(rules))])
         try:
             generate(levels.layout, world, puttputt().functions())

@@ -13,7 +13,7 @@ from experiments.commands.hydra_app import run_simple_command
 from experiments.runs.journal import read_journal
 from experiments.runs.run_folder import is_finished, is_locked, read_config, read_summary, root_folder, run_folders
 from experiments.settings import RunConfig, RunFolderError, flat
-from segar.cli.arguments import table
+from segar.cli import table
 
 FIGURES = {  # figures of a summary, and their names in the table
     "evaluation/train/return/deterministic": "train return",

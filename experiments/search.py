@@ -35,7 +35,7 @@ from experiments.settings import (
     run_config,
 )
 from experiments.train import train
-from segar.cli.arguments import table
+from segar.cli import table
 from segar.errors import did_you_mean
 
 SHOWN = 5  # trials in the closing table

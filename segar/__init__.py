@@ -2,246 +2,205 @@
 
 Entities, factors, rules and priors make level distributions; levels are sampled from them, simulated by a kernel that
 is compiled from the rules, and measured. See README.md for a first run.
+
+Here stand the names that most programs need. All others stand in the rooms: ``segar.language`` (factors, entities,
+parameters, shapes, relations, effects, mathematics of rules), ``segar.rules``, ``segar.noise``, ``segar.levels``,
+``segar.tasks``, ``segar.observations``, ``segar.envs``, ``segar.metrics``, ``segar.textures``, ``segar.rendering``,
+``segar.hardness``, ``segar.datasets`` and ``segar.errors``.
 """
 
-from typing import Tuple  # noqa: UP035 - the paper's rules are written with it
+from typing import Any
 
 from segar import envs, hardness, metrics, noise, tasks
-from segar.engine.simulator import Simulator, State
-from segar.errors import (
-    ActionError,
-    ConflictError,
-    FactorError,
-    LevelError,
-    PlacementError,
-    PriorError,
-    RuleError,
-    SegarError,
-)
-from segar.language import random
-from segar.language.effects import Aggregate, Differential, SetFactor
-from segar.language.entities import *  # noqa: F403
-from segar.language.entities import __all__ as _entity_names
-from segar.language.factors import (
-    ID,
+from segar.errors import ConflictError, RuleError, SegarError
+from segar.language import (
     Acceleration,
-    Alive,
+    Action,
+    Aggregate,
+    Ball,
+    Bumper,
     Charge,
-    Collides,
-    Consumes,
+    Charger,
+    Circle,
     Count,
-    Density,
-    Done,
-    Drag,
+    Damper,
+    Differential,
+    Entity,
     Factor,
+    FireTile,
     Flag,
-    Floor,
     Friction,
-    Heat,
-    InfiniteEnergy,
-    Label,
+    GoalTile,
+    GolfBall,
+    Gravity,
+    Hole,
+    MagmaTile,
+    Magnet,
     Magnetism,
-    Marker,
     Mass,
+    MinVelocity,
     Mobile,
-    Order,
+    Object,
+    Parameter,
     Position,
+    RandomConvexHull,
+    SandTile,
     Scalar,
+    SetFactor,
     Shape,
     Size,
-    StoredEnergy,
-    Text,
+    Task,
+    ThingFactory,
+    Tile,
     Vector,
     Velocity,
-    Visible,
+    is_on,
+    random,
+    relation,
+    rule,
 )
-from segar.language.parameters import (
-    FloorFriction,
-    Framerate,
-    Gravity,
-    MaxVelocity,
-    MinMass,
-    MinVelocity,
-    Parameter,
-    WallDamping,
+from segar.levels import LevelDistribution, Levels, Prior, families, family
+from segar.metrics import design
+from segar.noise import (
+    DiscreteRangeNoise,
+    GaussianMixtureNoise,
+    GaussianNoise,
+    RandomBottomLocation,
+    RandomEdgeLocation,
+    RandomMiddleLocation,
+    RandomTopLocation,
+    RandomUniformLocation,
+    UniformNoise,
 )
-from segar.language.relations import Relation, contains, is_equal, is_on, overlaps, relation
-from segar.language.rule_definition import Rule, rule
-from segar.language.shapes import Circle, ConvexHull, Hexagon, RandomConvexHull, Square, Triangle
-from segar.language.signature import Action, Best, Every, Wall
-from segar.language.task import Task
-from segar.language.values import arctan2, cos, exp, log, maximum, minimum, sin, sqrt, tanh, where
-from segar.levels.conditional import Dependent
-from segar.levels.distribution import LevelDistribution
-from segar.levels.level_set import Levels
-from segar.levels.named_families import families, family
-from segar.levels.priors import Prior
-from segar.metrics.level_design import design
-from segar.noise import *  # noqa: F403
-from segar.noise import __all__ as _noise_names
-from segar.observations.composed.actions import PreviousActions
-from segar.observations.composed.multi import Multi
-from segar.observations.composed.one_of import OneOf
-from segar.observations.composed.stack import Stack
-from segar.observations.pixels.solid_colours import Pixels
-from segar.observations.pixels.textured import TexturedPixels
-from segar.observations.state.presets import AllObjects, AllState, AllTiles, ObjectState, TileState
-from segar.observations.state.state_vector import StateVector
-from segar.reference.interpreter import Interpreter
-from segar.rules import (
-    DEFAULT_RULES,
-    accelerate,
-    apply_burn,
-    apply_friction,
-    bounce,
-    collide,
-    come_to_rest,
-    consume,
-    kill_condition,
-    lorentz_law,
-    lorentz_law_r2,
-    move,
-    record_drag,
-    speed_limit,
-    stop_condition,
-)
-from segar.rules.world import World
-from segar.support.version import __version__
-from segar.tasks.billiards_task import billiards
-from segar.tasks.invisiball_task import invisiball
-from segar.tasks.puttputt_task import puttputt
+from segar.reference import Interpreter
+from segar.rules import DEFAULT_RULES, World, apply_friction, lorentz_law, move
+from segar.support import __version__, deprecated_names, find_moved
+from segar.tasks import puttputt
 
+# fmt: off
 __all__ = [
-    *_entity_names,
-    *_noise_names,
-    "AllObjects",
-    "AllState",
-    "AllTiles",
     "DEFAULT_RULES",
-    "ID",
     "Acceleration",
     "Action",
-    "ActionError",
     "Aggregate",
-    "Alive",
+    "Ball",
+    "Bumper",
     "Charge",
+    "Charger",
     "Circle",
-    "Collides",
     "ConflictError",
-    "Consumes",
-    "ConvexHull",
     "Count",
-    "Density",
-    "Dependent",
+    "Damper",
     "Differential",
-    "Done",
-    "Drag",
-    "Every",
+    "DiscreteRangeNoise",
+    "Entity",
     "Factor",
-    "FactorError",
+    "FireTile",
     "Flag",
-    "Floor",
-    "FloorFriction",
-    "Framerate",
     "Friction",
+    "GaussianMixtureNoise",
+    "GaussianNoise",
+    "GoalTile",
+    "GolfBall",
     "Gravity",
-    "Heat",
-    "Hexagon",
-    "InfiniteEnergy",
+    "Hole",
     "Interpreter",
-    "Label",
-    "Best",
     "LevelDistribution",
-    "LevelError",
     "Levels",
+    "MagmaTile",
+    "Magnet",
     "Magnetism",
-    "Marker",
     "Mass",
-    "MaxVelocity",
-    "MinMass",
     "MinVelocity",
     "Mobile",
-    "Multi",
-    "ObjectState",
-    "OneOf",
-    "Order",
+    "Object",
     "Parameter",
-    "Pixels",
-    "PlacementError",
     "Position",
-    "PreviousActions",
     "Prior",
-    "PriorError",
+    "RandomBottomLocation",
     "RandomConvexHull",
-    "Relation",
-    "Rule",
+    "RandomEdgeLocation",
+    "RandomMiddleLocation",
+    "RandomTopLocation",
+    "RandomUniformLocation",
     "RuleError",
+    "SandTile",
     "Scalar",
     "SegarError",
     "SetFactor",
     "Shape",
-    "Simulator",
     "Size",
-    "Square",
-    "Stack",
-    "State",
-    "StateVector",
-    "StoredEnergy",
     "Task",
-    "Text",
-    "TexturedPixels",
-    "TileState",
-    "Triangle",
-    "Tuple",
+    "ThingFactory",
+    "Tile",
+    "UniformNoise",
     "Vector",
     "Velocity",
-    "Visible",
-    "Wall",
-    "WallDamping",
     "World",
-    "__version__",
-    "accelerate",
-    "apply_burn",
     "apply_friction",
-    "arctan2",
-    "billiards",
-    "bounce",
-    "collide",
-    "come_to_rest",
-    "consume",
-    "contains",
-    "cos",
     "design",
     "envs",
-    "exp",
     "families",
     "family",
     "hardness",
-    "invisiball",
-    "is_equal",
     "is_on",
-    "kill_condition",
-    "log",
     "lorentz_law",
-    "lorentz_law_r2",
-    "maximum",
     "metrics",
-    "minimum",
     "move",
     "noise",
-    "overlaps",
     "puttputt",
     "random",
-    "record_drag",
     "relation",
     "rule",
-    "sin",
-    "speed_limit",
-    "sqrt",
-    "stop_condition",
-    "tanh",
     "tasks",
-    "where",
 ]
+# fmt: on
+
+# What 0.1 exported here, by the room that has it now.
+_ROOMS = {
+    "segar.language": "sqrt contains CueBall GlobalFriction Thing entity_name Alive Collides Consumes"
+    " Density Done Drag Every Floor FloorFriction Framerate Heat Hexagon ID InfiniteEnergy Best Label Marker MaxVelocity"
+    " MinMass Order ConvexHull Relation Rule Square StoredEnergy Text Triangle Visible Wall"
+    " WallDamping arctan2 cos exp log maximum minimum sin tanh where is_equal overlaps",
+    "segar.noise": "Affine Bernoulli CenterLocation Choice Deterministic Empirical GaussianNoise2D Independent LogUniform"
+    " Mixture Noise RandomBottomLeftLocation RandomBottomRightLocation RandomLeftLocation"
+    " RandomRightLocation RandomTopLeftLocation RandomTopRightLocation TruncatedGaussianNoise VonMises"
+    " Wrapped",
+    "segar.rules": "accelerate apply_burn bounce collide come_to_rest consume kill_condition "
+    " lorentz_law_r2 record_drag speed_limit stop_condition",
+    "segar.observations": "StateVector Pixels TexturedPixels Stack AllObjects AllState AllTiles Multi ObjectState"
+    " OneOf PreviousActions TileState",
+    "segar.errors": "ActionError FactorError LevelError PlacementError PriorError",
+    "segar.levels": "Dependent",
+    "segar.engine": "Simulator State",
+    "segar.tasks": "billiards invisiball",
+}
+_FORMER = {name: room for room, names in _ROOMS.items() for name in names.split()}
+
+# Modules of 0.1 that programs may have imported.
+find_moved(
+    {
+        f"segar.{old}": f"segar.{room}.{new}"
+        for room, names in {
+            "language": "values effects factors entities parameters shapes relations tasks.task=task",
+            "levels": "distribution priors conditional explanation",
+            "rules": "world",
+            "engine": "simulator",
+            "tasks": "tasks.puttputt=puttputt_task tasks.billiards=billiards_task tasks.invisiball=invisiball_task"
+            " tasks.find=registry",
+            "metrics": "designed_levels=level_design",
+            "observations": "observations.find=shipped",
+            "cli": "rendering.gallery=contact_sheet rendering.game=game",
+        }.items()
+        for old, _, new in (name.partition("=") for name in names.split())
+        for new in [new or old]
+    }
+)
+
+
+def __getattr__(name: str) -> Any:
+    """Names that 0.1 exported here; a warning says the room that has them now."""
+    return deprecated_names("segar", _FORMER, name)
+
 
 envs.register_all()

@@ -30,7 +30,7 @@ from experiments.runs.run_folder import (
     write_rows,
 )
 from experiments.settings import ConfigError, EvaluateConfig, RunConfig, RunFolderError, import_object
-from segar.cli.arguments import load_levels, table
+from segar.cli import load_levels, table
 from segar.envs import VectorEnv
 from segar.levels import Levels
 

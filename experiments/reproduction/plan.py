@@ -33,7 +33,7 @@ from experiments.settings import (
     grid_point,
     paper_seeds,
 )
-from segar.cli.arguments import table
+from segar.cli import table
 from segar.errors import LevelError
 
 # [frames/s] of one process, while nothing has been measured: what two cores of a small server gave.

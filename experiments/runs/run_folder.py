@@ -30,7 +30,16 @@ import yaml
 from filelock import FileLock, Timeout
 
 from experiments.runs.files import TEMPORARY, remove_unfinished, replacing, write_text
-from experiments.settings import CHECKOUT, ConfigError, RunConfig, RunFolderError, as_data, label_in_0_1, run_config, with_new_names
+from experiments.settings import (
+    CHECKOUT,
+    ConfigError,
+    RunConfig,
+    RunFolderError,
+    as_data,
+    label_in_0_1,
+    run_config,
+    with_new_names,
+)
 
 CONFIG = "config.yaml"
 LEVELS_TRAIN = "levels_train.npz"

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from typing import NoReturn
 
 from segar.cli import gallery, hardness, kernels, levels, play, record
+from segar.cli.arguments import load_levels, table
 from segar.errors import SegarError
 from segar.support import __version__
 

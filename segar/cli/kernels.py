@@ -12,8 +12,18 @@ from typing import Any
 import numpy as np
 
 from segar.cli.arguments import NAME_HELP, TASK_HELP, find_distribution, task_named
-from segar.engine import KernelSource, Simulator, State, StepResult, cache_folder, generate, is_compiled, kernel_path
-from segar.engine.runtime import device, device_contacts
+from segar.engine import (
+    KernelSource,
+    Simulator,
+    State,
+    StepResult,
+    cache_folder,
+    device,
+    device_contacts,
+    generate,
+    is_compiled,
+    kernel_path,
+)
 from segar.envs import REWARDS, VectorEnv, world_of
 from segar.language import Rule, Task
 from segar.levels import TASK_LEVELS, Levels, families

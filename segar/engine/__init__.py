@@ -3,6 +3,7 @@
 from segar.engine.batch import State, StepResult
 from segar.engine.compiler.kernel import KernelSource, generate
 from segar.engine.compiler.kernel_cache import cache_folder, is_compiled, kernel_path
+from segar.engine.runtime import device, device_contacts
 from segar.engine.runtime.gather import Reads, gather
 from segar.engine.simulator import Simulator
 

@@ -17,7 +17,7 @@ from segar.language.parameters import (
     Parameter,
     WallDamping,
 )
-from segar.language.relations import Relation, as_relation, contains, is_on
+from segar.language.relations import Relation, as_relation, contains, is_equal, is_on, overlaps, relation
 from segar.language.rule_definition import (
     SPECIFICITY_OBJECT,
     SPECIFICITY_SUBCLASS,
@@ -27,7 +27,17 @@ from segar.language.rule_definition import (
     rule,
     value_rule,
 )
-from segar.language.shapes import CIRCLE, HULL, BaseShape, Circle, Hexagon, RandomConvexHull, Square, Triangle
+from segar.language.shapes import (
+    CIRCLE,
+    HULL,
+    BaseShape,
+    Circle,
+    ConvexHull,
+    Hexagon,
+    RandomConvexHull,
+    Square,
+    Triangle,
+)
 from segar.language.signature import (
     Action,
     Best,
@@ -55,7 +65,22 @@ from segar.language.tracing import (
     symbols_of,
     trace,
 )
-from segar.language.values import ZERO, Number, Source, VectorValue, sqrt, where
+from segar.language.values import (
+    ZERO,
+    Number,
+    Source,
+    VectorValue,
+    arctan2,
+    cos,
+    exp,
+    log,
+    maximum,
+    minimum,
+    sin,
+    sqrt,
+    tanh,
+    where,
+)
 from segar.language.world import ARENA, WorldRules
 
 __all__ = [
@@ -76,6 +101,7 @@ __all__ = [
     "Best",
     "Branch",
     "Circle",
+    "ConvexHull",
     "Counts",
     "Differential",
     "Effect",
@@ -117,27 +143,38 @@ __all__ = [
     "WallDamping",
     "WallView",
     "WorldRules",
+    "arctan2",
     "as_relation",
     "as_rule",
     "build_argument",
     "code_place",
     "contains",
+    "cos",
     "default_task",
     "effects_of",
     "evaluate",
+    "exp",
     "holds",
+    "is_equal",
     "is_on",
     "leaves_of",
+    "log",
     "make",
+    "maximum",
+    "minimum",
     "moves",
     "name_slots",
     "number_leaf",
+    "overlaps",
     "read_signature",
+    "relation",
     "rule",
     "set_default_task",
+    "sin",
     "sqrt",
     "symbolic_arguments",
     "symbols_of",
+    "tanh",
     "trace",
     "value_rule",
     "walk",

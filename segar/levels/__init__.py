@@ -5,6 +5,7 @@ The room imports ``errors``, ``support``, ``language``, ``rules`` and ``noise``.
 """
 
 from segar.levels.checks import require_distribution, require_factors, require_generator, require_levels, require_units
+from segar.levels.conditional import Dependent
 from segar.levels.distribution import LevelDistribution
 from segar.levels.hashing import content_hash
 from segar.levels.level_data import LEVEL_ARRAYS, Provenance

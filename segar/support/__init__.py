@@ -9,6 +9,7 @@ from segar.support.counter_kernel import GOLDEN, SPACING, keyed_uniform, mix, no
 from segar.support.counter_rng import LOW_WORD, SPARE_BITS, WORD, LevelGenerator, philox, stream_key
 from segar.support.estimates import Estimate
 from segar.support.imports import named_object
+from segar.support.moved_modules import deprecated_names, find_moved
 from segar.support.optimal_transport import TRANSPORT_STEPS, emd, plan_of, pot
 from segar.support.optional_dependencies import need, need_pygame
 from segar.support.plain import is_plain

@@ -149,7 +149,8 @@ def objections(one: Import) -> Iterator[str]:
         yield f"{one.place}: {here} must not know {there}"
     if one.name.startswith("_") and one.name != "__version__":
         yield f"{one.place}: {one.name} is private to {there}"
-    behind_face = there.startswith("segar.") and there != "segar.errors" and one.target != there
+    is_shown = one.target == there or (not one.name and one.target.rpartition(".")[0] == there)
+    behind_face = there.startswith("segar.") and there != "segar.errors" and not is_shown
     if behind_face and one.target not in OPTIONAL and here != "segar":
         yield f"{one.place}: import from the face {there}, not from {one.target}"
 

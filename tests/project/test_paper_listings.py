@@ -110,8 +110,14 @@ def test_like_charges_repel_by_the_inverse_square_in_the_paper():
 def test_the_move_of_the_paper_is_the_velocity_above_the_least_speed():
     move = listing_with("def move(")["move"]
     place = _argument(segar.Position, [0.0, 0.0])
-    assert tuple(map(float, move(place, segar.Velocity([0.5, 0.0]), segar.MinVelocity(1e-4)).value)) == (0.5, 0.0)
-    assert tuple(map(float, move(place, segar.Velocity([1e-5, 0.0]), segar.MinVelocity(1e-4)).value)) == (0.0, 0.0)
+    assert tuple(map(float, move(place, segar.Velocity([0.5, 0.0]), segar.MinVelocity(1e-4)).value)) == (
+        0.5,
+        0.0,
+    )
+    assert tuple(map(float, move(place, segar.Velocity([1e-5, 0.0]), segar.MinVelocity(1e-4)).value)) == (
+        0.0,
+        0.0,
+    )
 
 
 def test_the_default_configuration_of_puttputt_is_the_family_puttputt():
@@ -147,7 +153,7 @@ def test_priors_with_identical_conditions_are_an_error_as_the_paper_says():
         for text in LISTINGS
         if text.strip().startswith("Prior(") and isinstance(value := run(text)["value"], tuple)
     )
-    with pytest.raises(segar.PriorError, match="same condition"):
+    with pytest.raises(segar.errors.PriorError, match="same condition"):
         LevelDistribution([(Charger, 1)], [*pair, pair[0]])
 
 

@@ -9,9 +9,9 @@ from analysis.probes.entropy import quantise, quantise_law
 from analysis.probes.factors import COLUMNS, information_gain, probe_factors
 from analysis.probes.pairs import Column, Pairs, episode_folds, standardised
 from analysis.probes.table import identity, shuffled
-from segar import Choice, Deterministic, GaussianNoise, UniformNoise
+from segar import GaussianNoise, UniformNoise
 from segar.errors import LevelError, SegarError
-from segar.noise import Mixture
+from segar.noise import Choice, Deterministic, Mixture
 
 EPISODES, LENGTH = 120, 10
 

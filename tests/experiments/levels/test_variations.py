@@ -8,7 +8,8 @@ from experiments.levels.builders import distribution_of, make_levels
 from experiments.levels.conditions import Contender, conditional_puttputt
 from experiments.levels.variations import VARIATIONS, vary
 from experiments.settings import ConfigError, LevelsConfig
-from segar import FloorFriction, GoalTile, GolfBall, Gravity, Mass, Order, Position, SandTile
+from segar import GoalTile, GolfBall, Gravity, Mass, Position, SandTile
+from segar.language import FloorFriction, Order
 from segar.metrics import w2
 from segar.rules import apply_friction, lorentz_law
 

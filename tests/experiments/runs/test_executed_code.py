@@ -109,7 +109,7 @@ def test_textures_are_a_part_where_they_are_shown(library):
 
 def test_other_rules_are_another_kernel_and_another_algorithm_is_another_learner(package):
     (package / "levels.py").write_text(
-        "import segar\n\n\ndef frictionless():\n    return segar.family('empty-easy').with_rules([segar.rules.move])\n"
+        "import segar\n\n\ndef frictionless():\n    return segar.family('empty-easy').with_rules([segar.move])\n"
     )
     before = executed_code(CONFIG)
     other = dataclasses.replace(CONFIG, levels=dataclasses.replace(CONFIG.levels, train="my_lab.levels:frictionless"))

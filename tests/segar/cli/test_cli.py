@@ -48,7 +48,7 @@ def test_the_source_that_is_shown_is_the_one_that_runs(capsys, tmp_path, monkeyp
     text = shown(capsys, "kernel", "show", "tilesx1-easy", "--task", "puttputt")
     (line,) = re.findall(r"^# It lies in (.*) \(not compiled yet\)\.$", text, re.M)
     levels = segar.family("tilesx1-easy").sample(1)
-    simulator = segar.Simulator(segar.World(), levels.layout)
+    simulator = segar.engine.Simulator(segar.World(), levels.layout)
     runs = Path(simulator._module.__file__)  # of another folder, where another test loaded it before
     assert Path(line).parent == tmp_path and Path(line).name == runs.name
     assert text.endswith("\n\n" + runs.read_text())

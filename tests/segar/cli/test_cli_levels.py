@@ -89,9 +89,9 @@ def test_describe_shows_numbers_types_shapes_and_what_depends_on_something_else(
         "numbers += [(segar.Ball, segar.DiscreteRangeNoise(1, 4)), (segar.GoalTile, 1)]\n"
         "priors = [segar.Prior(segar.Position, segar.RandomUniformLocation())]\n"
         "priors += [segar.Prior(segar.Size, segar.UniformNoise(0.1, 0.2), entity_type=segar.Ball)]\n"
-        "heavy = segar.Dependent(segar.UniformNoise(0.9, 1.1), scale=weight)\n"
+        "heavy = segar.levels.Dependent(segar.UniformNoise(0.9, 1.1), scale=weight)\n"
         "priors += [segar.Prior(segar.Mass, heavy, entity_type=segar.Ball)]\n"
-        "priors += [segar.Prior(segar.Shape, segar.Choice([segar.Circle(0.2), segar.Square(0.2)]), entity_type=segar.Magnet)]\n"
+        "priors += [segar.Prior(segar.Shape, segar.noise.Choice([segar.Circle(0.2), segar.language.Square(0.2)]), entity_type=segar.Magnet)]\n"  # noqa: E501
         "dist = segar.LevelDistribution(numbers, priors)\n"
     )
     monkeypatch.syspath_prepend(tmp_path)
@@ -114,7 +114,7 @@ def test_names_in_a_row_that_count_on_are_said_by_their_ends():
 def test_a_law_that_says_nothing_but_its_draws_is_described_all_the_same(capsys, tmp_path, monkeypatch):
     (tmp_path / "my_law.py").write_text(
         "import segar\n"
-        "class Twice(segar.Noise):\n"
+        "class Twice(segar.noise.Noise):\n"
         "    def sample(self, rng, size=None): return 2 * rng.uniform(0.5, 1.0, size)\n"
         "where = [segar.Prior(segar.Position, segar.RandomUniformLocation()), segar.Prior(segar.Mass, Twice())]\n"
         "dist = segar.LevelDistribution([(segar.GolfBall, 1), (segar.GoalTile, 1)], where)\n"

@@ -101,18 +101,18 @@ def test_every_thing_of_the_legend_has_another_sign():
     env = segar.envs.VectorEnv(levels, 1, render_mode="rgb_array", view=View(labels=False, line=False), seed=0)
     changes = {
         ("golfball", segar.Velocity): (0, 0),
-        ("goal", segar.Heat): 0,
-        ("ball1", segar.Alive): True,
-        ("ball2", segar.Visible): True,
+        ("goal", segar.language.Heat): 0,
+        ("ball1", segar.language.Alive): True,
+        ("ball2", segar.language.Visible): True,
         ("charger1", segar.Charge): 0,
         ("charger2", segar.Magnetism): 0,
         ("magnet", segar.Magnetism): 0,
-        ("bumper", segar.StoredEnergy): 0,
-        ("damper", segar.StoredEnergy): 0,
-        ("object", segar.Done): False,
+        ("bumper", segar.language.StoredEnergy): 0,
+        ("damper", segar.language.StoredEnergy): 0,
+        ("object", segar.language.Done): False,
         ("sand", segar.Friction): 0,
-        ("magma", segar.Heat): 0,
-        ("fire", segar.Heat): 0,
+        ("magma", segar.language.Heat): 0,
+        ("fire", segar.language.Heat): 0,
     }
     for (entity, factor), value in changes.items():
         env.reset()

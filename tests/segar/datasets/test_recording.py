@@ -70,7 +70,7 @@ def test_chance_in_rules_is_played_again_as_well(tmp_path, trembling):
     np.testing.assert_array_equal([seen for seen, *_ in again], second.observations["observation"])
     assert check_replay(dataset) == dataset.steps
     # Files hold no rules: they have to be given.
-    with pytest.raises(segar.LevelError, match="rules of their own"):
+    with pytest.raises(segar.errors.LevelError, match="rules of their own"):
         check_replay(Dataset.load(tmp_path / "data"))
     assert check_replay(Dataset.load(tmp_path / "data", world=trembling.world)) == dataset.steps
 

@@ -110,7 +110,7 @@ def test_sixty_four_paths_are_followed_and_sixty_five_are_not():
         return many
 
     assert len(leaves_of(rule(fork(6)).tree)) == 64
-    message = r"many \(test_definition.py:\d+\): more than 64 paths .* Split the rule, or use segar.where"
+    message = r"many \(test_definition.py:\d+\): more than 64 paths .* Split the rule, or use segar.language.where"
     with pytest.raises(RuleError, match=message):
         rule(fork(7))
 
@@ -221,8 +221,16 @@ def reads_what_a_ball_lacks(ball: Ball) -> SetFactor[Mass]:
             1,
             r"`x = float\(m\)`\): a factor's value is not known while the rule is compiled, so float\(\)",
         ),
-        (calls_math, 1, r"`x = math.sin\(m\)`.*math.\* and numpy cannot use it; use arithmetic, or segar.sqrt, exp"),
-        (calls_a_numpy_ufunc, 1, r"`x = np.sqrt\(m\)`\): a rule cannot call numpy; use arithmetic, or segar.sqrt"),
+        (
+            calls_math,
+            1,
+            r"`x = math.sin\(m\)`.*math.\* and numpy cannot use it; use arithmetic, or segar.language.sqrt, exp",
+        ),
+        (
+            calls_a_numpy_ufunc,
+            1,
+            r"`x = np.sqrt\(m\)`\): a rule cannot call numpy; use arithmetic, or segar.language.sqrt",
+        ),
         (calls_numpy_on_a_vector, 1, r"`x = np.clip\(v, 0, 1\)`\): a rule cannot call numpy"),
         (
             asks_whether_a_vector,

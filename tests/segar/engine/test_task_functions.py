@@ -7,11 +7,6 @@ import pytest
 
 from segar import (
     Ball,
-    Best,
-    Done,
-    Every,
-    FloorFriction,
-    Hole,
     LevelDistribution,
     Mass,
     Object,
@@ -20,11 +15,11 @@ from segar import (
     RandomUniformLocation,
     RuleError,
     SetFactor,
-    StoredEnergy,
     Task,
     Velocity,
     World,
 )
+from segar.language import Best, Done, Every, FloorFriction, Hole, StoredEnergy
 from segar.language.rule_definition import rule, value_rule
 from segar.language.signature import Action
 from segar.noise import DiscreteRangeNoise

@@ -10,10 +10,9 @@ import pytest
 import torch
 
 import segar
-from segar import Pixels, Stack
 from segar.envs import VectorEnv
 from segar.envs.buffers import MAX_BUFFERS, Buffers
-from segar.observations import leaves
+from segar.observations import Pixels, Stack, leaves
 
 LEVELS = segar.family("objectsx1-hard").sample(6, seed=0)
 OBSERVATIONS = {"state": "state", "rgb": "rgb", "stack": Stack(Pixels(), 2), "both": {"b": "rgb", "a": "state"}}

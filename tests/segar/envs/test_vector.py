@@ -161,10 +161,10 @@ def test_arrays_of_an_earlier_step_are_not_overwritten() -> None:
 
 
 def test_levels_with_rules_of_their_own_never_run_on_the_default_ones(tmp_path) -> None:
-    rules = (segar.move, segar.accelerate)
+    rules = (segar.move, segar.rules.accelerate)
     levels = segar.family("empty-hard").with_rules(rules).sample(3, seed=0)
     levels.save(tmp_path / "levels.npz")
-    with pytest.raises(segar.LevelError, match=r"saved with rules of their own \(move"):
+    with pytest.raises(segar.errors.LevelError, match=r"saved with rules of their own \(move"):
         VectorEnv(segar.Levels.load(tmp_path / "levels.npz"), 2)
     again = segar.Levels.load(tmp_path / "levels.npz", world=segar.World(rules=rules))
     assert same(roll(VectorEnv(levels, 2), 10), roll(VectorEnv(again, 2), 10))
@@ -194,7 +194,7 @@ def test_observations_are_finite_and_shaped_by_the_distribution_not_the_sample(n
 def test_a_bad_action_is_an_error_that_says_where(actions: np.ndarray, words: str) -> None:
     env = VectorEnv(LEVELS, 4, seed=0)
     env.reset()
-    with pytest.raises(segar.ActionError, match=words):
+    with pytest.raises(segar.errors.ActionError, match=words):
         env.step(actions)
 
 
@@ -207,16 +207,16 @@ def test_a_bad_action_is_an_error_that_says_where(actions: np.ndarray, words: st
     ],
 )
 def test_bad_reset_options_are_errors(options: dict, words: str) -> None:
-    with pytest.raises(segar.LevelError, match=words):
+    with pytest.raises(segar.errors.LevelError, match=words):
         VectorEnv(LEVELS, 4, seed=0).reset(options=options)
 
 
 def test_misspelt_names_get_the_nearest_right_one() -> None:
     env = VectorEnv(LEVELS, 1, seed=0)
     _, info = env.reset()
-    with pytest.raises(segar.LevelError, match="Did you mean 'Mass'"):
+    with pytest.raises(segar.errors.LevelError, match="Did you mean 'Mass'"):
         info["factors"]["Mas"]
-    with pytest.raises(segar.LevelError, match="Did you mean 'golfball'"):
+    with pytest.raises(segar.errors.LevelError, match="Did you mean 'golfball'"):
         env.intervene("golfbal", segar.Mass, 1.0)
     with pytest.raises(segar.SegarError, match="Did you mean 'state'"):
         VectorEnv(LEVELS, 1, observation="stat")

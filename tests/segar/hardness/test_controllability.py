@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 import segar
-from segar import Ball, Framerate, GoalTile, GolfBall, Levels, Mass, Position, Velocity, World
+from segar import Ball, GoalTile, GolfBall, Levels, Mass, Position, Velocity, World
 from segar.errors import SegarError
 from segar.hardness import influence
+from segar.language import Framerate
 
 FREE = World(rules=[segar.move])  # no friction: a push lasts
 
@@ -23,11 +24,11 @@ def test_the_gain_of_velocity_is_the_impulse_over_the_mass_and_that_of_position_
     assert found.of("golfball", "Position").gain == pytest.approx(2.0 / 50.0 * seconds, rel=1e-3)
 
 
-class Drifter(segar.Thing):
+class Drifter(segar.language.Thing):
     """It moves, and has nothing that anything could touch or push: no mass, no charge, no collisions."""
 
     velocity: Velocity = (0.4, 0.1)
-    id: segar.ID = "drifter"
+    id: segar.language.ID = "drifter"
 
 
 def test_a_thing_that_nothing_can_touch_is_exogenous_and_a_ball_in_the_way_is_endogenous():

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 import segar
-from segar import Framerate, GoalTile, GolfBall, Levels, Mass, Position, World
+from segar import GoalTile, GolfBall, Levels, Mass, Position, World
 from segar.errors import LevelError, SegarError
 from segar.hardness import dynamics_distances, hardness, policy_similarity, policy_similarity_of_states
 from segar.hardness.planner import Plan
+from segar.language import Framerate
 
 
 def played(*paths: list[list[float]]) -> Plan:

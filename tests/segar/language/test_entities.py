@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import segar
-from segar import Ball, Charge, Circle, GolfBall, Label, Mass, Shape, Size
+from segar import Ball, Charge, Circle, GolfBall, Mass, Shape, Size
+from segar.language import Label
 from segar.language.entities import Object
 
 

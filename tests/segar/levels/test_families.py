@@ -10,30 +10,23 @@ import pytest
 import segar
 from segar import (
     Ball,
-    Bumper,
     Charge,
     Charger,
-    Damper,
-    FireTile,
     Friction,
-    Heat,
-    Hole,
-    LevelError,
     Levels,
-    MagmaTile,
     Magnet,
     Magnetism,
     Mass,
     Mobile,
     Object,
-    Order,
     Position,
     SandTile,
     Size,
-    StoredEnergy,
     Tile,
     family,
 )
+from segar.errors import LevelError
+from segar.language import Bumper, Damper, FireTile, Heat, Hole, MagmaTile, Order, StoredEnergy
 from segar.language.parameters import FloorFriction, Framerate, Gravity, MaxVelocity, WallDamping
 from segar.language.shapes import CIRCLE, HULL
 from tests.places import TESTS

@@ -12,37 +12,30 @@ from scipy import stats
 import segar
 from segar import (
     Ball,
-    Bumper,
     Charge,
     Charger,
     Circle,
-    Damper,
-    Dependent,
     GaussianNoise,
     GoalTile,
     GolfBall,
     Gravity,
     LevelDistribution,
-    LevelError,
     Mass,
     Mobile,
     Object,
-    Order,
-    PlacementError,
     Position,
     Prior,
-    PriorError,
     RandomUniformLocation,
     SandTile,
     Shape,
     Size,
-    Square,
-    StoredEnergy,
-    Thing,
     ThingFactory,
     Tile,
     UniformNoise,
 )
+from segar.errors import LevelError, PlacementError, PriorError
+from segar.language import Bumper, Damper, Order, Square, StoredEnergy, Thing
+from segar.levels import Dependent
 from segar.levels.hashing import content_hash
 
 ANYWHERE = Prior(Position, RandomUniformLocation())
@@ -73,7 +66,7 @@ CONDITIONAL = LevelDistribution(
         Prior(Size, UniformNoise(0.1, 0.3), entity_type=Ball),
         Prior(Mass, Dependent(GaussianNoise(1.0, 0.1, clip=(0.9, 1.2)), shift=0.5, scale=weight), entity_type=Ball),
         Prior(Charge, UniformNoise(-1.0, 1.0)),
-        Prior(Mobile, segar.Bernoulli(0.25), relation=is_positive),
+        Prior(Mobile, segar.noise.Bernoulli(0.25), relation=is_positive),
     ],
 )
 CROWDED = LevelDistribution(
@@ -81,7 +74,11 @@ CROWDED = LevelDistribution(
     [
         ANYWHERE,
         Prior(StoredEnergy, GaussianNoise(1.0, 0.1), entity_type=Bumper),
-        Prior(Shape, segar.Choice([Circle(0.3), Square(0.5), segar.RandomConvexHull(0.3)], [0.2, 0.3, 0.5]), Tile),
+        Prior(
+            Shape,
+            segar.noise.Choice([Circle(0.3), Square(0.5), segar.RandomConvexHull(0.3)], [0.2, 0.3, 0.5]),
+            Tile,
+        ),
     ],
     parameters={Gravity: UniformNoise(8.0, 12.0)},
     min_distance=0.4,
@@ -113,10 +110,10 @@ def test_levels_of_atoms_are_drawn_as_often_as_their_probability_says():
     dist = LevelDistribution(
         [(ThingFactory({Bumper: 0.25, Charger: 0.75}), segar.DiscreteRangeNoise(0, 2)), (SandTile, 1)],
         [
-            Prior(Mobile, segar.Bernoulli(0.3), entity_type=Thing),
-            Prior(Charge, segar.Choice([-1.0, 1.0], [0.4, 0.6]), entity_type=Charger),
-            Prior(Mass, segar.Choice([1.0, 3.0], [0.1, 0.9]), relation=is_positive),
-            Prior(Shape, segar.Choice([Circle(0.3), Square(0.5)], [0.25, 0.75]), entity_type=SandTile),
+            Prior(Mobile, segar.noise.Bernoulli(0.3), entity_type=Thing),
+            Prior(Charge, segar.noise.Choice([-1.0, 1.0], [0.4, 0.6]), entity_type=Charger),
+            Prior(Mass, segar.noise.Choice([1.0, 3.0], [0.1, 0.9]), relation=is_positive),
+            Prior(Shape, segar.noise.Choice([Circle(0.3), Square(0.5)], [0.25, 0.75]), entity_type=SandTile),
         ],
         positions=[(Object, [(0.5, 0.5), (-0.5, -0.5)]), (SandTile, [(0.0, 0.0)])],
     )
@@ -134,7 +131,10 @@ def test_levels_of_atoms_are_drawn_as_often_as_their_probability_says():
 def test_a_random_hull_that_is_chosen_half_of_the_time_is_half_as_dense():
     often, always = (
         LevelDistribution([(SandTile, 1)], [Prior(Shape, shape)])
-        for shape in (segar.Choice([Circle(0.3), segar.RandomConvexHull(0.3)]), segar.RandomConvexHull(0.3))
+        for shape in (
+            segar.noise.Choice([Circle(0.3), segar.RandomConvexHull(0.3)]),
+            segar.RandomConvexHull(0.3),
+        )
     )
     levels = often.sample(40)
     hull = levels.shape_kind[:, 0] == 2
@@ -342,7 +342,7 @@ def test_a_dependence_that_cannot_be_meant_is_refused():
         LevelDistribution([(GoalTile, 1)], [Prior(Size, Dependent(distribution, shift=charged))])
     with pytest.raises(PriorError, match=r"its distribution reads Position, which is drawn last"):
         LevelDistribution([(Ball, 1)], [Prior(Mass, Dependent(distribution, scale=placed))])
-    shapes = Prior(Shape, segar.Choice([Circle(0.3), Circle(0.5)]))
+    shapes = Prior(Shape, segar.noise.Choice([Circle(0.3), Circle(0.5)]))
     with pytest.raises(PriorError, match=r"reads Size, which for Ball is that of a shape that is chosen later"):
         LevelDistribution([(Ball, 1)], [shapes, Prior(Mass, Dependent(distribution, scale=weight))])
     zero = LevelDistribution([(Ball, 1)], [Prior(Mass, Dependent(distribution, scale=charged)), Prior(Charge, 0.0)])

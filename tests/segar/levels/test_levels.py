@@ -14,33 +14,23 @@ import pytest
 
 import segar
 from segar import (
-    ID,
     Ball,
     Charge,
     Charger,
     Circle,
-    ConvexHull,
     DiscreteRangeNoise,
-    FloorFriction,
     Friction,
     GaussianNoise,
     GoalTile,
     GolfBall,
     Gravity,
-    Heat,
-    Hole,
-    Label,
     LevelDistribution,
-    LevelError,
     Levels,
     Mass,
     Mobile,
     Object,
-    Order,
-    PlacementError,
     Position,
     Prior,
-    RandomConvexHull,
     RandomUniformLocation,
     SandTile,
     Shape,
@@ -51,6 +41,8 @@ from segar import (
     Velocity,
     family,
 )
+from segar.errors import LevelError, PlacementError
+from segar.language import ID, ConvexHull, FloorFriction, Heat, Hole, Label, Order, RandomConvexHull
 from segar.levels.level_data import LEVEL_ARRAYS
 from tests.places import TESTS
 
@@ -132,7 +124,7 @@ def test_the_hash_follows_content_not_name_or_rules():
 
 def test_other_rules_keep_the_levels():
     dist = family("objectsx1-hard")
-    other = dist.with_rules([segar.move, segar.accelerate])
+    other = dist.with_rules([segar.move, segar.rules.accelerate])
     assert other.sample(5) == dist.sample(5)
     assert [rule.name for rule in other.sample(1).world.rules] == ["move", "accelerate"]
     assert dist.sample(1).world is None
@@ -447,7 +439,7 @@ def test_levels_by_hand_may_have_different_numbers_of_entities(tmp_path):
         (lambda: Levels.from_entities([]), "at least one level"),
         (lambda: Levels.from_entities([[Ball]]), "is not an entity"),
         (lambda: Levels.from_entities([[segar.Entity({Mass: 1.0})]]), "declare a sub-class of Entity"),
-        (lambda: Levels.from_entities([[segar.GlobalFriction()]]), "FloorFriction"),
+        (lambda: Levels.from_entities([[segar.language.GlobalFriction()]]), "FloorFriction"),
         (lambda: Levels.from_entities([[Ball({Label: "star"})]]), "the label belongs to the type"),
         (lambda: Levels.from_entities([[SandTile({Shape: RandomConvexHull(0.3)})]]), "a random shape needs"),
         (lambda: Levels.from_entities([[Ball()]], {Gravity: [1.0, 2.0]}), "Gravity must be one number or 1"),

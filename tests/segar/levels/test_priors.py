@@ -7,46 +7,48 @@ import pytest
 
 import segar
 from segar import (
-    ID,
     Ball,
-    Bernoulli,
-    Bumper,
     Charge,
     Charger,
     Circle,
-    Damper,
-    FloorFriction,
     Friction,
     GaussianNoise,
-    GlobalFriction,
     GoalTile,
     GolfBall,
     Gravity,
-    Heat,
-    Label,
     LevelDistribution,
     Magnet,
     Mass,
     Mobile,
     Object,
-    Order,
     Position,
     Prior,
-    PriorError,
     RandomEdgeLocation,
     RandomUniformLocation,
     SandTile,
     Shape,
     Size,
-    Square,
-    StoredEnergy,
-    Thing,
     ThingFactory,
     Tile,
     UniformNoise,
     Velocity,
+)
+from segar.errors import PriorError
+from segar.language import (
+    ID,
+    Bumper,
+    Damper,
+    FloorFriction,
+    GlobalFriction,
+    Heat,
+    Label,
+    Order,
+    Square,
+    StoredEnergy,
+    Thing,
     is_equal,
 )
+from segar.noise import Bernoulli
 
 ANYWHERE = Prior(Position, RandomUniformLocation())
 
@@ -212,7 +214,10 @@ def test_a_type_that_declares_its_size_gets_that_circle():
 
 
 def test_shapes_can_be_chosen_at_random():
-    priors = [ANYWHERE, Prior(Shape, segar.Choice([Circle(0.3), Square(0.5)], [0.25, 0.75]), entity_type=SandTile)]
+    priors = [
+        ANYWHERE,
+        Prior(Shape, segar.noise.Choice([Circle(0.3), Square(0.5)], [0.25, 0.75]), entity_type=SandTile),
+    ]
     levels = LevelDistribution([(SandTile, 1)], priors).sample(400)
     size = levels.values[:, 0, levels.layout.columns[Size]]
     assert np.array_equal(levels.shape_kind[:, 0] == 1, size == 0.3)
@@ -292,7 +297,7 @@ def test_two_equally_specific_priors_of_a_type_with_two_parents_are_an_error():
         (lambda: Prior(Gravity, UniformNoise(-3, -2)), r"outside the bounds .* of Gravity"),
         (lambda: Prior(Gravity, 9.0, entity_type=Ball), "Gravity belongs to the world"),
         (lambda: Prior(Label, "x"), "text belongs to the entity type"),
-        (lambda: Prior(segar.Collides, True), "a marker has no value"),
+        (lambda: Prior(segar.language.Collides, True), "a marker has no value"),
         (lambda: Prior("Mass", 1.0), "must be a factor class"),
         (lambda: Prior(Mass, 1.0, entity_type=ThingFactory([Ball])), "entity_type must be an entity class"),
         (lambda: Prior(Friction, 0.1, entity_type=GlobalFriction), r"write Prior\(FloorFriction, ...\)"),

@@ -12,7 +12,9 @@ import pytest
 from scipy import stats
 
 import segar
-from segar import Bumper, Charger, GolfBall, Gravity, LevelError, Levels, Magnet, Position
+from segar import Charger, GolfBall, Gravity, Levels, Magnet, Position
+from segar.errors import LevelError
+from segar.language import Bumper
 from segar.language.parameters import Parameter
 from segar.metrics import (
     classifier_test,

@@ -14,9 +14,7 @@ from segar import (
     GaussianNoise,
     GolfBall,
     Gravity,
-    Independent,
     LevelDistribution,
-    LevelError,
     Levels,
     Magnet,
     Position,
@@ -24,10 +22,12 @@ from segar import (
     RandomUniformLocation,
     UniformNoise,
 )
+from segar.errors import LevelError
 from segar.metrics import dkw_band, ks, ks_by_factor, ks_report
 from segar.metrics.distribution_functions import factor_marginals
 from segar.metrics.kolmogorov import joint_difference
 from segar.metrics.marginal_distributions import component, count_distribution
+from segar.noise import Independent
 
 
 def balls(points: np.ndarray) -> Levels:
@@ -159,7 +159,7 @@ def test_a_sample_against_a_distribution_has_the_statistic_and_the_p_value_of_sc
 
 
 def test_atoms_of_a_distribution_are_compared_on_both_sides_of_their_jump():
-    distribution = charged(segar.Choice([0.0, 1.0], [0.25, 0.75]))
+    distribution = charged(segar.noise.Choice([0.0, 1.0], [0.25, 0.75]))
     levels = Levels.from_entities([[Charger({segar.Charge: c})] for c in (0.0, 0.0, 1.0, 1.0)])
     assert ks_by_factor(levels, distribution, factors=[segar.Charge])["Charger.Charge"] == pytest.approx(0.25)
     between = Levels.from_entities([[Charger({segar.Charge: c})] for c in (0.5, 0.5)])
@@ -180,11 +180,11 @@ def test_numbers_of_entities_have_the_distribution_of_their_slots():
     "distribution",
     [
         segar.RandomEdgeLocation(),
-        segar.GaussianNoise2D((0.1, -0.1), cov=[[0.04, 0.02], [0.02, 0.09]]),
-        segar.Choice([(0.0, 0.5), (0.5, 0.0)]),
+        segar.noise.GaussianNoise2D((0.1, -0.1), cov=[[0.04, 0.02], [0.02, 0.09]]),
+        segar.noise.Choice([(0.0, 0.5), (0.5, 0.0)]),
         segar.noise.Empirical([(0.0, 0.5), (0.5, 0.0), (0.5, 0.2)]),
         segar.noise.Affine(segar.RandomEdgeLocation(), 0.5, (0.1, -0.2)),
-        segar.Mixture([RandomUniformLocation(), segar.CenterLocation()], [0.5, 0.5]),
+        segar.noise.Mixture([RandomUniformLocation(), segar.noise.CenterLocation()], [0.5, 0.5]),
     ],
 )
 @pytest.mark.parametrize("axis", [0, 1])
@@ -242,7 +242,7 @@ def test_what_cannot_be_compared_is_refused_by_name():
 
 
 def test_a_factor_that_follows_others_has_no_distribution_to_compare_with():
-    heavy = Prior(segar.Charge, 2.0, relation=segar.is_equal(segar.Mass, 1.0))
+    heavy = Prior(segar.Charge, 2.0, relation=segar.language.is_equal(segar.Mass, 1.0))
     distribution = LevelDistribution(
         numbers=[(Charger, 1)], priors=[heavy, Prior(segar.Charge, 1.0), Prior(Position, RandomUniformLocation())]
     )

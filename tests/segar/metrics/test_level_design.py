@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 import segar
-from segar import LevelError, Mass, Order, Position, Size, design
+from segar import Mass, Position, Size, design
+from segar.errors import LevelError
+from segar.language import Order
 from segar.metrics import coverage, effective_number, spread, w2
 
 LAW = segar.family("objectsx1-hard")

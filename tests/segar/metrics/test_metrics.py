@@ -127,11 +127,11 @@ def test_ks_is_between_zero_and_one_and_grows_with_the_shift() -> None:
 
 @pytest.mark.parametrize("call", [lambda a: w2(a, a, mode="exct"), lambda a: w2(a, a[:0]), lambda a: w2(a, "b")])
 def test_bad_input_is_a_level_error(call) -> None:
-    with pytest.raises(segar.LevelError):
+    with pytest.raises(segar.errors.LevelError):
         call(levels("empty-hard", 3))
 
 
 def test_a_misspelt_mode_gets_the_nearest_right_one() -> None:
     a = levels("empty-hard", 3)
-    with pytest.raises(segar.LevelError, match="'exact'"):
+    with pytest.raises(segar.errors.LevelError, match="'exact'"):
         w2(a, a, mode="exct")

@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 import segar
-from segar import FactorError, GoalTile, GolfBall, LevelDistribution, Levels, Position, Prior, UniformNoise, VonMises
+from segar import GoalTile, GolfBall, LevelDistribution, Levels, Position, Prior, UniformNoise
+from segar.errors import FactorError
 from segar.language.parameters import Parameter
 from segar.metrics import decompose, embed, energy_test, ks, ks_by_factor, ks_report, sample_entropy, spread, w2
+from segar.noise import VonMises
 
 
 class Heading(segar.Scalar, unit="rad", period=math.tau): ...

@@ -11,16 +11,16 @@ from segar import (
     GaussianNoise,
     GoalTile,
     GolfBall,
-    Independent,
     LevelDistribution,
-    LevelError,
     Levels,
     Magnet,
     Position,
     Prior,
     UniformNoise,
 )
+from segar.errors import LevelError
 from segar.metrics import coverage, effective_number, representativeness, sample_entropy
+from segar.noise import Independent
 
 UNIT = {(GolfBall, Position): 1.0}
 
@@ -93,7 +93,7 @@ def test_the_entropy_of_independent_factors_is_that_of_their_distributions():
 
 def test_what_is_chosen_adds_its_shannon_entropy():
     things = segar.ThingFactory({Charger: 0.25, Magnet: 0.75})
-    place, charge = UniformNoise(0.0, 0.5), segar.Choice([-1.0, 1.0])
+    place, charge = UniformNoise(0.0, 0.5), segar.noise.Choice([-1.0, 1.0])
     distribution = LevelDistribution(
         numbers=[(things, 1)],
         priors=[Prior(Position, Independent(place, place)), Prior(segar.Charge, charge, entity_type=Charger)],

@@ -13,7 +13,9 @@ import ot
 import pytest
 
 import segar
-from segar import Bumper, Charger, Friction, GoalTile, GolfBall, Gravity, LevelError, Levels, Position, SandTile, Size
+from segar import Charger, Friction, GoalTile, GolfBall, Gravity, Levels, Position, SandTile, Size
+from segar.errors import LevelError
+from segar.language import Bumper
 from segar.language.parameters import Parameter
 from segar.language.shapes import ConvexHull, Square
 from segar.levels.moments import PointSets
@@ -115,7 +117,7 @@ def as_levels(recorded: list[list[dict]]) -> Levels:
         for number, thing in enumerate(things):
             kind = getattr(segar, thing["type"])
             names = OBJECT if thing["kind"] == "object" else TILE
-            made[-1].append(kind({**{getattr(segar, n): thing[n] for n in names}, segar.ID: f"thing{number}"}))
+            made[-1].append(kind({**{getattr(segar, n): thing[n] for n in names}, segar.language.ID: f"thing{number}"}))
     return Levels.from_entities(made)
 
 
@@ -140,7 +142,7 @@ def test_paper_is_algorithm_1_as_written():
 
     def states(levels: Levels, i: int, kind: type) -> np.ndarray:
         slots = np.flatnonzero(levels.types[i] == levels.layout.types.index(kind))
-        numeric = [f for f in kind.declared if f.width and f is not segar.Drag]
+        numeric = [f for f in kind.declared if f.width and f is not segar.language.Drag]
         columns = [levels.layout.columns[f] + k for f in numeric for k in range(f.width)]
         return levels.sampled_values[i, slots][:, columns]
 
@@ -148,7 +150,7 @@ def test_paper_is_algorithm_1_as_written():
     for levels in (a, b):
         for i in range(len(levels)):
             for kind in (levels.layout.types[index] for index in levels.types[i]):
-                if kind not in types and kind is not segar.GlobalFriction:
+                if kind not in types and kind is not segar.language.GlobalFriction:
                     types.append(kind)
     cost = np.zeros((len(a), len(b)))
     for i, j in np.ndindex(cost.shape):
@@ -223,7 +225,8 @@ def test_world_parameters_count_if_they_vary():
 
 def test_render_order_and_flags_do_not_count_in_exact_but_do_in_reference():
     a, b = (
-        Levels.from_entities([[GolfBall({Position: [0, 0], segar.Order: o, segar.Visible: o > 0})]]) for o in (0, 3)
+        Levels.from_entities([[GolfBall({Position: [0, 0], segar.language.Order: o, segar.language.Visible: o > 0})]])
+        for o in (0, 3)
     )
     assert w2(a, b) == 0.0
     assert w2(a, b, mode="reference") > 0.5

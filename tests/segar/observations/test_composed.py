@@ -15,8 +15,9 @@ from tensordict import TensorDict
 from torchrl.envs.utils import check_env_specs
 
 import segar
-from segar import Charge, Mass, Multi, OneOf, Pixels, PreviousActions, SegarError, Stack, StateVector
+from segar import Charge, Mass, SegarError
 from segar.envs import Env, Snapshot, TorchRLEnv, VectorEnv
+from segar.observations import Multi, OneOf, Pixels, PreviousActions, Stack, StateVector
 from segar.observations.arrays import empty_batch, leaves, map_leaves
 from segar.observations.composed.stack import BoundStack
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import segar
-from segar import Multi, OneOf, Pixels, PreviousActions, Stack, StateVector, TexturedPixels
 from segar.envs import VectorEnv
+from segar.observations import Multi, OneOf, Pixels, PreviousActions, Stack, StateVector, TexturedPixels
 from segar.observations.protocol import (
     BoundObservation,
     Composed,

@@ -8,20 +8,10 @@ import numpy as np
 import pytest
 
 import segar
-from segar import (
-    Charge,
-    Mass,
-    Multi,
-    OneOf,
-    Pixels,
-    PreviousActions,
-    Stack,
-    StateVector,
-    TexturedPixels,
-    Velocity,
-    Visible,
-)
+from segar import Charge, Mass, Velocity
+from segar.language import Visible
 from segar.language.factors import Count, Factor, Flag
+from segar.observations import Multi, OneOf, Pixels, PreviousActions, Stack, StateVector, TexturedPixels
 from segar.observations.arrays import empty_batch, leaves
 
 THINGS = (
@@ -109,7 +99,7 @@ def test_a_state_changes_with_a_factor_exactly_if_it_says_that_it_shows_it(obser
 def test_a_frame_does_not_change_with_a_factor_that_it_hides(observation, factor):
     if not observation.shows(factor):
         assert not is_changed(observation, factor)
-    elif factor is not segar.Order:  # which shows where things overlap
+    elif factor is not segar.language.Order:  # which shows where things overlap
         assert is_changed(observation, factor)
 
 
@@ -124,4 +114,4 @@ def test_the_user_asks_what_is_shown():
     assert not StateVector().shows(Visible) and StateVector(sees_invisible=False).shows(Visible)
     assert not Pixels().shows(Mass) and Multi([Pixels(), "state"]).shows(Mass)
     assert not PreviousActions().shows(Velocity) and not Stack("rgb", 4).shows(Velocity)
-    assert not StateVector().shows(segar.Label)
+    assert not StateVector().shows(segar.language.Label)

@@ -8,23 +8,9 @@ import numpy as np
 import pytest
 
 import segar
-from segar import (
-    AllObjects,
-    AllState,
-    AllTiles,
-    Charge,
-    GoalTile,
-    GolfBall,
-    Heat,
-    Magnet,
-    Mass,
-    ObjectState,
-    Position,
-    Prior,
-    StateVector,
-    TileState,
-    Velocity,
-)
+from segar import Charge, GoalTile, GolfBall, Magnet, Mass, Position, Prior, Velocity
+from segar.language import Heat
+from segar.observations import AllObjects, AllState, AllTiles, ObjectState, StateVector, TileState
 from segar.observations.arrays import empty_batch
 from segar.observations.state.state_options import HIDDEN, MISSING_2022
 
@@ -128,7 +114,7 @@ def test_what_is_absent_or_lacks_the_factor_is_missing_and_marked(form, missing)
 
 def test_a_table_has_a_row_for_each_slot_and_rows_to_spare_are_missing():
     table = observe(StateVector(form="table", factors=[Position], slots=9, types=True, mask="dict"))
-    kinds = len([t for t in LEVELS.layout.types if issubclass(t, segar.Thing)])
+    kinds = len([t for t in LEVELS.layout.types if issubclass(t, segar.language.Thing)])
     assert table["state"].shape == (len(LEVELS), 9, 2 + kinds)
     assert not table["state"][:, 5:].any() and not table["mask"][:, 5:].any()
     np.testing.assert_array_equal(table["state"][..., 2:].sum(-1)[:, :5], LEVELS.types[:, :5] >= 0)
@@ -157,7 +143,7 @@ def test_normalised_numbers_have_mean_0_and_spread_1_over_levels_of_the_prior():
     state = StateVector(
         entities=["golfball", segar.Charger], factors=[Mass, Charge, Position], mask="dict", types=False
     )
-    seen = observe(segar.StateVector(**{**vars(state), "normalise": True}), many)
+    seen = observe(segar.observations.StateVector(**{**vars(state), "normalise": True}), many)
     names = state.bind(many, 1).names
     of = {n: seen["state"][seen["mask"][:, k] == 1, k] for k, n in enumerate(names)}
     plain = observe(state, many)
@@ -182,12 +168,16 @@ def test_equal_states_look_equal_in_training_and_test_levels_and_from_a_file(tmp
 
 def test_levels_that_know_no_prior_are_not_normalised():
     by_hand = segar.Levels.from_entities([[GolfBall(), GoalTile()]])
-    with pytest.raises(segar.LevelError, match=r"measures by the prior, and these levels know none: they were made by"):
+    with pytest.raises(
+        segar.errors.LevelError, match=r"measures by the prior, and these levels know none: they were made by"
+    ):
         StateVector(normalise=True).bind(by_hand, 1)
 
 
 def test_what_may_not_be_seen_is_missing_while_it_is_invisible():
-    levels = segar.Levels.from_entities([[GolfBall({segar.Visible: v, Mass: 2.0}), GoalTile()] for v in (True, False)])
+    levels = segar.Levels.from_entities(
+        [[GolfBall({segar.language.Visible: v, Mass: 2.0}), GoalTile()] for v in (True, False)]
+    )
     seen = observe(StateVector(entities=["golfball"], factors=[Mass], sees_invisible=False, mask="numbers"), levels)
     np.testing.assert_array_equal(seen, [[2, 1], [0, 0]])
 
@@ -201,7 +191,7 @@ def test_what_may_not_be_seen_is_missing_while_it_is_invisible():
         ({"missing": float("nan")}, "missing must be a finite number"),
         ({"factors": ["Mas"]}, "factors: no factor is called 'Mas'. Did you mean 'Mass'"),
         ({"hidden": [GolfBall]}, "hidden: <class 'segar.language.entities.GolfBall'> is not a factor"),
-        ({"factors": [segar.Label]}, "Label is not a number"),
+        ({"factors": [segar.language.Label]}, "Label is not a number"),
     ],
 )
 def test_wrong_options_are_errors_where_they_are_written(options, words):
@@ -221,5 +211,5 @@ def test_wrong_options_are_errors_where_they_are_written(options, words):
     ],
 )
 def test_what_the_levels_do_not_have_is_an_error_that_names_it(options, words):
-    with pytest.raises(segar.LevelError, match=words):
+    with pytest.raises(segar.errors.LevelError, match=words):
         StateVector(**options).bind(LEVELS, 1)

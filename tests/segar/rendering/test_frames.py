@@ -9,25 +9,8 @@ import numpy as np
 import pytest
 
 import segar
-from segar import (
-    Alive,
-    Ball,
-    Charge,
-    Charger,
-    Damper,
-    Done,
-    GoalTile,
-    GolfBall,
-    Heat,
-    Magnet,
-    Mass,
-    Mobile,
-    Position,
-    SandTile,
-    StoredEnergy,
-    Velocity,
-    Visible,
-)
+from segar import Ball, Charge, Charger, GoalTile, GolfBall, Magnet, Mass, Mobile, Position, SandTile, Velocity
+from segar.language import Alive, Damper, Done, Heat, StoredEnergy, Visible
 from segar.rendering import View
 
 LEVEL = [
@@ -37,7 +20,7 @@ LEVEL = [
     Charger({Position: (0.6, -0.4)}),
     Magnet({Position: (-0.6, -0.4)}),
     Damper({Position: (0.0, 0.1)}),
-    SandTile({Position: (0.0, 0.7), segar.Shape: segar.Hexagon(0.4)}),
+    SandTile({Position: (0.0, 0.7), segar.Shape: segar.language.Hexagon(0.4)}),
 ]
 
 

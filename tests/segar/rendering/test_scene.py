@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import segar
-from segar import Ball, Charge, GoalTile, GolfBall, Heat, Mass, Position, SandTile, Shape
+from segar import Ball, Charge, GoalTile, GolfBall, Mass, Position, SandTile, Shape
+from segar.language import Heat
 from segar.rendering import Stage
 from segar.tasks.puttputt_task import puttputt
 
@@ -24,7 +25,7 @@ class Ember(segar.Tile):
     heat: Heat = 0.25
 
 
-class Ion(segar.Thing):
+class Ion(segar.language.Thing):
     special: HeavyCharge = -0.5
 
 
@@ -45,10 +46,10 @@ def test_figures_have_the_places_and_factors_of_the_state():
 
 def test_objects_lie_on_tiles_the_highest_order_on_top_and_of_tiles_the_lowest():
     order = [
-        Ball({segar.Order: 2, segar.ID: "high"}),
-        Ball({segar.Order: 1, segar.ID: "low"}),
-        SandTile({segar.Order: 1, segar.ID: "below"}),
-        SandTile({segar.Order: 0, segar.ID: "above"}),
+        Ball({segar.language.Order: 2, segar.language.ID: "high"}),
+        Ball({segar.language.Order: 1, segar.language.ID: "low"}),
+        SandTile({segar.language.Order: 1, segar.language.ID: "below"}),
+        SandTile({segar.language.Order: 0, segar.language.ID: "above"}),
     ]
     assert [figure.name for figure in scene_of(*order).figures] == ["below", "above", "low", "high"]
 
@@ -101,7 +102,7 @@ def test_what_has_no_finite_place_is_not_drawn():
 
 
 def test_a_hull_is_where_its_vertices_are():
-    triangle = segar.ConvexHull([(0, 0), (0.4, 0), (0, 0.3)])
+    triangle = segar.language.ConvexHull([(0, 0), (0.4, 0), (0, 0.3)])
     figure = scene_of(SandTile({Position: (0.1, 0.2), Shape: triangle})).figures[0]
     assert sorted(map(tuple, figure.corners.round(9).tolist())) == [(0.1, 0.2), (0.1, 0.5), (0.5, 0.2)]
     assert figure.radius == pytest.approx(0.4)

@@ -6,26 +6,11 @@ import numpy as np
 import pytest
 
 import segar
-from segar import (
-    Alive,
-    Ball,
-    Charge,
-    CueBall,
-    Done,
-    Hole,
-    Levels,
-    Mass,
-    Position,
-    RuleError,
-    SegarError,
-    Simulator,
-    Size,
-    Velocity,
-    Visible,
-    World,
-    billiards,
-)
+from segar import Ball, Charge, Levels, Mass, Position, RuleError, SegarError, Size, Velocity, World
+from segar.engine import Simulator
 from segar.envs import VectorEnv
+from segar.language import Alive, CueBall, Done, Hole, Visible
+from segar.tasks import billiards
 from tests.agreement.replay import folder, recordings
 from tests.segar.engine.worlds import compare, random_states, uncompiled
 from tests.segar.tasks.play import at_random, by_script, episodes

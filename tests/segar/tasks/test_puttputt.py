@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import segar
-from segar import Hole, Levels, Object, Position, SandTile, SegarError, Tile, Velocity
+from segar import Levels, Object, Position, SandTile, SegarError, Tile, Velocity
 from segar.envs import Env, VectorEnv
+from segar.language import Hole
 from segar.levels.named_families import ANYTHING
 from segar.tasks.puttputt_task import demo_actions
 from tests.segar.tasks.play import at_random, by_script, episodes

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import segar
-from segar import GoalTile, GolfBall, LevelDistribution, LevelError, Levels, SegarError
+from segar import GoalTile, GolfBall, LevelDistribution, Levels, SegarError
 from segar.envs import VectorEnv
+from segar.errors import LevelError
 from segar.tasks.registry import TASKS, find_task, make_task, task_of
 
 mine = dataclasses.replace(segar.puttputt("linear"), name="mine")

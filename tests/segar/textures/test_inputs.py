@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import segar
-from segar import Charge, GoalTile, GolfBall, Heat, Mass
+from segar import Charge, GoalTile, GolfBall, Mass
+from segar.language import Heat
 from segar.textures import TextureSet, type_inputs
 
 
@@ -12,7 +13,7 @@ class Temperature(Heat, default=20.0):
     """A heat of its own."""
 
 
-class Comet(segar.Thing):
+class Comet(segar.language.Thing):
     temperature: Temperature = 300.0
 
 
@@ -36,7 +37,7 @@ def test_the_tables_say_of_levels_what_entities_say_of_themselves():
     for level in range(len(levels)):
         for slot, kind in enumerate(levels.types[level]):
             entity = levels.layout.types[kind]
-            if kind < 0 or not issubclass(entity, segar.Thing):
+            if kind < 0 or not issubclass(entity, segar.language.Thing):
                 continue
             row = levels.values[level, slot]
             values = {

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import segar
-from segar import Friction, GoalTile, GolfBall, Heat, Mass
+from segar import Friction, GoalTile, GolfBall, Mass
+from segar.language import Heat
 from segar.textures import TextureSet, shipped_sets
 
 INPUTS = ("background", Heat, "Charge", GoalTile, "noise_1")
