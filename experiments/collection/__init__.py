@@ -20,18 +20,6 @@ from experiments.collection.replay import Replay
 from experiments.collection.rewards import ReturnScale, learner_reward
 
 __all__ = [
-    "AsyncCollector",
-    "Collected",
-    "Collector",
-    "Replay",
-    "ReturnScale",
-    "Rollout",
-    "StepPolicy",
-    "action_size",
-    "as_tensors",
-    "figures_at_end",
-    "from_tensors",
-    "learner_reward",
-    "mean_figures",
-    "observation_shape",
-]
+    "AsyncCollector", "Collected", "Collector", "Replay", "ReturnScale", "Rollout", "StepPolicy", "action_size",
+    "as_tensors", "figures_at_end", "from_tensors", "learner_reward", "mean_figures", "observation_shape",
+]  # fmt: skip

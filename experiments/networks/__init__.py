@@ -10,17 +10,6 @@ from experiments.networks.encoders import MLP, FrameEncoder, initialize, make_en
 from experiments.networks.policies import Actor, SquashedNormal, actions_of, make_head, representation_of
 
 __all__ = [
-    "MLP",
-    "Actor",
-    "FrameEncoder",
-    "SquashedNormal",
-    "actions_of",
-    "initialize",
-    "make_encoder",
-    "make_head",
-    "random_crop",
-    "random_intensity",
-    "random_shift",
-    "representation_of",
-    "usable_device",
-]
+    "MLP", "Actor", "FrameEncoder", "SquashedNormal", "actions_of", "initialize", "make_encoder", "make_head",
+    "random_crop", "random_intensity", "random_shift", "representation_of", "usable_device",
+]  # fmt: skip

@@ -9,14 +9,6 @@ from segar.datasets.rollouts import Policy, Rollouts
 from segar.datasets.shards import Episode, Shard
 
 __all__ = [
-    "Dataset",
-    "Episode",
-    "Manifest",
-    "Policy",
-    "Rollouts",
-    "Settings",
-    "Shard",
-    "check_replay",
-    "record",
+    "Dataset", "Episode", "Manifest", "Policy", "Rollouts", "Settings", "Shard", "check_replay", "record",
     "to_minari",
-]
+]  # fmt: skip

@@ -8,14 +8,6 @@ from segar.engine.runtime.gather import Reads, gather
 from segar.engine.simulator import Simulator
 
 __all__ = [
-    "KernelSource",
-    "Reads",
-    "Simulator",
-    "State",
-    "StepResult",
-    "cache_folder",
-    "gather",
-    "generate",
-    "is_compiled",
+    "KernelSource", "Reads", "Simulator", "State", "StepResult", "cache_folder", "gather", "generate", "is_compiled",
     "kernel_path",
-]
+]  # fmt: skip

@@ -10,18 +10,9 @@ from segar.envs.snapshots import Snapshot
 from segar.envs.vector import VectorEnv, world_of
 
 __all__ = [
-    "REWARDS",
-    "Act",
-    "Env",
-    "Snapshot",
-    "StepSource",
-    "TimeStep",
-    "TorchRLEnv",
-    "VectorEnv",
-    "play",
-    "register_all",
+    "REWARDS", "Act", "Env", "Snapshot", "StepSource", "TimeStep", "TorchRLEnv", "VectorEnv", "play", "register_all",
     "world_of",
-]
+]  # fmt: skip
 
 
 def __getattr__(name: str) -> type:

@@ -28,7 +28,7 @@ class Snapshot:
     """Running episodes at one moment; arrays lead with the environment.
 
     Attributes:
-        state: factors, level, and the randomness of rules; see :class:`segar.State`.
+        state: factors, level, and the randomness of rules; see :class:`segar.engine.State`.
         returns: float64 ``(num_envs,)``, rewards of the running episode so far.
         lengths: int64 ``(num_envs,)``, its steps so far.
         episodes: int64 ``(num_envs,)``, episodes that were started.

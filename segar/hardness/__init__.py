@@ -7,18 +7,6 @@ from segar.hardness.rollouts import Episodes, make_starts
 from segar.hardness.similarity import dynamics_distances, policy_similarity, policy_similarity_of_states
 
 __all__ = [
-    "Episodes",
-    "FactorInfluence",
-    "Hardness",
-    "Influence",
-    "Plan",
-    "dynamics_distances",
-    "hardness",
-    "influence",
-    "make_starts",
-    "plan",
-    "policy_similarity",
-    "policy_similarity_of_states",
-    "random_episodes",
-    "replay",
-]
+    "Episodes", "FactorInfluence", "Hardness", "Influence", "Plan", "dynamics_distances", "hardness", "influence",
+    "make_starts", "plan", "policy_similarity", "policy_similarity_of_states", "random_episodes", "replay",
+]  # fmt: skip

@@ -278,23 +278,6 @@ def entity_name(entity: type[Entity]) -> str:
 
 
 __all__ = [
-    "Ball",
-    "Bumper",
-    "Charger",
-    "CueBall",
-    "Damper",
-    "Entity",
-    "FireTile",
-    "GlobalFriction",
-    "GoalTile",
-    "GolfBall",
-    "Hole",
-    "MagmaTile",
-    "Magnet",
-    "Object",
-    "SandTile",
-    "Thing",
-    "ThingFactory",
-    "Tile",
-    "entity_name",
-]
+    "Ball", "Bumper", "Charger", "CueBall", "Damper", "Entity", "FireTile", "GlobalFriction", "GoalTile", "GolfBall",
+    "Hole", "MagmaTile", "Magnet", "Object", "SandTile", "Thing", "ThingFactory", "Tile", "entity_name",
+]  # fmt: skip

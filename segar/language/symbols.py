@@ -22,7 +22,7 @@ _deciders: list[Callable[[Symbol], bool]] = []  # the last one decides what a co
 
 TRUTHS = frozenset({"lt", "le", "gt", "ge", "eq", "ne", "and", "or", "not", "relation"})
 
-NO_NUMPY = "a rule cannot call numpy; use arithmetic, or segar.sqrt, where, minimum ..."
+NO_NUMPY = "a rule cannot call numpy; use arithmetic, or segar.language.sqrt, where, minimum ..."
 
 
 class Symbol:
@@ -170,7 +170,7 @@ class Symbol:
     def __float__(self) -> float:
         raise RuleError(
             "a factor's value is not known while the rule is compiled, so float(), int(), math.* and numpy cannot use"
-            " it; use arithmetic, or segar.sqrt, exp, log, sin, cos, tanh, arctan2, minimum, maximum, where"
+            " it; use arithmetic, or segar.language.sqrt, exp, log, sin, cos, tanh, arctan2, minimum, maximum, where"
         )
 
     __int__ = __index__ = __complex__ = __float__  # type: ignore[assignment]

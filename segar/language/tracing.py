@@ -99,7 +99,7 @@ def trace(function: Callable[..., Any], arguments: list[Any], finish: Callable[[
         if paths > MAX_PATHS:
             raise RuleError(
                 f"{where}: more than {MAX_PATHS} paths through its conditions."
-                " Split the rule, or use segar.where(condition, a, b), which does not fork"
+                " Split the rule, or use segar.language.where(condition, a, b), which does not fork"
             )
         decided, leaf = _run(function, arguments, finish, where, prefix)
         tree: Tree = leaf

@@ -9,16 +9,6 @@ from segar.rendering.video import record, write_video
 from segar.rendering.view import View
 
 __all__ = [
-    "RENDER_MODES",
-    "Camera",
-    "Episodes",
-    "Figure",
-    "Scene",
-    "Stage",
-    "View",
-    "episode_verdict",
-    "record",
-    "status_line",
-    "steps_per_second",
-    "write_video",
-]
+    "RENDER_MODES", "Camera", "Episodes", "Figure", "Scene", "Stage", "View", "episode_verdict", "record",
+    "status_line", "steps_per_second", "write_video",
+]  # fmt: skip

@@ -10,21 +10,7 @@ from segar.rules.motion import accelerate, kill_condition, move, speed_limit, st
 from segar.rules.world import World
 
 __all__ = [
-    "DEFAULT_RULES",
-    "World",
-    "accelerate",
-    "apply_burn",
-    "apply_friction",
-    "bounce",
-    "collide",
-    "come_to_rest",
-    "consume",
-    "is_solid",
-    "kill_condition",
-    "lorentz_law",
-    "lorentz_law_r2",
-    "move",
-    "record_drag",
-    "speed_limit",
+    "DEFAULT_RULES", "World", "accelerate", "apply_burn", "apply_friction", "bounce", "collide", "come_to_rest",
+    "consume", "is_solid", "kill_condition", "lorentz_law", "lorentz_law_r2", "move", "record_drag", "speed_limit",
     "stop_condition",
-]
+]  # fmt: skip

@@ -7,18 +7,8 @@ from segar.tasks.puttputt_task import DEATH_PENALTY, GOAL_DISTANCE, distance, pu
 from segar.tasks.registry import TASKS, find_task, make_task, task_of
 
 __all__ = [
-    "DEATH_PENALTY",
-    "GOAL_DISTANCE",
-    "TASKS",
-    "Task",
-    "billiards",
-    "distance",
-    "find_task",
-    "invisiball",
-    "make_task",
-    "puttputt",
-    "set_default_task",
-    "task_of",
-]
+    "DEATH_PENALTY", "GOAL_DISTANCE", "TASKS", "Task", "billiards", "distance", "find_task", "invisiball",
+    "make_task", "puttputt", "set_default_task", "task_of",
+]  # fmt: skip
 
 set_default_task(puttputt)

@@ -20,7 +20,7 @@ def test_a_full_scale_fits_and_says_the_same(tmp_path):
     size = ship(ShipConfig(str(source), str(tmp_path / "standard")))
     assert size < ENOUGH
     before, after = (Evidence(read_results(folder)) for folder in (source, tmp_path / "standard"))
-    assert after.results.lacking() == before.results.lacking() == ["empty-hard-n1: not begun"]
+    assert after.results.missing_runs() == before.results.missing_runs() == ["empty-hard-n1: not begun"]
     one, other = (e.association("exact", "gap", "given panel and log n") for e in (before, after))
     assert other.estimate == pytest.approx(one.estimate, abs=1e-5)
     assert after.results.curves.groupby(["run", "name"]).size().max() <= CURVE_POINTS

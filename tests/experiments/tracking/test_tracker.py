@@ -23,6 +23,7 @@ from tests.experiments.short_runs import before_iteration, killed_after, short_r
 
 START = """
 import sys
+from experiments.settings import RunConfig
 from pathlib import Path
 from experiments.tracking.tracker import start_tracking
 

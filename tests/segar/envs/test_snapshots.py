@@ -171,7 +171,7 @@ def test_a_snapshot_of_segar_0_1_is_read(running, tmp_path):
     there = some_steps(running, ACTIONS)
     again = VectorEnv(LEVELS, 6, seed=9, max_steps=20)
     old = Snapshot.load(tmp_path / "old.npz")
-    np.testing.assert_array_equal(old.unresolved_contacts, np.arange(6))
+    np.testing.assert_array_equal(old.state.unresolved_contacts, np.arange(6))
     again.restore(old)
     assert same(there, some_steps(again, ACTIONS))
 
