@@ -11,6 +11,7 @@ from typing import Any, Tuple  # as the paper writes rules
 import pytest
 
 import segar
+import segar.language
 import segar.rules
 from segar.language.effects import SetFactor
 from segar.language.entities import GoalTile, GolfBall, Object, Thing
@@ -36,9 +37,9 @@ def made_from(example: str) -> Rule:
     def on_one(body) -> None: ...
 
     if "=" in example.split("(")[0]:
-        return eval(f"rule({example})", {**vars(segar), "rule": rule})(on_two)
+        return eval(f"rule({example})", {**vars(segar.language), "rule": rule})(on_two)
     if example.startswith("body: "):
-        on_one.__annotations__["body"] = eval(example.removeprefix("body: "), {**vars(segar), "Tuple": Tuple})
+        on_one.__annotations__["body"] = eval(example.removeprefix("body: "), {**vars(segar.language), "Tuple": Tuple})
         return rule(on_one)
     return getattr(segar.rules, example)
 

@@ -115,9 +115,11 @@ def as_levels(recorded: list[list[dict]]) -> Levels:
     for things in recorded:
         made.append([])
         for number, thing in enumerate(things):
-            kind = getattr(segar, thing["type"])
+            kind = getattr(segar.language, thing["type"])
             names = OBJECT if thing["kind"] == "object" else TILE
-            made[-1].append(kind({**{getattr(segar, n): thing[n] for n in names}, segar.language.ID: f"thing{number}"}))
+            made[-1].append(
+                kind({**{getattr(segar.language, n): thing[n] for n in names}, segar.language.ID: f"thing{number}"})
+            )
     return Levels.from_entities(made)
 
 

@@ -22,7 +22,7 @@ def test_every_task_has_a_name_levels_and_a_scripted_player():
     for name in TASKS:
         made = task_of(segar.family(name).sample(1))
         assert made.name.startswith(name) and made.demo_actions is not None and made.results
-        assert find_task(name) is getattr(segar, name)
+        assert find_task(name) is getattr(segar.tasks, name)
 
 
 def test_levels_that_name_no_task_are_for_puttputt():
