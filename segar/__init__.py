@@ -77,7 +77,6 @@ from segar.rules import DEFAULT_RULES, World, apply_friction, lorentz_law, move
 from segar.support import __version__, deprecated_names, find_moved
 from segar.tasks import puttputt
 
-# fmt: off
 __all__ = [
     "DEFAULT_RULES", "Acceleration", "Action", "Aggregate", "Ball", "Bumper", "Charge", "Charger", "Circle",
     "ConflictError", "Count", "Damper", "Differential", "DiscreteRangeNoise", "Entity", "Factor", "FireTile", "Flag",
@@ -89,7 +88,6 @@ __all__ = [
     "Velocity", "World", "apply_friction", "design", "envs", "families", "family", "hardness", "is_on", "lorentz_law",
     "metrics", "move", "noise", "puttputt", "random", "relation", "rule", "tasks",
 ]  # fmt: skip
-# fmt: on
 
 # What 0.1 exported here, by the room that has it now.
 _ROOMS = {

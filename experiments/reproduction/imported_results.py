@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 
 from experiments.evaluation.transfers import RunTask
 from experiments.runs.run_folder import PROBES
-from experiments.settings import ConfigError, label_in_0_1
+from experiments.settings import ConfigError, RunConfig, label_in_0_1
 
 RUNS, TRANSFERS = "runs.parquet", "transfers.parquet"
 
@@ -39,7 +39,8 @@ class ImportedResults:
 
         With a part of the results, the rest would still need the weights. Tables of release 0.1 have its names.
         """
-        for name in (work.run.label(), label_in_0_1(work.run)):
+        for label in (RunConfig.label, label_in_0_1):
+            name = label(work.run)
             tested = all((name, one.folder_name()) in self.transfers for one in work.transfers)
             if name in self.runs and tested and (work.probes is None or name in self.probed):
                 return name

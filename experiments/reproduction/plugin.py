@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import inspect
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -49,9 +48,7 @@ def run_plugin(group: str, name: str, folder: Path, options: Mapping[str, Any] |
     """Calls a plug-in in a process of its own; returns whether it ended well. Raises as :func:`find_plugin`."""
     find_plugin(group, name)
     command = [sys.executable, "-m", __name__, group, name, str(folder), json.dumps(dict(options or {}))]
-    # This process has set HYDRA_FULL_ERROR for itself, see experiments.commands.hydra_app.
-    environment = {name: value for name, value in os.environ.items() if name != "HYDRA_FULL_ERROR"}
-    return subprocess.run(command, cwd=CHECKOUT, env=environment).returncode == 0
+    return subprocess.run(command, cwd=CHECKOUT).returncode == 0
 
 
 def call_plugin(group: str, name: str, folder: Path, options: Mapping[str, Any]) -> None:

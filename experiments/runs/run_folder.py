@@ -96,8 +96,11 @@ def folder_path(config: RunConfig) -> Path:
     """Absolute path of the run's folder: the one with its name today, unless only one with its name in 0.1 exists."""
     if config.folder:
         return Path(config.folder).expanduser().resolve()
-    today, before = (runs_root(config) / name for name in (config.label(), label_in_0_1(config)))
-    return before if before.exists() and not today.exists() else today
+    today = runs_root(config) / config.label()
+    if today.exists():
+        return today
+    before = runs_root(config) / label_in_0_1(config)
+    return before if before.exists() else today
 
 
 def is_finished(folder: Path) -> bool:

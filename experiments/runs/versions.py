@@ -17,7 +17,6 @@ import segar
 LIBRARIES = (
     "segar", "torch", "torchrl", "tensordict", "numpy", "numba", "scipy", "gymnasium", "POT", "hydra-core", "mlflow-skinny",
 )  # fmt: skip
-NOT_LEARNING = "experiments.settings"  # a run's identity has the settings; the room also holds messages
 
 
 def versions() -> dict[str, Any]:

@@ -71,7 +71,8 @@ def run(config: RunConfig, say: Callable[[str], None] = print) -> RunResult:
     runtime.set_process_defaults(config.num_threads)
     kind = learner_class(config.algorithm)  # before a run folder is made: it may not fit
     with use_run_folder(config) as folder, watch_signals() as signals:
-        changed = _changed_code(config, folder) if (folder / VERSIONS).exists() else []
+        code = executed_code(config) if (folder / VERSIONS).exists() else None
+        changed = [] if code is None else differing_parts(read_versions(folder).get("code", ""), code)
         differs = f"by other code than this: {', '.join(changed)} changed since"
         if config.stale == "anew" and changed:
             say(f"{config.label()}: is trained anew, because it was made {differs}")
@@ -87,7 +88,7 @@ def run(config: RunConfig, say: Callable[[str], None] = print) -> RunResult:
         tracker: Tracker = NoTracker()
         try:
             tracker = start_tracking(config, folder)
-            summary = _carry_out(config, kind, folder, tracker, journal, signals, say)
+            summary = _carry_out(config, kind, folder, code, tracker, journal, signals, say)
         except BaseException as error:
             journal.end(error)
             tracker.finish("KILLED" if isinstance(error, KeyboardInterrupt | SystemExit) else "FAILED")
@@ -102,6 +103,7 @@ def _carry_out(
     config: RunConfig,
     kind: type[Learner],
     folder: Path,
+    code: Mapping[str, str] | None,  # None: not computed yet
     tracker: Tracker,
     journal: Journal,
     signals: SignalMonitor,
@@ -110,7 +112,7 @@ def _carry_out(
     train, test = make_levels(config.levels)
     env = _make_environment(kind, config, train)
     learner = make_learner(kind, config.algorithm, env, config.scale.frames, config.seed)
-    code = executed_code(config)
+    code = executed_code(config) if code is None else code
     training = Training(config, folder, learner, journal, signals, code)
     hashes = {"train": levels_hash(train), "test": levels_hash(test)}
     training.resume(hashes, say)
@@ -153,11 +155,6 @@ def _make_environment(kind: type[Learner], config: RunConfig, train: Levels) -> 
         raise ConfigError(
             f"task: the levels of {config.levels.train} are for task={train.task}, and {config.task.name} does not fit: {error}"
         ) from error
-
-
-def _changed_code(config: RunConfig, folder: Path) -> list[str]:
-    """The parts of the code that are others than when the run was made."""
-    return differing_parts(read_versions(folder).get("code", ""), executed_code(config))
 
 
 def _closing_lines(config: RunConfig, folder: Path, summary: Mapping[str, Any]) -> str:

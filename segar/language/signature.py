@@ -23,7 +23,6 @@ from segar.language.parameters import Parameter
 from segar.language.symbols import Symbol, make
 from segar.language.values import Source, VectorValue
 
-RELATIONS = ("is_on", "overlaps", "contains")
 T = TypeVar("T")
 Every = Annotated[T, "every"]
 """Hint of a task's truth: it holds only if it holds for every entity of this kind, and there is one. Without the hint
