@@ -13,8 +13,6 @@
 Tables are replaced whole; the same runs give the same rows in the same order.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass

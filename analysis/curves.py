@@ -4,8 +4,6 @@ Finished runs are read, the others are trained first. ``only=[sac, drq]`` does s
 others as they are. It writes the figure and the table of ``docs/reference/algorithms.md``.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any

@@ -5,8 +5,6 @@ tag ``experiments`` all experiments, so that each can be searched for; its colou
 nothing.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

@@ -4,8 +4,6 @@ Figure 2c shows two tasks. The appendix shows one state in the features of the l
 filters of a network's first layer, and one state in the features of auto-encoders that were trained from different seeds.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

@@ -4,8 +4,6 @@ Runs, transfers, probes, curves, what is missing, and the tables of studies. Num
 most 40 points a run and figure (means of the points between). levels.parquet is not copied, because no report reads it.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

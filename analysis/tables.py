@@ -1,7 +1,5 @@
 """The performance of a run from its rows of episodes, and short functions on tables: rows, columns, means, CSV files."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, cast

@@ -1,7 +1,5 @@
 """MLflow's pages over the results, on this machine alone: ``python -m experiments.dashboard port=5000``."""
 
-from __future__ import annotations
-
 import os
 import socket
 import sys

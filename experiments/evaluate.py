@@ -5,8 +5,6 @@ or ``test``: the run's own levels. What comes of it lies in ``evaluations/`` of 
 ``summary.json``, the levels, and videos of the best, the median and the worst level.
 """
 
-from __future__ import annotations
-
 from experiments.commands.hydra_app import run_simple_command
 from experiments.settings import EvaluateConfig
 

@@ -8,8 +8,6 @@ python -m experiments.make_textures one --into /tmp     # one of them, elsewhere
 python -m experiments.make_textures --only-table        # of the sets that are there
 """
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

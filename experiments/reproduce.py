@@ -5,8 +5,6 @@ needs no training. A run that several experiments need is trained once. Finished
 settings, and interrupted runs are resumed. The command prints a plan first, and the places of tables and report at the end.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import os
 import sys

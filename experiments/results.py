@@ -3,8 +3,6 @@
 One line per run: the settings in which these runs differ, its state, and its final figures.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -6,8 +6,6 @@ was interrupted resumes from its checkpoint. ``conf/search.yaml`` gives trials v
 test levels of a final run decide nothing.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import hashlib
 import json

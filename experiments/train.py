@@ -4,8 +4,6 @@ Settings: ``python -m experiments.train --help``. Several runs: ``--multirun see
 ``hydra/launcher=joblib``.
 """
 
-from __future__ import annotations
-
 from experiments.commands.hydra_app import run_command
 from experiments.settings import RunConfig
 

@@ -3,8 +3,6 @@
 Runs that are at work are skipped, because they send their figures themselves.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass

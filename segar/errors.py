@@ -1,7 +1,5 @@
 """The errors that SEGAR raises, and the nearest known name for their messages."""
 
-from __future__ import annotations
-
 import difflib
 from collections.abc import Iterable
 

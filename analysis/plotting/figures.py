@@ -1,7 +1,5 @@
 """What all figures share: an empty figure, points and lines in one style, and files whose bytes repeat."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Sequence
 from itertools import product

@@ -1,7 +1,5 @@
 """How figures look: colours that colour-blind readers can tell apart, one marker per difficulty, readable sizes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any
 

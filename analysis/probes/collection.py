@@ -1,7 +1,5 @@
 """Frames for probes: a fixed number of them, of all relevant factors, each with what is true at that very moment."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Critics: functions T(x, z) that learn to tell pairs that belong together from pairs that do not."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

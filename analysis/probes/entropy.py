@@ -1,7 +1,5 @@
 """Entropy of factors, exact where a law says it: what information about a factor is a fraction of."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """One probe per factor: can it be read off the representation, linearly or at all, on episodes that were not seen?"""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from typing import Any

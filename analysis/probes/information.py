@@ -1,7 +1,5 @@
 """How much a representation knows of the factors: MINE and its accuracy, InfoNCE, SMILE."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial

@@ -1,7 +1,5 @@
 """Mutual information from distances to nearest neighbours (Kraskov, Stögbauer and Grassberger 2004, first estimator)."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Predictions of factors from a representation, on episodes that the predictor did not see: linear, and by a network."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

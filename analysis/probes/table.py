@@ -1,7 +1,5 @@
 """The probes of a run in one table, beside what they say where the answer is known."""
 
-from __future__ import annotations
-
 import zlib
 from collections.abc import Sequence
 from dataclasses import asdict, replace

@@ -6,8 +6,6 @@ of a folder.
 ``only=[figure_3a]`` draws figures and makes nothing else.
 """
 
-from __future__ import annotations
-
 from analysis.report.make import ReportConfig, main
 from experiments.commands.hydra_app import run_simple_command
 

@@ -1,7 +1,5 @@
 """Makes the report of a results folder: claims, statistics, figures with their data, a page and a PDF."""
 
-from __future__ import annotations
-
 import json
 from collections import Counter
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Numbers as the report prints them: with signs, p-values, intervals and estimates."""
 
-from __future__ import annotations
-
 import math
 
 from analysis.stats.estimate import Estimate

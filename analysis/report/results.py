@@ -1,7 +1,5 @@
 """The tables of a results folder, which are all that a report is made from."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field

@@ -3,8 +3,6 @@
 A *panel* is a (family, difficulty) in which runs differ by their number of levels and their seed only.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -2,8 +2,6 @@
 rest of the other; what is lost on them, by ANOVA and by Shapley's values.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Sequence
 from itertools import combinations, product

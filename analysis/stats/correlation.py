@@ -7,8 +7,6 @@ Runs share test levels, and training sets of one seed are nested in n, so the po
 assume they are come out too small. The report says so beside them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """The primary analysis: a linear mixed model of the gap, with effects of panels and seeds that cross."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass

@@ -1,7 +1,5 @@
 """What a design can find: power by simulation on the very distances that its runs have, and by Fisher's formula."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """How well a line through some groups of runs predicts a group that it did not see."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

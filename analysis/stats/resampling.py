@@ -1,7 +1,5 @@
 """Intervals and tests that respect what runs share: bootstrap and jackknife of whole clusters, permutation within panels."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable, Sequence
 from typing import Any

@@ -4,8 +4,6 @@ Scores are normalised, one per run and task. Intervals are of the stratified boo
 task, tasks are not. Estimates agree with the package rliable, whose bootstrap draws from numpy's global generator.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 

@@ -6,8 +6,6 @@ The random, the idle, the scripted and the planning player need no training.
 normalised score is (return - random) / (oracle - random).
 """
 
-from __future__ import annotations
-
 from itertools import product
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The command line of a study: its function ``run``, with an option for each argument."""
 
-from __future__ import annotations
-
 import argparse
 import inspect
 from collections.abc import Callable

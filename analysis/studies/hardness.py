@@ -6,8 +6,6 @@ Nothing is trained.
 planner, with Wilson intervals, and the steps that the planner needs.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -5,8 +5,6 @@
 ``w2.csv``         which training level goes to which test level in the optimal matching of two small sets, and how far
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -7,8 +7,6 @@ Nine panels, and six pairs of a panel and the next harder one, for eight n and s
 ``explained.csv``  R^2 of log W2 on panel, on log n, on both, and on their cells: how much of W2 is the number of levels?
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import product
 from pathlib import Path

@@ -3,8 +3,6 @@
 A sub-class of :class:`Auxiliary` defines the loss, and how a rollout becomes batches for it.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from typing import Any, TypeVar

@@ -4,8 +4,6 @@ A run keeps its newest checkpoint and the one before. If the newest one is damag
 is renamed, and the run resumes from the one before.
 """
 
-from __future__ import annotations
-
 import hashlib
 import io
 import os

@@ -5,8 +5,6 @@ settings, whose ``learner`` names a class as ``module:Class``; that class, which
 YAML in ``conf/algorithm/`` that names the settings. :class:`experiments.algorithms.ppo.PPO` is one to start from.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from typing import Any, Protocol
 

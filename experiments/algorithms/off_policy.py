@@ -3,8 +3,6 @@
 A sub-class of :class:`OffPolicy` defines the policy and the loss.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import Any

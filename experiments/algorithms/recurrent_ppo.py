@@ -3,8 +3,6 @@
 A minibatch holds all steps of some environments. The memory is set to 0 where an episode begins.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from typing import Any

@@ -3,8 +3,6 @@
 Critics bootstrap after every step that did not terminate its episode: the replay holds a truncated episode's last observation.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

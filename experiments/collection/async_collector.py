@@ -4,8 +4,6 @@ A rollout then comes from a policy that is one update older than the one that le
 values of that older policy, so the loss stays PPO's. This is faster where networks run on a GPU and environments on the CPU.
 """
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Mapping
 from concurrent.futures import Executor, Future, ThreadPoolExecutor

@@ -1,7 +1,5 @@
 """Collecting rollouts for PPO: every environment is stepped a number of times, and the steps are written into one storage."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass

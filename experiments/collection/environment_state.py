@@ -1,7 +1,5 @@
 """States of environments as tensors and plain data, so that a checkpoint can hold them without pickled objects."""
 
-from __future__ import annotations
-
 import dataclasses
 from typing import Any, TypeVar
 

@@ -4,8 +4,6 @@ TorchRL's buffer stores a row per step. A step's next observation is the first o
 episode, so only the last observation of an episode needs a row of its own; frames take half the memory that way.
 """
 
-from __future__ import annotations
-
 import zlib
 from collections.abc import Mapping
 from typing import Any

@@ -1,7 +1,5 @@
 """Rewards as the learner sees them; returns and evaluations always count the task's own rewards."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, Protocol
 

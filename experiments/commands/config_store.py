@@ -5,8 +5,6 @@ values are checked once, by :func:`experiments.settings.construct`. OmegaConf's 
 and a file could not put the settings of ``ppo_fast`` under those of CURL.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping
 from pathlib import Path

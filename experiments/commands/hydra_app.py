@@ -1,7 +1,5 @@
 """How commands start: Hydra on ``conf/``, whatever the working directory, and errors as one message each."""
 
-from __future__ import annotations
-
 import dataclasses
 import os
 import signal

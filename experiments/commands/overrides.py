@@ -1,7 +1,5 @@
 """The overrides of a command line: which runs a sweep consists of, and which override is wrong and why."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 

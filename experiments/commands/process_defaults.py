@@ -1,7 +1,5 @@
 """Process-wide defaults, set before torch, MLflow and POT are imported: import this module first in every command."""
 
-from __future__ import annotations
-
 import ctypes
 import gc
 import os

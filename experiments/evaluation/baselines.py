@@ -5,8 +5,6 @@ is that of the planner of :mod:`segar.hardness`. The score of an idle agent can 
 because the planner's plan is only the best one that was found.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What a policy achieves on given levels: one row per episode, and the figures that follow."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Protocol
 

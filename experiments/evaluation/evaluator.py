@@ -1,7 +1,5 @@
 """A trained agent on any levels: what it achieves there beside a random agent and the oracle, and videos of it."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ The code that probes is a plug-in: the entry point ``default`` of the group ``se
 and a :class:`ProbeConfig` that returns a ``pandas.DataFrame``. It is loaded only where a run is probed.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import time

@@ -4,8 +4,6 @@ The results lie in ``evaluations/`` of the run folder: the levels, ``episodes.pa
 written last.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable
 from typing import Any

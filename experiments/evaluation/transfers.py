@@ -5,8 +5,6 @@ levels between those of training and those of the test. :mod:`experiments.evalua
 This module does not import torch, so that work can be planned without it.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Mapping, Sequence

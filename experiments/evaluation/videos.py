@@ -1,7 +1,5 @@
 """Videos of a policy at play."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any

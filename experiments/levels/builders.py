@@ -1,7 +1,5 @@
 """What the names in the settings of a run stand for: levels, task and observation."""
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Mapping
 from typing import Any

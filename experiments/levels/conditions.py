@@ -4,8 +4,6 @@ The wall and the sand cost a little in every step until they are touched, so tha
 Both are factors of the ball, which an agent that observes states sees.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from typing import Tuple  # noqa: UP035 - rules are hinted as the paper prints them
 

@@ -1,7 +1,5 @@
 """Levels between two sets: some groups of factors are those of one level, all else is that of another."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -5,8 +5,6 @@ distribution alone. A variation of your own is ``module:function``: it takes a :
 another one.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Mapping
 from typing import Any

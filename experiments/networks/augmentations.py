@@ -5,8 +5,6 @@ processor whatever the device of the frames, so that runs on different devices s
 copy of a window costs a tenth of an interpolation of floats.
 """
 
-from __future__ import annotations
-
 import torch
 from torch import Tensor
 from torch.nn import functional as F

@@ -1,7 +1,5 @@
 """The device on which networks compute."""
 
-from __future__ import annotations
-
 import torch
 
 from experiments.settings import ConfigError

@@ -1,7 +1,5 @@
 """The first layer of a CNN that reads frames as they are."""
 
-from __future__ import annotations
-
 from torch import Tensor, nn
 
 WHITE = 255.0  # the brightest value of a frame

@@ -1,7 +1,5 @@
 """From representations to actions: heads, and the tanh-Gaussian distribution over pre-tanh actions."""
 
-from __future__ import annotations
-
 import math
 from functools import cache
 from typing import ClassVar

@@ -1,7 +1,5 @@
 """Frames that the stacks of a rollout share: each stack has one new frame, and the others are those of the stack before."""
 
-from __future__ import annotations
-
 import numpy as np
 import torch
 from numba import njit

@@ -1,7 +1,5 @@
 """Shows jobs at work: on a terminal a bar for all and one for each; without a terminal a line when a job ends."""
 
-from __future__ import annotations
-
 import re
 import sys
 import threading

@@ -4,8 +4,6 @@ A folder of such tables is one that ``analysis.collect`` or ``analysis.ship`` wr
 settings, so a row with that name describes that run. Such a run counts as done and is not trained again.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The plan of a reproduction: the runs that experiments need, each once; which of them are done; how long the rest takes."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import socket

@@ -8,8 +8,6 @@ draws. A package registers a study in its pyproject.toml::
     mine = "my_package.my_study:run"  # run(output: Path, **options) -> None
 """
 
-from __future__ import annotations
-
 import inspect
 import json
 import signal

@@ -5,8 +5,6 @@ process that dies abruptly ends only its own run; and the processes end with thi
 several machines there are Hydra's launchers.
 """
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import signal

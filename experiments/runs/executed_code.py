@@ -6,8 +6,6 @@ not change with comments, docstrings, layout, or the texts of error messages. Th
 the tracking and the report are no part of it: a run does not execute them.
 """
 
-from __future__ import annotations
-
 import ast
 import hashlib
 import importlib.util

@@ -1,7 +1,5 @@
 """Files of a run are replaced as a whole or stay as they were: see :mod:`segar.support.atomic_files`."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path

@@ -4,8 +4,6 @@ A process that is killed outright (``kill -9``, out of memory, a power cut) writ
 without an end, and notes it as ``lost``.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import socket

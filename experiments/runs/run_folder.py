@@ -14,8 +14,6 @@
 ``probes.parquet``        how well probes predict the factors from the representation, see :mod:`experiments.evaluation.probing`
 """
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """What a result was made with: Python, libraries, commit, and the levels."""
 
-from __future__ import annotations
-
 import dataclasses
 import hashlib
 import platform

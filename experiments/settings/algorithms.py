@@ -1,7 +1,5 @@
 """The settings of the algorithms, without torch: a dataclass for each kind, and the kinds by name."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar

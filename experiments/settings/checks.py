@@ -4,8 +4,6 @@ A check is a function of a setting's dotted path and value. It raises :class:`Co
 value must be.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import re
 from collections.abc import Callable, Iterable, Mapping

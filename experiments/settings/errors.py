@@ -1,7 +1,5 @@
 """What an experiment raises for the user to read; each message names the culprit, the place and the fix."""
 
-from __future__ import annotations
-
 from segar.errors import SegarError
 
 

@@ -1,7 +1,5 @@
 """From plain data (Hydra's result, or a run folder's ``config.yaml``) to the settings of a run."""
 
-from __future__ import annotations
-
 import dataclasses
 import types
 import typing

@@ -1,7 +1,5 @@
 """The cells of the paper's experiment: families x difficulties x numbers of training levels, as run configurations."""
 
-from __future__ import annotations
-
 import dataclasses
 import hashlib
 import json

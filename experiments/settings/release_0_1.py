@@ -1,7 +1,5 @@
 """The names of release 0.1, in which runs were named by where the code lay, and what they are called now."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Iterator, Mapping

@@ -4,8 +4,6 @@ YAML under ``conf/`` says only what differs. :func:`run_config` turns plain data
 ``config.yaml``) into a :class:`RunConfig`; nothing after it sees a ``DictConfig``.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import hashlib
 import json

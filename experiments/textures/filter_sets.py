@@ -1,7 +1,5 @@
 """The sets of textures from our own bank of filters: a baseline, and variants that are close to it and far from it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cache
 

@@ -1,7 +1,5 @@
 """The paper's first renderer: textures trained to be invertible, a linear auto-encoder from factors to pixels and back."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a model of textures must be able to show before it is shipped, with a margin over what the tests ask."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from segar.errors import SegarError

@@ -1,7 +1,5 @@
 """The MLflow store: its address, and how it is opened, by many processes at once if need be."""
 
-from __future__ import annotations
-
 import logging
 import os
 from pathlib import Path

@@ -4,8 +4,6 @@ MLflow's pages keep a view as a tag of the experiment, so that these stand in th
 address. How such a tag is written is not a promise of MLflow's: this is how the versions that ``pyproject.toml`` allows do it.
 """
 
-from __future__ import annotations
-
 import base64
 import json
 import zlib

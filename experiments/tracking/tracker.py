@@ -4,8 +4,6 @@ Training never waits for the store and never ends because of it. No run is ever 
 runs can share one process (joblib reuses its workers).
 """
 
-from __future__ import annotations
-
 import sys
 import threading
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Progress of a run: a bar on a terminal; a line every :data:`LINE_INTERVAL` seconds where there is none."""
 
-from __future__ import annotations
-
 import sys
 import time
 from collections.abc import Mapping

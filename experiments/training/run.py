@@ -1,7 +1,5 @@
 """One run from settings to run folder: levels, training, evaluation, distances, summary."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """The loop of a training run: iterations, figures, and checkpoints on time and on signal."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable, Mapping

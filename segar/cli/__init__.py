@@ -1,7 +1,5 @@
 """The command ``segar``: levels, their distances and hardness, kernels, pictures, a game, recordings."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import sys

@@ -1,7 +1,5 @@
 """What the arguments of commands stand for, and the two forms of an answer: a table for people, one object for programs."""
 
-from __future__ import annotations
-
 import argparse
 import inspect
 import json

@@ -1,7 +1,5 @@
 """Contact sheets: levels of many families, drawn in many ways, in one picture."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike

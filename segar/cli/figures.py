@@ -1,7 +1,5 @@
 """Figures that commands draw. The only file of segar that knows matplotlib, which it loads when a figure is asked for."""
 
-from __future__ import annotations
-
 import importlib.util
 import textwrap
 from collections.abc import Callable, Sequence

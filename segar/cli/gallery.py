@@ -1,7 +1,5 @@
 """``segar gallery``: a contact sheet of tasks, difficulties and renderers, or what the signs of pictures mean."""
 
-from __future__ import annotations
-
 import argparse
 from typing import Any
 

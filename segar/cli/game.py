@@ -1,7 +1,5 @@
 """A game: a person hits the ball with the mouse."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """``segar hardness``: how a random policy, the scripted player and the oracle fare on the levels of a file."""
 
-from __future__ import annotations
-
 import argparse
 import dataclasses
 from typing import Any

@@ -1,7 +1,5 @@
 """``segar families``, ``segar compile``, ``segar kernel``: names, kernels ahead of time, and what they are made of."""
 
-from __future__ import annotations
-
 import inspect
 import re
 import time

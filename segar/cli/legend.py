@@ -1,7 +1,5 @@
 """One picture with all the signs that people have to know."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from segar.envs import VectorEnv

@@ -1,7 +1,5 @@
 """``segar sample``, ``segar distance``, ``segar describe``: levels, how far sets of them are apart, and their priors."""
 
-from __future__ import annotations
-
 import argparse
 from typing import Any
 

@@ -1,7 +1,5 @@
 """``segar play``: hit the ball with the mouse."""
 
-from __future__ import annotations
-
 import argparse
 from typing import Any
 

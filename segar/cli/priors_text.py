@@ -1,7 +1,5 @@
 """What ``segar describe`` shows of a distribution: which entities there may be, and the distributions of their factors."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """``segar record``: episodes into a dataset with frames and true factors, or one episode into a video."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from functools import partial

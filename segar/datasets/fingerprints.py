@@ -1,7 +1,5 @@
 """Texts that tell observations and policies apart, and that are the same in every process."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import hashlib

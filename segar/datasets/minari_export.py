@@ -1,7 +1,5 @@
 """Datasets for offline reinforcement learning in Minari's form."""
 
-from __future__ import annotations
-
 import os
 import warnings
 from collections.abc import Iterator

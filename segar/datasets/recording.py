@@ -1,7 +1,5 @@
 """Record what policies do: shard by shard, so that a recording that was killed goes on where it stopped."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable
 from functools import partial

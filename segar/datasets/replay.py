@@ -1,7 +1,5 @@
 """Play recorded actions again, and compare: a dataset is what it says it is."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from itertools import chain, repeat
 from typing import Any

@@ -1,7 +1,5 @@
 """Episodes as arrays: what a policy observes and does, and the true factors."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeAlias

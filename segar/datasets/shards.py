@@ -1,7 +1,5 @@
 """Shards: a Parquet table of scalars and factors, and an NPZ file of the observations, row by row."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """Compiled bookkeeping of episodes: on which level they start, how long they last, the sum of their rewards."""
 
-from __future__ import annotations
-
 import numpy as np
 from numba import njit
 

@@ -1,7 +1,5 @@
 """One environment with Gymnasium's interface: the batched core with a batch of one."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import gymnasium

@@ -1,7 +1,5 @@
 """The loop that plays episodes: one in each row of a batch, from its start until all of them are over."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any, Protocol, TypeAlias

@@ -3,8 +3,6 @@
 The default levels of the tasks have v0 alone: ``Segar-<puttputt|billiards|invisiball>-<rgb|state>-v0``.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import gymnasium

@@ -1,7 +1,5 @@
 """TorchRL's interface: a batched ``EnvBase`` over :class:`segar.envs.VectorEnv`. No other file of segar imports torch."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

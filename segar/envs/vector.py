@@ -1,7 +1,5 @@
 """The core environment: a batch of episodes on the levels of a set, stepped by one compiled kernel."""
 
-from __future__ import annotations
-
 import math
 import weakref
 from dataclasses import replace

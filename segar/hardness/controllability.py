@@ -1,7 +1,5 @@
 """What the agent can change: controllability of each factor, and the factors that go their way whatever it does."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

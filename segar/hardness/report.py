@@ -1,7 +1,5 @@
 """How hard levels are, before anything is trained on them: chance, a script and an oracle play each of them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Whole episodes from copies of first states: where they start, who plays them, how they end."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """How alike levels are in what they do and in what they ask for: same actions, and same best actions."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -7,8 +7,6 @@ An entity type is a class whose annotations name its factors; a class inherits i
 """
 
 # pyright: reportAssignmentType=false
-from __future__ import annotations
-
 import inspect
 import sys
 from collections.abc import Iterator, Mapping, Sequence

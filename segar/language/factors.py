@@ -6,8 +6,6 @@ factor; rules of the parent apply to the child, not the reverse::
     class Temperature(segar.Scalar, default=20.0, unit="degC"): ...
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any, ClassVar
 

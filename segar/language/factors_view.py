@@ -1,7 +1,5 @@
 """The true factors of a batch and the results of its task, gathered when they are read."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Iterator, Mapping
 from typing import Any
 

@@ -9,8 +9,6 @@ n points, counter-clockwise from the lowest, have the density
 with respect to area in each vertex, summed over k: any k of the points may be the vertices, and all others lie inside.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

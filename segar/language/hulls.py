@@ -1,7 +1,5 @@
 """Convex hulls of many point sets at once."""
 
-from __future__ import annotations
-
 import numpy as np
 
 

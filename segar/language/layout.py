@@ -5,8 +5,6 @@ distribution can have; a slot lists the entity types that may fill it. All slots
 lacks a factor holds nan there.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

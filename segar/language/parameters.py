@@ -1,7 +1,5 @@
 """World parameters: constants of the physics that a level may vary and a rule may take as arguments, by type."""
 
-from __future__ import annotations
-
 from segar.language.factors import Scalar
 
 

@@ -4,8 +4,6 @@ A draw depends only on (seed, level, episode, sub-step, rule, entities, number o
 bit whatever the batch size or the number of threads.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """A rule: a plain typed function, read and traced when it is defined."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property

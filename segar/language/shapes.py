@@ -1,7 +1,5 @@
 """Outlines of things: circles and convex hulls, their areas and extents."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

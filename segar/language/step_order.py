@@ -5,8 +5,6 @@ sub-steps; each sub-step goes through :data:`SUB_STEP`. In a stage, all rules re
 their effects are written when all of them have been evaluated.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum

@@ -1,7 +1,5 @@
 """A task: what an action does, what is rewarded, and when an episode is over, as typed functions."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any

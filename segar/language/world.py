@@ -1,7 +1,5 @@
 """What engine and interpreter need of a world: its rules, without any built-in physics."""
 
-from __future__ import annotations
-
 from typing import Protocol
 
 from segar.language.rule_definition import Rule

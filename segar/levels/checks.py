@@ -1,7 +1,5 @@
 """Checks of what measures are given: level sets, distributions, generators, factors and units."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Distributions that typed functions of other factors scale and shift, factors of the same entity or of another one."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Why a factor starts with the distribution that it has: the priors that were candidates, and how they were ranked."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Level files: npz archives without pickle, a description in JSON beside the arrays, replaced only when complete."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from os import PathLike
 from pathlib import Path

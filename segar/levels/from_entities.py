@@ -1,7 +1,5 @@
 """Levels from entities that are given one by one."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Content hashes: what a distribution is made of, as text that is the same on every machine, and its hash."""
 
-from __future__ import annotations
-
 import dataclasses
 import hashlib
 import json

@@ -1,7 +1,5 @@
 """The factors of levels as sets of points, and the mean and variance of each factor under a distribution."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache

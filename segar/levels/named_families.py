@@ -5,8 +5,6 @@ The tasks' own levels are those of PuttPutt as the paper prints them, PuttPutt w
 the goal).
 """
 
-from __future__ import annotations
-
 from functools import cache
 
 from segar.errors import LevelError, did_you_mean

@@ -18,8 +18,6 @@ no condition                           0
 Of equal ones, the one that also has a relation wins, then the one on the more derived factor.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any

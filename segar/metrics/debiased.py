@@ -1,7 +1,5 @@
 """The part of a Wasserstein-2 distance that comes from having few levels, and the distance without it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """What a distance between level sets is made of: which factors, which entities, which levels."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

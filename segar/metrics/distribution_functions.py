@@ -1,7 +1,5 @@
 """Pairs of distribution functions, one pair for each marginal of two level sets or distributions."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Levels as vectors: a Euclidean approximation of the distance of levels, for methods that need vectors or many levels."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The compiled search for the largest difference of two products of distribution functions."""
 
-from __future__ import annotations
-
 import numpy as np
 from numba import njit
 

@@ -1,7 +1,5 @@
 """Kolmogorov-Smirnov statistics of samples and distributions, per factor and for all factors at once."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Wasserstein-2 distances of many levels: sliced, and with an entropic term."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

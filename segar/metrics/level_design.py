@@ -3,8 +3,6 @@
 Distances between train and test shrink as sets grow; sets of one size at several distances separate the two effects.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 from typing import Literal

@@ -1,7 +1,5 @@
 """The distributions of factors, of numbers of entities and of world parameters under a level distribution."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

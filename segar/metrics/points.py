@@ -1,7 +1,5 @@
 """Levels as sets of vectors: which entities and factors a distance looks at, and in which units."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 
 import numpy as np

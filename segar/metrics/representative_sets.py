@@ -1,7 +1,5 @@
 """How well a level set represents its distribution: distance, coverage, and the effective number of levels."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

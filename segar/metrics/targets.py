@@ -1,7 +1,5 @@
 """Which rows of a cost matrix, as a level set of their own, are at a wanted Wasserstein-2 distance from its columns."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from segar.support import emd

@@ -1,7 +1,5 @@
 """Optimal transport on cost matrices and between small point sets; POT and scipy do the solving."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from itertools import permutations

@@ -1,7 +1,5 @@
 """Two-sample tests on whole levels, which see how factors depend on each other: energy, kernel and classifier tests."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Distances between renderers: how differently two sets of textures show the same things."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import lcm

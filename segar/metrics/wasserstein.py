@@ -1,7 +1,5 @@
 """Wasserstein-2 distance between two level sets: transport of levels, over transport of their entities."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache

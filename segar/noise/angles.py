@@ -1,7 +1,5 @@
 """The distribution of von Mises, for angles."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import cached_property

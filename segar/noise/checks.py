@@ -1,7 +1,5 @@
 """Checks of what distributions are made from: finite numbers, intervals, lists, probabilities, points of the plane."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from typing import Any

@@ -1,7 +1,5 @@
 """Wasserstein-2 and Kuiper's distance of distributions on a circle."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """Distributions on the line that have a density: Gaussian (clipped or not), uniform, log-uniform."""
 
-from __future__ import annotations
-
 import math
 from abc import abstractmethod
 from collections.abc import Sequence

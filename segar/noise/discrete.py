@@ -1,7 +1,5 @@
 """Distributions made of atoms: ranges of whole numbers, choices, coin flips and constants."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

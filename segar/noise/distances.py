@@ -4,8 +4,6 @@ This module stands at the top of the room: it knows the classes of distributions
 computation on the line, on the circle or on the plane, and serves the methods of :class:`segar.noise.Noise`.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Wasserstein-2 and Kolmogorov-Smirnov distances of distributions on the line, where they have no closed form."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

@@ -4,8 +4,6 @@ Locations keep a margin of 0.05 to the walls of the arena [-1, 1]^2; "quarter" b
 way to the centre (the 2022 constants).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

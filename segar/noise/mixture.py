@@ -1,7 +1,5 @@
 """Mixtures: a draw comes from one of several distributions, by given probabilities."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

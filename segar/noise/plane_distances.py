@@ -3,8 +3,6 @@
 The first is computed in closed form, between atoms, or between the cells of a grid with a bound of the error.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Distributions made of another one by scaling and shifting."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import cached_property

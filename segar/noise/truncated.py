@@ -1,7 +1,5 @@
 """A Gaussian that is drawn again until it falls between two ends: no atoms, unlike a clipped one."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import cached_property

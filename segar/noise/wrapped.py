@@ -1,7 +1,5 @@
 """Distributions on a circle, such as those of angles, made by wrapping a distribution on the line."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import cached_property

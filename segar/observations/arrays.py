@@ -1,7 +1,5 @@
 """Observations of one array, or of tuples and dicts of them, handled alike."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Copying observations of any order in memory, by kernels that are faster than NumPy, and by their plain twins in NumPy."""
 
-from __future__ import annotations
-
 import sys
 
 import numpy as np

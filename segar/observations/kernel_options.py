@@ -1,7 +1,5 @@
 """How the kernels of observations are compiled."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from segar.support import is_plain

@@ -1,7 +1,5 @@
 """Observations by their names. Importing :mod:`segar.observations` fills the registry with those that come with SEGAR."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from segar.errors import SegarError, did_you_mean

@@ -1,7 +1,5 @@
 """The observations that have a name: those that come with SEGAR."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

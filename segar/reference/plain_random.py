@@ -1,7 +1,5 @@
 """The random numbers of rules in plain Python integers: what those of the kernels are held against."""
 
-from __future__ import annotations
-
 from segar.language import Number
 
 

@@ -5,8 +5,6 @@ another body. All bodies move back by that time, and this is repeated until none
 first: its bodies exchange velocities there, and all bodies move on for the time that was taken back.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The result of an interpreter's step, to be read by names of entities and factors, and the rules that fired in it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The camera of an environment: its frames as arrays, or in a window that follows what happens."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 

@@ -1,7 +1,5 @@
 """Where charges would push: the field that the arrows of a picture follow."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

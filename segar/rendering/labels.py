@@ -1,7 +1,5 @@
 """Where labels go: beside their things, off other things, off each other, inside the picture."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Signs that say what a thing is like: arrows, charges, chevrons, patterns. Coordinates and lengths are in pixels."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from itertools import pairwise

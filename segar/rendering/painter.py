@@ -1,7 +1,5 @@
 """Scenes -> pictures for people, drawn with pygame at twice the size and then halved, so that edges are smooth."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 from typing import TypeAlias
 

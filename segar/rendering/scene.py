@@ -1,7 +1,5 @@
 """The things of one environment as people see them, read from its state: places, colours and factors, no pictures."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Videos and GIFs of what happens in an environment."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing
 from itertools import chain

@@ -1,7 +1,5 @@
 """What people want to see: size of the picture, and which hints it has."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 

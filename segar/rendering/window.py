@@ -1,7 +1,5 @@
 """A window on the screen. With SDL_VIDEODRIVER=dummy it works where there is no screen."""
 
-from __future__ import annotations
-
 import numpy as np
 import pygame
 

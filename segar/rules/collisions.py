@@ -1,7 +1,5 @@
 """Contacts: bouncing off a wall, and the elastic exchange between two bodies."""
 
-from __future__ import annotations
-
 from typing import Tuple  # noqa: UP035 - the paper writes rules with typing.Tuple
 
 from segar.language import (

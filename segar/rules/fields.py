@@ -1,7 +1,5 @@
 """Forces at a distance: charges and moving magnets."""
 
-from __future__ import annotations
-
 from typing import Tuple  # noqa: UP035 - the paper writes rules with typing.Tuple
 
 from segar.language import ZERO, Acceleration, Aggregate, Charge, Magnetism, Mass, Position, Velocity, rule, sqrt, where

@@ -1,7 +1,5 @@
 """Kinetic friction: it slows bodies that slide, and never turns them around."""
 
-from __future__ import annotations
-
 from typing import Tuple  # noqa: UP035 - the paper writes rules with typing.Tuple
 
 from segar.language import (

@@ -1,7 +1,5 @@
 """Heat: objects lose mass on hot ground."""
 
-from __future__ import annotations
-
 from typing import Tuple  # noqa: UP035 - the paper writes rules with typing.Tuple
 
 from segar.language import Heat, Mass, Mobile, SetFactor, is_on, rule

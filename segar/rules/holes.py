@@ -1,7 +1,5 @@
 """Holes: they swallow the bodies that they contain."""
 
-from __future__ import annotations
-
 from typing import Tuple  # noqa: UP035 - the paper writes rules with typing.Tuple
 
 from segar.language import Consumes, Done, Mobile, SetFactor, Visible, contains, rule

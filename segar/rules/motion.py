@@ -1,7 +1,5 @@
 """Motion: position changes by velocity, velocity by acceleration; immobile and dead objects stand still."""
 
-from __future__ import annotations
-
 from typing import Tuple  # noqa: UP035 - the paper writes rules with typing.Tuple
 
 from segar.language import (

@@ -1,7 +1,5 @@
 """A world: the rules of motion and contact that hold in it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """npz archives without pickle: arrays and a description in JSON, replaced only when complete."""
 
-from __future__ import annotations
-
 import json
 import zipfile
 import zlib

@@ -1,7 +1,5 @@
 """Whole-file writes: a file is written beside its place and then moved into it, so it is never half written."""
 
-from __future__ import annotations
-
 import os
 import uuid
 from collections.abc import Iterator

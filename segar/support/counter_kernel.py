@@ -3,8 +3,6 @@
 The bits are those of SplitMix64 (Steele, Lea, Flood 2014).
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

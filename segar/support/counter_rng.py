@@ -6,8 +6,6 @@ the same whether it is drawn alone or among 100,000 others. The bits are Philox4
 random numbers: as easy as 1, 2, 3").
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Sequence
 from typing import Any

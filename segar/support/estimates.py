@@ -1,7 +1,5 @@
 """A number with a bound or a standard error."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 

@@ -1,7 +1,5 @@
 """Python objects by their names: what ``module:attribute`` means on a command line, in a configuration or in levels."""
 
-from __future__ import annotations
-
 import importlib
 from typing import Any
 

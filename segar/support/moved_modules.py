@@ -1,7 +1,5 @@
 """Modules under the names that they had in an earlier version: importing one warns, and gives the module of today."""
 
-from __future__ import annotations
-
 import sys
 import warnings
 from collections.abc import Mapping, Sequence

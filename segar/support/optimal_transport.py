@@ -1,7 +1,5 @@
 """Optimal transport on cost matrices, by Python Optimal Transport: loaded on first use, and without its other back ends."""
 
-from __future__ import annotations
-
 import os
 import sys
 from types import ModuleType

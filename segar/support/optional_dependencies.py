@@ -1,7 +1,5 @@
 """What is installed only on request: packages of the extras in pyproject.toml."""
 
-from __future__ import annotations
-
 import importlib.util
 import os
 

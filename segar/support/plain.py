@@ -1,7 +1,5 @@
 """The switch between code that is fast by a trick and its plain twin, which gives the same bits."""
 
-from __future__ import annotations
-
 import os
 from functools import cache
 

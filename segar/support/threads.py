@@ -1,7 +1,5 @@
 """Threads over the batch: workers that help their caller, which never waits for a worker to wake up."""
 
-from __future__ import annotations
-
 import ctypes
 import itertools
 import os

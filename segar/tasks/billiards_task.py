@@ -1,7 +1,5 @@
 """Billiards: push the cue ball so that the others fall into the pockets."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

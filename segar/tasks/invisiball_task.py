@@ -1,7 +1,5 @@
 """Invisiball: PuttPutt with a ball that is invisible after the first push."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """PuttPutt: push the golf ball until it rests its centre on the goal's."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 

@@ -1,7 +1,5 @@
 """How well things can be distinguished by their textures under all noise."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

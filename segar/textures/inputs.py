@@ -9,8 +9,6 @@ An input is one of
 * noise, ``"noise_1"`` and so on: drawn anew for every thing from N(0, 1) clipped to [-1, 1].
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """Where a state holds what enters a texture, for each entity type of a layout."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any

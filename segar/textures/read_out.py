@@ -1,7 +1,5 @@
 """How well factors can be read out of the pixels of a texture by least squares."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any
 

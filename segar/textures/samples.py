@@ -1,7 +1,5 @@
 """Values of the inputs of textures, drawn from a product of marginals. Textures are trained and measured on them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any

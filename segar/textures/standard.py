@@ -1,7 +1,5 @@
 """What the shipped sets have in common: their inputs, the units of these, and the things that must look different."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The statistics that claims, figures and tables share, each computed once, by :mod:`analysis.stats`."""
 
-from __future__ import annotations
-
 import dataclasses
 import zlib
 from collections.abc import Callable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """The tests of the claims about the gap and W2: figures 3a, 3b and 4a, and what the paper did not run."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Iterator
 from functools import partial

@@ -1,7 +1,5 @@
 """The tests of the claims about what representations know: figures 4b and 5a, and the appendix's mass and frame stack."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The tests of the claims about learning (figure 5b, SAC) and about the KS statistic."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 
 import numpy as np

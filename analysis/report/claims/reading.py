@@ -1,7 +1,5 @@
 """Reads the claims: the words of each from ``statements.yaml``, its findings from its test."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from pathlib import Path

@@ -26,8 +26,6 @@ Runs of a panel and a seed share levels, so they stay together as a *block*: int
 bootstrap of whole blocks, or where there are fewer than 20, of Student's law and the jackknife that leaves out one at a time.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 

@@ -1,7 +1,5 @@
 """What goes beyond the paper: each experiment with its figure and tables, or a sentence that says that it was not run."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import pandas as pd

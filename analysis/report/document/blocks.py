@@ -3,8 +3,6 @@
 Texts may hold ``code`` between backquotes and **strong words** between double asterisks, and nothing else.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """The report as one HTML page that needs nothing else: styles inside, figures inside, no scripts."""
 
-from __future__ import annotations
-
 import base64
 from pathlib import Path
 

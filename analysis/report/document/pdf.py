@@ -1,7 +1,5 @@
 """The report as a PDF, by fpdf2, in the fonts that matplotlib brings along: no system library, no browser."""
 
-from __future__ import annotations
-
 import datetime
 from collections.abc import Sequence
 from pathlib import Path

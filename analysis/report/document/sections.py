@@ -1,7 +1,5 @@
 """The report's text: which claims, tables and figures stand where, and the sentences between them."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """The tables of statistics: as CSV files with all digits that mean something, and as the report prints them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np

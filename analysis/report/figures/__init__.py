@@ -4,8 +4,6 @@
 and results; others use :data:`FIGURES`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 
 from analysis.report.claims.evidence import Evidence

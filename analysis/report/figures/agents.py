@@ -1,7 +1,5 @@
 """The figures about information and learning: 4b, 5a, 5b, SAC, mass and frame stack."""
 
-from __future__ import annotations
-
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure

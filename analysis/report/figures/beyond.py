@@ -1,7 +1,5 @@
 """The figures beyond the paper, and of the studies that train nothing."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

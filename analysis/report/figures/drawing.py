@@ -3,8 +3,6 @@
 All of it is drawn within :func:`analysis.plotting.style.applied`, which the caller enters.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 

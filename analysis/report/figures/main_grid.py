@@ -1,7 +1,5 @@
 """The figures about the gap and W2: 3a, 3b, 4a, all estimates, and success against the number of levels."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes

@@ -1,7 +1,5 @@
 """A rule with one of its arguments as the target, and loop variables in place of its arguments."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 from segar.engine.compiler.emit import bind

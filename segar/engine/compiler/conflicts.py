@@ -1,8 +1,6 @@
 """What is known of a stage before it runs: rules that always conflict, columns on which rules may conflict, and factors
 that are read of other entities."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Sequence
 from itertools import pairwise

@@ -4,8 +4,6 @@ All of them read the state in which the bodies meet. Their values are gathered i
 after the exchange of velocities.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import permutations
 

@@ -1,7 +1,5 @@
 """Contacts -> source: which bodies are solid or movable, what a wall and another body do, and whether any may touch."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Expressions -> source: temporaries with names in nested scopes, so that each expression is computed once."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any

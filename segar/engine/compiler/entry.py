@@ -3,8 +3,6 @@
 The source of a sub-step follows :data:`segar.language.SUB_STEP`, stage by stage.
 """
 
-from __future__ import annotations
-
 import textwrap
 from dataclasses import fields
 

@@ -6,8 +6,6 @@ The module consists of constants of the layout, geometry (:mod:`segar.engine.run
 it.
 """
 
-from __future__ import annotations
-
 import hashlib
 import inspect
 import sys

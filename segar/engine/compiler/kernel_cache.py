@@ -3,8 +3,6 @@
 The hash covers the whole text, geometry included, and numba's version, so an edited rule can never run stale.
 """
 
-from __future__ import annotations
-
 import hashlib
 import importlib.util
 import os

@@ -1,7 +1,5 @@
 """Source of loops over groups of slots, and of the tests that an entity matches."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 

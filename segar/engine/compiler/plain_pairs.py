@@ -3,8 +3,6 @@
 Sums are taken in the same order, first over the partners that are not quiet and then over those that are.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from segar.engine.compiler.emit import Writer

@@ -1,7 +1,5 @@
 """Rules that set one factor of one entity -> source: the most specific one wins, equally specific ones must agree."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from segar.engine.compiler.emit import Writer

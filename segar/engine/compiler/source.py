@@ -1,7 +1,5 @@
 """What all parts of a kernel's source share: decorators, arguments, trees, and how a symbol reads from the state."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field

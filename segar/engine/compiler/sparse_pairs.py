@@ -5,8 +5,6 @@ the partner. Such *quiet* partners are counted; the loop of a target runs over t
 :mod:`segar.engine.compiler.plain_pairs`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ Slots of equal types form a *group*, over which the kernel loops. Where all type
 matches. Where only some do, a bit in the mask of the entity decides, and the mask follows from the entity's type.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property

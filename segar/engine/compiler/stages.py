@@ -4,8 +4,6 @@ All rules of a stage read the state from before the stage. A factor that some ru
 is therefore written to a second buffer ``W`` and copied when the stage is over; all others are written in place.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """The functions of a task -> source: reward, end, success and death, over every tuple of entities that matches."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from segar.engine.compiler.emit import Writer

@@ -5,8 +5,6 @@ vertices ``vertex[entity, k, 2]``, ``hull_radius[entity]``. Everything is plain 
 """
 
 # pyright: reportUndefinedVariable=false
-from __future__ import annotations
-
 import math
 
 import numpy as np

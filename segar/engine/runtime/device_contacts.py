@@ -5,8 +5,6 @@ column]``, of which contacts use the first three; ``L``, lists of integers. Ever
 """
 
 # pyright: reportUndefinedVariable=false
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,8 +1,6 @@
 """Compiled reading of numbers from a batch of states into the rows of a float32 table, for state observations."""
 
 # ruff: noqa: SIM102  numba decides `is not None` at compile time only where it is the whole condition
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

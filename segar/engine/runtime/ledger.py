@@ -7,8 +7,6 @@ part and costs nothing. The plain twin is :mod:`segar.engine.runtime.plain_ledge
 """
 
 # pyright: reportCallIssue=false
-from __future__ import annotations
-
 import numpy as np
 from numba import njit, types
 from numba.core import cgutils

@@ -1,7 +1,5 @@
 """Plain twin of :mod:`segar.engine.runtime.ledger`: the owner of a call takes all parts, one after the other."""
 
-from __future__ import annotations
-
 import numpy as np
 from numba import njit
 

@@ -1,7 +1,5 @@
 """Plain twin of :mod:`segar.engine.runtime.sheet`: the sheet is the table itself, and one thread makes each call."""
 
-from __future__ import annotations
-
 import numpy as np
 from numba import njit
 

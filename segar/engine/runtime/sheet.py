@@ -6,8 +6,6 @@ hold a sheet, int64 ``(1,)``, in which the owner of the call writes the address 
 """
 
 # pyright: reportCallIssue=false
-from __future__ import annotations
-
 import numpy as np
 from numba import types
 from numba.extending import intrinsic

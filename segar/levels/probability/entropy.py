@@ -5,8 +5,6 @@ event, and its density the priors' divided by the event's probability, the accep
 are, and is estimated from draws.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -6,8 +6,6 @@ vertex of a random hull. What placement does afterwards (moving overlapping thin
 drawn, so it adds nothing: levels are taken as they were drawn, ``sampled_values``.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

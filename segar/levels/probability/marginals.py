@@ -1,7 +1,5 @@
 """The distributions of the factors of a level distribution, slot by slot."""
 
-from __future__ import annotations
-
 from segar.language import Factor, FloorFriction, Friction, Order, Position, Size
 from segar.levels.priors import Prior, factors_needed, factors_read
 from segar.levels.sampling.plan import SamplingPlan, SlotGroup

@@ -1,7 +1,5 @@
 """Conditional priors in levels: where their relations hold, and how other factors shift and scale a distribution."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

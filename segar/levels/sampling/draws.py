@@ -5,8 +5,6 @@ and within it level i comes from counter i (:mod:`segar.support.counter_rng`). S
 many are drawn at once.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

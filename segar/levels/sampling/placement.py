@@ -1,7 +1,5 @@
 """Placement: distinct heights in the pile, minimum distances, and moving things out of walls and of each other."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

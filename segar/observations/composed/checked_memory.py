@@ -1,7 +1,5 @@
 """What a snapshot holds for an observation: arrays that are looked up by name and checked."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What bound observations that are made of others pass on to them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

@@ -5,8 +5,6 @@ tape is read by one frame. Every frame is then one older, and the newest of each
 oldest of the next environment. At the end of the tape, all frames are moved back to its start.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from segar.support import is_plain

@@ -4,8 +4,6 @@ Most spans that are drawn are 5 to 30 bytes long, and no two alike. The processo
 which takes longer than the copying.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 from numba import njit

@@ -1,7 +1,5 @@
 """Which colour a thing has: one per entity type, shaded by the factor that makes the type what it is."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The compiled kernel of textures: from the factors of things to their patterns, as ``TextureSet.patches`` defines them."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """The compiled kernel of solid colours: a pattern of one pixel for each thing, blended by one of its factors."""
 
-from __future__ import annotations
-
 import numpy as np
 from numba import njit
 

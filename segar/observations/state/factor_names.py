@@ -1,7 +1,5 @@
 """Factors by their names, for configurations."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Which number of a state observation is what: slots by their names and types, factors, types, masks."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

@@ -3,8 +3,6 @@
 Its constant for a missing factor was ``missing=MISSING_2022``, and rows that no thing fills were zero.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 from segar.language import (

@@ -7,8 +7,6 @@ does not vary keeps its unit and is measured from its constant. Size keeps its u
 do not follow it.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from segar.errors import LevelError
