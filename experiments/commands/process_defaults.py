@@ -1,4 +1,4 @@
-"""Process-wide defaults, set before torch, MLflow and POT are imported: import this module first in every command."""
+"""Process-wide defaults, set before torch, MLflow and POT are imported: importing the room does it."""
 
 import ctypes
 import gc

@@ -1,9 +1,17 @@
 """What a process is told before it computes: sleeping threads, as many as asked for, and a heap that keeps its memory."""
 
 import json
+import os
 import subprocess
 import sys
+from pathlib import Path
 
+import pytest
+
+import experiments
+
+NO_RUNS = ("__init__", "make_textures")  # the latter makes data that SEGAR ships, and plays nothing
+COMMANDS = sorted({path.stem for path in Path(experiments.__file__).parent.glob("*.py")} - {*NO_RUNS})
 SCRIPT = """
 import json, resource
 from experiments.commands.process_defaults import set_process_defaults
@@ -36,3 +44,11 @@ def test_threads_of_openmp_sleep_unless_the_user_says_otherwise():
 
     assert policy() == "passive"
     assert policy(OMP_WAIT_POLICY="active") == "active"
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_sets_them_before_torch_is_imported(command):
+    ask = f"import os, sys, experiments.{command}; print(os.environ['OMP_WAIT_POLICY'], 'torch' in sys.modules)"
+    environment = {name: value for name, value in os.environ.items() if name != "OMP_WAIT_POLICY"}
+    done = subprocess.run([sys.executable, "-c", ask], capture_output=True, text=True, check=True, env=environment)
+    assert done.stdout.split() == ["passive", "False"]
