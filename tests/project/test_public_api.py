@@ -37,9 +37,7 @@ def described(name: str, value: Any) -> str:
         return f"{name} (class)"
     if isinstance(value, type) and dataclasses.is_dataclass(value):
         return f"{name}({', '.join(f.name for f in dataclasses.fields(value) if f.init)})"
-    if callable(value) and not isinstance(value, type):
-        return f"{name}{without_types(value)}"
-    if isinstance(value, type):
+    if callable(value):
         return f"{name}{without_types(value)}"
     return f"{name} ({type(value).__name__})"
 
@@ -51,6 +49,8 @@ def without_types(value: Any) -> str:
         return " (class)"
     parameters = [p.replace(annotation=p.empty) for p in signature.parameters.values()]
     text = str(signature.replace(parameters=parameters, return_annotation=signature.empty))
+    if list(signature.parameters) == ["args", "kwargs"]:  # Python 3.13 says so of classes without a signature of their own
+        return " (class)"
     return text if " at 0x" not in text else f"({', '.join(signature.parameters)})"
 
 
