@@ -13,7 +13,7 @@ from enum import Enum
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, get_origin
 
 import pytest
 
@@ -33,6 +33,8 @@ def described(name: str, value: Any) -> str:
     """A name with its signature, as one line."""
     if isinstance(value, ModuleType):
         return f"{name} (module)"
+    if get_origin(value) is not None:
+        return f"{name} (type)"
     if isinstance(value, type) and issubclass(value, Exception | Enum):
         return f"{name} (class)"
     if isinstance(value, type) and dataclasses.is_dataclass(value):
