@@ -13,6 +13,7 @@ from segar.observations import Arrays, BoundObservation, leaves, map_leaves, own
 from segar.support import is_plain
 
 MAX_BUFFERS = 4  # observations whose memory is kept for use again
+SMALL = 1 << 16  # bytes of observations whose memory is not: the heap has it at hand
 
 
 class Buffers:
@@ -26,6 +27,8 @@ class Buffers:
 
     def __init__(self, num_envs: int, copy: bool, observation: BoundObservation) -> None:
         self._space, self._num_envs, self._copy, self._observation = observation.space, num_envs, copy, observation
+        template = create_empty_array(self._space, num_envs)
+        self._small = template if sum(array.nbytes for array in leaves(template)) <= SMALL else None
         self._overwritten: Arrays | None = None
         self._outputs: list[ReusedArrays] = []
         self._finals: list[ReusedArrays] = []
@@ -33,7 +36,7 @@ class Buffers:
     def output(self) -> Any:
         """Arrays to write observations into, ``[num_envs, ...]``."""
         if self._copy:
-            return self._unheld(self._outputs).lend()
+            return self._unheld(self._outputs).lend() if self._small is None else map_leaves(np.empty_like, self._small)
         own = own_arrays(self._observation)
         if own is None and self._overwritten is None:
             self._overwritten = create_empty_array(self._space, self._num_envs)

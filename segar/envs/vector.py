@@ -301,8 +301,13 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         now = self._now
         factors = Factors(self.levels.layout, now.state.values)
         self._last_factors = weakref.ref(factors)
-        counts = (now.state.level, now.lengths, now.state.contacts, now.state.unresolved_contacts)
-        return self._named_info([array.copy() for array in counts], now.returns.copy(), success, death, factors)
+        counts = (
+            now.state.level.copy(),
+            now.lengths.copy(),
+            now.state.contacts.copy(),
+            now.state.unresolved_contacts.copy(),
+        )
+        return self._named_info(counts, now.returns.copy(), success, death, factors)
 
     def _final(self, observations: Any, ended: np.ndarray, success: np.ndarray, death: np.ndarray) -> dict[str, Any]:
         """The last observations and info of episodes that ended, in full-sized arrays with masks.
