@@ -14,6 +14,7 @@ from segar.envs import VectorEnv
 from segar.envs.buffers import MAX_BUFFERS, Buffers
 from segar.observations import Pixels, Stack, leaves
 
+NUM_ENVS = 8  # their frames are large enough for memory to be used again, their states are not
 LEVELS = segar.family("objectsx1-hard").sample(6, seed=0)
 OBSERVATIONS = {"state": "state", "rgb": "rgb", "stack": Stack(Pixels(), 2), "both": {"b": "rgb", "a": "state"}}
 
@@ -46,10 +47,10 @@ def steps(env: VectorEnv, count: int) -> None:
 @pytest.mark.parametrize("observation", OBSERVATIONS.values(), ids=OBSERVATIONS)
 @pytest.mark.parametrize("hold", HELD.values(), ids=HELD)
 def test_nothing_that_a_caller_holds_is_overwritten(hold, observation):
-    env = VectorEnv(LEVELS, 4, observation=observation, seed=0, max_steps=4)
+    env = VectorEnv(LEVELS, NUM_ENVS, observation=observation, seed=0, max_steps=4)
     held = [hold(array) for array in leaves(env.reset()[0])]
     for k in range(8):
-        observations, *_, info = env.step(np.full((4, 2), 0.1 * k, np.float32))
+        observations, *_, info = env.step(np.full((NUM_ENVS, 2), 0.1 * k, np.float32))
         held += [hold(array) for array in leaves(observations)]
         held += [hold(array) for array in leaves(info.get("final_obs", ()))]
     del observations, info
@@ -60,10 +61,10 @@ def test_nothing_that_a_caller_holds_is_overwritten(hold, observation):
 
 
 def test_memory_that_nobody_holds_is_used_again():
-    env = VectorEnv(LEVELS, 4, seed=0)
+    env = VectorEnv(LEVELS, NUM_ENVS, observation="rgb", seed=0)
     places = {env.reset()[0].ctypes.data}
     for _ in range(20):
-        places.add(env.step(np.zeros((4, 2), np.float32))[0].ctypes.data)
+        places.add(env.step(np.zeros((NUM_ENVS, 2), np.float32))[0].ctypes.data)
     assert len(places) <= 2
 
 
@@ -120,18 +121,18 @@ def test_final_observations_of_a_dict_belong_to_their_names_without_copies_too()
 
 def test_the_plain_twin_gives_the_same_arrays_from_fresh_memory(monkeypatch):
     def trail() -> list[np.ndarray]:
-        env = VectorEnv(LEVELS, 4, observation={"b": "rgb", "a": "state"}, seed=0, max_steps=5)
+        env = VectorEnv(LEVELS, NUM_ENVS, observation={"b": "rgb", "a": "state"}, seed=0, max_steps=5)
         found = [a.copy() for a in leaves(env.reset()[0])]
         for k in range(12):
-            observations, *_, info = env.step(np.full((4, 2), 0.1 * k, np.float32))
+            observations, *_, info = env.step(np.full((NUM_ENVS, 2), 0.1 * k, np.float32))
             found += [a.copy() for a in (*leaves(observations), *leaves(info.get("final_obs", ())))]
         return found
 
     clever = trail()
     monkeypatch.setattr("segar.envs.buffers.is_plain", lambda: True)
     assert all(np.array_equal(a, b) for a, b in zip(clever, trail(), strict=True))
-    env = VectorEnv(LEVELS, 1, seed=0)
-    buffers = Buffers(1, True, env.observation)
+    env = VectorEnv(LEVELS, NUM_ENVS, observation="rgb", seed=0)
+    buffers = Buffers(NUM_ENVS, True, env.observation)
     places = [array.__array_interface__["data"][0] for array in [buffers.output(), buffers.output()]]
     assert places[0] != places[1]
 
