@@ -9,13 +9,16 @@ the tracking and the report are no part of it: a run does not execute them.
 import ast
 import hashlib
 import importlib.util
-from collections.abc import Iterable, Iterator, Mapping, Set
+import sys
+import sysconfig
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from importlib.machinery import PathFinder
 from pathlib import Path
 
 import segar
 from experiments.levels.builders import distribution_of, environment_options
+from experiments.runs.versions import levels_hash
 from experiments.settings import RunConfig
 from segar.engine import generate
 from segar.envs import world_of
@@ -25,19 +28,25 @@ LEARNING = ("experiments.algorithms", "experiments.collection", "experiments.net
 # Rooms of the library that are executed beside the kernel. The rules, the task and the engine are in the kernel's text.
 ENVIRONMENT = ("envs", "observations", "support")
 SAMPLER = ("levels", "noise", "language")
+PROBED = 8  # levels of each distribution that are looked at
 
 
 def executed_code(config: RunConfig) -> dict[str, str]:
     """Name of each part to sixteen hexadecimal digits, for the run with these settings.
 
-    The parts are ``kernel``, ``learner``, ``environment``, ``sampler``, ``textures`` where the observation has them, and
-    the name of every module of the user's own that a setting names (``my_lab.levels``), with what it imports of its package.
+    The parts are ``kernel``, ``levels`` (some that the distributions give, so data that they read count, too), ``learner``,
+    ``environment``, ``sampler``, ``textures`` where the observation has them, and the name of every module of the user's
+    own that a setting names (``my_lab.levels``), with what it reaches (:func:`modules_reached`).
     """
     task = environment_options(config)["task"]
-    levels = distribution_of(config.levels, "train").sample(1, seed=0, split="train")
-    parts = {"kernel": _digest([generate(levels.layout, world_of(levels), task.functions()).text.encode()])}
-    learner = config.algorithm.learner.partition(":")[0]
-    parts["learner"] = fingerprint(learner, "experiments")
+    train, test = (
+        distribution_of(config.levels, split).sample(PROBED, seed=0, split=split) for split in ("train", "test")
+    )
+    parts = {
+        "kernel": _digest([generate(train.layout, world_of(train), task.functions()).text.encode()]),
+        "levels": _digest([levels_hash(train).encode(), levels_hash(test).encode()]),
+    }
+    parts["learner"] = fingerprint(config.algorithm.learner.partition(":")[0])
     parts["environment"], parts["sampler"] = _library(ENVIRONMENT), _library(SAMPLER)
     if "textures" in config.observation.name:
         parts["textures"] = _library(("textures",))
@@ -61,14 +70,14 @@ def differing_parts(before: Mapping[str, str] | str, now: Mapping[str, str]) -> 
     return sorted(name for name in {*before, *now} if before.get(name) != now.get(name))
 
 
-def fingerprint(module: str, *packages: str) -> str:
-    """Sixteen hexadecimal digits over ``module`` and all that it imports of its own package and of ``packages``."""
-    found = modules_reached(module, {module.partition(".")[0], *packages})
-    return _digest(_normalised(path) for _, path in sorted(found.items()))
+def fingerprint(module: str) -> str:
+    """Sixteen hexadecimal digits over ``module`` and all modules that it reaches."""
+    return _digest(_normalised(path) for _, path in sorted(modules_reached(module).items()))
 
 
-def modules_reached(module: str, packages: Set[str]) -> dict[str, Path]:
-    """Name and file of ``module`` and of the modules that it imports of ``packages``; nothing is imported here.
+def modules_reached(module: str) -> dict[str, Path]:
+    """Name and file of ``module`` and of what it imports of its own package, of ``experiments``, and of code that is not
+    installed, such as modules that lie beside it; nothing is imported here.
 
     Of ``experiments``, only what learns counts; of ``segar``, nothing: it has parts of its own.
     """
@@ -76,18 +85,26 @@ def modules_reached(module: str, packages: Set[str]) -> dict[str, Path]:
     waiting = [module]
     while waiting:
         name = waiting.pop()
-        path = None if name in found else _source(name)
-        if path is None:
+        path = _source(name) if name not in found and _may_count(name) else None
+        if path is None or (
+            name.partition(".")[0] not in (module.partition(".")[0], "experiments") and _is_installed(path)
+        ):
             continue
         found[name] = path
-        waiting += [other for other in _imports(name, path) if _counts(other, packages)]
+        waiting += _imports(name, path)
     return found
 
 
-def _counts(module: str, packages: Set[str]) -> bool:
+def _may_count(module: str) -> bool:
     package = module.partition(".")[0]
-    is_executed = module.startswith(LEARNING) if package == "experiments" else package != "segar"
-    return package in packages and is_executed
+    if package == "experiments":
+        return module.startswith(LEARNING)
+    return package != "segar" and package not in sys.stdlib_module_names
+
+
+def _is_installed(path: Path) -> bool:
+    """Whether a file belongs to Python or to a package that was installed, rather than to a checkout or a folder of scripts."""
+    return any(path.is_relative_to(sysconfig.get_path(kind)) for kind in ("stdlib", "platstdlib", "purelib", "platlib"))
 
 
 def _source(module: str) -> Path | None:
@@ -99,7 +116,7 @@ def _source(module: str) -> Path | None:
             return None
         # Of a dotted name, importlib.util.find_spec would import what stands before the last dot.
         spec = PathFinder.find_spec(f"{spec.name}.{name}", spec.submodule_search_locations)
-    return Path(spec.origin) if spec is not None and spec.origin is not None else None
+    return Path(spec.origin) if spec is not None and spec.has_location and str(spec.origin).endswith(".py") else None
 
 
 def _imports(module: str, path: Path) -> Iterator[str]:
@@ -130,8 +147,9 @@ def _digest(contents: Iterable[bytes]) -> str:
 
 
 def _normalised(path: Path) -> bytes:
-    """The syntax tree of a file without docstrings and without the texts of what it raises."""
+    """The syntax tree of a file without docstrings and without the texts of what it raises, its imports in order of name."""
     tree = ast.parse(path.read_bytes())
+    tree.body.sort(key=_import_order)
     for node in ast.walk(tree):
         body = getattr(node, "body", None)
         if isinstance(body, list):
@@ -140,6 +158,14 @@ def _normalised(path: Path) -> bytes:
         if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call):
             node.exc.args = [argument for argument in node.exc.args if not _is_text(argument)]
     return ast.dump(tree).encode()
+
+
+def _import_order(statement: ast.stmt) -> str:
+    """Puts imports first, sorted, and leaves all other statements in the order in which they stand."""
+    if not isinstance(statement, ast.Import | ast.ImportFrom):
+        return "~"
+    statement.names.sort(key=lambda alias: (alias.name, alias.asname or ""))
+    return ast.dump(statement)
 
 
 def _is_text(node: ast.AST) -> bool:

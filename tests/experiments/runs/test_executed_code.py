@@ -51,7 +51,7 @@ def edited(path: Path, old: str, new: str) -> None:
 
 
 def test_all_that_a_learner_imports_of_its_package_and_of_ours_counts(package):
-    found = modules_reached("my_lab.mine", {"my_lab", "experiments"})
+    found = modules_reached("my_lab.mine")
     ours = {name for name in found if name.startswith("experiments.")}
     assert {*found} - ours == {"my_lab", "my_lab.mine", "my_lab.parts", "my_lab.sums"}
     assert {"experiments.algorithms.ppo", "experiments.networks.encoders", "experiments.networks.policies"} <= ours
@@ -66,6 +66,50 @@ def test_an_edit_changes_the_fingerprint_if_the_learner_imports_it(package, file
     assert fingerprint("my_lab.mine") == before
     path.write_text(f"{path.read_text()}more = 1\n")
     assert (fingerprint("my_lab.mine") != before) == counts
+
+
+@pytest.mark.parametrize("installed", [False, True])
+def test_modules_beside_count_and_installed_ones_do_not(package, installed, monkeypatch):
+    (package / "mine.py").write_text("import helpers_beside\n")
+    (package.parent / "helpers_beside.py").write_text("gain = 1\n")
+    if installed:
+        monkeypatch.setattr("sysconfig.get_path", lambda kind: str(package.parent))
+    before = fingerprint("my_lab.mine")
+    edited(package.parent / "helpers_beside.py", "1", "2")
+    assert (fingerprint("my_lab.mine") == before) == installed
+
+
+def test_the_order_of_imports_is_no_code_and_their_names_are(package):
+    (package / "mine.py").write_text(
+        "import os\nfrom .sums import add, more\nfrom . import parts\n\nsize = add(1, 2)\n"
+    )
+    before = fingerprint("my_lab.mine")
+    (package / "mine.py").write_text(
+        "from . import parts\nfrom .sums import more, add\nimport os\n\nsize = add(1, 2)\n"
+    )
+    assert fingerprint("my_lab.mine") == before
+    (package / "mine.py").write_text(
+        "from . import parts\nfrom .sums import more as add\nimport os\n\nsize = add(1, 2)\n"
+    )
+    assert fingerprint("my_lab.mine") != before
+
+
+def test_data_that_a_distribution_reads_count(package):
+    (package / "levels.py").write_text(
+        "import json\nfrom pathlib import Path\nimport segar\n\n"
+        "WIDTH = json.loads((Path(__file__).parent / 'width.json').read_text())\n\n\n"
+        "def narrow():\n    noise = segar.UniformNoise(-WIDTH, WIDTH)\n"
+        "    things = [(segar.GolfBall, 1), (segar.GoalTile, 1), (segar.Ball, 1)]\n"
+        "    anywhere = segar.Prior(segar.Position, segar.RandomUniformLocation())\n"
+        "    charged = segar.Prior(segar.Charge, noise, entity_type=segar.Ball)\n"
+        "    return segar.LevelDistribution(things, [anywhere, charged])\n"
+    )
+    (package / "width.json").write_text("0.5")
+    config = dataclasses.replace(CONFIG, levels=dataclasses.replace(CONFIG.levels, train="my_lab.levels:narrow"))
+    before = executed_code(config)
+    (package / "width.json").write_text("0.25")
+    del sys.modules["my_lab.levels"]
+    assert differing_parts(before, executed_code(config)) == ["levels"]
 
 
 def test_the_text_of_an_error_is_no_code_that_a_run_executes(package):
