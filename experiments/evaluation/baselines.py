@@ -95,7 +95,8 @@ class IdleAgent:
 
     def begin(self, env: VectorEnv) -> None:
         """Episodes start in ``env``."""
-        self.action = np.clip(np.zeros(env.action_space.shape, np.float32), env.action_space.low, env.action_space.high)  # type: ignore[attr-defined]
+        nothing = np.clip(np.zeros(env.action_space.shape, np.float32), env.task.action_low, env.task.action_high)  # type: ignore[attr-defined]
+        self.action = env.in_action_space(nothing)
 
     def act(self, observation: Any, *, rng: torch.Generator | None) -> np.ndarray:
         """Actions float32 [n, size]."""
@@ -115,7 +116,7 @@ class ScriptedAgent:
         """Actions float32 [n, size]."""
         assert self.env.task.demo_actions is not None
         values = self.env.state().state.values
-        return np.asarray(self.env.task.demo_actions(Factors(self.env.levels.layout, values)), np.float32)
+        return self.env.in_action_space(self.env.task.demo_actions(Factors(self.env.levels.layout, values)))
 
 
 class Oracle:
@@ -136,11 +137,11 @@ class Oracle:
                 f"this plan is for {len(made)} levels of the task {made.task}, not for {len(env.levels)} of"
                 f" {env.task.name}; make one with segar.hardness.plan"
             )
-        self.level, self.step = env.state().state.level.copy(), 0
+        self.env, self.level, self.step = env, env.state().state.level.copy(), 0
 
     def act(self, observation: Any, *, rng: torch.Generator | None) -> np.ndarray:
         """Actions float32 [n, size]; those of step t in the t-th call since :meth:`begin`."""
         # Environments whose episode has ended play on, on other levels, which nobody looks at.
         actions = self.certificate.actions[self.level, min(self.step, self.certificate.actions.shape[1] - 1)]
         self.step += 1
-        return actions
+        return self.env.in_action_space(actions)

@@ -94,6 +94,7 @@ def environment_options(config: RunConfig, num_envs: int | None = None) -> dict[
         "observation": _find(config.observation.name, config.observation.options, "observation"),
         "task": _find(config.task.name, config.task.options, "task"),
         "num_threads": min(config.num_threads, most),
+        "unit_actions": True,  # which policies give, whatever the range of the task
     }
 
 

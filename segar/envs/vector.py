@@ -48,6 +48,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         autoreset_mode: ``SAME_STEP`` or ``DISABLED``.
         copy: whether arrays that ``step`` returns are the caller's to keep; otherwise later steps overwrite them.
         max_steps, sub_steps: override the task's.
+        unit_actions: whether each component of an action lies in [-1, 1], which is mapped linearly to the task's range;
+            otherwise actions have the task's range themselves.
         world: rules; those of the levels' distribution where it is None.
         render_mode: None, 'rgb_array' (:meth:`render` gives a frame of each environment, drawn for people) or 'human'
             (a window shows them).
@@ -76,6 +78,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         copy: bool = True,
         max_steps: int | None = None,
         sub_steps: int | None = None,
+        unit_actions: bool = False,
         world: World | None = None,
         render_mode: str | None = None,
         view: View | None = None,
@@ -97,9 +100,12 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self._hooks, self._reads = hooks_of(self.observation), simulator_reads(self.observation)
         self._team = Team(num_threads)
         self.single_observation_space = self.observation.space
-        self.single_action_space = gymnasium.spaces.Box(
-            np.array(self.task.action_low, np.float32), np.array(self.task.action_high, np.float32), dtype=np.float32
-        )
+        low, high = np.array(self.task.action_low, np.float32), np.array(self.task.action_high, np.float32)
+        self._center, self._half_range = (low + high) / 2, (high - low) / 2
+        self._maps_actions = unit_actions and not ((low == -1).all() and (high == 1).all())
+        if unit_actions:
+            low, high = -np.ones_like(low), np.ones_like(high)
+        self.single_action_space = gymnasium.spaces.Box(low, high, dtype=np.float32)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._action_shape = (num_envs, len(self.task.action_low))
@@ -179,6 +185,11 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self._start_episodes(ended)
         self._write_observations(observations, ended)
         return observations, reward, terminated, truncated, {**self._info(success, death), **final}
+
+    def in_action_space(self, actions: np.ndarray) -> np.ndarray:
+        """Actions of the task's range ``[..., action size]`` as the action space has them (``unit_actions``), float32."""
+        actions = np.asarray(actions, np.float32)
+        return (actions - self._center) / self._half_range if self._maps_actions else actions
 
     def render(self) -> tuple[np.ndarray, ...] | None:
         """A frame of each environment, uint8; None without a render mode, and for 'human', where a window shows them.
@@ -364,6 +375,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         if not math.isfinite(np.vdot(actions, actions)) and not np.isfinite(actions).all():
             env = int(np.flatnonzero(~np.isfinite(actions).all(axis=1))[0])
             raise ActionError(f"the action of environment {env} is not finite: {actions[env]}")
+        if self._maps_actions:
+            actions = self._center + self._half_range * np.clip(actions, -1, 1)
         return actions
 
     def _checked_option(self, options: dict[str, Any], name: str, dtype: Any) -> np.ndarray | None:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
 
 import segar
 from segar.envs import VectorEnv
+from segar.tasks import puttputt
 
 LEVELS = segar.family("objectsx1-hard").sample(20, seed=0)
 STEPS = 120
@@ -222,3 +225,27 @@ def test_misspelt_names_get_the_nearest_right_one() -> None:
         VectorEnv(LEVELS, 1, observation="stat")
     with pytest.raises(segar.SegarError, match="Did you mean 'linear'"):
         segar.puttputt("liner")
+
+
+def test_unit_actions_are_mapped_to_the_range_of_the_task_and_back() -> None:
+    task = replace(puttputt(), action_low=(-3.0, 0.5), action_high=(7.0, 1.0))
+    levels = segar.family("empty-hard").sample(8, seed=0)
+    plain, unit = (VectorEnv(levels, 8, task=task, seed=0, unit_actions=chosen) for chosen in (False, True))
+    assert (unit.single_action_space.low == -1).all() and (unit.single_action_space.high == 1).all()
+    np.testing.assert_array_equal(plain.reset()[0], unit.reset()[0])
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        given = rng.uniform(-1.2, 1.2, (8, 2)).astype(np.float32)
+        mapped = np.array([2.0, 0.75], np.float32) + np.array([5.0, 0.25], np.float32) * np.clip(given, -1, 1)
+        np.testing.assert_array_equal(plain.step(mapped)[0], unit.step(given)[0])
+        np.testing.assert_allclose(unit.in_action_space(mapped), np.clip(given, -1, 1), atol=1e-6)
+        assert plain.in_action_space(mapped) is mapped
+
+
+def test_unit_actions_change_no_bit_where_the_range_is_theirs() -> None:
+    levels = segar.family("empty-hard").sample(8, seed=0)
+    plain, unit = (VectorEnv(levels, 8, seed=0, unit_actions=chosen) for chosen in (False, True))
+    plain.reset(), unit.reset()
+    for k in range(20):
+        actions = np.random.default_rng(k).uniform(-1, 1, (8, 2)).astype(np.float32)
+        np.testing.assert_array_equal(plain.step(actions)[0], unit.step(actions)[0])
