@@ -13,7 +13,7 @@ from numba import njit
 
 from segar.language.factors import Mass, Order, Position, Size
 from segar.levels.level_set import Levels
-from segar.observations.pixels.pixel_kernel import disc_spans
+from segar.observations.pixels.drawing import disc_spans
 
 SIDE = 64
 BODIES = 4

@@ -123,7 +123,7 @@ find_moved(
             " tasks.find=registry",
             "metrics": "designed_levels=level_design",
             "observations": "observations.find=shipped",
-            "cli": "rendering.gallery=contact_sheet rendering.game=game",
+            "cli": "rendering.gallery=gallery rendering.game=game",
         }.items()
         for old, _, new in (name.partition("=") for name in names.split())
         for new in [new or old]

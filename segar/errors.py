@@ -43,3 +43,9 @@ def did_you_mean(name: str, names: Iterable[str]) -> str:
     if near:
         return f" Did you mean '{near[0]}'?"
     return f" Known: {', '.join(names)}." if names else ""
+
+
+def must_be(value: object, known: Iterable[str | None]) -> str:
+    """Return ``"must be 'a' or 'b', not 'c'."``, and which one was meant."""
+    known = list(known)
+    return f"must be {' or '.join(map(repr, known))}, not {value!r}.{did_you_mean(str(value), map(str, known))}"

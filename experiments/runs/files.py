@@ -1,4 +1,4 @@
-"""Files of a run are replaced as a whole or stay as they were: see :mod:`segar.support.atomic_files`."""
+"""Files of a run are replaced as a whole or stay as they were: see :mod:`segar.support.files`."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -6,8 +6,7 @@ from pathlib import Path
 
 from experiments.settings import RunFolderError
 from segar.support import UNFINISHED as TEMPORARY
-from segar.support import atomic_files as files
-from segar.support import remove_unfinished
+from segar.support import files, remove_unfinished
 
 __all__ = ["TEMPORARY", "remove_unfinished", "replacing", "write_bytes", "write_text"]
 

@@ -42,10 +42,6 @@ def make_parser() -> argparse.ArgumentParser:
     parser = Parser("segar", description=__doc__)
     parser.add_argument("--version", action="version", version=f"segar {__version__}")
     commands = parser.add_subparsers(required=True, metavar="command")
-    levels.add_commands(commands)
-    hardness.add_commands(commands)
-    kernels.add_commands(commands)
-    gallery.add_commands(commands)
-    play.add_commands(commands)
-    record.add_commands(commands)
+    for module in (levels, hardness, kernels, gallery, play, record):
+        module.add_commands(commands)
     return parser

@@ -75,13 +75,18 @@ def add_levels(parser: argparse.ArgumentParser, seed_of: str = "the levels") -> 
     """Add the arguments that say which levels are sampled."""
     parser.add_argument("name", metavar="family", help=NAME_HELP)
     parser.add_argument("-n", "--number", type=at_least(1), default=100, help="of levels (default: %(default)s)")
-    parser.add_argument("--seed", type=at_least(0), default=0, help=f"of {seed_of} (default: %(default)s)")
+    add_number(parser, "--seed", f"of {seed_of}", least=0, default=0)
     parser.add_argument("--split", default="train", help="such as train or test (default: %(default)s)")
 
 
 def sampled_levels(chosen: argparse.Namespace) -> Levels:
     """The levels that the arguments of :func:`add_levels` name."""
     return find_distribution(chosen.name).sample(chosen.number, chosen.seed, chosen.split)
+
+
+def add_number(parser: argparse.ArgumentParser, name: str, purpose: str, *, least: int, default: int) -> None:
+    """Add an option that is a whole number from ``least`` up."""
+    parser.add_argument(name, type=at_least(least), default=default, help=f"{purpose} (default: %(default)s)")
 
 
 def at_least(least: int) -> Callable[[str], int]:

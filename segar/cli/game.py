@@ -75,7 +75,8 @@ class Game:
         self._painter = Painter(self.view)
         self.score, self.level, self.speed = Score(), level % len(levels), speed
         self.is_open = True
-        self._compile()
+        self.env.reset()
+        self.env.step(np.zeros((1, 2), np.float32))  # so that the first hit does not wait for a kernel
         self._start()
 
     def handle(self, event: pygame.event.Event) -> None:
@@ -137,11 +138,6 @@ class Game:
             shown += 1
         window.close()
         return self.score
-
-    def _compile(self) -> None:
-        """Step once, so that the first hit does not wait for a kernel."""
-        self.env.reset()
-        self.env.step(np.zeros((1, 2), np.float32))
 
     def _start(self) -> None:
         self.env.reset(options={"levels": np.array([self.level])})

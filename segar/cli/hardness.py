@@ -6,17 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from segar.cli.arguments import (
-    FILE_HELP,
-    TASK_HELP,
-    WORLD_HELP,
-    at_least,
-    command,
-    load_levels,
-    print_json,
-    table,
-    task_named,
-)
+from segar.cli import arguments
 from segar.errors import LevelError
 from segar.hardness import hardness as measured_hardness
 from segar.hardness import influence
@@ -24,17 +14,15 @@ from segar.hardness import influence
 
 def add_commands(commands: Any) -> None:
     """Add ``hardness`` to the sub-commands of a parser."""
-    hard = command(commands, "hardness", hardness, "say how hard levels are, without training")
-    hard.add_argument("levels", metavar="LEVELS", help=FILE_HELP)
-    hard.add_argument("--task", help=TASK_HELP)
-    hard.add_argument("--world", help=WORLD_HELP)
-    hard.add_argument("--seed", type=at_least(0), default=0, help="of random policy and search (default: %(default)s)")
-    hard.add_argument("--plays", type=at_least(1), default=100, help="random episodes per level (default: %(default)s)")
-    hard.add_argument(
-        "--samples", type=at_least(8), default=128, help="candidates per round of the search (default: %(default)s)"
-    )
-    hard.add_argument("--iterations", type=at_least(1), default=10, help="rounds of the search (default: %(default)s)")
-    hard.add_argument("--threads", type=at_least(1), default=1, help="of the simulator (default: %(default)s)")
+    hard = arguments.command(commands, "hardness", hardness, "say how hard levels are, without training")
+    hard.add_argument("levels", metavar="LEVELS", help=arguments.FILE_HELP)
+    hard.add_argument("--task", help=arguments.TASK_HELP)
+    hard.add_argument("--world", help=arguments.WORLD_HELP)
+    arguments.add_number(hard, "--seed", "of random policy and search", least=0, default=0)
+    arguments.add_number(hard, "--plays", "random episodes per level", least=1, default=100)
+    arguments.add_number(hard, "--samples", "candidates per round of the search", least=8, default=128)
+    arguments.add_number(hard, "--iterations", "rounds of the search", least=1, default=10)
+    arguments.add_number(hard, "--threads", "of the simulator", least=1, default=1)
     hard.add_argument(
         "--factors", action="store_true", help="also say which factors the agent can change, and how much"
     )
@@ -45,11 +33,11 @@ def add_commands(commands: Any) -> None:
 
 def hardness(chosen: argparse.Namespace) -> None:
     """``segar hardness``."""
-    levels = load_levels(chosen.levels, chosen.world)
+    levels = arguments.load_levels(chosen.levels, chosen.world)
     if levels.world is None and levels.provenance.rules:
         rules = ", ".join(levels.provenance.rules)
         raise LevelError(f"{chosen.levels}: these levels have rules of their own ({rules}); give them by --world")
-    task, rng = task_named(chosen.task, levels), np.random.default_rng(chosen.seed)
+    task, rng = arguments.task_named(chosen.task, levels), np.random.default_rng(chosen.seed)
     found = measured_hardness(
         levels,
         task,
@@ -67,11 +55,11 @@ def hardness(chosen: argparse.Namespace) -> None:
         found.oracle.save(chosen.output)
         answer["plan"] = chosen.output
     if chosen.json:
-        print_json(answer)
+        arguments.print_json(answer)
         return
     rows = answer.pop("per_level")
     factors = answer.pop("factors", [])
-    print(table(list(rows[0]), [list(row.values()) for row in rows]))
-    print("\n" + table(("all levels", ""), list(answer.items())))
+    print(arguments.table(list(rows[0]), [list(row.values()) for row in rows]))
+    print("\n" + arguments.table(("all levels", ""), list(answer.items())))
     if factors:
-        print("\n" + table(list(factors[0]), [list(entry.values()) for entry in factors]))
+        print("\n" + arguments.table(list(factors[0]), [list(entry.values()) for entry in factors]))

@@ -9,19 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from segar import engine
 from segar.cli.arguments import NAME_HELP, TASK_HELP, find_distribution, task_named
-from segar.engine import (
-    KernelSource,
-    Simulator,
-    State,
-    StepResult,
-    cache_folder,
-    device,
-    device_contacts,
-    generate,
-    is_compiled,
-    kernel_path,
-)
 from segar.envs import REWARDS, VectorEnv, world_of
 from segar.language import Rule, Task
 from segar.levels import TASK_LEVELS, Levels, families
@@ -60,17 +49,17 @@ def compile_kernels(names: Sequence[str] = (), task: str | None = None) -> None:
     for name in names or (*families(), *TASK_LEVELS):
         levels = find_distribution(name).sample(1)
         for its_task in [task_named(task, levels)] if task else _tasks_of(name, levels):
-            path = kernel_path(_generate(levels, its_task).text)
+            path = engine.kernel_path(_generate(levels, its_task).text)
             sharing.setdefault(path, []).append(name)
             first.setdefault(path, (levels, its_task))
     start, compiled = time.perf_counter(), 0
     for path, (levels, its_task) in first.items():
-        there, seconds = is_compiled(path), _compile(levels, its_task)
+        there, seconds = engine.is_compiled(path), _compile(levels, its_task)
         compiled += not there
         what = "there already" if there else f"compiled in {seconds:.1f} s"
         print(f"{path.stem}  {what:<19}  {its_task.name:<16}  {', '.join(sharing[path])}", flush=True)
     print(f"{'observations':<18}  ready in {_compile_observations(*next(iter(first.values()))):.1f} s")
-    print(f"{cache_folder()}: {len(first)} kernels, {compiled} of them new, {time.perf_counter() - start:.0f} s")
+    print(f"{engine.cache_folder()}: {len(first)} kernels, {compiled} of them new, {time.perf_counter() - start:.0f} s")
 
 
 def kernel_text(name: str, task: str | None = None) -> str:
@@ -78,14 +67,14 @@ def kernel_text(name: str, task: str | None = None) -> str:
     levels = find_distribution(name).sample(1)
     its_task = task_named(task, levels)
     source = _generate(levels, its_task)
-    path = kernel_path(source.text)
+    path = engine.kernel_path(source.text)
     solid = world_of(levels).solid
     rules = [*source.rules, *([solid] if solid is not None else []), *its_task.functions().of_state]
     named = {name for line in re.findall(r"^ +# ([\w, ]+)$", source.text, re.M) for name in line.split(", ")}
     width = max(len(rule.name) for rule in rules)
     legend = [
         f"The kernel of '{name}' with the task {its_task.name}.",
-        f"It lies in {path} ({'compiled' if is_compiled(path) else 'not compiled yet'}).",
+        f"It lies in {path} ({'compiled' if engine.is_compiled(path) else 'not compiled yet'}).",
         "",
         "A comment in the functions below names the rule that the lines after it come from:",
         *dict.fromkeys(
@@ -93,8 +82,8 @@ def kernel_text(name: str, task: str | None = None) -> str:
         ),
         "",
         "What stands before the first of them is geometry and contacts, the same in every kernel:",
-        f"  {inspect.getsourcefile(device)}",
-        f"  {inspect.getsourcefile(device_contacts)}",
+        f"  {inspect.getsourcefile(engine.device)}",
+        f"  {inspect.getsourcefile(engine.device_contacts)}",
     ]
     return "\n".join([*(f"# {line}".rstrip() for line in legend), "", source.text.rstrip("\n")])
 
@@ -109,17 +98,17 @@ def _tasks_of(name: str, levels: Levels) -> list[Task]:
     return [puttputt(reward) for reward in REWARDS.values()] if name in families() else [task_of(levels)]
 
 
-def _generate(levels: Levels, task: Task) -> KernelSource:
-    return generate(levels.layout, world_of(levels), task.functions())
+def _generate(levels: Levels, task: Task) -> engine.KernelSource:
+    return engine.generate(levels.layout, world_of(levels), task.functions())
 
 
 def _compile(levels: Levels, task: Task) -> float:
     """Seconds until a step was made with the arrays that environments use, for which numba compiles."""
     start = time.perf_counter()
-    simulator = Simulator(world_of(levels), levels.layout, task)
-    state = State.empty(1, levels.layout)
+    simulator = engine.Simulator(world_of(levels), levels.layout, task)
+    state = engine.State.empty(1, levels.layout)
     state.values[:] = levels.values[:1]
-    simulator.act(state, levels, np.zeros((1, len(task.action_low)), np.float32), StepResult.empty(1))
+    simulator.act(state, levels, np.zeros((1, len(task.action_low)), np.float32), engine.StepResult.empty(1))
     return time.perf_counter() - start
 
 

@@ -6,19 +6,7 @@ from typing import Any
 import numpy as np
 
 from segar import metrics
-from segar.cli.arguments import (
-    FILE_HELP,
-    NAME_HELP,
-    WORLD_HELP,
-    add_levels,
-    at_least,
-    command,
-    find_distribution,
-    load_levels,
-    print_answer,
-    sampled_levels,
-    table,
-)
+from segar.cli import arguments
 from segar.cli.figures import draw_marginals
 from segar.cli.priors_text import composition, described
 
@@ -27,43 +15,43 @@ MODES = ("exact", "reference", "paper")
 
 def add_commands(commands: Any) -> None:
     """Add ``sample``, ``distance`` and ``describe`` to the sub-commands of a parser."""
-    sampling = command(commands, "sample", sample, "sample levels into a file")
-    add_levels(sampling)
+    sampling = arguments.command(commands, "sample", sample, "sample levels into a file")
+    arguments.add_levels(sampling)
     sampling.add_argument("-o", "--output", required=True, metavar="FILE", help="the level file (npz) to be written")
 
-    comparing = command(commands, "distance", distance, "measure how far two level sets are apart")
-    comparing.add_argument("a", metavar="A", help=FILE_HELP)
+    comparing = arguments.command(commands, "distance", distance, "measure how far two level sets are apart")
+    comparing.add_argument("a", metavar="A", help=arguments.FILE_HELP)
     comparing.add_argument("b", metavar="B", help="another one")
     comparing.add_argument("--mode", choices=MODES, default="exact", help="of the W2 distance (default: %(default)s)")
     comparing.add_argument(
         "--resamples",
-        type=at_least(19),
+        type=arguments.at_least(19),
         metavar="N",
         help="also test whether both have one distribution, by N random deals, at least 19",
     )
-    comparing.add_argument("--world", help=WORLD_HELP)
-    comparing.add_argument("--seed", type=at_least(0), default=0, help="of the deals (default: %(default)s)")
+    comparing.add_argument("--world", help=arguments.WORLD_HELP)
+    arguments.add_number(comparing, "--seed", "of the deals", least=0, default=0)
 
-    describing = command(
+    describing = arguments.command(
         commands, "describe", describe, "show the distributions of all factors of a level distribution"
     )
-    describing.add_argument("name", metavar="family", help=NAME_HELP)
+    describing.add_argument("name", metavar="family", help=arguments.NAME_HELP)
     describing.add_argument("-o", "--output", metavar="FILE", help="also draw all marginals (png, pdf or svg)")
 
 
 def sample(chosen: argparse.Namespace) -> None:
     """``segar sample``."""
-    levels = sampled_levels(chosen)
+    levels = arguments.sampled_levels(chosen)
     levels.save(chosen.output)
     origin = levels.provenance
     answer = {"file": chosen.output, "levels": len(levels), "name": origin.name, "distribution": origin.distribution}
     answer |= {"seed": origin.seed, "split": origin.split}
-    print_answer(chosen, answer, f"{chosen.output}: {repr(levels).strip('<>')}")
+    arguments.print_answer(chosen, answer, f"{chosen.output}: {repr(levels).strip('<>')}")
 
 
 def distance(chosen: argparse.Namespace) -> None:
     """``segar distance``."""
-    a, b = (load_levels(path, chosen.world) for path in (chosen.a, chosen.b))
+    a, b = (arguments.load_levels(path, chosen.world) for path in (chosen.a, chosen.b))
     by_factor = metrics.ks_by_factor(a, b)
     answer: dict[str, Any] = {"a": chosen.a, "b": chosen.b, "levels": [len(a), len(b)], "mode": chosen.mode}
     answer |= {"w2": metrics.w2(a, b, chosen.mode), "ks": metrics.ks(a, b)}
@@ -75,23 +63,25 @@ def distance(chosen: argparse.Namespace) -> None:
     answer["ks_by_factor"] = dict(sorted(by_factor.items(), key=lambda item: -item[1]))
     measures = [(name, value) for name, value in answer.items() if name not in ("a", "b", "ks_by_factor")]
     factors = list(answer["ks_by_factor"].items())
-    print_answer(chosen, answer, f"{table(('measure', 'value'), measures)}\n\n{table(('factor', 'ks'), factors)}")
+    tables = arguments.table(("measure", "value"), measures), arguments.table(("factor", "ks"), factors)
+    arguments.print_answer(chosen, answer, "\n\n".join(tables))
 
 
 def describe(chosen: argparse.Namespace) -> None:
     """``segar describe``."""
-    distribution = find_distribution(chosen.name)
+    distribution = arguments.find_distribution(chosen.name)
     rows, slots = [one.row() for one in described(distribution)], composition(distribution)
     if chosen.output:
         draw_marginals(distribution, chosen.output, chosen.name)
     answer = {"name": chosen.name, "distribution": distribution.hash, "entities": slots, "marginals": rows}
     entities = [(name, " | ".join(_shares(slot)), slot["there"]) for name, slot in slots.items()]
     head = ("entity", "factor", "distribution", "mean", "sd", "low", "high")
-    text = f"{table(('entity', 'types', 'there'), entities)}\n\n{table(head, [list(row.values()) for row in rows])}"
+    text = arguments.table(("entity", "types", "there"), entities)
+    text += "\n\n" + arguments.table(head, [list(row.values()) for row in rows])
     if chosen.output:
         answer["figure"] = chosen.output
         text += f"\n\n{chosen.output}: all marginals that are not constant"
-    print_answer(chosen, answer, text)
+    arguments.print_answer(chosen, answer, text)
 
 
 def _shares(slot: dict[str, Any]) -> list[str]:

@@ -3,7 +3,7 @@
 import argparse
 from typing import Any
 
-from segar.cli.arguments import TASK_HELP, add_levels, at_least, sampled_levels, task_named
+from segar.cli.arguments import TASK_HELP, add_levels, add_number, sampled_levels, task_named
 from segar.rendering import View
 from segar.support import need_pygame
 
@@ -13,13 +13,11 @@ def add_commands(commands: Any) -> None:
     purpose = "play levels with the mouse"
     playing = commands.add_parser("play", help=purpose, description="Play levels with the mouse.")
     add_levels(playing)
-    playing.add_argument("--level", type=at_least(0), default=0, help="to begin with (default: %(default)s)")
+    add_number(playing, "--level", "to begin with", least=0, default=0)
     playing.add_argument("--task", help=TASK_HELP)
-    playing.add_argument("--size", type=at_least(64), default=720, help="of the arena [px] (default: %(default)s)")
+    add_number(playing, "--size", "of the arena [px]", least=64, default=720)
     playing.add_argument("--speed", type=float, default=1.0, help="of time, 0.5 for slow motion (default: %(default)s)")
-    playing.add_argument(
-        "--steps", type=at_least(1), default=600, help="time limit; agents have 100 (default: %(default)s)"
-    )
+    add_number(playing, "--steps", "time limit; agents have 100", least=1, default=600)
     playing.set_defaults(run=play)
 
 

@@ -2,13 +2,12 @@
 
 import argparse
 import sys
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from segar.cli.arguments import TASK_HELP, add_levels, at_least, command, print_answer, sampled_levels, task_named
+from segar.cli import arguments
 from segar.datasets import Policy, check_replay, record, to_minari
 from segar.envs import Env
 from segar.errors import SegarError, did_you_mean
@@ -22,26 +21,26 @@ POLICIES = ("uniform", "script")
 
 def add_commands(commands: Any) -> None:
     """Add ``record`` to the sub-commands of a parser."""
-    made = command(
+    made = arguments.command(
         commands, "record", run, "record episodes: a dataset with frames and factors, or a video of one episode"
     )
-    add_levels(made, "levels and episodes")
+    arguments.add_levels(made, "levels and episodes")
     made.add_argument("-o", "--output", required=True, metavar="PLACE", help="a folder; or a file, .mp4 or .gif")
-    made.add_argument("--episodes", type=at_least(1), default=100, help="of the dataset (default: %(default)s)")
+    arguments.add_number(made, "--episodes", "of the dataset", least=1, default=100)
     made.add_argument("--policy", choices=POLICIES, default="uniform", help="who plays (default: %(default)s)")
     made.add_argument("--observation", choices=list(OBSERVATIONS), default="rgb", help="(default: %(default)s)")
-    made.add_argument("--task", help=TASK_HELP)
-    made.add_argument("--shard", type=at_least(1), default=64, help="episodes per file (default: %(default)s)")
+    made.add_argument("--task", help=arguments.TASK_HELP)
+    arguments.add_number(made, "--shard", "episodes per file", least=1, default=64)
     made.add_argument("--minari", metavar="ID", help="also write a Minari dataset, e.g. segar/empty-hard-v0")
     made.add_argument("--check", action="store_true", help="play all again and compare")
-    made.add_argument("--level", type=at_least(0), default=0, help="of the video (default: %(default)s)")
-    made.add_argument("--size", type=at_least(64), default=512, help="of the video's arena [px] (default: %(default)s)")
+    arguments.add_number(made, "--level", "of the video", least=0, default=0)
+    arguments.add_number(made, "--size", "of the video's arena [px]", least=64, default=512)
 
 
 def run(chosen: argparse.Namespace) -> None:
     """``segar record``."""
-    levels = sampled_levels(chosen)
-    task = task_named(chosen.task, levels)
+    levels = arguments.sampled_levels(chosen)
+    task = arguments.task_named(chosen.task, levels)
     if Path(chosen.output).suffix.lower() in video.FORMATS:
         record_video(chosen, levels, task)
         return
@@ -63,7 +62,7 @@ def run(chosen: argparse.Namespace) -> None:
         answer["steps_replayed"] = check_replay(dataset, task=task)
     if chosen.minari:
         answer["minari"] = to_minari(dataset, chosen.minari).id
-    print_answer(chosen, answer, ", ".join(f"{name} {value}" for name, value in answer.items()))
+    arguments.print_answer(chosen, answer, ", ".join(f"{name} {value}" for name, value in answer.items()))
 
 
 def record_video(chosen: argparse.Namespace, levels: Levels, task: Task) -> None:
@@ -75,18 +74,15 @@ def record_video(chosen: argparse.Namespace, levels: Levels, task: Task) -> None
     play = None if policy is None else lambda observation, info: policy(observation, info, rng)
     frames = video.record(env, chosen.output, play, seed=chosen.seed, options={"level": level})
     answer = {"file": chosen.output, "level": level, "frames": frames, "frames_per_second": env.metadata["render_fps"]}
-    print_answer(chosen, answer, f"{chosen.output}: {frames} frames of level {level}")
+    arguments.print_answer(chosen, answer, f"{chosen.output}: {frames} frames of level {level}")
 
 
 def scripted(task: Task) -> Policy:
     """The scripted player of a task as a policy; raises :class:`SegarError` where there is none."""
     if task.demo_actions is None:
         raise SegarError(f"task {task.name} has no scripted player.{did_you_mean('uniform', POLICIES)}")
-    return partial(_follow_script, task.demo_actions)
-
-
-def _follow_script(script: Any, observations: Any, info: dict[str, Any], rng: np.random.Generator) -> np.ndarray:
-    return script(info["factors"])
+    script = task.demo_actions
+    return lambda observations, info, rng: script(info["factors"])
 
 
 def show_progress(done: int, shards: int) -> None:

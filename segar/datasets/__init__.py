@@ -1,12 +1,11 @@
 """Recorded episodes: frames, true factors and actions, for offline learning and for the study of representations."""
 
-from segar.datasets.dataset import Dataset
+from segar.datasets.dataset import Dataset, Episode, Shard
 from segar.datasets.manifest import Manifest, Settings
 from segar.datasets.minari_export import to_minari
 from segar.datasets.recording import record
 from segar.datasets.replay import check_replay
 from segar.datasets.rollouts import Policy, Rollouts
-from segar.datasets.shards import Episode, Shard
 
 __all__ = [
     "Dataset", "Episode", "Manifest", "Policy", "Rollouts", "Settings", "Shard", "check_replay", "record",

@@ -1,14 +1,12 @@
 """The manifest of a dataset: what it is made of, which shards there are, and their hashes."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from segar.errors import SegarError
 from segar.support import __version__, replacing
@@ -80,11 +78,7 @@ class Manifest:
     shards: dict[int, ShardEntry] = field(default_factory=dict)
     version: str = __version__
 
-    @property
-    def is_complete(self) -> bool:
-        return len(self.shards) == self.settings.shards
-
-    def with_shard(self, number: int, entry: ShardEntry) -> Manifest:
+    def with_shard(self, number: int, entry: ShardEntry) -> Self:
         return replace(self, shards=dict(sorted({**self.shards, number: entry}.items())))
 
     def write(self, folder: Path) -> None:
@@ -94,7 +88,7 @@ class Manifest:
             beside.write_text(json.dumps(content, indent=1) + "\n")
 
     @classmethod
-    def read(cls, folder: Path) -> Manifest:
+    def read(cls, folder: Path) -> Self:
         """The manifest in a folder.
 
         Raises:

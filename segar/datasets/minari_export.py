@@ -12,9 +12,8 @@ import gymnasium
 import numpy as np
 from gymnasium.envs.registration import EnvSpec
 
-from segar.datasets.dataset import Dataset
+from segar.datasets.dataset import Dataset, Episode
 from segar.datasets.rollouts import from_leaves
-from segar.datasets.shards import Episode
 from segar.envs import REWARDS, VectorEnv
 from segar.errors import SegarError
 from segar.levels import family

@@ -1,7 +1,9 @@
 """Record what policies do: shard by shard, so that a recording that was killed goes on where it stopped."""
 
+import dataclasses
+import functools
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from os import PathLike
 from pathlib import Path
@@ -9,19 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from segar.datasets.dataset import Dataset
-from segar.datasets.fingerprints import fingerprint_text
-from segar.datasets.manifest import (
-    LEVELS,
-    MANIFEST,
-    Manifest,
-    Settings,
-    ShardEntry,
-    check_files,
-    check_same_settings,
-)
+from segar.datasets.dataset import Dataset, factor_columns, write_shard
+from segar.datasets.manifest import LEVELS, MANIFEST, Manifest, Settings, ShardEntry, check_files, check_same_settings
 from segar.datasets.rollouts import Policy, leaves, roll_out
-from segar.datasets.shards import factor_columns, write_shard
 from segar.envs import VectorEnv
 from segar.errors import SegarError
 from segar.language import Task
@@ -29,7 +21,7 @@ from segar.levels import LEVEL_ARRAYS, Levels
 from segar.rules import World
 from segar.support import need, remove_unfinished
 
-HASH_DIGITS = 16
+HASH_DIGITS, SHORT_HASH_DIGITS = 16, 8  # of levels and kernels, and of arrays in texts
 UNIFORM = "uniform"
 
 
@@ -92,17 +84,12 @@ def record(
     manifest = _begun(folder, settings, levels, one)
     for number in range(settings.shards):
         if not _is_whole(folder, number, manifest):
-            entry = _record_shard(folder, number, settings, levels, make_env, policy)
+            entry = _record_shard(folder, number, settings, make_env, policy)
             manifest = manifest.with_shard(number, entry)
             manifest.write(folder)
         if progress is not None:
             progress(number + 1, settings.shards)
     return Dataset.load(folder, world or levels.world)
-
-
-def seed_of_shard(seed: int, number: int) -> int:
-    """The seed of the environments of a shard."""
-    return int(np.random.SeedSequence([seed, number]).generate_state(1, np.uint64)[0])
 
 
 def hash_of_levels(levels: Levels) -> str:
@@ -141,19 +128,15 @@ def _begun(folder: Path, settings: Settings, levels: Levels, env: VectorEnv) -> 
 
 
 def _record_shard(
-    folder: Path,
-    number: int,
-    settings: Settings,
-    levels: Levels,
-    make_env: Callable[[int], VectorEnv],
-    policy: Policy | None,
+    folder: Path, number: int, settings: Settings, make_env: Callable[[int], VectorEnv], policy: Policy | None
 ) -> ShardEntry:
     """Play the episodes of a shard and write them."""
     numbers = np.array(settings.episodes_of(number))
-    env, seed = make_env(len(numbers)), seed_of_shard(settings.seed, number)
+    env = make_env(len(numbers))
+    seed = int(np.random.SeedSequence([settings.seed, number]).generate_state(1, np.uint64)[0])
     rng = np.random.default_rng([settings.seed, number])
-    rollouts = roll_out(env, numbers % len(levels), int(numbers[0]), seed, policy or _uniform(env), rng)
-    return write_shard(folder, number, rollouts, seed, levels.layout)
+    rollouts = roll_out(env, numbers % len(env.levels), int(numbers[0]), seed, policy or _uniform(env), rng)
+    return write_shard(folder, number, rollouts, seed, env.levels.layout)
 
 
 def _uniform(env: VectorEnv) -> Policy:
@@ -171,3 +154,31 @@ def _is_whole(folder: Path, number: int, manifest: Manifest) -> bool:
     except SegarError:
         return False  # it is recorded again, to the same bits
     return True
+
+
+def fingerprint_text(thing: Any) -> str:
+    """A text that differs for different observations or policies: classes and functions by name, arrays by hash.
+
+    An object whose ``repr`` is an address is described by its class alone.
+    """
+    if isinstance(thing, np.ndarray):
+        digest = hashlib.sha256(np.ascontiguousarray(thing).tobytes()).hexdigest()[:SHORT_HASH_DIGITS]
+        return f"{thing.dtype}{list(thing.shape)}:{digest}"
+    if isinstance(thing, functools.partial):
+        given = [*map(fingerprint_text, thing.args), *_named(thing.keywords, "=")]
+        return f"{fingerprint_text(thing.func)}({', '.join(given)})"
+    if hasattr(thing, "__qualname__"):
+        return f"{thing.__module__}.{thing.__qualname__}"
+    if dataclasses.is_dataclass(thing):
+        parts = {field.name: getattr(thing, field.name) for field in dataclasses.fields(thing)}
+        return f"{type(thing).__name__}({', '.join(_named(parts, '='))})"
+    if isinstance(thing, Mapping):
+        return f"{{{', '.join(_named({fingerprint_text(key): value for key, value in thing.items()}, ': '))}}}"
+    if isinstance(thing, (tuple, list)):
+        return f"({', '.join(map(fingerprint_text, thing))})"
+    shown = repr(thing)
+    return shown if " at 0x" not in shown else f"{type(thing).__module__}.{type(thing).__qualname__}"
+
+
+def _named(parts: Mapping[str, Any], separator: str) -> list[str]:
+    return [f"{name}{separator}{fingerprint_text(part)}" for name, part in parts.items()]

@@ -6,10 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from segar.datasets.dataset import Dataset
+from segar.datasets.dataset import TRUTHS, Dataset, Shard
 from segar.datasets.recording import hash_of_kernel
 from segar.datasets.rollouts import Policy, Rollouts, roll_out
-from segar.datasets.shards import TRUTHS, Shard
 from segar.envs import VectorEnv
 from segar.errors import SegarError
 from segar.language import Task

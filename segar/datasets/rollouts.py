@@ -91,12 +91,9 @@ def roll_out(
 
 def leaves(observation: Any, name: str = OBSERVATION) -> dict[str, np.ndarray]:
     """The arrays of an observation by name: 'observation', or 'observation.depth' and the like where it has parts."""
-    if isinstance(observation, Mapping):
-        parts = list(observation.items())
-    elif isinstance(observation, tuple):
-        parts = list(enumerate(observation))
-    else:
+    if not isinstance(observation, (Mapping, tuple)):
         return {name: np.asarray(observation)}
+    parts = observation.items() if isinstance(observation, Mapping) else enumerate(observation)
     return {leaf: array for key, part in parts for leaf, array in leaves(part, f"{name}{SEPARATOR}{key}").items()}
 
 

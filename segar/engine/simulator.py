@@ -1,24 +1,19 @@
 """The simulator: a world on a layout, compiled, stepping a batch of states."""
 
-from __future__ import annotations
-
 import operator
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from segar.engine.batch import LevelArrays, State, StepResult
-from segar.engine.compiler.entry import ARGUMENTS
-from segar.engine.compiler.kernel import KernelSource, generate
+from segar.engine.compiler.kernel import ARGUMENTS, KernelSource, generate
 from segar.engine.compiler.kernel_cache import load_module
 from segar.engine.runtime.gather import Reads, no_reads
 from segar.errors import ConflictError, SegarError
 from segar.language import Layout, Task, WorldRules, default_task
+from segar.levels import Levels
 from segar.support import Team
-
-if TYPE_CHECKING:
-    from segar.levels import Levels
 
 PART = 32  # environments that a thread takes at a time
 
@@ -57,40 +52,32 @@ class Simulator:
         Raises:
             ConflictError: see :meth:`act`.
         """
-        self._run(state, levels, n, None, StepResult.empty(len(state.level)))
+        self.act(state, levels, None, StepResult.empty(len(state.level)), sub_steps=n)
 
     def act(
         self,
         state: State,
         levels: Levels,
-        actions: np.ndarray,
-        result: StepResult,
-        reads: Reads | None = None,
-        seen: np.ndarray | None = None,
-    ) -> None:
-        """One environment step of all environments, in place.
-
-        Args:
-            actions: float32 ``(num_envs, action size)``, finite; clipped to the task's range.
-            result: receives the reward, and whether the episode is over, with success or by death.
-            reads: what is written to ``seen`` (float32 ``(num_envs, ...)``, contiguous) about the states after the step.
-
-        Raises:
-            ConflictError: rules contradict each other in some state; the message names the environment.
-        """
-        self._run(state, levels, self.task.sub_steps, actions, result, reads, seen)
-
-    def _run(
-        self,
-        state: State,
-        levels: Levels,
-        n: int,
         actions: np.ndarray | None,
         result: StepResult,
         reads: Reads | None = None,
         seen: np.ndarray | None = None,
+        sub_steps: int | None = None,
     ) -> None:
+        """One environment step of all environments, in place.
+
+        Args:
+            actions: float32 ``(num_envs, action size)``, finite; clipped to the task's range. The task takes no part where
+                it is None.
+            result: receives the reward, and whether the episode is over, with success or by death.
+            reads: what is written to ``seen`` (float32 ``(num_envs, ...)``, contiguous) about the states after the step.
+            sub_steps: how many; the task's where it is None.
+
+        Raises:
+            ConflictError: rules contradict each other in some state; the message names the environment.
+        """
         arrays = (*vars(state).values(), *vars(result).values(), levels, reads)
+        n = self.task.sub_steps if sub_steps is None else sub_steps
         options = (n, actions is not None, 0 if seen is None else seen.size // len(seen))
         call = self._call
         if call is None or call.options != options or not all(map(operator.is_, call.arrays, arrays)):

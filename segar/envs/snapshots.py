@@ -1,20 +1,16 @@
 """Snapshots: all that a batch of environments needs to go on from a moment, to be kept, saved, forked and restored."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, fields, replace
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Self
 
 import numpy as np
 
 from segar.engine import State
 from segar.errors import SegarError
+from segar.levels import Levels
 from segar.support import ArchiveFormat
-
-if TYPE_CHECKING:
-    from segar.levels import Levels
 
 FORMAT = ArchiveFormat("segar-snapshot", 1, "a snapshot", "snapshot", SegarError)
 STATE_ARRAYS = tuple(array.name for array in fields(State))
@@ -46,7 +42,7 @@ class Snapshot:
     def __len__(self) -> int:
         return len(self.returns)
 
-    def __getitem__(self, index: Any) -> Snapshot:
+    def __getitem__(self, index: Any) -> Self:
         """A copy of the environments at an index, a slice, a list of indices (repeated as often as named) or a mask.
 
         ``snapshot[[0, 0, 1]]`` forks environment 0. Forks share episode, factors and the randomness in rules, so equal
@@ -65,7 +61,7 @@ class Snapshot:
         memory = {name: array[rows] for name, array in self.memory.items()}
         return replace(self, state=state, memory=memory, **{name: getattr(self, name)[rows] for name in EPISODE_ARRAYS})
 
-    def copy(self) -> Snapshot:
+    def copy(self) -> Self:
         return self[:]
 
     def save(self, path: str | PathLike[str]) -> None:
@@ -82,7 +78,7 @@ class Snapshot:
         FORMAT.write(Path(path), arrays, {"seed": self.seed, "memory": list(self.memory)})
 
     @classmethod
-    def load(cls, path: str | PathLike[str]) -> Snapshot:
+    def load(cls, path: str | PathLike[str]) -> Self:
         """The snapshot in a file that ``save`` wrote, here or in SEGAR 0.1.
 
         Raises:

@@ -73,7 +73,7 @@ class TorchRLEnv(EnvBase):
     def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
         action = tensordict.get("action").detach().numpy()
         observation, reward, terminated, truncated, info = self.vector_env.step(action)
-        return self._tensordict(observation, info, terminated, truncated, reward)
+        return self._tensordict(observation, info, terminated=terminated, truncated=truncated, reward=reward)
 
     def _reset(self, tensordict: TensorDictBase | None = None, *, levels: Any = None, **_: Any) -> TensorDictBase:
         options: dict[str, Any] = {}
@@ -104,21 +104,13 @@ class TorchRLEnv(EnvBase):
     def _set_seed(self, seed: int | None) -> None:
         self._next_seed = seed
 
-    def _tensordict(
-        self,
-        observation: Any,
-        info: dict[str, Any],
-        terminated: np.ndarray | None = None,
-        truncated: np.ndarray | None = None,
-        reward: np.ndarray | None = None,
-    ) -> TensorDict:
-        """The entries of a step, or of a reset where no end and no reward are given."""
-        terminated = np.zeros(self.num_envs, bool) if terminated is None else terminated
-        truncated = np.zeros(self.num_envs, bool) if truncated is None else truncated
-        columns = {"terminated": terminated, "truncated": truncated, "done": terminated | truncated}
+    def _tensordict(self, observation: Any, info: dict[str, Any], **outcome: np.ndarray) -> TensorDict:
+        """The entries of a step that ends ``terminated`` or ``truncated`` with a ``reward``, or of a reset without these."""
+        columns = {key: np.zeros(self.num_envs, bool) for key in ("terminated", "truncated")} | outcome
+        columns["done"] = columns["terminated"] | columns["truncated"]
         columns |= {key: info[key] for key in EPISODE_KEYS}
-        if reward is not None:
-            columns["reward"] = reward.astype(np.float32)
+        if "reward" in outcome:
+            columns["reward"] = outcome["reward"].astype(np.float32)
         entries = {key: _tensor(part, self.num_envs) for key, part in _named(observation).items()}
         entries |= {key: torch.from_numpy(column)[:, None] for key, column in columns.items()}
         return TensorDict._new_unsafe(entries, batch_size=self.batch_size)

@@ -121,7 +121,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             np.zeros(num_envs),
             np.zeros(num_envs, np.int64),
             np.zeros(num_envs, np.int64),
-            _fresh_seed() if seed is None else _checked_seed(seed),
+            _checked_seed(np.random.SeedSequence().generate_state(1, np.uint64)[0] if seed is None else seed),
         )
         self.render_mode = render_mode
         self._camera = None
@@ -405,10 +405,6 @@ def world_of(levels: Levels) -> World:
             " does not hold; give them: Levels.load(path, world=segar.World(rules=...))"
         )
     return levels.world or World()
-
-
-def _fresh_seed() -> int:
-    return int(np.random.SeedSequence().generate_state(1, np.uint64)[0])
 
 
 def _checked_seed(seed: int) -> int:

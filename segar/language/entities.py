@@ -13,33 +13,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar
 
 from segar.errors import FactorError
-from segar.language.factors import (
-    ID,
-    Acceleration,
-    Alive,
-    Charge,
-    Collides,
-    Consumes,
-    Density,
-    Done,
-    Drag,
-    Factor,
-    Floor,
-    Friction,
-    Heat,
-    InfiniteEnergy,
-    Label,
-    Magnetism,
-    Mass,
-    Mobile,
-    Order,
-    Position,
-    Shape,
-    Size,
-    StoredEnergy,
-    Velocity,
-    Visible,
-)
+from segar.language import factors
+from segar.language.factors import ID, Factor, Label, Shape, Size
 from segar.language.shapes import Circle, Square
 
 
@@ -83,18 +58,12 @@ class Entity:
                 cls._own[factor] = factor.default if value is None else factor.check(value)
             except FactorError as error:
                 raise FactorError(f"entity {cls.__name__}.{name}: {error}") from None
-        inherited = cls._inherited()
+        inherited: dict[type[Factor], Any] = {}  # of all parents, in Python's order of resolution
+        for parent in reversed(cls.__mro__[1:]):
+            inherited |= vars(parent).get("_own", {})
         if Size in cls._own and Shape not in cls._own and isinstance(inherited.get(Shape), Circle):
             cls._own[Shape] = Circle(cls._own[Size])  # the inherited circle gets the new size
         cls.declared = inherited | cls._own
-
-    @classmethod
-    def _inherited(cls) -> dict[type[Factor], Any]:
-        """The factors of all parents, in Python's order of resolution, with their defaults."""
-        found: dict[type[Factor], Any] = {}
-        for parent in reversed(cls.__mro__[1:]):
-            found |= vars(parent).get("_own", {})
-        return found
 
     def __init__(self, factors: Mapping[type[Factor], Any] | None = None) -> None:
         self.factors: dict[type[Factor], Any] = dict(self.declared)
@@ -123,14 +92,14 @@ class Entity:
 class GlobalFriction(Entity):
     """The arena's floor: it has friction but no position, and acts on all entities that move."""
 
-    friction: Friction
+    friction: factors.Friction
     id: ID = "global_friction"
 
 
 class Thing(Entity):
-    position: Position
-    visible: Visible
-    order: Order
+    position: factors.Position
+    visible: factors.Visible
+    order: factors.Order
     shape: Shape = Circle(0.2)
     size: Size = 0.2
     label: Label = "thing"
@@ -140,19 +109,19 @@ class Thing(Entity):
 class Object(Thing):
     """A thing that moves, collides, and feels forces."""
 
-    collides: Collides
-    mobile: Mobile
-    velocity: Velocity
-    acceleration: Acceleration
-    drag: Drag
-    mass: Mass
-    charge: Charge
-    density: Density
-    magnetism: Magnetism
-    stored_energy: StoredEnergy
-    infinite_energy: InfiniteEnergy
-    alive: Alive
-    done: Done
+    collides: factors.Collides
+    mobile: factors.Mobile
+    velocity: factors.Velocity
+    acceleration: factors.Acceleration
+    drag: factors.Drag
+    mass: factors.Mass
+    charge: factors.Charge
+    density: factors.Density
+    magnetism: factors.Magnetism
+    stored_energy: factors.StoredEnergy
+    infinite_energy: factors.InfiniteEnergy
+    alive: factors.Alive
+    done: factors.Done
     label: Label = "object"
 
 
@@ -161,37 +130,37 @@ class Ball(Object):
 
 
 class Magnet(Object):
-    magnetism: Magnetism = -1.0
-    mobile: Mobile = False
+    magnetism: factors.Magnetism = -1.0
+    mobile: factors.Mobile = False
     label: Label = "magnet"
 
 
 class Charger(Object):
-    charge: Charge = -1.0
-    mobile: Mobile = False
+    charge: factors.Charge = -1.0
+    mobile: factors.Mobile = False
     label: Label = "charger"
 
 
 class Bumper(Object):
-    stored_energy: StoredEnergy = 1.0
-    mobile: Mobile = False
+    stored_energy: factors.StoredEnergy = 1.0
+    mobile: factors.Mobile = False
     label: Label = "bumper"
 
 
 class Damper(Object):
-    stored_energy: StoredEnergy = -0.5
-    mobile: Mobile = False
+    stored_energy: factors.StoredEnergy = -0.5
+    mobile: factors.Mobile = False
     label: Label = "damper"
 
 
 class GolfBall(Object):
-    charge: Charge = 1.0
+    charge: factors.Charge = 1.0
     label: Label = "golfball"
     id: ID = "golfball"
 
 
 class CueBall(Object):
-    charge: Charge = 1.0
+    charge: factors.Charge = 1.0
     label: Label = "cueball"
     id: ID = "cueball"
 
@@ -199,9 +168,9 @@ class CueBall(Object):
 class Tile(Thing):
     """A thing that does not move; objects roll over it."""
 
-    floor: Floor
-    friction: Friction
-    heat: Heat
+    floor: factors.Floor
+    friction: factors.Friction
+    heat: factors.Heat
     shape: Shape = Square(1.0)
     size: Size = 1.0
     label: Label = "tile"
@@ -210,26 +179,26 @@ class Tile(Thing):
 class Hole(Tile):
     """A tile that swallows the objects that it contains."""
 
-    consumes: Consumes
+    consumes: factors.Consumes
     shape: Shape = Circle(1.0)
-    order: Order = -1
+    order: factors.Order = -1
     label: Label = "hole"
 
 
 class SandTile(Tile):
-    friction: Friction = 0.4
+    friction: factors.Friction = 0.4
     label: Label = "sand"
 
 
 class MagmaTile(Tile):
-    heat: Heat = 1.0
-    friction: Friction = 0.1
+    heat: factors.Heat = 1.0
+    friction: factors.Friction = 0.1
     label: Label = "magma"
 
 
 class FireTile(MagmaTile):
-    heat: Heat = 0.5
-    friction: Friction = 0.0
+    heat: factors.Heat = 0.5
+    friction: factors.Friction = 0.0
     shape: Shape = Circle(1.0)
     label: Label = "fire"
 
@@ -237,7 +206,7 @@ class FireTile(MagmaTile):
 class GoalTile(Tile):
     shape: Shape = Circle(0.3)
     size: Size = 0.3
-    order: Order = -2
+    order: factors.Order = -2
     label: Label = "goal"
     id: ID = "goal"
 

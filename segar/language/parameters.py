@@ -33,12 +33,4 @@ class Framerate(Parameter, default=100.0, unit="1/s", bounds=(1e-3, 1e9)):
     """Sub-steps per second of simulated time; the time step is its inverse."""
 
 
-BUILT_IN_PARAMETERS: tuple[type[Parameter], ...] = (
-    Gravity,
-    FloorFriction,
-    WallDamping,
-    MinMass,
-    MaxVelocity,
-    MinVelocity,
-    Framerate,
-)
+BUILT_IN_PARAMETERS: tuple[type[Parameter], ...] = tuple(Parameter.__subclasses__())

@@ -1,18 +1,27 @@
-"""Outlines of things: circles and convex hulls, their areas and extents."""
+"""Outlines of things: circles and convex hulls, their areas and extents, and the statistics of hulls of Gaussian points.
 
+Points of the statistics are independent, with mean zero and standard deviation ``sigma`` per axis. The vertices v_1 ... v_k
+of the hull of n points, counter-clockwise from the lowest, have the density
+
+    n! / (n - k)!  *  f(v_1) ... f(v_k)  *  P(a point lies inside the hull)^(n - k)
+
+with respect to area in each vertex, summed over k: any k of the points may be the vertices, and all others lie inside.
+"""
+
+import math
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from segar.errors import FactorError
-from segar.language.hull_statistics import hull_log_density, mean_area, mean_perimeter, mean_vertices
-from segar.language.hulls import convex_hulls
 from segar.support import Estimate, LevelGenerator
 
 CIRCLE = 1  # shape kinds as the kernels see them; 0 means no shape
 HULL = 2
 HULL_POINTS = 100  # a random hull encloses this many Gaussian points, as in 2022
+GRID = 4001  # points of the integrals over one normal variable: the trapezoidal rule, exact to rounding for Gaussians
+REACH = 12.0  # standard deviations of these integrals to either side
 
 
 class BaseShape:
@@ -20,6 +29,7 @@ class BaseShape:
 
     kind: int
     size: float
+    is_random = False
 
     def __init__(self, size: float) -> None:
         if not isinstance(size, (int, float, np.number)) or not 0 < size < np.inf:
@@ -34,10 +44,6 @@ class BaseShape:
     def sample(self, rng: np.random.Generator | LevelGenerator, size: int) -> list[np.ndarray]:
         """Vertices of ``size`` draws of this shape; only random shapes use ``rng``."""
         return [self.vertices] * size
-
-    @property
-    def is_random(self) -> bool:
-        return False
 
     def __eq__(self, other: object) -> bool:
         return (
@@ -110,13 +116,10 @@ class RandomConvexHull(BaseShape):
     """The hull of 100 Gaussian points with standard deviation ``size / 2`` per axis, drawn anew for every thing."""
 
     kind = HULL
+    is_random = True
 
     def __init__(self, size: float = 0.3) -> None:
         super().__init__(size)
-
-    @property
-    def is_random(self) -> bool:
-        return True
 
     def sample(self, rng: np.random.Generator | LevelGenerator, size: int) -> list[np.ndarray]:
         points = rng.normal(0.0, self.size / 2, size=(size, HULL_POINTS, 2))
@@ -124,7 +127,7 @@ class RandomConvexHull(BaseShape):
 
     def log_prob(self, hulls: Sequence[np.ndarray]) -> np.ndarray:
         """Log density of each hull, vertices float ``(k, 2)`` counter-clockwise, with respect to area in each vertex;
-        see :mod:`segar.language.hull_statistics`. Float64 ``(n,)``."""
+        see :mod:`segar.language.shapes`. Float64 ``(n,)``."""
         count = np.array([len(hull) for hull in hulls])
         padded = np.zeros((len(hulls), count.max(), 2))
         padded[np.arange(count.max()) < count[:, None]] = np.concatenate(list(hulls))
@@ -169,3 +172,106 @@ def area(vertices: np.ndarray) -> float:
     """Area of a convex polygon by the shoelace formula; ``vertices`` float ``(n, 2)``, counter-clockwise."""
     x, y = vertices[:, 0], vertices[:, 1]
     return float(0.5 * (x @ np.roll(y, -1) - y @ np.roll(x, -1)))
+
+
+def convex_hulls(points: np.ndarray) -> list[np.ndarray]:
+    """Vertices of the convex hull of each of many random point sets, counter-clockwise from the lowest point.
+
+    Args:
+        points: float64 ``(sets, points, 2)`` in general position (no two equal heights, no three on a line): points
+            drawn from a density are, with probability one. For given points use :func:`segar.language.shapes.convex_hull`.
+
+    Returns:
+        One float64 ``(vertices, 2)`` for each set.
+
+    The sets are wrapped side by side (Jarvis 1973): while a chain rises, its next vertex is the point above with the
+    largest dx/dy; while it falls, the point below with the largest dx/dy.
+    """
+    sets, count, _ = points.shape
+    order = np.full((sets, count), -1)
+    x, y = points[:, :, 0], points[:, :, 1]
+    start, top = y.argmin(axis=1), y.argmax(axis=1)
+    at, rising, open_ = start.copy(), np.ones(sets, dtype=bool), np.arange(sets)
+    order[:, 0] = start
+    length = np.ones(sets, dtype=int)
+    for step in range(1, count + 1):
+        rising[open_] &= at[open_] != top[open_]
+        here = at[open_]
+        dx = x[open_] - x[open_, here][:, None]
+        dy = y[open_] - y[open_, here][:, None]
+        ahead = np.where(rising[open_][:, None], dy > 0, dy < 0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            slope = np.where(ahead, dx / dy, -np.inf)
+        at[open_] = slope.argmax(axis=1)
+        open_ = open_[at[open_] != start[open_]]
+        if not len(open_):
+            break
+        order[open_, step] = at[open_]
+        length[open_] += 1
+    return [points[i, order[i, : length[i]]] for i in range(sets)]
+
+
+def hull_log_density(vertices: Any, count: Any, sigma: float, points: int) -> np.ndarray:
+    """Log density of hulls of ``points`` Gaussian points, float64 ``(n,)``.
+
+    Args:
+        vertices: float ``(n, room, 2)``, counter-clockwise; what lies beyond ``count`` is left aside.
+        count: int ``(n,)``, how many vertices each hull has: from 3 to ``points``, else the density is zero.
+    """
+    from scipy.special import gammaln
+
+    vertices, count = np.asarray(vertices, dtype=float) / sigma, np.asarray(count)
+    used = np.arange(vertices.shape[1]) < count[:, None]
+    square = np.where(used, (vertices**2).sum(axis=-1), 0.0).sum(axis=1)
+    inside = gaussian_mass(vertices, count)
+    possible = (count >= 3) & (count <= points)
+    rest = np.where(possible, points - count, 0)
+    ways = math.lgamma(points + 1) - gammaln(rest + 1)
+    density = -0.5 * square - count * math.log(2 * math.pi * sigma**2)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        beyond = np.where(rest > 0, rest * np.log(np.clip(inside, 0.0, 1.0)), 0.0)
+    return np.where(possible, ways + density + beyond, -np.inf)
+
+
+def gaussian_mass(vertices: np.ndarray, count: np.ndarray) -> np.ndarray:
+    """Mass of the standard Gaussian inside polygons, float64 ``(n,)``: the signed triangles from the origin to each edge,
+    by Owen's T function (Owen 1956)."""
+    from scipy.special import owens_t
+
+    index = np.arange(vertices.shape[1])
+    following = np.where(index[None] + 1 < count[:, None], index + 1, 0)
+    edge = np.take_along_axis(vertices, following[..., None], axis=1) - vertices
+    length = np.sqrt((edge**2).sum(axis=-1))
+    real = (index < count[:, None]) & (length > 0)
+    along = edge / np.where(real, length, 1.0)[..., None]
+    height = vertices[..., 0] * along[..., 1] - vertices[..., 1] * along[..., 0]  # > 0 where the origin is to the left
+    start = (vertices * along).sum(axis=-1)
+    real &= height != 0
+    h = np.where(real, np.abs(height), 1.0)
+    low, high = start / h, (start + length) / h
+    angle = (np.arctan(high) - np.arctan(low)) / (2 * math.pi)
+    wedge = angle - owens_t(h, high) + owens_t(h, low)
+    return np.where(real, np.sign(height) * wedge, 0.0).sum(axis=1)
+
+
+def mean_vertices(points: int) -> float:
+    """Expected number of vertices (Renyi and Sulanke 1963): 4 sqrt(pi) C(n, 2) times the integral of Phi^(n-2) phi^2."""
+    return 4 * math.sqrt(math.pi) * math.comb(points, 2) * _integral(points, 2)
+
+
+def mean_perimeter(points: int, sigma: float) -> float:
+    """Expected length of the outline (Efron 1965): 4 pi C(n, 2) times the integral of Phi^(n-2) phi^2."""
+    return 4 * math.pi * sigma * math.comb(points, 2) * _integral(points, 2)
+
+
+def mean_area(points: int, sigma: float) -> float:
+    """Expected area (Efron 1965): 3 pi C(n, 3) times the integral of Phi^(n-3) phi^3."""
+    return 3 * math.pi * sigma**2 * math.comb(points, 3) * _integral(points, 3)
+
+
+def _integral(points: int, power: int) -> float:
+    from scipy.special import ndtr
+
+    x = np.linspace(-REACH, REACH, GRID)
+    phi = np.exp(-0.5 * x * x) / math.sqrt(2 * math.pi)
+    return float((ndtr(x) ** (points - power) * phi**power).sum() * (x[1] - x[0]))

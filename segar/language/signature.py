@@ -5,15 +5,14 @@ class (one entity each), a world parameter, ``Action`` (in a task's functions) o
 functions of the state may have the hints ``Every`` or ``Best`` on their last arguments.
 """
 
-from __future__ import annotations
-
 import inspect
 import sys
 import typing
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from types import NoneType, UnionType
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, Self, TypeVar
 
 from segar.errors import RuleError, did_you_mean
 from segar.language.effects import Effect
@@ -29,7 +28,11 @@ Every = Annotated[T, "every"]
 it holds if it holds for any."""
 Best = Annotated[T, "best"]
 """Hint of a task's number: the greatest one over all entities of this kind counts. Without the hint they add up."""
-REDUCTIONS = {"every": "Every", "best": "Best"}
+REDUCTIONS = {
+    "every": ("Every", "a task's terminated, success and death can ask for Every"),
+    "best": ("Best", "a task's reward can ask for Best"),
+}
+"""The name of each kind of reduction, and what can ask for it."""
 
 
 class Action:
@@ -102,7 +105,7 @@ class EntityView:
             raise RuleError(f"{owner} has no {factor.__name__}.{did_you_mean(factor.__name__, names)}")
         return self._read(self.index, factor)
 
-    def relation(self, name: str, other: EntityView) -> Any:
+    def relation(self, name: str, other: Self) -> Any:
         """The truth of a geometric relation of this entity to another one."""
         return self._relation(name, self.index, other.index)
 
@@ -173,7 +176,7 @@ def read_signature(function: Callable[..., Any], returns_effects: bool = True, r
 
 def symbolic_arguments(signature: Signature) -> list[Any]:
     """One symbolic value per argument, to trace the function with."""
-    return [build_argument(a, signature, _load, _relation) for a in signature.arguments]
+    return [build_argument(a, signature, _load, partial(make, "relation")) for a in signature.arguments]
 
 
 def build_argument(
@@ -233,10 +236,6 @@ class _ActionSymbols:
         raise RuleError("take the numbers of an action by their index, e.g. action[0]")
 
 
-def _relation(name: str, a: int, b: int) -> Symbol:
-    return make("relation", name, a, b)
-
-
 def _argument(function: Callable[..., Any], name: str, hint: Any, entities: list[Pattern]) -> Argument:
     if isinstance(hint, type) and issubclass(hint, Parameter):
         return Argument(name, "parameter", type=hint)
@@ -269,15 +268,12 @@ def _check_reduction(function: Callable[..., Any], name: str, found: str, allowe
     """Raise :class:`RuleError` where a hint ``Every`` or ``Best`` means nothing, or where one is missing."""
     place = f"{code_place(function)}: argument '{name}'"
     if not found:
-        raise RuleError(f"{place}: arguments with {REDUCTIONS[allowed]}[...] come last")
+        raise RuleError(f"{place}: arguments with {REDUCTIONS[allowed][0]}[...] come last")
+    hint, owner = REDUCTIONS[found]
     if found != allowed:
-        meant = {
-            "every": "a task's terminated, success and death can ask for Every",
-            "best": "a task's reward can ask for Best",
-        }
-        raise RuleError(f"{place}: only {meant[found]}")
+        raise RuleError(f"{place}: only {owner}")
     if not is_entity:
-        raise RuleError(f"{place}: {REDUCTIONS[found]}[...] takes an entity class or a Tuple of factors")
+        raise RuleError(f"{place}: {hint}[...] takes an entity class or a Tuple of factors")
 
 
 def _effects(function: Callable[..., Any], hint: Any) -> typing.Iterator[tuple[type[Effect], type[Factor]]]:

@@ -65,10 +65,6 @@ def _changes_other_factor(rule: Rule, kind: type[Effect], factor: type[Factor]) 
     return not issubclass(factor, Position) and (rule.recheck or not issubclass(factor, Velocity))
 
 
-def _limit(world: WorldRules, task: TaskFunctions) -> Sequence[Rule]:
-    return () if world.limit is None else (world.limit,)
-
-
 ACT = Stage("act", Operation.APPLY_EFFECTS, rules=lambda world, task: task.act, scales=False)
 """The task's action: once per step, before the first sub-step."""
 
@@ -78,7 +74,7 @@ FIND_RATES = Stage("position", Operation.FIND_RATES, moves)
 SUB_STEP = (
     Stage("factors", Operation.APPLY_EFFECTS, _changes_other_factor),
     Stage("velocity", Operation.APPLY_EFFECTS, _changes_velocity),
-    Stage("limit", Operation.APPLY_EFFECTS, rules=_limit),
+    Stage("limit", Operation.APPLY_EFFECTS, rules=lambda world, task: () if world.limit is None else (world.limit,)),
     FIND_RATES,
     Stage("position", Operation.APPLY_EFFECTS, _sets_position),
     Stage("position", Operation.MOVE),

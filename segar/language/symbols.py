@@ -7,15 +7,15 @@ generated code computes them once. Constants fold; nothing else is simplified (0
 from __future__ import annotations
 
 import math
-import operator
 import struct
 import weakref
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partialmethod
 from typing import Any
 
 from segar.errors import RuleError
-from segar.language.values import Number, Source, VectorValue
+from segar.language.values import Arithmetic, Number, Source, VectorValue, python_function
 
 _interned: weakref.WeakValueDictionary[Any, Symbol] = weakref.WeakValueDictionary()
 _deciders: list[Callable[[Symbol], bool]] = []  # the last one decides what a condition is on the path being traced
@@ -25,13 +25,21 @@ TRUTHS = frozenset({"lt", "le", "gt", "ge", "eq", "ne", "and", "or", "not", "rel
 NO_NUMPY = "a rule cannot call numpy; use arithmetic, or segar.language.sqrt, where, minimum ..."
 
 
-class Symbol:
+class Symbol(Arithmetic):
     """A node: an operation and its operands. Made by :func:`make`, never directly."""
 
     __array_ufunc__ = None
     __slots__ = ("__weakref__", "args", "op")
     op: str
     args: tuple[Any, ...]
+
+    def _apply(self, operation: str, *operands: Any) -> Any:
+        if any(isinstance(operand, VectorValue) for operand in operands):
+            return NotImplemented
+        for operand in operands:
+            if operand is None or isinstance(operand, str):
+                raise RuleError(f"a factor cannot be combined or compared with {operand!r}")
+        return make(operation, *map(as_symbol, operands))
 
     @property
     def is_truth(self) -> bool:
@@ -50,101 +58,60 @@ class Symbol:
             raise RuleError("a symbolic condition was tested outside a rule")
         return _deciders[-1](condition)
 
-    def __add__(self, other: Any) -> Any:
-        return _binary("add", self, other)
-
-    def __radd__(self, other: Any) -> Any:
-        return _binary("add", other, self)
-
-    def __sub__(self, other: Any) -> Any:
-        return _binary("sub", self, other)
-
-    def __rsub__(self, other: Any) -> Any:
-        return _binary("sub", other, self)
-
-    def __mul__(self, other: Any) -> Any:
-        return _binary("mul", self, other)
-
-    def __rmul__(self, other: Any) -> Any:
-        return _binary("mul", other, self)
-
-    def __truediv__(self, other: Any) -> Any:
-        return _binary("div", self, other)
-
-    def __rtruediv__(self, other: Any) -> Any:
-        return _binary("div", other, self)
-
     def __pow__(self, exponent: Any) -> Any:
         if isinstance(exponent, (int, float)):
             if exponent == 2:
                 return self * self
             if exponent == 0.5:
                 return self.sqrt()
-        return _binary("pow", self, exponent)
+        return self._apply("pow", self, exponent)
 
     def __rpow__(self, base: Any) -> Any:
-        return _binary("pow", base, self)
-
-    def __neg__(self) -> Symbol:
-        return make("neg", self)
+        return self._apply("pow", base, self)
 
     def __pos__(self) -> Symbol:
         return self
 
-    def __abs__(self) -> Symbol:
-        return make("abs", self)
+    norm = Arithmetic.__abs__
 
-    abs = __abs__
-    norm = __abs__
+    def _call(self, function: str) -> Symbol:
+        return make(function, self)
 
-    def sign(self) -> Symbol:
-        return make("sign", self)
-
-    def sqrt(self) -> Symbol:
-        return make("sqrt", self)
-
-    def exp(self) -> Symbol:
-        return make("exp", self)
-
-    def log(self) -> Symbol:
-        return make("log", self)
-
-    def sin(self) -> Symbol:
-        return make("sin", self)
-
-    def cos(self) -> Symbol:
-        return make("cos", self)
-
-    def tanh(self) -> Symbol:
-        return make("tanh", self)
+    sign = partialmethod(_call, "sign")
+    sqrt = partialmethod(_call, "sqrt")
+    exp = partialmethod(_call, "exp")
+    log = partialmethod(_call, "log")
+    sin = partialmethod(_call, "sin")
+    cos = partialmethod(_call, "cos")
+    tanh = partialmethod(_call, "tanh")
 
     def arctan2(self, other: Any) -> Any:
-        return _binary("arctan2", self, other)
+        return self._apply("arctan2", self, other)
 
     def __rarctan2__(self, other: Any) -> Any:
-        return _binary("arctan2", other, self)
+        return self._apply("arctan2", other, self)
 
     def select(self, yes: Any, no: Any) -> Symbol:
         condition = self if self.is_truth else self != 0.0
         return make("select", condition, as_symbol(yes), as_symbol(no))
 
     def __lt__(self, other: Any) -> Any:
-        return _binary("lt", self, other)
+        return self._apply("lt", self, other)
 
     def __le__(self, other: Any) -> Any:
-        return _binary("le", self, other)
+        return self._apply("le", self, other)
 
     def __gt__(self, other: Any) -> Any:
-        return _binary("lt", other, self)
+        return self._apply("lt", other, self)
 
     def __ge__(self, other: Any) -> Any:
-        return _binary("le", other, self)
+        return self._apply("le", other, self)
 
     def __eq__(self, other: object) -> Any:
-        return _binary("eq", self, other)
+        return self._apply("eq", self, other)
 
     def __ne__(self, other: object) -> Any:
-        return _binary("ne", self, other)
+        return self._apply("ne", self, other)
 
     def __and__(self, other: Any) -> Any:
         return make("and", as_truth(self), as_truth(other))
@@ -260,30 +227,8 @@ def evaluate(op: str, values: list[Any]) -> Any:
         case "select":
             return values[1] if values[0] else values[2]
     first, *others = map(Number, values)
-    result = _OPERATORS[op](first, *others) if op in _OPERATORS else getattr(first, op)(*others)
+    result = python_function(op)(first, *others)
     return bool(result) if op in TRUTHS else float(result)
-
-
-_OPERATORS: dict[str, Callable[..., Any]] = {
-    "add": operator.add,
-    "sub": operator.sub,
-    "mul": operator.mul,
-    "div": operator.truediv,
-    "pow": operator.pow,
-    "neg": operator.neg,
-    "lt": operator.lt,
-    "le": operator.le,
-    "eq": operator.eq,
-    "ne": operator.ne,
-}
-
-
-def _binary(op: str, a: Any, b: Any) -> Any:
-    if isinstance(a, VectorValue) or isinstance(b, VectorValue):
-        return NotImplemented
-    if b is None or isinstance(b, str) or a is None:
-        raise RuleError(f"a factor cannot be combined or compared with {b!r}")
-    return make(op, as_symbol(a), as_symbol(b))
 
 
 def _constant_key(value: Any) -> Any:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from segar.errors import SegarError
-from segar.language.factors_view import Factors
+from segar.language.layout import Factors
 from segar.language.rule_definition import Rule, as_rule, value_rule
 
 Function = Callable[..., Any]

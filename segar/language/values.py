@@ -7,8 +7,10 @@ symbols (:class:`segar.language.symbols.Symbol`, the compiler); :class:`VectorVa
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+import operator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 from segar.errors import RuleError
@@ -22,7 +24,49 @@ class Source:
     factor: type
 
 
-class Number(float):
+class Arithmetic:
+    """Python's operators of numbers, vectors and symbols."""
+
+    __slots__ = ()
+
+    def _apply(self, operation: str, *operands: Any) -> Any:
+        """The result of an operation; NotImplemented where another operand has to know."""
+        raise NotImplementedError
+
+    def __add__(self, other: Any) -> Any:
+        return self._apply("add", self, other)
+
+    def __radd__(self, other: Any) -> Any:
+        return self._apply("add", other, self)
+
+    def __sub__(self, other: Any) -> Any:
+        return self._apply("sub", self, other)
+
+    def __rsub__(self, other: Any) -> Any:
+        return self._apply("sub", other, self)
+
+    def __mul__(self, other: Any) -> Any:
+        return self._apply("mul", self, other)
+
+    def __rmul__(self, other: Any) -> Any:
+        return self._apply("mul", other, self)
+
+    def __truediv__(self, other: Any) -> Any:
+        return self._apply("div", self, other)
+
+    def __rtruediv__(self, other: Any) -> Any:
+        return self._apply("div", other, self)
+
+    def __neg__(self) -> Any:
+        return self._apply("neg", self)
+
+    def __abs__(self) -> Any:
+        return self._apply("abs", self)
+
+    abs = __abs__
+
+
+class Number(Arithmetic, float):
     """A float that divides as IEEE 754 does (1/0 is inf, 0/0 is nan) and remembers the factor that it was read from."""
 
     source: Source | None = None
@@ -33,29 +77,12 @@ class Number(float):
         number.source = source
         return number
 
-    def __add__(self, other: Any) -> Any:
-        return Number(float(self) + float(other)) if _is_number(other) else NotImplemented
-
-    def __radd__(self, other: Any) -> Any:
-        return Number(float(other) + float(self)) if _is_number(other) else NotImplemented
-
-    def __sub__(self, other: Any) -> Any:
-        return Number(float(self) - float(other)) if _is_number(other) else NotImplemented
-
-    def __rsub__(self, other: Any) -> Any:
-        return Number(float(other) - float(self)) if _is_number(other) else NotImplemented
-
-    def __mul__(self, other: Any) -> Any:
-        return Number(float(self) * float(other)) if _is_number(other) else NotImplemented
-
-    def __rmul__(self, other: Any) -> Any:
-        return Number(float(other) * float(self)) if _is_number(other) else NotImplemented
-
-    def __truediv__(self, other: Any) -> Any:
-        return Number(_divide(float(self), float(other))) if _is_number(other) else NotImplemented
-
-    def __rtruediv__(self, other: Any) -> Any:
-        return Number(_divide(float(other), float(self))) if _is_number(other) else NotImplemented
+    def _apply(self, operation: str, *operands: Any) -> Any:
+        for operand in operands:
+            if not isinstance(operand, (int, float)):
+                return NotImplemented
+        function = _divide if operation == "div" else python_function(operation)
+        return Number(function(*map(float, operands)))
 
     def __pow__(self, other: Any, modulo: Any = None) -> Any:
         if not _is_number(other):
@@ -73,17 +100,10 @@ class Number(float):
     def __rpow__(self, other: Any, modulo: Any = None) -> Any:
         return Number(other) ** self if _is_number(other) else NotImplemented
 
-    def __neg__(self) -> Number:
-        return Number(-float(self))
-
     def __pos__(self) -> Number:
         return Number(float(self))
 
-    def __abs__(self) -> Number:
-        return Number(abs(float(self)))
-
-    abs = __abs__
-    norm = __abs__
+    norm = Arithmetic.__abs__
 
     def sign(self) -> Number:
         """-1, 0 or 1 (nan stays nan)."""
@@ -119,7 +139,7 @@ class Number(float):
         return float.__repr__(self)
 
 
-class VectorValue:
+class VectorValue(Arithmetic):
     """A 2-vector of numbers or symbols. Operations are element-wise; a scalar acts on both components.
 
     It is the value type; the factor base class of the same role is :class:`segar.language.factors.Vector`.
@@ -133,44 +153,15 @@ class VectorValue:
         self.y = Number(y) if isinstance(y, (int, float)) and not isinstance(y, Number) else y
         self.source = source
 
-    def __add__(self, other: Any) -> VectorValue:
-        o = _as_vector(other)
-        return VectorValue(self.x + o.x, self.y + o.y)
+    def _apply(self, operation: str, *operands: Any) -> VectorValue:
+        function, vectors = python_function(operation), [_as_vector(operand) for operand in operands]
+        return VectorValue(function(*(v.x for v in vectors)), function(*(v.y for v in vectors)))
 
-    __radd__ = __add__
-
-    def __sub__(self, other: Any) -> VectorValue:
-        o = _as_vector(other)
-        return VectorValue(self.x - o.x, self.y - o.y)
-
-    def __rsub__(self, other: Any) -> VectorValue:
-        o = _as_vector(other)
-        return VectorValue(o.x - self.x, o.y - self.y)
-
-    def __mul__(self, other: Any) -> VectorValue:
-        o = _as_vector(other)
-        return VectorValue(self.x * o.x, self.y * o.y)
-
-    __rmul__ = __mul__
-
-    def __truediv__(self, other: Any) -> VectorValue:
-        o = _as_vector(other)
-        return VectorValue(self.x / o.x, self.y / o.y)
-
-    def __rtruediv__(self, other: Any) -> VectorValue:
-        o = _as_vector(other)
-        return VectorValue(o.x / self.x, o.y / self.y)
+    __radd__ = Arithmetic.__add__  # a number stands behind a vector in the source of a kernel
+    __rmul__ = Arithmetic.__mul__
 
     def __pow__(self, exponent: float) -> VectorValue:
         return VectorValue(self.x**exponent, self.y**exponent)
-
-    def __neg__(self) -> VectorValue:
-        return VectorValue(-self.x, -self.y)
-
-    def __abs__(self) -> VectorValue:
-        return VectorValue(abs(self.x), abs(self.y))
-
-    abs = __abs__
 
     def sign(self) -> VectorValue:
         return VectorValue(self.x.sign(), self.y.sign())
@@ -204,10 +195,11 @@ class VectorValue:
 
     def __eq__(self, other: object) -> Any:
         o = _as_vector(other)
-        return _both(self.x == o.x, self.y == o.y)
+        return (self.x == o.x) & (self.y == o.y)
 
     def __ne__(self, other: object) -> Any:
-        return _negate(self == other)
+        equal = self == other
+        return not equal if isinstance(equal, bool) else equal.negate()
 
     __hash__ = None  # type: ignore[assignment]
 
@@ -283,6 +275,13 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, (int, float))
 
 
+@cache
+def python_function(operation: str) -> Callable[..., Any]:
+    """The function of an operation by its name: that of Python's operator, else the method of :class:`Number`."""
+    name = "truediv" if operation == "div" else operation
+    return getattr(operator, name) if hasattr(operator, name) else getattr(Number, name)
+
+
 def _divide(a: float, b: float) -> float:
     if b != 0.0:
         return a / b
@@ -302,11 +301,3 @@ def _as_vector(value: Any) -> VectorValue:
         x, y = value
         return VectorValue(float(x) if hasattr(x, "dtype") else x, float(y) if hasattr(y, "dtype") else y)
     return VectorValue(value, value)
-
-
-def _both(a: Any, b: Any) -> Any:
-    return (a and b) if isinstance(a, bool) and isinstance(b, bool) else a & b
-
-
-def _negate(a: Any) -> Any:
-    return (not a) if isinstance(a, bool) else a.negate()

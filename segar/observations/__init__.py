@@ -3,21 +3,28 @@
 The room imports the levels, the engine and the textures. Other rooms use the names below.
 """
 
-from segar.observations.arrays import empty_batch, leaves, map_leaves
 from segar.observations.composed.actions import PreviousActions
-from segar.observations.composed.multi import Multi, make_observation
-from segar.observations.composed.one_of import OneOf
+from segar.observations.composed.multi import Multi, OneOf, make_observation
 from segar.observations.composed.stack import Stack
 from segar.observations.copying import copy_rows, copy_squares
-from segar.observations.hooks import for_task, hooks_of, own_arrays, simulator_reads
-from segar.observations.pixels.colours import COLOURS, RGB, Colour, colour_of
-from segar.observations.pixels.solid_colours import Pixels
+from segar.observations.pixels.solid_colours import COLOURS, RGB, Colour, Pixels, colour_of
 from segar.observations.pixels.textured import TexturedPixels
-from segar.observations.protocol import Arrays, BoundObservation, Observation, ObservationLike
+from segar.observations.protocol import (
+    Arrays,
+    BoundObservation,
+    Observation,
+    ObservationLike,
+    empty_batch,
+    for_task,
+    hooks_of,
+    leaves,
+    map_leaves,
+    own_arrays,
+    simulator_reads,
+)
 from segar.observations.registry import OBSERVATIONS
 from segar.observations.shipped import SHIPPED
-from segar.observations.state.presets import AllObjects, AllState, AllTiles, ObjectState, TileState
-from segar.observations.state.state_vector import StateVector
+from segar.observations.state.state_vector import AllObjects, AllState, AllTiles, ObjectState, StateVector, TileState
 
 __all__ = [
     "COLOURS", "OBSERVATIONS", "RGB", "SHIPPED", "AllObjects", "AllState", "AllTiles", "Arrays", "BoundObservation",

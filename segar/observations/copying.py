@@ -1,12 +1,69 @@
-"""Copying observations of any order in memory, by kernels that are faster than NumPy, and by their plain twins in NumPy."""
+"""Copying observations of any order in memory, and bytes within other kernels, by kernels that are faster than NumPy or than
+loops, and by their plain twins; and how all kernels of observations are compiled."""
 
 import sys
+from typing import Any
 
 import numpy as np
 from numba import njit
+from numba.core import cgutils, types
+from numba.extending import intrinsic
 
-from segar.observations.kernel_options import KERNEL_OPTIONS
 from segar.support import is_plain
+
+# The kernels allocate nothing, so numba's counting of references to arrays, which costs as much as drawing, is off. Compiled
+# code is kept for other processes, but not that of plain twins: numba would load either for the other.
+KERNEL_OPTIONS: dict[str, Any] = {"nogil": True, "cache": not is_plain(), "error_model": "numpy", "_nrt": False}
+
+
+@njit(**KERNEL_OPTIONS)
+def plain_copy_bytes(to, to_byte, source, source_byte, count):
+    """The plain twin of :func:`_copy_bytes`."""
+    target, origin = to.reshape(-1), source.reshape(-1)
+    for k in range(count):
+        target[to_byte + k] = origin[source_byte + k]
+
+
+@njit(**KERNEL_OPTIONS)
+def plain_clear_bytes(to, to_byte, count):
+    """The plain twin of :func:`_clear_bytes`."""
+    target = to.reshape(-1)
+    for k in range(count):
+        target[to_byte + k] = 0
+
+
+def _copy_bytes(typing_context: Any, to: Any, to_byte: Any, source: Any, source_byte: Any, count: Any) -> Any:
+    """``to[to_byte : to_byte + count] = source[source_byte : source_byte + count]``, counted in bytes from the starts of
+    two contiguous uint8 arrays of any shape. Nothing is checked."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        there = _pointer(context, builder, signature.args[0], arguments[0], arguments[1])
+        here = _pointer(context, builder, signature.args[2], arguments[2], arguments[3])
+        cgutils.raw_memcpy(builder, there, here, arguments[4], 1)
+        return context.get_dummy_value()
+
+    return types.void(to, types.intp, source, types.intp, types.intp), generate
+
+
+def _clear_bytes(typing_context: Any, to: Any, to_byte: Any, count: Any) -> Any:
+    """``to[to_byte : to_byte + count] = 0``, counted as in :func:`_copy_bytes`."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        there = _pointer(context, builder, signature.args[0], arguments[0], arguments[1])
+        cgutils.memset(builder, there, arguments[2], 0)
+        return context.get_dummy_value()
+
+    return types.void(to, types.intp, types.intp), generate
+
+
+def _pointer(context: Any, builder: Any, kind: Any, array: Any, offset: Any) -> Any:
+    """The address of a byte of an array."""
+    return cgutils.pointer_add(builder, context.make_array(kind)(context, builder, array).data, offset)
+
+
+copy_bytes: Any = plain_copy_bytes if is_plain() else intrinsic(_copy_bytes)
+clear_bytes: Any = plain_clear_bytes if is_plain() else intrinsic(_clear_bytes)
+
 
 BYTE, TWO_BYTES, THREE_BYTES = np.uint32(8), np.uint32(16), np.uint32(24)  # [bits]
 WORDS = ((4, np.uint32), (2, np.uint16)) if sys.byteorder == "little" else ()  # the kernel puts the first byte lowest

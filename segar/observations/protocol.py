@@ -14,21 +14,23 @@ observation has them:
 * a snapshot is restored: [:meth:`EpisodeHook.start`], [:meth:`HasMemory.recall`], then ``begin``, then ``write``.
 
 ``write`` fills arrays of the environment, or those of the observation itself where it :class:`OwnsBuffers`.
+
+The optional parts are looked up by ``getattr``, because ``isinstance`` of a protocol does not see attributes that a wrapper
+forwards by ``__getattr__``.
 """
 
-from __future__ import annotations
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol, TypeAlias, runtime_checkable
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, runtime_checkable
-
+import gymnasium
 import numpy as np
+from gymnasium import spaces
+from gymnasium.vector.utils import create_empty_array
 
-if TYPE_CHECKING:
-    import gymnasium
-
-    from segar.engine import Reads
-    from segar.language import Factor, Task
-    from segar.levels import Levels
+from segar.engine import Reads
+from segar.language import Factor, Task
+from segar.levels import Levels
 
 Arrays: TypeAlias = np.ndarray | tuple[Any, ...] | dict[str, Any]
 """An array, or tuples and dicts of arrays, as a Box, Tuple or Dict space has them."""
@@ -52,7 +54,6 @@ class BoundObservation(Protocol):
             values: states, float64 ``[env, entity, column]``.
             level: index of each environment's level, int64 ``[env]``.
         """
-        ...
 
     def write(self, values: np.ndarray, level: np.ndarray, out: Any, rows: np.ndarray) -> None:
         """Fill ``out[rows]`` (``[env, *space.shape]``, C-contiguous; rows int64); threads may write disjoint rows.
@@ -60,7 +61,6 @@ class BoundObservation(Protocol):
         ``out`` is a tuple or dict of such arrays where ``space`` is a Tuple or Dict. To write the same states twice has
         the same result as to write them once.
         """
-        ...
 
 
 @runtime_checkable
@@ -77,7 +77,6 @@ class EpisodeHook(Protocol):
             key: uint64 ``[env]``, random bits that belong to the episode; its forks share them.
             level: index of each environment's level, int64 ``[env]``.
         """
-        ...
 
 
 @runtime_checkable
@@ -86,7 +85,6 @@ class StepHook(Protocol):
 
     def advance(self, actions: np.ndarray) -> None:
         """Note that all environments took a step by these actions, float32 ``[env, action size]``."""
-        ...
 
 
 @runtime_checkable
@@ -99,7 +97,6 @@ class HasMemory(Protocol):
 
     def recall(self, memory: Mapping[str, np.ndarray]) -> None:
         """Remember what :meth:`memory` returned. An array is absent where another observation took the snapshot."""
-        ...
 
 
 @runtime_checkable
@@ -175,3 +172,66 @@ class Composed(Protocol):
     def members(self) -> tuple[Observation, ...]:
         """The observations that it is made of."""
         ...
+
+
+@dataclass(frozen=True)
+class Hooks:
+    """The optional methods of a bound observation, and functions that do nothing in the place of those that it lacks."""
+
+    start: Callable[[np.ndarray, np.ndarray, np.ndarray], None]
+    advance: Callable[[np.ndarray], None]
+    memory: Callable[[], dict[str, np.ndarray]]
+    recall: Callable[[Mapping[str, np.ndarray]], None]
+
+
+def hooks_of(observation: BoundObservation) -> Hooks:
+    """The hooks of a bound observation."""
+    return Hooks(
+        getattr(observation, "start", _do_nothing),
+        getattr(observation, "advance", _do_nothing),
+        getattr(observation, "memory", dict),
+        getattr(observation, "recall", _do_nothing),
+    )
+
+
+def own_arrays(observation: BoundObservation) -> Arrays | None:
+    """The arrays that the observation keeps up to date now, None if it does not own any."""
+    return getattr(observation, "kept", None)
+
+
+def simulator_reads(observation: BoundObservation) -> Reads | None:
+    """What the simulator writes for the observation during a step, None if the observation is written after it."""
+    return getattr(observation, "reads", None)
+
+
+def for_task(observation: Observation, task: Task) -> Observation:
+    """The observation in environments of a task: another one if it depends on the task, else the same."""
+    adapt = getattr(observation, "for_task", None)
+    return observation if adapt is None else adapt(task)
+
+
+def _do_nothing(*arguments: Any) -> None:
+    """Stand in for a hook that an observation does not have."""
+
+
+def empty_batch(space: spaces.Space, num_envs: int) -> Any:
+    """Arrays ``[num_envs, ...]`` for the observations of a batch of environments, not filled."""
+    return create_empty_array(space, num_envs, np.empty)
+
+
+def leaves(tree: Arrays) -> Iterator[np.ndarray]:
+    """The arrays of an observation, in the order of its members."""
+    if isinstance(tree, (dict, tuple)):
+        for part in tree.values() if isinstance(tree, dict) else tree:
+            yield from leaves(part)
+    else:
+        yield tree
+
+
+def map_leaves(function: Callable[[Any], Any], tree: Any) -> Any:
+    """The same tuples and dicts with ``function`` of each array in its place."""
+    if isinstance(tree, dict):
+        return {name: map_leaves(function, part) for name, part in tree.items()}
+    if isinstance(tree, tuple):
+        return tuple(map_leaves(function, part) for part in tree)
+    return function(tree)

@@ -1,6 +1,7 @@
 """The observations that have a name: those that come with SEGAR."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from segar.observations.composed.stack import Stack
@@ -11,33 +12,18 @@ from segar.observations.registry import OBSERVATIONS
 from segar.observations.state.state_vector import StateVector
 
 
-def state_normalised(normalise: bool = True, **options: Any) -> StateVector:
-    """A state vector in units of the prior; options are those of :class:`StateVector`."""
-    return StateVector(normalise=normalise, **options)
-
-
-def rgb_stack2(n: int = 2, **options: Any) -> Stack:
-    """The last two frames, which show positions and velocities; options are those of :class:`Pixels`."""
-    return Stack(Pixels(**options), n)
-
-
-def rgb_stack4(n: int = 4, **options: Any) -> Stack:
-    """The last four frames; options are those of :class:`Pixels`."""
-    return Stack(Pixels(**options), n)
-
-
-def textures_stack4(n: int = 4, **options: Any) -> Stack:
-    """The last four frames in textures; options are those of :class:`TexturedPixels`."""
-    return Stack(TexturedPixels(**options), n)
+def _stacked(frames: type[Pixels | TexturedPixels], n: int, **options: Any) -> Stack:
+    """The last ``n`` frames, which show positions and velocities; options are those of the frames."""
+    return Stack(frames(**options), n)
 
 
 SHIPPED: dict[str, Callable[..., Observation]] = {
     "state": StateVector,
     "rgb": Pixels,
     "textures": TexturedPixels,
-    "textures_stack4": textures_stack4,
-    "state_normalised": state_normalised,
-    "rgb_stack2": rgb_stack2,
-    "rgb_stack4": rgb_stack4,
+    "textures_stack4": partial(_stacked, TexturedPixels, n=4),
+    "state_normalised": partial(StateVector, normalise=True),  # in units of the prior
+    "rgb_stack2": partial(_stacked, Pixels, n=2),
+    "rgb_stack4": partial(_stacked, Pixels, n=4),
 }
 OBSERVATIONS.update(SHIPPED)

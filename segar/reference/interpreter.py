@@ -4,53 +4,26 @@ Nothing here looks at generated code. Entities match by what their types declare
 tuple of distinct entities, and its effects are combined as in the paper. Some thousand times slower than a kernel.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from segar import language
 from segar.errors import ConflictError, SegarError
-from segar.language import (
-    ACT,
-    FIND_RATES,
-    SUB_STEP,
-    Aggregate,
-    Differential,
-    Effect,
-    Framerate,
-    Layout,
-    Number,
-    Operation,
-    Relation,
-    Rule,
-    SetFactor,
-    Signature,
-    Stage,
-    Task,
-    TaskFunctions,
-    VectorValue,
-    Velocity,
-    WorldRules,
-    build_argument,
-    default_task,
-    random,
-)
-from segar.reference.plain_random import keyed_uniform
+from segar.language import Number, random
+from segar.levels import Levels
 from segar.reference.reference_contacts import ContactRules, Rates, move, resolve_contacts
-from segar.reference.reference_state import ReferenceState
-from segar.reference.result import Firing, Result
+from segar.reference.reference_state import Firing, ReferenceState, Result
 
-if TYPE_CHECKING:
-    from segar.levels import Levels
-
+Slots = tuple[int, ...]
+"""The slots of a rule's entities."""
 Place = tuple[int, int]
 """A slot, and the first column of a factor."""
-Gathered = dict[Place, list[tuple[Rule, Effect]]]
+Gathered = dict[Place, list[tuple[language.Rule, language.Effect]]]
 Changes = dict[Place, tuple[float, ...]]
 
 
@@ -64,12 +37,12 @@ class Interpreter:
         task: action, reward and termination; PuttPutt where it is None.
     """
 
-    world: WorldRules
-    layout: Layout
-    task: Task = field(default_factory=default_task)
+    world: language.WorldRules
+    layout: language.Layout
+    task: language.Task = field(default_factory=language.default_task)
 
     @cached_property
-    def functions(self) -> TaskFunctions:
+    def functions(self) -> language.TaskFunctions:
         """The task's rules."""
         return self.task.functions()
 
@@ -116,38 +89,38 @@ class Interpreter:
 class _Run:
     """A step in progress."""
 
-    world: WorldRules
-    functions: TaskFunctions
+    world: language.WorldRules
+    functions: language.TaskFunctions
     state: ReferenceState
     explain: bool
-    action: tuple[Number, ...] = ()
+    action: tuple[language.Number, ...] = ()
     rates: Rates = field(default_factory=dict)
     contacts: int = 0
     unresolved_contacts: int = 0
     firings: list[Firing] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self.dt = 1.0 / self.state.parameters[Framerate]
+        self.dt = 1.0 / self.state.parameters[language.Framerate]
 
     def act(self, action: Sequence[float]) -> None:
         ranges = zip(action, self.functions.action_low, self.functions.action_high, strict=True)
-        self.action = tuple(Number(min(max(float(a), low), high)) for a, low, high in ranges)
-        self._run_stage(ACT)
+        self.action = tuple(language.Number(min(max(float(a), low), high)) for a, low, high in ranges)
+        self._run_stage(language.ACT)
 
     def sub_step(self) -> None:
-        for stage in SUB_STEP:
+        for stage in language.SUB_STEP:
             self._run_stage(stage)
         self.state.tick += 1
 
-    def _run_stage(self, stage: Stage) -> None:
+    def _run_stage(self, stage: language.Stage) -> None:
         match stage.operation:
-            case Operation.APPLY_EFFECTS:
+            case language.Operation.APPLY_EFFECTS:
                 self._write(self._fold(self._gather(stage), self.dt if stage.scales else 1.0))
-            case Operation.FIND_RATES:
+            case language.Operation.FIND_RATES:
                 self.rates = self.find_rates()
-            case Operation.MOVE:
+            case language.Operation.MOVE:
                 move(self.state, self.rates, self.dt)
-            case Operation.RESOLVE_CONTACTS:
+            case language.Operation.RESOLVE_CONTACTS:
                 rules = ContactRules(self.solid, self.hit_wall, self.hit_body, self.find_rates)
                 contacts, unresolved = resolve_contacts(self.state, rules, self.rates, self.dt)
                 self.contacts += contacts
@@ -158,13 +131,13 @@ class _Run:
     def find_rates(self) -> Rates:
         """The sum of the differentials on each position; zero where a rule sets or aggregates the position."""
         rates = {}
-        for (slot, _), pairs in self._gather(FIND_RATES).items():
-            only_rates = all(effect.kind is Differential for _, effect in pairs)
+        for (slot, _), pairs in self._gather(language.FIND_RATES).items():
+            only_rates = all(effect.kind is language.Differential for _, effect in pairs)
             x, y = _sum(effect for _, effect in pairs) if only_rates else (0.0, 0.0)
-            rates[slot] = VectorValue(x, y)
+            rates[slot] = language.VectorValue(x, y)
         return rates
 
-    def _gather(self, stage: Stage) -> Gathered:
+    def _gather(self, stage: language.Stage) -> Gathered:
         """The effects that count in the stage on each place, in order of rules and entities."""
         gathered: Gathered = {}
         for rule in stage.rules(self.world, self.functions):
@@ -176,13 +149,13 @@ class _Run:
         return gathered
 
     def _add(
-        self, gathered: Gathered, stage: str, rule: Rule, slots: tuple[int, ...], effects: Sequence[Effect]
+        self, gathered: Gathered, stage: str, rule: language.Rule, slots: Slots, effects: Sequence[language.Effect]
     ) -> None:
         for effect in effects:
             gathered.setdefault(self._place(slots, effect), []).append((rule, effect))
         self._record(stage, rule, slots, effects)
 
-    def _place(self, slots: tuple[int, ...], effect: Effect) -> Place:
+    def _place(self, slots: Slots, effect: language.Effect) -> Place:
         slot = slots[effect.target.argument]
         return slot, self.state.column(slot, effect.target.factor)
 
@@ -194,8 +167,8 @@ class _Run:
         """The new values: SetFactor wins over Aggregate, and Aggregate over Differential."""
         changes: Changes = {}
         for (slot, column), pairs in gathered.items():
-            sets = [(rule, e) for rule, e in pairs if e.kind is SetFactor]
-            aggregates = [e for _, e in pairs if e.kind is Aggregate]
+            sets = [(rule, e) for rule, e in pairs if e.kind is language.SetFactor]
+            aggregates = [e for _, e in pairs if e.kind is language.Aggregate]
             if sets:
                 changes[slot, column] = self._decide(slot, sets)
             elif aggregates:
@@ -206,7 +179,7 @@ class _Run:
                 changes[slot, column] = tuple(float(o) + c * scale for o, c in zip(old, change, strict=True))
         return changes
 
-    def _decide(self, slot: int, sets: list[tuple[Rule, Effect]]) -> tuple[float, ...]:
+    def _decide(self, slot: int, sets: list[tuple[language.Rule, language.Effect]]) -> tuple[float, ...]:
         """The value of the most specific rule; rules that are equally specific must agree."""
         highest = max(rule.priority for rule, _ in sets)
         (first, chosen), *others = [(rule, e) for rule, e in sets if rule.priority == highest]
@@ -219,7 +192,7 @@ class _Run:
                 )
         return _parts(chosen)
 
-    def _is_related(self, relation: Relation, slots: tuple[int, ...]) -> bool:
+    def _is_related(self, relation: language.Relation, slots: Slots) -> bool:
         """Whether a relation holds: the entities have what it needs, and its function returns true."""
         if relation.parts:
             answers = [self._is_related(part, slots) for part in relation.parts]
@@ -228,39 +201,43 @@ class _Run:
             return False
         return bool(relation.function(*self._arguments(relation.signature, slots)))
 
-    def _effects(self, rule: Rule, slots: tuple[int, ...], wall: VectorValue | None = None) -> list[Effect]:
+    def _effects(
+        self, rule: language.Rule, slots: Slots, wall: language.VectorValue | None = None
+    ) -> list[language.Effect]:
         """The effects of a rule on these entities."""
         returned = self._value(rule, slots, wall)
         effects = returned if isinstance(returned, (tuple, list)) else (returned,)
         return [e for e in effects if e is not None]
 
-    def _value(self, rule: Rule, slots: tuple[int, ...], wall: VectorValue | None = None) -> Any:
+    def _value(self, rule: language.Rule, slots: Slots, wall: language.VectorValue | None = None) -> Any:
         """What the rule's function returns for these entities."""
         draws, state = itertools.count(), self.state
 
-        def draw() -> Number:
+        def draw() -> language.Number:
             return keyed_uniform(state.key, state.tick, self._site(rule) * 256 + next(draws), slots)
 
         with random.drawing_from(draw):
             return rule.function(*self._arguments(rule.signature, slots, wall))
 
-    def _arguments(self, signature: Signature, slots: tuple[int, ...], wall: VectorValue | None = None) -> list[Any]:
+    def _arguments(
+        self, signature: language.Signature, slots: Slots, wall: language.VectorValue | None = None
+    ) -> list[Any]:
         def read(entity: int, factor: Any) -> Any:
             return self.state.read(slots, entity, factor, wall, self.action)
 
         def relation(name: str, a: int, b: int) -> bool:
             return self.state.relation(name, slots[a], slots[b])
 
-        return [build_argument(a, signature, read, relation) for a in signature.arguments]
+        return [language.build_argument(a, signature, read, relation) for a in signature.arguments]
 
-    def _site(self, rule: Rule) -> int:
+    def _site(self, rule: language.Rule) -> int:
         """Place of a rule in the order that keys its draws: the world's rules, the limit, contacts, then the task's."""
         world, task = self.world, self.functions
         order = [*world.rules, world.limit, world.wall_contact, world.pair_contact, *world.on_contact]
         order += [*task.act, *task.of_state]
         return [r for r in order if r is not None].index(rule)
 
-    def _record(self, stage: str, rule: Rule, slots: tuple[int, ...], effects: Sequence[Effect]) -> None:
+    def _record(self, stage: str, rule: language.Rule, slots: Slots, effects: Sequence[language.Effect]) -> None:
         if self.explain and effects:
             names = tuple(self.state.layout.names[s] for s in slots)
             self.firings.append(Firing(stage, rule, names, tuple(effects)))
@@ -274,13 +251,13 @@ class _Run:
             return self.world.pair_contact is not None
         return not self.state.meets(slot, rule.needs[0]) or bool(self._value(rule, (slot,)))
 
-    def hit_wall(self, slot: int, axes: VectorValue) -> None:
+    def hit_wall(self, slot: int, axes: language.VectorValue) -> None:
         notes = self._notes((slot,), axes)
         rule = self.world.wall_contact
         if rule is None:
-            v = self.state.vector(slot, Velocity)
+            v = self.state.vector(slot, language.Velocity)
             parts = tuple(0.0 if blocked else float(c) for c, blocked in zip(v, axes, strict=True))
-            self.state.write(slot, self.state.column(slot, Velocity), parts)
+            self.state.write(slot, self.state.column(slot, language.Velocity), parts)
         else:
             self._exchange(rule, (slot,), axes)
         self._write(notes)
@@ -291,7 +268,7 @@ class _Run:
         self._exchange(self.world.pair_contact, (first, second))
         self._write(notes)
 
-    def _notes(self, bodies: tuple[int, ...], wall: VectorValue | None = None) -> Changes:
+    def _notes(self, bodies: tuple[int, ...], wall: language.VectorValue | None = None) -> Changes:
         """What the rules of ``on_contact`` set, decided on the state in which the bodies meet."""
         gathered: Gathered = {}
         for rule in self.world.on_contact:
@@ -300,7 +277,7 @@ class _Run:
                     self._add(gathered, "contact", rule, slots, self._effects(rule, slots, wall))
         return self._fold(gathered, 0.0)
 
-    def _exchange(self, rule: Rule, slots: tuple[int, ...], wall: VectorValue | None = None) -> None:
+    def _exchange(self, rule: language.Rule, slots: Slots, wall: language.VectorValue | None = None) -> None:
         """Set at once what a rule of contact returns, where it takes these bodies."""
         if all(map(self.state.meets, slots, rule.needs)):
             effects = self._effects(rule, slots, wall)
@@ -318,7 +295,7 @@ class _Run:
         """Whether the task's ``terminated``, ``success`` or ``death`` holds for any entities that match."""
         return any(bool(v) for rule in getattr(self.functions, what) for v in self._values(rule))
 
-    def _values(self, rule: Rule) -> list[Any]:
+    def _values(self, rule: language.Rule) -> list[Any]:
         """The value for each tuple that matches, or one for all tuples that differ only in reduced arguments."""
         signature, found = rule.signature, {}
         for slots in self.state.tuples(rule.needs):
@@ -329,10 +306,26 @@ class _Run:
         return [all(values) if signature.reduction == "every" else max(values) for values in found.values()]
 
 
-def _parts(effect: Effect) -> tuple[float, ...]:
+def _parts(effect: language.Effect) -> tuple[float, ...]:
     value = effect.value
-    return (float(value.x), float(value.y)) if isinstance(value, VectorValue) else (float(value),)
+    return (float(value.x), float(value.y)) if isinstance(value, language.VectorValue) else (float(value),)
 
 
-def _sum(effects: Iterable[Effect]) -> tuple[float, ...]:
+def _sum(effects: Iterable[language.Effect]) -> tuple[float, ...]:
     return tuple(sum(parts, 0.0) for parts in zip(*map(_parts, effects), strict=True))
+
+
+def keyed_uniform(key: int, tick: int, site: int, slots: Slots) -> Number:
+    """The number in [0, 1) of a draw: SplitMix64 over key, sub-step, place of the draw in the rules, and entities."""
+    a, b, c = (*slots, 0, 0, 0)[:3]
+    z = _scramble(key + (tick + 1) * 0x9E3779B97F4A7C15)
+    z = _scramble(z + site * 0xD1B54A32D192ED03)
+    z = _scramble(z + (a * 65536 + b) * 0x8CB92BA72F3D8DD7 + c)
+    return Number((z >> 11) / 2.0**53)
+
+
+def _scramble(z: int) -> int:
+    z %= 2**64
+    z = ((z ^ (z >> 30)) * 0xBF58476D1CE4E5B9) % 2**64
+    z = ((z ^ (z >> 27)) * 0x94D049BB133111EB) % 2**64
+    return z ^ (z >> 31)

@@ -4,9 +4,8 @@ The room draws states; it knows no environments. It imports the engine's states 
 """
 
 from segar.rendering.camera import RENDER_MODES, Camera, Episodes, episode_verdict, status_line, steps_per_second
-from segar.rendering.scene import Figure, Scene, Stage
+from segar.rendering.scene import Figure, Scene, Stage, View
 from segar.rendering.video import record, write_video
-from segar.rendering.view import View
 
 __all__ = [
     "RENDER_MODES", "Camera", "Episodes", "Figure", "Scene", "Stage", "View", "episode_verdict", "record",

@@ -9,8 +9,7 @@ from segar.engine import State
 from segar.errors import SegarError, did_you_mean
 from segar.language import Framerate, Task, WorldRules
 from segar.levels import Levels
-from segar.rendering.scene import Stage
-from segar.rendering.view import View
+from segar.rendering.scene import Stage, View
 from segar.support import need_pygame
 
 RENDER_MODES = ["rgb_array", "human"]

@@ -36,18 +36,14 @@ def place_labels(requests: Sequence[Request], things: Sequence[Box], frame: Box)
     """A box for each label, the first ones with the first choice."""
     placed: list[Box] = []
     for request in requests:
-        offered = [
-            (_cost(box, placed, things if beside else (), frame) + dislike, box)
-            for box, dislike, beside in _offers(request)
-        ]
+        places = (MIDDLE, *PLACES) if request.inside else PLACES
+        offered = []
+        for x, y, dislike in places:
+            box = _box(request, x, y)
+            hides = things if (x, y) != (0.0, 0.0) else ()  # in its middle, a label may hide its thing
+            offered.append((_cost(box, placed, hides, frame) + dislike, box))
         placed.append(_pushed_inside(min(offered)[1], frame))
     return placed
-
-
-def _offers(request: Request) -> list[tuple[Box, float, bool]]:
-    """Boxes where the label may go, what others must be better by, and whether they are beside the thing."""
-    places = (MIDDLE, *PLACES) if request.inside else PLACES
-    return [(_box(request, x, y), dislike, (x, y) != (0.0, 0.0)) for x, y, dislike in places]
 
 
 def _box(request: Request, x: float, y: float) -> Box:

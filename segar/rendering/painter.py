@@ -8,10 +8,8 @@ import pygame
 
 from segar.language import GoalTile
 from segar.rendering import marks
-from segar.rendering.fields import charge_sources, electric_field, hint_strength
 from segar.rendering.labels import Box, Request, place_labels
-from segar.rendering.scene import Figure, Scene
-from segar.rendering.view import View
+from segar.rendering.scene import Figure, Scene, View, charge_sources, electric_field, hint_strength
 
 RGB: TypeAlias = tuple[int, int, int]
 
@@ -175,15 +173,13 @@ class Painter:
             marks.chevrons(self._big, centre, radius + 2 * unit, size, figure.energy > 0, ink)
         if figure.is_visible:
             pygame.draw.polygon(self._big, figure.colour if figure.is_alive else GREY, outline)
-            if figure.is_mobile:
-                pygame.draw.polygon(self._big, BLACK, outline, self._width(2.5))
-            else:
-                pygame.draw.polygon(self._big, BLACK, outline, self._width(1))
+            pygame.draw.polygon(self._big, BLACK, outline, self._width(2.5 if figure.is_mobile else 1))
+            if not figure.is_mobile:
                 marks.bolts(self._big, centre, radius - 4.5 * unit, 1.8 * unit, BLACK)
         else:
             self._draw_unseen(figure, outline)
         if figure.is_agent:
-            pygame.draw.polygon(self._big, AGENT, self._grown(figure, 3.5 * unit), self._width(1.8))
+            pygame.draw.polygon(self._big, AGENT, self._outline(figure, 1 + 3.5 * unit / radius), self._width(1.8))
         if figure.is_alive:
             self._draw_signs(figure, centre, radius)
         else:
@@ -195,13 +191,9 @@ class Painter:
         self._big.blit(ghost, (0, 0))
         marks.dashed(self._big, outline, 2 * self._unit, WHITE)
 
-    def _grown(self, figure: Figure, by: float) -> list[tuple[float, float]]:
-        return self._outline(figure, 1 + by / (figure.radius * self._scale))
-
     def _draw_signs(self, figure: Figure, centre: tuple[float, float], radius: float) -> None:
         """Sign of charge and magnetism, side by side if there are both."""
-        ink = BLACK if sum(figure.colour) > 330 or not figure.is_visible else WHITE
-        ink = WHITE if not figure.is_visible else ink
+        ink = BLACK if sum(figure.colour) > 330 and figure.is_visible else WHITE
         both = bool(figure.charge and figure.magnetism)
         size = radius * (0.65 if both else 0.9)
         for value, mark, side in ((figure.charge, marks.charge_sign, -1), (figure.magnetism, marks.magnet_sign, 1)):

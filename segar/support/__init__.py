@@ -3,15 +3,13 @@
 The room imports ``errors`` alone. Others use the names that are imported here.
 """
 
-from segar.support.archives import ArchiveFormat
-from segar.support.atomic_files import UNFINISHED, remove_unfinished, replacing
 from segar.support.counter_kernel import GOLDEN, SPACING, keyed_uniform, mix, normal, uniform
 from segar.support.counter_rng import LOW_WORD, SPARE_BITS, WORD, LevelGenerator, philox, stream_key
 from segar.support.estimates import Estimate
-from segar.support.imports import named_object
+from segar.support.files import UNFINISHED, ArchiveFormat, remove_unfinished, replacing
+from segar.support.imports import named_object, need, need_pygame
 from segar.support.moved_modules import deprecated_names, find_moved
 from segar.support.optimal_transport import TRANSPORT_STEPS, emd, plan_of, pot
-from segar.support.optional_dependencies import need, need_pygame
 from segar.support.plain import is_plain
 from segar.support.threads import Team
 from segar.support.version import __version__

@@ -20,11 +20,9 @@ class Work(Protocol):
 
         The heavy part of the work runs without the interpreter's lock.
         """
-        ...
 
     def dismiss(self) -> None:
         """Let the threads that only wait for parts return at once."""
-        ...
 
 
 class Team:

@@ -1,44 +1,120 @@
-"""A rule with one of its arguments as the target, and loop variables in place of its arguments."""
+"""Rules applied to a target, with loop variables in place of their arguments, and what is known of them before they run: rules
+that always conflict, columns on which rules may conflict, and factors that are read of other entities."""
 
+from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
-from segar.engine.compiler.emit import bind
-from segar.engine.compiler.loops import VARIABLES
-from segar.language import Branch, Leaf, Pattern, Rule, Symbol, Tree, symbols_of, walk
+from segar import language
+from segar.engine.compiler.emit import VARIABLES, bind
+from segar.engine.compiler.spec import Group, Matcher
+from segar.errors import ConflictError
 
 
 @dataclass(frozen=True)
 class Application:
     """A rule with its number in the kernel, and the argument whose effects are gathered."""
 
-    rule: Rule
+    rule: language.Rule
     number: int
     target: int
 
     @property
-    def needs(self) -> tuple[Pattern, ...]:
-        return self.rule.needs
-
-    @property
-    def target_needs(self) -> Pattern:
+    def target_needs(self) -> language.Pattern:
         return self.rule.needs[self.target]
 
     @property
     def variables(self) -> tuple[str, ...]:
         """Loop variable of each argument: the target is ``i``, the others follow."""
         others = iter(VARIABLES[1:])
-        return tuple("i" if a == self.target else next(others) for a in range(len(self.needs)))
+        return tuple("i" if a == self.target else next(others) for a in range(len(self.rule.needs)))
 
 
-def bind_tree(tree: Tree, a: Application) -> Tree:
+def bind_tree(tree: language.Tree, a: Application) -> language.Tree:
     """The tree with its arguments replaced by the application's loop variables."""
-    if isinstance(tree, Branch):
+    if isinstance(tree, language.Branch):
         condition = bind(tree.condition, a.variables, a.number)
-        return Branch(condition, bind_tree(tree.yes, a), bind_tree(tree.no, a))
+        return language.Branch(condition, bind_tree(tree.yes, a), bind_tree(tree.no, a))
     effects = (replace(e, components=tuple(bind(c, a.variables, a.number) for c in e.components)) for e in tree.effects)
-    return Leaf(tuple(effects))
+    return language.Leaf(tuple(effects))
 
 
-def application_symbols(a: Application) -> list[Symbol]:
+def application_symbols(a: Application) -> list[language.Symbol]:
     """All symbols of a rule and its relation."""
-    return symbols_of(a.rule.tree) + (walk(a.rule.relation.truth) if a.rule.relation is not None else [])
+    return language.symbols_of(a.rule.tree) + (
+        language.walk(a.rule.relation.truth) if a.rule.relation is not None else []
+    )
+
+
+def counted_effects(a: Application, leaf: language.Leaf, counts: language.Counts) -> list[language.EffectExpression]:
+    """The effects at a leaf that are on the application's target and count in the stage."""
+    return [e for e in leaf.effects if e.argument == a.target and counts(a.rule, e.kind, e.factor)]
+
+
+def check_certain_conflicts(group: Group, applications: Sequence[Application], counts: language.Counts) -> None:
+    """Raise :class:`ConflictError` where two rules on single entities always set one factor, equally specific."""
+    setters = defaultdict(list)
+    for a in applications:
+        if len(a.rule.needs) == 1 and a.rule.relation is None and not isinstance(a.rule.tree, language.Branch):
+            for e in counted_effects(a, a.rule.tree, counts):
+                if e.kind is language.SetFactor:
+                    setters[(e.factor, a.rule.priority)].append((a, e))
+    for (factor, _), found in setters.items():
+        for (a, first), (b, second) in pairwise(found):
+            # Symbols are interned: the same expression is the same object.
+            if any(p is not q for p, q in zip(first.components, second.components, strict=True)):
+                raise ConflictError(
+                    f"{a.rule.where} and {b.rule.where} both always set {factor.__name__} of"
+                    f" {group.types[0].__name__}, and neither is more specific; remove one, add a relation, or give"
+                    " one a priority"
+                )
+
+
+def find_possible_conflicts(
+    matcher: Matcher, group: Group, applications: Sequence[Application], counts: language.Counts
+) -> set[int]:
+    """Columns that may be set twice with equal priority: by two rules, by one rule on several partners, or by a rule
+    that sets the column twice."""
+    most: dict[tuple[int, int], int] = defaultdict(int)
+    for a in applications:
+        times: dict[int, int] = defaultdict(int)
+        for leaf in language.leaves_of(a.rule.tree):
+            effects = counted_effects(a, leaf, counts)
+            columns = [matcher.column(group, e.factor) for e in effects if e.kind is language.SetFactor]
+            for column in columns:
+                times[column] = max(times[column], columns.count(column) * len(a.rule.needs))
+        for column, count in times.items():
+            most[column, a.rule.priority] += count
+    return {column for (column, _), count in most.items() if count > 1}
+
+
+def read_across(
+    matcher: Matcher, groups: Sequence[Group], applications: Sequence[Application]
+) -> set[type[language.Factor]]:
+    """Factors that some rule reads of an entity that is not its target."""
+    shared: set[type[language.Factor]] = set()
+    for a in applications:
+        if not _has_partners(matcher, groups, a):
+            continue
+        for symbol in application_symbols(a):
+            if symbol.op == "load" and symbol.args[0] != a.target:
+                factor = symbol.args[1]
+                shared |= _descendants(factor) | {b for b in factor.__mro__ if issubclass(b, language.Factor)}
+            if symbol.op == "relation" and isinstance(symbol.args[0], str):
+                shared |= {language.Position, language.Order, language.Size}
+    return shared
+
+
+def _has_partners(matcher: Matcher, groups: Sequence[Group], a: Application) -> bool:
+    """Whether some entity can be another argument of the rule beside a target."""
+    targets = [g for g in groups if matcher.match(g, a.target_needs) is not None]
+    for other, need in enumerate(a.rule.needs):
+        partners = [g for g in groups if matcher.match(g, need) is not None]
+        if other != a.target and any(t is not p or not t.is_single for t in targets for p in partners):
+            return True
+    return False
+
+
+def _descendants(factor: type[language.Factor]) -> set[type[language.Factor]]:
+    return {factor}.union(*map(_descendants, factor.__subclasses__()))

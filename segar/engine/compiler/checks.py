@@ -1,6 +1,6 @@
 """Errors when a kernel is made: a rule needs something that the layout, the task or its place in the world lacks."""
 
-from segar.engine.compiler.loops import VARIABLES
+from segar.engine.compiler.emit import VARIABLES
 from segar.errors import RuleError, did_you_mean
 from segar.language import Action, Layout, Order, Parameter, Position, Relation, Rule, Size, Velocity, holds, symbols_of
 

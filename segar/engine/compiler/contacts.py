@@ -1,32 +1,96 @@
-"""Contacts -> source: which bodies are solid or movable, what a wall and another body do, and whether any may touch."""
+"""Contacts -> source: which bodies are solid or movable, what a wall and another body do, which rules note a contact, and
+whether any bodies may touch."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import permutations
 
+from segar import language
 from segar.engine.compiler.checks import check_contact_rule
-from segar.engine.compiler.contact_notes import ContactNotes
-from segar.engine.compiler.emit import Writer, bind
-from segar.engine.compiler.loops import both, condition, match_test, over_group
-from segar.engine.compiler.source import Source, write_tree, write_value
+from segar.engine.compiler.emit import Writer, bind, both, condition, match_test, over_group
+from segar.engine.compiler.source import FactorSetting, Source, write_tree, write_value
 from segar.engine.compiler.spec import Group, Matcher
 from segar.errors import RuleError
-from segar.language import (
-    Collides,
-    Leaf,
-    Mobile,
-    Pattern,
-    Position,
-    Rule,
-    SetFactor,
-    Slot,
-    Velocity,
-    WorldRules,
-    effects_of,
-)
 
-COLLIDES = Pattern((Collides, Position, Velocity))
+
+@dataclass(frozen=True)
+class _Note:
+    """A rule with its number, and of each argument the mask and the types of the bodies that match it."""
+
+    rule: language.Rule
+    number: int
+    masks: tuple[int, ...]
+    groups: tuple[Group, ...]
+
+
+class ContactNotes:
+    """Writes the source for the bodies of one contact.
+
+    Args:
+        group: all entities that collide; rules with an argument that none of them matches are left out.
+        bodies: the variables that hold the bodies; a rule on two applies in both orders.
+        rules: rules on that many bodies, with their numbers in the kernel.
+    """
+
+    def __init__(
+        self, matcher: Matcher, group: Group, bodies: tuple[str, ...], rules: list[tuple[int, language.Rule]]
+    ) -> None:
+        self.matcher, self.group, self.bodies = matcher, group, bodies
+        self.notes = [n for n in (self._note(number, rule) for number, rule in rules) if n is not None]
+        orders = list(permutations(bodies))
+        settings = [
+            self._setting(n, e, o) for n in self.notes for e in language.effects_of(n.rule.tree) for o in orders
+        ]
+        self.settings = list(dict.fromkeys(settings))
+
+    def gather(self, w: Writer) -> None:
+        """Evaluate every rule, in every order of the bodies."""
+        for setting in self.settings:
+            setting.begin(w)
+        for note in self.notes:
+            for order in permutations(self.bodies):
+                w.line(f"# {note.rule.name}")
+                w.groups = dict(zip(order, note.groups, strict=True))
+                tests = [match_test(body, mask) for body, mask in zip(order, note.masks, strict=True)]
+                with condition(w, both(*tests)):
+                    self._write_effects(w, note, order)
+
+    def write(self, w: Writer) -> None:
+        """Set the factors."""
+        for setting in self.settings:
+            setting.report_conflict(w)
+            with w.block(f"if {setting.is_set}:"):
+                setting.store(w)
+
+    def _note(self, number: int, rule: language.Rule) -> _Note | None:
+        check_contact_rule(rule)
+        masks = [self.matcher.match(self.group, need) for need in rule.needs]
+        if None in masks:
+            return None
+        return _Note(rule, number, tuple(m or 0 for m in masks), tuple(map(self._matching, rule.needs)))
+
+    def _matching(self, needs: language.Pattern) -> Group:
+        """The group with only those types that match, since these decide about columns."""
+        kinds = [t for t in self.group.types if needs.entity_type is None or issubclass(t, needs.entity_type)]
+        kinds = [t for t in kinds if all(language.holds(t, f) is not None for f in needs.factors)]
+        return Group(self.group.slots, tuple(kinds), self.group.optional)
+
+    def _setting(self, note: _Note, effect: language.EffectExpression, order: tuple[str, ...]) -> FactorSetting:
+        column = self.matcher.column(note.groups[effect.argument], effect.factor)
+        return FactorSetting(order[effect.argument], column, effect.factor.width)
+
+    def _write_effects(self, w: Writer, note: _Note, order: tuple[str, ...]) -> None:
+        def write_leaf(leaf: language.Leaf) -> None:
+            for effect in leaf.effects:
+                values = [w.value(bind(component, order, note.number)) for component in effect.components]
+                self._setting(note, effect, order).add(w, note.number, note.rule.priority, values)
+
+        write_tree(w, note.rule.tree, order, note.number, write_leaf)
+
+
+COLLIDES = language.Pattern((language.Collides, language.Position, language.Velocity))
 
 
 @dataclass(frozen=True)
@@ -34,8 +98,8 @@ class Contacts:
     """Writes the functions that ``device_contacts.py`` calls by name while it resolves contacts."""
 
     source: Source
-    world: WorldRules
-    rules: list[Rule]
+    world: language.WorldRules
+    rules: list[language.Rule]
 
     @property
     def matcher(self) -> Matcher:
@@ -73,13 +137,13 @@ class Contacts:
 
     def movable(self) -> str:
         """Whether a contact may push a body."""
-        mask = self._mask(Pattern((Mobile,)))
+        mask = self._mask(language.Pattern((language.Mobile,)))
         with self.source.function("movable(V, bits, i)") as w:
             if mask is None:
                 w.line("return True")
             else:
                 without = f"not ({match_test('i', mask)}) or " if mask else ""
-                w.line(f"return {without}V[i, {self.matcher.column(self.bodies, Mobile)}] != 0.0")
+                w.line(f"return {without}V[i, {self.matcher.column(self.bodies, language.Mobile)}] != 0.0")
         return w.text()
 
     def hit_wall(self) -> str:
@@ -103,7 +167,7 @@ class Contacts:
     def may_touch(self) -> str:
         """Whether some body may reach through a wall or another body; a cheap test without roots."""
 
-        def matching(slot: Slot) -> int | None:
+        def matching(slot: language.Slot) -> int | None:
             return self.matcher.match(Group((0,), slot.types, False), COLLIDES)
 
         with self.source.function("may_touch(V, bits, kind, hull_radius)", inline=True) as w:
@@ -128,7 +192,7 @@ class Contacts:
             with w.block("if jx * jx + jy * jy <= reach * reach:"):
                 w.line("return True")
 
-    def _mask(self, needs: Pattern) -> int | None:
+    def _mask(self, needs: language.Pattern) -> int | None:
         """The mask that a body must have to match; None where no body matches."""
         return self.matcher.match(self.bodies, needs) if self.bodies.types else None
 
@@ -146,13 +210,13 @@ class Contacts:
         yield
         notes.write(w)
 
-    def _exchange(self, w: Writer, rule: Rule, variables: tuple[str, ...]) -> None:
+    def _exchange(self, w: Writer, rule: language.Rule, variables: tuple[str, ...]) -> None:
         """Run a contact rule on given bodies and set all its factors at once."""
         self._check_exchange(rule, len(variables))
         if not self.bodies.types:
             return
 
-        def write_leaf(leaf: Leaf) -> None:
+        def write_leaf(leaf: language.Leaf) -> None:
             stores = []
             for e in leaf.effects:
                 column = self.matcher.column(self.bodies, e.factor)
@@ -167,15 +231,15 @@ class Contacts:
         with condition(w, both(*tests)):
             write_tree(w, rule.tree, variables, 0, write_leaf)
 
-    def _check_exchange(self, rule: Rule, bodies: int) -> None:
+    def _check_exchange(self, rule: language.Rule, bodies: int) -> None:
         check_contact_rule(rule)
         if rule.relation is not None:
             raise RuleError(f"{rule.where}: a contact rule cannot have a relation; test inside the rule")
         if len(rule.needs) != bodies:
             raise RuleError(f"{rule.where}: this contact rule must take {bodies} entities, not {len(rule.needs)}")
-        if any(e.kind is not SetFactor for e in effects_of(rule.tree)):
+        if any(e.kind is not language.SetFactor for e in language.effects_of(rule.tree)):
             raise RuleError(f"{rule.where}: a contact happens at an instant, so it can only return SetFactor")
         for need in rule.needs if self.bodies.types else ():
             if self._mask(need) is None:
-                missing = [f.__name__ for f in need.factors if self._mask(Pattern((f,))) is None]
+                missing = [f.__name__ for f in need.factors if self._mask(language.Pattern((f,))) is None]
                 raise RuleError(f"{rule.where}: no body that collides has {', '.join(missing)}")

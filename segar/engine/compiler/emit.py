@@ -1,23 +1,18 @@
-"""Expressions -> source: temporaries with names in nested scopes, so that each expression is computed once."""
+"""Expressions and loops -> source: temporaries with names in nested scopes, so that each expression is computed once; loops
+over groups of slots, and the tests that an entity matches."""
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from typing import Any
 
+from segar.engine.compiler.spec import Group
 from segar.language import Symbol, make
 
-BINARY = {"add": "+", "sub": "-", "mul": "*", "div": "/", "lt": "<", "le": "<=", "eq": "==", "ne": "!="}
-CALLS = {
-    "sqrt": "math.sqrt",
-    "exp": "np.exp",
-    "log": "np.log",
-    "sin": "np.sin",
-    "cos": "np.cos",
-    "tanh": "np.tanh",
-    "arctan2": "math.atan2",
-    "abs": "abs",
-    "sign": "np.sign",
-}
+BINARY = {"add": "+", "sub": "-", "mul": "*", "div": "/", "pow": "**", "lt": "<", "le": "<=", "eq": "==", "ne": "!="}
+BINARY |= {"and": "and", "or": "or"}
+UNARY = {"neg": "-", "not": "not "}
+CALLS = {name: f"np.{name}" for name in ("exp", "log", "sin", "cos", "tanh", "sign")}
+CALLS |= {"sqrt": "math.sqrt", "arctan2": "math.atan2", "abs": "abs"}
 
 
 class Writer:
@@ -27,9 +22,9 @@ class Writer:
         atom: the source of a leaf symbol (load, parameter, draw, relation, action, wall).
     """
 
-    def __init__(self, atom: Callable[[Symbol], str], indent: int = 0) -> None:
+    def __init__(self, atom: Callable[[Symbol], str]) -> None:
         self.lines: list[str] = []
-        self.indent = indent
+        self.indent = 0
         self.groups: dict[str, Any] = {}  # the group that each loop variable runs over
         self._atom = atom
         self._scopes: list[dict[Symbol, str]] = [{}]
@@ -84,17 +79,11 @@ class Writer:
             return f"{self.value(args[0])} {BINARY[op]} {self.value(args[1])}"
         if op in CALLS:
             return f"{CALLS[op]}({', '.join(self.value(a) for a in args)})"
-        if op == "neg":
-            return f"-{self.value(args[0])}"
-        if op == "pow":
-            return f"{self.value(args[0])} ** {self.value(args[1])}"
+        if op in UNARY:
+            return f"{UNARY[op]}{self.value(args[0])}"
         if op == "select":
             condition, yes, no = (self.value(a) for a in args)
             return f"{yes} if {condition} else {no}"
-        if op in ("and", "or"):
-            return f"{self.value(args[0])} {op} {self.value(args[1])}"
-        if op == "not":
-            return f"not {self.value(args[0])}"
         return self._atom(symbol)
 
 
@@ -121,3 +110,35 @@ def bind(symbol: Symbol, variables: tuple[str, ...], rule: int) -> Symbol:
     if not any(isinstance(a, Symbol) for a in args):
         return symbol
     return make(op, *(bind(a, variables, rule) if isinstance(a, Symbol) else a for a in args))
+
+
+VARIABLES = ("i", "j", "k")
+
+
+@contextmanager
+def over_group(w: Writer, group: Group, variable: str) -> Iterator[None]:
+    """A loop over the group's slots, or a plain assignment where there is one."""
+    with w.scope() if group.is_single else w.block(f"for {variable} in {group.loop}:"):
+        if group.is_single:
+            w.line(f"{variable} = {group.slots[0]}")
+        yield
+
+
+def condition(w: Writer, test: str) -> AbstractContextManager[None]:
+    """An ``if`` block, or nothing but a scope where the test is empty."""
+    return w.block(f"if {test}:") if test else w.scope()
+
+
+def match_test(variable: str, mask: int) -> str:
+    """Source of the test that an entity's bits include the mask; empty for no test."""
+    return f"(bits[{variable}] & {mask}) == {mask}" if mask else ""
+
+
+def both(*tests: str) -> str:
+    """The conjunction of the tests that are not empty."""
+    return " and ".join(t for t in tests if t)
+
+
+def share(a: Group, b: Group) -> bool:
+    """Whether some slot is in both groups."""
+    return not set(a.slots).isdisjoint(b.slots)

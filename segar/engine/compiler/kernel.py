@@ -1,50 +1,47 @@
 """Layout, rules and task -> the source of one module that steps a batch of environments.
 
 The module consists of constants of the layout, geometry (:mod:`segar.engine.runtime.device`), contacts
-(:mod:`segar.engine.runtime.device_contacts`), the functions that the rules became, and the entry
-(:mod:`segar.engine.compiler.entry`). Nothing in it depends on sampled values, so all level sets of a distribution share
-it.
+(:mod:`segar.engine.runtime.device_contacts`), the functions that the rules became, and the entry, which takes each
+environment through a step: the source of a sub-step follows :data:`segar.language.SUB_STEP`, stage by stage. Nothing in the
+module depends on sampled values, so all level sets of a distribution share it.
 """
 
 import hashlib
 import inspect
 import sys
-from dataclasses import dataclass, field
+import textwrap
+from dataclasses import dataclass, field, fields
 from types import ModuleType
 
 import numpy as np
 
+from segar import language
+from segar.engine.batch import LevelArrays, State, StepResult
 from segar.engine.compiler.checks import check_geometry, check_position_rule, check_rule
 from segar.engine.compiler.contacts import COLLIDES, Contacts
-from segar.engine.compiler.entry import entry_source, stage_call
-from segar.engine.compiler.loops import over_group
-from segar.engine.compiler.source import DECORATOR, Source
+from segar.engine.compiler.emit import over_group
+from segar.engine.compiler.source import DECORATOR, ENTRY_DECORATOR, STATE, Source
 from segar.engine.compiler.spec import Group
 from segar.engine.compiler.stages import StageWriter
 from segar.engine.compiler.task_functions import task_functions
 from segar.engine.runtime import device, device_contacts, gather, ledger, plain_ledger, plain_sheet, sheet
 from segar.errors import RuleError
-from segar.language import (
-    ACT,
-    FIND_RATES,
-    SUB_STEP,
-    Floor,
-    Framerate,
-    Layout,
-    Operation,
-    Order,
-    Pattern,
-    Position,
-    Rule,
-    Size,
-    Stage,
-    TaskFunctions,
-    Velocity,
-    WorldRules,
-    effects_of,
-    moves,
-)
+from segar.language import ACT, FIND_RATES, SUB_STEP, Layout, Operation, Rule, Stage, TaskFunctions
 from segar.support import is_plain, keyed_uniform
+
+THREAD_ARGUMENTS = ("ledger", "owns", "sheet")
+"""How threads share the parts of a call, whether this thread owns the call, and where observations are written."""
+
+ARGUMENTS = (
+    *("part_length", "sub_steps", "with_task", "actions", "errors"),  # the call
+    *(f"state_{field.name}" for field in fields(State)),
+    *(f"level_{field.name}" for field in fields(LevelArrays)),
+    *(f"result_{field.name}" for field in fields(StepResult)),
+    *("rows", "reads", "places"),  # observation: environments, what is read of each, numbers per environment
+    *("W", "U", "A", "L"),  # scratch of one thread; see STATE
+)
+"""Names of the other arguments, in order; the simulator gives each of them by its name."""
+
 
 COPY_MARK = "# --- copied from here on ---\n"
 MANY_BODIES = 12  # above this number it pays to sort bodies before pairs are compared
@@ -67,7 +64,7 @@ class KernelSource:
     list_length: int
 
 
-def generate(layout: Layout, world: WorldRules, task: TaskFunctions) -> KernelSource:
+def generate(layout: Layout, world: language.WorldRules, task: language.TaskFunctions) -> KernelSource:
     """The kernel of a world on a layout; with plain twins if :func:`segar.support.is_plain`.
 
     Raises:
@@ -86,8 +83,8 @@ def generate(layout: Layout, world: WorldRules, task: TaskFunctions) -> KernelSo
 @dataclass
 class _Builder:
     layout: Layout
-    world: WorldRules
-    task: TaskFunctions
+    world: language.WorldRules
+    task: language.TaskFunctions
     plain: bool
     source: Source = field(init=False)
     rules: list[Rule] = field(init=False)
@@ -106,7 +103,7 @@ class _Builder:
         for rule in self.task.of_state:
             check_rule(rule, self.layout, numbers, allows_action=rule in self.task.reward, allows_wall=False)
         for rule in world.rules:
-            if any(moves(rule, e.kind, e.factor) for e in effects_of(rule.tree)):
+            if any(language.moves(rule, e.kind, e.factor) for e in language.effects_of(rule.tree)):
                 check_position_rule(rule)
 
     @property
@@ -116,7 +113,7 @@ class _Builder:
 
     def header(self) -> str:
         columns = self.layout.columns
-        floors, floor_bits = self._slots(Pattern((Floor, Position)))
+        floors, floor_bits = self._slots(language.Pattern((language.Floor, language.Position)))
         colliders, collider_bits = self._slots(COLLIDES)
         movers = sorted(s for g in self._writer(FIND_RATES).target_groups for s in g.slots)
         slots = ", ".join(
@@ -139,10 +136,10 @@ from numba import njit
 {_import(writes, "make_sheet, sheet_with, table_on")}
 {_import(sys.modules[keyed_uniform.__module__], "keyed_uniform")}
 
-X = {columns.get(Position, 0)}
-VX = {columns.get(Velocity, 0)}
-SIZE = {columns.get(Size, 0)}
-ORDER = {columns.get(Order, 0)}
+X = {columns.get(language.Position, 0)}
+VX = {columns.get(language.Velocity, 0)}
+SIZE = {columns.get(language.Size, 0)}
+ORDER = {columns.get(language.Order, 0)}
 FLOORS = np.array({floors}, np.int64)
 COLLIDERS = np.array({colliders}, np.int64)
 MOVERS = np.array({movers}, np.int64)
@@ -170,16 +167,22 @@ CONTACT_MOVES = {self._contacts_move()}
             contacts.hit_wall(),
             contacts.hit_body(),
             self._act(),
-            *(self._stage_function(stage) for stage in SUB_STEP if stage.operation is not Operation.RESOLVE_CONTACTS),
+            *(
+                self._stage_function(stage)
+                for stage in SUB_STEP
+                if stage.operation is not language.Operation.RESOLVE_CONTACTS
+            ),
             contacts.may_touch(),
             *task_functions(self.source, self.task, len(self.rules)),
-            entry_source(self.task, self.layout.parameters.index(Framerate), may_touch),
+            entry_source(self.task, self.layout.parameters.index(language.Framerate), may_touch),
         ]
         return "\n\n\n".join(parts)
 
     def _stage_function(self, stage: Stage) -> str:
         """The function that a stage of a sub-step becomes."""
-        return self._move(stage) if stage.operation is Operation.MOVE else self._stage(stage, stage_call(stage))
+        return (
+            self._move(stage) if stage.operation is language.Operation.MOVE else self._stage(stage, stage_call(stage))
+        )
 
     def _stage(self, stage: Stage, header: str, inline: bool = True) -> str:
         writer = self._writer(stage)
@@ -212,9 +215,10 @@ CONTACT_MOVES = {self._contacts_move()}
     def _contacts_move(self) -> bool:
         """Whether some rule of contact puts bodies elsewhere or changes their size."""
         exchanges = [r for r in (self.world.wall_contact, self.world.pair_contact) if r is not None]
-        return any(issubclass(f, (Position, Size)) for r in [*exchanges, *self.world.on_contact] for f in r.changes)
+        moving = (language.Position, language.Size)
+        return any(issubclass(f, moving) for r in [*exchanges, *self.world.on_contact] for f in r.changes)
 
-    def _slots(self, needs: Pattern) -> tuple[list[int], int]:
+    def _slots(self, needs: language.Pattern) -> tuple[list[int], int]:
         """Slots whose entities may match, and the mask to test, one for all of them."""
         groups = [g for g in self.source.matcher.groups if self.source.matcher.match(g, needs) is not None]
         slots = [i for g in groups for i in g.slots]
@@ -238,3 +242,90 @@ def _import(module: ModuleType, names: str) -> str:
     """An import line with the module's hash: its machine code is part of the kernel, whose name follows from the text."""
     version = hashlib.sha256(inspect.getsource(module).encode()).hexdigest()[:8]
     return f"from {module.__name__} import {names}  # {version}"
+
+
+def entry_source(task: TaskFunctions, framerate: int, may_touch: str) -> str:
+    """The entry function ``advance``.
+
+    Args:
+        framerate: column of the framerate among the world parameters.
+        may_touch: source of the test whether any contact is possible.
+    """
+    sub_step = "\n".join(" " * 16 + line for stage in SUB_STEP for line in stage_source(stage, may_touch))
+    return _ENTRY.format(
+        decorator=ENTRY_DECORATOR,
+        arguments=textwrap.fill(", ".join((*THREAD_ARGUMENTS, *ARGUMENTS)), 108, subsequent_indent=" " * 12),
+        low=list(task.action_low),
+        high=list(task.action_high),
+        framerate=framerate,
+        state=STATE,
+        act=stage_call(ACT),
+        sub_step=sub_step,
+    )
+
+
+def stage_source(stage: Stage, may_touch: str) -> list[str]:
+    """The lines that run a stage of a sub-step."""
+    if stage.operation is not Operation.RESOLVE_CONTACTS:
+        return [stage_call(stage)]
+    return [
+        f"if {may_touch}:",
+        "    contacts, unresolved = resolve_contacts(V, W, U, bits, kind, hull_radius, P, err, L, dt)",
+        "    state_contacts[e] += contacts",
+        "    state_unresolved_contacts[e] += unresolved",
+    ]
+
+
+def stage_call(stage: Stage) -> str:
+    """The call of the function that the stage became, which is also that function's header."""
+    match stage.operation:
+        case Operation.MOVE:
+            return "move(V, U, bits, dt)"
+        case Operation.FIND_RATES:
+            return f"find_rates({STATE}, dt)"
+        case _:
+            return f"apply_{stage.name}({STATE}, dt)"
+
+
+_ENTRY = '''ACTION_LOW = np.array({low})
+ACTION_HIGH = np.array({high})
+
+
+{decorator}
+def advance({arguments}):
+    """Take environments through a step: those of each part that this thread takes from the ledger."""
+    for a in range(len(COLLIDERS)):
+        L[ORDER_AT + a] = COLLIDERS[a]
+    if owns:
+        open_ledger(ledger)
+    part = take_part(ledger, owns)
+    while part >= 0:
+        start, stop = part * part_length, min((part + 1) * part_length, len(state_level))
+        for e in range(start, stop):
+            V, key, tick, err, at = state_values[e], state_key[e], state_tick[e], errors[e], state_level[e]
+            bits, kind, count = level_bits[at], level_kind[at], level_count[at]
+            vertex, hull_radius, P = level_vertex[at], level_hull_radius[at], level_parameters[at]
+            dt = 1.0 / P[{framerate}]
+            if with_task:
+                for c in range(len(ACTION_LOW)):
+                    A[c] = min(max(np.float64(actions[e, c]), ACTION_LOW[c]), ACTION_HIGH[c])
+                {act}
+            ended = False
+            for _ in range(sub_steps):
+{sub_step}
+                tick += 1
+                if with_task:
+                    ended = terminated_of({state})
+                    if ended:
+                        break
+            state_tick[e] = tick
+            if with_task:
+                result_terminated[e] = ended
+                result_reward[e] = reward_of({state})
+                result_success[e] = success_of({state})
+                result_death[e] = death_of({state})
+        if places > 0:
+            gather_range(state_values, state_level, rows, start, stop, reads, table_on(sheet, len(state_level), places))
+        finish_part(ledger)
+        part = take_part(ledger, owns)
+'''

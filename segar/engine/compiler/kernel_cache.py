@@ -41,7 +41,11 @@ def load_module(text: str) -> ModuleType:
     name = path.stem
     if name in _loaded:
         return _loaded[name]
-    _write_if_new(path, text)
+    # Numba's index is keyed by the file's time of change, so only what was damaged or edited is written again.
+    if not _holds(path, text):
+        advice = "set SEGAR_CACHE_DIR to a folder that can be written"
+        with replacing(path, "the kernel", advice=advice, folder=True) as beside:
+            beside.write_text(text)
     if not is_compiled(path):
         print(f"segar: compiling kernel {name[2:6]} (first time, about 10 s)", file=sys.stderr, flush=True)
     spec = importlib.util.spec_from_file_location(name, path)
@@ -57,16 +61,6 @@ def is_compiled(path: Path) -> bool:
     """Whether numba's cache holds the machine code of the module's entry point."""
     folder = Path(os.environ["NUMBA_CACHE_DIR"]) if "NUMBA_CACHE_DIR" in os.environ else path.parent
     return any(folder.rglob(f"{path.stem}.advance-*.nbi"))
-
-
-def _write_if_new(path: Path, text: str) -> None:
-    # Numba's index is keyed by the file's time of change, so only what was damaged or edited is written again.
-    if _holds(path, text):
-        return
-    with replacing(
-        path, "the kernel", advice="set SEGAR_CACHE_DIR to a folder that can be written", folder=True
-    ) as beside:
-        beside.write_text(text)
 
 
 def _holds(path: Path, text: str) -> bool:

@@ -1,16 +1,14 @@
 """Sparse pairs: a pair rule to which most partners are alike runs over a list of the others only.
 
 A rule such as the Lorentz law decides by the partner alone (no charge, no magnetism) that its effect does not depend on
-the partner. Such *quiet* partners are counted; the loop of a target runs over the rest. The plain twin is
-:mod:`segar.engine.compiler.plain_pairs`.
+the partner. Such *quiet* partners are counted; the loop of a target runs over the rest.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
 from segar.engine.compiler.applications import Application, bind_tree
-from segar.engine.compiler.emit import Writer
-from segar.engine.compiler.loops import both, condition, match_test, over_group, share
+from segar.engine.compiler.emit import Writer, both, condition, match_test, over_group, share
 from segar.engine.compiler.spec import Group
 from segar.language import Branch, Leaf, Symbol, Tree, walk
 
@@ -28,6 +26,8 @@ class SparsePairs:
         tree: the rule's tree.
         list_at: source of the list's begin in ``L``.
         name: suffix of the local names that hold how many partners are listed, and how many are quiet.
+        plain: whether every target meets all of its partners, without a list. Sums are taken in the same order, first over
+            the partners that are not quiet and then over those that are.
     """
 
     application: Application
@@ -38,9 +38,12 @@ class SparsePairs:
     tree: Tree
     list_at: str
     name: str
+    plain: bool
 
     def write_list(self, w: Writer) -> None:
         """List the partners, before any target changes."""
+        if self.plain:
+            return
         w.line(f"listed_{self.name} = quiet_{self.name} = 0")
         w.groups = {"j": self.partners}
         with over_group(w, self.partners, "j"), condition(w, match_test("j", self.mask)):
@@ -65,6 +68,9 @@ class SparsePairs:
             sums: local names, and the values that one quiet partner adds to them.
             quiet_matters: whether quiet partners have effects that count.
         """
+        if self.plain:
+            self._write_all(w, target, apply)
+            return
         with w.block(f"for n in range(listed_{self.name}):"):
             w.line(f"j = L[{self.list_at} + n]")
             with condition(w, "i != j" if share(self.partners, target) else ""):
@@ -83,10 +89,14 @@ class SparsePairs:
         """The rule's tree without its quiet leaf."""
         return _replace_leaves(self.tree, lambda leaf: Leaf() if leaf is self.leaf else leaf)
 
-    @property
-    def quiet_tree(self) -> Tree:
-        """The rule's tree with its quiet leaf only."""
-        return _replace_leaves(self.tree, lambda leaf: leaf if leaf is self.leaf else Leaf())
+    def _write_all(self, w: Writer, target: Group, apply: Callable[[Tree], None]) -> None:
+        """Write two loops over all partners."""
+        test = both("i != j" if share(self.partners, target) else "", match_test("j", self.mask))
+        quiet_tree = _replace_leaves(self.tree, lambda leaf: leaf if leaf is self.leaf else Leaf())
+        for tree in (self.rest, quiet_tree):
+            with over_group(w, self.partners, "j"), condition(w, test):
+                w.groups = {"i": target, "j": self.partners}
+                apply(tree)
 
     def _write_count(self, w: Writer, target: Group) -> None:
         """Put the number of quiet partners of ``i`` in ``quiet``."""
@@ -117,24 +127,25 @@ class SparsePairs:
 
 
 def find_sparse_pairs(
-    kind: type[SparsePairs], application: Application, partners: Group, mask: int, list_at: int, number: int
+    plain: bool, application: Application, partners: Group, mask: int, list_at: int, number: int
 ) -> SparsePairs | None:
     """The sparse pairs of a pair rule, or None where no path is quiet or there are few partners.
 
     Args:
-        kind: sparse pairs or their plain twin.
+        plain: see :class:`SparsePairs`.
         mask: bits that a partner must have.
         list_at: how many entries of ``L`` behind ``NEAR_AT`` earlier lists of the stage take.
         number: of the pair rule in the stage, for the names of its variables.
     """
-    if len(application.needs) != 2 or application.rule.relation is not None or len(partners.slots) < MANY_PARTNERS:
+    if len(application.rule.needs) != 2 or application.rule.relation is not None or len(partners.slots) < MANY_PARTNERS:
         return None
     tree = bind_tree(application.rule.tree, application)
     path = _quiet_path(tree)
     if path is None or not path[0]:
         return None
     quiet, leaf = path
-    return kind(application, partners, mask, quiet, leaf, tree, f"NEAR_AT + {list_at}", f"{number}_{partners.slots[0]}")
+    places = f"NEAR_AT + {list_at}", f"{number}_{partners.slots[0]}"
+    return SparsePairs(application, partners, mask, quiet, leaf, tree, *places, plain)
 
 
 def _quiet_path(tree: Tree) -> tuple[tuple[tuple[Symbol, bool], ...], Leaf] | None:

@@ -7,40 +7,21 @@ is therefore written to a second buffer ``W`` and copied when the stage is over;
 from collections import defaultdict
 from dataclasses import dataclass, field
 
-from segar.engine.compiler.applications import Application, application_symbols, bind_tree
-from segar.engine.compiler.conflicts import (
+from segar import language
+from segar.engine.compiler.applications import (
+    Application,
+    application_symbols,
+    bind_tree,
     check_certain_conflicts,
     counted_effects,
     find_possible_conflicts,
     read_across,
 )
-from segar.engine.compiler.emit import Writer, bind
-from segar.engine.compiler.loops import both, condition, match_test, over_group, share
-from segar.engine.compiler.plain_pairs import PlainPairs
-from segar.engine.compiler.set_factors import FactorSetting
+from segar.engine.compiler.emit import Writer, bind, both, condition, match_test, over_group, share
+from segar.engine.compiler.source import FactorSetting
 from segar.engine.compiler.sparse_pairs import SparsePairs, find_sparse_pairs
 from segar.engine.compiler.spec import Group, Matcher, relation_mask, settle
-from segar.language import (
-    Aggregate,
-    Branch,
-    Differential,
-    Effect,
-    EffectExpression,
-    Factor,
-    Floor,
-    Leaf,
-    Operation,
-    Pattern,
-    Position,
-    Rule,
-    SetFactor,
-    Slot,
-    Stage,
-    Symbol,
-    Tree,
-    holds,
-    leaves_of,
-)
+from segar.language import EffectExpression, Factor, Leaf, Pattern, Rule, Stage, Symbol, Tree
 
 Matching = list[tuple[Application, int]]
 """Applications whose target may be in a group, with the mask of bits that a target must have."""
@@ -53,7 +34,7 @@ class _Change:
     factor: type[Factor]
     column: int
     setting: FactorSetting
-    kinds: set[type[Effect]] = field(default_factory=set)
+    kinds: set[type[language.Effect]] = field(default_factory=set)
 
     @property
     def columns(self) -> range:
@@ -73,14 +54,14 @@ class StageWriter:
 
     def __init__(self, matcher: Matcher, stage: Stage, rules: list[tuple[int, Rule]], plain: bool = False) -> None:
         self.matcher, self.counts = matcher, stage.counts
-        self.finds_rates = stage.operation is Operation.FIND_RATES
+        self.finds_rates = stage.operation is language.Operation.FIND_RATES
         self.time_step = "dt" if stage.scales else "1.0"
         numbered = [Application(rule, n, target) for n, rule in rules for target in range(len(rule.needs))]
         self.applications = [a for a in numbered if self._matters(a, a.rule.tree)]
         self.groups = self._indistinct_groups(self.applications)
         self.shared = read_across(matcher, self.groups, self.applications)
         self.list_length = 0
-        self.pairs = {} if self.finds_rates else self._find_sparse_pairs(PlainPairs if plain else SparsePairs)
+        self.pairs = {} if self.finds_rates else self._find_sparse_pairs(plain)
 
     @property
     def target_groups(self) -> list[Group]:
@@ -106,35 +87,41 @@ class StageWriter:
 
     def _indistinct_groups(self, applications: list[Application]) -> tuple[Group, ...]:
         """Slots that match alike and have the same columns share a loop, which gives less source and the same result."""
-        needs = [n for a in applications for n in a.needs]
-        needs += [Pattern((Floor, Position)), Pattern((Floor,)), Pattern((Position,))]
+        needs = [n for a in applications for n in a.rule.needs]
+        needs += [
+            Pattern((language.Floor, language.Position)),
+            Pattern((language.Floor,)),
+            Pattern((language.Position,)),
+        ]
         symbols = [s for a in applications for s in application_symbols(a) if s.op == "relation"]
         by_type = dict.fromkeys(s.args[0] for s in symbols if not isinstance(s.args[0], str))
         factors = {f for n in needs for f in n.factors} | {f for what in by_type if what[0] == "needs" for f in what[1]}
 
-        def key(slot: Slot) -> tuple:
+        def key(slot: language.Slot) -> tuple:
             group = Group((0,), slot.types, False)  # optional slots join the others: one more test, half the source
-            held = tuple(frozenset(holds(t, f) for t in slot.types) for f in sorted(factors, key=lambda f: f.__name__))
+            held = tuple(
+                frozenset(language.holds(t, f) for t in slot.types) for f in sorted(factors, key=lambda f: f.__name__)
+            )
             return (
                 tuple(self.matcher.match(group, n) for n in needs),
                 tuple(relation_mask(self.matcher, what, group) for what in by_type),
                 held,
-                all(Floor in t.declared for t in slot.types),
+                all(language.Floor in t.declared for t in slot.types),
             )
 
         return self.matcher.merge(key)
 
-    def _find_sparse_pairs(self, kind: type[SparsePairs]) -> dict[Application, list[tuple[Group, SparsePairs | None]]]:
+    def _find_sparse_pairs(self, plain: bool) -> dict[Application, list[tuple[Group, SparsePairs | None]]]:
         """Pair rules to which most partners are alike: their groups of partners, and how to write the pairs of these."""
         found: dict[Application, list[tuple[Group, SparsePairs | None]]] = {}
         for a in self.applications:
-            if len(a.needs) != 2 or all(self.matcher.match(g, a.target_needs) is None for g in self.groups):
+            if len(a.rule.needs) != 2 or all(self.matcher.match(g, a.target_needs) is None for g in self.groups):
                 continue
             partners: list[tuple[Group, SparsePairs | None]] = []
             for other in self._indistinct_groups([a]):
-                mask = self.matcher.match(other, a.needs[1 - a.target])
+                mask = self.matcher.match(other, a.rule.needs[1 - a.target])
                 if mask is not None:
-                    pairs = find_sparse_pairs(kind, a, other, mask, self.list_length, len(found))
+                    pairs = find_sparse_pairs(plain, a, other, mask, self.list_length, len(found))
                     self.list_length += len(other.slots) if pairs is not None else 0
                     partners.append((other, pairs))
             if any(pairs is not None for _, pairs in partners):
@@ -151,7 +138,7 @@ class StageWriter:
         if any(self._needs_topmost(a) for a in applications):
             self._write_topmost(w)
         self._write_unary(w, group, mine)
-        plain = [(a, mask) for a, mask in mine if len(a.needs) == 2 and a not in self.pairs]
+        plain = [(a, mask) for a, mask in mine if len(a.rule.needs) == 2 and a not in self.pairs]
         for other in self._indistinct_groups([a for a, _ in plain]):
             self._write_pairs(w, group, other, plain)
         for a, mask in mine:
@@ -162,7 +149,7 @@ class StageWriter:
                     with condition(w, match_test("i", mask)):
                         self._write_sparse_pairs(w, group, pairs)
         for a, mask in mine:
-            if len(a.needs) == 3:
+            if len(a.rule.needs) == 3:
                 self._write_triples(w, group, a, mask)
         if self.finds_rates:
             self._write_rates(w)
@@ -184,19 +171,19 @@ class StageWriter:
 
     def _begin(self, w: Writer, change: _Change) -> None:
         """Write that no rule has an effect on the factor yet."""
-        for kind, flag, total in ((Aggregate, "agg", "ax"), (Differential, "dif", "dx")):
+        for kind, flag, total in ((language.Aggregate, "agg", "ax"), (language.Differential, "dif", "dx")):
             if kind in change.kinds:
                 w.line(f"{flag}_{change.column} = False")
                 for c in change.columns:
                     w.line(f"{total}_{c} = 0.0")
-        if SetFactor in change.kinds:
+        if language.SetFactor in change.kinds:
             change.setting.begin(w)
 
     def _write_topmost(self, w: Writer) -> None:
         """Find the floor that entity ``i`` is on, discs inline; as ``topmost`` in the device code."""
         w.line("top_i = -1")
         for floor in self.groups:
-            mask = self.matcher.match(floor, Pattern((Floor, Position)))
+            mask = self.matcher.match(floor, Pattern((language.Floor, language.Position)))
             if mask is None:
                 continue
             with over_group(w, floor, "f"), condition(w, match_test("f", mask)):
@@ -213,7 +200,7 @@ class StageWriter:
     def _write_unary(self, w: Writer, group: Group, mine: Matching) -> None:
         by_test: dict[str, list[Application]] = defaultdict(list)
         for a, mask in mine:
-            if len(a.needs) == 1:
+            if len(a.rule.needs) == 1:
                 by_test[match_test("i", mask)].append(a)
         for test, applications in by_test.items():
             with condition(w, test):
@@ -223,7 +210,7 @@ class StageWriter:
         by_test: dict[str, list[Application]] = defaultdict(list)
         for a, mask in mine:
             if not (other.slots == group.slots and group.is_single):
-                other_mask = self.matcher.match(other, a.needs[1 - a.target])
+                other_mask = self.matcher.match(other, a.rule.needs[1 - a.target])
                 if other_mask is not None and not _is_false(self._relation(a, {"i": group, "j": other})):
                     by_test[both(match_test("i", mask), match_test("j", other_mask))].append(a)
         if not by_test:
@@ -237,7 +224,7 @@ class StageWriter:
         a = pairs.application
 
         def sums() -> list[tuple[str, str]]:
-            effects = [e for e in self._counted(a, pairs.leaf) if e.kind is not SetFactor]
+            effects = [e for e in self._counted(a, pairs.leaf) if e.kind is not language.SetFactor]
             return [
                 (name, w.value(v))
                 for e in effects
@@ -248,7 +235,7 @@ class StageWriter:
 
     def _write_triples(self, w: Writer, group: Group, a: Application, mask: int) -> None:
         names = [v for v in a.variables if v != "i"]
-        needs = dict(zip(a.variables, a.needs, strict=True))
+        needs = dict(zip(a.variables, a.rule.needs, strict=True))
         groups = self._indistinct_groups([a])
         for second in groups:
             for third in groups:
@@ -268,7 +255,7 @@ class StageWriter:
         for a in applications:
             tree, truth = bind_tree(a.rule.tree, a), self._relation(a, groups)
             if truth is None or truth.op != "const":
-                trees.append((a, tree if truth is None else Branch(truth, tree, Leaf())))
+                trees.append((a, tree if truth is None else language.Branch(truth, tree, Leaf())))
             elif truth.args[0]:
                 trees.append((a, tree))
         self._merge(w, trees, groups["i"])
@@ -291,8 +278,8 @@ class StageWriter:
                     self._add_effect(w, a, effect, group)
                 trees = trees[1:]
                 continue
-            same = [(b, t) for b, t in trees if isinstance(t, Branch) and t.condition is tree.condition]
-            trees = [(b, t) for b, t in trees if not (isinstance(t, Branch) and t.condition is tree.condition)]
+            same = [(b, t) for b, t in trees if isinstance(t, language.Branch) and t.condition is tree.condition]
+            trees = [(b, t) for b, t in trees if not (isinstance(t, language.Branch) and t.condition is tree.condition)]
             test = w.value(tree.condition)
             for header, branches in (
                 (f"if {test}:", [(b, t.yes) for b, t in same]),
@@ -305,49 +292,53 @@ class StageWriter:
     def _add_effect(self, w: Writer, a: Application, effect: EffectExpression, group: Group) -> None:
         column = self.matcher.column(group, effect.factor)
         values = [w.value(c) for c in effect.components]
-        if effect.kind is SetFactor:
+        if effect.kind is language.SetFactor:
             self.changes[column].setting.add(w, a.number, a.rule.priority, values)
             return
-        w.line(f"{'agg' if effect.kind is Aggregate else 'dif'}_{column} = True")
+        w.line(f"{'agg' if effect.kind is language.Aggregate else 'dif'}_{column} = True")
         for name, value in zip(self._totals(group, effect), values, strict=True):
             w.line(f"{name} += {value}")
 
     def _totals(self, group: Group, effect: EffectExpression) -> list[str]:
         """Local names of the sums that an aggregate or a differential is added to."""
-        column, name = self.matcher.column(group, effect.factor), "ax" if effect.kind is Aggregate else "dx"
+        column, name = self.matcher.column(group, effect.factor), "ax" if effect.kind is language.Aggregate else "dx"
         return [f"{name}_{c}" for c in range(column, column + effect.factor.width)]
 
     def _write_change(self, w: Writer, change: _Change) -> None:
         """Write the new value: SetFactor wins over Aggregate, and Aggregate over Differential."""
         column = change.column
-        if SetFactor in change.kinds:
+        if language.SetFactor in change.kinds:
             change.setting.report_conflict(w)
         state = "W" if change.factor in self.shared else "V"
         if state == "W":
             for c in change.columns:
                 w.line(f"W[i, {c}] = V[i, {c}]")
-        tests = {SetFactor: change.setting.is_set, Aggregate: f"agg_{column}", Differential: f"dif_{column}"}
+        tests = {
+            language.SetFactor: change.setting.is_set,
+            language.Aggregate: f"agg_{column}",
+            language.Differential: f"dif_{column}",
+        }
         for n, kind in enumerate(kind for kind in tests if kind in change.kinds):
             with w.block(f"{'elif' if n else 'if'} {tests[kind]}:"):
-                if kind is SetFactor:
+                if kind is language.SetFactor:
                     change.setting.store(w, state)
                     continue
                 for c in change.columns:
-                    value = f"ax_{c}" if kind is Aggregate else f"V[i, {c}] + dx_{c} * {self.time_step}"
+                    value = f"ax_{c}" if kind is language.Aggregate else f"V[i, {c}] + dx_{c} * {self.time_step}"
                     w.line(f"{state}[i, {c}] = {value}")
 
     def _write_rates(self, w: Writer) -> None:
         """Write the sums of differentials to ``U``; a position that some rule sets or aggregates has the rate 0."""
         for change in self.changes.values():
-            replaced = [change.setting.is_set] * (SetFactor in change.kinds)
-            replaced += [f"agg_{change.column}"] * (Aggregate in change.kinds)
+            replaced = [change.setting.is_set] * (language.SetFactor in change.kinds)
+            replaced += [f"agg_{change.column}"] * (language.Aggregate in change.kinds)
             for axis, c in enumerate(change.columns):
-                rate = f"dx_{c}" if Differential in change.kinds else "0.0"
+                rate = f"dx_{c}" if language.Differential in change.kinds else "0.0"
                 w.line(f"U[i, {axis}] = " + (f"0.0 if {' or '.join(replaced)} else {rate}" if replaced else rate))
 
     def _counted(self, a: Application, tree: Tree) -> list[EffectExpression]:
         """The effects at the leaves of a tree that are on the application's target and count in this stage."""
-        return [effect for leaf in leaves_of(tree) for effect in counted_effects(a, leaf, self.counts)]
+        return [effect for leaf in language.leaves_of(tree) for effect in counted_effects(a, leaf, self.counts)]
 
     def _matters(self, a: Application, tree: Tree) -> bool:
         return bool(self._counted(a, tree))

@@ -2,8 +2,7 @@
 
 from dataclasses import dataclass
 
-from segar.engine.compiler.emit import Writer
-from segar.engine.compiler.loops import VARIABLES, both, condition, match_test, over_group
+from segar.engine.compiler.emit import VARIABLES, Writer, both, condition, match_test, over_group
 from segar.engine.compiler.source import STATE, Source, write_value
 from segar.engine.compiler.spec import Group
 from segar.errors import RuleError

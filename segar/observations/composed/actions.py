@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import gymnasium
 import numpy as np
 
 from segar.errors import SegarError
-from segar.observations.composed.checked_memory import checked_memory
+from segar.language import Factor, Task
+from segar.levels import Levels
+from segar.observations.composed.composed import recall_array
 from segar.tasks import task_of
-
-if TYPE_CHECKING:
-    from segar.language import Factor, Task
-    from segar.levels import Levels
 
 
 @dataclass(frozen=True)
@@ -80,9 +77,7 @@ class BoundPreviousActions:
 
     def recall(self, memory: Mapping[str, np.ndarray]) -> None:
         """Remember the actions in ``memory``."""
-        actions = checked_memory(memory, "actions", self._actions)
-        if actions is not None:
-            self._actions[:] = actions
+        recall_array(memory, "actions", self._actions)
 
     def write(self, values: np.ndarray, level: np.ndarray, out: np.ndarray, rows: np.ndarray) -> None:
         """Fill ``out[rows]``."""

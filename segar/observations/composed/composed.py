@@ -1,11 +1,11 @@
-"""What bound observations that are made of others pass on to them."""
+"""What bound observations that are made of others pass on to them, and what a snapshot holds for an observation."""
 
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from segar.observations.hooks import hooks_of
-from segar.observations.protocol import BoundObservation
+from segar.errors import SegarError
+from segar.observations.protocol import BoundObservation, hooks_of
 
 
 class BoundComposed:
@@ -25,6 +25,11 @@ class BoundComposed:
         for hooks in self._hooks.values():
             hooks.start(key, level, mask)
 
+    def begin(self, values: np.ndarray, level: np.ndarray, mask: np.ndarray) -> None:
+        """Prepare each of the members."""
+        for member in self.members:
+            member.begin(values, level, mask)
+
     def advance(self, actions: np.ndarray) -> None:
         """Tell all members that the environments took a step."""
         for hooks in self._hooks.values():
@@ -38,3 +43,22 @@ class BoundComposed:
         """Give each member its part of what :meth:`memory` returned; what is absent there, the member does not get."""
         for name, hooks in self._hooks.items():
             hooks.recall({key.removeprefix(f"{name}/"): a for key, a in memory.items() if key.startswith(f"{name}/")})
+
+
+def recall_array(memory: Mapping[str, np.ndarray], name: str, into: np.ndarray) -> bool:
+    """Fill an array with the one of this name; return false where the environment of the snapshot did not remember it.
+
+    Raises:
+        SegarError: the array has not the shape and dtype of ``into``, because another observation remembered it.
+    """
+    if name not in memory:
+        return False
+    found = memory[name]
+    if found.shape != into.shape or found.dtype != into.dtype:
+        raise SegarError(
+            f"this snapshot was taken under another observation: its '{name}' is {found.dtype} {found.shape[1:]} per"
+            f" environment, and here it is {into.dtype} {into.shape[1:]}; make the environment with that observation, or"
+            " drop what it remembers: replace(snapshot, memory={})"
+        )
+    into[:] = found
+    return True

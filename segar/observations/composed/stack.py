@@ -1,28 +1,63 @@
-"""Stacks: the last n observations as one array."""
+"""Stacks: the last n observations as one array, in memory in which a step moves no frame."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import gymnasium
 import numpy as np
 
 from segar.errors import SegarError
-from segar.observations.composed.checked_memory import checked_memory
-from segar.observations.composed.composed import BoundComposed
-from segar.observations.composed.frame_tape import make_tape
+from segar.language import Factor, Task
+from segar.levels import Levels
+from segar.observations.composed.composed import BoundComposed, recall_array
 from segar.observations.composed.multi import make_observation
 from segar.observations.copying import copy_rows
-from segar.observations.hooks import for_task
-from segar.observations.protocol import BoundObservation, DrawsPlanes, Observation
+from segar.observations.protocol import BoundObservation, DrawsPlanes, Observation, for_task
+from segar.support import is_plain
 
-if TYPE_CHECKING:
-    from segar.language import Factor, Task
-    from segar.levels import Levels
-
+TAPE = 64  # steps until the frames have to be moved
 CHUNK = 64  # environments whose frames are copied while they are in the processor's cache
+
+
+class FrameTape:
+    """The last ``n`` frames of each environment.
+
+    Attributes:
+        stacks: ``[env, n, *frame]``, the newest frame last; after :meth:`advance` it is another view.
+    """
+
+    def __init__(self, num_envs: int, n: int, frame: tuple[int, ...], dtype: np.dtype) -> None:
+        self._shape = (num_envs, n, *frame)
+        self._tape = np.zeros((num_envs * n + TAPE, *frame), dtype)
+        self._read_from(0)
+
+    def advance(self) -> None:
+        """Make each frame one older. The newest frames are to be written."""
+        if self._first < TAPE:
+            self._read_from(self._first + 1)
+        else:
+            past = self._tape[self._first + 1 :]
+            for frame in range(0, len(past), TAPE):  # pieces that do not reach into where they come from
+                self._tape[frame : frame + TAPE][: len(past) - frame] = past[frame : frame + TAPE]
+            self._read_from(0)
+
+    def _read_from(self, first: int) -> None:
+        self._first = first
+        self.stacks = self._tape[first : first + self._shape[0] * self._shape[1]].reshape(self._shape)
+
+
+class PlainFrameTape:
+    """The plain twin of :class:`FrameTape`: each step moves all frames by one place."""
+
+    def __init__(self, num_envs: int, n: int, frame: tuple[int, ...], dtype: np.dtype) -> None:
+        self.stacks = np.zeros((num_envs, n, *frame), dtype)
+
+    def advance(self) -> None:
+        """Make each frame one older. The newest frames are to be written."""
+        self.stacks[:, :-1] = self.stacks[:, 1:].copy()
 
 
 @dataclass(frozen=True)
@@ -109,7 +144,8 @@ class BoundStack(BoundComposed):
         self.space = gymnasium.spaces.Box(low, high, dtype=box.dtype)  # type: ignore[arg-type]
         shape = edges[0].shape
         self._turned = axis == 2  # the axis that is joined lies first in memory, and last in the observation
-        self._tape = make_tape(num_envs, n, (shape[2], *shape[:2]) if self._turned else shape, box.dtype)
+        tape = PlainFrameTape if is_plain() else FrameTape
+        self._tape = tape(num_envs, n, (shape[2], *shape[:2]) if self._turned else shape, box.dtype)
         self._fresh = np.ones(num_envs, np.bool_)
         self.kept = self._view_of_stacks()
 
@@ -117,10 +153,6 @@ class BoundStack(BoundComposed):
         """Let the next frame fill the stacks where ``mask`` is true."""
         self._fresh[mask] = True
         super().start(key, level, mask)
-
-    def begin(self, values: np.ndarray, level: np.ndarray, mask: np.ndarray) -> None:
-        """Prepare the observation that is stacked."""
-        self.members[0].begin(values, level, mask)
 
     def advance(self, actions: np.ndarray) -> None:
         """Make each frame one older; the next ``write`` draws the newest."""
@@ -137,9 +169,7 @@ class BoundStack(BoundComposed):
     def recall(self, memory: Mapping[str, np.ndarray]) -> None:
         """Go on from the stacks in ``memory``."""
         super().recall(memory)
-        stack = checked_memory(memory, "stack", self.kept)
-        if stack is not None:
-            self.kept[:] = stack
+        if recall_array(memory, "stack", self.kept):
             self._fresh[:] = False
 
     def write(self, values: np.ndarray, level: np.ndarray, out: np.ndarray, rows: np.ndarray) -> None:

@@ -1,25 +1,25 @@
-"""Textured pixels: the arena from above, each thing in a pattern that shows its factors."""
+"""Textured pixels: the arena from above, each thing in a pattern that shows its factors; and the compiled kernels that make
+patterns of factors, as ``TextureSet.patches`` defines them."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
+from numba import njit
 
-from segar.errors import SegarError, did_you_mean
+from segar.errors import SegarError, did_you_mean, must_be
 from segar.language import Factor, Floor
-from segar.observations.composed.checked_memory import checked_memory
-from segar.observations.pixels import texture_kernel
-from segar.observations.pixels.canvas import LUMA, Channels, canvas_for, check_frame, frame_space
-from segar.observations.pixels.drawing import Drawing
+from segar.levels import Levels
+from segar.observations.composed.composed import recall_array
+from segar.observations.copying import KERNEL_OPTIONS
+from segar.observations.pixels.drawing import LUMA, Channels, Drawing, canvas_for, check_frame, frame_space
 from segar.observations.pixels.solid_colours import OUTLINES
-from segar.support import stream_key
-from segar.textures import TextureSet, name_of_input, type_inputs
-
-if TYPE_CHECKING:
-    from segar.levels import Levels
+from segar.support import GOLDEN, mix, normal, stream_key, uniform
+from segar.textures import NOISE_CLIP, TextureSet, name_of_input, type_inputs
 
 REDRAWN = ("episode", "level", "never")
 
@@ -63,10 +63,7 @@ class TexturedPixels:
         check_frame("TexturedPixels", self.resolution, self.channels)
         for option, value, known in (("noise", self.noise, REDRAWN), ("model", self.model, REDRAWN[:2])):
             if value not in known:
-                raise SegarError(
-                    f"TexturedPixels: {option} must be {' or '.join(map(repr, known))}, not {value!r}."
-                    f"{did_you_mean(str(value), known)}"
-                )
+                raise SegarError(f"TexturedPixels: {option} {must_be(value, known)}")
         object.__setattr__(self, "hidden", tuple(self.hidden))
         textures = self.texture_set
         for strange in sorted({name_of_input(h) for h in self.hidden} - set(textures.inputs)):
@@ -104,7 +101,7 @@ class BoundTexturedPixels:
         textures, entities = pixels.texture_set, levels.types.shape[1]
         inputs = type_inputs(textures, levels.layout, pixels.hidden)
         self._options = pixels
-        self._loom = texture_kernel.Loom(
+        self._loom = Loom(
             levels.types,
             np.array([Floor in t.declared for t in levels.layout.types]),
             inputs.columns,
@@ -135,16 +132,16 @@ class BoundTexturedPixels:
             "level": self._level_keys[level[rows]],
             "never": np.full(len(rows), self._key),
         }
-        texture_kernel.draw_noise(keys[self._options.noise], rows, self._noise)
-        texture_kernel.draw_models(keys[self._options.model], rows, len(self._loom.bias), self._drawing.floor)
+        draw_noise(keys[self._options.noise], rows, self._noise)
+        draw_models(keys[self._options.model], rows, len(self._loom.bias), self._drawing.floor)
 
     def begin(self, values: np.ndarray, level: np.ndarray, mask: np.ndarray) -> None:
         """Make the patterns of the environments where ``mask`` is true, and paint their backgrounds."""
         rows = np.flatnonzero(mask)
         if not self._recalled:
-            texture_kernel.read_features(values, level, rows, self._loom, self._noise, self._features)
+            read_features(values, level, rows, self._loom, self._noise, self._features)
         self._recalled = False
-        texture_kernel.weave_things(
+        weave_things(
             level, rows, self._loom, self._drawing.floor, self._features, self._scratch(), self._drawing.texels
         )
         self._drawing.paint(values, level, rows)
@@ -152,7 +149,7 @@ class BoundTexturedPixels:
     def write(self, values: np.ndarray, level: np.ndarray, out: np.ndarray, rows: np.ndarray) -> None:
         """Draw the frames of environments ``rows`` (int64) into ``out``, uint8 ``[env, *space.shape]``."""
         if self._options.follow:
-            texture_kernel.follow_changes(
+            follow_changes(
                 values, level, rows, self._loom, self._drawing.floor, self._noise, self._features, self._scratch(),
                 self._drawing.texels,
             )  # fmt: skip
@@ -164,9 +161,7 @@ class BoundTexturedPixels:
 
     def recall(self, memory: Mapping[str, np.ndarray]) -> None:
         """Make the next patterns from these features instead of the state's."""
-        features = checked_memory(memory, "features", self._features)
-        if features is not None:
-            self._features[:] = features
+        if recall_array(memory, "features", self._features):
             self._recalled = True
 
     def _scratch(self) -> np.ndarray:
@@ -177,5 +172,136 @@ def _keys_of(levels: Levels, seed: int) -> tuple[np.uint64, np.ndarray]:
     """A key of the seed, and one for each level, uint64 ``[level]``, which it has in every set that holds it."""
     origin = levels.provenance
     of_split = stream_key("textures", seed, origin.distribution, origin.seed, origin.split)
-    steps = origin.indices.astype(np.uint64) * np.uint64(texture_kernel.GOLDEN)
+    steps = origin.indices.astype(np.uint64) * np.uint64(GOLDEN)
     return np.uint64(stream_key("textures", seed)), np.uint64(of_split) + steps
+
+
+class Loom(NamedTuple):
+    """What the kernels know of a set of textures and of the entity types that they show.
+
+    ``types``, ``is_floor``: as in :class:`segar.observations.pixels.drawing.FrameGeometry`; ``columns``, ``constants``,
+    ``noise``: as in :class:`segar.textures.TypeInputs`; the others as in :class:`segar.textures.TextureSet`, in float64.
+    """
+
+    types: np.ndarray
+    is_floor: np.ndarray
+    columns: np.ndarray
+    constants: np.ndarray
+    noise: np.ndarray
+    shift: np.ndarray
+    scale: np.ndarray
+    weights: np.ndarray
+    """``[model, input, P * P * 3]``"""
+    bias: np.ndarray
+    """``[model, P * P * 3]``"""
+    bends: bool
+    """Whether the squash is tanh; else it clips."""
+    luma: np.ndarray
+    """int64 ``[3]``, weights of red, green and blue in grey, in thousandths; all 0 for RGB frames."""
+
+
+@njit(**KERNEL_OPTIONS)
+def draw_noise(key, rows, noise):
+    """Fill ``noise[rows]``, float64 ``[env, entity, draw]``, from N(0, 1), clipped; each by its key, entity and number."""
+    for r in range(len(rows)):
+        env = rows[r]
+        for entity in range(noise.shape[1]):
+            bits = mix(key[r] + np.uint64(entity + 1) * np.uint64(GOLDEN))
+            for draw in range(noise.shape[2]):
+                bits = mix(bits + np.uint64(GOLDEN))
+                noise[env, entity, draw] = min(max(normal(bits), -NOISE_CLIP), NOISE_CLIP)
+
+
+@njit(**KERNEL_OPTIONS)
+def draw_models(key, rows, count, model):
+    """Fill ``model[rows]`` with whole numbers below ``count``, each by its key."""
+    for r in range(len(rows)):
+        model[rows[r]] = np.int64(uniform(mix(key[r])) * count)
+
+
+@njit(**KERNEL_OPTIONS)
+def read_features(values, level, rows, loom, noise, features):
+    """Fill ``features[rows]``, float64 ``[env, entity, input]``."""
+    for r in range(len(rows)):
+        env = rows[r]
+        for entity in range(loom.types.shape[1]):
+            kind = loom.types[level[env], entity]
+            if kind >= 0:
+                for i in range(features.shape[2]):
+                    features[env, entity, i] = feature(values, env, entity, kind, i, loom, noise)
+
+
+@njit(**KERNEL_OPTIONS)
+def weave_things(level, rows, loom, model, features, raw, texels):
+    """Make the patterns of all things of environments ``rows`` from their features; ``raw``: float64 ``[P * P * 3]``."""
+    for r in range(len(rows)):
+        env = rows[r]
+        for entity in range(loom.types.shape[1]):
+            if loom.types[level[env], entity] >= 0:
+                weave(env, entity, loom, model[env], features, raw, texels)
+
+
+@njit(**KERNEL_OPTIONS)
+def follow_changes(values, level, rows, loom, model, noise, features, raw, texels):
+    """Make anew the patterns of objects whose features have changed."""
+    for r in range(len(rows)):
+        env = rows[r]
+        for entity in range(loom.types.shape[1]):
+            kind = loom.types[level[env], entity]
+            if kind < 0 or loom.is_floor[kind]:
+                continue
+            changed = False
+            for i in range(features.shape[2]):
+                now = feature(values, env, entity, kind, i, loom, noise)
+                changed |= now != features[env, entity, i]
+                features[env, entity, i] = now
+            if changed:
+                weave(env, entity, loom, model[env], features, raw, texels)
+
+
+@njit(**KERNEL_OPTIONS)
+def feature(values, env, entity, kind, i, loom, noise):
+    """The feature of input i for an entity of type ``kind``."""
+    if loom.noise[i] >= 0:
+        return noise[env, entity, loom.noise[i]] * loom.scale[i]
+    if loom.columns[kind, i] < 0:
+        return loom.constants[kind, i]
+    value = (values[env, entity, loom.columns[kind, i]] - loom.shift[i]) * loom.scale[i]
+    return value if math.isfinite(value) else 0.0
+
+
+@njit(**KERNEL_OPTIONS)
+def weave(env, entity, loom, model, features, raw, texels):
+    """Make one thing's pattern: one period from its features, repeated to the end of each row."""
+    for k in range(len(raw)):
+        raw[k] = loom.bias[model, k]
+    for i in range(features.shape[2]):
+        f = features[env, entity, i]
+        if f != 0.0:
+            for k in range(len(raw)):
+                raw[k] += f * loom.weights[model, i, k]
+    for k in range(len(raw)):
+        y = math.tanh(raw[k]) if loom.bends else min(max(raw[k], -1.0), 1.0)
+        raw[k] = np.floor(255.0 * (y + 1.0) / 2.0)
+    period, planes = texels.shape[3], texels.shape[2]
+    for row in range(period):
+        for column in range(period):
+            at = (row * period + column) * 3
+            if loom.luma[1] > 0:
+                texels[env, entity, 0, row, column] = luma_of(raw, at, loom.luma)
+            else:
+                for c in range(3):
+                    plane, to = (c, column) if planes == 3 else (0, 3 * column + c)
+                    texels[env, entity, plane, row, to] = np.uint8(raw[at + c])
+    back = period if planes == 3 or loom.luma[1] > 0 else 3 * period
+    for plane in range(planes):
+        for row in range(period):
+            for k in range(back, texels.shape[4]):
+                texels[env, entity, plane, row, k] = texels[env, entity, plane, row, k - back]
+
+
+@njit(**KERNEL_OPTIONS)
+def luma_of(raw, at, luma):
+    """The grey of three numbers from 0 to 255, as :func:`segar.observations.pixels.drawing.grey_of` rounds it."""
+    total = luma[0] * int(raw[at]) + luma[1] * int(raw[at + 1]) + luma[2] * int(raw[at + 2])
+    return np.uint8((total + 500) // 1000)

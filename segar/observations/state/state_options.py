@@ -1,16 +1,49 @@
 """The options of state observations: which entities and factors are shown, and in which form."""
 
-from __future__ import annotations
-
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
-from segar.errors import SegarError, did_you_mean
-from segar.language import Acceleration, Density, Done, Drag, Entity, Factor, InfiniteEnergy, Order, Visible
-from segar.observations.state.factor_names import factors_of
+from segar.errors import FactorError, SegarError, did_you_mean
+from segar.language import (
+    Acceleration,
+    Density,
+    Done,
+    Drag,
+    Entity,
+    Factor,
+    InfiniteEnergy,
+    Order,
+    Visible,
+    concrete_factors,
+)
+
+
+def factors_of(where: str, given: Iterable[str | type[Factor]]) -> tuple[type[Factor], ...]:
+    """The factor classes that are given by class or by name.
+
+    Raises:
+        FactorError: one is no factor, has no number, or no factor is called so; ``where`` says who asks.
+    """
+    if isinstance(given, str):
+        given = [given]
+    return tuple(dict.fromkeys(_factor(where, one) for one in given))
+
+
+def _factor(where: str, given: Any) -> type[Factor]:
+    if isinstance(given, str):
+        by_name = {factor.__name__: factor for factor in concrete_factors()}  # of several, the one defined last
+        if given not in by_name:
+            raise FactorError(f"{where}: no factor is called '{given}'.{did_you_mean(given, by_name)}")
+        given = by_name[given]
+    if not (isinstance(given, type) and issubclass(given, Factor)):
+        raise FactorError(f"{where}: {given!r} is not a factor")
+    if not given.width:
+        raise FactorError(f"{where}: {given.__name__} is not a number, so that no state shows it")
+    return given
+
 
 HIDDEN: tuple[type[Factor], ...] = (Acceleration, Drag, Density, Done, InfiniteEnergy, Order, Visible)
 """Not shown unless asked for: they follow from others, concern drawing, or no rule reads them."""

@@ -1,20 +1,41 @@
-"""State observations: the factors of things in fixed places, float32."""
+"""State observations: the factors of things in fixed places, float32; and those of 2022 by their names there.
+
+Each of these is a :class:`StateVector` with some options. Its constant for a missing factor was ``missing=MISSING_2022``, and
+rows that no thing fills were zero.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import gymnasium
 import numpy as np
 
 from segar.engine import Reads, gather
-from segar.observations.state.places import lay_out
-from segar.observations.state.scales import shift_and_scale
+from segar.language import (
+    Acceleration,
+    Alive,
+    Charge,
+    Done,
+    Entity,
+    Factor,
+    Friction,
+    Heat,
+    Magnetism,
+    Mass,
+    Mobile,
+    Object,
+    Position,
+    Size,
+    StoredEnergy,
+    Thing,
+    Tile,
+    Velocity,
+)
+from segar.levels import Levels
+from segar.observations.state.places import lay_out, shift_and_scale
 from segar.observations.state.state_options import FACTOR_LIMIT, StateOptions
-
-if TYPE_CHECKING:
-    from segar.levels import Levels
 
 
 @dataclass(frozen=True)
@@ -43,7 +64,7 @@ class StateVector(StateOptions):
             it is there) after all numbers of the vector or of the row; "dict" for observations ``{"state", "mask"}``
             of equal shapes.
         normalise: whether numbers are measured from the prior's mean in units of its spread; see
-            :mod:`segar.observations.state.scales`.
+            :mod:`segar.observations.state.places`.
         sees_invisible: whether things are shown that are not Visible; otherwise their numbers are missing.
 
     Raises:
@@ -73,8 +94,7 @@ class BoundStateVector:
         self._types, self._missing, self._mask = levels.types, float(state.missing), state.mask
         self.reads: Reads | None = None
         if self._places.seen is None and self._shift is None and self._mask is None:
-            places = self._places
-            self.reads = Reads(levels.types, places.reads, places.type_reads, self._missing, FACTOR_LIMIT)
+            self.reads = Reads(levels.types, self._places.reads, self._places.type_reads, self._missing, FACTOR_LIMIT)
         box = gymnasium.spaces.Box(-FACTOR_LIMIT, FACTOR_LIMIT, self._places.shape, np.float32)
         self.space: gymnasium.Space = box
         if state.mask == "dict":
@@ -94,3 +114,46 @@ class BoundStateVector:
             values, level, rows, self._types, places.reads, places.type_reads, places.seen, self._shift, self._scale,
             self._missing, FACTOR_LIMIT, state.reshape(len(state), -1), mask,
         )  # fmt: skip
+
+
+OBJECT_FACTORS = (Charge, Mass, Magnetism, StoredEnergy, Position, Velocity, Acceleration, Alive, Done)
+TILE_FACTORS = (Heat, Friction, Position)
+THING_FACTORS: tuple[type[Factor], ...] = (
+    Position, Velocity, Size, Mobile, Mass, Charge, Magnetism, StoredEnergy, Alive, Friction, Heat,
+)  # fmt: skip
+N_THINGS = 20
+
+
+def ObjectState(entity: str | type[Entity] = "golfball", **options: Any) -> StateVector:
+    """The 12 numbers of an object: those of ``OBJECT_FACTORS``."""
+    return _state({"entities": (entity,), "factors": OBJECT_FACTORS}, options)
+
+
+def TileState(entity: str | type[Entity] = "goal", **options: Any) -> StateVector:
+    """The 4 numbers of a tile: those of ``TILE_FACTORS``."""
+    return _state({"entities": (entity,), "factors": TILE_FACTORS}, options)
+
+
+def AllState(n_things: int = N_THINGS, unique_ids: tuple[str, ...] = (), **options: Any) -> StateVector:
+    """A table of ``n_things`` rows, those of the entities named ``unique_ids`` first: of one shape for all levels."""
+    return _table(Thing, n_things, unique_ids, options)
+
+
+def AllObjects(n_things: int = N_THINGS, unique_ids: tuple[str, ...] = (), **options: Any) -> StateVector:
+    """Like :func:`AllState`, of objects."""
+    return _table(Object, n_things, unique_ids, options)
+
+
+def AllTiles(n_things: int = N_THINGS, unique_ids: tuple[str, ...] = (), **options: Any) -> StateVector:
+    """Like :func:`AllState`, of tiles."""
+    return _table(Tile, n_things, unique_ids, options)
+
+
+def _table(kind: type[Entity], n_things: int, unique_ids: tuple[str, ...], options: dict[str, Any]) -> StateVector:
+    table = {"form": "table", "slots": n_things, "entities": (*unique_ids, kind), "factors": THING_FACTORS}
+    return _state(table, options)
+
+
+def _state(preset: dict[str, Any], options: dict[str, Any]) -> StateVector:
+    """Without type numbers, as in 2022; ``options`` override the preset."""
+    return StateVector(**{"types": False, **preset, **options})

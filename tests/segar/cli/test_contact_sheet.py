@@ -10,8 +10,7 @@ import pytest
 
 import segar
 from segar import cli
-from segar.cli.contact_sheet import Cell, contact_sheet, default_renderers, draw_level, people, save_png, sheet
-from segar.cli.legend import THINGS
+from segar.cli.gallery import THINGS, Cell, contact_sheet, default_renderers, draw_level, people, save_png, sheet
 from segar.observations.pixels.solid_colours import Pixels
 from segar.rendering import View
 from segar.textures import shipped_sets

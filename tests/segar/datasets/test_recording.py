@@ -11,11 +11,10 @@ import pytest
 
 import segar
 from segar.datasets import Dataset, Episode, check_replay, record
-from segar.datasets.fingerprints import fingerprint_text
+from segar.datasets.recording import fingerprint_text
 from segar.datasets.rollouts import from_leaves, leaves
 from segar.observations.composed.stack import Stack
-from segar.observations.pixels.colours import Colour
-from segar.observations.pixels.solid_colours import Pixels
+from segar.observations.pixels.solid_colours import Colour, Pixels
 from segar.observations.pixels.textured import TexturedPixels
 from segar.observations.state.state_vector import StateVector
 from tests.segar.datasets.folders import names_in
@@ -99,7 +98,7 @@ def test_a_replay_with_other_colours_says_where(recorded):
 
 
 def test_a_replay_that_differs_says_where(tmp_path, recorded):
-    from segar.datasets.shards import write_shard
+    from segar.datasets.dataset import write_shard
 
     folder = shutil.copytree(recorded.folder, tmp_path / "data")
     shard = recorded.shard(1)
@@ -183,7 +182,7 @@ def test_a_recording_that_was_killed_before_its_first_shard_starts_anew(tmp_path
         file.write(b"half a file")
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("segar.support.archives.np.savez_compressed", save_half)
+    monkeypatch.setattr("segar.support.files.np.savez_compressed", save_half)
     with pytest.raises(KeyboardInterrupt):
         record(tmp_path, levels, **OPTIONS)
     monkeypatch.undo()
@@ -315,5 +314,5 @@ def test_words_tell_observations_apart_and_are_the_same_in_every_process():
     assert fingerprint_text(a) == fingerprint_text(a.copy()) != fingerprint_text(b)
     assert (
         fingerprint_text(object()) == "builtins.object"
-        and fingerprint_text(fingerprint_text) == "segar.datasets.fingerprints.fingerprint_text"
+        and fingerprint_text(fingerprint_text) == "segar.datasets.recording.fingerprint_text"
     )

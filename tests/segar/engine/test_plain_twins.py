@@ -9,7 +9,7 @@ from segar.engine import kernel_path
 from segar.engine.simulator import Simulator
 from segar.envs import VectorEnv
 from segar.levels.named_families import family
-from segar.reference import plain_random
+from segar.reference import interpreter
 from segar.rules import DEFAULT_RULES
 from segar.rules.world import World
 from segar.support import is_plain, keyed_uniform
@@ -89,5 +89,5 @@ def test_random_numbers_of_rules_are_those_of_plain_integers():
     for _ in range(200):
         key, tick, site = rng.integers(2**64, dtype=np.uint64), rng.integers(10**6), rng.integers(10**5)
         slots = [int(s) for s in rng.integers(2**15, size=3)]
-        plain = plain_random.keyed_uniform(int(key), int(tick), int(site), tuple(slots))
+        plain = interpreter.keyed_uniform(int(key), int(tick), int(site), tuple(slots))
         assert keyed_uniform(key, tick, site, *slots) == plain

@@ -36,8 +36,7 @@ from segar.language.rule_definition import rule
 from segar.language.shapes import Circle, Square, Triangle
 from segar.language.values import ZERO
 from segar.levels.level_set import Levels
-from segar.reference.interpreter import Interpreter
-from segar.reference.plain_random import keyed_uniform
+from segar.reference.interpreter import Interpreter, keyed_uniform
 from segar.rules import DEFAULT_RULES, consume, move
 from segar.rules.world import World
 from tests.segar.engine.worlds import after, read

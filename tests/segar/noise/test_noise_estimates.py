@@ -11,9 +11,15 @@ from scipy import stats
 
 import segar
 import segar.noise as sn
-from segar.language.hull_statistics import gaussian_mass, hull_log_density, mean_area, mean_perimeter, mean_vertices
-from segar.language.hulls import convex_hulls
-from segar.language.shapes import area
+from segar.language.shapes import (
+    area,
+    convex_hulls,
+    gaussian_mass,
+    hull_log_density,
+    mean_area,
+    mean_perimeter,
+    mean_vertices,
+)
 from segar.levels.sampling.draws import pad_hulls
 from segar.noise.line_distances import w2_line
 

@@ -18,11 +18,11 @@ import segar
 from segar import Charge, Mass, SegarError
 from segar.envs import Env, Snapshot, TorchRLEnv, VectorEnv
 from segar.observations import Multi, OneOf, Pixels, PreviousActions, Stack, StateVector
-from segar.observations.arrays import empty_batch, leaves, map_leaves
 from segar.observations.composed.stack import BoundStack
+from segar.observations.protocol import empty_batch, leaves, map_leaves
 
 LEVELS = segar.family("objectsx1-hard").sample(12, seed=0)
-RED = Pixels(colours={segar.GolfBall: segar.observations.pixels.colours.Colour((255, 0, 0))})
+RED = Pixels(colours={segar.GolfBall: segar.observations.pixels.solid_colours.Colour((255, 0, 0))})
 COMPOSED: dict[str, Any] = {
     "tuple": ("rgb", "state"),
     "dict": {"look": Stack("rgb", 3), "past": PreviousActions(2), "state": StateVector(mask="dict")},
@@ -135,7 +135,7 @@ def test_a_stack_is_the_last_n_observations_and_starts_with_the_first_one_n_time
     observation, axis, n, copy, monkeypatch
 ):
     monkeypatch.setattr(
-        "segar.observations.composed.frame_tape.TAPE", 7
+        "segar.observations.composed.stack.TAPE", 7
     )  # all is moved back to the start of the tape some times
     plain = VectorEnv(LEVELS, 9, observation=observation, seed=3, max_steps=MAX_STEPS)
     stacked = VectorEnv(LEVELS, 9, observation=Stack(observation, n), seed=3, max_steps=MAX_STEPS, copy=copy)
@@ -173,7 +173,7 @@ FORMS = [((8, 8, 3), np.uint8, -1), ((8, 8, 1), np.uint8, -1), ((3, 8, 8), np.ui
 @pytest.mark.parametrize("n", [1, 3, 4, 5])
 def test_a_stack_is_what_was_shown_whatever_happens_in_between(shape, dtype, axis, n, monkeypatch):
     """Random spots change, in random environments; steps, interventions and starts in random order; runs of rows too."""
-    monkeypatch.setattr("segar.observations.composed.frame_tape.TAPE", 5)
+    monkeypatch.setattr("segar.observations.composed.stack.TAPE", 5)
     rng, envs = np.random.default_rng(0), 90
     source = Noise(shape, dtype)
     stack = BoundStack(source, n, envs)

@@ -10,7 +10,7 @@ import pytest
 from segar.errors import SegarError
 from segar.language.entities import GoalTile, GolfBall
 from segar.language.factors import Position
-from segar.observations.pixels.canvas import grey_of
+from segar.observations.pixels.drawing import grey_of
 from segar.observations.pixels.solid_colours import Pixels
 from segar.observations.pixels.textured import TexturedPixels
 from segar.rules.world import World

@@ -20,8 +20,7 @@ from segar.language.entities import (
     SandTile,
 )
 from segar.language.factors import Charge, Magnetism, Mobile, Order, Position, Size, Visible
-from segar.observations.pixels.colours import COLOURS, FLOOR, Colour, colour_of
-from segar.observations.pixels.solid_colours import Pixels
+from segar.observations.pixels.solid_colours import COLOURS, FLOOR, Colour, Pixels, colour_of
 from segar.observations.protocol import BoundObservation, Observation
 from tests.segar.observations.plain_renderer import Look, draw_plainly
 from tests.segar.observations.scenes import ANYTHING, Scene, draw, put, scene

@@ -14,9 +14,8 @@ from numba import njit
 import segar
 from segar.envs import VectorEnv
 from segar.observations import copying, leaves
-from segar.observations.composed.frame_tape import FrameTape, PlainFrameTape
-from segar.observations.kernel_options import KERNEL_OPTIONS
-from segar.observations.pixels.byte_copy import clear_bytes, copy_bytes, plain_clear_bytes, plain_copy_bytes
+from segar.observations.composed.stack import FrameTape, PlainFrameTape
+from segar.observations.copying import KERNEL_OPTIONS, clear_bytes, copy_bytes, plain_clear_bytes, plain_copy_bytes
 
 
 @njit(**{**KERNEL_OPTIONS, "cache": False})
@@ -66,7 +65,7 @@ def test_squares_are_cut_as_numpy_does_it(shape, side, monkeypatch):
 
 
 def test_a_tape_holds_the_frames_that_moved_frames_hold(monkeypatch):
-    monkeypatch.setattr("segar.observations.composed.frame_tape.TAPE", 5)
+    monkeypatch.setattr("segar.observations.composed.stack.TAPE", 5)
     rng, frame = np.random.default_rng(0), (2, 3)
     tape, plain = (kind(4, 3, frame, np.dtype(np.float32)) for kind in (FrameTape, PlainFrameTape))
     for _ in range(40):

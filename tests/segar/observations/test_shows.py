@@ -12,7 +12,7 @@ from segar import Charge, Mass, Velocity
 from segar.language import Visible
 from segar.language.factors import Count, Factor, Flag
 from segar.observations import Multi, OneOf, Pixels, PreviousActions, Stack, StateVector, TexturedPixels
-from segar.observations.arrays import empty_batch, leaves
+from segar.observations.protocol import empty_batch, leaves
 
 THINGS = (
     segar.GolfBall, segar.Ball, segar.Charger, segar.Magnet, segar.Bumper, segar.Damper, segar.SandTile, segar.MagmaTile,
@@ -43,7 +43,9 @@ FRAMES = [
     Multi([Pixels(), StateVector(factors=[Mass])]),
     Stack(
         Pixels(
-            colours={segar.Ball: segar.observations.pixels.colours.Colour((0, 0, 0), (200, 90, 9), Mass, (0.0, 2.0))}
+            colours={
+                segar.Ball: segar.observations.pixels.solid_colours.Colour((0, 0, 0), (200, 90, 9), Mass, (0.0, 2.0))
+            }
         ),
         2,
     ),

@@ -10,8 +10,8 @@ import pytest
 import segar
 from segar import Charger, GolfBall, Position
 from segar.rendering import Stage
-from segar.rendering.fields import charge_sources, electric_field, hint_strength
 from segar.rendering.labels import Request, overlap, place_labels
+from segar.rendering.scene import charge_sources, electric_field, hint_strength
 from segar.tasks.puttputt_task import puttputt
 
 

@@ -129,7 +129,7 @@ def test_worlds_of_other_walls_are_shown_from_wall_to_wall():
 
 
 def test_colours_can_be_chosen(table):
-    from segar.observations.pixels.colours import Colour
+    from segar.observations.pixels.solid_colours import Colour
 
     levels = segar.Levels.from_entities([LEVEL])
     view = View(colours={Ball: Colour((1, 2, 3))}, labels=False)
