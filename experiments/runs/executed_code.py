@@ -116,7 +116,8 @@ def _source(module: str) -> Path | None:
             return None
         # Of a dotted name, importlib.util.find_spec would import what stands before the last dot.
         spec = PathFinder.find_spec(f"{spec.name}.{name}", spec.submodule_search_locations)
-    return Path(spec.origin) if spec is not None and spec.has_location and str(spec.origin).endswith(".py") else None
+    origin = None if spec is None else spec.origin
+    return Path(origin) if origin is not None and origin.endswith(".py") else None
 
 
 def _imports(module: str, path: Path) -> Iterator[str]:

@@ -33,9 +33,14 @@ class State:
     @classmethod
     def empty(cls, num_envs: int, layout: Layout) -> State:
         """States without entities (all values are nan), of level 0 and at tick 0."""
-        counts = {name: np.zeros(num_envs, np.int64) for name in ("level", "tick", "contacts", "unresolved_contacts")}
-        values = np.full((num_envs, len(layout.slots), layout.width), np.nan)
-        return cls(values=values, key=np.zeros(num_envs, np.uint64), **counts)
+        return cls(
+            values=np.full((num_envs, len(layout.slots), layout.width), np.nan),
+            level=np.zeros(num_envs, np.int64),
+            key=np.zeros(num_envs, np.uint64),
+            tick=np.zeros(num_envs, np.int64),
+            contacts=np.zeros(num_envs, np.int64),
+            unresolved_contacts=np.zeros(num_envs, np.int64),
+        )
 
     def copy(self) -> State:
         return replace(self, **{name: array.copy() for name, array in vars(self).items()})

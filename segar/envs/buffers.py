@@ -27,7 +27,7 @@ class Buffers:
 
     def __init__(self, num_envs: int, copy: bool, observation: BoundObservation) -> None:
         self._space, self._num_envs, self._copy, self._observation = observation.space, num_envs, copy, observation
-        template = create_empty_array(self._space, num_envs)
+        template: Any = create_empty_array(self._space, num_envs)
         self._small = template if sum(array.nbytes for array in leaves(template)) <= SMALL else None
         self._overwritten: Arrays | None = None
         self._outputs: list[ReusedArrays] = []

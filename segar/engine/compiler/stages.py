@@ -8,10 +8,8 @@ from collections import defaultdict
 from dataclasses import dataclass, field
 
 from segar import language
-from segar.engine.compiler.applications import (
-    Application,
-    application_symbols,
-    bind_tree,
+from segar.engine.compiler.applications import Application, application_symbols, bind_tree
+from segar.engine.compiler.conflicts import (
     check_certain_conflicts,
     counted_effects,
     find_possible_conflicts,
