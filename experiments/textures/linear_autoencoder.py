@@ -36,7 +36,7 @@ class Training:
         samples: things from the product of marginals, from which batches are drawn.
         noise_weight: of noise in the error of reconstruction; factors have 1.
         contrast: weight of the squared shortfalls of contrast between two of the floor and the
-            ``LOOKS`` of :mod:`segar.textures.standard`, whatever their noise.
+            looks of :mod:`segar.textures.measures`, whatever their noise.
         texture_contrast, colour_contrast: what it should be: root mean square over pixels, and of the mean colour, in
             units in which black is -1 and white 1.
         calm: weight of the mean square of what noise changes, in these units.

@@ -7,7 +7,7 @@ import numpy as np
 from segar.errors import SegarError
 from segar.hardness.rollouts import Starts, make_starts, play_forks, scripted, trace, uniform_actions
 from segar.language import Layout, Task
-from segar.levels import Levels, require_generator
+from segar.levels import Levels, checks
 
 TRACES = 2048  # that are held at a time; bounds the memory
 
@@ -92,7 +92,7 @@ def influence(
     Raises:
         SegarError: horizon, plays or nudge make no sense.
     """
-    require_generator("influence", rng)
+    checks.require_generator("influence", rng)
     starts = make_starts(levels, task, seed)
     if not 1 <= horizon <= starts.task.max_steps or plays < 1 or not 0 < nudge <= 1:
         raise SegarError(

@@ -13,7 +13,7 @@ from segar.envs import VectorEnv, play
 from segar.errors import SegarError
 from segar.hardness.rollouts import Episodes, Player, Starts, make_starts, open_loop, play_forks, scripted
 from segar.language import Task
-from segar.levels import Levels, require_generator
+from segar.levels import Levels, checks
 from segar.support import ArchiveFormat
 
 BATCH = 16384  # rollouts that are simulated side by side; bounds the memory
@@ -107,7 +107,7 @@ def plan(
     Raises:
         SegarError: samples or iterations are too few, or the levels do not fit the task.
     """
-    require_generator("plan", rng)
+    checks.require_generator("plan", rng)
     require_search(samples, iterations)
     return search(make_starts(levels, task, seed, num_threads), rng, samples, iterations)
 

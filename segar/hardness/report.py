@@ -9,7 +9,7 @@ from segar.errors import SegarError
 from segar.hardness.planner import BATCH, Plan, require_search, scripted_episodes, search
 from segar.hardness.rollouts import Episodes, Starts, make_starts, play_forks, uniform_actions
 from segar.language import Task
-from segar.levels import Levels, require_generator
+from segar.levels import Levels, checks
 
 NORMAL_95 = 1.959963984540054  # two-sided 95 % point of the standard normal distribution
 
@@ -104,7 +104,7 @@ def hardness(
     Raises:
         SegarError: plays, samples or iterations are too few, or the levels do not fit the task.
     """
-    require_generator("hardness", rng)
+    checks.require_generator("hardness", rng)
     if plays < 1:
         raise SegarError(f"hardness needs at least 1 random play per level, not {plays}")
     require_search(samples, iterations)

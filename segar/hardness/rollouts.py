@@ -9,7 +9,7 @@ from segar.engine import Simulator, State, StepResult
 from segar.envs import TimeStep, VectorEnv, play
 from segar.errors import SegarError
 from segar.language import Factors, Task
-from segar.levels import Levels, require_levels
+from segar.levels import Levels, checks
 
 Player = Callable[[int, np.ndarray, np.ndarray], np.ndarray]
 """``player(step, rows, values)`` gives float ``(len(rows), action size)``: what these rows of the batch do in the states
@@ -61,7 +61,7 @@ def make_starts(levels: Levels, task: Task | None = None, seed: int = 0, num_thr
     Raises:
         SegarError: there are no levels, or they do not fit the task.
     """
-    require_levels("hardness", levels)
+    checks.require_levels("hardness", levels)
     if task is not None and not isinstance(task, Task):
         raise SegarError(f"hardness: task must be a segar.Task such as segar.puttputt(), not {task!r}")
     env = VectorEnv(levels, max(len(levels), 1), task=task, seed=seed, num_threads=num_threads)

@@ -8,7 +8,7 @@ from segar.errors import LevelError, SegarError
 from segar.hardness.planner import Plan
 from segar.hardness.rollouts import Episodes, Starts, make_starts, trace, uniform_actions
 from segar.language import Factor, Position, Task
-from segar.levels import Levels, require_factors, require_generator, require_levels
+from segar.levels import Levels, checks
 
 
 def dynamics_distances(
@@ -39,9 +39,9 @@ def dynamics_distances(
         LevelError: the two sets have different layouts, or lack one of the factors.
         SegarError: sequences or horizon make no sense.
     """
-    require_levels("dynamics_distances", a, b)
-    require_generator("dynamics_distances", rng)
-    require_factors("dynamics_distances", factors, a, b)
+    checks.require_levels("dynamics_distances", a, b)
+    checks.require_generator("dynamics_distances", rng)
+    checks.require_factors("dynamics_distances", factors, a, b)
     if a.layout != b.layout:
         raise LevelError("dynamics_distances: these level sets have different entities; compare sets of one layout")
     columns = []

@@ -4,23 +4,13 @@ The room imports ``errors``, ``support``, ``language``, ``rules`` and ``noise``.
 ``probability`` computes what is known without sampling; others use the names that are imported here.
 """
 
-from segar.levels.checks import require_distribution, require_factors, require_generator, require_levels, require_units
+from segar.levels import checks, moments
 from segar.levels.conditional import Dependent
 from segar.levels.distribution import LevelDistribution
 from segar.levels.hashing import content_hash
 from segar.levels.level_data import LEVEL_ARRAYS, Provenance
-from segar.levels.level_set import Levels
-from segar.levels.moments import (
-    PointSets,
-    entity_types,
-    gather,
-    gather_parameters,
-    gather_state,
-    mean_and_variance,
-    moments_of_distribution,
-    moments_of_levels,
-    source_moments,
-)
+from segar.levels.level_set import Levels, all_subclasses
+from segar.levels.moments import PointSets, entity_types, gather, source_moments
 from segar.levels.named_families import DIFFICULTIES, TASK_LEVELS, TASKS, families, family
 from segar.levels.priors import Prior, factors_needed
 from segar.levels.probability.marginals import marginals, mix, slot_distributions

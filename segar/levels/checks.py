@@ -1,6 +1,6 @@
-"""Checks of what measures are given: level sets, distributions, generators, factors and units."""
+"""Checks of what measures are given: level sets, distributions, generators and factors."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -50,12 +50,3 @@ def require_factors(what: str, factors: Any, *sets: Any) -> None:
         if factor not in known:
             near = did_you_mean(factor.__name__, [f.__name__ for f in known])
             raise LevelError(f"{what}: no entity here has the factor {factor.__name__}.{near}")
-
-
-def require_units(what: str, scale: Any) -> None:
-    """Raise :class:`LevelError` in the name of the function ``what`` unless ``scale`` is None or maps to deviations."""
-    if scale is not None and not isinstance(scale, Mapping):
-        raise LevelError(
-            f"{what}: scale must map (entity type, factor) to a standard deviation, as segar.metrics.spread(a, b) does,"
-            f" not {scale!r}"
-        )

@@ -135,34 +135,14 @@ def _operation(symbol: Symbol, read: Read, found: dict[int, Any]) -> Any:
     if symbol.op == "load":
         factor: Any = symbol.args[1]
         return read(factor, *symbol.args[2:] or (0,))
-    return _OPERATIONS[symbol.op](*(_compute(part, read, found) for part in symbol.args))
+    operation = getattr(np, _NUMPY_NAMES.get(symbol.op, symbol.op))
+    return operation(*(_compute(part, read, found) for part in symbol.args))
 
 
-_OPERATIONS: dict[str, Callable[..., Any]] = {
-    "add": np.add,
-    "sub": np.subtract,
-    "mul": np.multiply,
-    "div": np.true_divide,
-    "pow": np.float_power,
-    "neg": np.negative,
-    "abs": np.abs,
-    "sign": np.sign,
-    "sqrt": np.sqrt,
-    "exp": np.exp,
-    "log": np.log,
-    "sin": np.sin,
-    "cos": np.cos,
-    "tanh": np.tanh,
-    "arctan2": np.arctan2,
-    "lt": np.less,
-    "le": np.less_equal,
-    "eq": np.equal,
-    "ne": np.not_equal,
-    "and": np.logical_and,
-    "or": np.logical_or,
-    "not": np.logical_not,
-    "select": np.where,
-}
+# What numpy calls the operations of expressions, where it calls them otherwise.
+_NUMPY_NAMES = {"sub": "subtract", "mul": "multiply", "div": "true_divide", "pow": "float_power", "neg": "negative"}
+_NUMPY_NAMES |= {"lt": "less", "le": "less_equal", "eq": "equal", "ne": "not_equal", "select": "where"}
+_NUMPY_NAMES |= {"and": "logical_and", "or": "logical_or", "not": "logical_not"}
 _SIGNS = {"add": "+", "sub": "-", "mul": "*", "div": "/", "lt": "<", "le": "<=", "eq": "==", "ne": "!="}
 
 

@@ -12,20 +12,10 @@ from typing import Any
 import numpy as np
 
 from segar.errors import LevelError, PriorError, did_you_mean
-from segar.language import (
-    BUILT_IN_PARAMETERS,
-    Entity,
-    Factor,
-    GlobalFriction,
-    Layout,
-    Parameter,
-    Slot,
-    ThingFactory,
-    name_slots,
-)
+from segar.language import Entity, Factor, GlobalFriction, Layout, Parameter, Slot, ThingFactory, name_slots
 from segar.levels.explanation import Explanation, explain
 from segar.levels.hashing import content_hash
-from segar.levels.level_data import Provenance
+from segar.levels.level_data import Provenance, layout_on_floor
 from segar.levels.level_set import Levels
 from segar.levels.priors import Prior, check_priors
 from segar.levels.probability.entropy import acceptance, entropy, log_acceptance
@@ -127,14 +117,8 @@ class LevelDistribution:
         indices = np.arange(int(n), dtype=np.int64)
         block = draw_levels(self.plan, Streams(str(self), self._stream, int(seed), split), indices)
         return Levels(
+            **block.arrays,
             layout=self.layout,
-            types=block.types,
-            values=block.values,
-            shape_kind=block.shape_kind,
-            vertex_count=block.vertex_count,
-            vertices=block.vertices,
-            parameters=block.parameters,
-            sampled_values=block.sampled_values,
             provenance=Provenance(self.name, self.hash, __version__, int(seed), split, indices),
             distribution=self,
             world=self.world,
@@ -149,10 +133,9 @@ class LevelDistribution:
         slots = []
         for (types, most), (_, many) in zip(groups, self.numbers, strict=True):
             slots += [Slot(next(names), types, optional=k >= counts(many)[0]) for k in range(most)]
-        slots.append(Slot("global_friction", (GlobalFriction,)))
-        _check_names(slots)
-        extra = (p for p in self._parameter_priors if p not in BUILT_IN_PARAMETERS)
-        return Layout(tuple(slots), tuple(extra))
+        layout = layout_on_floor(slots, self._parameter_priors)
+        _check_names(layout.slots)
+        return layout
 
     @cached_property
     def hash(self) -> str:

@@ -7,10 +7,7 @@ import numpy as np
 
 from segar.errors import LevelError
 from segar.language import (
-    BUILT_IN_PARAMETERS,
-    HULL,
     ID,
-    BaseShape,
     Entity,
     FloorFriction,
     Friction,
@@ -23,7 +20,7 @@ from segar.language import (
     entity_name,
     name_slots,
 )
-from segar.levels.level_data import Provenance
+from segar.levels.level_data import Block, Provenance, layout_on_floor
 from segar.support import __version__
 
 
@@ -33,27 +30,22 @@ def arrays_of_entities(
     """The arguments of :class:`segar.Levels`, except the world; see :meth:`segar.Levels.from_entities`."""
     _check_entities(levels)
     layout = _layout(levels, parameters)
-    n, slots = len(levels), len(layout.slots)
-    types = np.full((n, slots), -1, dtype=np.int16)
-    values = np.full((n, slots, layout.width), np.nan)
-    shapes: dict[tuple[int, int], BaseShape] = {}
+    shapes = [entity[Shape] for entities in levels for entity in entities if Shape in entity]
+    room = max((len(shape.vertices) for shape in shapes), default=0)
+    block = Block.empty(layout, room, np.arange(len(levels)))
     for i, entities in enumerate(levels):
         for k, entity in enumerate(entities):
-            types[i, k] = layout.types.index(type(entity))
+            block.types[i, k] = layout.types.index(type(entity))
             for factor, column in layout.columns.items():
                 if factor in entity:
-                    values[i, k, column : column + factor.width] = entity[factor]
+                    block.values[i, k, column : column + factor.width] = entity[factor]
             if Shape in entity:
-                shapes[i, k] = entity[Shape]
-    table = _parameters(layout, parameters, n)
-    types[:, -1] = layout.types.index(GlobalFriction)
-    values[:, -1, layout.columns[Friction]] = table[:, layout.parameters.index(FloorFriction)]
-    kind, count, vertices = _outlines(shapes, n, slots)
-    provenance = Provenance(name, "", __version__, 0, "", np.arange(n))
-    return {
-        "layout": layout, "types": types, "values": values, "shape_kind": kind, "vertex_count": count,
-        "vertices": vertices, "parameters": table, "sampled_values": values.copy(), "provenance": provenance,
-    }  # fmt: skip
+                block.set_shape(i, k, entity[Shape])
+    _set_parameters(block.parameters, layout, parameters)
+    block.types[:, -1] = layout.types.index(GlobalFriction)
+    block.values[:, -1, layout.columns[Friction]] = block.parameters[:, layout.parameters.index(FloorFriction)]
+    block.sampled_values[:] = block.values
+    return {**block.arrays, "layout": layout, "provenance": Provenance(name, "", __version__, 0, "", block.indices)}
 
 
 def _check_entities(levels: Sequence[Sequence[Entity]]) -> None:
@@ -90,31 +82,16 @@ def _layout(levels: Sequence[Sequence[Entity]], parameters: Mapping[type[Paramet
     if doubles:
         raise LevelError(f"several entities are called '{doubles[0]}'; give each its own ID")
     slots = [Slot(name, t, len(c) < len(levels)) for name, t, c in zip(names, types, columns, strict=True)]
-    extra = tuple(p for p in parameters if p not in BUILT_IN_PARAMETERS)
-    return Layout((*slots, Slot("global_friction", (GlobalFriction,))), extra)
+    return layout_on_floor(slots, parameters)
 
 
-def _parameters(layout: Layout, given: Mapping[type[Parameter], Any], n: int) -> np.ndarray:
-    table = np.empty((n, len(layout.parameters)))
+def _set_parameters(table: np.ndarray, layout: Layout, given: Mapping[type[Parameter], Any]) -> None:
     for column, parameter in enumerate(layout.parameters):
         value = np.asarray(given.get(parameter, parameter.default), dtype=float)
         low, high = parameter.bounds or (-np.inf, np.inf)
+        n = len(table)
         if value.shape not in ((), (n,)) or not (np.isfinite(value) & (value >= low) & (value <= high)).all():
             raise LevelError(
                 f"parameters: {parameter.__name__} must be one number or {n}, from {low:g} to {high:g}, not {value!r}"
             )
         table[:, column] = value
-    return table
-
-
-def _outlines(shapes: Mapping[tuple[int, int], BaseShape], n: int, slots: int) -> tuple[np.ndarray, ...]:
-    kind = np.zeros((n, slots), dtype=np.int8)
-    count = np.zeros((n, slots), dtype=np.int16)
-    room = max((len(shape.vertices) for shape in shapes.values()), default=0)
-    vertices = np.zeros((n, slots, room, 2))
-    for (i, k), shape in shapes.items():
-        kind[i, k] = shape.kind
-        if shape.kind == HULL:
-            count[i, k] = len(shape.vertices)
-            vertices[i, k, : count[i, k]] = shape.vertices
-    return kind, count, vertices

@@ -7,13 +7,13 @@ levels through modules that take the fields as arguments.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 
-from segar.language import Layout
+from segar.language import BUILT_IN_PARAMETERS, HULL, BaseShape, GlobalFriction, Layout, Parameter, Slot
 from segar.rules import World
 
 LEVEL_ARRAYS = (
@@ -77,3 +77,62 @@ class LevelData:
 
     def __len__(self) -> int:
         return len(self.types)
+
+
+@dataclass
+class Block:
+    """Arrays of ``n`` levels while they are made, named as those of :class:`segar.Levels`.
+
+    Attributes:
+        indices: int64 ``(n,)``, of the levels in their split.
+        shape_size: float64 ``(n, E)``, the size of each thing's shape, nan where there is none.
+    """
+
+    indices: np.ndarray
+    types: np.ndarray
+    values: np.ndarray
+    shape_kind: np.ndarray
+    shape_size: np.ndarray
+    vertex_count: np.ndarray
+    vertices: np.ndarray
+    parameters: np.ndarray
+    sampled_values: np.ndarray
+
+    @classmethod
+    def empty(cls, layout: Layout, vertices: int, indices: np.ndarray) -> Block:
+        """Arrays for the levels with these indices, in which nothing is set yet, with room for so many vertices."""
+        n, entities = len(indices), len(layout.slots)
+        return cls(
+            indices=indices,
+            types=np.full((n, entities), -1, dtype=np.int16),
+            values=np.full((n, entities, layout.width), np.nan),
+            shape_kind=np.zeros((n, entities), dtype=np.int8),
+            shape_size=np.full((n, entities), np.nan),
+            vertex_count=np.zeros((n, entities), dtype=np.int16),
+            vertices=np.zeros((n, entities, vertices, 2)),
+            parameters=np.empty((n, len(layout.parameters))),
+            sampled_values=np.empty((n, entities, layout.width)),
+        )
+
+    def part(self, start: int, stop: int) -> Block:
+        """A view of some levels."""
+        return Block(**{name: array[start:stop] for name, array in vars(self).items()})
+
+    def set_shape(self, levels: int | np.ndarray, slot: int, shape: BaseShape) -> None:
+        """Set kind and size of the shape of one slot's things and, unless it is random, its vertices."""
+        self.shape_kind[levels, slot] = shape.kind
+        self.shape_size[levels, slot] = shape.size
+        if shape.kind == HULL and not shape.is_random:
+            self.vertex_count[levels, slot] = len(shape.vertices)
+            self.vertices[levels, slot, : len(shape.vertices)] = shape.vertices
+
+    @property
+    def arrays(self) -> dict[str, Any]:
+        """The arrays that levels keep, by name."""
+        return {name: getattr(self, name) for name in LEVEL_ARRAYS}
+
+
+def layout_on_floor(slots: Iterable[Slot], parameters: Iterable[type[Parameter]]) -> Layout:
+    """The layout of these slots, the arena's floor behind them, and of the parameters that are not built in."""
+    extra = tuple(p for p in parameters if p not in BUILT_IN_PARAMETERS)
+    return Layout((*slots, Slot("global_friction", (GlobalFriction,))), extra)

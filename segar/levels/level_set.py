@@ -1,22 +1,29 @@
-"""Level sets: initial states as arrays, which can be picked from, saved, loaded and made from entities."""
+"""Level sets: initial states as arrays, which can be picked from, made from entities, and kept in files.
+
+Level files are npz archives without pickle, a description in JSON beside the arrays, replaced only when complete.
+"""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from segar.errors import LevelError, PlacementError
-from segar.language import Entity, Parameter
-from segar.levels.files import read_level_file, write_level_file
+from segar.errors import LevelError, PlacementError, did_you_mean
+from segar.language import Entity, Factor, Layout, Parameter, Slot
 from segar.levels.from_entities import arrays_of_entities
-from segar.levels.level_data import LEVEL_ARRAYS, LevelData
-from segar.levels.sampling.draws import fix_block
+from segar.levels.level_data import LEVEL_ARRAYS, LevelData, Provenance
+from segar.levels.moments import Moments, source_moments
+from segar.levels.sampling.placement import fix_block
 from segar.rules import World
+from segar.support import ArchiveFormat
+
+FORMAT = ArchiveFormat("segar-levels", 1, "levels", "level file", LevelError)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -47,7 +54,21 @@ class Levels(LevelData):
         Raises:
             LevelError: the file is no level file, is incomplete, or holds entity types that are not defined.
         """
-        return cls(**read_level_file(path), world=world)
+        arrays, metadata = FORMAT.read(Path(path), (*LEVEL_ARRAYS, "indices"))
+        try:
+            layout = _layout(metadata, str(path))
+            rules = tuple(metadata.get("rules", ()))
+            provenance = Provenance(
+                **metadata["provenance"], version=metadata["version"], indices=arrays.pop("indices"), rules=rules
+            )
+            task, moments = metadata.get("task"), _moments(metadata, layout)
+        except (KeyError, IndexError, TypeError, StopIteration) as cause:
+            raise LevelError(
+                f"{path} is not a level file, or a damaged one: its description does not fit ({cause!r});"
+                " save the levels again"
+            ) from cause
+        kept: dict[str, Any] = arrays
+        return cls(**kept, layout=layout, provenance=provenance, task=task, moments=moments, world=world)
 
     @classmethod
     def from_entities(
@@ -78,7 +99,8 @@ class Levels(LevelData):
         Raises:
             LevelError: the file cannot be written; what stood at ``path`` still stands there.
         """
-        write_level_file(self, path)
+        arrays = {name: getattr(self, name) for name in LEVEL_ARRAYS} | {"indices": self.provenance.indices}
+        FORMAT.write(Path(path), arrays, _metadata(self))
 
     def without_overlaps(self) -> Levels:
         """The same levels with things moved out of walls, and objects out of each other.
@@ -131,3 +153,94 @@ class Levels(LevelData):
 
 def _same_bits(a: np.ndarray, b: np.ndarray) -> bool:
     return a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes()
+
+
+def _metadata(levels: Levels) -> dict[str, Any]:
+    layout, origin = levels.layout, levels.provenance
+    return {
+        "version": origin.version,
+        "provenance": {name: getattr(origin, name) for name in ("name", "distribution", "seed", "split")},
+        "task": levels.task,
+        "rules": [r.where for r in levels.world.rules] if levels.world is not None else list(origin.rules),
+        "slots": [
+            {"name": s.name, "types": [layout.types.index(t) for t in s.types], "optional": s.optional}
+            for s in layout.slots
+        ],
+        "types": [_class_address(t) for t in layout.types],
+        "factors": [_class_address(f) | {"width": f.width} for f in layout.factors],
+        "extra_parameters": [_class_address(p) for p in layout.extra_parameters],
+        "moments": [
+            {
+                "type": layout.types.index(kind) if kind in layout.types else None,
+                "factor": factor.__name__,
+                "mean": mean.tolist(),
+                "variance": variance.tolist(),
+            }
+            for (kind, factor), (mean, variance) in source_moments(levels).items()
+        ],
+    }
+
+
+def _class_address(cls: type) -> dict[str, Any]:
+    return {"name": cls.__name__, "module": cls.__module__, "qualname": cls.__qualname__}
+
+
+def _layout(metadata: dict[str, Any], path: str) -> Layout:
+    types = [_find(address, all_subclasses(Entity), "entity type", path) for address in metadata["types"]]
+    extra = [
+        _find(address, all_subclasses(Factor), "world parameter", path) for address in metadata["extra_parameters"]
+    ]
+    slots = (Slot(s["name"], tuple(types[k] for k in s["types"]), s["optional"]) for s in metadata["slots"])
+    layout = Layout(tuple(slots), tuple(extra))
+    saved = [(f["name"], f["width"]) for f in metadata["factors"]]
+    here = [(f.__name__, f.width) for f in layout.factors]
+    if saved != here:
+        raise LevelError(
+            f"{path}: its entities have changed since it was written: it holds the factors"
+            f" {', '.join(name for name, _ in saved)}, and here they have {', '.join(name for name, _ in here)}"
+        )
+    return layout
+
+
+def _moments(metadata: dict[str, Any], layout: Layout) -> Moments:
+    """Moments of the distribution; files of earlier versions hold none."""
+    found: Moments = {}
+    for entry in metadata.get("moments", ()):
+        kind = Parameter if entry["type"] is None else layout.types[entry["type"]]
+        known = layout.parameters if entry["type"] is None else layout.factors
+        factor = next(f for f in known if f.__name__ == entry["factor"])
+        found[kind, factor] = np.array(entry["mean"]), np.array(entry["variance"])
+    return found
+
+
+def _find(address: dict[str, Any], classes: Iterable[type], kind: str, path: str) -> type:
+    """The class of that module and name, else the only class of that name; the last defined one of several.
+
+    A class of this package is found by its name in whatever module it stands now: modules have moved since 0.1.
+    """
+    classes = list(classes)
+    same_name = [c for c in classes if c.__name__ == address["name"]]
+    exact = [c for c in same_name if (c.__module__, c.__qualname__) == (address["module"], address["qualname"])]
+    if address["module"].startswith("segar."):
+        exact += [c for c in same_name if c.__module__.startswith("segar.")]
+    if exact or len(same_name) == 1:
+        return (exact or same_name)[-1]
+    if same_name:
+        modules = ", ".join(sorted({c.__module__ for c in same_name}))
+        raise LevelError(
+            f"{path}: several {kind}s are called '{address['name']}' ({modules}), and none is that of"
+            f" {address['module']}; import that module before loading"
+        )
+    raise LevelError(
+        f"{path} holds the {kind} '{address['name']}', which is not defined; import {address['module']}, or define it,"
+        f" before loading (on the command line: --world {address['module']}:...)."
+        f"{did_you_mean(address['name'], [c.__name__ for c in classes])}"
+    )
+
+
+def all_subclasses(cls: type) -> list[type]:
+    """The classes that inherit from one, in order of definition, each before those that inherit from it."""
+    found: dict[type, None] = {}
+    for child in cls.__subclasses__():
+        found |= {child: None} | dict.fromkeys(all_subclasses(child))
+    return list(found)

@@ -51,8 +51,6 @@ from segar.language import (
 from segar.levels.conditional import Dependent
 from segar.noise import Choice, Noise
 
-Specificity = tuple[int, int, bool, int]
-
 
 @dataclass(frozen=True)
 class Prior:
@@ -139,7 +137,7 @@ def ranked(priors: Sequence[Prior], entity: type[Entity], factor: type[Factor]) 
     Raises:
         PriorError: two unconditional priors are equally specific and differ.
     """
-    matching = sorted((p for p in priors if _may_set(p, entity, factor)), key=lambda p: specificity(p), reverse=True)
+    matching = sorted((p for p in priors if _may_set(p, entity, factor)), key=specificity, reverse=True)
     for place, prior in enumerate(matching):
         if not factors_read(prior):
             for rival in matching[place + 1 :]:
@@ -152,7 +150,7 @@ def ranked(priors: Sequence[Prior], entity: type[Entity], factor: type[Factor]) 
     return tuple(matching)
 
 
-def specificity(prior: Prior) -> Specificity:
+def specificity(prior: Prior) -> tuple[int, int, bool, int]:
     """What two priors are compared by; the larger one wins."""
     kind, relation = prior.entity_type, prior.relation
     return (

@@ -4,13 +4,10 @@ The room imports ``levels``, ``textures`` and the rooms below them, and never th
 imported here; each measure names its options and its source in its docstring.
 """
 
-from segar.metrics.debiased import DebiasedW2, Floor, same_distribution_floor, w2_debiased
-from segar.metrics.decomposition import Decomposition, decompose
-from segar.metrics.embedding import embed
 from segar.metrics.entropy_estimate import SampleEntropy, sample_entropy
 from segar.metrics.kolmogorov import FactorKS, KSReport, dkw_band, ks, ks_by_factor, ks_report
-from segar.metrics.large_sets import EntropicW2, SlicedW2, w2_entropic, w2_sliced
 from segar.metrics.level_design import design
+from segar.metrics.level_vectors import TwoSampleTest, classifier_test, embed, energy_test, mmd_test
 from segar.metrics.marginal_distributions import component
 from segar.metrics.points import relevant_factors, spread
 from segar.metrics.representative_sets import (
@@ -20,7 +17,15 @@ from segar.metrics.representative_sets import (
     effective_number,
     representativeness,
 )
-from segar.metrics.two_sample import TwoSampleTest, classifier_test, energy_test, mmd_test
-from segar.metrics.unbalanced import UnbalancedW2, w2_partial, w2_unbalanced
 from segar.metrics.visual import VisualDistance, clustering_w2, visual_distance, visual_w2
+from segar.metrics.w2_parts import DebiasedW2, Decomposition, Floor, decompose, same_distribution_floor, w2_debiased
+from segar.metrics.w2_variants import (
+    EntropicW2,
+    SlicedW2,
+    UnbalancedW2,
+    w2_entropic,
+    w2_partial,
+    w2_sliced,
+    w2_unbalanced,
+)
 from segar.metrics.wasserstein import W2Report, w2, w2_report

@@ -1,7 +1,7 @@
 """Pairs of distribution functions, one pair for each marginal of two level sets or distributions."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import Any
@@ -10,24 +10,9 @@ import numpy as np
 
 from segar.errors import LevelError
 from segar.language import Entity, Factor, Parameter
-from segar.levels import (
-    LevelDistribution,
-    Levels,
-    PointSets,
-    entity_types,
-    gather,
-    gather_parameters,
-    gather_state,
-    require_factors,
-)
-from segar.metrics.marginal_distributions import (
-    component,
-    count_distribution,
-    factor_distribution,
-    parameter_distribution,
-    possible_types,
-)
-from segar.metrics.points import all_parameters, cut, relevant_factors
+from segar.levels import LevelDistribution, Levels, checks, entity_types, gather, moments
+from segar.metrics import marginal_distributions
+from segar.metrics.points import cut, relevant_factors
 from segar.noise import Noise, Wrapped, ks_line
 
 GRID = 512  # steps of probability at which the curve of two distributions is taken
@@ -49,11 +34,11 @@ class TwoSamples:
     y: np.ndarray
     level_x: np.ndarray
     level_y: np.ndarray
-    rank: np.ndarray = field(init=False)
 
-    def __post_init__(self) -> None:
-        rank = np.unique(np.concatenate([self.x, self.y]), return_inverse=True)[1]
-        object.__setattr__(self, "rank", rank)
+    @cached_property
+    def rank(self) -> np.ndarray:
+        """Of each value among all values of both sets, equal ones alike."""
+        return np.unique(np.concatenate([self.x, self.y]), return_inverse=True)[1]
 
     def curve(self) -> Curve:
         return self._curve(np.arange(len(self.rank)) < len(self.x))
@@ -152,19 +137,25 @@ def factor_marginals(what: str, a: Any, b: Any, factors: Sequence[type[Factor]] 
 
     Of a sample against a sample, the states that episodes start in count; against a distribution, states as drawn.
     """
-    sides = [_Side(what, one, as_drawn=not (isinstance(a, Levels) and isinstance(b, Levels))) for one in (a, b)]
-    require_factors(what, factors, a, b)
+    for one in (a, b):
+        if not isinstance(one, (Levels, LevelDistribution)):
+            raise LevelError(
+                f"{what} compares level sets (segar.Levels) and distributions (segar.LevelDistribution);"
+                f" a {type(one).__name__} is not supported"
+            )
+    sides = [_Side(one, as_drawn=not (isinstance(a, Levels) and isinstance(b, Levels))) for one in (a, b)]
+    checks.require_factors(what, factors, a, b)
     types = list(dict.fromkeys(t for side in sides for t in side.types()))
     found = []
     for entity in types:
         found.append(_marginal(f"{entity.__name__}.count", *(side.count(entity) for side in sides)))
-        if all(side.has(entity) for side in sides):
+        if all(entity in side.types() for side in sides):
             for factor in relevant_factors(entity, factors):
                 values = [side.values(entity, factor) for side in sides]
                 for axis in range(factor.width):
                     name = f"{entity.__name__}.{factor.__name__}{('', '.x', '.y')[axis + factor.width - 1]}"
                     found.append(_marginal(name, *(_axis(v, axis) for v in values)))
-    parameters = dict.fromkeys(p for side in sides for p in side.parameters())
+    parameters = dict.fromkeys(p for side in sides for p in side.one.layout.parameters)
     for parameter in parameters:
         if factors is None or parameter in factors:
             found.append(_marginal(f"world.{parameter.__name__}", *(side.parameter(parameter) for side in sides)))
@@ -179,45 +170,32 @@ Values = Noise | tuple[np.ndarray, np.ndarray]
 class _Side:
     """One side of a comparison."""
 
-    what: str
-    one: Any
+    one: Levels | LevelDistribution
     as_drawn: bool
 
-    def __post_init__(self) -> None:
-        if not isinstance(self.one, (Levels, LevelDistribution)):
-            raise LevelError(
-                f"{self.what} compares level sets (segar.Levels) and distributions (segar.LevelDistribution);"
-                f" a {type(self.one).__name__} is not supported"
-            )
-
     def types(self) -> list[type[Entity]]:
-        return entity_types(self.one) if isinstance(self.one, Levels) else possible_types(self.one)
-
-    def has(self, entity: type[Entity]) -> bool:
-        return entity in self.types()
-
-    def parameters(self) -> Sequence[type[Parameter]]:
-        return all_parameters(self.one) if isinstance(self.one, Levels) else self.one.layout.parameters
+        if not isinstance(self.one, Levels):
+            return marginal_distributions.possible_types(self.one)
+        return entity_types(self.one)
 
     def count(self, entity: type[Entity]) -> Values:
         if not isinstance(self.one, Levels):
-            return count_distribution(self.one, entity)
+            return marginal_distributions.count_distribution(self.one, entity)
         return gather(self.one, [entity], [], self.one.values).counts.astype(float), np.arange(len(self.one))
 
     def values(self, entity: type[Entity], factor: type[Factor]) -> Values:
         if not isinstance(self.one, Levels):
-            return _cut_noise(factor_distribution(self.one, entity, factor), factor)
-        found: PointSets = (
-            gather(self.one, [entity], [factor], self.one.sampled_values)
-            if self.as_drawn
-            else gather_state(self.one, entity, [factor])
-        )
+            return _cut_noise(marginal_distributions.factor_distribution(self.one, entity, factor), factor)
+        if self.as_drawn:
+            found = gather(self.one, [entity], [factor], self.one.sampled_values)
+        else:
+            found = moments.gather_state(self.one, entity, [factor])
         return cut(found.points, factor), np.repeat(np.arange(len(self.one)), found.counts)
 
     def parameter(self, parameter: type[Parameter]) -> Values:
         if not isinstance(self.one, Levels):
-            return _cut_noise(parameter_distribution(self.one, parameter), parameter)
-        return cut(gather_parameters(self.one, [parameter]).points[:, 0], parameter), np.arange(len(self.one))
+            return _cut_noise(marginal_distributions.parameter_distribution(self.one, parameter), parameter)
+        return cut(moments.gather_parameters(self.one, [parameter]).points[:, 0], parameter), np.arange(len(self.one))
 
 
 def _cut_noise(noise: Noise, factor: type[Factor]) -> Noise:
@@ -225,7 +203,9 @@ def _cut_noise(noise: Noise, factor: type[Factor]) -> Noise:
 
 
 def _axis(values: Values, axis: int) -> Values:
-    return component(values, axis) if isinstance(values, Noise) else (values[0][:, axis], values[1])
+    return (
+        marginal_distributions.component(values, axis) if isinstance(values, Noise) else (values[0][:, axis], values[1])
+    )
 
 
 def _marginal(name: str, a: Values, b: Values) -> Marginal:

@@ -11,7 +11,7 @@ import scipy
 
 from segar.errors import LevelError, did_you_mean
 from segar.language import Factor, GlobalFriction
-from segar.levels import Levels, require_factors, require_levels
+from segar.levels import Levels, checks
 from segar.metrics.points import cut, relevant_factors
 
 NEIGHBOUR = 3  # k of the nearest-neighbour estimate: low bias, and a variance near that of larger k
@@ -61,8 +61,8 @@ def sample_entropy(
     Raises:
         LevelError: not a level set, an unknown method, or no kind of level (``joint``) that occurs often enough.
     """
-    require_levels("sample_entropy", levels)
-    require_factors("sample_entropy", factors, levels)
+    checks.require_levels("sample_entropy", levels)
+    checks.require_factors("sample_entropy", factors, levels)
     if method not in ("joint", "mean_field"):
         raise LevelError(
             f"sample_entropy: unknown method '{method}'.{did_you_mean(str(method), ('joint', 'mean_field'))}"

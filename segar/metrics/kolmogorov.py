@@ -8,14 +8,8 @@ import scipy
 
 from segar.errors import LevelError
 from segar.language import Factor
-from segar.levels import LevelDistribution, Levels, require_generator
-from segar.metrics.distribution_functions import (
-    Curve,
-    Marginal,
-    SampleAgainstDistribution,
-    TwoSamples,
-    factor_marginals,
-)
+from segar.levels import LevelDistribution, Levels, checks
+from segar.metrics.distribution_functions import Curve, SampleAgainstDistribution, TwoSamples, factor_marginals
 from segar.metrics.joint_kernel import largest_difference
 
 Side = Levels | LevelDistribution
@@ -120,7 +114,7 @@ def ks_report(
     Raises:
         LevelError: as :func:`ks`; or both are distributions, whose distance has no error to report.
     """
-    require_generator("ks_report", rng)
+    checks.require_generator("ks_report", rng)
     if resamples < 19 or not 0 < confidence < 1:
         raise LevelError(
             f"ks_report needs at least 19 resamples, not {resamples}, and a confidence between 0 and 1, not {confidence}"
@@ -155,13 +149,12 @@ def dkw_band(n: int, confidence: float = 0.95) -> float:
     return float(np.sqrt(np.log(2 / (1 - confidence)) / (2 * n)))
 
 
-def _factor_report(marginal: Marginal, confidence: float) -> FactorKS:
+def _factor_report(marginal: TwoSamples | SampleAgainstDistribution, confidence: float) -> FactorKS:
     value = marginal.largest_difference()
     if isinstance(marginal, SampleAgainstDistribution):
         n = len(marginal.sample)
         p_value = float(scipy.stats.kstwo.sf(value, n))
         return FactorKS(marginal.name, value, dkw_band(n, confidence), p_value, n, None)
-    assert isinstance(marginal, TwoSamples)
     n, m = len(marginal.x), len(marginal.y)
     method = "exact" if max(n, m) <= 1000 else "asymp"
     p_value = float(scipy.stats.ks_2samp(marginal.x, marginal.y, method=method).pvalue)  # type: ignore[union-attr]
@@ -170,14 +163,14 @@ def _factor_report(marginal: Marginal, confidence: float) -> FactorKS:
 
 
 def _dealt(
-    marginals: Sequence[Marginal], a: Levels, b: Levels, rng: np.random.Generator, resamples: int
+    marginals: Sequence[TwoSamples], a: Levels, b: Levels, rng: np.random.Generator, resamples: int
 ) -> list[float]:
     """Joint statistics of the levels of both sets, dealt at random."""
     found = []
     for _ in range(resamples):
         first = np.zeros(len(a) + len(b), dtype=bool)
         first[rng.permutation(len(first))[: len(a)]] = True
-        found.append(joint_difference([m.dealt(first, len(a)) for m in marginals if isinstance(m, TwoSamples)]))
+        found.append(joint_difference([m.dealt(first, len(a)) for m in marginals]))
     return found
 
 

@@ -11,8 +11,8 @@ import numpy as np
 
 from segar.errors import LevelError, did_you_mean
 from segar.language import Factor, Position, Size
-from segar.levels import LevelDistribution, Levels, content_hash, entity_types, require_distribution, require_levels
-from segar.metrics.points import Spread, spread
+from segar.levels import LevelDistribution, Levels, checks, content_hash, entity_types
+from segar.metrics.points import Units, spread
 from segar.metrics.targets import nearest_to_target
 from segar.metrics.wasserstein import MISMATCH, Mode, cost_function, exact_costs, w2
 
@@ -69,7 +69,7 @@ def design(
             that was reached.
         PlacementError: as for ``dist.sample``.
     """
-    require_distribution("design", dist)
+    checks.require_distribution("design", dist)
     _check_kind(kind, nuisance, test, target, tolerance)
     size = _pool_size(n, None if kind == "iid" else pool)
     if kind == "iid":
@@ -78,7 +78,7 @@ def design(
     rng = np.random.default_rng(int(content_hash([DESIGN_SPLIT, dist.hash, int(seed), split]), 16))
     if kind == "clustered":
         centre = int(rng.integers(size))
-        return levels[np.argsort(_distances_from(levels, centre, spread(levels)), kind="stable")[:n]]
+        return levels[np.argsort(_distances_from(levels, centre, Units(spread(levels))), kind="stable")[:n]]
     if kind == "covering":
         return levels[_farthest_first(levels, n)]
     if kind == "nuisance_only":
@@ -117,26 +117,26 @@ def _check_kind(
     ):
         raise LevelError("design: kind='target' needs test=levels and target=distance, and no other kind takes them")
     if test is not None:
-        require_levels("design", test)
+        checks.require_levels("design", test)
     if target is not None and not (0 < target < np.inf and (tolerance is None or 0 < tolerance < np.inf)):
         raise LevelError(f"design: target and tolerance must be positive numbers, not {target!r} and {tolerance!r}")
 
 
-def _distances_from(levels: Levels, place: int, unit: Spread) -> np.ndarray:
+def _distances_from(levels: Levels, place: int, units: Units) -> np.ndarray:
     """Exact squared distance of each level to the one at ``place``, float64 ``[levels]``."""
-    return exact_costs(levels[place], levels, entity_types(levels), unit, MISMATCH)[0]
+    return exact_costs(levels[place], levels, entity_types(levels), units, MISMATCH)[0]
 
 
 def _farthest_first(levels: Levels, n: int) -> np.ndarray:
-    unit = spread(levels)
+    units = Units(spread(levels))
     some = np.arange(min(len(levels), SMALLEST_POOL))
-    among = exact_costs(levels[some], levels[some], entity_types(levels), unit, MISMATCH)
+    among = exact_costs(levels[some], levels[some], entity_types(levels), units, MISMATCH)
     picked = [int(among.mean(axis=1).argmin())]
-    nearest = _distances_from(levels, picked[0], unit)
+    nearest = _distances_from(levels, picked[0], units)
     while len(picked) < n:
         nearest[picked[-1]] = -1.0  # never again, even where levels are equal
         picked.append(int(nearest.argmax()))
-        nearest = np.minimum(nearest, _distances_from(levels, picked[-1], unit))
+        nearest = np.minimum(nearest, _distances_from(levels, picked[-1], units))
     return np.array(picked)
 
 

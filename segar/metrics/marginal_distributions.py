@@ -8,7 +8,7 @@ import scipy
 from segar.errors import LevelError
 from segar.language import Entity, Factor, GlobalFriction, Parameter
 from segar.levels import LevelDistribution, SamplingPlan, SlotGroup, marginals, mix, slot_distributions
-from segar.noise import Affine, Choice, Deterministic, Independent, Noise, as_noise
+from segar.noise import Affine, Choice, Deterministic, Noise, as_noise
 
 
 def possible_types(distribution: LevelDistribution) -> list[type[Entity]]:
@@ -74,8 +74,6 @@ def component(noise: Noise, axis: int) -> Noise:
         return noise
     if isinstance(noise, Deterministic):
         return Deterministic(noise.value[axis])
-    if isinstance(noise, Independent):
-        return (noise.x, noise.y)[axis]
     if isinstance(noise, Affine):
         return Affine(component(noise.law, axis), noise.scale, noise.shift[axis])
     parts = getattr(noise, "laws", None)

@@ -1,25 +1,15 @@
 """Levels as sets of vectors: which entities and factors a distance looks at, and in which units."""
 
-from collections.abc import Iterable, Sequence
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
+from segar.errors import LevelError
 from segar.language import Acceleration, Alive, Density, Done, Drag, Entity, Factor, Order, Parameter, Visible
-from segar.levels import (
-    LevelDistribution,
-    Levels,
-    PointSets,
-    gather_parameters,
-    gather_state,
-    mean_and_variance,
-    moments_of_distribution,
-    moments_of_levels,
-    require_distribution,
-    require_factors,
-    require_levels,
-    require_units,
-    source_moments,
-)
+from segar.levels import LevelDistribution, Levels, PointSets, checks, moments
 from segar.noise import wrap
 
 IRRELEVANT: tuple[type[Factor], ...] = (Order, Visible, Alive, Done, Acceleration, Drag, Density)
@@ -36,44 +26,60 @@ def relevant_factors(entity: type[Entity], only: Sequence[type[Factor]] | None =
     return [f for f in declared if (f in only if only is not None else f not in IRRELEVANT)]
 
 
-def weighed_factors(
-    entity: type[Entity], scale: Spread, only: Sequence[type[Factor]] | None = None
-) -> list[type[Factor]]:
-    """The relevant factors of an entity type that have a spread; those without have no weight."""
-    return [f for f in relevant_factors(entity, only) if scale.get((entity, f), 0.0) > 0.0]
+@dataclass(frozen=True)
+class Units:
+    """Which factors a distance looks at, and the standard deviations that it measures them in.
 
+    Attributes:
+        scale: by ``(entity type, factor)``; what has no spread has no weight.
+        only: count these factors and no others; None for all but ``IRRELEVANT``.
+    """
 
-def weighed_parameters(
-    sets: Iterable[Levels], scale: Spread, only: Sequence[type[Factor]] | None = None
-) -> list[type[Parameter]]:
-    """The world parameters of any of the sets that have a spread: ``only`` these, else all."""
-    known = all_parameters(*sets)
-    return [p for p in known if scale.get((Parameter, p), 0.0) > 0.0 and (only is None or p in only)]
+    scale: Spread
+    only: Sequence[type[Factor]] | None = None
 
+    @classmethod
+    def checked(
+        cls, what: str, sets: Sequence[Levels], scale: Spread | None, factors: Sequence[type[Factor]] | None
+    ) -> Units:
+        """The units ``scale``, or ``spread(*sets)`` for None.
 
-def scaled_state(levels: Levels, entity: type[Entity], factors: Sequence[type[Factor]], scale: Spread) -> PointSets:
-    """As :func:`gather_state`, in units of the factors' spread."""
-    unit = np.array([scale[entity, f] for f in factors])
-    widths = [f.width for f in factors]
-    found = gather_state(levels, entity, factors)
-    periods = scaled_periods(factors, unit)
-    return PointSets(
-        found.counts, found.points / np.repeat(unit, widths), None if periods is None else np.repeat(periods, widths)
-    )
+        Raises:
+            LevelError: in the name of the function ``what``, if one of its arguments is of the wrong kind.
+        """
+        checks.require_levels(what, *sets)
+        checks.require_factors(what, factors, *sets)
+        if scale is not None and not isinstance(scale, Mapping):
+            raise LevelError(
+                f"{what}: scale must map (entity type, factor) to a standard deviation, as segar.metrics.spread(a, b)"
+                f" does, not {scale!r}"
+            )
+        return cls(spread(*sets) if scale is None else scale, factors)
 
+    def factors(self, entity: type[Entity]) -> list[type[Factor]]:
+        """The relevant factors of an entity type that have a spread."""
+        return [f for f in relevant_factors(entity, self.only) if self.scale.get((entity, f), 0.0) > 0.0]
 
-def scaled_parameters(levels: Levels, parameters: Sequence[type[Parameter]], scale: Spread) -> PointSets:
-    """As :func:`gather_parameters`, in units of the parameters' spread."""
-    found = gather_parameters(levels, parameters)
-    unit = np.array([scale[Parameter, p] for p in parameters])
-    return PointSets(found.counts, found.points / unit, scaled_periods(parameters, unit))
+    def parameters(self, *sets: Levels) -> list[type[Parameter]]:
+        """The world parameters of any of the sets that have a spread."""
+        known = [p for p in all_parameters(*sets) if self.only is None or p in self.only]
+        return [p for p in known if self.scale.get((Parameter, p), 0.0) > 0.0]
 
+    def state(self, levels: Levels, entity: type[Entity]) -> PointSets:
+        """Vectors of the entities of one type, as :func:`gather_state`, in these units."""
+        factors = self.factors(entity)
+        return self._scaled(moments.gather_state(levels, entity, factors), entity, factors)
 
-def scaled_periods(factors: Sequence[type[Factor]], unit: np.ndarray) -> np.ndarray | None:
-    """Periods in these units, float64 ``[factors]``, infinite where there is none; None where all are."""
-    if all(f.period is None for f in factors):
-        return None
-    return np.array([np.inf if f.period is None else f.period for f in factors]) / unit
+    def world(self, levels: Levels, parameters: Sequence[type[Parameter]]) -> PointSets:
+        """The world parameters of each level, as :func:`gather_parameters`, in these units."""
+        return self._scaled(moments.gather_parameters(levels, parameters), Parameter, parameters)
+
+    def _scaled(self, found: PointSets, owner: type, factors: Sequence[type[Factor]]) -> PointSets:
+        unit = np.repeat([self.scale[owner, f] for f in factors], [f.width for f in factors])
+        if all(f.period is None for f in factors):
+            return PointSets(found.counts, found.points / unit)
+        periods = np.repeat([np.inf if f.period is None else f.period for f in factors], [f.width for f in factors])
+        return PointSets(found.counts, found.points / unit, periods / unit)
 
 
 def cut(values: np.ndarray, factor: type[Factor]) -> np.ndarray:
@@ -96,20 +102,6 @@ def all_parameters(*sets: Levels) -> list[type[Parameter]]:
     return list(dict.fromkeys(p for levels in sets for p in levels.layout.parameters))
 
 
-def checked_units(
-    what: str, sets: Sequence[Levels], scale: Spread | None, factors: Sequence[type[Factor]] | None
-) -> Spread:
-    """The units of factors: ``scale``, or ``spread(*sets)`` for None.
-
-    Raises:
-        LevelError: in the name of the function ``what``, if one of its arguments is of the wrong kind.
-    """
-    require_levels(what, *sets)
-    require_factors(what, factors, *sets)
-    require_units(what, scale)
-    return spread(*sets) if scale is None else scale
-
-
 def spread(*sets: Levels | LevelDistribution) -> Spread:
     """Standard deviation of every factor of every entity type, under the mixture of the given distributions in equal parts.
 
@@ -121,20 +113,17 @@ def spread(*sets: Levels | LevelDistribution) -> Spread:
     Returns:
         ``{(entity type, factor): standard deviation}``; 0 for what is constant.
     """
-    moments = []
-    for one in sets:
-        if not isinstance(one, Levels):
-            require_distribution("spread", one)
+    known = [
         # A type too rare for the distribution's sample is measured on the levels themselves.
-        moments.append(
-            {**moments_of_levels(one), **source_moments(one)}
-            if isinstance(one, Levels)
-            else moments_of_distribution(one)
-        )
+        {**moments.moments_of_levels(one), **moments.source_moments(one)}
+        if isinstance(one, Levels)
+        else moments.moments_of_distribution(checks.require_distribution("spread", one))
+        for one in sets
+    ]
     found: Spread = {}
-    for key in dict.fromkeys(key for known in moments for key in known):
-        means, variances = (np.stack(values) for values in zip(*(m[key] for m in moments if key in m), strict=True))
-        variance = variances.mean(axis=0) + mean_and_variance(means, key[1].period)[1]
+    for key in dict.fromkeys(key for each in known for key in each):
+        means, variances = (np.stack(values) for values in zip(*(m[key] for m in known if key in m), strict=True))
+        variance = variances.mean(axis=0) + moments.mean_and_variance(means, key[1].period)[1]
         # What is constant may differ in its last bit after arithmetic; that is no spread.
         variance[variance <= (1e-9 * np.abs(means).max(axis=0)) ** 2] = 0.0
         found[key] = float(np.sqrt(variance.mean()))

@@ -7,16 +7,9 @@ import numpy as np
 
 from segar.errors import LevelError
 from segar.language import Factor
-from segar.levels import (
-    LevelDistribution,
-    Levels,
-    entity_types,
-    require_distribution,
-    require_generator,
-    require_levels,
-)
+from segar.levels import LevelDistribution, Levels, checks, entity_types
 from segar.metrics.kolmogorov import FactorKS, ks_report
-from segar.metrics.points import Spread, checked_units, spread
+from segar.metrics.points import Spread, Units, spread
 from segar.metrics.wasserstein import MISMATCH, exact_costs
 from segar.support import emd
 
@@ -78,15 +71,15 @@ def representativeness(
     Raises:
         LevelError: as :func:`segar.metrics.ks_report`.
     """
-    require_levels("representativeness", levels)
-    require_distribution("representativeness", law)
+    checks.require_levels("representativeness", levels)
+    checks.require_distribution("representativeness", law)
     report = ks_report(levels, law, rng=rng, resamples=resamples, factors=factors)
     n = len(levels)
     stand_in = law.sample(STAND_IN_LEVELS, seed=int(rng.integers(2**62)), split=STAND_IN_SPLIT)
     fresh = law.sample(n * resamples, seed=int(rng.integers(2**62)), split=STAND_IN_SPLIT)
-    unit, types = spread(law), entity_types(levels, stand_in, fresh)
+    units, types = Units(spread(law), factors), entity_types(levels, stand_in, fresh)
     sets = [levels, *(fresh[k * n : (k + 1) * n] for k in range(resamples))]
-    costs = (exact_costs(one, stand_in, types, unit, MISMATCH, factors) for one in sets)
+    costs = (exact_costs(one, stand_in, types, units, MISMATCH) for one in sets)
     distances = np.sqrt([emd(cost) for cost in costs])
     return Representativeness(
         distance=float(distances[0]),
@@ -122,11 +115,11 @@ def coverage(
     if not isinstance(of, Levels):
         if rng is None:
             raise LevelError("coverage of a distribution draws levels from it: coverage(levels, distribution, rng=...)")
-        require_distribution("coverage", of)
-        require_generator("coverage", rng)
+        checks.require_distribution("coverage", of)
+        checks.require_generator("coverage", rng)
         of = of.sample(sample, seed=int(rng.integers(2**62)), split=STAND_IN_SPLIT)
-    unit = checked_units("coverage", (levels, of), scale, factors)
-    costs = exact_costs(of, levels, entity_types(of, levels), unit, mismatch, factors)
+    units = Units.checked("coverage", (levels, of), scale, factors)
+    costs = exact_costs(of, levels, entity_types(of, levels), units, mismatch)
     nearest = np.sqrt(costs.min(axis=1))
     return Coverage(float(nearest.max()), float(np.quantile(nearest, 0.95)), float(nearest.mean()))
 
@@ -152,10 +145,10 @@ def effective_number(
     Raises:
         LevelError: not a level set, or a negative order.
     """
-    unit = checked_units("effective_number", (levels,), scale, factors)
+    units = Units.checked("effective_number", (levels,), scale, factors)
     if not 0 <= order < np.inf:
         raise LevelError(f"effective_number: the order must be a finite number of at least 0, not {order!r}")
-    costs = exact_costs(levels, levels, entity_types(levels), unit, mismatch, factors)
+    costs = exact_costs(levels, levels, entity_types(levels), units, mismatch)
     typical = np.exp(-np.sqrt(np.maximum(costs, 0.0))).mean(axis=1)
     if order == 1.0:
         return float(np.exp(-np.log(typical).mean()))

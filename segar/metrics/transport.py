@@ -1,7 +1,7 @@
 """Optimal transport on cost matrices and between small point sets; POT and scipy do the solving."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable
 from itertools import permutations
 
 import numpy as np
@@ -15,14 +15,6 @@ FEW_MATCHINGS = 24
 """Up to so many ways to match two sets, all are tried at once over all pairs of levels; beyond, scipy solves each pair."""
 
 
-def same_counts(a: PointSets, b: PointSets) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
-    """Blocks of level pairs that have the same numbers of points: level indices and points of both sides."""
-    for k in np.unique(a.counts):
-        levels_a, points_a = a.with_count(k)
-        for m in np.unique(b.counts):
-            yield (levels_a, points_a, *b.with_count(m))
-
-
 def matching_costs(a: PointSets, b: PointSets, mismatch: float) -> np.ndarray:
     """Squared distance of every pair of levels by the best partial matching of their points, float64 ``[n, m]``.
 
@@ -31,12 +23,12 @@ def matching_costs(a: PointSets, b: PointSets, mismatch: float) -> np.ndarray:
     is a metric on finite sets (Rahmathullah, Garcia-Fernandez and Svensson 2017, eq. 1 and proposition 1). Sets of one
     size that lie closer than the cut-off are at their squared Wasserstein-2 distance as counting measures.
     """
-    costs = np.empty((len(a.counts), len(b.counts)))
-    for levels_a, points_a, levels_b, points_b in same_counts(a, b):
-        k, m = points_a.shape[1], points_b.shape[1]
-        pairs = np.minimum(_squared_distances(points_a, points_b, a.periods), 2 * mismatch**2)
-        costs[np.ix_(levels_a, levels_b)] = _best_matchings(pairs) + mismatch**2 * abs(k - m)
-    return costs
+
+    def cost(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        pairs = np.minimum(_squared_distances(x, y, a.periods), 2 * mismatch**2)
+        return _best_matchings(pairs) + mismatch**2 * abs(x.shape[1] - y.shape[1])
+
+    return _pair_costs(a, b, cost)
 
 
 def balanced_costs(a: PointSets, b: PointSets, absent: float) -> np.ndarray:
@@ -44,17 +36,14 @@ def balanced_costs(a: PointSets, b: PointSets, absent: float) -> np.ndarray:
 
     W2^2 = min over couplings of E|x - y|^2; ``absent`` where just one of the two has no point, 0 where both have none.
     """
-    costs = np.empty((len(a.counts), len(b.counts)))
-    for levels_a, points_a, levels_b, points_b in same_counts(a, b):
-        k, m = points_a.shape[1], points_b.shape[1]
-        if min(k, m) == 0:
-            block = np.full((len(levels_a), len(levels_b)), 0.0 if k == m else absent)
-        elif k == m:
-            block = _best_matchings(_squared_distances(points_a, points_b, a.periods)) / k
-        else:
-            block = np.array([[emd(pair) for pair in row] for row in _squared_distances(points_a, points_b, a.periods)])
-        costs[np.ix_(levels_a, levels_b)] = block
-    return costs
+
+    def cost(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        squares = _squared_distances(x, y, a.periods)
+        if x.shape[1] == y.shape[1]:
+            return _best_matchings(squares) / x.shape[1]
+        return np.array([[emd(pair) for pair in row] for row in squares])
+
+    return _pair_costs(a, b, cost, absent)
 
 
 def sliced_costs(a: PointSets, b: PointSets, projections: np.ndarray, absent: float) -> np.ndarray:
@@ -68,20 +57,36 @@ def sliced_costs(a: PointSets, b: PointSets, projections: np.ndarray, absent: fl
         projections: unit vectors as columns, float64 ``[dimension, directions]``.
         absent: cost where just one of the two has no point; both without a point cost 0.
     """
+
+    def cost(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        k, m = x.shape[1], y.shape[1]
+        steps = np.union1d(np.arange(0, k * m + 1, m), np.arange(0, k * m + 1, k))  # in units of 1 / (k m)
+        weights = np.sqrt(np.diff(steps) / (k * m) / projections.shape[1])[:, None]
+        sorted_x = np.sort(x @ projections, axis=1)[:, steps[:-1] // m] * weights
+        sorted_y = np.sort(y @ projections, axis=1)[:, steps[:-1] // k] * weights
+        return scipy.spatial.distance.cdist(sorted_x.reshape(len(x), -1), sorted_y.reshape(len(y), -1), "sqeuclidean")
+
+    return _pair_costs(a, b, cost, absent)
+
+
+def _pair_costs(
+    a: PointSets, b: PointSets, cost: Callable[[np.ndarray, np.ndarray], np.ndarray], absent: float | None = None
+) -> np.ndarray:
+    """The cost of every pair of levels, float64 ``[n, m]``; ``cost`` is asked once for each two numbers of points.
+
+    Args:
+        cost: of points ``[levels, points, dimension]`` of both sides, float64 ``[levels, levels]``.
+        absent: cost where just one of the two has no point; both without a point cost 0. None: ``cost`` knows.
+    """
     costs = np.empty((len(a.counts), len(b.counts)))
-    for levels_a, points_a, levels_b, points_b in same_counts(a, b):
-        k, m = points_a.shape[1], points_b.shape[1]
-        if min(k, m) == 0:
-            block = np.full((len(levels_a), len(levels_b)), 0.0 if k == m else absent)
-        else:
-            steps = np.union1d(np.arange(0, k * m + 1, m), np.arange(0, k * m + 1, k))  # in units of 1 / (k m)
-            weights = np.sqrt(np.diff(steps) / (k * m) / projections.shape[1])[:, None]
-            sorted_a = np.sort(points_a @ projections, axis=1)[:, steps[:-1] // m] * weights
-            sorted_b = np.sort(points_b @ projections, axis=1)[:, steps[:-1] // k] * weights
-            block = scipy.spatial.distance.cdist(
-                sorted_a.reshape(len(levels_a), -1), sorted_b.reshape(len(levels_b), -1), "sqeuclidean"
-            )
-        costs[np.ix_(levels_a, levels_b)] = block
+    for k in np.unique(a.counts):
+        levels_a, points_a = a.with_count(k)
+        for m in np.unique(b.counts):
+            levels_b, points_b = b.with_count(m)
+            if absent is None or min(k, m) > 0:
+                costs[np.ix_(levels_a, levels_b)] = cost(points_a, points_b)
+            else:
+                costs[np.ix_(levels_a, levels_b)] = 0.0 if k == m else absent
     return costs
 
 
@@ -89,15 +94,9 @@ def _squared_distances(points_a: np.ndarray, points_b: np.ndarray, periods: np.n
     """``|x - y|^2`` for all pairs of levels and of their points, float64 ``[n, m, points of a, points of b]``; the shorter
     way round in components that have a period."""
     (n, k, d), (m, j, _) = points_a.shape, points_b.shape
-    if d == 0 or k == 0 or j == 0:
-        return np.zeros((n, m, k, j))
     x, y = points_a.reshape(n * k, d), points_b.reshape(m * j, d)
     straight = np.ones(d, bool) if periods is None else np.isinf(periods)
-    flat = (
-        scipy.spatial.distance.cdist(x[:, straight], y[:, straight], "sqeuclidean")
-        if straight.any()
-        else np.zeros((n * k, m * j))
-    )
+    flat = scipy.spatial.distance.cdist(x[:, straight], y[:, straight], "sqeuclidean")
     for c in np.flatnonzero(~straight):
         assert periods is not None
         flat += shorter_way((x[:, None, c] - y[None, :, c])[..., None], periods[c : c + 1])[..., 0] ** 2

@@ -8,7 +8,7 @@ import numpy as np
 import scipy
 
 from segar.errors import SegarError, did_you_mean
-from segar.metrics.two_sample import median_distance
+from segar.metrics.level_vectors import median_distance
 from segar.noise import GaussianNoise
 from segar.support import emd
 from segar.textures import (
@@ -167,12 +167,12 @@ def visual_distance(
         for textures, first in ((a, x), (b, y)):
             second = shown(textures, again)
             repeated = _paired(first, shown(textures, other))
-            floors.append([repeated, _frechet(first, second), _mmd(first, second, bandwidth)])
+            floors.append([repeated, _frechet(first, second), _mmd(_kernels(first, second, bandwidth))])
     floor = np.mean(floors, axis=0)
     rows = rng.integers(samples, size=(resamples, samples))
     kernels = _kernels(x, y, bandwidth)
-    errors = np.std([[_paired(x[r], y[r]), _frechet(x[r], y[r]), _mmd_of(kernels, r)] for r in rows], axis=0, ddof=1)
-    found = _paired(x, y), _frechet(x, y), _mmd_of(kernels)
+    errors = np.std([[_paired(x[r], y[r]), _frechet(x[r], y[r]), _mmd(kernels, r)] for r in rows], axis=0, ddof=1)
+    found = _paired(x, y), _frechet(x, y), _mmd(kernels)
     return VisualDistance(
         embedding if isinstance(embedding, str) else getattr(embedding, "__name__", "given"),
         samples,
@@ -281,17 +281,13 @@ def _root(covariance: np.ndarray) -> np.ndarray:
     return (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
 
 
-def _mmd(x: np.ndarray, y: np.ndarray, bandwidth: float) -> float:
-    return _mmd_of(_kernels(x, y, bandwidth))
-
-
 def _kernels(x: np.ndarray, y: np.ndarray, bandwidth: float) -> np.ndarray:
     """k(x, x') + k(y, y') - k(x, y') - k(x', y), float64 ``[sample, sample]``."""
     own, other, between = (np.exp(-0.5 * _squares_of(*pair) / bandwidth**2) for pair in ((x, x), (y, y), (x, y)))
     return own + other - between - between.T
 
 
-def _mmd_of(kernels: np.ndarray, rows: np.ndarray | None = None) -> float:
+def _mmd(kernels: np.ndarray, rows: np.ndarray | None = None) -> float:
     """Root of the mean (biased estimate, Gretton et al. 2012), of some samples if ``rows`` are given."""
     counts = np.ones(len(kernels)) if rows is None else np.bincount(rows, minlength=len(kernels))
     return float(np.sqrt(max(counts @ kernels @ counts, 0.0)) / len(kernels))

@@ -7,38 +7,11 @@ from typing import Literal
 
 import numpy as np
 
+from segar import language
 from segar.errors import LevelError, did_you_mean
-from segar.language import (
-    Acceleration,
-    Alive,
-    Charge,
-    Density,
-    Done,
-    Drag,
-    Entity,
-    Factor,
-    Friction,
-    Heat,
-    InfiniteEnergy,
-    Magnetism,
-    Mass,
-    Mobile,
-    Order,
-    Position,
-    Size,
-    StoredEnergy,
-    Velocity,
-    Visible,
-)
-from segar.levels import Levels, entity_types, gather, require_generator, require_levels
-from segar.metrics.points import (
-    Spread,
-    checked_units,
-    scaled_parameters,
-    scaled_state,
-    weighed_factors,
-    weighed_parameters,
-)
+from segar.language import Drag, Entity, Factor
+from segar.levels import Levels, checks, entity_types, gather
+from segar.metrics.points import Spread, Units
 from segar.metrics.transport import balanced_costs, matching_costs, sliced_costs
 from segar.support import emd, pot
 
@@ -53,8 +26,9 @@ REFERENCE_PROJECTIONS = 50
 REFERENCE_SEED = 0
 
 REFERENCE_ORDER: tuple[type[Factor], ...] = (
-    Size, Position, Visible, Order, Mobile, Velocity, Mass, Charge, Density, Magnetism, StoredEnergy, InfiniteEnergy,
-    Alive, Done, Acceleration, Friction, Heat,
+    language.Size, language.Position, language.Visible, language.Order, language.Mobile, language.Velocity,
+    language.Mass, language.Charge, language.Density, language.Magnetism, language.StoredEnergy,
+    language.InfiniteEnergy, language.Alive, language.Done, language.Acceleration, language.Friction, language.Heat,
 )  # fmt: skip
 """Order of the factors in the 2022 vectors, which decides what its fixed projections see."""
 
@@ -144,7 +118,7 @@ def w2_report(
 
     Source: the bootstrap of Efron (1979) for the interval, Fisher's permutation test for the floor and the p-value.
     """
-    require_generator("w2_report", rng)
+    checks.require_generator("w2_report", rng)
     if resamples < 2:
         raise LevelError(f"w2_report needs at least 2 resamples, not {resamples}")
     cost = cost_function("w2_report", a, b, mode, mismatch, scale, factors)
@@ -186,7 +160,7 @@ def cost_function(
 
     ``what`` is the function in whose name wrong options are refused.
     """
-    require_levels(what, a, b)
+    checks.require_levels(what, a, b)
     if mode not in ("exact", "reference", "paper"):
         raise LevelError(f"{what}: unknown mode '{mode}'.{did_you_mean(str(mode), ('exact', 'reference', 'paper'))}")
     if mode != "exact" and (scale is not None or factors is not None):
@@ -200,28 +174,18 @@ def cost_function(
     types = entity_types(a, b)
     if mode == "paper":
         return lambda x, y: paper_costs(x, y, types, mismatch)
-    unit = checked_units(what, (a, b), scale, factors)
-    return lambda x, y: exact_costs(x, y, types, unit, mismatch, factors)
+    units = Units.checked(what, (a, b), scale, factors)
+    return lambda x, y: exact_costs(x, y, types, units, mismatch)
 
 
-def exact_costs(
-    a: Levels,
-    b: Levels,
-    types: Sequence[type[Entity]],
-    scale: Spread,
-    mismatch: float,
-    factors: Sequence[type[Factor]] | None = None,
-) -> np.ndarray:
+def exact_costs(a: Levels, b: Levels, types: Sequence[type[Entity]], units: Units, mismatch: float) -> np.ndarray:
     """Squared distances of levels in mode ``exact``, float64 ``[len(a), len(b)]``; see :func:`w2`."""
     costs = np.zeros((len(a), len(b)))
     for entity in types:
-        read = weighed_factors(entity, scale, factors)
-        of_a, of_b = (scaled_state(x, entity, read, scale) for x in (a, b))
-        costs += matching_costs(of_a, of_b, mismatch)
-    varied = weighed_parameters((a, b), scale, factors)
+        costs += matching_costs(units.state(a, entity), units.state(b, entity), mismatch)
+    varied = units.parameters(a, b)
     if varied:
-        of_a, of_b = (scaled_parameters(x, varied, scale) for x in (a, b))
-        costs += balanced_costs(of_a, of_b, absent=0.0)
+        costs += balanced_costs(units.world(a, varied), units.world(b, varied), absent=0.0)
     return costs
 
 

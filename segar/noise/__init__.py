@@ -4,7 +4,6 @@ The room imports ``errors`` and ``support``. Within it, modules point from :mod:
 classes, down to :mod:`segar.noise.base`.
 """
 
-from segar.noise.angles import VonMises
 from segar.noise.base import Noise
 from segar.noise.continuous import GaussianNoise, LogUniform, UniformNoise
 from segar.noise.discrete import Bernoulli, Choice, Deterministic, DiscreteRangeNoise, Empirical
@@ -29,7 +28,7 @@ from segar.noise.locations import (
 from segar.noise.mixture import GaussianMixtureNoise, Mixture
 from segar.noise.transforms import Affine
 from segar.noise.truncated import TruncatedGaussianNoise
-from segar.noise.wrapped import Wrapped, wrap
+from segar.noise.wrapped import VonMises, Wrapped, wrap
 
 __all__ = [
     "Affine", "Bernoulli", "CenterLocation", "Choice", "Deterministic", "DiscreteRangeNoise", "Empirical",

@@ -1,7 +1,6 @@
 """Distributions on the line that have a density: Gaussian (clipped or not), uniform, log-uniform."""
 
 import math
-from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -23,14 +22,8 @@ class GaussianBetween(Noise):
     loc: float
     std: float
 
-    @property
-    @abstractmethod
-    def support(self) -> tuple[float, float]: ...
-
-    @property
-    @abstractmethod
-    def _moments(self) -> tuple[float, float]:
-        """Mean and variance of (x - loc) / std."""
+    _moments: tuple[float, float]
+    """Mean and variance of (x - loc) / std."""
 
     @property
     def mean(self) -> float:

@@ -186,6 +186,7 @@ class GaussianNoise2D(PlaneNoise):
         return math.log(2 * math.pi * math.e) + 0.5 * math.log(np.linalg.det(np.array(self.cov)))
 
 
+@dataclass(frozen=True, repr=False)
 class BoxLocation(PlaneNoise):
     """Uniform in the box ``x_range`` x ``y_range`` (metres); the named locations below are such boxes."""
 
@@ -195,12 +196,6 @@ class BoxLocation(PlaneNoise):
     @cached_property
     def marginals(self) -> tuple[Noise, Noise]:  # type: ignore[override]
         return UniformNoise(*self.x_range), UniformNoise(*self.y_range)
-
-    def __eq__(self, other: object) -> bool:
-        return type(self) is type(other)
-
-    def __hash__(self) -> int:
-        return hash(type(self))
 
 
 class RandomUniformLocation(BoxLocation):

@@ -1,20 +1,16 @@
 """Tasks by name: the built-in ones, those of users, and the one that levels were made for."""
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from segar.errors import LevelError, SegarError, did_you_mean
 from segar.language import Task
+from segar.levels import Levels
 from segar.support import named_object
 from segar.tasks.billiards_task import billiards
 from segar.tasks.invisiball_task import invisiball
 from segar.tasks.puttputt_task import puttputt
-
-if TYPE_CHECKING:
-    from segar.levels import Levels
 
 TASKS: dict[str, Callable[..., Task]] = {"puttputt": puttputt, "billiards": billiards, "invisiball": invisiball}
 

@@ -1,6 +1,5 @@
 """Textures: patterns that show factors, as sets of models whose differences can be measured."""
 
-from segar.textures.contrast import look_distances
 from segar.textures.filter_bank import FilterBank
 from segar.textures.filter_clusters import (
     FilterClusters,
@@ -14,9 +13,8 @@ from segar.textures.filter_clusters import (
 )
 from segar.textures.inputs import BACKGROUND, NOISE, NOISE_CLIP, is_noise, name_of_input
 from segar.textures.layout_inputs import TypeInputs, type_inputs
-from segar.textures.read_out import linear_read_out
-from segar.textures.samples import UNIFORM, Laws, family_laws, product_of_marginals
-from segar.textures.standard import CHIEF, EXTREMES, INPUTS, KINDS, looks, units
+from segar.textures.measures import CHIEF, EXTREMES, KINDS, linear_read_out, look_distances, looks
+from segar.textures.standard import INPUTS, UNIFORM, Laws, family_laws, product_of_marginals, units
 from segar.textures.texture_sets import DATA, TextureSet, shipped_sets
 
 __all__ = [

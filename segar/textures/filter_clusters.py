@@ -11,13 +11,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy
 
 from segar.errors import SegarError
 from segar.support import emd
 from segar.textures.filter_bank import FilterBank
 from segar.textures.inputs import BACKGROUND, NOISE, is_noise
-from segar.textures.samples import UNIFORM, Laws
-from segar.textures.standard import INPUTS, units
+from segar.textures.standard import INPUTS, UNIFORM, Laws, units
 from segar.textures.texture_sets import TextureSet
 
 KMEANS_ITERATIONS = 50
@@ -148,15 +148,13 @@ def cluster_costs(a: FilterClusters, b: FilterClusters) -> np.ndarray:
     Raises:
         SegarError: filters have different sizes.
     """
-    from scipy.spatial.distance import cdist
-
     if a.filters.shape[1:] != b.filters.shape[1:]:
         raise SegarError(
             f"filters of {a.filters.shape[1]} pixels cannot be compared with filters of {b.filters.shape[1]} pixels"
         )
     per_pixel = a.filters[0].size
     points_a, points_b = (c.filters.reshape(len(c.filters), -1) for c in (a, b))
-    between = cdist(points_a, points_b, "sqeuclidean") / per_pixel
+    between = scipy.spatial.distance.cdist(points_a, points_b, "sqeuclidean") / per_pixel
     return np.array(
         [[emd(between[np.ix_(a.labels == i, b.labels == j)]) for j in range(b.count)] for i in range(a.count)]
     )
@@ -168,11 +166,9 @@ def aligned(clusters: FilterClusters, baseline: FilterClusters) -> FilterCluster
     Raises:
         SegarError: there are not as many of them, or filters have different sizes.
     """
-    from scipy.optimize import linear_sum_assignment
-
     if clusters.count != baseline.count:
         raise SegarError(f"{clusters.count} clusters cannot be aligned to {baseline.count}")
-    _, order = linear_sum_assignment(cluster_costs(baseline, clusters))
+    _, order = scipy.optimize.linear_sum_assignment(cluster_costs(baseline, clusters))
     return clusters.reordered(order)
 
 

@@ -17,6 +17,7 @@ import numpy as np
 
 from segar.errors import SegarError, did_you_mean
 from segar.language import Entity, Factor, concrete_factors
+from segar.levels import all_subclasses
 
 BACKGROUND = "background"
 NOISE = "noise"
@@ -61,7 +62,7 @@ def class_of_input(name: str, types: Sequence[type[Entity]], factors: Iterable[t
     """The factor or entity type called so: among these and their parents, else any that is defined."""
     nearby = [*factors, *(factor for entity in types for factor in entity.declared), *types]
     known = [parent for cls in nearby for parent in cls.__mro__ if issubclass(parent, (Factor, Entity))]
-    known += [*concrete_factors(), *_entity_types()]
+    known += [*concrete_factors(), *all_subclasses(Entity)]
     for found in known:
         if found.__name__ == name:
             if issubclass(found, Factor) and found.width > 1:
@@ -71,13 +72,3 @@ def class_of_input(name: str, types: Sequence[type[Entity]], factors: Iterable[t
             return found
     names = (cls.__name__ for cls in known)
     raise SegarError(f"the texture input '{name}' is neither a factor nor an entity type.{did_you_mean(name, names)}")
-
-
-def _entity_types() -> list[type[Entity]]:
-    """All entity types that are defined, in order of definition."""
-    found, stack = [], list(Entity.__subclasses__())
-    while stack:
-        cls = stack.pop(0)
-        stack[:0] = cls.__subclasses__()
-        found.append(cls)
-    return found

@@ -1,35 +1,36 @@
-"""What the shipped sets have in common: their inputs, the units of these, and the things that must look different."""
+"""What the shipped sets have in common: their inputs, the distributions of their values, and the units of these.
 
-from collections.abc import Sequence
+Textures are trained and measured on values of the inputs that are drawn from a product of marginals.
+"""
+
+from collections.abc import Mapping, Sequence
+from functools import cache
+from typing import Any
 
 import numpy as np
 
-from segar.errors import SegarError
-from segar.language import (
-    Alive,
-    Ball,
-    Bumper,
-    Charge,
-    Charger,
-    Damper,
-    Density,
-    Entity,
-    FireTile,
-    Friction,
-    GoalTile,
-    GolfBall,
-    Heat,
-    Hole,
-    MagmaTile,
-    Magnet,
-    Magnetism,
-    Mass,
-    SandTile,
-    Tile,
-)
-from segar.textures.inputs import BACKGROUND, is_noise
-from segar.textures.samples import UNIFORM, Laws
-from segar.textures.texture_sets import TextureSet
+from segar.errors import SegarError, did_you_mean
+from segar.levels import TASK_LEVELS, families, family, mix
+from segar.noise import DiscreteRangeNoise, Noise, UniformNoise
+from segar.textures.inputs import BACKGROUND, NOISE_CLIP, is_noise
+
+Laws = Mapping[str, Noise]
+
+# The paper's product of uniform marginals. The ranges hold what the named families draw (charges and magnetisms of the
+# hard objects are +-1 +- 0.4) and, where these hold a factor fixed, what experiments vary it over (masses of 0.3 to 3).
+UNIFORM: Laws = {
+    "Heat": UniformNoise(0.0, 1.0),
+    "Friction": UniformNoise(0.0, 1.0),
+    "Charge": UniformNoise(-2.0, 2.0),
+    "Magnetism": UniformNoise(-2.0, 2.0),
+    "Density": UniformNoise(0.0, 2.0),
+    "StoredEnergy": UniformNoise(-1.0, 1.0),
+    "Mass": UniformNoise(0.1, 3.0),
+    "Alive": DiscreteRangeNoise(0, 1),
+    "Consumes": DiscreteRangeNoise(0, 1),
+    "GoalTile": DiscreteRangeNoise(0, 1),
+    "GolfBall": DiscreteRangeNoise(0, 1),
+}
 
 # Those of 2022; two by which a goal is told from a hole, and from a tile of the same heat and friction; and one by which the
 # ball is told from an object of the same charge.
@@ -43,32 +44,45 @@ INPUTS = (
 # The feature 0 of these is their default, so that a thing whose mass is hidden looks like one of 1 kg.
 CENTRED = {"Mass": 1.0, "Density": 1.0}
 
-# What a task is about: it must stand out from everything else.
-CHIEF = (GolfBall, GoalTile)
 
-# Each kind of thing, and tiles where all are hot and rough.
-KINDS: tuple[Entity, ...] = (
-    *(
-        GolfBall(),
-        GoalTile(),
-        Ball(),
-        Magnet(),
-        Charger(),
-        Bumper(),
-        Damper(),
-        SandTile(),
-        MagmaTile(),
-        FireTile(),
-        Hole(),
-    ),
-    Magnet({Magnetism: 1.0}),
-    Charger({Charge: 1.0}),
-    *(kind({Heat: 0.7, Friction: 0.7}) for kind in (Tile, GoalTile, Hole)),
-)
-EXTREMES: tuple[Entity, ...] = (
-    *(Ball({Mass: 0.3}), Ball({Mass: 3.0}), Ball({Density: 0.0}), Ball({Density: 2.0}), Ball({Alive: False})),
-    Charger({Charge: 2.0}),
-)
+@cache
+def family_laws() -> Laws:
+    """The distribution of each factor of ``UNIFORM`` in the named level distributions: the mixture over all their entities."""
+    parts: dict[str, list[tuple[Noise, float]]] = {}
+    for name in (*families(), *TASK_LEVELS):
+        for entity, laws in family(name).marginals().items():
+            for factor, law in laws.items():
+                if entity not in ("parameters", "global_friction") and factor.__name__ in UNIFORM:
+                    parts.setdefault(factor.__name__, []).append((law, 1.0))
+    return {name: mix(found) for name, found in parts.items()}
+
+
+def product_of_marginals(inputs: Sequence[str], n: int, rng: np.random.Generator, laws: Laws = UNIFORM) -> np.ndarray:
+    """Values of n things, float64 ``[n, input]``, each input drawn independently of the others.
+
+    ``TextureSet.features`` turns them into features. The background is 0, noise is N(0, 1) clipped to [-1, 1].
+
+    Args:
+        inputs: as in :class:`segar.textures.TextureSet`.
+        laws: the distributions of the inputs that are neither background nor noise.
+
+    Raises:
+        SegarError: there is no distribution for an input.
+    """
+    drawn: list[Any] = []
+    for name in inputs:
+        if name == BACKGROUND:
+            drawn.append(np.zeros(n))
+        elif is_noise(name):
+            drawn.append(np.clip(rng.standard_normal(n), -NOISE_CLIP, NOISE_CLIP))
+        elif name in laws:
+            drawn.append(np.asarray(laws[name].sample(rng, n), dtype=float))
+        else:
+            raise SegarError(
+                f"no distribution is given for the input '{name}'; give laws=UNIFORM | {{'{name}': UniformNoise(...)}}."
+                f"{did_you_mean(name, laws)}"
+            )
+    return np.stack(drawn, axis=-1)
 
 
 def units(inputs: Sequence[str] = INPUTS, laws: Laws = UNIFORM) -> tuple[np.ndarray, np.ndarray]:
@@ -82,8 +96,3 @@ def units(inputs: Sequence[str] = INPUTS, laws: Laws = UNIFORM) -> tuple[np.ndar
             raise SegarError(f"no distribution says how much the input '{name}' varies; known: {', '.join(laws)}")
     spreads = [float(laws[name].var) ** 0.5 if name in laws else 1.0 for name in inputs]
     return np.array([CENTRED.get(name, 0.0) for name in inputs]), 1.0 / np.array(spreads)
-
-
-def looks(textures: TextureSet, things: Sequence[Entity] = KINDS + EXTREMES) -> np.ndarray:
-    """Features of the floor and of things without noise, float64 ``[1 + thing, input]``."""
-    return np.stack([textures.background(), *(textures.features(textures.values(thing)) for thing in things)])

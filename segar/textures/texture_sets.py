@@ -15,6 +15,7 @@ from segar.language import Entity
 from segar.support import ArchiveFormat
 from segar.textures.inputs import BACKGROUND, entity_values, is_noise, name_of_input
 
+ARRAYS = ("weights", "bias", "shift", "scale")
 FORMAT = ArchiveFormat("segar-textures", 1, "textures", "texture file", SegarError)
 SQUASHES = ("tanh", "clip")
 DATA = Path(__file__).parent / "data"
@@ -123,7 +124,9 @@ class TextureSet:
         model = np.asarray(model)
         if not np.issubdtype(model.dtype, np.integer) or (model < 0).any() or (model >= len(self)).any():
             raise SegarError(f"textures '{self.name}' have models 0 to {len(self) - 1}, not {model!r}")
-        return to_pixels(self.raw(features, model), self.squash)
+        raw = self.raw(features, model)
+        y = np.tanh(raw) if self.squash == "tanh" else np.clip(raw, -1.0, 1.0)
+        return (255.0 * (y + 1.0) / 2.0).astype(np.uint8)
 
     def raw(self, features: np.ndarray, model: Any = 0) -> np.ndarray:
         """What is squashed: ``bias + features . weights``, float64 ``[..., P, P, 3]``."""
@@ -143,7 +146,7 @@ class TextureSet:
         Raises:
             SegarError: the file cannot be written.
         """
-        arrays = {field: getattr(self, field) for field in ("weights", "bias", "shift", "scale")}
+        arrays = {field: getattr(self, field) for field in ARRAYS}
         description = {
             "name": self.name,
             "inputs": list(self.inputs),
@@ -167,25 +170,13 @@ class TextureSet:
                     " with .npz"
                 )
             path = DATA / f"{name}.npz"
-        arrays, description = FORMAT.read(path, ("weights", "bias", "shift", "scale"))
-        return cls(
-            description["name"],
-            tuple(description["inputs"]),
-            **arrays,
-            squash=description["squash"],
-            origin=description["origin"],
-        )
+        arrays, description = FORMAT.read(path, ARRAYS)
+        return cls(**arrays, **{name: description[name] for name in ("name", "inputs", "squash", "origin")})
 
 
 def shipped_sets() -> tuple[str, ...]:
     """Names of the sets that come with SEGAR."""
     return tuple(sorted(path.stem for path in DATA.glob("*.npz")))
-
-
-def to_pixels(raw: np.ndarray, squash: str = "tanh") -> np.ndarray:
-    """Pixels of numbers that are still to be squashed, uint8 of the same shape."""
-    y = np.tanh(raw) if squash == "tanh" else np.clip(raw, -1.0, 1.0)
-    return (255.0 * (y + 1.0) / 2.0).astype(np.uint8)
 
 
 def _check(textures: TextureSet) -> None:

@@ -167,7 +167,7 @@ def test_every_import_points_down_and_goes_through_a_face():
         ("segar.engine.compiler.kernel", "segar.rules"),
         ("segar.reference.interpreter", "segar.tasks"),
         ("segar.language.values", "segar.noise"),
-        ("segar.levels.files", "segar.metrics"),
+        ("segar.levels.level_data", "segar.metrics"),
         ("segar.metrics.wasserstein", "segar.engine"),
         ("segar.textures.inputs", "segar.engine"),
         ("segar.rendering.camera", "segar.envs"),

@@ -11,25 +11,11 @@ import numpy as np
 
 from segar.errors import PlacementError
 from segar.language import Order, Position, Size
-from segar.levels.level_data import LevelData
-from segar.levels.probability.log_prob import (
-    LogProbability,
-    distribution_of,
-    is_conditioned,
-    log_probability,
-    outline_is_simple,
-    size_follows_shape,
-)
-from segar.levels.sampling.draws import (
-    CHUNK,
-    Streams,
-    draw_factors,
-    draw_first_positions,
-    draw_parameters,
-    draw_types,
-)
+from segar.levels.level_data import Block, LevelData
+from segar.levels.probability import log_prob
+from segar.levels.sampling.draws import CHUNK, Streams, draw_first_positions, draw_unplaced
 from segar.levels.sampling.placement import too_close
-from segar.levels.sampling.plan import Block, SamplingPlan, SlotGroup
+from segar.levels.sampling.plan import SamplingPlan, SlotGroup
 from segar.noise import Choice, Noise, as_noise
 from segar.support import Estimate
 
@@ -41,16 +27,14 @@ def acceptance(plan: SamplingPlan, streams: Streams, draws: int) -> Estimate:
     """The share of first tries to place the things of a level that are not refused, over ``draws`` levels."""
     accepted = 0
     for start in range(0, draws, CHUNK):
-        block = Block.empty(plan, np.arange(start, min(start + CHUNK, draws)))
-        draw_types(plan, streams, block)
-        draw_parameters(plan, streams, block)
-        draw_factors(plan, streams, block)
+        block = Block.empty(plan.layout, plan.vertices, np.arange(start, min(start + CHUNK, draws)))
+        draw_unplaced(plan, streams, block)
         accepted += int((~draw_first_positions(plan, streams, block)).sum())
     return _share(accepted, draws)
 
 
 def log_acceptance(
-    plan: SamplingPlan, found: LogProbability, known: dict[tuple[Noise, ...], Estimate]
+    plan: SamplingPlan, found: log_prob.LogProbability, known: dict[tuple[Noise, ...], Estimate]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Logarithm of the acceptance of each level's things, and its standard error, float64 ``(n,)`` each.
 
@@ -58,7 +42,7 @@ def log_acceptance(
         known: acceptances of things with these distributions, to which those are added that were not known.
     """
     value, error = np.zeros(len(found.places)), np.zeros(len(found.places))
-    if not is_conditioned(plan):
+    if not log_prob.is_conditioned(plan):
         return value, error
     kinds, place = np.unique(np.sort(found.places, axis=1), axis=0, return_inverse=True)
     for k, kind in enumerate(kinds):
@@ -78,7 +62,7 @@ def log_acceptance(
 
 def entropy(plan: SamplingPlan, levels: LevelData, known: dict[tuple[Noise, ...], Estimate]) -> Estimate:
     """Entropy of the distribution [nats]: in closed form, plus the mean over its ``levels`` of what has none."""
-    found = log_probability(plan, levels)
+    found = log_prob.log_probability(plan, levels)
     accepted, spread = log_acceptance(plan, found, known)
     rest = accepted - found.other
     drawn = float(rest.std(ddof=1)) / math.sqrt(len(rest))
@@ -102,15 +86,15 @@ def _slot_entropy(plan: SamplingPlan, group: SlotGroup, slot: int) -> float:
     total = Choice(group.types, group.probabilities).entropy()
     for kind, probability in zip(group.types, group.probabilities, strict=True):
         for factor in plan.layout.types[kind].declared:
-            if not factor.width or (factor is Size and size_follows_shape(plan, slot, kind)):
+            if not factor.width or (factor is Size and log_prob.size_follows_shape(plan, slot, kind)):
                 continue
-            noise = distribution_of(plan, slot, factor, kind)
-            if not isinstance(noise, Noise) or (factor is Position and is_conditioned(plan)):
+            noise = log_prob.distribution_of(plan, slot, factor, kind)
+            if not isinstance(noise, Noise) or (factor is Position and log_prob.is_conditioned(plan)):
                 continue
             if factor is not Order or noise.pmf(0.0) == 0:
                 total += probability * noise.entropy()
         for outline in plan.outlines:
-            if outline.slot == slot and kind in outline.types and outline_is_simple(plan, outline):
+            if outline.slot == slot and kind in outline.types and log_prob.outline_is_simple(plan, outline):
                 total += probability * (outline.shapes.entropy() if isinstance(outline.shapes, Choice) else 0.0)
     return total
 

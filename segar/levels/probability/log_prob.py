@@ -9,7 +9,6 @@ drawn, so it adds nothing: levels are taken as they were drawn, ``sampled_values
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import scipy
@@ -123,17 +122,12 @@ def _composition(plan: SamplingPlan, levels: LevelData) -> np.ndarray:
         kinds = levels.types[:, list(group.slots)]
         count = (kinds >= 0).sum(axis=1)
         total += as_noise(group.count).log_prob(count)
-        total[_has_hole(kinds)] = -np.inf
+        total[((kinds[:, :-1] < 0) & (kinds[:, 1:] >= 0)).any(axis=1)] = -np.inf  # a slot is filled behind an empty one
         mass = np.zeros(len(plan.layout.types))
         np.add.at(mass, list(group.types), group.probabilities)
         with np.errstate(divide="ignore"):
             total += np.where(kinds >= 0, np.log(mass)[kinds], 0.0).sum(axis=1)
     return total
-
-
-def _has_hole(kinds: np.ndarray) -> Any:
-    """Whether a slot is filled behind an empty one."""
-    return ((kinds[:, :-1] < 0) & (kinds[:, 1:] >= 0)).any(axis=1)
 
 
 def _parameters(plan: SamplingPlan, levels: LevelData) -> np.ndarray:
@@ -166,10 +160,8 @@ def _add_factors(
         if factor is Order and _may_be_zero(noise):
             ranked[rows, slot] = _is_ranked(plan, levels, noise, slot, rows)
         if isinstance(noise, Noise):
-            term, which = (
-                np.asarray(noise.log_prob(value)),
-                np.full(len(rows), found.distributions.index(noise) if factor is Position else -1),
-            )
+            term = np.asarray(noise.log_prob(value))
+            which = np.full(len(rows), found.distributions.index(noise) if factor is Position else -1)
         else:
             term, which = _conditional(plan, levels, noise, rows, value, found.distributions)
         term = np.where(ranked[rows, slot], 0.0, term) if factor is Order else term

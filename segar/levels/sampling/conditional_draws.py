@@ -6,9 +6,9 @@ import numpy as np
 
 from segar.language import Factor, holds
 from segar.levels.conditional import Dependent
-from segar.levels.level_data import LevelData
+from segar.levels.level_data import Block, LevelData
 from segar.levels.priors import Prior, factors_read, relation_holds
-from segar.levels.sampling.plan import Block, Draw, SamplingPlan
+from segar.levels.sampling.plan import Draw, SamplingPlan
 
 
 def shift_and_scale(

@@ -11,32 +11,12 @@ from typing import Any
 import numpy as np
 
 from segar.errors import LevelError, PlacementError, PriorError
-from segar.language import (
-    CIRCLE,
-    HULL,
-    BaseShape,
-    Factor,
-    FloorFriction,
-    Friction,
-    Layout,
-    Object,
-    Order,
-    Position,
-    Size,
-    Tile,
-)
-from segar.levels.level_data import LevelData
+from segar.language import CIRCLE, HULL, BaseShape, Factor, FloorFriction, Friction, Object, Order, Position, Size, Tile
+from segar.levels.level_data import Block
 from segar.levels.priors import Prior, factors_read, specificity
+from segar.levels.sampling import placement
 from segar.levels.sampling.conditional_draws import shift_and_scale, where_prior_applies
-from segar.levels.sampling.placement import (
-    OVERLAP_PASSES,
-    PLACEMENT_TRIES,
-    closest_pair,
-    fix_overlaps,
-    random_ranks,
-    too_close,
-)
-from segar.levels.sampling.plan import Block, Draw, Outline, SamplingPlan
+from segar.levels.sampling.plan import Draw, Outline, SamplingPlan
 from segar.noise import Noise
 from segar.support import LevelGenerator, stream_key
 
@@ -68,17 +48,22 @@ def draw_levels(plan: SamplingPlan, streams: Streams, indices: np.ndarray) -> Bl
         PlacementError: the things of a level find no place.
         PriorError: a distribution gave a value that its factor cannot take.
     """
-    block = Block.empty(plan, indices)
+    block = Block.empty(plan.layout, plan.vertices, indices)
     for start in range(0, len(indices), CHUNK):
         part = block.part(start, start + CHUNK)
-        draw_types(plan, streams, part)
-        draw_parameters(plan, streams, part)
-        draw_factors(plan, streams, part)
+        draw_unplaced(plan, streams, part)
         draw_outlines(plan, streams, part)
         draw_positions(plan, streams, part)
         draw_orders(plan, streams, part)
         set_initial_values(plan, streams, part)
     return block
+
+
+def draw_unplaced(plan: SamplingPlan, streams: Streams, block: Block) -> None:
+    """What is drawn before things get a shape and a place: types, parameters and factors."""
+    draw_types(plan, streams, block)
+    draw_parameters(plan, streams, block)
+    draw_factors(plan, streams, block)
 
 
 def draw_types(plan: SamplingPlan, streams: Streams, block: Block) -> None:
@@ -155,13 +140,13 @@ def draw_positions(plan: SamplingPlan, streams: Streams, block: Block) -> None:
     """Positions; anew for levels in which two things come too close, at most 100 times."""
     again = np.flatnonzero(draw_first_positions(plan, streams, block))
     draws = _drawn_positions(plan)
-    for attempt in range(1, PLACEMENT_TRIES if draws else 1):
+    for attempt in range(1, placement.PLACEMENT_TRIES if draws else 1):
         if not len(again):
             return
         for draw in draws:
             rows = again[_has_type(block.types[again, draw.slot], draw.types)]
             draw_factor(plan, streams, block, draw, rows, attempt)
-        again = again[too_close(block.sampled_values[again, :, plan.columns(Position)], plan.min_distance)]
+        again = again[placement.too_close(block.sampled_values[again, :, plan.columns(Position)], plan.min_distance)]
     if len(again):
         raise _no_place(plan, streams, block, int(again[0]), len(draws) > 0)
 
@@ -175,7 +160,7 @@ def draw_first_positions(plan: SamplingPlan, streams: Streams, block: Block) -> 
         block.sampled_values[block.types[:, slot] >= 0, slot, columns] = place
     for draw in _drawn_positions(plan):
         draw_factor(plan, streams, block, draw, _rows(block, draw))
-    return too_close(block.sampled_values[:, :, columns], plan.min_distance)
+    return placement.too_close(block.sampled_values[:, :, columns], plan.min_distance)
 
 
 def _drawn_positions(plan: SamplingPlan) -> list[Draw]:
@@ -187,7 +172,7 @@ def draw_orders(plan: SamplingPlan, streams: Streams, block: Block) -> None:
     if Order not in plan.layout.columns:
         return
     order = block.sampled_values[:, :, plan.layout.columns[Order]]
-    ranks = random_ranks(streams.generator(block.indices, "Order"), ~np.isnan(order))
+    ranks = placement.random_ranks(streams.generator(block.indices, "Order"), ~np.isnan(order))
     np.copyto(order, ranks, where=order == 0)
 
 
@@ -198,32 +183,9 @@ def set_initial_values(plan: SamplingPlan, streams: Streams, block: Block) -> No
         is_tile = np.array([*(issubclass(t, Tile) for t in plan.layout.types), False])
         follows = (block.shape_kind == HULL) | (is_tile[block.types] & (block.shape_kind == CIRCLE))
         np.copyto(block.values[:, :, plan.layout.columns[Size]], block.shape_size, where=follows)
-    stuck = fix_block(plan.layout, block)
+    stuck = placement.fix_block(plan.layout, block)
     if len(stuck):
         raise _stuck(plan, streams, block, int(stuck[0]))
-
-
-def fix_block(layout: Layout, levels: Block | LevelData) -> np.ndarray:
-    """Fix overlaps in ``levels.values`` in place, and return the int indices of the levels where that failed."""
-    if Position not in layout.columns:
-        return np.zeros(0, dtype=int)
-    x = layout.columns[Position]
-    position = levels.values[:, :, x : x + 2]
-    size = levels.values[:, :, layout.columns[Size]] if Size in layout.columns else np.zeros(position.shape[:2])
-    radius = np.where(levels.shape_kind == CIRCLE, size / 2, 0.0)
-    high = np.repeat(radius[..., None], 2, axis=-1)
-    low = -high
-    hull = levels.shape_kind == HULL
-    if hull.any():
-        vertices = levels.vertices[hull]
-        inside = (np.arange(vertices.shape[1]) < levels.vertex_count[hull][:, None])[..., None]
-        low[hull] = np.where(inside, vertices, np.inf).min(axis=1)
-        high[hull] = np.where(inside, vertices, -np.inf).max(axis=1)
-        radius[hull] = np.sqrt((vertices**2).sum(axis=-1)).max(axis=1)
-    is_object = np.array([*(issubclass(t, Object) for t in layout.types), False])
-    solid = is_object[levels.types] & (levels.shape_kind > 0)
-    levels.values[:, :, x : x + 2], stuck = fix_overlaps(position, low, high, radius, solid)
-    return stuck
 
 
 def _rows(block: Block, draw: Draw) -> Any:
@@ -232,10 +194,7 @@ def _rows(block: Block, draw: Draw) -> Any:
 
 
 def _has_type(column: np.ndarray, types: tuple[int, ...]) -> np.ndarray:
-    found = column == types[0]
-    for place in types[1:]:
-        found |= column == place
-    return found
+    return np.logical_or.reduce([column == kind for kind in types])
 
 
 def _sample(
@@ -292,14 +251,10 @@ def _draw_outline(
     plan: SamplingPlan, streams: Streams, block: Block, outline: Outline, shape: BaseShape, rows: np.ndarray
 ) -> None:
     slot = outline.slot
-    block.shape_kind[rows, slot] = shape.kind
-    block.shape_size[rows, slot] = shape.size
+    block.set_shape(rows, slot, shape)
     if not outline.size_is_drawn and Size in plan.layout.columns:
         block.sampled_values[rows, slot, plan.layout.columns[Size]] = shape.size
-    if shape.kind == HULL and not shape.is_random:
-        block.vertex_count[rows, slot] = len(shape.vertices)
-        block.vertices[rows, slot, : len(shape.vertices)] = shape.vertices
-    elif shape.kind == HULL and len(rows):
+    if shape.is_random and shape.kind == HULL and len(rows):
         hulls = shape.sample(streams.generator(block.indices[rows], plan.layout.names[slot], "hull"), len(rows))
         block.vertices[rows, slot], block.vertex_count[rows, slot] = pad_hulls(hulls, plan.vertices, shape)
 
@@ -317,9 +272,9 @@ def pad_hulls(hulls: list[np.ndarray], room: int, owner: Any) -> tuple[np.ndarra
 
 
 def _no_place(plan: SamplingPlan, streams: Streams, block: Block, row: int, drawn: bool) -> PlacementError:
-    i, j, distance = closest_pair(block.sampled_values[row, :, plan.columns(Position)])
+    i, j, distance = placement.closest_pair(block.sampled_values[row, :, plan.columns(Position)])
     a, b = plan.layout.names[i], plan.layout.names[j]
-    tries = f"after {PLACEMENT_TRIES} tries" if drawn else "by their fixed positions"
+    tries = f"after {placement.PLACEMENT_TRIES} tries" if drawn else "by their fixed positions"
     return PlacementError(
         f"{streams.where(block.indices[row])}: {tries} '{a}' and '{b}' are {distance:.3g} apart, and centres must be"
         f" more than {plan.min_distance:g} apart. Use fewer things, wider location priors, or a smaller min_distance"
@@ -329,7 +284,7 @@ def _no_place(plan: SamplingPlan, streams: Streams, block: Block, row: int, draw
 def _stuck(plan: SamplingPlan, streams: Streams, block: Block, row: int) -> PlacementError:
     is_object = [t >= 0 and issubclass(plan.layout.types[t], Object) for t in block.types[row]]
     position = np.where(np.array(is_object)[:, None], block.values[row, :, plan.columns(Position)], np.nan)
-    i, j, distance = closest_pair(position)
+    i, j, distance = placement.closest_pair(position)
     names, sizes = plan.layout.names, block.values[row, :, plan.layout.columns[Size]]
     if not np.isfinite(distance):
         widest = int(np.nanargmax(sizes))
@@ -338,7 +293,7 @@ def _stuck(plan: SamplingPlan, streams: Streams, block: Block, row: int) -> Plac
             " the walls, which stand 2 apart. Make it smaller"
         )
     return PlacementError(
-        f"{streams.where(block.indices[row])}: things do not fit into the arena without overlap after {OVERLAP_PASSES}"
-        f" passes; the tightest are '{names[i]}' (size {sizes[i]:.3g}) and '{names[j]}' (size {sizes[j]:.3g})."
-        " Use fewer or smaller things"
+        f"{streams.where(block.indices[row])}: things do not fit into the arena without overlap after"
+        f" {placement.OVERLAP_PASSES} passes; the tightest are '{names[i]}' (size {sizes[i]:.3g}) and '{names[j]}'"
+        f" (size {sizes[j]:.3g}). Use fewer or smaller things"
     )

@@ -4,6 +4,9 @@ from typing import Any
 
 import numpy as np
 
+from segar.language import CIRCLE, HULL, Layout, Object, Position, Size
+from segar.levels.level_data import Block, LevelData
+
 ARENA_LOW, ARENA_HIGH = -1.0, 1.0  # [m] where the walls stand
 MIN_DISTANCE = 0.1  # [m] centres of any two things start farther apart than this (2022)
 PLACEMENT_TRIES = 100  # positions of a level are drawn anew at most so often (2022)
@@ -41,6 +44,29 @@ def random_ranks(rng: Any, present: np.ndarray) -> np.ndarray:
     """A random ranking 0, 1, 2... of each level's things that are ``present`` (bool ``(n, things)``); int64."""
     heights = np.where(present, rng.random(present.shape), 2.0)  # the absent rank last
     return heights.argsort(axis=1, kind="stable").argsort(axis=1, kind="stable")
+
+
+def fix_block(layout: Layout, levels: Block | LevelData) -> np.ndarray:
+    """Fix overlaps in ``levels.values`` in place, and return the int indices of the levels where that failed."""
+    if Position not in layout.columns:
+        return np.zeros(0, dtype=int)
+    x = layout.columns[Position]
+    position = levels.values[:, :, x : x + 2]
+    size = levels.values[:, :, layout.columns[Size]] if Size in layout.columns else np.zeros(position.shape[:2])
+    radius = np.where(levels.shape_kind == CIRCLE, size / 2, 0.0)
+    high = np.repeat(radius[..., None], 2, axis=-1)
+    low = -high
+    hull = levels.shape_kind == HULL
+    if hull.any():
+        vertices = levels.vertices[hull]
+        inside = (np.arange(vertices.shape[1]) < levels.vertex_count[hull][:, None])[..., None]
+        low[hull] = np.where(inside, vertices, np.inf).min(axis=1)
+        high[hull] = np.where(inside, vertices, -np.inf).max(axis=1)
+        radius[hull] = np.sqrt((vertices**2).sum(axis=-1)).max(axis=1)
+    is_object = np.array([*(issubclass(t, Object) for t in layout.types), False])
+    solid = is_object[levels.types] & (levels.shape_kind > 0)
+    levels.values[:, :, x : x + 2], stuck = fix_overlaps(position, low, high, radius, solid)
+    return stuck
 
 
 def fix_overlaps(

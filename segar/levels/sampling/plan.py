@@ -10,19 +10,7 @@ from typing import Any
 import numpy as np
 
 from segar.errors import PlacementError, PriorError, did_you_mean
-from segar.language import (
-    BaseShape,
-    Entity,
-    Factor,
-    GlobalFriction,
-    Layout,
-    Order,
-    Parameter,
-    Position,
-    Shape,
-    Size,
-    holds,
-)
+from segar.language import BaseShape, Entity, Factor, Layout, Order, Parameter, Position, Shape, Size, holds
 from segar.levels.priors import Prior, factors_needed, factors_read, ranked
 from segar.levels.sampling.placement import closest_pair
 from segar.noise import Choice, Deterministic, Noise
@@ -99,46 +87,6 @@ class SamplingPlan:
         return next((d for d in self.draws if d.slot == slot and d.factor is factor and kind in d.types), None)
 
 
-@dataclass
-class Block:
-    """Arrays of ``n`` levels while they are drawn, named as those of :class:`segar.Levels`.
-
-    Attributes:
-        indices: int64 ``(n,)``, of the levels in their split.
-        shape_size: float64 ``(n, E)``, the size of each thing's shape, nan where there is none.
-    """
-
-    indices: np.ndarray
-    types: np.ndarray
-    values: np.ndarray
-    shape_kind: np.ndarray
-    shape_size: np.ndarray
-    vertex_count: np.ndarray
-    vertices: np.ndarray
-    parameters: np.ndarray
-    sampled_values: np.ndarray
-
-    @classmethod
-    def empty(cls, plan: SamplingPlan, indices: np.ndarray) -> Block:
-        """Arrays for the levels with these indices, in which nothing is drawn yet."""
-        n, entities, width = len(indices), len(plan.layout.slots), plan.layout.width
-        return cls(
-            indices=indices,
-            types=np.full((n, entities), -1, dtype=np.int16),
-            values=np.empty((n, entities, width)),
-            shape_kind=np.zeros((n, entities), dtype=np.int8),
-            shape_size=np.full((n, entities), np.nan),
-            vertex_count=np.zeros((n, entities), dtype=np.int16),
-            vertices=np.zeros((n, entities, plan.vertices, 2)),
-            parameters=np.empty((n, len(plan.layout.parameters))),
-            sampled_values=np.empty((n, entities, width)),
-        )
-
-    def part(self, start: int, stop: int) -> Block:
-        """A view of some levels."""
-        return Block(**{name: array[start:stop] for name, array in vars(self).items()})
-
-
 def make_plan(
     layout: Layout,
     groups: Sequence[SlotGroup],
@@ -154,8 +102,9 @@ def make_plan(
         PlacementError: things that always start at fixed places are too close to each other.
     """
     templates = np.full((len(layout.types) + 1, layout.width), np.nan)
-    for place, entity in enumerate(layout.types):
-        templates[place] = _template(layout, entity, () if issubclass(entity, GlobalFriction) else priors)
+    for place, entity in enumerate(layout.types[:-1]):
+        templates[place] = _template(layout, entity, priors)
+    templates[-2] = _template(layout, layout.types[-1], ())  # the arena's floor, whose friction is a parameter
     outlines = _outlines(layout, priors)
     constants = [parameters[p].value if p in parameters else p.default for p in layout.parameters]
     plan = SamplingPlan(
@@ -202,21 +151,19 @@ def _template(layout: Layout, entity: type[Entity], priors: Sequence[Prior]) -> 
 def _draws(layout: Layout, groups: Sequence[SlotGroup], priors: Sequence[Prior]) -> list[Draw]:
     draws = []
     for group in groups:
-        candidates: dict[tuple[type[Factor], tuple[int, ...]], tuple[Prior, ...]] = {}
-        types: dict[tuple[type[Factor], tuple[int, ...]], list[int]] = {}
+        alike: dict[tuple[type[Factor], tuple[int, ...]], tuple[tuple[Prior, ...], list[int]]] = {}
         for place in group.types:
             entity = layout.types[place]
             for factor in (f for f in entity.declared if f.width):
                 found = ranked(priors, entity, factor)
                 if any(p.is_random or factors_read(p) for p in found):
                     _check_reads(layout, entity, found, priors)
-                    alike = factor, tuple(map(id, found))
-                    candidates[alike] = found
-                    types.setdefault(alike, []).append(place)
+                    _, places = alike.setdefault((factor, tuple(map(id, found))), (found, []))
+                    places.append(place)
         for slot in group.slots:
-            for alike, places in types.items():
+            for (factor, _), (found, places) in alike.items():
                 everywhere = len(places) == len(group.types) and not layout.slots[slot].optional
-                draws.append(Draw(slot, alike[0], tuple(places), candidates[alike], everywhere))
+                draws.append(Draw(slot, factor, tuple(places), found, everywhere))
     return draws
 
 
@@ -287,7 +234,7 @@ def _outlines(layout: Layout, priors: Sequence[Prior]) -> tuple[Outline, ...]:
 
 
 def _shape(entity: type[Entity], priors: Sequence[Prior]) -> BaseShape | Choice | None:
-    if Shape not in entity.declared or issubclass(entity, GlobalFriction):
+    if Shape not in entity.declared:
         return None
     candidates = ranked(priors, entity, Shape)
     conditional = next((p for p in candidates if factors_read(p)), None)

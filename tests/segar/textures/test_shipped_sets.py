@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from segar.textures import TextureSet, linear_read_out, look_distances, shipped_sets
+from segar.textures import CHIEF, KINDS, TextureSet, linear_read_out, look_distances, shipped_sets
 from segar.textures.inputs import is_noise
-from segar.textures.samples import UNIFORM, family_laws
-from segar.textures.standard import CHIEF, INPUTS, KINDS
+from segar.textures.standard import INPUTS, UNIFORM, family_laws
 from segar.textures.texture_sets import DATA
 
 SIZES = {"one": 1, "five": 5, "twenty": 20, "baseline": 1, "close": 5, "far": 5}

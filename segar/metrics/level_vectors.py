@@ -1,4 +1,4 @@
-"""Two-sample tests on whole levels, which see how factors depend on each other: energy, kernel and classifier tests."""
+"""Levels as vectors, a Euclidean approximation of their distance, and two-sample tests on these: energy, kernel, classifier."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,13 +8,107 @@ import scipy
 
 from segar.errors import LevelError
 from segar.language import Factor
-from segar.levels import Levels, require_generator, require_levels
-from segar.metrics.embedding import embed
-from segar.metrics.points import Spread
+from segar.levels import Levels, PointSets, checks, entity_types
+from segar.metrics.points import Spread, Units
+from segar.metrics.wasserstein import MISMATCH
 
+DIRECTIONS = 50  # at least so many for a type that a level can have several of; as many as the 2022 code projects on
+LARGEST_FRAME = 64  # dimensions; to make a frame takes the cube of them
+DIRECTIONS_SEED = 0  # the directions are part of what the vectors mean, hence always the same ones
 FEATURES = 200  # random Fourier features of the classifier
 RIDGE = 1e-2  # weight of the squared coefficients against the mean loss
 FEWEST = 8  # levels per set: half of them train the classifier, half test it
+
+
+def embed(
+    *sets: Levels,
+    scale: Spread | None = None,
+    mismatch: float = MISMATCH,
+    factors: Sequence[type[Factor]] | None = None,
+) -> list[np.ndarray]:
+    """One vector per level, float64 ``[levels, D]`` for each set, the same coordinates for all sets of one call.
+
+    Per entity type, a level is a bag of as many points as any level has entities of the type: the relevant factors in
+    units of their spread. Missing ones stand at the centre of the type's points, ``mismatch`` away along an axis of
+    their own. A type of which levels have one at most is its point itself; of others, the bag is its sorted projections
+    on at least 50 directions that make up orthonormal frames. World parameters follow. A factor with a ``period`` is two
+    coordinates, a place on a circle of that length: what is far round the circle is nearer here, by up to 36 %.
+
+    So the squared Euclidean distance of two vectors is a sum over types of sliced squared Wasserstein-2 distances times
+    their dimension. For types with one entity in each level it is what ``w2(mode="exact")`` takes for the distance of
+    levels, short of its cut-off; else it is at most the squared distance of the best matching of the bags. It is of
+    negative type, as energy distance and MMD need it.
+
+    Args:
+        scale, factors: as for :func:`segar.metrics.w2`; default units: ``spread(*sets)``.
+
+    Raises:
+        LevelError: one of the sets is not a level set.
+    """
+    units = Units.checked("embed", sets, scale, factors)
+    types = entity_types(*sets)
+    blocks = [_bags([_unrolled(units.state(levels, entity)) for levels in sets], mismatch) for entity in types]
+    varied = units.parameters(*sets)
+    if varied:
+        blocks.append([_unrolled(units.world(levels, varied)).points for levels in sets])
+    return [
+        np.concatenate([np.zeros((len(levels), 0)), *(block[k] for block in blocks)], axis=1)
+        for k, levels in enumerate(sets)
+    ]
+
+
+def frames(dimension: int, at_least: int, rng: np.random.Generator) -> np.ndarray:
+    """Random unit vectors as columns, float64 ``[dimension, directions]``; in up to 64 dimensions whole orthonormal frames.
+
+    Beyond, independent directions are nearly orthogonal anyway.
+    """
+    if dimension > LARGEST_FRAME:
+        drawn = rng.standard_normal((dimension, at_least))
+        return drawn / np.linalg.norm(drawn, axis=0)
+    made = []
+    for _ in range(-(-at_least // dimension)):
+        q, r = np.linalg.qr(rng.standard_normal((dimension, dimension)))
+        made.append(q * np.sign(np.diag(r)))
+    return np.concatenate(made, axis=1)
+
+
+def _unrolled(sets: PointSets) -> PointSets:
+    """Points whose components with a period have become two each: the place on a circle of that length."""
+    if sets.periods is None:
+        return sets
+    columns = []
+    for column, period in zip(sets.points.T, sets.periods, strict=True):
+        if np.isinf(period):
+            columns.append(column)
+        else:
+            angle = 2 * np.pi / period * column
+            columns += [period / (2 * np.pi) * np.cos(angle), period / (2 * np.pi) * np.sin(angle)]
+    return PointSets(sets.counts, np.stack(columns, axis=1))
+
+
+def _bags(bags: Sequence[PointSets], mismatch: float) -> list[np.ndarray]:
+    """Vectors of bags of points, float64 ``[levels, coordinates]`` for each of the sets."""
+    counts = np.concatenate([b.counts for b in bags])
+    most, dimension = int(counts.max()), bags[0].points.shape[1]
+    pooled = np.concatenate([b.points for b in bags])
+    centre = pooled.mean(axis=0)
+    extra = int(counts.min() < most)
+    full = []
+    for bag in bags:
+        points = np.zeros((len(bag.counts), most, dimension + extra))
+        points[:, :, :dimension] = centre
+        points[:, :, dimension:] = mismatch
+        place = np.arange(most) < bag.counts[:, None]
+        points[place] = np.concatenate([bag.points, np.zeros((len(bag.points), extra))], axis=1)
+        full.append(points)
+    if dimension + extra == 0:
+        return [np.zeros((len(b.counts), 0)) for b in bags]
+    if most == 1:
+        return [points[:, 0] for points in full]
+    directions = frames(dimension + extra, DIRECTIONS, np.random.default_rng(DIRECTIONS_SEED))
+    # Projections on all vectors of a frame keep the length; the mean over frames is the mean over directions times dimension.
+    weight = np.sqrt((dimension + extra) / directions.shape[1])
+    return [(np.sort(points @ directions, axis=1) * weight).reshape(len(points), -1) for points in full]
 
 
 @dataclass(frozen=True)
@@ -55,7 +149,9 @@ def energy_test(
     Raises:
         LevelError: not two level sets.
     """
-    vectors = _pooled("energy_test", a, b, rng, scale, factors)
+    checks.require_levels("energy_test", a, b)
+    checks.require_generator("energy_test", rng)
+    vectors = np.concatenate(embed(a, b, scale=scale, factors=factors))
     return _permutation_test("energy", -_distances(vectors), len(a), rng, resamples)
 
 
@@ -74,7 +170,9 @@ def mmd_test(
     k(x, y) = exp(-|x - y|^2 / 2 h^2) on levels as vectors (Gretton et al. 2012, biased estimate); ``bandwidth`` h is the
     median distance of all levels by default. Other arguments and errors are those of :func:`energy_test`.
     """
-    distances = _distances(_pooled("mmd_test", a, b, rng, scale, factors))
+    checks.require_levels("mmd_test", a, b)
+    checks.require_generator("mmd_test", rng)
+    distances = _distances(np.concatenate(embed(a, b, scale=scale, factors=factors)))
     h = median_distance(distances) if bandwidth is None else bandwidth
     if not 0 < h < np.inf:
         raise LevelError(f"mmd_test: the bandwidth must be a positive number, not {bandwidth!r}")
@@ -99,7 +197,9 @@ def classifier_test(
     Raises:
         LevelError: not two level sets, or one with fewer than 8 levels.
     """
-    vectors = _pooled("classifier_test", a, b, rng, scale, factors)
+    checks.require_levels("classifier_test", a, b)
+    checks.require_generator("classifier_test", rng)
+    vectors = np.concatenate(embed(a, b, scale=scale, factors=factors))
     if min(len(a), len(b)) < FEWEST:
         raise LevelError(f"classifier_test needs at least {FEWEST} levels in each set, not {len(a)} and {len(b)}")
     learn = np.zeros(len(vectors), dtype=bool)
@@ -113,19 +213,6 @@ def classifier_test(
     test = scipy.stats.mannwhitneyu(scores[~learn & is_b], scores[~learn & ~is_b], alternative="greater")
     pairs = int((~learn & is_b).sum()) * int((~learn & ~is_b).sum())
     return TwoSampleTest("classifier", float(test.statistic) / pairs, 0.5, float(test.pvalue))
-
-
-def _pooled(
-    what: str,
-    a: Levels,
-    b: Levels,
-    rng: np.random.Generator,
-    scale: Spread | None,
-    factors: Sequence[type[Factor]] | None,
-) -> np.ndarray:
-    require_levels(what, a, b)
-    require_generator(what, rng)
-    return np.concatenate(embed(a, b, scale=scale, factors=factors))
 
 
 def _permutation_test(name: str, kernel: np.ndarray, n: int, rng: np.random.Generator, resamples: int) -> TwoSampleTest:
