@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 from experiments.runs.files import replacing
 
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
 CURVE_POINTS = 40  # of a curve that is drawn or shipped
 
 
@@ -42,9 +45,7 @@ def performance(episodes: pd.DataFrame) -> dict[str, float]:
     return row
 
 
-def level_mean(
-    level: NDArray[np.float64], returns: NDArray[np.float64], *, fixed: bool, sampled: bool
-) -> tuple[float, float]:
+def level_mean(level: Floats, returns: Floats, *, fixed: bool, sampled: bool) -> tuple[float, float]:
     """Mean over levels of the mean return on each, and its standard error; ``level`` and ``returns`` are [episodes].
 
     Levels that are a sample: the error of a mean of independent levels, NaN for one level. Levels that are ``fixed``:
@@ -95,7 +96,7 @@ def mean_by(table: pd.DataFrame, by: Sequence[str], values: Sequence[str]) -> pd
     return cast(pd.DataFrame, table.groupby(list(by), sort=True)[list(values)].mean()).reset_index()
 
 
-def binned(frames: NDArray[np.float64], longest: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
+def binned(frames: Floats, longest: Floats | None = None) -> Floats:
     """Frames [n], each replaced by the end of its fortieth of the longest run; or of ``longest`` [n], its own run's length."""
     width = np.maximum((frames.max() if longest is None else longest) / CURVE_POINTS, 1.0)
     return np.ceil(frames / width) * width
@@ -106,6 +107,6 @@ def count_of(table: pd.DataFrame, name: str) -> int:
     return len(set(table[name]))
 
 
-def column(table: pd.DataFrame, name: str) -> NDArray[np.float64]:
+def column(table: pd.DataFrame, name: str) -> Floats:
     """A column as float64."""
     return table[name].to_numpy(dtype=np.float64)

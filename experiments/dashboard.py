@@ -6,11 +6,9 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from omegaconf import DictConfig
-
-from experiments.commands.hydra_app import run_command, to_plain
+from experiments.commands.hydra_app import run_simple_command
 from experiments.runs.run_folder import root_folder
-from experiments.settings import TrackingConfig, TrackingError, as_data, construct, require
+from experiments.settings import TrackingConfig, TrackingError, require
 from experiments.tracking.mlflow_store import STORE, calling, show_views, store_uri
 from experiments.tracking.mlflow_views import VIEWS, link
 
@@ -94,10 +92,5 @@ def require_free(port: int) -> None:
             ) from error
 
 
-def build(config: DictConfig) -> DashboardConfig:
-    """Hydra's result as settings."""
-    return construct(DashboardConfig, to_plain(config), "")
-
-
 if __name__ == "__main__":
-    run_command(serve, "dashboard", build, as_data(DashboardConfig()))
+    run_simple_command(serve, DashboardConfig, __doc__)

@@ -3,10 +3,26 @@
 Every file of ``conf/experiment/`` is an experiment: a grid of runs, transfers of its agents to other levels, a study that
 needs no training. A run that several experiments need is trained once. Finished runs are found by the hash of their
 settings, and interrupted runs are resumed. The command prints a plan first, and the places of tables and report at the end.
+
+  make reproduce-paper SCALE=quick
+
+Settings, as name=value (make: ARGS="name=value ..."):
+  scale=NAME                 how much is run, see below (make: SCALE=NAME)
+  experiments=[a,b]          only these; empty: all that the scale has
+  dry_run=true               print the plan and run nothing
+  processes=N                runs side by side; 0, the default: one per core
+  report=false               tables only
+  imported=[FOLDER]          tables of runs that were made on other machines: they count as done, and are joined in
+  ++grids.NAME.grid.seeds=5  instead of what its file says; ++grids.NAME.scales.quick={} adds a scale
+  probes.SCALE.frames=N      how finished runs are probed at a scale; grids.NAME.probes=false: not at all
+  +experiment@grids.NAME=NAME  an experiment of your own, conf/experiment/NAME.yaml
+  root=FOLDER                where run folders are, and are looked for; runs/ of the checkout by default
+  seed, algorithm, observation, scale.frames, evaluation.episodes, tracking, ... as for experiments.train
 """
 
 import dataclasses
 import os
+import shlex
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -19,7 +35,7 @@ from omegaconf import DictConfig
 
 from experiments.commands.config_store import conf_dir
 from experiments.commands.hydra_app import run_command, to_plain
-from experiments.evaluation.probing import PREFIX, ProbeConfig, probe_finished, probe_settings
+from experiments.evaluation.probing import PREFIX, ProbeConfig, probe_finished
 from experiments.evaluation.transfers import RunTask
 from experiments.reproduction.display import Display
 from experiments.reproduction.experiment_file import Experiment, chosen_names, experiment_at
@@ -74,7 +90,7 @@ class ReproduceConfig:
         require(self.processes >= 0, "processes", self.processes, "0 or more")
         chosen_names(self.experiments, list(self.grids))
         for scale, settings in self.probes.items():
-            probe_settings(settings, f"probes.{scale}")
+            construct(ProbeConfig, settings, f"probes.{scale}")
 
     @property
     def name(self) -> str:
@@ -93,7 +109,7 @@ class ReproduceConfig:
     def probe_config(self) -> ProbeConfig:
         """How runs are probed at this scale."""
         scale = self.run.scale.name
-        return probe_settings(self.probes.get(scale, {}), f"probes.{scale}")
+        return construct(ProbeConfig, self.probes.get(scale, {}), f"probes.{scale}")
 
     def at_scale(self) -> list[Experiment]:
         """The chosen experiments at this scale; raises :class:`ConfigError` if one is wrong, or none is left."""
@@ -252,18 +268,9 @@ def dashboard(run: RunConfig) -> str:
     """The server's address, or the command that opens MLflow's pages over the runs."""
     uri = run.tracking.uri
     if uri is None:
-        return f"{sys.executable} -m experiments.dashboard root={quoted(runs_root(run))}    (or: make dashboard)"
+        root = shlex.quote(str(runs_root(run)))
+        return f"{sys.executable} -m experiments.dashboard root={root}    (or: make dashboard)"
     return uri if is_server(uri) else f"{sys.executable} -m mlflow server --backend-store-uri '{uri}'"
-
-
-def quoted(value: Any) -> str:
-    """A value in the grammar of Hydra's command line."""
-    if value is None:
-        return "null"
-    if isinstance(value, str | Path):
-        text = str(value).replace("\\", "\\\\").replace("'", "\\'")
-        return f"'{text}'"
-    return "[" + ",".join(quoted(one) if isinstance(one, str) else str(one) for one in value) + "]"
 
 
 def failures(failed: Sequence[JobResult], pieces: int, finished: bool) -> str:
@@ -289,24 +296,8 @@ SETTINGS = {name: value for name, value in as_data(ReproduceConfig()).items() if
 
 
 def help_text() -> str:
-    """The settings of the command, with the scales and experiments in ``conf/``."""
-    lines = [(__doc__ or "").strip(), "", "  make reproduce-paper SCALE=quick", ""]
-    lines += ['Settings, as name=value (make: ARGS="name=value ..."):']
-    lines += [
-        "  scale=NAME                 how much is run, see below (make: SCALE=NAME)",
-        "  experiments=[a,b]          only these; empty: all that the scale has",
-        "  dry_run=true               print the plan and run nothing",
-        "  processes=N                runs side by side; 0, the default: one per core",
-        "  report=false               tables only",
-        "  imported=[FOLDER]          tables of runs that were made on other machines: they count as done, and are joined in",
-        "  ++grids.NAME.grid.seeds=5  instead of what its file says; ++grids.NAME.scales.quick={} adds a scale",
-        "  probes.SCALE.frames=N      how finished runs are probed at a scale; grids.NAME.probes=false: not at all",
-        "  +experiment@grids.NAME=NAME  an experiment of your own, conf/experiment/NAME.yaml",
-        "  root=FOLDER                where run folders are, and are looked for; runs/ of the checkout by default",
-        "  seed, algorithm, observation, scale.frames, evaluation.episodes, tracking, ... as for experiments.train",
-        "",
-        "Scales:",
-    ]
+    """What this module says of the command, with the scales and experiments in ``conf/``."""
+    lines = [(__doc__ or "").strip(), "", "Scales:"]
     for file in sorted((conf_dir() / "scale").glob("*.yaml")):
         about = [line[2:] for line in file.read_text().splitlines() if line.startswith("# ") and "@package" not in line]
         if file.stem != "single":

@@ -7,7 +7,6 @@ test levels of a final run decide nothing.
 """
 
 import dataclasses
-import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -32,6 +31,7 @@ from experiments.settings import (
     require_seed,
     run_config,
 )
+from experiments.settings.run import digest
 from experiments.train import train
 from segar.cli import table
 from segar.errors import did_you_mean
@@ -78,9 +78,8 @@ class Search:
         """Levels and algorithm, with a hash of all settings that decide the trials; their number does not."""
         settings = as_data(self.config)
         decisive = {key: settings[key] for key in ("space", "seeds", "metric", "direction")}
-        text = json.dumps([self.run.identity(), decisive], sort_keys=True)
-        digest = hashlib.sha256(text.encode()).hexdigest()[:8]
-        return f"{self.run.levels.train}-{self.run.algorithm.name}-{digest}".replace(":", "_")
+        name = f"{self.run.levels.train}-{self.run.algorithm.name}-{digest([self.run.identity(), decisive])}"
+        return name.replace(":", "_")
 
 
 def search(spec: Search) -> optuna.Study:

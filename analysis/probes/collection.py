@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
 from analysis.probes.pairs import NAME_OF_TYPE, Column, Frames
+from analysis.tables import Floats, Ints
 from experiments.algorithms.learner import Policy
 from experiments.evaluation.baselines import RandomAgent
 from experiments.evaluation.episodes import Agent, action_rng, actions_of
@@ -90,33 +90,34 @@ def collect(
         raise LevelError(f"frames must be at least 1, not {frames}")
     env = VectorEnv(levels, num_envs, seed=seed, **options)
     order = np.random.default_rng(seed)
-    waves, have, begun, queue = [], 0, 0, np.zeros(0, np.int64)
+    parts: list[dict[str, Any]] = []
+    have, begun, queue = 0, 0, np.zeros(0, np.int64)
     while have < frames:
         while len(queue) < num_envs:
             queue = np.concatenate([queue, order.permutation(len(levels))])
         chosen, queue = queue[:num_envs], queue[num_envs:]
         wave = play_wave(agent, env, chosen, columns, rng, frames - have, begun)
-        have, begun = have + len(wave), begun + num_envs
-        waves.append(wave)
+        have, begun = have + sum(len(part["step"]) for part in wave), begun + num_envs
+        parts += wave
     env.close()
-    arrays = {
-        f.name: np.concatenate([getattr(wave, f.name) for wave in waves])[:frames]
-        for f in dataclasses.fields(Frames)
-        if f.name != "columns"
-    }
+    arrays = {name: np.concatenate([part[name] for part in parts])[:frames] for name in parts[0]}
     return Frames(columns=tuple(columns), **arrays)
 
 
 def play_wave(
     agent: Agent,
     env: VectorEnv,
-    levels: NDArray[np.int64],
+    levels: Ints,
     columns: Sequence[Column],
     rng: torch.Generator | None,
     enough: int,
     first_episode: int,
-) -> Frames:
-    """One episode in each environment, on the level that ``levels`` names, until all end or there are ``enough`` frames."""
+) -> list[dict[str, Any]]:
+    """One episode in each environment, on the level that ``levels`` names, until all end or there are ``enough`` frames.
+
+    Returns:
+        for each step, the arrays of :class:`analysis.probes.pairs.Frames` that it adds, by name.
+    """
     parts: list[dict[str, Any]] = []
     observation, factors, frames = np.zeros(0), np.zeros(0), 0
     for now in play(env, actions_of(agent, env, rng), env.reset(options={"levels": levels})):
@@ -137,11 +138,10 @@ def play_wave(
         observation, factors, frames = now.observation, later, frames + len(rows)
         if frames >= enough:
             break
-    arrays = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    return Frames(columns=tuple(columns), **arrays)
+    return parts
 
 
-def read_columns(env: VectorEnv, columns: Sequence[Column]) -> NDArray[np.float64]:
+def read_columns(env: VectorEnv, columns: Sequence[Column]) -> Floats:
     """The true factors of all environments, float64 ``[num_envs, k]``."""
     state, levels = env.state().state, env.levels
     out = np.empty((env.num_envs, len(columns)))

@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.probes.pairs import Column
+from analysis.tables import Floats, Ints
 from segar.noise import Noise
 
 BINS = 8  # log 8 = 2.08 nats for a law without atoms
@@ -18,8 +18,8 @@ class Quantised:
     ``probabilities`` [cells] are the law's, exact; or, where ``source`` is "sample", shares among the frames at hand.
     """
 
-    edges: NDArray[np.float64]
-    probabilities: NDArray[np.float64]
+    edges: Floats
+    probabilities: Floats
     source: str
 
     @property
@@ -28,12 +28,12 @@ class Quantised:
         p = self.probabilities[self.probabilities > 0]
         return float(-(p * np.log(p)).sum())
 
-    def cells(self, x: NDArray[np.float64]) -> NDArray[np.int64]:
+    def cells(self, x: Floats) -> Ints:
         """The cell of each value; values must not be nan."""
         return np.searchsorted(self.edges, x, side="left")
 
 
-def quantise(column: Column, values: NDArray[np.float64], bins: int = BINS) -> Quantised:
+def quantise(column: Column, values: Floats, bins: int = BINS) -> Quantised:
     """At most ``bins`` cells that are as likely as each other as far as atoms allow.
 
     For a factor that keeps its first value, the law decides cells and probabilities: a uniform or Gaussian factor has

@@ -6,14 +6,13 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
-from scipy import stats
 
 from analysis.probes.entropy import BINS, Quantised, quantise
 from analysis.probes.nearest import ksg_estimate
 from analysis.probes.pairs import Pairs, episode_folds, standardised_representation
 from analysis.probes.readouts import predict_linear, predict_mlp
-from analysis.stats.estimate import Estimate
+from analysis.stats.estimate import Estimate, student_p
+from analysis.tables import Floats, Ints
 from segar.errors import SegarError, did_you_mean
 
 PROBES = {"ridge": predict_linear, "mlp": predict_mlp}
@@ -81,7 +80,7 @@ def probe_factors(
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
-def why_not(z: NDArray[np.float64], group: NDArray[np.int64]) -> str:
+def why_not(z: Floats, group: Ints) -> str:
     """Why this factor cannot be probed; empty where it can."""
     if len(np.unique(group)) < 2 * FOLDS:
         return f"it is there in {len(np.unique(group))} episodes; {2 * FOLDS} are needed"
@@ -89,11 +88,7 @@ def why_not(z: NDArray[np.float64], group: NDArray[np.int64]) -> str:
 
 
 def number_estimates(
-    predicted: NDArray[np.float64],
-    z: NDArray[np.float64],
-    cells: Quantised,
-    group: NDArray[np.int64],
-    rng: np.random.Generator,
+    predicted: Floats, z: Floats, cells: Quantised, group: Ints, rng: np.random.Generator
 ) -> dict[str, Estimate]:
     """What predictions [n] know of a factor [n] that is a number, by quantity."""
     edges = np.unique(np.quantile(predicted, np.arange(1, BINS) / BINS))
@@ -103,11 +98,7 @@ def number_estimates(
 
 
 def category_estimates(
-    predicted: NDArray[np.float64],
-    z: NDArray[np.float64],
-    cells: Quantised,
-    group: NDArray[np.int64],
-    rng: np.random.Generator,
+    predicted: Floats, z: Floats, cells: Quantised, group: Ints, rng: np.random.Generator
 ) -> dict[str, Estimate]:
     """What predictions [n] know of a factor [n] that is a category, by quantity."""
     classes, label = np.unique(z, return_inverse=True)
@@ -118,11 +109,7 @@ def category_estimates(
 
 
 def information_estimates(
-    guess: NDArray[np.int64],
-    z: NDArray[np.float64],
-    cells: Quantised,
-    group: NDArray[np.int64],
-    rng: np.random.Generator,
+    guess: Ints, z: Floats, cells: Quantised, group: Ints, rng: np.random.Generator
 ) -> dict[str, Estimate]:
     """Information [nats] of predictions, as small whole numbers [n], about the cells of ``z``; and as a share of entropy."""
     gain = information_gain(guess, cells.cells(z), cells.probabilities, group, rng)
@@ -134,12 +121,8 @@ def information_estimates(
 
 
 def information_gain(
-    prediction: NDArray[np.int64],
-    cell: NDArray[np.int64],
-    probabilities: NDArray[np.float64],
-    group: NDArray[np.int64],
-    rng: np.random.Generator,
-) -> NDArray[np.float64]:
+    prediction: Ints, cell: Ints, probabilities: Floats, group: Ints, rng: np.random.Generator
+) -> Floats:
     """log q(cell | prediction) - log p(cell) of each frame [nats], both in small whole numbers.
 
     q is counted on the other folds, each episode with weight 1 whatever its length, and drawn to p with the weight of
@@ -160,11 +143,7 @@ def information_gain(
 
 
 def ratio_over_groups(
-    top: NDArray[np.float64],
-    bottom: NDArray[np.float64],
-    group: NDArray[np.int64],
-    rng: np.random.Generator,
-    above: float = 0.0,
+    top: Floats, bottom: Floats, group: Ints, rng: np.random.Generator, above: float = 0.0
 ) -> Estimate:
     """sum(top) / sum(bottom) with a bootstrap interval over groups; ``p`` that it is not more than ``above``, one-sided."""
     names, place = np.unique(group, return_inverse=True)
@@ -175,11 +154,10 @@ def ratio_over_groups(
     resampled = tops[drawn].sum(axis=1) / np.maximum(bottoms[drawn].sum(axis=1), 1e-300)
     low, high = (float(v) for v in np.quantile(resampled, (0.025, 0.975)))
     excess = tops - above * bottoms
-    spread = float(excess.std(ddof=1))
-    p = float(stats.t.sf(excess.mean() / (spread / np.sqrt(n)), n - 1)) if spread > 0 else float(excess.mean() <= 0)
+    p = student_p(float(excess.mean()), float(excess.std(ddof=1)) / np.sqrt(n), n - 1)
     return Estimate(value, low, high, n, p)
 
 
-def jittered(x: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
+def jittered(x: Floats, rng: np.random.Generator) -> Floats:
     """``x`` with the last digits blurred, so that equal predictions are no ties."""
     return x + 1e-9 * max(float(np.ptp(x)), 1e-12) * rng.standard_normal(len(x))

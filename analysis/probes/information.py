@@ -7,7 +7,6 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
 from analysis.probes.critics import (
@@ -23,6 +22,7 @@ from analysis.probes.critics import (
 )
 from analysis.probes.pairs import Pairs, episode_folds, standardised, standardised_representation
 from analysis.stats.estimate import Estimate, mean_of_replicates
+from analysis.tables import Ints
 from segar.errors import SegarError, did_you_mean
 
 Marginal = Literal["joint", "paper"]
@@ -136,7 +136,7 @@ def mine_of_2022(
 
 def _prepared(
     representation: Any, factors: Any, episode: Any, pairs: Pairs | None = None
-) -> tuple[Tensor, Tensor, NDArray[np.int64]]:
+) -> tuple[Tensor, Tensor, Ints]:
     """Standardised tensors [N, d] and [N, m], and groups int [N]."""
     x, z = np.asarray(representation, np.float64), np.asarray(factors, np.float64)
     x, z = (column[:, None] if column.ndim == 1 else column for column in (x, z))
@@ -154,7 +154,7 @@ def _prepared(
 def _scores(
     x: Tensor,
     z: Tensor,
-    group: NDArray[np.int64],
+    group: Ints,
     rng: np.random.Generator,
     marginal: str,
     bounds: Sequence[str],

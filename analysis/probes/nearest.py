@@ -3,12 +3,12 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 from scipy.spatial import KDTree
 from scipy.special import digamma
 
-from analysis.stats.estimate import Estimate
+from analysis.stats.estimate import Estimate, student_p
+from analysis.tables import Floats, Ints
 from segar.errors import SegarError
 
 NEIGHBOURS = 3
@@ -64,11 +64,10 @@ def ksg_estimate(
     scatter = [np.mean([ksg(x[r[part_of == k]], z[r[part_of == k]], neighbours) for r in draws]) for k in range(parts)]
     error = float(np.std(scatter, ddof=1) / np.sqrt(parts))
     half = float(stats.t.ppf(0.975, parts - 1)) * error
-    p = float(stats.t.sf(value / error, parts - 1)) if error > 0 else float(value <= 0)
-    return Estimate(value, value - half, value + half, n, p)
+    return Estimate(value, value - half, value + half, n, student_p(value, error, parts - 1))
 
 
-def one_of_each(group: NDArray[np.int64], rng: np.random.Generator) -> NDArray[np.int64]:
+def one_of_each(group: Ints, rng: np.random.Generator) -> Ints:
     """The index of a row of each group, drawn at random."""
     order = rng.permutation(len(group))
     return order[np.unique(group[order], return_index=True)[1]]
@@ -84,11 +83,11 @@ def equivalent_r2(information: Any) -> Any:
     return -np.expm1(-2 * np.maximum(information, 0))
 
 
-def _count(points: NDArray[np.float64], radius: NDArray[np.float64]) -> NDArray[np.int64]:
+def _count(points: Floats, radius: Floats) -> Ints:
     """How many points, itself among them, lie within the radius of each."""
     return KDTree(points).query_ball_point(points, radius, p=np.inf, return_length=True)
 
 
-def _points(x: Any) -> NDArray[np.float64]:
+def _points(x: Any) -> Floats:
     x = np.asarray(x, np.float64)
     return x[:, None] if x.ndim == 1 else x

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.tables import Floats, Ints
 from segar.errors import LevelError, did_you_mean
 from segar.noise import Noise
 
@@ -50,11 +51,11 @@ class Pairs:
     """
 
     representation: NDArray[np.float32]
-    factors: NDArray[np.float64]
+    factors: Floats
     columns: tuple[Column, ...]
-    episode: NDArray[np.int64]
-    level: NDArray[np.int64]
-    step: NDArray[np.int64]
+    episode: Ints
+    level: Ints
+    step: Ints
 
     def __len__(self) -> int:
         return len(self.factors)
@@ -90,12 +91,12 @@ class Frames:
     """
 
     observation: NDArray[Any]
-    factors: NDArray[np.float64]
-    late: NDArray[np.float64]
+    factors: Floats
+    late: Floats
     columns: tuple[Column, ...]
-    episode: NDArray[np.int64]
-    level: NDArray[np.int64]
-    step: NDArray[np.int64]
+    episode: Ints
+    level: Ints
+    step: Ints
 
     def __len__(self) -> int:
         return len(self.factors)
@@ -114,7 +115,7 @@ class Frames:
         return Pairs(phi, factors, self.columns, self.episode, self.level, self.step)
 
 
-def episode_folds(episode: NDArray[np.int64], folds: int, rng: np.random.Generator) -> list[NDArray[np.int64]]:
+def episode_folds(episode: Ints, folds: int, rng: np.random.Generator) -> list[Ints]:
     """Disjoint index arrays that together hold all frames, no episode in two of them; sizes as even as whole episodes allow.
 
     Raises:
@@ -135,7 +136,7 @@ def episode_folds(episode: NDArray[np.int64], folds: int, rng: np.random.Generat
     return [np.flatnonzero(fold_of[place] == fold) for fold in range(folds)]
 
 
-def standardised(factors: NDArray[np.float64], columns: Sequence[Column] | None = None) -> NDArray[np.float32]:
+def standardised(factors: Floats, columns: Sequence[Column] | None = None) -> NDArray[np.float32]:
     """Factors ``[N, k]`` as a critic can read them, ``[N, m]``.
 
     Numbers lie around 0 with spread 1, 0 where they are missing; categories become one column each; a column of zeros

@@ -12,6 +12,7 @@ from torch.nn import functional as F
 
 from analysis.probes.critics import Embedding, draw_weights, torch_rng
 from analysis.probes.pairs import Pairs, episode_folds
+from analysis.tables import Floats, Ints
 
 ALPHAS = 10.0 ** np.arange(-1, 8)  # of ridge, on standardised columns
 INNER_FOLDS = 4  # of the training episodes, by which alpha is chosen
@@ -19,9 +20,7 @@ INVERSE_PENALTY = 0.1  # of logistic regression
 STEPS, BATCH, WIDTH, LEARNING_RATE, DECAY = 600, 256, 128, 3e-3, 1e-3  # of the network
 
 
-def predict_linear(
-    x: NDArray[np.float32], pairs: Pairs, parts: Sequence[NDArray[np.int64]], rng: np.random.Generator
-) -> NDArray[np.float64]:
+def predict_linear(x: NDArray[np.float32], pairs: Pairs, parts: Sequence[Ints], rng: np.random.Generator) -> Floats:
     """Held-out predictions [N, k] of ridge regression for numbers, and of logistic regression for categories.
 
     ``parts`` are the folds. nan where the factor is missing. Factors that are there in the same frames are predicted
@@ -49,9 +48,7 @@ def predict_linear(
     return out
 
 
-def predict_numbers(
-    x: Any, rest: Any, test: Any, target: NDArray[np.float64], episode: NDArray[np.int64], rng: np.random.Generator
-) -> NDArray[np.float64]:
+def predict_numbers(x: Any, rest: Any, test: Any, target: Floats, episode: Ints, rng: np.random.Generator) -> Floats:
     """Ridge's predictions [len(test), k], fitted on ``target`` [len(rest), k].
 
     Each number has the alpha that does best on episodes which were left out. Leaving out single frames would choose one
@@ -68,7 +65,7 @@ def predict_numbers(
     return ridge_path(phi, target, np.asarray(x[test], np.float64))[best, :, np.arange(len(best))].T
 
 
-def ridge_path(x: NDArray[np.float64], target: NDArray[np.float64], new: NDArray[np.float64]) -> NDArray[np.float64]:
+def ridge_path(x: Floats, target: Floats, new: Floats) -> Floats:
     """Ridge's predictions [alphas, m, k] for ``new`` [m, d], fitted on ``x`` [n, d] and ``target`` [n, k]."""
     middle, mean = x.mean(axis=0), target.mean(axis=0)
     around = x - middle
@@ -78,7 +75,7 @@ def ridge_path(x: NDArray[np.float64], target: NDArray[np.float64], new: NDArray
     return ((new - middle) @ vectors) @ weights + mean
 
 
-def predict_category(x: Any, rest: Any, test: Any, target: NDArray[np.float64]) -> NDArray[np.float64]:
+def predict_category(x: Any, rest: Any, test: Any, target: Floats) -> Floats:
     """Logistic regression's predictions [len(test), 1]; the only category that there is, if there is one alone."""
     if np.ptp(target) == 0:
         return np.full((len(test), 1), target[0, 0])
@@ -86,9 +83,7 @@ def predict_category(x: Any, rest: Any, test: Any, target: NDArray[np.float64]) 
     return np.asarray(model.predict(x[test]))[:, None]
 
 
-def predict_mlp(
-    x: NDArray[np.float32], pairs: Pairs, parts: Sequence[NDArray[np.int64]], rng: np.random.Generator
-) -> NDArray[np.float64]:
+def predict_mlp(x: NDArray[np.float32], pairs: Pairs, parts: Sequence[Ints], rng: np.random.Generator) -> Floats:
     """As :func:`predict_linear`, by one network of two hidden layers for all factors."""
     out = np.full(pairs.factors.shape, np.nan)
     for held_out in parts:
@@ -98,9 +93,7 @@ def predict_mlp(
     return out
 
 
-def predict_fold(
-    x: NDArray[np.float32], pairs: Pairs, rest: Any, test: Any, rng: torch.Generator
-) -> NDArray[np.float64]:
+def predict_fold(x: NDArray[np.float32], pairs: Pairs, rest: Any, test: Any, rng: torch.Generator) -> Floats:
     """A network's predictions [len(test), k], trained on the rows ``rest``; nan for factors that are not there."""
     heads = [Head(pairs.factors[rest, k], column.is_category) for k, column in enumerate(pairs.columns)]
     size = sum(head.outputs for head in heads)
@@ -125,7 +118,7 @@ def predict_fold(
 class Head:
     """The outputs of a network for one factor, and their loss. ``z`` [n] is the factor in the training frames."""
 
-    def __init__(self, z: NDArray[np.float64], is_category: bool) -> None:
+    def __init__(self, z: Floats, is_category: bool) -> None:
         there = np.isfinite(z)
         self.is_category, self.known = is_category, there.any()
         self.there = torch.from_numpy(there)
@@ -148,7 +141,7 @@ class Head:
             return F.cross_entropy(predicted[there], target[there])
         return F.mse_loss(predicted[there, 0], target[there])
 
-    def value(self, predicted: Tensor) -> NDArray[np.float64]:
+    def value(self, predicted: Tensor) -> Floats:
         """The prediction [n]: a number, or the likeliest category."""
         if not self.known:
             return np.full(len(predicted), np.nan)

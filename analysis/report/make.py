@@ -11,6 +11,7 @@ import numpy as np
 from analysis.collect import PLAN
 from analysis.plotting import style
 from analysis.plotting.figures import save_figure
+from analysis.report import captions
 from analysis.report.claims import verdicts
 from analysis.report.claims.claim import CORRECTED, PAPER, Claim, claims_table
 from analysis.report.claims.evidence import GIVEN, Evidence
@@ -137,7 +138,7 @@ def drawing(evidence: Evidence, folder: Path, name: str, draw: Draw, place: str)
     svg, png = save_figure(found.figure, folder / "figures" / name, SUFFIXES)
     write_csv(svg.with_suffix(".csv"), found.table, 6)
     command = f"python -m analysis.report results={place} only=[{name}]"
-    return Picture(name, found.caption, svg.read_bytes(), png, command)
+    return Picture(name, found.caption or captions.FIGURES[name], svg.read_bytes(), png, command)
 
 
 def remove_others(folder: Path, files: list[Path]) -> None:

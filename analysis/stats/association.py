@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from analysis.stats.correlation import Correlation, NotAvailable, correlate, indicators, residuals, without_outliers
 from analysis.stats.estimate import Estimate
+from analysis.tables import Floats
 from segar.errors import SegarError, did_you_mean
 
 LIMIT = 3.0  # |z| from which on a point is an outlier, as the paper has it
@@ -105,7 +106,7 @@ def kept(
     return without_outliers(a, b, limit)
 
 
-def holm(p: Any) -> NDArray[np.float64]:
+def holm(p: Any) -> Floats:
     """Holm's step-down correction of p-values [n], or of each column of [n, m]; nan stays, and does not count as a test.
 
     As statsmodels' ``multipletests``, which collects garbage at each call and so takes 0.1 s.
@@ -128,7 +129,7 @@ def labels(table: pd.DataFrame, names: Sequence[str]) -> NDArray[Any]:
     )
 
 
-def covariate_matrix(table: pd.DataFrame, names: Sequence[str], log: bool) -> NDArray[np.float64]:
+def covariate_matrix(table: pd.DataFrame, names: Sequence[str], log: bool) -> Floats:
     """Covariates [n, k], as they are or their logarithms; raises :class:`SegarError` where there is none."""
     values = table[list(names)].to_numpy(np.float64)
     if log and not (values > 0).all():

@@ -2,7 +2,6 @@
 rest of the other; what is lost on them, by ANOVA and by Shapley's values.
 """
 
-import dataclasses
 from collections.abc import Callable, Sequence
 from itertools import combinations, product
 from math import factorial
@@ -10,12 +9,10 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
-from scipy import stats
 
 from analysis.stats.association import require
-from analysis.stats.estimate import Estimate, mean_of_replicates
-from analysis.tables import column
+from analysis.stats.estimate import mean_of_replicates
+from analysis.tables import Floats, column
 from experiments.levels.mixed_levels import REST, Groups, mixed_levels
 from segar.errors import SegarError
 from segar.levels import Levels
@@ -41,7 +38,7 @@ def half_factorial(groups: Sequence[str]) -> pd.DataFrame:
 
 
 def play_design(
-    play: Callable[[Levels], NDArray[np.float64]],
+    play: Callable[[Levels], Floats],
     train: Levels,
     test: Levels,
     groups: Groups,
@@ -93,7 +90,7 @@ def shapley(table: pd.DataFrame, groups: Sequence[str], value: str = "value", le
     parts = shapley_of_pairs(table, groups, value).drop(columns="pair")
     whole = float(column(parts, "total").mean())
     rows = [
-        over_pairs(column(parts, name), level).row(group=name)
+        mean_of_replicates(column(parts, name), 0.0, level, sides=2).row(group=name)
         | {"share": float(column(parts, name).mean()) / whole if whole else np.nan}
         for name in parts
     ]
@@ -145,7 +142,7 @@ def anova(table: pd.DataFrame, groups: Sequence[str], value: str = "value", leve
             for g in subset:
                 sign = sign * np.array([-1.0, 1.0]).reshape([2 if h == g else 1 for h in range(k)])
             effect = (cube * sign).reshape(len(cube), -1).sum(axis=1) / 2 ** (k - 1)
-            one = over_pairs(effect, level)
+            one = mean_of_replicates(effect, 0.0, level, sides=2)
             spread = float(effect.std(ddof=1)) if len(effect) > 1 else np.nan
             f = float(effect.mean() ** 2 / (spread**2 / len(effect))) if spread else np.nan
             squares = len(cube) * 2 ** (k - 2) * float(effect.mean()) ** 2
@@ -166,24 +163,12 @@ def main_effects(table: pd.DataFrame, groups: Sequence[str], value: str = "value
     rows = []
     for name in groups:
         means = table.pivot_table(value, "pair", name, aggfunc="mean")
-        rows.append(over_pairs((means[1] - means[0]).to_numpy(np.float64), level).row(term=name))
+        effect = (means[1] - means[0]).to_numpy(np.float64)
+        rows.append(mean_of_replicates(effect, 0.0, level, sides=2).row(term=name))
     return pd.DataFrame(rows)
 
 
-def over_pairs(values: NDArray[np.float64], level: float) -> Estimate:
-    """The mean over pairs with Student's interval and two-sided p."""
-    found = mean_of_replicates(values.tolist(), None, level)
-    if found.n < 2:
-        return found
-    spread = float(values.std(ddof=1))
-    if spread == 0:
-        p = float(found.estimate == 0)
-    else:
-        p = float(2 * stats.t.sf(abs(found.estimate) / (spread / np.sqrt(found.n)), found.n - 1))
-    return dataclasses.replace(found, p=p)
-
-
-def value_cube(table: pd.DataFrame, groups: Sequence[str], value: str) -> NDArray[np.float64]:
+def value_cube(table: pd.DataFrame, groups: Sequence[str], value: str) -> Floats:
     """Values [pairs, 2, 2, ...], an axis per group."""
     require(table, "pair", value, *groups)
     ordered = table.sort_values(["pair", *groups])

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-Column = NDArray[np.float64]
+from analysis.tables import Floats
 
 MIN_POINTS = 3  # two points always lie on a line
 MAX_ORDERS = 7  # points of which all orders are tried
@@ -55,18 +55,18 @@ class Line:
     x_mean: float
     x_spread: float  # sum of (x - mean)^2
 
-    def at(self, x: Column) -> Column:
+    def at(self, x: Floats) -> Floats:
         """The line's height at ``x`` [any shape]."""
         return self.intercept + self.slope * np.asarray(x, np.float64)
 
-    def half_width(self, x: Column, level: float = 0.95) -> Column:
+    def half_width(self, x: Floats, level: float = 0.95) -> Floats:
         """Half the height of the confidence band of the *mean* of y at ``x``; the band is ``at(x) ± half_width(x)``."""
         x = np.asarray(x, np.float64)
         quantile = stats.t.ppf(0.5 + level / 2, self.points - 2)
         return quantile * self.residual_sd * np.sqrt(1 / self.points + (x - self.x_mean) ** 2 / self.x_spread)
 
 
-def correlate(x: Column, y: Column, covariates: NDArray[np.float64] | None = None) -> Correlation | NotAvailable:
+def correlate(x: Floats, y: Floats, covariates: Floats | None = None) -> Correlation | NotAvailable:
     """The correlation of ``x`` [n] and ``y`` [n], given ``covariates`` [n, k] where there are any.
 
     A partial correlation is that of the residuals of both after least squares on a constant and the covariates (for
@@ -94,7 +94,7 @@ def correlate(x: Column, y: Column, covariates: NDArray[np.float64] | None = Non
     return Correlation(len(x), *pearson, rho, rho_p, *interval)
 
 
-def fit_line(x: Column, y: Column) -> Line | NotAvailable:
+def fit_line(x: Floats, y: Floats) -> Line | NotAvailable:
     """The least-squares line through ``x`` [n] and ``y`` [n]."""
     reason = why_not(x, y)
     if reason:
@@ -112,7 +112,7 @@ def fit_line(x: Column, y: Column) -> Line | NotAvailable:
     )
 
 
-def explained(y: Column, predictors: NDArray[np.float64]) -> float | NotAvailable:
+def explained(y: Floats, predictors: Floats) -> float | NotAvailable:
     """R²: the share of the variance of ``y`` [n] that a constant and ``predictors`` [n, k] explain."""
     reason = why_not(y)
     if reason:
@@ -123,13 +123,13 @@ def explained(y: Column, predictors: NDArray[np.float64]) -> float | NotAvailabl
     return 1 - float((residuals(y, given) ** 2).sum() / ((y - y.mean()) ** 2).sum())
 
 
-def indicators(labels: Sequence[str]) -> NDArray[np.float64]:
+def indicators(labels: Sequence[str]) -> Floats:
     """One column of zeros and ones for each label but the first: [n, number of labels - 1]."""
     names = np.asarray(labels, dtype=str)
     return (names[:, None] == np.unique(names)[None, 1:]).astype(np.float64)
 
 
-def without_outliers(x: Column, y: Column, limit: float = 3.0) -> NDArray[np.bool_]:
+def without_outliers(x: Floats, y: Floats, limit: float = 3.0) -> NDArray[np.bool_]:
     """Which points to keep [n]: those with |z| < ``limit`` in x and in y, z in standard deviations from the mean.
 
     With n points the largest possible |z| is sqrt(n - 1): below 10 points the paper's limit of 3 removes nothing.
@@ -141,7 +141,7 @@ def without_outliers(x: Column, y: Column, limit: float = 3.0) -> NDArray[np.boo
     return keep
 
 
-def why_not(*columns: Column) -> str:
+def why_not(*columns: Floats) -> str:
     """Why no statistic can be had from these columns; empty where it can."""
     points = len(columns[0])
     if points < MIN_POINTS:
@@ -153,7 +153,7 @@ def why_not(*columns: Column) -> str:
     return ""
 
 
-def residuals(y: Column, given: NDArray[np.float64]) -> Column:
+def residuals(y: Floats, given: Floats) -> Floats:
     """What least squares on the columns of ``given`` [n, k] leaves of ``y`` [n]."""
     return y - given @ np.linalg.lstsq(given, y, rcond=None)[0]
 
@@ -162,9 +162,7 @@ def residuals(y: Column, given: NDArray[np.float64]) -> Column:
 EXPLAINED = 1e-10
 
 
-def _partial(
-    x: Column, y: Column, given: NDArray[np.float64], freedom: int
-) -> tuple[float, float, float, float] | NotAvailable:
+def _partial(x: Floats, y: Floats, given: Floats, freedom: int) -> tuple[float, float, float, float] | NotAvailable:
     left, right = residuals(x, given), residuals(y, given)
     for column, rest in ((x, left), (y, right)):
         if np.linalg.norm(rest) <= EXPLAINED * np.linalg.norm(column - column.mean()):
@@ -178,10 +176,10 @@ def _partial(
     return float(r), float(2 * stats.t.sf(abs(t), freedom)), low, high
 
 
-def _p_of_orders(x: Column, y: Column) -> float:
+def _p_of_orders(x: Floats, y: Floats) -> float:
     """The two-sided p of the correlation of ``x`` and ``y`` [n] among those of all n! pairings."""
 
-    def centred_product(column: Column, axis: int) -> Column:
+    def centred_product(column: Floats, axis: int) -> Floats:
         return (column * (y - y.mean())).sum(axis=axis)
 
     return float(

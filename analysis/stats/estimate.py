@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 import numpy as np
 from scipy import stats
+
+from analysis.tables import Floats
 
 
 @dataclass(frozen=True)
@@ -26,6 +28,11 @@ class Estimate:
     note: str = ""
 
     @classmethod
+    def of_row(cls, row: Mapping[str, Any]) -> Estimate:
+        """The estimate that a row of a table holds."""
+        return cls(**{one.name: row[one.name] for one in fields(cls) if one.name in row})
+
+    @classmethod
     def missing(cls, n: int, note: str) -> Estimate:
         """No estimate, for a reason."""
         nan = float("nan")
@@ -36,8 +43,19 @@ class Estimate:
         return {**more, **asdict(self)}
 
 
-def mean_of_replicates(values: Sequence[float], chance: float | None = None, level: float = 0.95) -> Estimate:
-    """The mean of independent replicates with Student's interval; ``p`` of its being above ``chance``, one-sided.
+def student_p(value: float, error: float, freedom: int, sides: int = 1) -> float:
+    """The p of 0 by Student's law, for a value with this standard ``error``: one-sided of its being above 0, or two-sided."""
+    size = abs(value) if sides == 2 else value
+    if error == 0:
+        return float(size <= 0)
+    return sides * float(stats.t.sf(size / error, freedom))
+
+
+def mean_of_replicates(
+    values: Sequence[float] | Floats, chance: float | None = None, level: float = 0.95, sides: int = 1
+) -> Estimate:
+    """The mean of independent replicates with Student's interval; ``p`` of its being above ``chance``, or with two ``sides``
+    of its being another.
 
     Replicates that share their data vary only by what was drawn anew in each: the interval says nothing about other
     data. Of a single replicate there is a mean, but no interval and no p.
@@ -48,10 +66,5 @@ def mean_of_replicates(values: Sequence[float], chance: float | None = None, lev
         return Estimate(mean, np.nan, np.nan, n, level=level, note="one replicate has no interval")
     error = float(x.std(ddof=1) / np.sqrt(n))
     half = float(stats.t.ppf(0.5 + level / 2, n - 1)) * error
-    if chance is None:
-        p = float("nan")
-    elif error == 0:
-        p = 0.0 if mean > chance else 1.0
-    else:
-        p = float(stats.t.sf((mean - chance) / error, n - 1))
+    p = float("nan") if chance is None else student_p(mean - chance, error, n - 1, sides)
     return Estimate(mean, mean - half, mean + half, n, p, level)

@@ -2,7 +2,7 @@
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -35,8 +35,7 @@ class MixedModel:
         rows = self.fixed[self.fixed["term"] == name]
         if rows.empty:
             raise SegarError(f"the model has no term '{name}'; it has {', '.join(self.fixed['term'])}")
-        row = rows.iloc[0].to_dict()
-        return Estimate(**{key: row[key] for key in asdict(Estimate.missing(0, "")) if key in row})
+        return Estimate.of_row(rows.iloc[0].to_dict())
 
 
 def mixed_model(

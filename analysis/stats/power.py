@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from scipy import stats
 from statsmodels.stats.proportion import proportion_confint
 
 from analysis.stats.association import covariate_matrix, holm, labels, require
 from analysis.stats.correlation import indicators
+from analysis.tables import Floats
 from segar.errors import SegarError
 
 ALPHA = 0.05
@@ -77,8 +77,8 @@ def power_of_design(
 
 
 def p_values(
-    table: pd.DataFrame, a: NDArray[np.float64], y: NDArray[np.float64], panel: Sequence[str], given: Sequence[str]
-) -> dict[str, NDArray[np.float64]]:
+    table: pd.DataFrame, a: Floats, y: Floats, panel: Sequence[str], given: Sequence[str]
+) -> dict[str, Floats]:
     """p of each test for each column of ``y`` [n, replicates]; of the panels [panels, replicates]."""
     names = labels(table, panel)
     panels = indicators(list(names))
@@ -98,7 +98,7 @@ def p_values(
     return found
 
 
-def partial_p(a: NDArray[np.float64], y: NDArray[np.float64], design: NDArray[np.float64]) -> NDArray[np.float64]:
+def partial_p(a: Floats, y: Floats, design: Floats) -> Floats:
     """Two-sided p of the partial correlation of ``a`` [n] with each column of ``y`` [n, m] given ``design`` [n, k]."""
     basis = np.linalg.qr(design)[0][:, : np.linalg.matrix_rank(design)]
     a, y = a - basis @ (basis.T @ a), y - basis @ (basis.T @ y)

@@ -6,13 +6,12 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from scipy import stats
 
 from analysis.stats.association import covariate_matrix, labels, require
 from analysis.stats.correlation import indicators, residuals
-from analysis.stats.estimate import Estimate
-from analysis.tables import keep
+from analysis.stats.estimate import Estimate, student_p
+from analysis.tables import Floats, Ints, keep
 from segar.errors import SegarError
 
 RESAMPLES = 2000
@@ -25,7 +24,7 @@ def cluster_bootstrap(
     clusters: Sequence[str],
     rng: np.random.Generator,
     *,
-    values: NDArray[np.float64] | None = None,
+    values: Floats | None = None,
     resamples: int = RESAMPLES,
     method: str = "percentile",
     level: float = 0.95,
@@ -47,10 +46,10 @@ def cluster_bootstrap(
     place, count = numbered(table, clusters, "a bootstrap")
     rows_of = [np.flatnonzero(place == k) for k in range(count)]
 
-    def of_rows(rows: NDArray[np.int64]) -> float:
+    def of_rows(rows: Ints) -> float:
         return float(statistic(table.iloc[rows] if values is None else values[rows]))
 
-    def of_clusters(chosen: NDArray[np.int64]) -> float:
+    def of_clusters(chosen: Ints) -> float:
         return of_rows(np.concatenate([rows_of[k] for k in chosen]))
 
     with warnings.catch_warnings():
@@ -73,7 +72,7 @@ def cluster_jackknife(
     statistic: Statistic,
     clusters: Sequence[str],
     *,
-    values: NDArray[np.float64] | None = None,
+    values: Floats | None = None,
     correlation: bool = False,
     level: float = 0.95,
 ) -> Estimate:
@@ -101,11 +100,11 @@ def cluster_jackknife(
     error = float(np.sqrt((count - 1) / count * np.square(there(parts) - there(whole)).sum()))
     half = float(stats.t.ppf(0.5 + level / 2, count - 1)) * error
     middle = float(there(whole))
-    p = 2 * float(stats.t.sf(abs(middle) / error, count - 1)) if error > 0 else float(middle == 0)
+    p = student_p(middle, error, count - 1, sides=2)
     return Estimate(whole, float(back(middle - half)), float(back(middle + half)), count, p, level)
 
 
-def numbered(table: pd.DataFrame, clusters: Sequence[str], what: str) -> tuple[NDArray[np.int64], int]:
+def numbered(table: pd.DataFrame, clusters: Sequence[str], what: str) -> tuple[Ints, int]:
     """The number of each row's cluster, and how many clusters there are; an error about ``what`` if fewer than 2."""
     require(table, *clusters)
     names, place = np.unique(labels(table, clusters), return_inverse=True)
@@ -116,12 +115,12 @@ def numbered(table: pd.DataFrame, clusters: Sequence[str], what: str) -> tuple[N
     return place, len(names)
 
 
-def to_normal(r: Any) -> NDArray[np.float64]:
+def to_normal(r: Any) -> Floats:
     """Fisher's transform of correlations, finite at -1 and 1, too."""
     return np.arctanh(np.clip(r, -1 + 1e-12, 1 - 1e-12))
 
 
-def sign_p(drawn: NDArray[np.float64]) -> float:
+def sign_p(drawn: Floats) -> float:
     """Two-sided p of 0 from a bootstrap distribution."""
     if not len(drawn):
         return float("nan")
@@ -183,7 +182,7 @@ def permutation_within(
     return Estimate(observed, np.nan, np.nan, len(table), p, note="a permutation gives no interval")
 
 
-def cosine(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+def cosine(a: Floats, b: Floats) -> float:
     """The cosine of two vectors, 0 where one is zero."""
     scale = float(np.linalg.norm(a) * np.linalg.norm(b))
     return float(a @ b) / scale if scale else 0.0

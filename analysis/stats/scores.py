@@ -9,16 +9,16 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from scipy import stats
 
 from analysis.stats.association import labels, require
 from analysis.stats.estimate import Estimate
+from analysis.tables import Floats
 from segar.errors import SegarError, did_you_mean
 
 RESAMPLES = 2000
 TASK = ("family", "difficulty")
-Scores = NDArray[np.float64]
+Scores = Floats
 """float64 ``[..., runs, tasks]``; aggregates are over the last two axes."""
 
 

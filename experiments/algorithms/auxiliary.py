@@ -8,16 +8,17 @@ from collections.abc import Iterator, Mapping
 from typing import Any, TypeVar
 
 import torch
-from tensordict import TensorDict
+from tensordict import TensorDict, TensorDictParams
+from tensordict.nn import TensorDictModule
 from torch import Tensor, nn
 from torchrl.objectives import SoftUpdate
 from torchrl.objectives.common import LossModule
 
-from experiments.algorithms.ppo import PPO, PPOPolicy
+from experiments.algorithms.ppo import PPO
 from experiments.collection.collector import Rollout, action_size, observation_shape
 from experiments.networks.augmentations import random_crop, random_intensity, random_shift
 from experiments.networks.encoders import initialize
-from experiments.settings import ConfigError, PPOConfig
+from experiments.settings import ConfigError
 from segar.envs import VectorEnv
 
 M = TypeVar("M", bound=nn.Module)
@@ -48,11 +49,7 @@ class Auxiliary(ABC):
             self.optimizer = torch.optim.Adam(self.weights, lr=config.auxiliary_learning_rate, fused=True)
 
     make_env = staticmethod(PPO.make_env)
-
-    @staticmethod
-    def make_policy(config: PPOConfig, observation_shape: tuple[int, ...], actions: int) -> PPOPolicy:
-        """The policy's network; its weights are to be drawn or loaded."""
-        return PPO.make_policy(config, observation_shape, actions)
+    make_policy = staticmethod(PPO.make_policy)
 
     @abstractmethod
     def make_loss(self, actions: int) -> LossModule:
@@ -115,3 +112,31 @@ class Auxiliary(ABC):
         self.loss.load_state_dict(state["auxiliary"])
         if self.optimizer is not self.ppo.optimizer:
             self.optimizer.load_state_dict(state["auxiliary_optimizer"])
+
+
+class CodeLoss(LossModule):
+    """A loss that compares codes of frames with those of a target network.
+
+    Args:
+        network: frames -> codes.
+        distinct: whether targets have weights of their own, which :class:`SoftUpdate` moves; otherwise they are the network's.
+    """
+
+    network: Any
+    network_params: TensorDictParams
+    target_network_params: TensorDictParams
+
+    def __init__(self, network: nn.Module, distinct: bool) -> None:
+        super().__init__()
+        module = TensorDictModule(network, in_keys=["frames"], out_keys=["code"])
+        self.convert_to_functional(module, "network", create_target_params=distinct)
+
+    def codes(self, frames: Tensor) -> Tensor:
+        """The codes [n, d] of frames, by the network with its present weights."""
+        return self.network(TensorDict({"frames": frames}, [len(frames)]))["code"]
+
+    @torch.no_grad()
+    def target_codes(self, frames: Tensor) -> Tensor:
+        """The codes [n, d] of frames, by the target network."""
+        with self.target_network_params.to_module(self.network, preserve_module_state=False):
+            return self.codes(frames)

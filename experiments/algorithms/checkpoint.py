@@ -77,7 +77,11 @@ def resume_checkpoint(
     if found is None:
         return None
     path, content = found
-    _require_equal(path, "configuration", content["config"], config.hash())
+    if content["config"] != config.hash():
+        raise CheckpointError(
+            f"the checkpoint {path} was written by another configuration ({content['config']} there, {config.hash()} here). "
+            "Go back to that configuration, or train anew with restart=true"
+        )
     differing = differing_parts(content["code"], code)
     if differing:
         raise CheckpointError(
@@ -125,17 +129,6 @@ def load_newest_policy(folder: Path, policy: nn.Module, say: Callable[[str], Non
     if found is None:
         raise CheckpointError(f"there is no checkpoint in {folder} yet")
     path, content = found
-    _load_weights(path, policy, content)
-    return content["frames"]
-
-
-def load_policy(path: Path, policy: nn.Module) -> int:
-    """Fills ``policy`` with the weights of a checkpoint; returns the frames that they were trained for.
-
-    Raises:
-        CheckpointError: the weights belong to another network, or the file is missing or damaged.
-    """
-    content = read_checkpoint(path)
     _load_weights(path, policy, content)
     return content["frames"]
 
@@ -198,14 +191,6 @@ def _load_weights(path: Path, policy: nn.Module, content: Mapping[str, Any]) -> 
 
 def _shape(shapes: Mapping[str, tuple[int, ...]], name: str) -> str:
     return str(shapes[name]) if name in shapes else "absent"
-
-
-def _require_equal(path: Path, what: str, stored: str, here: str) -> None:
-    if stored != here:
-        raise CheckpointError(
-            f"the checkpoint {path} was written by another {what} ({stored} there, {here} here). "
-            f"Go back to that {what}, or train anew with restart=true"
-        )
 
 
 def _first_line(error: BaseException) -> str:

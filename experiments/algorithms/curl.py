@@ -7,16 +7,13 @@ representation itself, PPO's Adam. ``curl_original`` has what Laskin et al. used
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 import torch
-from tensordict import TensorDict, TensorDictBase, TensorDictParams
-from tensordict.nn import TensorDictModule
-from torch import Tensor, nn
+from tensordict import TensorDict, TensorDictBase
+from torch import nn
 from torch.nn import functional as F
-from torchrl.objectives.common import LossModule
 
-from experiments.algorithms.auxiliary import Auxiliary
+from experiments.algorithms.auxiliary import Auxiliary, CodeLoss
 from experiments.collection.collector import Rollout
 
 
@@ -40,35 +37,23 @@ class CURL(Auxiliary):
             yield TensorDict({"query": self.augmented(part), "key": self.augmented(part)}, rows.shape)
 
 
-class CURLLoss(LossModule):
+class CURLLoss(CodeLoss):
     """InfoNCE over a batch: it finds the key of each query among all keys. Similarity is q' W k; keys are the target encoder's.
 
     Args:
         code: maps a representation to the code that is compared; it has targets, as the encoder does.
         similarity: W, a dense layer without bias.
-        distinct: whether targets have weights of their own, which :class:`SoftUpdate` moves; otherwise they are the encoder's.
+        distinct: see :class:`experiments.algorithms.auxiliary.CodeLoss`.
     """
 
-    network: Any
-    network_params: TensorDictParams
-    target_network_params: TensorDictParams
-
     def __init__(self, encoder: nn.Module, code: nn.Module, similarity: nn.Module, distinct: bool) -> None:
-        super().__init__()
-        network = TensorDictModule(nn.Sequential(encoder, code), in_keys=["frames"], out_keys=["code"])
-        self.convert_to_functional(network, "network", create_target_params=distinct)
+        super().__init__(nn.Sequential(encoder, code), distinct)
         self.similarity = similarity
 
     def forward(self, tensordict: TensorDictBase) -> TensorDict:
         """``loss`` [nats] and ``accuracy``, the share of queries whose own key is the nearest, of ``query`` and ``key``."""
         queries = self.codes(tensordict["query"])
-        with torch.no_grad(), self.target_network_params.to_module(self.network, preserve_module_state=False):
-            keys = self.codes(tensordict["key"])
-        scores = self.similarity(queries) @ keys.T
+        scores = self.similarity(queries) @ self.target_codes(tensordict["key"]).T
         own = torch.arange(len(scores), device=scores.device)
         accuracy = (scores.detach().argmax(-1) == own).float().mean()
         return TensorDict({"loss": F.cross_entropy(scores, own), "accuracy": accuracy})
-
-    def codes(self, frames: Tensor) -> Tensor:
-        """The codes [n, d] of frames, by the networks with their present weights."""
-        return self.network(TensorDict({"frames": frames}, [len(frames)]))["code"]

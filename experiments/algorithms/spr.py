@@ -8,16 +8,13 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
-from typing import Any
 
 import torch
-from tensordict import TensorDict, TensorDictBase, TensorDictParams
-from tensordict.nn import TensorDictModule
+from tensordict import TensorDict, TensorDictBase
 from torch import Tensor, nn
 from torch.nn import functional as F
-from torchrl.objectives.common import LossModule
 
-from experiments.algorithms.auxiliary import Auxiliary
+from experiments.algorithms.auxiliary import Auxiliary, CodeLoss
 from experiments.collection.collector import Rollout
 
 
@@ -56,23 +53,17 @@ def sequences(rollout: Rollout, time: Tensor, env: Tensor, horizon: int) -> Tens
     return TensorDict(entries, [len(time)])
 
 
-class SPRLoss(LossModule):
+class SPRLoss(CodeLoss):
     """Twice the cosine distance between predicted codes and the target network's codes of the frames that followed.
 
     Args:
         model: predicts codes, and projects representations to codes; the projection has targets, as the encoder does.
         weight: of the loss.
-        distinct: whether targets have weights of their own, which :class:`SoftUpdate` moves; otherwise they are the encoder's.
+        distinct: see :class:`experiments.algorithms.auxiliary.CodeLoss`.
     """
 
-    network: Any
-    network_params: TensorDictParams
-    target_network_params: TensorDictParams
-
     def __init__(self, encoder: nn.Module, model: Model, weight: float, distinct: bool) -> None:
-        super().__init__()
-        network = TensorDictModule(_Projected(encoder, model), in_keys=["frames"], out_keys=["code"])
-        self.convert_to_functional(network, "network", create_target_params=distinct)
+        super().__init__(_Projected(encoder, model), distinct)
         self.weight = weight
 
     def forward(self, tensordict: TensorDictBase) -> TensorDict:
@@ -80,9 +71,7 @@ class SPRLoss(LossModule):
         horizon = tensordict["action"].shape[1]
         online = self.network.module
         predicted = online.model.predict(online.encoder(tensordict["first"]), tensordict["action"])
-        with torch.no_grad(), self.target_network_params.to_module(self.network, preserve_module_state=False):
-            frames = tensordict["following"].flatten(0, 1)
-            seen = self.network(TensorDict({"frames": frames}, [len(frames)]))["code"].unflatten(0, (-1, horizon))
+        seen = self.target_codes(tensordict["following"].flatten(0, 1)).unflatten(0, (-1, horizon))
         cosine = F.cosine_similarity(predicted, seen, dim=-1)
         valid = tensordict["valid"].float()
         mean = (cosine * valid).sum() / valid.sum().clamp(min=1.0)

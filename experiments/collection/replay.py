@@ -13,7 +13,7 @@ import torch
 from tensordict import TensorDict
 from torch import Tensor
 from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
-from torchrl.data.replay_buffers.samplers import Sampler
+from torchrl.data.replay_buffers.samplers import RandomSampler
 
 CHUNK = 512  # rows of frames that are compressed together, once, however many checkpoints they go into
 LEVEL = 1  # of zlib: ten times faster than the default, and differences of frames are nearly all zeros anyway
@@ -112,7 +112,6 @@ class Replay:
         """Restores what :meth:`state_dict` returned; the owner of the generator restores the generator."""
         self.buffer.empty()
         self.packed.clear()
-        self.sampler.forget()
         self.written = state["written"]
         if not self.written:
             return
@@ -133,10 +132,11 @@ class Replay:
         return [self.packed[chunk] for chunk in range(-(-len(frames) // CHUNK))]
 
 
-class StepSampler(Sampler):
-    """Draws among the rows that are steps and whose next observation is stored."""
+class StepSampler(RandomSampler):
+    """Draws among the rows that are steps and whose next observation is stored. The replay stores its state."""
 
     def __init__(self, capacity: int, device: torch.device | str) -> None:
+        super().__init__()
         self.device = device
         self.complete = torch.zeros(capacity, dtype=torch.bool)
         self.waiting = torch.zeros(0, dtype=torch.int64)  # rows whose next observation comes with the next step
@@ -153,27 +153,9 @@ class StepSampler(Sampler):
         rows = self.complete.nonzero().flatten()
         return rows[torch.randint(len(rows), (batch_size,), generator=self._rng)].to(self.device), {}
 
-    def forget(self) -> None:
-        """Starts anew."""
+    def _empty(self) -> None:  # what TorchRL calls when its buffer is emptied
         self.complete.zero_()
         self.waiting = torch.zeros(0, dtype=torch.int64)
-
-    # What TorchRL asks of a sampler besides; the replay stores our state itself.
-    def _empty(self) -> None:
-        self.forget()
-
-    def dumps(self, path: Any) -> None:
-        """Nothing: see :meth:`Replay.state_dict`."""
-
-    def loads(self, path: Any) -> None:
-        """Nothing: see :meth:`Replay.load_state_dict`."""
-
-    def state_dict(self) -> dict[str, Any]:
-        """Nothing: see :meth:`Replay.state_dict`."""
-        return {}
-
-    def load_state_dict(self, state_dict: dict[str, Any]) -> None:
-        """Nothing: see :meth:`Replay.load_state_dict`."""
 
 
 def pack_frames(frames: Tensor, stride: int) -> Tensor:

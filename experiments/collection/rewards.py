@@ -1,31 +1,23 @@
 """Rewards as the learner sees them; returns and evaluations always count the task's own rewards."""
 
 from collections.abc import Mapping
-from typing import Any, Protocol
+from typing import Any
 
 import torch
 from torch import Tensor
+
+from experiments.settings import OffPolicyConfig, PPOConfig
 
 LARGEST = 10.0  # normalised rewards are clipped to this, as in OpenAI's baselines
 TAIL = 0.25  # slope of the root transform beyond 1: a death of -100 is seen as -25.75
 
 
-class RewardSettings(Protocol):
-    """The settings of an algorithm that transform rewards for its learner."""
+def learner_reward(config: PPOConfig | OffPolicyConfig, reward: Tensor) -> Tensor:
+    """The reward that the learner sees, of any shape: the task's, transformed, and then times ``reward_scale``.
 
-    @property
-    def reward_transform(self) -> str:
-        """'none', or 'sqrt': sign(r) |r|^1/2 for |r| up to 1, and straight on with a slope of :data:`TAIL` beyond."""
-        ...
-
-    @property
-    def reward_scale(self) -> float:
-        """A factor, after the transform."""
-        ...
-
-
-def learner_reward(config: RewardSettings, reward: Tensor) -> Tensor:
-    """The reward that the learner sees, of any shape."""
+    ``reward_transform`` is 'none', or 'sqrt': sign(r) |r|^1/2 for |r| up to 1, and straight on with a slope of :data:`TAIL`
+    beyond.
+    """
     if config.reward_transform == "sqrt":
         # Near the goal -d^2 is almost flat, and its root is not. The root of a death of -100 is only -10, which an agent that
         # looks ten steps ahead prefers to staying away from the goal; the death itself would dominate the loss.

@@ -29,17 +29,12 @@ class Baselines:
     oracle: float
 
     def normalised(self, value: Any) -> Any:
-        """:func:`normalised_score` of a mean return on the same levels."""
-        return normalised_score(value, self.random, self.oracle)
+        """The score of a mean return on the same levels: 0 for the random agent's, 1 for the oracle's; float or array.
 
-
-def normalised_score(value: Any, random: float, oracle: float) -> Any:
-    """(value - random) / (oracle - random): 0 for the random agent's return, 1 for the oracle's; float or array.
-
-    NaN where the oracle is no better than chance, as on levels that nobody can influence.
-    """
-    span = oracle - random
-    return (np.asarray(value, float) - random) / (span if span > 0 else np.nan)
+        NaN where the oracle is no better than chance, as on levels that nobody can influence.
+        """
+        span = self.oracle - self.random
+        return (np.asarray(value, float) - self.random) / (span if span > 0 else np.nan)
 
 
 def find_baselines(

@@ -137,8 +137,9 @@ def _ended_episodes(now: TimeStep) -> dict[int, dict[str, Any]]:
 
 
 def mean_figures(rows: Sequence[Mapping[str, Any]], levels: str, mode: str) -> dict[str, float]:
-    """Means over episodes, e.g. ``evaluation/test/success/sampled``."""
-    return {f"evaluation/{levels}/{key}/{mode}": float(np.mean([row[key] for row in rows])) for key in QUANTITIES}
+    """Means over the episodes of a level set in an action mode, e.g. ``evaluation/test/success/sampled``."""
+    chosen = [row for row in rows if row["levels"] == levels and row["action_mode"] == mode]
+    return {f"evaluation/{levels}/{key}/{mode}": float(np.mean([row[key] for row in chosen])) for key in QUANTITIES}
 
 
 def evaluation_figures(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
@@ -150,8 +151,7 @@ def evaluation_figures(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     figures: dict[str, float] = {}
     for mode in ACTION_MODES:
         for name in ("train", "test"):
-            chosen = [row for row in rows if row["levels"] == name and row["action_mode"] == mode]
-            figures |= mean_figures(chosen, name, mode)
+            figures |= mean_figures(rows, name, mode)
         for gap, quantity in (("gap", "return"), ("gap_ref", "return_ref")):
             means = {name: figures[f"evaluation/{name}/{quantity}/{mode}"] for name in ("train", "test")}
             figures[f"evaluation/{gap}/{mode}"] = means["test"] - means["train"]

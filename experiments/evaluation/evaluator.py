@@ -1,20 +1,20 @@
 """A trained agent on any levels: what it achieves there beside a random agent and the oracle, and videos of it."""
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 
 from experiments.algorithms.checkpoint import load_newest_policy
 from experiments.algorithms.learner import Policy
 from experiments.collection.collector import observation_shape
 from experiments.commands import process_defaults as runtime
 from experiments.evaluation.baselines import Baselines, IdleAgent, find_baselines
-from experiments.evaluation.episodes import QUANTITIES, Agent, action_rng, play_episodes, play_in_modes
-from experiments.evaluation.videos import record_video
+from experiments.evaluation.episodes import QUANTITIES, Agent, action_rng, actions_of, play_episodes, play_in_modes
 from experiments.levels.builders import distribution_of, environment_options, find_distribution
 from experiments.runs.run_folder import (
     EPISODE_SCHEMA,
@@ -29,11 +29,13 @@ from experiments.runs.run_folder import (
 )
 from experiments.settings import ConfigError, EvaluateConfig, RunConfig, RunFolderError, import_object
 from segar.cli import load_levels, table
-from segar.envs import VectorEnv
+from segar.envs import VectorEnv, play
 from segar.levels import Levels
+from segar.rendering import View, write_video
 
 COUNT = 100  # levels of a distribution, where the number is not given
 LEVELS = "levels.npz"
+VIEW = View(size=384)  # of videos
 OWN = {"train": LEVELS_TRAIN, "test": LEVELS_TEST}  # the run's own level sets
 
 
@@ -188,6 +190,42 @@ def make_videos(
         record_video(path, policy, levels, level, options, rng=action_rng(mode, config.seed), seed=config.seed)
         lines.append(f"  {path.name:<11} level {level}, return {value:.2f}")
     return "\n".join([f"videos, {mode} actions:", *lines])
+
+
+def record_video(
+    path: Path,
+    policy: Agent,
+    levels: Levels,
+    level: int,
+    env_options: Mapping[str, Any],
+    *,
+    rng: torch.Generator | None,
+    seed: int,
+) -> int:
+    """Record one episode of a policy on a level; return the number of frames.
+
+    Args:
+        path: ends in .mp4 or .gif.
+        rng: source of sampled actions; None plays the deterministic policy.
+        seed: of the environment, for physics that is random.
+
+    Raises:
+        SegarError: the extra ``render`` is not installed, or the file cannot be written.
+    """
+    options = dict(autoreset_mode="Disabled", render_mode="rgb_array", view=VIEW)
+    env = VectorEnv(levels, 1, seed=seed, **options, **env_options)
+
+    def frames() -> Iterator[np.ndarray]:
+        start = env.reset(seed=seed, options={"levels": np.array([level])})
+        for _ in play(env, actions_of(policy, env, rng), start):
+            images = env.render()
+            assert images is not None  # the render mode is rgb_array
+            yield images[0]
+
+    try:
+        return write_video(path, frames(), env.metadata["render_fps"])
+    finally:
+        env.close()
 
 
 def choose_levels(rows: Sequence[Mapping[str, Any]]) -> dict[str, tuple[int, float]]:

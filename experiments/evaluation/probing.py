@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from functools import cache, partial
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -31,15 +31,18 @@ from experiments.runs.run_folder import (
     write_rows,
 )
 from experiments.settings import (
-    ACTION_MODES,
+    ActionMode,
     ConfigError,
+    Count,
+    CountFrom0,
     RunConfig,
     RunFolderError,
+    Settings,
     TrackingError,
     as_data,
-    construct,
     require,
     require_known,
+    that,
 )
 from experiments.tracking.mlflow_sync import RunSync, files_of, read_sync_state
 from segar.errors import SegarError
@@ -57,45 +60,35 @@ SECONDS_PER_SAMPLE = 9e-6
 SECONDS = {"ridge": 0.4, "mlp": 2.6, "ksg": 0.3, "paper": 1.2}
 
 
+def check_representations(place: str, representations: Mapping[str, Sequence[str]]) -> None:
+    """Raises :class:`ConfigError` unless representations and their probes are known."""
+    for name, probes in representations.items():
+        require_known(place, name, REPRESENTATIONS)
+        require(not isinstance(probes, str), f"{place}.{name}", probes, f"a list of {', '.join(EVERYTHING)}")
+        for probe in probes:
+            require_known(f"{place}.{name}", probe, EVERYTHING)
+
+
 @dataclass(frozen=True)
-class ProbeConfig:
+class ProbeConfig(Settings):
     """What the probes of a run measure. The defaults measure everything, which takes minutes."""
 
-    frames: int = 5000  # of training levels, and as many of test levels
-    num_envs: int = 128  # episodes that are played at once; ksg needs 100
-    mode: str = "sampled"  # actions, as in 2022; deterministic ones play one level again and again in the same way
-    replicates: int = 5  # of critics, which give the intervals of accuracies
-    steps: int = 300  # of each critic
-    batch: int = 128
-    paper_frames: int = 1000  # for the accuracy as in 2022, which had ten episodes of at most 101
-    paper_replicates: int = 5  # of that; 0: none
+    frames: Count = 5000  # of training levels, and as many of test levels
+    num_envs: Count = 128  # episodes that are played at once; ksg needs 100
+    mode: ActionMode = (
+        "sampled"  # actions, as in 2022; deterministic ones play one level again and again in the same way
+    )
+    replicates: Count = 5  # of critics, which give the intervals of accuracies
+    steps: Count = 300  # of each critic
+    batch: Annotated[int, that(lambda n: n >= 2, "at least 2")] = 128
+    paper_frames: Annotated[int, that(lambda n: n >= 64, "at least 64, one batch")] = (
+        1000  # for the accuracy as in 2022, which had ten episodes of at most 101
+    )
+    paper_replicates: CountFrom0 = 5  # of that; 0: none
     # The probes of each representation: bounds, readouts, and ksg, which belongs to the readouts.
-    representations: Mapping[str, Sequence[str]] = field(
+    representations: Annotated[Mapping[str, Sequence[str]], check_representations] = field(
         default_factory=lambda: dict.fromkeys(REPRESENTATIONS, EVERYTHING)
     )
-
-    def __post_init__(self) -> None:
-        for name in ("frames", "num_envs", "replicates", "steps"):
-            require(getattr(self, name) >= 1, name, getattr(self, name), "at least 1")
-        require(self.batch >= 2, "batch", self.batch, "at least 2")
-        require(self.paper_frames >= 64, "paper_frames", self.paper_frames, "at least 64, one batch")
-        require(self.paper_replicates >= 0, "paper_replicates", self.paper_replicates, "0 or more")
-        require_known("mode", self.mode, ACTION_MODES)
-        for name, probes in self.representations.items():
-            require_known("representations", name, REPRESENTATIONS)
-            require(
-                not isinstance(probes, str), f"representations.{name}", probes, f"a list of {', '.join(EVERYTHING)}"
-            )
-            for probe in probes:
-                require_known(f"representations.{name}", probe, EVERYTHING)
-
-
-def probe_settings(data: Mapping[str, Any], place: str) -> ProbeConfig:
-    """The settings that a group states; raises :class:`ConfigError` that begins with ``place``."""
-    try:
-        return construct(ProbeConfig, data, "")
-    except ConfigError as error:
-        raise ConfigError(f"{place}: {error}") from error
 
 
 def assumed_seconds(config: ProbeConfig, speed: float) -> float:

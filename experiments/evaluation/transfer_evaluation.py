@@ -32,7 +32,7 @@ def evaluate_transfer(run: RunConfig, transfer: Transfer, say: Callable[[str], N
     rows = play_in_modes(policy, "test", test, environment_options(as_seen), run.evaluation.seed)
     figures: dict[str, float] = {}
     for mode in ACTION_MODES:
-        figures |= mean_figures([row for row in rows if row["action_mode"] == mode], "test", mode)
+        figures |= mean_figures(rows, "test", mode)
     figures |= distance_figures(Levels.load(folder / LEVELS_TRAIN), test, run.evaluation.distances)
     summary = {"transfer": as_data(transfer), "frames": frames, **figures}
     write(transfer.folder(run), test, rows, summary)

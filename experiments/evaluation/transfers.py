@@ -5,8 +5,6 @@ levels between those of training and those of the test. :mod:`experiments.evalua
 This module does not import torch, so that work can be planned without it.
 """
 
-import hashlib
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,6 +13,7 @@ from experiments.evaluation.probing import ProbeConfig, is_probed
 from experiments.runs.journal import read_journal
 from experiments.runs.run_folder import EVALUATIONS, SUMMARY, folder_path, is_finished
 from experiments.settings import ObservationConfig, RunConfig, as_data
+from experiments.settings.run import digest
 
 
 @dataclass(frozen=True)
@@ -43,8 +42,7 @@ class Transfer:
     def folder_name(self) -> str:
         """Names the folder in ``evaluations/``; equal for equal levels and looks."""
         data = {key: value for key, value in as_data(self).items() if key != "label" and value is not None}
-        digest = hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()[:8]
-        return f"transfer-{''.join(c if c.isalnum() or c in '-_.' else '_' for c in self.label)}-{digest}"
+        return f"transfer-{''.join(c if c.isalnum() or c in '-_.' else '_' for c in self.label)}-{digest(data)}"
 
     def folder(self, run: RunConfig) -> Path:
         """Where the results of this run's agent lie."""

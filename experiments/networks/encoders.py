@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
 from itertools import pairwise
-from typing import Protocol
 
 import torch
 from torch import Tensor, nn
@@ -21,36 +20,17 @@ from torch import Tensor, nn
 from experiments.networks.frame_conv import WHITE, FrameConv
 from experiments.networks.keypoints import Keypoints, cut
 from experiments.networks.shared_frames import are_stacks, places_of_frames
-from experiments.settings import ConfigError, import_object
+from experiments.settings import ConfigError, DrQConfig, PPOConfig, import_object
 
 REPRESENTATION = 256  # numbers in phi(s), whatever the CNN
 
 
-class EncoderSettings(Protocol):
-    """The settings of an algorithm that decide its encoder."""
-
-    @property
-    def encoder(self) -> str:
-        """Name of the CNN that reads frames, or 'mlp', which refuses frames. An MLP reads vectors in any case."""
-        ...
-
-    @property
-    def widths(self) -> tuple[int, ...]:
-        """Widths of the MLP's layers."""
-        ...
-
-    @property
-    def precision(self) -> str:
-        """Number format of a CNN: 'bf16', 'fp32', or 'auto', which is bf16 where the processor multiplies it in hardware."""
-        ...
-
-
-def make_encoder(
-    config: EncoderSettings, observation_shape: tuple[int, ...], device: str = "cpu"
-) -> MLP | FrameEncoder:
+def make_encoder(config: PPOConfig | DrQConfig, observation_shape: tuple[int, ...]) -> MLP | FrameEncoder:
     """The encoder that reads observations of a shape; ``.width`` is the size of its representation.
 
     Args:
+        config: its ``encoder`` names the CNN that reads frames, or 'mlp', which refuses them; an MLP of these ``widths``
+            reads vectors in any case; ``precision`` is the number format of a CNN, see :func:`precision_of`.
         observation_shape: ``(d,)`` for vectors, ``(height, width, depth)`` for frames.
 
     Raises:

@@ -139,18 +139,11 @@ OTHERS = tuple(f.name for f in fields(Others))
 
 
 @dataclass(frozen=True)
-class Experiment:
-    """An experiment at one scale."""
+class Experiment(ExperimentConfig):
+    """An experiment at one scale: what its file says, and what differs there."""
 
-    name: str
-    title: str
-    figure: str
-    grid: GridConfig | None
-    transfers: tuple[TransferConfig, ...]
-    study: str
-    options: Mapping[str, Any]
-    probes: bool = False
-    attribution: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    name: str = ""
+    grid: GridConfig | None = None  # type: ignore[assignment]
 
 
 def experiment_at(name: str, data: Mapping[str, Any], scale: str) -> Experiment | None:
@@ -185,17 +178,13 @@ def settings_at(name: str, config: ExperimentConfig, scale: str, place: str) -> 
             raise ConfigError(f"{place}.options: there is no '{key}'.{did_you_mean(key, config.options)}")
     probes = config.probes if other.probes is None else other.probes
     require(bool(config.grid) or not probes, f"{place}.probes", True, "beside a grid of agents")
-    return Experiment(
-        name=name,
-        title=config.title,
-        figure=config.figure,
-        grid=construct(GridConfig, {**config.grid, **changed}, place) if config.grid else None,
-        transfers=config.transfers if other.transfers is None else other.transfers,
-        study=config.study,
-        options={**config.options, **other.options},
-        probes=probes,
-        attribution=config.attribution,
-    )
+    here = {
+        "grid": construct(GridConfig, {**config.grid, **changed}, place) if config.grid else None,
+        "transfers": config.transfers if other.transfers is None else other.transfers,
+        "options": {**config.options, **other.options},
+        "probes": probes,
+    }
+    return Experiment(**{**vars(config), **here}, name=name)
 
 
 def other_panel(family: str, difficulty: str, transfer: TransferConfig) -> str | None:

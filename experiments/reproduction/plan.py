@@ -31,6 +31,7 @@ from experiments.settings import (
     grid_point,
     paper_seeds,
 )
+from experiments.settings.run import digest
 from segar.cli import table
 from segar.errors import LevelError
 
@@ -214,8 +215,7 @@ class Speeds:
 
     def seconds(self, work: RunTask) -> float:
         """How long the rest of a run takes, in seconds, if it runs alone."""
-        run = work.run
-        kind = (run.algorithm.name, run.observation.name)
+        run, kind = work.run, kind_of(work.run)
         evaluation = self.evaluation.get(kind, ASSUMED_EVALUATION)
         left = sum(not transfer.is_done(run) for transfer in work.transfers) * TRANSFER_SHARE * evaluation
         left += self.seconds_of_probes(work)
@@ -228,7 +228,7 @@ class Speeds:
         if work.probes is None or not work.needs_probing():
             return 0.0
         kind = kind_of(work.run)
-        measured = self.probing.get((*kind, settings_key(as_data(work.probes))))
+        measured = self.probing.get((*kind, digest(as_data(work.probes))))
         return measured or assumed_seconds(work.probes, self.frames.get(kind, assumed_speed(work.run)))
 
 
@@ -255,26 +255,20 @@ def measure_speeds(root: Path) -> Speeds:
         hosts = {entry.get("host") for entry in read_journal(folder) if "host" in entry}
         if not is_finished(folder) or hosts != {socket.gethostname()}:
             continue
-        run, summary = read_config(folder), read_summary(folder)
-        kind = (run.algorithm.name, run.observation.name)
+        summary, kind = read_summary(folder), kind_of(read_config(folder))
         if summary.get("seconds"):
             frames.setdefault(kind, []).append(summary["frames"] / summary["seconds"])
         if "evaluation_seconds" in summary:
             evaluation.setdefault(kind, []).append(summary["evaluation_seconds"])
         about = read_about(folder)
         if about is not None:
-            probing.setdefault((*kind, settings_key(about["asked"])), []).append(about["seconds"])
+            probing.setdefault((*kind, digest(about["asked"])), []).append(about["seconds"])
     return Speeds(medians(frames), medians(evaluation), sum(map(len, frames.values())), medians(probing))
 
 
 def medians(found: Mapping[Any, Sequence[float]]) -> dict[Any, float]:
     """The median of each list."""
     return {kind: statistics.median(values) for kind, values in found.items()}
-
-
-def settings_key(settings: Mapping[str, Any]) -> str:
-    """Settings of probes as one line of text, equal for equal settings."""
-    return json.dumps(settings, sort_keys=True)
 
 
 def as_text(plan: ReproductionPlan, speeds: Speeds, processes: int, scale: ScaleConfig) -> str:

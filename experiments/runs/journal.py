@@ -53,7 +53,7 @@ class Journal:
         line = {"time": datetime.now(UTC).isoformat(timespec="seconds"), "event": event, **facts}
         try:
             with self.path.open("ab") as stream:
-                torn = stream.tell() > 0 and not _ends_a_line(self.path)
+                torn = stream.tell() > 0 and not self.path.read_bytes().endswith(b"\n")
                 stream.write(b"\n" * torn + json.dumps(line).encode() + b"\n")
         except OSError as error:
             print(f"cannot write {self.path}: {error.strerror}; it would say: {json.dumps(line)}", file=sys.stderr)
@@ -72,12 +72,6 @@ def _account(error: BaseException) -> dict[str, Any]:
     where = f"{frames[-1].filename}:{frames[-1].lineno} in {frames[-1].name}" if frames else ""
     what = str(error) if isinstance(error, Stopped) else f"{type(error).__name__}: {error}"
     return {"error": what, "where": where, "traceback": traceback.format_exception(error)}
-
-
-def _ends_a_line(path: Path) -> bool:
-    with path.open("rb") as stream:
-        stream.seek(-1, os.SEEK_END)
-        return stream.read() == b"\n"
 
 
 def _parsed(line: str) -> dict[str, Any] | None:

@@ -86,13 +86,8 @@ class Settings:
     group: ClassVar[str] = ""  # the dotted path of the group in a run's settings
 
     def __post_init__(self) -> None:
-        check_values(self, self.group)
-
-
-def check_values(config: Any, place: str) -> None:
-    """Applies the checks that stand in the types of a dataclass; raises :class:`ConfigError` under the path ``place``."""
-    for name, hint in hints_of(type(config)).items():
-        check_value(getattr(config, name), hint, path_of(place, name))
+        for name, hint in hints_of(type(self)).items():
+            check_value(getattr(self, name), hint, path_of(self.group, name))
 
 
 def check_value(value: Any, hint: Any, place: str) -> None:

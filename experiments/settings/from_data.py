@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any, TypeVar
 
 from experiments.settings.algorithms import NAMES_OF_CLASS, algorithm_class
-from experiments.settings.checks import Settings, check_values, path_of
+from experiments.settings.checks import check_value, hints_of, path_of
 from experiments.settings.errors import ConfigError
 from experiments.settings.release_0_1 import refuse_old_names
 from experiments.settings.run import RunConfig
@@ -56,10 +56,9 @@ def construct(cls: type[T], data: Mapping[str, Any], place: str, **ready: Any) -
     for name, field in fields.items():
         if name not in values and field.default is field.default_factory is dataclasses.MISSING:
             raise ConfigError(f"{path_of(place, name)}: it has no default; give one as {path_of(place, name)}=...")
-    made = cls(**values)
-    if not isinstance(made, Settings):  # which check their own values
-        check_values(made, place)
-    return made
+    for name, value in values.items():
+        check_value(value, hints_of(cls)[name], path_of(place, name))
+    return cls(**values)
 
 
 def flat(data: Mapping[str, Any], place: str = "") -> dict[str, Any]:

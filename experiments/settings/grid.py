@@ -1,12 +1,10 @@
 """The cells of the paper's experiment: families x difficulties x numbers of training levels, as run configurations."""
 
 import dataclasses
-import hashlib
-import json
 from itertools import product
 from typing import Any
 
-from experiments.settings.run import DIFFICULTIES, RunConfig
+from experiments.settings.run import DIFFICULTIES, RunConfig, digest
 
 
 @dataclasses.dataclass(frozen=True)
@@ -68,4 +66,4 @@ def design(config: RunConfig) -> dict[str, Any]:
 
 def design_hash(config: RunConfig) -> str:
     """Eight hexadecimal digits that are equal for equal :func:`design`."""
-    return hashlib.sha256(json.dumps(design(config), sort_keys=True).encode()).hexdigest()[:8]
+    return digest(design(config))

@@ -1,13 +1,11 @@
 """The names of release 0.1, in which runs were named by where the code lay, and what they are called now."""
 
-import hashlib
-import json
 from collections.abc import Iterator, Mapping
 from typing import Any
 
 from experiments.settings.algorithms import KINDS, TARGET
 from experiments.settings.errors import ConfigError
-from experiments.settings.run import RunConfig
+from experiments.settings.run import RunConfig, digest
 
 KIND_OF_TYPE = {
     "experiments.config:PPOConfig": "ppo",
@@ -74,8 +72,7 @@ def label_in_0_1(config: RunConfig) -> str:
     for group, setting, names in SETTINGS:
         if setting in identity[group]:
             identity[group][setting] = old_name(identity[group][setting], names)
-    digest = hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()[:8]
-    return config.label().removesuffix(config.hash()) + digest
+    return config.label().removesuffix(config.hash()) + digest(identity)
 
 
 def old_name(new: str, names: Mapping[str, str]) -> str:

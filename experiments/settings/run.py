@@ -167,8 +167,7 @@ class RunConfig(Settings):
 
     def hash(self) -> str:
         """Eight hexadecimal digits that are equal for equal :meth:`identity`."""
-        text = json.dumps(self.identity(), sort_keys=True)
-        return hashlib.sha256(text.encode()).hexdigest()[:8]
+        return digest(self.identity())
 
     def label(self) -> str:
         """The run's name, e.g. ``empty-hard-n10-state-ppo_fast-s1-3f9a12cd``."""
@@ -177,6 +176,11 @@ class RunConfig(Settings):
         levels = "-".join((levels, *(name for name in special if name)))
         parts = (levels, f"n{self.levels.count}", self.observation.name, self.algorithm.name, f"s{self.seed}")
         return "-".join((*("".join(c if c.isalnum() or c in "_-." else "_" for c in p) for p in parts), self.hash()))
+
+
+def digest(data: Any) -> str:
+    """Eight hexadecimal digits that are equal for equal plain data."""
+    return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()[:8]
 
 
 def as_data(config: Any, without_later_defaults: bool = False) -> dict[str, Any]:

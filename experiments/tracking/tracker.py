@@ -8,7 +8,7 @@ import sys
 import threading
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from experiments.settings import RunConfig, RunFolderError, TrackingError
 from experiments.tracking.mlflow_store import is_remote
@@ -18,16 +18,14 @@ LONGEST_PAUSE = 60.0  # [s] between attempts, while the store is away
 LAST_WAIT = 30.0  # [s] that the end of a run waits for the store
 
 
-class Tracker(Protocol):
-    """Sends the figures of a run to where they are shown."""
+class Tracker:
+    """Sends the figures of a run to where they are shown: this one to nowhere, as ``tracking=none`` wants."""
 
     def begin(self, rows: list[dict[str, Any]]) -> None:
         """Starts to send what is appended to ``rows``, those of ``metrics.parquet``."""
-        ...
 
     def finish(self, status: str, files: Sequence[Path] = ()) -> None:
         """Sends what is left, these files, and how the run ended: FINISHED, FAILED or KILLED."""
-        ...
 
 
 def start_tracking(config: RunConfig, folder: Path) -> Tracker:
@@ -38,24 +36,14 @@ def start_tracking(config: RunConfig, folder: Path) -> Tracker:
             tracker says so, and tries again.
     """
     if config.tracking.name == "none":
-        return NoTracker()
+        return Tracker()
     sync = RunSync(config, folder)
     if not is_remote(sync.state.store):
         sync.open()
     return MLflowTracker(sync, config.tracking.interval)
 
 
-class NoTracker:
-    """A tracker that sends nothing; used where ``tracking=none``."""
-
-    def begin(self, rows: list[dict[str, Any]]) -> None:
-        """Does nothing."""
-
-    def finish(self, status: str, files: Sequence[Path] = ()) -> None:
-        """Does nothing."""
-
-
-class MLflowTracker:
+class MLflowTracker(Tracker):
     """Sends to MLflow every ``interval`` seconds, in a thread; see :mod:`experiments.tracking.mlflow_sync`."""
 
     def __init__(self, sync: RunSync, interval: float) -> None:

@@ -32,7 +32,7 @@ from experiments.runs.run_folder import (
 from experiments.runs.versions import levels_hash, versions
 from experiments.settings import ConfigError, RunConfig, RunFolderError, TrainingError
 from experiments.tracking.mlflow_sync import files_of
-from experiments.tracking.tracker import NoTracker, Tracker, start_tracking
+from experiments.tracking.tracker import Tracker, start_tracking
 from experiments.training.training_loop import Training
 from segar.envs.torchrl_env import TorchRLEnv
 from segar.errors import RuleError
@@ -83,7 +83,7 @@ def run(config: RunConfig, say: Callable[[str], None] = print) -> RunResult:
         before = journal.begin()
         if before is not None:
             say(f"{config.label()}: {before}")
-        tracker: Tracker = NoTracker()
+        tracker = Tracker()
         try:
             tracker = start_tracking(config, folder)
             summary = _carry_out(config, kind, folder, code, tracker, journal, signals, say)

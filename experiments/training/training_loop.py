@@ -8,13 +8,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import torch
-
 from experiments.algorithms.checkpoint import resume_checkpoint, save_checkpoint
 from experiments.algorithms.learner import Learner
 from experiments.commands.signals import SignalMonitor
-from experiments.evaluation.episodes import mean_figures, play_episodes
+from experiments.evaluation.episodes import mean_figures, play_in_modes
 from experiments.levels.builders import environment_options
 from experiments.runs.journal import Journal
 from experiments.runs.run_folder import METRIC_SCHEMA, METRICS, read_metrics, read_versions, write_rows
@@ -120,12 +117,10 @@ class Training:
 
     def evaluate(self, test: Levels) -> dict[str, float]:
         """Mean figures on the levels ``test``, one episode each, in both action modes."""
-        config = self.config
+        options, seed = environment_options(self.config), self.config.evaluation.seed
+        rows = play_in_modes(self.learner.policy, "test", test, options, seed)
         figures: dict[str, float] = {}
         for mode in ACTION_MODES:
-            rng = torch.Generator().manual_seed(config.evaluation.seed) if mode == "sampled" else None
-            options, seed = environment_options(config), config.evaluation.seed
-            rows = play_episodes(self.learner.policy, test, np.arange(len(test)), options, rng=rng, seed=seed)
             figures |= mean_figures(rows, "test", mode)
         return figures
 

@@ -29,10 +29,7 @@ class Finding:
 
     def row(self) -> dict[str, object]:
         """The finding as a row of ``claims.csv``."""
-        one = self.found
-        numbers = {"estimate": one.estimate, "low": one.low, "high": one.high, "n": one.n, "p": one.p}
-        return {"settings": self.settings, "test": self.test, "measure": self.measure, **numbers, "verdict": self.verdict,
-                "note": one.note}  # fmt: skip
+        return self.found.row(settings=self.settings, test=self.test, measure=self.measure, verdict=self.verdict)
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 import dataclasses
 import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -74,7 +74,7 @@ class Evidence:
         if rows.empty:
             return Estimate.missing(0, "no such runs")
         row = rows.iloc[0].to_dict()
-        found = estimate_of(row)
+        found = Estimate.of_row(row)
         return dataclasses.replace(found, p=float(row["p_holm"])) if corrected else found
 
     def by_blocks(
@@ -261,11 +261,6 @@ def design(table: pd.DataFrame, given: Sequence[str]) -> np.ndarray:
     covariates = matrix(table, given)
     ones = np.ones((len(table), 1))
     return ones if covariates is None else np.column_stack([ones, covariates])
-
-
-def estimate_of(row: Mapping[str, Any]) -> Estimate:
-    """The estimate that a row holds."""
-    return Estimate(**{one.name: row[one.name] for one in dataclasses.fields(Estimate) if one.name in row})
 
 
 def leading(table: pd.DataFrame, *names: str) -> pd.DataFrame:

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 
 import pandas as pd
 
+from analysis.report.captions import TABLES
 from analysis.report.claims.evidence import Evidence, pearson
 from analysis.report.claims.information import beside
 from analysis.report.document.blocks import Block, Heading, Paragraph, Table
@@ -13,11 +14,6 @@ from analysis.report.results import with_panel
 from analysis.tables import column, count_of, keep, select
 
 Drawer = Callable[[str], list[Block]]
-GAP_CAPTION = "Mean gap, with the 95 % interval of (panel, seed) blocks."
-SHIFT_CAPTION = (
-    "What the shift costs: mean difference of the return there and the same agent's return on the test levels of its "
-    "training distribution, with the 95 % interval of (panel, seed) blocks."
-)
 
 
 def blocks(evidence: Evidence, drawn: Drawer) -> list[Block]:
@@ -34,7 +30,7 @@ def designs(evidence: Evidence) -> list[Block]:
     if count_of(runs, "design") < 2:
         return []
     found = means(evidence, runs, ["design"], "gap", "fixed_n")
-    return [means_table(found, {"design": "design"}, "gap", GAP_CAPTION)]
+    return [means_table(found, {"design": "design"}, "gap", TABLES["gap"])]
 
 
 def physics(evidence: Evidence) -> list[Block]:
@@ -50,7 +46,7 @@ def physics(evidence: Evidence) -> list[Block]:
         f"own physics, over {row['n']:.0f} runs."
     )
     head = {"trained": "trained in", "test_variation": "tested in"}
-    return [Paragraph(text), means_table(found, head, "difference", SHIFT_CAPTION)]
+    return [Paragraph(text), means_table(found, head, "difference", TABLES["shift"])]
 
 
 def looks(evidence: Evidence) -> list[Block]:
@@ -59,7 +55,7 @@ def looks(evidence: Evidence) -> list[Block]:
     if part.empty:
         return []
     found = means(evidence, part, ["trained", "shift"], "difference", "visual")
-    return [means_table(found, {"trained": "trained in", "shift": "tested in"}, "difference", SHIFT_CAPTION)]
+    return [means_table(found, {"trained": "trained in", "shift": "tested in"}, "difference", TABLES["shift"])]
 
 
 def attributed(evidence: Evidence) -> list[Block]:
@@ -80,11 +76,7 @@ def attributed(evidence: Evidence) -> list[Block]:
             f"part is that of `{row['group']}`, {signed(row['estimate'])} [{signed(row['low'])}, {signed(row['high'])}]."
         )
     head = {"family": "family", "levels": "training levels", "group": "factors"}
-    caption = (
-        "Mean part of the gap, with the 95 % interval of (panel, seed) blocks; `rest`: what no group "
-        "names, such as types and shapes. Data: `figures/attribution.csv`."
-    )
-    return [Paragraph(" ".join(sentences)), means_table(found, head, "part", caption)]
+    return [Paragraph(" ".join(sentences)), means_table(found, head, "part", TABLES["attribution"])]
 
 
 def true_factors(evidence: Evidence) -> list[Block]:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import pandas as pd
 
+from analysis.report.captions import TABLES
 from analysis.report.claims import verdicts
 from analysis.report.claims.claim import CORRECTED, PAPER, Claim
 from analysis.report.claims.evidence import PAPER_R, Evidence
@@ -112,10 +113,12 @@ def summary(claims: Sequence[Claim]) -> list[Block]:
         corrected = claim.verdict(CORRECTED) if claim.findings else ""
         rows.append([claim.name, claim.verdict(PAPER), corrected, claim.statement, shown])
     head = ("claim", PAPER, CORRECTED, "the paper says, in our words", "corrected, in numbers")
-    caption = (
-        "Where a claim is about several panels or algorithms, its numbers are in its box below. Data: `claims.csv`."
-    )
-    return [Heading("Verdicts"), Paragraph(" ".join(sentences)), Bullets(short), Table(head, rows, 5, caption)]
+    return [
+        Heading("Verdicts"),
+        Paragraph(" ".join(sentences)),
+        Bullets(short),
+        Table(head, rows, 5, TABLES["verdicts"]),
+    ]
 
 
 def reading(claim: Claim) -> str:
@@ -134,8 +137,7 @@ def masses(evidence: Evidence) -> list[Block]:
     named = table.assign(levels=table["n"])
     found = tables.means(evidence, named, ["past", "mass", "levels"], "success_test_deterministic", "masses")
     head = {"past": "the agent has", "mass": "mass", "levels": "training levels"}
-    caption = "Mean success on test levels, with the 95 % interval of (panel, seed) blocks where there are several."
-    return [tables.means_table(found, head, "success", caption, plain)]
+    return [tables.means_table(found, head, "success", TABLES["masses"], plain)]
 
 
 def what_was_run(evidence: Evidence) -> list[Block]:

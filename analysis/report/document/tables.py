@@ -5,7 +5,8 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 import pandas as pd
 
-from analysis.report.claims.evidence import BLOCKS, DISTANCES, GAPS, GIVEN, PERMUTATION, Evidence, estimate_of
+from analysis.report.captions import TABLES
+from analysis.report.claims.evidence import BLOCKS, DISTANCES, GAPS, GIVEN, PERMUTATION, Evidence
 from analysis.report.document.blocks import Table
 from analysis.report.number_format import interval, p_value, plain, signed
 from analysis.report.results import PANEL
@@ -52,7 +53,7 @@ def cell_table(main: pd.DataFrame) -> Table:
         for r in table.to_dict("records")
     ]
     head = ["family", "difficulty", "n", *(head for _, head in shown)]
-    return Table(head, rows, 2, "Means over seeds. Data: `statistics/cells.csv`.", folded=True)
+    return Table(head, rows, 2, TABLES["cells"], folded=True)
 
 
 def cell(value: float, name: str) -> str:
@@ -76,12 +77,7 @@ def main_table(evidence: Evidence) -> Table:
                 ])  # fmt: skip
     head = ("distance", "returns", "test", "r", "95 %", "p", "95 %, blocks", "p, blocks", "p, permuted", "Spearman ρ",
             "n")  # fmt: skip
-    caption = (
-        'Gap against W2 in the main grid. The first interval and p take runs for independent, as the paper does. "Blocks": '
-        'runs of a panel and a seed stay together. "Permuted": W2 shuffled within panels, or within cells, each a panel '
-        "and a number of levels. Data: `statistics/associations.csv`, `statistics/resampled.csv`."
-    )
-    return Table(head, rows, 3, caption)
+    return Table(head, rows, 3, TABLES["main"])
 
 
 def panel_table(evidence: Evidence) -> Table:
@@ -97,45 +93,34 @@ def panel_table(evidence: Evidence) -> Table:
             interval(exact), p_value(exact.p), p_value(held.p), signed(rank.estimate), p_value(rank.p),
         ])  # fmt: skip
     head = ("panel", "n", "r, as in the paper", "95 %", "p", "r, corrected", "95 %", "p", "p, Holm", "Spearman ρ", "p")
-    caption = (
-        "Each panel by itself. As in the paper: W2 and returns of 2022. Corrected: exact W2, full returns, and Holm's "
-        'correction for all panels. Data: `statistics/associations.csv`, test "within".'
-    )
-    return Table(head, rows, 1, caption)
+    return Table(head, rows, 1, TABLES["panel"])
 
 
 def mixed_table(evidence: Evidence) -> Table:
     """Slopes of the mixed models."""
     rows = [
         [DISTANCES[r["w2"]], GAPS[r["gap"]], r["model"], "W2" if str(r["term"]).startswith("w2_") else r["term"],
-         signed(r["estimate"]), interval(estimate_of(r)), p_value(r["p"]), f"{r['n']:.0f}"]
+         signed(r["estimate"]), interval(Estimate.of_row(r)), p_value(r["p"]), f"{r['n']:.0f}"]
         for r in evidence.mixed.to_dict("records")
     ]  # fmt: skip
-    caption = (
-        "The primary analysis: mixed models of the gap with a random intercept per panel (and per seed, where there "
-        "are several); slopes in standard deviations of gap per standard deviation of the term. Data: "
-        "`statistics/mixed_models.csv`."
-    )
-    return Table(("distance", "returns", "model", "term", "slope", "95 %", "p", "n"), rows, 4, caption)
+    return Table(("distance", "returns", "model", "term", "slope", "95 %", "p", "n"), rows, 4, TABLES["mixed"])
 
 
 def sensitivity_table(evidence: Evidence) -> Table:
     """The headline when choices of the analysis change."""
     rows = [
-        [r["change"], DISTANCES[r["w2"]], GAPS[r["gap"]], r["test"], signed(r["estimate"]), interval(estimate_of(r)),
+        [r["change"], DISTANCES[r["w2"]], GAPS[r["gap"]], r["test"], signed(r["estimate"]), interval(Estimate.of_row(r)),
          p_value(r["p"]), f"{r['n']:.0f}"]
         for r in evidence.sensitivity.to_dict("records")
     ]  # fmt: skip
-    caption = "What choices do to the headline. Data: `statistics/sensitivity.csv`."
-    return Table(("change", "distance", "returns", "test", "r", "95 %", "p", "n"), rows, 4, caption)
+    return Table(("change", "distance", "returns", "test", "r", "95 %", "p", "n"), rows, 4, TABLES["sensitivity"])
 
 
 def explained_table(evidence: Evidence) -> Table:
     """R² of log W2."""
     found = {(r["w2"], r["of"]): r["r2"] for r in evidence.explained.to_dict("records")}
     rows = [[DISTANCES[m], *(plain(found[m, name]) for name in ("panel", "log n", "both"))] for m in evidence.modes]
-    caption = "What W2 is made of: R² of log W2 in the main grid. Data: `statistics/explained.csv`."
-    return Table(("distance", "on panel", "on log n", "on both"), rows, 1, caption)
+    return Table(("distance", "on panel", "on log n", "on both"), rows, 1, TABLES["explained"])
 
 
 def predictor_table(evidence: Evidence) -> Table:
@@ -145,21 +130,13 @@ def predictor_table(evidence: Evidence) -> Table:
          plain(r["r2_left_out"])]
         for r in evidence.predictors.to_dict("records")
     ]  # fmt: skip
-    caption = (
-        "Predicting the gap from W2 and from log n: adjusted R² of all runs, and R² on a panel that the line did not "
-        "see (0: no better than the mean of the other panels). Data: `statistics/predictors.csv`."
-    )
-    return Table(("predictors", "adjusted R²", "R² on a new panel"), rows, 1, caption)
+    return Table(("predictors", "adjusted R²", "R² on a new panel"), rows, 1, TABLES["predictor"])
 
 
 def power_table(evidence: Evidence) -> Table:
     """The power of this design."""
     rows = [[r["test"], plain(r["estimate"]), f"{r['n']:.0f}"] for r in evidence.power.to_dict("records")]
-    caption = (
-        "How often this design would find an effect as large as the paper's p-value implies for 45 runs (r = −0.60), "
-        'by simulation on the distances of these runs. "Within": share of panels. Data: `statistics/power.csv`.'
-    )
-    return Table(("test", "power at p < 0.05", "runs"), rows, 1, caption)
+    return Table(("test", "power at p < 0.05", "runs"), rows, 1, TABLES["power"])
 
 
 def means(evidence: Evidence, table: pd.DataFrame, group: Sequence[str], column: str, name: str) -> pd.DataFrame:
@@ -176,7 +153,7 @@ def means_table(
 ) -> Table:
     """The result of :func:`means`, as printed."""
     rows = [
-        [*(str(r[name]) for name in group), show(r["estimate"]), interval(estimate_of(r)), f"{r['n']:.0f}"]
+        [*(str(r[name]) for name in group), show(r["estimate"]), interval(Estimate.of_row(r)), f"{r['n']:.0f}"]
         for r in found.to_dict("records")
     ]
     return Table((*group.values(), value, "95 %", "runs"), rows, len(group), caption)
@@ -185,4 +162,4 @@ def means_table(
 def row_of(table: pd.DataFrame, **equal: str) -> Estimate:
     """The estimate in the row that has these values; NaN where there is none."""
     rows = select(table, **equal)
-    return Estimate.missing(0, "") if rows.empty else estimate_of(rows.iloc[0].to_dict())
+    return Estimate.missing(0, "") if rows.empty else Estimate.of_row(rows.iloc[0].to_dict())

@@ -6,6 +6,7 @@ from matplotlib.figure import Figure
 
 from analysis.plotting import style
 from analysis.plotting.figures import DOT, draw_line, new_figure
+from analysis.report.captions import FIGURES
 from analysis.report.claims.claim import CORRECTED, PAPER
 from analysis.report.claims.evidence import Evidence, pearson
 from analysis.report.claims.information import ACCURACIES, GAPS, PROBES, accuracies, auxiliary
@@ -35,13 +36,7 @@ def figure_4b(evidence: Evidence) -> Drawn | str:
     figure = new_figure(9, 4.2)
     for axes, settings in zip(figure.subplots(1, 2), (PAPER, CORRECTED), strict=True):
         draw_accuracy(axes, select(table, probe=PROBES[settings]), GAPS[settings], settings)
-    caption = (
-        "Figure 4b. Gap against the accuracy of a critic that tells pairs of representation and factors from shuffled "
-        "ones, on training and on test levels. Chance is 0.5 (dashed). Left: as in 2022, where the shuffling makes "
-        "the critic detect dependence inside the representation. Right: with whole rows shuffled, time aligned, and "
-        "pairs held out."
-    )
-    return Drawn(figure, table, caption)
+    return Drawn(figure, table)
 
 
 def draw_accuracy(axes: Axes, table: pd.DataFrame, gap: str, title: str) -> None:
@@ -78,15 +73,13 @@ def figure_5a(evidence: Evidence) -> Drawn | str:
     algorithms = sorted(set(runs["algorithm"]))
     if probed.empty:
         table = pick(runs, [*CELL, "algorithm", "gap"])
-        caption = f"Figure 5a without its x axis, as {NO_PROBES}: the gap per algorithm and number of levels."
-        return Drawn(dots(table, "algorithm", "gap", SHORT_GAP), table, caption)
+        return Drawn(dots(table, "algorithm", "gap", SHORT_GAP), table, FIGURES["figure_5a_without_probes"])
     table = pick(probed, [*CELL, "algorithm", "probe", *ACCURACIES, "gap", "gap_2022"])
     parts = [
         [(f"{name}, {key}", select(table, probe=PROBES[key], algorithm=name), GAPS[key]) for name in algorithms]
         for key in (PAPER, CORRECTED)
     ]
-    caption = "Figure 5a. Gap against the accuracy of the critic, with and without self-supervised losses."
-    return Drawn(accuracy_grid(parts, 3.6), table, caption)
+    return Drawn(accuracy_grid(parts, 3.6), table)
 
 
 def figure_5b(evidence: Evidence) -> Drawn | str:
@@ -111,11 +104,7 @@ def figure_5b(evidence: Evidence) -> Drawn | str:
     for axes in grid[-1]:
         axes.set_xlabel("thousand frames")
     legend_below(figure, grid[0][0], 8, "training levels")
-    caption = (
-        "Figure 5b. Return of training episodes against frames, means over seeds and over a fortieth of the budget; "
-        "each axes has its own scale."
-    )
-    return Drawn(figure, table, caption)
+    return Drawn(figure, table)
 
 
 def appendix_sac(evidence: Evidence) -> Drawn | str:
@@ -137,8 +126,7 @@ def appendix_sac(evidence: Evidence) -> Drawn | str:
         axes.set_xlabel("thousand frames")
         axes.set_ylabel("return on test levels")
     legend_below(figure, grid[0], 8, "training levels")
-    caption = "Appendix, SAC. Return on test levels against frames, deterministic actions, means over seeds."
-    return Drawn(figure, table, caption)
+    return Drawn(figure, table)
 
 
 def appendix_mass(evidence: Evidence) -> Drawn | str:
@@ -146,12 +134,11 @@ def appendix_mass(evidence: Evidence) -> Drawn | str:
     runs = evidence.results.masses
     if count_of(runs, "observation") < 2:
         return "it was not run (`experiments=[appendix_mass]`)"
-    what = "Appendix, mass and frame stack, corrected: the mass varies tenfold, shown or hidden in training and test alike."
     probed = accuracies(evidence.results, runs)
     if probed.empty:
         named = runs.assign(sees=runs["past"] + ", " + runs["mass"])
         table = pick(named, [*CELL, "sees", "w2_exact", "gap", "success_test_deterministic"])
-        return Drawn(dots(table, "sees", "gap", SHORT_GAP), table, f"{what} Without its x axis, as {NO_PROBES}.")
+        return Drawn(dots(table, "sees", "gap", SHORT_GAP), table, FIGURES["appendix_mass_without_probes"])
     columns = [*CELL, "past", "mass", "w2_exact", *ACCURACIES, "gap", "success_test_deterministic"]
     table = pick(select(probed, probe=PROBES[CORRECTED]), columns)
     pasts = [past for past in (FRAME, STACK, MEMORY) if past in set(table["past"])]
@@ -159,5 +146,4 @@ def appendix_mass(evidence: Evidence) -> Drawn | str:
         [(f"{past}, mass {mass}", select(table, past=past, mass=mass), GAPS[CORRECTED]) for past in pasts]
         for mass in ("shown", "hidden")
     ]
-    caption = f"{what} Gap against the accuracy of the critic on training and on test levels."
-    return Drawn(accuracy_grid(parts, 3.8), table, caption)
+    return Drawn(accuracy_grid(parts, 3.8), table)

@@ -47,11 +47,7 @@ def fixed_n(evidence: Evidence) -> Drawn | str:
         axes.set_xlabel(f"{label}, training to test levels")
     figure.axes[0].set_ylabel(GAP)
     legend_below(figure, figure.axes[0], 5)
-    caption = (
-        "W2 without n: training sets of one size, picked near together (clustered), far apart (covering), at random "
-        "(iid), or equal but for the order of drawing (nuisance_only), which changes the W2 of 2022 and nothing else."
-    )
-    return Drawn(figure, table, caption)
+    return Drawn(figure, table)
 
 
 def diversity(evidence: Evidence) -> Drawn | str:
@@ -70,8 +66,7 @@ def diversity(evidence: Evidence) -> Drawn | str:
         axes.set_xlabel(label)
     figure.axes[0].set_ylabel("success on test levels")
     figure.legend(handles=legend_of(table), loc="outside lower center", ncols=6)
-    caption = "How diverse the training set is, at one number of levels, against success on test levels."
-    return Drawn(figure, table, caption)
+    return Drawn(figure, table)
 
 
 def attribution(evidence: Evidence) -> Drawn | str:
@@ -80,12 +75,8 @@ def attribution(evidence: Evidence) -> Drawn | str:
     if table.empty:
         return "it was not run (`experiments=[attribution]`)"
     groups = {"position": "where things are", "properties": "their properties", "rest": "what they are"}
-    caption = (
-        "The gap, divided among groups of factors by Shapley's values: what is lost when a group is as in test levels "
-        "instead of training levels, over all orders in which groups may be changed. A dot per run, a bar at the mean."
-    )
     named = table.assign(group=[groups.get(name, name) for name in table["group"]])
-    return Drawn(dots(named, "group", "part", "part of the gap"), pick(table, [*CELL, "group", "part", "gap"]), caption)
+    return Drawn(dots(named, "group", "part", "part of the gap"), pick(table, [*CELL, "group", "part", "gap"]))
 
 
 def rules(evidence: Evidence) -> Drawn | str:
@@ -94,11 +85,7 @@ def rules(evidence: Evidence) -> Drawn | str:
     if part.empty:
         return "it was not run (`experiments=[rules]`)"
     table = pick(part, [*CELL, "trained", "test_variation", "difference", "gap", "gap_se", SUCCESS])
-    caption = (
-        "Agents in other physics than they were trained in: return there less return on the test levels of their own "
-        "physics. A dot per run, a bar at the mean of each."
-    )
-    return Drawn(dots(table, "test_variation", "difference", COST, "trained"), table, caption)
+    return Drawn(dots(table, "test_variation", "difference", COST, "trained"), table)
 
 
 def visual(evidence: Evidence) -> Drawn | str:
@@ -107,11 +94,7 @@ def visual(evidence: Evidence) -> Drawn | str:
     if part.empty:
         return "it was not run (`experiments=[visual]`)"
     table = pick(part, [*CELL, "trained", "shift", "difference", "gap", SUCCESS])
-    caption = (
-        "The same levels in other textures against harder levels in the same textures: return there less return on the "
-        "test levels of training. A dot per run, a bar at the mean of each."
-    )
-    return Drawn(dots(table, "shift", "difference", COST, "trained"), table, caption)
+    return Drawn(dots(table, "shift", "difference", COST, "trained"), table)
 
 
 def hardness(evidence: Evidence) -> Drawn | str:
@@ -142,11 +125,7 @@ def hardness(evidence: Evidence) -> Drawn | str:
     axes.set_xlabel("conditions on the goal")
     axes.set_ylabel("success on test levels")
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
-    caption = (
-        "Hardness by reward: the goal counts only when entered slowly, after a wall, after sand. Bars are Wilson's 95 "
-        "% intervals over levels."
-    )
-    return Drawn(figure, table, caption)
+    return Drawn(figure, table)
 
 
 def upper_bound(evidence: Evidence) -> Drawn | str:
@@ -166,8 +145,7 @@ def upper_bound(evidence: Evidence) -> Drawn | str:
 
     figure = figure_of_families(table, "success on test levels", draw)
     legend_below(figure, figure.axes[0], 3)
-    caption = "What agents reach that see the true factors (solid) beside those that see pixels (dotted)."
-    return Drawn(figure, table, caption)
+    return Drawn(figure, table)
 
 
 def appendix_measures(evidence: Evidence) -> Drawn | str:
@@ -198,11 +176,7 @@ def appendix_measures(evidence: Evidence) -> Drawn | str:
     right.set_title(f"W2 = {w2['w2'].iloc[0]:.2f}: goals count, too", loc="left", fontsize=9.5)
     right.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8.5)
     table = pd.concat([ks.assign(shows="ks"), w2.assign(shows="w2")], ignore_index=True)
-    caption = (
-        "Appendix. Left: KS is the largest distance of two distribution functions. Right: W2 is the root of the mean "
-        "squared cost of the best matching of two sets of levels."
-    )
-    return Drawn(figure, table, caption)
+    return Drawn(figure, table)
 
 
 def w2_study(evidence: Evidence) -> Drawn | str:
@@ -232,9 +206,4 @@ def w2_study(evidence: Evidence) -> Drawn | str:
         one.set_title("W2 of 2022 (crosses: measured then)" if mode == "reference" else "exact W2")
     places = pd.DataFrame([panel.split("-") for panel in dict.fromkeys(inside["train"])], columns=list(PANEL))
     figure.legend(handles=legend_of(places), loc="outside lower center", ncols=6, handletextpad=0.2)
-    caption = (
-        "The x axis by itself: W2 of n training levels to test levels of the same distribution, without any training; "
-        "bars are standard deviations over level seeds. Panels lie above each other, and all fall with n: that is the "
-        "confound of figure 3a."
-    )
-    return Drawn(figure, table, caption)
+    return Drawn(figure, table)

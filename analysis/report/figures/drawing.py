@@ -28,7 +28,7 @@ class Drawn:
 
     figure: Figure
     table: pd.DataFrame
-    caption: str
+    caption: str = ""  # empty: the one that captions.yaml has under the figure's name
 
 
 def figure_of_families(table: pd.DataFrame, y_label: str, draw: Callable[[Axes, pd.DataFrame], None]) -> Figure:

@@ -46,13 +46,7 @@ def figure_3a(evidence: Evidence) -> Drawn | str:
         one.set_xlabel(x_label)
         one.set_ylabel(y_label)
     figure.legend(handles=legend_of(table), loc="outside lower center", ncols=6, handletextpad=0.2)
-    caption = (
-        "Figure 3a. One point per run; lines are least squares with the 95 % band of their height. Left: the paper's "
-        "settings (the W2 of 2022, returns without their last reward). Middle: exact W2 and full returns; bars are "
-        "standard errors. Right: what panel and log n leave of both. The intervals and p-values in the titles take "
-        "runs for independent; the tables beside have those that do not."
-    )
-    return Drawn(figure, table, caption)
+    return Drawn(figure, table)
 
 
 def left_of(table: pd.DataFrame, name: str) -> np.ndarray:
@@ -67,11 +61,7 @@ def figure_3b(evidence: Evidence) -> Drawn | str:
         return NO_MAIN_GRID
     table = pick(main, [*CELL, "w2_reference", "gap_2022", "w2_exact", "gap"])
     figure = by_family(table, "difficulty")
-    caption = (
-        "Figure 3b. The same runs by family, a line per difficulty. Above: the paper's settings; below: exact W2 and "
-        "full returns. r and p of each line are Pearson's, uncorrected; the table beside has Holm's correction."
-    )
-    return Drawn(figure, table, caption)
+    return Drawn(figure, table)
 
 
 def figure_4a(evidence: Evidence) -> Drawn | str:
@@ -82,11 +72,7 @@ def figure_4a(evidence: Evidence) -> Drawn | str:
     pairs = [f"{a} to {b}" for a, b in zip(harder["difficulty"], harder["test_difficulty"], strict=True)]
     table = pick(harder, [*CELL, "w2_reference", "gap_2022", "w2_exact", "gap"]).assign(pair=pairs)
     figure = by_family(table, "pair")
-    caption = (
-        "Figure 4a. The same agents on levels one step harder, by family, a line per pair of difficulties. Above: the "
-        "paper's settings; below: exact W2 and full returns."
-    )
-    return Drawn(figure, table, caption)
+    return Drawn(figure, table)
 
 
 def by_family(table: pd.DataFrame, group: str) -> Figure:
@@ -147,12 +133,7 @@ def estimates(evidence: Evidence) -> Drawn | str:
         one.set_xlabel("correlation of gap and W2")
     axes[0].invert_yaxis()
     legend_below(figure, axes[0], 3)
-    caption = (
-        "The main grid at a glance: Pearson correlations of gap and W2, pooled and partial, for three distances and "
-        "two ways to count returns. A cell is a panel and a number of levels. Bars are 95 % intervals for which "
-        "runs of a panel and a seed stay together."
-    )
-    return Drawn(figure, table, caption)
+    return Drawn(figure, table)
 
 
 def train_and_test(evidence: Evidence) -> Drawn | str:
@@ -168,12 +149,7 @@ def train_and_test(evidence: Evidence) -> Drawn | str:
     handles.append(Line2D([], [], linestyle="-", label="test levels", color="#777777"))
     handles.append(Line2D([], [], linestyle=":", label="training levels", color="#777777"))
     figure.legend(handles=handles, loc="outside lower center", ncols=5)
-    caption = (
-        "How many levels close the gap: success on test levels (solid) and on training levels (dotted) against the "
-        "number of training levels; means over seeds. Where the dotted line is low, agents did not learn the task, "
-        "and a gap says little."
-    )
-    return Drawn(figure, table, caption)
+    return Drawn(figure, table)
 
 
 def draw_success(axes: Axes, table: pd.DataFrame) -> None:

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 import torch
 
-from experiments.algorithms.checkpoint import load_policy, resume_checkpoint, save_checkpoint
+from experiments.algorithms.checkpoint import load_newest_policy, resume_checkpoint, save_checkpoint
 from experiments.commands.hydra_app import compose
 from experiments.levels.builders import make_levels
-from experiments.runs.run_folder import CHECKPOINT
 from experiments.settings import LevelsConfig, ObservationConfig, RunConfig, ScaleConfig, import_object
 
 FEW = {"warmup": 8, "num_steps": 6, "batch_size": 6, "capacity": 64, "widths": (8,)}
@@ -100,7 +99,7 @@ def test_a_policy_acts_and_represents_and_can_be_filled_without_an_environment(c
     env = type(one).make_env(make_levels(config.levels)[0], 5, seed=0, observation=config.observation.name)
     observation, _ = env.reset()
     policy = type(one).make_policy(config.algorithm, observation.shape[1:], 2)
-    assert load_policy(tmp_path / CHECKPOINT, policy) == one.frames
+    assert load_newest_policy(tmp_path, policy) == one.frames
     actions = act(policy, env, observation)
     assert actions.shape == (5, 2) and actions.dtype == np.float32 and (abs(actions) <= 1).all()
     assert (actions == act(one.policy, env, observation)).all()

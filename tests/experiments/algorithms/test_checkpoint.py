@@ -7,7 +7,7 @@ import pickle
 import pytest
 import torch
 
-from experiments.algorithms.checkpoint import load_policy, read_checkpoint, resume_checkpoint, save_checkpoint
+from experiments.algorithms.checkpoint import load_newest_policy, read_checkpoint, resume_checkpoint, save_checkpoint
 from experiments.algorithms.ppo import PPO, PPOPolicy
 from experiments.levels.builders import make_levels
 from experiments.runs.run_folder import CHECKPOINT
@@ -44,7 +44,7 @@ def test_a_policy_can_be_filled_without_an_environment(saved):
     folder, one = saved
     shape = one.collector.current.shape[1:]
     policy = PPO.make_policy(CONFIG.algorithm, shape, 2)
-    assert load_policy(folder / CHECKPOINT, policy) == one.frames
+    assert load_newest_policy(folder, policy) == one.frames
     assert (policy.act(one.collector.current, rng=None)
             == one.policy.act(one.collector.current, rng=None)).all()  # fmt: skip
 
@@ -75,7 +75,7 @@ def test_a_checkpoint_of_another_network_is_refused(saved):
     folder, _ = saved
     wide = PPOPolicy(dataclasses.replace(CONFIG.algorithm, widths=(16,)), (9,), 2)
     with pytest.raises(CheckpointError) as caught:
-        load_policy(folder / CHECKPOINT, wide)
+        load_newest_policy(folder, wide)
     assert f"{folder / CHECKPOINT} is of another network: 'actor.encoder.layers.0.weight' is (8, " in str(caught.value)
     assert "there and (16, 9) here" in str(caught.value)
 

@@ -8,12 +8,12 @@ import torch
 
 import segar
 from experiments.evaluation.baselines import (
+    Baselines,
     IdleAgent,
     Oracle,
     RandomAgent,
     ScriptedAgent,
     find_baselines,
-    normalised_score,
 )
 from experiments.evaluation.episodes import play_episodes
 from segar.errors import SegarError
@@ -72,8 +72,8 @@ def test_the_random_agent_scores_0_and_the_oracle_1():
 
 
 def test_scores_are_normalised_entry_by_entry_and_are_nan_where_nothing_can_be_won():
-    np.testing.assert_allclose(normalised_score([-10.0, -5.5, -1.0, -19.0], -10.0, -1.0), [0.0, 0.5, 1.0, -1.0])
-    assert np.isnan(normalised_score(-3.0, -2.0, -2.0))
+    np.testing.assert_allclose(Baselines(-10.0, -1.0).normalised([-10.0, -5.5, -1.0, -19.0]), [0.0, 0.5, 1.0, -1.0])
+    assert np.isnan(Baselines(-2.0, -2.0).normalised(-3.0))
 
 
 def test_an_oracle_refuses_levels_that_its_plan_is_not_for():

@@ -14,14 +14,14 @@ from analysis.probes.pairs import Column, Pairs
 from analysis.probes.table import probe_pairs, probe_run
 from experiments.commands.config_store import conf_dir
 from experiments.evaluation import probing
-from experiments.evaluation.probing import ProbeConfig, is_probed, probe_finished, probe_settings
+from experiments.evaluation.probing import ProbeConfig, is_probed, probe_finished
 from experiments.evaluation.transfers import RunTask
 from experiments.reproduce import ReproduceConfig, carry_out
 from experiments.reproduction.experiment_file import experiment_at
 from experiments.reproduction.plan import as_text, make_plan, measure_speeds
 from experiments.runs.executed_code import fingerprint
 from experiments.runs.run_folder import PROBES, folder_path, read_metrics
-from experiments.settings import ConfigError, RunFolderError, TrackingConfig, TrackingError
+from experiments.settings import ConfigError, RunFolderError, TrackingConfig, TrackingError, construct
 from experiments.tracking.mlflow_store import open_store
 from experiments.tracking.mlflow_sync import RunSync
 from experiments.training.run import run
@@ -79,7 +79,7 @@ def finished(tmp_path):
 @pytest.mark.parametrize("scale", SCALES)
 def test_critics_of_every_scale_find_nothing_where_nothing_is_and_all_where_all_is(scale):
     torch.set_num_threads(1)
-    config = dataclasses.replace(probe_settings(SCALES[scale], scale), replicates=2)
+    config = dataclasses.replace(construct(ProbeConfig, SCALES[scale], scale), replicates=2)
     rng = np.random.default_rng(1)
     n = config.frames
     hidden = rng.normal(size=(n, 6)) @ rng.normal(size=(6, 256))
@@ -206,8 +206,8 @@ def test_the_plan_counts_runs_to_probe_and_does_the_rest_of_a_finished_run(tmp_p
 @pytest.mark.parametrize(
     ("data", "message"),
     [
-        ({"frames": 0}, "probes.quick: frames: 0 is not allowed; it must be at least 1"),
-        ({"fram": 1}, "probes.quick: no setting is called 'fram'. Did you mean 'frames'"),
+        ({"frames": 0}, "probes.quick.frames: 0 is not allowed; it must be at least 1"),
+        ({"fram": 1}, "no setting is called 'probes.quick.fram'. Did you mean 'probes.quick.frames'"),
         (
             {"representations": {"trained": ["rigde"]}},
             "representations.trained: 'rigde' is unknown. Did you mean 'ridge'",

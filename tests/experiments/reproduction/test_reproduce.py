@@ -1,6 +1,7 @@
 """The reproduction trains what is missing, goes on where it stopped, and names what failed."""
 
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -9,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from experiments.commands.hydra_app import compose
-from experiments.reproduce import ReproduceConfig, dashboard, quoted, reproduce
+from experiments.commands.hydra_app import compose, parse_settings
+from experiments.reproduce import ReproduceConfig, dashboard, reproduce
 from experiments.reproduction.plan import StudyWork
 from experiments.reproduction.plugin import REPORTS, STUDIES
 from experiments.runs.run_folder import folder_path, is_finished
@@ -124,7 +125,7 @@ def test_tables_and_report_name_what_failed_and_say_where_they_are(tmp_path, cap
         "claims.csv",
     ):
         assert (config.folder / name).exists()
-    assert f"experiments.dashboard root='{tmp_path}'" in said
+    assert f"experiments.dashboard root={tmp_path}" in said
 
 
 @pytest.mark.parametrize(
@@ -200,17 +201,10 @@ def test_a_killed_reproduction_goes_on_where_it_stopped(tmp_path):
     assert len(trained(tmp_path)) == len(set(trained(tmp_path))) == 4
 
 
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [
-        (None, "null"),
-        (Path("/a b/it's"), "'/a b/it\\'s'"),
-        (("empty", "a=b"), "['empty','a=b']"),
-        (range(1, 3), "[1,2]"),
-    ],
-)
-def test_values_are_quoted_for_hydra(value, text):
-    assert quoted(value) == text
+def test_the_command_that_opens_the_pages_is_quoted_for_the_shell(tmp_path):
+    root = tmp_path / "a b" / "it's"
+    command = shlex.split(dashboard(settings(root)).partition("    ")[0])
+    assert parse_settings(command[3:]) == {"root": str(root)}
 
 
 @pytest.mark.parametrize(
