@@ -17,6 +17,12 @@ from segar.rendering import RENDER_MODES, Camera, View, episode_verdict
 class Env(gymnasium.Env):
     """A single environment; arguments and ``info`` are those of :class:`VectorEnv`, without the batch axis.
 
+    >>> env = segar.envs.Env(segar.family("empty-hard").sample(10, seed=0), seed=0)
+    >>> observation, info = env.reset(seed=0)
+    >>> observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
+    >>> info["length"]
+    1
+
     ``reset(options={"level": i})`` chooses the level. With ``render_mode="rgb_array"``, :meth:`render` gives a picture for
     people; with "human", a window shows one after every step. ``view`` says how they look.
     """

@@ -64,6 +64,11 @@ def play(source: StepSource, act: Act, start: tuple[Any, dict[str, Any]]) -> Ite
     Rows whose episode is over are stepped on, because a batch moves as one, unless the source drops them. To stop
     early, stop iterating.
 
+    >>> env = segar.envs.VectorEnv(segar.family("empty-hard").sample(4, seed=0), 4, seed=0, max_steps=10)
+    >>> idle = lambda now: np.zeros((len(now.running), 2), np.float32)
+    >>> [now.time for now in segar.envs.play(env, idle, env.reset(options={"levels": np.arange(4)}))][-1]
+    10
+
     Args:
         act: chooses the actions of a step; it is called when the caller asks for that step.
         start: observations and info from which the episodes begin, e.g. ``env.reset(options={"levels": levels})``.

@@ -42,7 +42,7 @@ class TorchRLEnv(EnvBase):
     of the observation is named like another entry. ``observation_key`` is the key of an observation of one array, else None.
 
     >>> env = TorchRLEnv(segar.family("empty-hard").sample(10, seed=0), num_envs=64, seed=0)
-    >>> env.rollout(30)["next", "reward"].shape
+    >>> env.rollout(30, break_when_any_done=False)["next", "reward"].shape
     torch.Size([64, 30, 1])
     """
 

@@ -27,6 +27,11 @@ from segar.tasks import task_of
 class VectorEnv(gymnasium.vector.VectorEnv):
     """``num_envs`` environments on a level set, natively batched.
 
+    >>> env = segar.envs.VectorEnv(segar.family("empty-hard").sample(10, seed=0), num_envs=64, seed=0)
+    >>> observations, info = env.reset()
+    >>> env.step(np.zeros((64, 2), np.float32))[1].shape
+    (64,)
+
     Each episode starts on a level drawn uniformly from the set (the epistemic POMDP). Environment ``e`` behaves in the
     same way for all ``num_envs`` and ``num_threads``.
 

@@ -21,6 +21,11 @@ HASH_DIGITS = 16
 def content_hash(value: Any, with_classes: bool = True) -> str:
     """Sixteen hexadecimal digits that change when anything changes that ``value`` is made of.
 
+    >>> content_hash(segar.UniformNoise(0, 1)) == content_hash(segar.UniformNoise(0.0, 1.0))
+    True
+    >>> content_hash(segar.UniformNoise(0, 1)) == content_hash(segar.UniformNoise(0, 2))
+    False
+
     Args:
         with_classes: whether what a factor or entity class declares counts, or its name alone.
     """

@@ -174,6 +174,9 @@ def family(name: str) -> LevelDistribution:
 
     These are ``"puttputt"`` (the paper's listing), ``"puttputt-random-middle"``, ``"billiards"`` and ``"invisiball"``.
 
+    >>> segar.family("empty-hard").sample(3, seed=0)
+    <3 levels of 'empty-hard', seed 0, split 'train'>
+
     Raises:
         LevelError: there is no such distribution; the message says the nearest name.
     """

@@ -74,6 +74,10 @@ def ks(a: Side, b: Side, *, factors: Sequence[type[Factor]] | None = None) -> fl
     distributions with each other, the joint supremum over a grid of 1/512 in probability. What placement adds
     (``min_distance``, overlaps) is in no distribution. A factor with a ``period`` is cut at plus and minus half of it.
 
+    >>> train, test = segar.family("empty-easy"), segar.family("empty-hard")
+    >>> segar.metrics.ks(train, train), segar.metrics.ks(train, test) > 0.1
+    (0.0, True)
+
     Args:
         factors: count these factors and no others (numbers of entities count always).
 

@@ -44,6 +44,9 @@ def design(
     All but ``nuisance_only`` pick levels from the first ``pool`` ones of the split, so
     ``dist.sample(pool, seed, split)[levels.provenance.indices]`` are the same levels again.
 
+    >>> segar.design(segar.family("empty-hard"), 3, "clustered", seed=0)
+    <3 levels of 'empty-hard', seed 0, split 'train'>
+
     ``iid``: the first n; the same as ``dist.sample(n, seed, split)``.
     ``clustered``: a level picked at random, and the n - 1 levels of the pool nearest to it, nearest first.
     ``covering``: levels far from each other and near all others: the level in the middle of the pool, then again and

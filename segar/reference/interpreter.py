@@ -31,6 +31,11 @@ Changes = dict[Place, tuple[float, ...]]
 class Interpreter:
     """Steps one state of one level by running the rules themselves.
 
+    >>> levels = segar.family("empty-hard").sample(1, seed=0)
+    >>> result = segar.Interpreter(segar.World(), levels.layout).step(levels, action=[1.0, 0.0])
+    >>> result.read("golfball", segar.Velocity)[0] > 0
+    True
+
     Args:
         world: rules.
         layout: slots and columns of the level distribution.

@@ -1,0 +1,27 @@
+"""The examples in docstrings run, and give what they say."""
+
+import doctest
+import importlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import segar
+
+ROOT = Path(segar.__file__).parent.parent
+FILES = sorted(path for room in ("segar", "experiments", "analysis") for path in (ROOT / room).rglob("*.py"))
+MODULES = [".".join(path.relative_to(ROOT).with_suffix("").parts) for path in FILES if ">>> " in path.read_text()]
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_the_examples_of_a_module_give_what_they_say(name):
+    failed, tried = doctest.testmod(importlib.import_module(name), extraglobs={"segar": segar, "np": np})
+    assert tried
+    assert not failed
+
+
+def test_what_users_call_first_has_examples():
+    assert len(MODULES) >= 10
+    for shown in (segar.family, segar.envs.Env, segar.envs.VectorEnv, segar.metrics.w2, segar.metrics.ks):
+        assert ">>> " in (shown.__doc__ or ""), shown
