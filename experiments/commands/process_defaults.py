@@ -14,8 +14,8 @@ MALLOC_OPTIONS = {
     -2: 256 << 20,  # M_TOP_PAD [bytes]
 }
 # New objects between two searches for reference cycles. With Python's own number, 700, the searches take a third of the time
-# in which torch is imported.
-COLLECT_EVERY = 100_000
+# in which torch is imported. What was imported stays, so the searches of a run pass over it.
+COLLECT_EVERY_LOADING, COLLECT_EVERY = 1_000_000, 100_000
 ENVIRONMENT = {
     "MLFLOW_DISABLE_TELEMETRY": "true",
     "DO_NOT_TRACK": "true",  # MLflow does not understand "1" here
@@ -40,6 +40,8 @@ def set_process_defaults(num_threads: int = 1) -> None:
     """Threads for torch, one unless said otherwise, so that runs side by side do not fight; and glibc's allocator tuned."""
     import torch
 
+    gc.freeze()
+    gc.set_threshold(COLLECT_EVERY, *gc.get_threshold()[1:])
     torch.set_num_threads(num_threads)
     if platform.libc_ver()[0] == "glibc":
         libc = ctypes.CDLL("libc.so.6")
@@ -48,4 +50,4 @@ def set_process_defaults(num_threads: int = 1) -> None:
 
 
 set_environment()
-gc.set_threshold(COLLECT_EVERY, *gc.get_threshold()[1:])
+gc.set_threshold(COLLECT_EVERY_LOADING, *gc.get_threshold()[1:])
