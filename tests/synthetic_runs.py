@@ -1,11 +1,14 @@
 """Run folders without training: what a run leaves behind, with figures that a test chooses."""
 
+import shutil
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
 
+from experiments.runs.executed_code import executed_code
 from experiments.runs.run_folder import (
     CONFIG,
     EPISODE_SCHEMA,
@@ -21,7 +24,7 @@ from experiments.runs.run_folder import (
 from experiments.settings import GridPoint, RunConfig, TrackingConfig, as_data, config_at, grid_point
 
 TEST_LEVELS = 20
-MADE_WITH = {
+MADE_WITH: dict[str, Any] = {
     "python": "3.11.7",
     "libraries": {"segar": None, "torch": "2.13.0"},
     "git": {"commit": "89abcdef" * 5, "changed": True},
@@ -35,7 +38,13 @@ def settings(root: Path, **changes: Any) -> RunConfig:
 
 
 def write_run(
-    config: RunConfig, *, gap: float = -1.0, w2: float = 0.5, finished: bool = True, noise: float = 1.0
+    config: RunConfig,
+    *,
+    gap: float = -1.0,
+    w2: float = 0.5,
+    finished: bool = True,
+    noise: float = 1.0,
+    code: Mapping[str, str] | str = MADE_WITH["code"],
 ) -> Path:
     """The folder of a run with this mean gap (exactly) and W2; sampled actions cost 0.5 everywhere."""
     folder = folder_path(config)
@@ -48,7 +57,7 @@ def write_run(
     rows = [{"name": k, "frames": frames, "seconds": 1.0, "value": v} for k, v in metrics.items()]
     write_rows(folder / METRICS, rows, METRIC_SCHEMA)
     write_rows(folder / EPISODES, episodes(config, gap), EPISODE_SCHEMA)
-    write_json(folder / VERSIONS, MADE_WITH)
+    write_json(folder / VERSIONS, {**MADE_WITH, "code": code})
     write_json(folder / SUMMARY, {"frames": frames, "seconds": 1.0, "evaluation_seconds": 0.5, "ks": 0.25, **metrics})
     return folder
 
@@ -95,5 +104,7 @@ def pretend_to_train(config: RunConfig) -> dict[str, float]:
     """Stands for training: leaves the folder of a finished run, and a line in ``trained`` beside it."""
     with open(Path(str(config.root)) / "trained", "a") as stream:
         stream.write(f"{grid_point(config)}\n")
-    write_run(config, gap=-2.0 / config.levels.count, w2=1.0 / config.levels.count)
+    if config.stale == "anew":
+        shutil.rmtree(folder_path(config), ignore_errors=True)
+    write_run(config, gap=-2.0 / config.levels.count, w2=1.0 / config.levels.count, code=executed_code(config))
     return {"evaluation/gap/deterministic": -2.0 / config.levels.count}

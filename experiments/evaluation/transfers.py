@@ -58,12 +58,14 @@ class RunTask:
     """A run, the transfers of its agent, and what its probes measure.
 
     ``imported``: the name by which tables of another machine hold all results; empty where they do not.
+    ``changed``: the parts of the code that are others than when the run, which is finished, was made.
     """
 
     run: RunConfig
     transfers: tuple[Transfer, ...] = field(default=())
     probes: ProbeConfig | None = None
     imported: str = ""
+    changed: tuple[str, ...] = ()
 
     def is_done(self) -> bool:
         """Whether nothing is left to do."""
@@ -71,6 +73,8 @@ class RunTask:
 
     def is_done_here(self) -> bool:
         """Whether run folders have all of it."""
+        if self.changed and self.run.stale == "anew":
+            return False
         tested = all(transfer.is_done(self.run) for transfer in self.transfers)
         return is_finished(folder_path(self.run)) and tested and not self.needs_probing()
 

@@ -4,7 +4,7 @@ import dataclasses
 import json
 import socket
 import statistics
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from itertools import combinations, product
@@ -18,6 +18,7 @@ from experiments.levels.builders import distribution_of
 from experiments.levels.mixed_levels import REST, SEPARATOR, check_fits, places
 from experiments.reproduction.experiment_file import BASE, Experiment, GridConfig, TransferConfig, other_panel
 from experiments.reproduction.imported_results import ImportedResults
+from experiments.runs.executed_code import changed_parts, executed_code
 from experiments.runs.journal import read_journal
 from experiments.runs.run_folder import folder_path, is_finished, read_config, read_summary, run_folders
 from experiments.settings import (
@@ -92,6 +93,8 @@ def make_plan(
         known = union.get(label, RunTask(work.run))
         by_folder = {one.folder_name(): one for one in (*known.transfers, *work.transfers)}
         union[label] = RunTask(work.run, tuple(by_folder.values()), known.probes or work.probes)
+    changed = changed_code(union.values())
+    union = {label: dataclasses.replace(work, changed=changed.get(label, ())) for label, work in union.items()}
     stored = {label: "" if work.is_done_here() else imported.name_of(work) for label, work in union.items()}
     union = {label: dataclasses.replace(work, imported=stored[label]) for label, work in union.items()}
     members = {
@@ -104,6 +107,36 @@ def make_plan(
         if e.study
     ]
     return ReproductionPlan(tuple(experiments), members, tuple(union.values()), tuple(studies))
+
+
+def changed_code(works: Collection[RunTask]) -> dict[str, tuple[str, ...]]:
+    """Of the finished runs that were made by other code than today's, the label and the parts that changed.
+
+    Raises:
+        ConfigError: there are such runs, and ``stale`` does not say what to do with them.
+    """
+    found: dict[str, tuple[str, ...]] = {}
+    codes: dict[str, dict[str, str]] = {}  # by the settings that code depends on
+    for run in (work.run for work in works):
+        folder = folder_path(run)
+        if is_finished(folder):
+            kept = {
+                "levels": dataclasses.replace(run.levels, seed=0, count=1),
+                "task": run.task,
+                "shown": run.observation,
+            }
+            key = repr((kept, run.algorithm.learner))
+            codes[key] = codes.get(key) or executed_code(run)
+            if parts := changed_parts(run, folder, codes[key]):
+                found[run.label()] = tuple(parts)
+    refused = [run.label() for run in (work.run for work in works) if run.stale == "refuse" and run.label() in found]
+    if refused:
+        names = ", ".join(sorted({part for label in refused for part in found[label]}))
+        raise ConfigError(
+            f"{len(refused)} finished runs were made by other code than this; changed since: {names}. The first of them is"
+            f" {refused[0]}. stale=anew trains them anew, stale=keep takes their results as they are"
+        )
+    return found
 
 
 def works_of(experiment: Experiment, base: RunConfig, probes: ProbeConfig) -> Iterable[RunTask]:

@@ -18,6 +18,7 @@ from pathlib import Path
 
 import segar
 from experiments.levels.builders import distribution_of, environment_options
+from experiments.runs.run_folder import VERSIONS, read_versions
 from experiments.runs.versions import levels_hash
 from experiments.settings import RunConfig
 from segar.engine import generate
@@ -61,6 +62,17 @@ def combined(parts: Mapping[str, str] | str) -> str:
     if isinstance(parts, str):
         return parts
     return _digest(f"{name}={value}".encode() for name, value in sorted(parts.items()))
+
+
+def changed_parts(config: RunConfig, folder: Path, code: Mapping[str, str] | None = None) -> list[str]:
+    """Names of the parts whose code is another than when the run in ``folder`` began; none where no run began there.
+
+    Args:
+        code: the executed code of today, where it is known.
+    """
+    if not (folder / VERSIONS).exists():
+        return []
+    return differing_parts(read_versions(folder).get("code", ""), executed_code(config) if code is None else code)
 
 
 def differing_parts(before: Mapping[str, str] | str, now: Mapping[str, str]) -> list[str]:

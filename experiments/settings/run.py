@@ -50,7 +50,7 @@ Design = Annotated[str, require_design]
 ActionMode = Annotated[str, one_of(*ACTION_MODES)]
 Distance = Annotated[str, one_of("exact", "reference", "paper")]  # the modes of segar.metrics.w2
 Tracker = Annotated[str, one_of(*TRACKERS)]
-Stale = Annotated[str, one_of("keep", "anew")]
+Stale = Annotated[str, one_of("refuse", "keep", "anew")]
 ADDRESS = "an address such as sqlite:////path/mlflow.db or http://host:5000"
 Address = Annotated[str | None, that(lambda uri: uri is None or "://" in uri, ADDRESS)]
 
@@ -152,7 +152,7 @@ class RunConfig(Settings):
     folder: str | None = None  # the run folder; None: named by its settings, under root
     resume: bool = True  # go on with an unfinished run that the run folder holds; false: refuse to
     restart: bool = False  # throw away what the run folder holds
-    stale: Stale = "keep"  # a run by other code than today's: keep it if it is finished, or train it "anew"
+    stale: Stale = "refuse"  # a finished run by other code than today's: "keep" its results, or train it "anew"
     num_threads: Count = 1  # of the engine and of torch; the last bits of weights depend on it, by the order of sums
     checkpoint_interval: NotNegative = 60.0  # [s] between checkpoints
     progress: bool = True

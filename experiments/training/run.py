@@ -12,7 +12,7 @@ from experiments.commands import process_defaults as runtime
 from experiments.commands.signals import SignalMonitor, watch_signals
 from experiments.evaluation.episodes import distance_figures, diversity_figures, evaluate_run, evaluation_figures
 from experiments.levels.builders import environment_options, make_levels
-from experiments.runs.executed_code import differing_parts, executed_code
+from experiments.runs.executed_code import changed_parts, executed_code
 from experiments.runs.journal import Journal
 from experiments.runs.run_folder import (
     EPISODE_SCHEMA,
@@ -24,7 +24,6 @@ from experiments.runs.run_folder import (
     empty,
     is_finished,
     read_summary,
-    read_versions,
     use_run_folder,
     write_json,
     write_rows,
@@ -34,6 +33,7 @@ from experiments.settings import ConfigError, RunConfig, RunFolderError, Trainin
 from experiments.tracking.mlflow_sync import files_of
 from experiments.tracking.tracker import Tracker, start_tracking
 from experiments.training.training_loop import Training
+from segar.envs import VectorEnv
 from segar.envs.torchrl_env import TorchRLEnv
 from segar.errors import RuleError
 from segar.levels import Levels
@@ -70,13 +70,18 @@ def run(config: RunConfig, say: Callable[[str], None] = print) -> RunResult:
     kind = learner_class(config.algorithm)  # before a run folder is made: it may not fit
     with use_run_folder(config) as folder, watch_signals() as signals:
         code = executed_code(config) if (folder / VERSIONS).exists() else None
-        changed = [] if code is None else differing_parts(read_versions(folder).get("code", ""), code)
+        changed = changed_parts(config, folder, code)
         differs = f"by other code than this: {', '.join(changed)} changed since"
-        if config.stale == "anew" and changed:
+        if changed and config.stale == "anew":
             say(f"{config.label()}: is trained anew, because it was made {differs}")
             empty(folder, config)
         if is_finished(folder):
-            other = f" ({differs}; stale=anew trains anew)" if changed else ""
+            if changed and config.stale == "refuse":
+                raise RunFolderError(
+                    f"{config.label()}: finished before {differs}. stale=anew trains it anew, stale=keep takes its results as"
+                    f" they are; {folder}"
+                )
+            other = f" ({differs})" if changed else ""
             say(f"{config.label()}: finished before, nothing to do{other}; {folder}")
             return RunResult(folder, read_summary(folder), trained=False)
         journal = Journal(folder)
@@ -109,6 +114,7 @@ def _carry_out(
 ) -> dict[str, Any]:
     train, test = make_levels(config.levels)
     env = _make_environment(kind, config, train)
+    check_observations(config, train, test)
     learner = make_learner(kind, config.algorithm, env, config.scale.frames, config.seed)
     code = executed_code(config) if code is None else code
     training = Training(config, folder, learner, journal, signals, code)
@@ -153,6 +159,23 @@ def _make_environment(kind: type[Learner], config: RunConfig, train: Levels) -> 
         raise ConfigError(
             f"task: the levels of {config.levels.train} are for task={train.task}, and {config.task.name} does not fit: {error}"
         ) from error
+
+
+def check_observations(config: RunConfig, train: Levels, test: Levels) -> None:
+    """Raises :class:`ConfigError` if the agent would not observe the same numbers in the test levels as in training."""
+    seen, shown = (VectorEnv(levels, 1, seed=0, **environment_options(config)) for levels in (train, test))
+    space, other = seen.single_observation_space, shown.single_observation_space
+    names, others = (list(getattr(env.observation, "names", ())) for env in (seen, shown))
+    if space.shape == other.shape and type(space) is type(other) and names == others:
+        return
+    only = [*(f"{name} in training" for name in names if name not in others),
+            *(f"{name} in the test" for name in others if name not in names)]  # fmt: skip
+    differs = f"shape {space.shape} in training, {other.shape} in the test" + (f"; only {only[0]}" if only else "")
+    raise ConfigError(
+        f"levels.test: observation={config.observation.name} does not show the same in levels of"
+        f" {config.levels.test_distribution} as in those of {config.levels.train} ({differs}). Test on levels with the same"
+        " entities, choose the entities that a state shows, or observe pixels, which fit all levels"
+    )
 
 
 def _closing_lines(config: RunConfig, folder: Path, summary: Mapping[str, Any]) -> str:

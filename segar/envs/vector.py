@@ -93,7 +93,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         if len(levels) == 0:
             raise LevelError("the level set is empty")
         task = task or task_of(levels)
-        self.task = replace(task, max_steps=max_steps or task.max_steps, sub_steps=sub_steps or task.sub_steps)
+        limits = {"max_steps": max_steps, "sub_steps": sub_steps}
+        self.task = replace(task, **{name: value for name, value in limits.items() if value is not None})
         self.levels, self.num_envs, self.copy = levels, num_envs, copy
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         if self.autoreset_mode is AutoresetMode.NEXT_STEP:

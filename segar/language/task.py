@@ -45,7 +45,8 @@ class Task:
         def nearness(ball: Ball, hole: Best[Hole]) -> float: ...  # of the nearest hole, summed over balls
         def all_down(cue: CueBall, ball: Every[Ball]) -> bool: ...
 
-    Each function may be a tuple of functions: their rewards add up, and a truth holds if any of them does.
+    Each function may be a tuple of functions: their rewards add up, and a truth holds if any of them does. Without functions
+    a reward is 0, and a truth never holds.
 
     A task has no memory beside the factors: ``act`` writes to a factor what a reward needs to know of the past.
 
@@ -67,10 +68,10 @@ class Task:
 
     name: str
     act: Function | tuple[Function, ...]
-    reward: Function | tuple[Function, ...]
-    terminated: Function | tuple[Function, ...]
-    success: Function | tuple[Function, ...]
-    death: Function | tuple[Function, ...]
+    reward: Function | tuple[Function, ...] = ()
+    terminated: Function | tuple[Function, ...] = ()
+    success: Function | tuple[Function, ...] = ()
+    death: Function | tuple[Function, ...] = ()
     action_low: tuple[float, ...] = (-1.0, -1.0)
     action_high: tuple[float, ...] = (1.0, 1.0)
     max_steps: int = 100
@@ -82,8 +83,9 @@ class Task:
         if len(self.action_low) != len(self.action_high) or not self.action_low:
             raise SegarError(f"task {self.name}: action_low and action_high must have the same length, at least 1")
         for name in ("max_steps", "sub_steps"):
-            if int(getattr(self, name)) < 1:
-                raise SegarError(f"task {self.name}: {name} must be at least 1, not {getattr(self, name)}")
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
+                raise SegarError(f"task {self.name}: {name} must be a whole number of at least 1, not {value!r}")
 
     def functions(self) -> TaskFunctions:
         """The traced functions; raises :class:`RuleError`."""

@@ -14,7 +14,7 @@ from experiments.commands.hydra_app import compose, parse_settings
 from experiments.reproduce import ReproduceConfig, dashboard, reproduce
 from experiments.reproduction.plan import StudyWork
 from experiments.reproduction.plugin import REPORTS, STUDIES
-from experiments.runs.run_folder import folder_path, is_finished
+from experiments.runs.run_folder import VERSIONS, folder_path, is_finished, read_versions, write_json
 from experiments.settings import ConfigError, ScaleConfig, TrackingConfig, TrainingError, grid_point, paper_grid
 from tests.places import ROOT
 from tests.synthetic_runs import pretend_to_train, settings
@@ -59,6 +59,23 @@ def test_every_run_is_trained_once_after_a_plan(tmp_path, capfd):
     assert "[1/4]" in said and " left\n" in said
     assert "[4/4]" in said and "all done" in said
     assert said.index("smoke: 4 runs") < said.index("[1/4]")
+
+
+def test_finished_runs_of_other_code_are_refused_kept_or_trained_anew(tmp_path):
+    reproduce(asked(tmp_path), pretend, finish_nothing)
+    folders = [path.parent for path in tmp_path.glob(f"*hard*/{VERSIONS}")]
+    for folder in folders:
+        versions = read_versions(folder)
+        write_json(folder / VERSIONS, {**versions, "code": {**versions["code"], "kernel": "another"}})
+    with pytest.raises(ConfigError, match="2 finished runs were made by other code than this; changed since: kernel"):
+        reproduce(asked(tmp_path), pretend, finish_nothing)
+    reproduce(asked(tmp_path, stale="keep"), pretend, finish_nothing)
+    assert len(trained(tmp_path)) == 4
+    reproduce(asked(tmp_path, stale="anew"), pretend, finish_nothing)
+    assert trained(tmp_path).count("empty-hard n=1 seed=1") == 2
+    assert len(trained(tmp_path)) == 6
+    reproduce(asked(tmp_path), pretend, finish_nothing)
+    assert len(trained(tmp_path)) == 6
 
 
 def test_finished_runs_are_not_trained_again(tmp_path, capfd):

@@ -156,15 +156,17 @@ def test_resume_can_be_forbidden(config, monkeypatch):
     assert not run(careful).trained  # finished: there is nothing to go on with
 
 
-def test_a_finished_run_of_other_code_is_kept_unless_it_is_to_be_made_anew(config, monkeypatch):
+def test_a_finished_run_of_other_code_is_refused_unless_the_user_says_what_to_do(config, monkeypatch):
     run(config)
     monkeypatch.setattr(run_module, "executed_code", lambda config: {**executed_code(config), "learner": "another"})
+    differs = "finished before by other code than this: learner changed since"
+    with pytest.raises(
+        RunFolderError, match=f"{differs}. stale=anew trains it anew, stale=keep takes its results as they"
+    ):
+        run(config)
     said = []
-    assert not run(config, said.append).trained
-    assert (
-        "finished before, nothing to do (by other code than this: learner changed since; stale=anew trains anew)"
-        in said[-1]
-    )
+    assert not run(dataclasses.replace(config, stale="keep"), said.append).trained
+    assert "finished before, nothing to do (by other code than this: learner changed since)" in said[-1]
     assert run(dataclasses.replace(config, stale="anew"), said.append).trained
     assert "is trained anew, because it was made by other code than this: learner changed since" in said[-2]
     assert not run(dataclasses.replace(config, stale="anew"), said.append).trained

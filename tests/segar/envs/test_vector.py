@@ -10,6 +10,7 @@ from gymnasium.vector import AutoresetMode
 
 import segar
 from segar.envs import VectorEnv
+from segar.errors import SegarError
 from segar.tasks import puttputt
 
 LEVELS = segar.family("objectsx1-hard").sample(20, seed=0)
@@ -249,3 +250,22 @@ def test_unit_actions_change_no_bit_where_the_range_is_theirs() -> None:
     for k in range(20):
         actions = np.random.default_rng(k).uniform(-1, 1, (8, 2)).astype(np.float32)
         np.testing.assert_array_equal(plain.step(actions)[0], unit.step(actions)[0])
+
+
+def test_a_task_needs_no_function_but_its_action() -> None:
+    def push(ball: segar.GolfBall, action: segar.Action) -> segar.SetFactor[segar.Velocity]:
+        return segar.SetFactor[segar.Velocity](ball[segar.Velocity], (action[0], action[1]))
+
+    env = VectorEnv(LEVELS, 3, task=segar.Task("drift", push, max_steps=7), seed=0)
+    env.reset()
+    for k in range(1, 8):
+        _, reward, terminated, truncated, info = env.step(np.full((3, 2), 0.5, np.float32))
+        assert not reward.any() and not terminated.any() and not info["success"].any() and not info["death"].any()
+        assert truncated.all() == (k == 7)
+
+
+@pytest.mark.parametrize("name", ["max_steps", "sub_steps"])
+@pytest.mark.parametrize("value", [0, -1, 1.5, True, "3"])
+def test_limits_of_episodes_are_whole_numbers_of_at_least_1(name: str, value: object) -> None:
+    with pytest.raises(SegarError, match=f"{name} must be a whole number of at least 1, not {value!r}"):
+        VectorEnv(LEVELS, 1, **{name: value})  # type: ignore[arg-type]
