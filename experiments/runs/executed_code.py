@@ -9,18 +9,20 @@ the tracking and the report are no part of it: a run does not execute them.
 import ast
 import hashlib
 import importlib.util
+import re
 import sys
 import sysconfig
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from importlib.machinery import PathFinder
 from pathlib import Path
+from typing import Any
 
 import segar
 from experiments.levels.builders import distribution_of, environment_options
 from experiments.runs.run_folder import VERSIONS, read_versions
 from experiments.runs.versions import levels_hash
-from experiments.settings import RunConfig
+from experiments.settings import RunConfig, as_data
 from segar.engine import generate
 from segar.envs import world_of
 
@@ -29,6 +31,7 @@ LEARNING = ("experiments.algorithms", "experiments.collection", "experiments.net
 # Rooms of the library that are executed beside the kernel. The rules, the task and the engine are in the kernel's text.
 ENVIRONMENT = ("envs", "observations", "support")
 SAMPLER = ("levels", "noise", "language")
+OBJECT_NAME = re.compile(r"([A-Za-z_][\w.]*):[A-Za-z_][\w.]*")
 PROBED = 8  # levels of each distribution that are looked at
 
 
@@ -51,10 +54,16 @@ def executed_code(config: RunConfig) -> dict[str, str]:
     parts["environment"], parts["sampler"] = _library(ENVIRONMENT), _library(SAMPLER)
     if "textures" in config.observation.name:
         parts["textures"] = _library(("textures",))
-    settings = (config.levels.train, config.levels.test_distribution, config.levels.variation, config.levels.test_variation,
-                config.task.name, config.observation.name)  # fmt: skip
-    modules = {name.partition(":")[0] for name in settings if name and ":" in name}
-    return {**parts, **{module: fingerprint(module) for module in sorted(modules)}}
+    return {**parts, **{module: fingerprint(module) for module in sorted(set(_modules_named(as_data(config))))}}
+
+
+def _modules_named(settings: Any) -> Iterator[str]:
+    """The modules that settings name as ``module:attribute``."""
+    if isinstance(settings, Mapping | list | tuple):
+        for part in settings.values() if isinstance(settings, Mapping) else settings:
+            yield from _modules_named(part)
+    elif isinstance(settings, str) and (found := OBJECT_NAME.fullmatch(settings)) and _source(found[1]) is not None:
+        yield found[1]
 
 
 def combined(parts: Mapping[str, str] | str) -> str:

@@ -31,7 +31,7 @@ TRANSFER_GAP = -5.0
 
 def planned(root):
     """A reproduction of two experiments, of which the runs are written and not trained."""
-    config = ReproduceConfig(settings(root, seed=1, scale=SCALE), grids={"main": MAIN, "harder": HARDER})
+    config = ReproduceConfig(settings(root, seed=1, scale=SCALE, stale="keep"), grids={"main": MAIN, "harder": HARDER})
     plan = make_plan([experiment_at(k, v, "smoke") for k, v in config.grids.items()], config.run, config.folder)
     write_plan(config, plan)
     return config, plan

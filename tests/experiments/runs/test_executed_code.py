@@ -10,7 +10,7 @@ import pytest
 import segar
 from experiments.runs import executed_code as module
 from experiments.runs.executed_code import combined, differing_parts, executed_code, fingerprint, modules_reached
-from experiments.settings import LevelsConfig, ObservationConfig, RunConfig, SACConfig
+from experiments.settings import LevelsConfig, ObservationConfig, PPOConfig, RunConfig, SACConfig
 
 CONFIG = RunConfig(levels=LevelsConfig(train="empty-easy", count=2, test_count=2))
 
@@ -110,6 +110,15 @@ def test_data_that_a_distribution_reads_count(package):
     (package / "width.json").write_text("0.25")
     del sys.modules["my_lab.levels"]
     assert differing_parts(before, executed_code(config)) == ["levels"]
+
+
+def test_every_module_that_a_setting_names_counts(package):
+    (package / "nets.py").write_text("def tiny(height, width, depth):\n    return None\n")
+    named = dataclasses.replace(CONFIG, algorithm=PPOConfig(encoder="my_lab.nets:tiny"))
+    before = executed_code(named)
+    assert set(before) - set(executed_code(CONFIG)) == {"my_lab.nets"}
+    edited(package / "nets.py", "None", "1")
+    assert differing_parts(before, executed_code(named)) == ["my_lab.nets"]
 
 
 def test_the_text_of_an_error_is_no_code_that_a_run_executes(package):

@@ -1,0 +1,3 @@
+"""What several modules share."""
+
+STRENGTH = 0.5

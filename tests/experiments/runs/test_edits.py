@@ -1,0 +1,95 @@
+"""A user trains with a package of her own, edits it, and gives the same command again: every edit that matters is noticed."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+STUDY = Path(__file__).parents[2] / "data" / "wind_study"
+SETTINGS = (
+    "algorithm=mine", "levels.train=windlab.levels:windy", "task.name=windlab.tasks:slow_task",
+    "observation.name=windlab.seen:looks", "scale.frames=128", "levels.count=2", "levels.test_count=3",
+    "evaluation.episodes=3", "tracking=none", "progress=false", "root=runs",
+)  # fmt: skip
+# What is edited, in which file, from what, to what, and the parts that a refusal names.
+RELATED = {
+    "rule": ("windlab/physics.py", "gust, 0.0", "gust, 0.1", "kernel, windlab.levels"),
+    "constant of a rule": ("windlab/physics.py", "GAIN = 2.0", "GAIN = 3.0", "kernel, windlab.levels"),
+    "law": ("windlab/levels.py", "UniformNoise(0.8, MASS)", "GaussianNoise(0.9, 0.01)", "levels, windlab.levels"),
+    "prior of a parameter": ("windlab/levels.py", "(0.0, 0.4)", "(0.0, 0.5)", "levels, windlab.levels"),
+    "task function": ("windlab/tasks.py", "-0.5 *", "-0.6 *", "kernel, windlab.tasks"),
+    "observation": ("windlab/seen.py", '["golfball", "goal"]', '["golfball"]', "windlab.seen"),
+    "learner": ("windlab/learn.py", "factor = 1.0", "factor = 2.0", "learner"),
+    "imported helper": ("windlab/helper.py", "0.5", "0.6", "kernel, windlab.levels"),
+    "data": ("windlab/mass.json", "1.2", "1.3", "levels"),
+}
+UNRELATED = {
+    "comment": ("windlab/physics.py", "GAIN = 2.0", "# strong\nGAIN = 2.0  # enough"),
+    "docstring of a rule": ("windlab/physics.py", "Blows to the right.", "Blows to the east."),
+    "docstring of a module": ("windlab/helper.py", "What several modules share.", "Numbers."),
+    "docstring of a function in a function": ("windlab/tasks.py", "Less for a ball", "Little for a ball"),
+    "docstring of a learner": ("windlab/learn.py", "The learner.", "It learns."),
+    "order of imports": (
+        "windlab/levels.py", "import json\nfrom pathlib import Path\n\nimport segar\nfrom windlab.physics import Gust, wind",
+        "import segar\nfrom windlab.physics import wind, Gust\nfrom pathlib import Path\nimport json",
+    ),
+    "line breaks": ("windlab/seen.py", '["golfball", "goal"]', '[\n        "golfball",\n        "goal",\n    ]'),
+    "quotation marks": ("windlab/seen.py", '["golfball", "goal"]', "['golfball', 'goal']"),
+    "blank lines": ("windlab/tasks.py", "def slow_task", "\n\n\ndef slow_task"),
+    "comment in YAML": ("conf/algorithm/mine.yaml", "num_steps: 16", "num_steps: 16  # few"),
+}  # fmt: skip
+
+
+def train(folder: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "experiments.train", "--config-dir", "conf", *SETTINGS]
+    environment = {**os.environ, "PYTHONPATH": str(folder)}
+    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
+
+
+def edit(folder: Path, file: str, old: str, new: str) -> None:
+    text = (folder / file).read_text()
+    assert old in text
+    (folder / file).write_text(text.replace(old, new))
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("study") / "wind"
+    shutil.copytree(STUDY, folder)
+    done = train(folder)
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+@pytest.fixture
+def study(trained, tmp_path):
+    """The user's folder with a finished run."""
+    return shutil.copytree(trained, tmp_path / "wind")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("file", "old", "new", "parts"), RELATED.values(), ids=RELATED)
+def test_a_finished_run_of_edited_code_is_refused_with_what_changed(study, file, old, new, parts):
+    edit(study, file, old, new)
+    done = train(study)
+    assert done.returncode == 1
+    assert f"finished before by other code than this: {parts} changed since" in done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("file", "old", "new"), UNRELATED.values(), ids=UNRELATED)
+def test_an_edit_that_changes_nothing_is_not_noticed(study, file, old, new):
+    edit(study, file, old, new)
+    done = train(study)
+    assert done.returncode == 0, done.stderr
+    assert "finished before, nothing to do; " in done.stdout
+
+
+@pytest.mark.slow
+def test_another_setting_is_another_run(study):
+    edit(study, "conf/algorithm/mine.yaml", "num_steps: 16", "num_steps: 32")
+    assert train(study).returncode == 0
+    assert len(list((study / "runs").glob("*/summary.json"))) == 2
