@@ -120,12 +120,8 @@ def changed_code(works: Collection[RunTask]) -> dict[str, tuple[str, ...]]:
     for run in (work.run for work in works):
         folder = folder_path(run)
         if is_finished(folder):
-            kept = {
-                "levels": dataclasses.replace(run.levels, seed=0, count=1),
-                "task": run.task,
-                "shown": run.observation,
-            }
-            key = repr((kept, run.algorithm.learner))
+            levels = dataclasses.replace(run.levels, seed=0, count=1)
+            key = repr((levels, run.task, run.observation, run.algorithm))
             codes[key] = codes.get(key) or executed_code(run)
             if parts := changed_parts(run, folder, codes[key]):
                 found[run.label()] = tuple(parts)
