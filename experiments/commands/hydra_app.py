@@ -20,9 +20,9 @@ from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
 from experiments.commands.config_store import conf_dir, register_settings
-from experiments.commands.overrides import explain_overrides, single_runs, with_search_path
+from experiments.commands.overrides import explain_overrides, single_runs, with_own_names, with_search_path
 from experiments.commands.signals import Stopped
-from experiments.settings import ConfigError, RunConfig, construct, run_config
+from experiments.settings import ConfigError, RunConfig, construct, import_object, run_config
 from segar.errors import SegarError
 
 
@@ -42,6 +42,7 @@ def run_command(
         settings: defaults beyond those of a :class:`RunConfig`, known to Hydra as ``base_<config_name>``.
     """
     register_settings(config_name, settings)
+    sys.argv[1:] = with_own_names(sys.argv[1:])
 
     def call(config: DictConfig) -> Any:
         try:
@@ -56,7 +57,7 @@ def run_command(
             sys.exit(message)
 
     try:
-        check_command_line(config_name)
+        check_command_line(config_name, build_run if build is None else None)
         hydra.main(version_base="1.3", config_path=str(conf_dir()), config_name=config_name)(call)()
     except SegarError as error:
         if wants_full_error():
@@ -67,15 +68,35 @@ def run_command(
         sys.exit(128 + (stop.signal if isinstance(stop, Stopped) else signal.SIGINT))
 
 
-def check_command_line(config_name: str) -> None:
-    """Raises :class:`ConfigError` for a name on the command line that no setting or choice has, before Hydra does."""
+def check_command_line(config_name: str, build: Callable[[DictConfig], RunConfig] | None) -> None:
+    """Raises :class:`ConfigError` for a name on the command line that no setting, choice or module has, before a run begins.
+
+    Args:
+        build: makes the settings of a run, whose own levels, task and observation are looked up; None for other settings.
+    """
     arguments = get_args_parser().parse_args()
     if arguments.help or arguments.hydra_help or arguments.shell_completion or arguments.experimental_rerun:
         return
     folders = [f"file://{Path(arguments.config_dir).resolve()}"] if arguments.config_dir else []
     with initialized():
         for overrides in single_runs(with_search_path(arguments.overrides, folders)):
-            compose_data(overrides, arguments.config_name or config_name)
+            data = compose_data(overrides, arguments.config_name or config_name)
+            if build is not None:
+                check_own_objects(build(data))
+
+
+def check_own_objects(config: RunConfig) -> None:
+    """Raises :class:`ConfigError` if a module or attribute that names levels, the task or the observation does not exist."""
+    levels, task, observation = config.levels, config.task.name, config.observation.name
+    named = {
+        "levels.train": levels.train,
+        "levels.test": levels.test,
+        "task.name": task,
+        "observation.name": observation,
+    }
+    for place, name in named.items():
+        if name is not None and ":" in name:
+            import_object(name, place)
 
 
 def run_simple_command(task: Callable[[Any], Any], settings: type, about: str | None) -> None:
@@ -126,7 +147,7 @@ def compose(overrides: Sequence[str] = (), config_name: str = "config") -> RunCo
     register_settings()
     with initialized():
         folders = list(HydraConfig.get().searchpath) if HydraConfig.initialized() else []
-        return build_run(compose_data(with_search_path(overrides, folders), config_name))
+        return build_run(compose_data(with_search_path(with_own_names(overrides), folders), config_name))
 
 
 def initialized() -> AbstractContextManager[Any]:

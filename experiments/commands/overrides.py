@@ -1,5 +1,6 @@
 """The overrides of a command line: which runs a sweep consists of, and which override is wrong and why."""
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -14,6 +15,21 @@ from experiments.settings import RENAMED, TARGET, TYPE_IS_GONE, path_of
 from segar.errors import did_you_mean
 
 SEARCH_PATH = "hydra.searchpath"
+# The setting that takes the name of an own object where a group of choices is given one, and the form of such names.
+OWN_NAMES = {"levels": "levels.train", "task": "task.name", "observation": "observation.name"}
+OWN_OBJECT = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_][\w.]*")
+
+
+def with_own_names(overrides: Sequence[str]) -> list[str]:
+    """The overrides with ``levels.train=my_lab.levels:windy`` for ``levels=my_lab.levels:windy``, and so for tasks and
+    observations, in sweeps too."""
+    return [_with_own_name(text) for text in overrides]
+
+
+def _with_own_name(text: str) -> str:
+    group, _, values = text.partition("=")
+    is_own = group in OWN_NAMES and all(OWN_OBJECT.fullmatch(value) for value in values.split(","))
+    return f"{OWN_NAMES[group]}={values}" if is_own else text
 
 
 def with_search_path(overrides: Sequence[str], places: Sequence[str]) -> list[str]:
@@ -26,7 +42,8 @@ def with_search_path(overrides: Sequence[str], places: Sequence[str]) -> list[st
 
 
 def single_runs(overrides: Sequence[str]) -> list[list[str]]:
-    """Lists of overrides without sweeps that together name every swept choice of a group; of other sweeps, one value."""
+    """Lists of overrides without sweeps that together name every swept choice of a group and every swept own object; of other
+    sweeps, one value."""
     alternatives = [alternatives_of(one) for one in parse(overrides)] or [[text] for text in overrides]
     found = [one for one in alternatives if one]
     return [[one[min(i, len(one) - 1)] for one in found] for i in range(max(map(len, found), default=1))]
@@ -39,7 +56,7 @@ def alternatives_of(override: Override) -> list[str]:
     if not override.is_discrete_sweep() or isinstance(override.value(), Glob):
         return []
     values = [f"{override.get_key_element()}={value}" for value in override.sweep_string_iterator()]
-    return values if is_choice(override) else values[:1]
+    return values if is_choice(override) or override.key_or_group in OWN_NAMES.values() else values[:1]
 
 
 def explain_overrides(error: CompactHydraException, overrides: Sequence[str], config_name: str) -> str:

@@ -24,7 +24,8 @@ def named_object(name: str) -> Any:
         raise SegarError(f"'{name}' cannot be imported: {error}") from error
     for part in attribute.split("."):
         if not hasattr(found, part):
-            raise SegarError(f"'{module}' has no '{part}'.{did_you_mean(part, vars(found))}")
+            public = [name for name in vars(found) if not name.startswith("_")]
+            raise SegarError(f"'{module}' has no '{part}'.{did_you_mean(part, public)}")
         found = getattr(found, part)
     return found
 

@@ -227,3 +227,37 @@ def test_an_error_does_not_change_what_hydra_prints_elsewhere(monkeypatch):
         compose(["levels.cuont=3"])
     assert "HYDRA_FULL_ERROR" not in os.environ
     assert compose([]) == run_config(as_data(compose([]))) != RunConfig()
+
+
+def test_own_objects_are_named_where_groups_are_chosen():
+    own = compose(["levels=my_lab.levels:windy", "task=my_lab.tasks:slow", "observation=my_lab.seen:looks"])
+    assert (own.levels.train, own.task.name, own.observation.name) == (
+        "my_lab.levels:windy", "my_lab.tasks:slow", "my_lab.seen:looks",
+    )  # fmt: skip
+    assert own == compose(
+        ["levels.train=my_lab.levels:windy", "task.name=my_lab.tasks:slow", "observation.name=my_lab.seen:looks"]
+    )
+
+
+@pytest.mark.parametrize(
+    ("override", "says"),
+    [
+        ("levels=my_lab.nowhere:windy", "levels.train: 'my_lab.nowhere:windy' cannot be imported"),
+        ("levels.test=os:nothing", "levels.test: 'os' has no 'nothing'"),
+        ("observation=os:patj", "observation.name: 'os' has no 'patj'. Did you mean 'path'?"),
+        ("task=os.path:nothing", "task.name: 'os.path' has no 'nothing'"),
+    ],
+)
+def test_an_own_object_that_does_not_exist_ends_the_command_before_a_run_begins(tmp_path, override, says):
+    command = [sys.executable, "-m", "experiments.train", override, f"root={tmp_path / 'runs'}"]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path)
+    assert done.returncode == 1
+    assert f"error: {says}" in done.stderr
+    assert not (tmp_path / "runs").exists()
+
+
+def test_every_own_object_of_a_sweep_is_looked_at():
+    with initialized():
+        runs = single_runs(["levels.train=my_lab.levels:a,my_lab.levels:b", "seed=1,2"])
+    names = ["levels.train=my_lab.levels:a", "levels.train=my_lab.levels:b"]
+    assert [run[0].replace("\\", "") for run in runs] == names  # Hydra writes a backslash before the colon
