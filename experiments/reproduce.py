@@ -43,7 +43,7 @@ from experiments.reproduction.imported_results import read_imported_results
 from experiments.reproduction.plan import (
     STUDY_SECONDS,
     ReproductionPlan,
-    StudyWork,
+    StudyTask,
     as_data_of,
     as_text,
     in_minutes,
@@ -70,7 +70,7 @@ from experiments.train import train
 
 PLAN = "plan.json"
 ENOUGH_LEFT = 0.85  # share of the work that is left, below which the time spent so far predicts the rest
-Work = RunTask | StudyWork
+Work = RunTask | StudyTask
 
 
 @dataclass(frozen=True)
@@ -195,7 +195,7 @@ def carry_out(work: Work) -> dict[str, float]:
     """
     from experiments.evaluation.transfer_evaluation import evaluate_transfer
 
-    if isinstance(work, StudyWork):
+    if isinstance(work, StudyTask):
         run_study(work)
         return {}
     figures = train(work.run)
@@ -207,12 +207,12 @@ def carry_out(work: Work) -> dict[str, float]:
     return figures
 
 
-def run_study(study: StudyWork) -> None:
+def run_study(study: StudyTask) -> None:
     """Runs a study in a process of its own; raises :class:`TrainingError` if it fails."""
     study.out.mkdir(parents=True, exist_ok=True)
     if not run_plugin(STUDIES, study.study, study.out, dict(study.options)):
         raise TrainingError(f"the study {study.study} failed")
-    write_json(study.mark, study.asked())
+    write_json(study.done_file, study.request())
 
 
 def do_all(

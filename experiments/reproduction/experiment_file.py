@@ -198,9 +198,9 @@ def other_panel(family: str, difficulty: str, transfer: TransferConfig) -> str |
     return f"{transfer.family or family}-{wanted}"
 
 
-def chosen_names(asked: Sequence[str], known: Sequence[str]) -> list[str]:
-    """The experiments that were asked for, all if none were; raises :class:`ConfigError` for an unknown one."""
-    for name in asked:
+def chosen_names(requested: Sequence[str], known: Sequence[str]) -> list[str]:
+    """The experiments that were requested for, all if none were; raises :class:`ConfigError` for an unknown one."""
+    for name in requested:
         if name not in known:
             raise ConfigError(f"experiments: there is no experiment '{name}'.{did_you_mean(name, known)}")
-    return [name for name in known if not asked or name in asked]
+    return [name for name in known if not requested or name in requested]

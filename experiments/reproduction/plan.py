@@ -46,7 +46,7 @@ STUDY_SECONDS = 30.0
 
 
 @dataclass(frozen=True)
-class StudyWork:
+class StudyTask:
     """A study without training: the plug-in that runs it, its options, and where its files go."""
 
     name: str
@@ -55,12 +55,12 @@ class StudyWork:
     out: Path
 
     @property
-    def mark(self) -> Path:
-        """Written when the study went through; says what it was asked."""
+    def done_file(self) -> Path:
+        """Written when the study has succeeded; it holds the request."""
         return self.out / "study.json"
 
-    def asked(self) -> dict[str, Any]:
-        """What the mark says."""
+    def request(self) -> dict[str, Any]:
+        """The plug-in that was asked for, with its options."""
         return {"study": self.study, "options": dict(self.options)}
 
 
@@ -71,7 +71,7 @@ class ReproductionPlan:
     experiments: tuple[Experiment, ...]
     members: Mapping[str, tuple[RunTask, ...]]  # of each experiment, with its transfers
     runs: tuple[RunTask, ...]  # all, each with the transfers of all experiments
-    studies: tuple[StudyWork, ...]
+    studies: tuple[StudyTask, ...]
 
 
 def make_plan(
@@ -102,7 +102,7 @@ def make_plan(
         for name, works in members.items()
     }
     studies = [
-        StudyWork(e.name, e.study, tuple(e.options.items()), results / "studies" / e.name)
+        StudyTask(e.name, e.study, tuple(e.options.items()), results / "studies" / e.name)
         for e in experiments
         if e.study
     ]
@@ -343,10 +343,10 @@ def kind_of(run: RunConfig) -> tuple[str, str]:
     return run.algorithm.name, run.observation.name
 
 
-def is_study_done(study: StudyWork) -> bool:
+def is_study_done(study: StudyTask) -> bool:
     """Whether the study went through with these options."""
     try:
-        return json.loads(study.mark.read_text()) == study.asked()
+        return json.loads(study.done_file.read_text()) == study.request()
     except (OSError, ValueError):
         return False
 

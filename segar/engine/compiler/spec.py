@@ -113,14 +113,14 @@ class Matcher:
         return self.bits[key]
 
 
-def settle(matcher: Matcher, symbol: Symbol, groups: dict[str, Group]) -> Symbol:
+def simplified_truth(matcher: Matcher, symbol: Symbol, groups: dict[str, Group]) -> Symbol:
     """A bound relation's truth with all parts replaced by True or False that the groups alone decide."""
     if symbol.op == "not":
-        part = settle(matcher, symbol.args[0], groups)
+        part = simplified_truth(matcher, symbol.args[0], groups)
         return make("const", not part.args[0]) if part.op == "const" else part.negate()
     if symbol.op in ("and", "or"):
         ends = symbol.op == "or"  # the truth that decides alone
-        parts = [settle(matcher, s, groups) for s in symbol.args]
+        parts = [simplified_truth(matcher, s, groups) for s in symbol.args]
         if any(p.op == "const" and p.args[0] is ends for p in parts):
             return make("const", ends)
         open_ = [p for p in parts if p.op != "const"]

@@ -18,7 +18,7 @@ from segar.engine.compiler.conflicts import (
 from segar.engine.compiler.emit import Writer, bind, both, condition, match_test, over_group, share
 from segar.engine.compiler.source import FactorSetting
 from segar.engine.compiler.sparse_pairs import SparsePairs, find_sparse_pairs
-from segar.engine.compiler.spec import Group, Matcher, relation_mask, settle
+from segar.engine.compiler.spec import Group, Matcher, relation_mask, simplified_truth
 from segar.language import EffectExpression, Factor, Leaf, Pattern, Rule, Stage, Symbol, Tree
 
 Matching = list[tuple[Application, int]]
@@ -262,7 +262,7 @@ class StageWriter:
         """The truth of the rule's relation for entities of these groups; None without a relation."""
         if a.rule.relation is None:
             return None
-        return settle(self.matcher, bind(a.rule.relation.truth, a.variables, a.number), groups)
+        return simplified_truth(self.matcher, bind(a.rule.relation.truth, a.variables, a.number), groups)
 
     def _merge(self, w: Writer, trees: list[tuple[Application, Tree]], group: Group) -> None:
         """Write trees one after the other; those that test the same condition first share its ``if``."""

@@ -12,7 +12,7 @@ import pytest
 
 from experiments.commands.hydra_app import compose, parse_settings
 from experiments.reproduce import ReproduceConfig, dashboard, reproduce
-from experiments.reproduction.plan import StudyWork
+from experiments.reproduction.plan import StudyTask
 from experiments.reproduction.plugin import REPORTS, STUDIES
 from experiments.runs.run_folder import VERSIONS, folder_path, is_finished, read_versions, write_json
 from experiments.settings import ConfigError, ScaleConfig, TrackingConfig, TrainingError, grid_point, paper_grid
@@ -182,7 +182,7 @@ def test_a_study_that_fails_is_told_with_its_log(tmp_path, register):
         reproduce(asked(tmp_path, {"none": study}), None, finish_nothing)
     assert "none: TrainingError: the study broken failed" in str(told.value)
     assert "ValueError: no such file" in (asked(tmp_path).folder / "logs" / "none.log").read_text()
-    assert StudyWork("none", "a", (), tmp_path).mark.name == "study.json"
+    assert StudyTask("none", "a", (), tmp_path).done_file.name == "study.json"
 
 
 def test_a_study_that_is_not_known_is_an_error_before_anything_is_trained(tmp_path):
