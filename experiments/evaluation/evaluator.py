@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +28,8 @@ from experiments.runs.run_folder import (
     write_json,
     write_rows,
 )
-from experiments.settings import ConfigError, EvaluateConfig, RunConfig, RunFolderError, import_object
+from experiments.runs.trust import EVERYTHING, modules_named
+from experiments.settings import ConfigError, EvaluateConfig, RunConfig, RunFolderError, as_data, import_object
 from segar.cli import load_levels, table
 from segar.envs import VectorEnv, play
 from segar.levels import Levels
@@ -56,7 +58,10 @@ def evaluate(config: EvaluateConfig, say: Callable[[str], None] = print) -> Eval
     """
     runtime.set_process_defaults()
     folder = Path(config.run).expanduser().resolve()
-    trained = dataclasses.replace(read_config(folder), num_threads=config.num_threads)
+    found = read_config(folder, {EVERYTHING} if config.trust else ())
+    trained = dataclasses.replace(found, num_threads=config.num_threads)
+    for name in set(modules_named(as_data(trained))):  # which define the entities that its level files name
+        import_module(name)
     levels = find_levels(config, folder, trained)
     policy, frames = load_agent(folder, trained, levels, say)
     options = environment_options(trained)

@@ -9,18 +9,17 @@ the tracking and the report are no part of it: a run does not execute them.
 import ast
 import hashlib
 import importlib.util
-import re
 import sys
 import sysconfig
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from importlib.machinery import PathFinder
 from pathlib import Path
-from typing import Any
 
 import segar
 from experiments.levels.builders import distribution_of, environment_options
 from experiments.runs.run_folder import VERSIONS, read_versions
+from experiments.runs.trust import modules_named
 from experiments.runs.versions import levels_hash
 from experiments.settings import RunConfig, as_data
 from segar.engine import generate
@@ -31,7 +30,6 @@ LEARNING = ("experiments.algorithms", "experiments.collection", "experiments.net
 # Rooms of the library that are executed beside the kernel. The rules, the task and the engine are in the kernel's text.
 ENVIRONMENT = ("envs", "observations", "support")
 SAMPLER = ("levels", "noise", "language")
-OBJECT_NAME = re.compile(r"([A-Za-z_][\w.]*):[A-Za-z_][\w.]*")
 PROBED = 8  # levels of each distribution that are looked at
 
 
@@ -50,20 +48,13 @@ def executed_code(config: RunConfig) -> dict[str, str]:
         "kernel": _digest([generate(train.layout, world_of(train), task.functions()).text.encode()]),
         "levels": _digest([levels_hash(train).encode(), levels_hash(test).encode()]),
     }
-    parts["learner"] = fingerprint(config.algorithm.learner.partition(":")[0])
+    learner = config.algorithm.learner.partition(":")[0]
+    parts["learner"] = fingerprint(learner)
     parts["environment"], parts["sampler"] = _library(ENVIRONMENT), _library(SAMPLER)
     if "textures" in config.observation.name:
         parts["textures"] = _library(("textures",))
-    return {**parts, **{module: fingerprint(module) for module in sorted(set(_modules_named(as_data(config))))}}
-
-
-def _modules_named(settings: Any) -> Iterator[str]:
-    """The modules that settings name as ``module:attribute``."""
-    if isinstance(settings, Mapping | list | tuple):
-        for part in settings.values() if isinstance(settings, Mapping) else settings:
-            yield from _modules_named(part)
-    elif isinstance(settings, str) and (found := OBJECT_NAME.fullmatch(settings)) and _source(found[1]) is not None:
-        yield found[1]
+    named = (name for name in {*modules_named(as_data(config))} - {learner} if _source(name) is not None)
+    return {**parts, **{module: fingerprint(module) for module in sorted(named)}}
 
 
 def combined(parts: Mapping[str, str] | str) -> str:

@@ -17,7 +17,7 @@
 import json
 import os
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -28,6 +28,7 @@ import yaml
 from filelock import FileLock, Timeout
 
 from experiments.runs.files import TEMPORARY, remove_unfinished, replacing, write_text
+from experiments.runs.trust import modules_named, require_trust, signed
 from experiments.settings import (
     CHECKOUT,
     ConfigError,
@@ -155,7 +156,9 @@ def run_folders(root: Path) -> list[Path]:
 def _occupy(folder: Path, config: RunConfig) -> None:
     """Writes the settings into an empty folder; raises :class:`RunFolderError` if it holds another run or no run."""
     if (folder / CONFIG).exists():
-        there = read_config(folder)  # read before anything is removed: a folder that holds no run must stay
+        there = read_config(
+            folder, set(modules_named(as_data(config)))
+        )  # read before anything is removed: a folder that holds no run must stay
         if config.restart:
             empty(folder, config)
             return
@@ -176,7 +179,7 @@ def _occupy(folder: Path, config: RunConfig) -> None:
         raise RunFolderError(
             f"{folder} holds no run but is not empty: {', '.join(foreign[:3])}. Choose another folder=..."
         )
-    write_text(folder / CONFIG, yaml.safe_dump(as_data(config), sort_keys=False))
+    write_text(folder / CONFIG, signed(yaml.safe_dump(as_data(config), sort_keys=False)))
 
 
 def empty(folder: Path, config: RunConfig) -> None:
@@ -187,7 +190,7 @@ def empty(folder: Path, config: RunConfig) -> None:
     for part in (CHECKPOINTS, EVALUATIONS):
         if (folder / part).exists():
             shutil.rmtree(folder / part)
-    write_text(folder / CONFIG, yaml.safe_dump(as_data(config), sort_keys=False))
+    write_text(folder / CONFIG, signed(yaml.safe_dump(as_data(config), sort_keys=False)))
 
 
 def _differences(there: Mapping[str, Any], here: Mapping[str, Any], place: str = "") -> Iterator[str]:
@@ -200,14 +203,26 @@ def _differences(there: Mapping[str, Any], here: Mapping[str, Any], place: str =
             yield f"{place}{key} is {a!r} there and {b!r} here"
 
 
-def read_config(folder: Path) -> RunConfig:
-    """The settings of the run in ``folder``; raises :class:`RunFolderError` if there are none or they are not readable."""
+def read_config(folder: Path, trusted: Collection[str] = ()) -> RunConfig:
+    """The settings of the run in ``folder``.
+
+    Args:
+        trusted: modules or packages that the settings may name, whoever wrote them; see
+            :func:`experiments.runs.trust.require_trust`.
+
+    Raises:
+        RunFolderError: there are no settings, they are not readable, or they name code that is not trusted.
+    """
     path = Path(folder) / CONFIG
     try:
-        data = yaml.safe_load(path.read_text())
+        text = path.read_text()
+        data = yaml.safe_load(text)
         if not isinstance(data, Mapping):
             raise ConfigError("it holds no settings")
+        require_trust(path, text, data, trusted)
         return run_config(with_new_names(data))
+    except RunFolderError:
+        raise
     except (OSError, ValueError, yaml.YAMLError) as error:
         raise RunFolderError(f"cannot read the settings of a run from {path}: {error}") from error
 
