@@ -38,7 +38,8 @@ def checkout(tmp_path):
 
 def setup(checkout, version="3.11.7", install="works"):
     """The result of `make setup` in `checkout`; `.stdout` holds what it said on both streams."""
-    outer = {name: value for name, value in os.environ.items() if not name.startswith("MAKE") and name != "MFLAGS"}
+    ours = ("MFLAGS", "VENV", "PYTHON")  # of the make that runs these tests
+    outer = {name: value for name, value in os.environ.items() if not name.startswith("MAKE") and name not in ours}
     environment = outer | {"FAKE_VERSION": version, "FAKE_INSTALL": install}
     command = ["make", "setup", "PYTHON=./fake-python"]
     return subprocess.run(
