@@ -20,7 +20,7 @@ from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
 from experiments.commands.config_store import conf_dir, register_settings
-from experiments.commands.overrides import explain_overrides, single_runs, with_own_names, with_search_path
+from experiments.commands.overrides import OWN_NAMES, explain_overrides, single_runs, with_own_names, with_search_path
 from experiments.commands.signals import Stopped
 from experiments.settings import ConfigError, RunConfig, construct, import_object, run_config
 from segar.errors import SegarError
@@ -57,7 +57,7 @@ def run_command(
             sys.exit(message)
 
     try:
-        check_command_line(config_name, build_run if build is None else None)
+        check_command_line(config_name)
         hydra.main(version_base="1.3", config_path=str(conf_dir()), config_name=config_name)(call)()
     except SegarError as error:
         if wants_full_error():
@@ -68,34 +68,22 @@ def run_command(
         sys.exit(128 + (stop.signal if isinstance(stop, Stopped) else signal.SIGINT))
 
 
-def check_command_line(config_name: str, build: Callable[[DictConfig], RunConfig] | None) -> None:
-    """Raises :class:`ConfigError` for a name on the command line that no setting, choice or module has, before a run begins.
-
-    Args:
-        build: makes the settings of a run, whose own levels, task and observation are looked up; None for other settings.
-    """
+def check_command_line(config_name: str) -> None:
+    """Raises :class:`ConfigError` for a name on the command line that no setting, choice or module has, before a run begins."""
     arguments = get_args_parser().parse_args()
     if arguments.help or arguments.hydra_help or arguments.shell_completion or arguments.experimental_rerun:
         return
     folders = [f"file://{Path(arguments.config_dir).resolve()}"] if arguments.config_dir else []
     with initialized():
         for overrides in single_runs(with_search_path(arguments.overrides, folders)):
-            data = compose_data(overrides, arguments.config_name or config_name)
-            if build is not None:
-                check_own_objects(build(data))
+            check_own_objects(compose_data(overrides, arguments.config_name or config_name))
 
 
-def check_own_objects(config: RunConfig) -> None:
+def check_own_objects(config: DictConfig) -> None:
     """Raises :class:`ConfigError` if a module or attribute that names levels, the task or the observation does not exist."""
-    levels, task, observation = config.levels, config.task.name, config.observation.name
-    named = {
-        "levels.train": levels.train,
-        "levels.test": levels.test,
-        "task.name": task,
-        "observation.name": observation,
-    }
-    for place, name in named.items():
-        if name is not None and ":" in name:
+    for place in ("levels.test", *OWN_NAMES.values()):
+        name = OmegaConf.select(config, place)
+        if isinstance(name, str) and ":" in name:
             import_object(name, place)
 
 
