@@ -1,6 +1,5 @@
 """The overrides of a command line: which runs a sweep consists of, and which override is wrong and why."""
 
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -11,13 +10,12 @@ from hydra.core.override_parser.types import Glob, Override
 from hydra.errors import CompactHydraException, MissingConfigException
 from omegaconf import OmegaConf
 
-from experiments.settings import RENAMED, TARGET, TYPE_IS_GONE, path_of
+from experiments.settings import OBJECT_NAME, RENAMED, TARGET, TYPE_IS_GONE, path_of
 from segar.errors import did_you_mean
 
 SEARCH_PATH = "hydra.searchpath"
-# The setting that takes the name of an own object where a group of choices is given one, and the form of such names.
+# The setting that takes the name of an own object where a group of choices is given one.
 OWN_NAMES = {"levels": "levels.train", "task": "task.name", "observation": "observation.name"}
-OWN_OBJECT = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_][\w.]*")
 
 
 def with_own_names(overrides: Sequence[str]) -> list[str]:
@@ -28,7 +26,7 @@ def with_own_names(overrides: Sequence[str]) -> list[str]:
 
 def _with_own_name(text: str) -> str:
     group, _, values = text.partition("=")
-    is_own = group in OWN_NAMES and all(OWN_OBJECT.fullmatch(value) for value in values.split(","))
+    is_own = group in OWN_NAMES and all(OBJECT_NAME.fullmatch(value) for value in values.split(","))
     return f"{OWN_NAMES[group]}={values}" if is_own else text
 
 

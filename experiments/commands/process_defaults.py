@@ -40,7 +40,8 @@ def set_process_defaults(num_threads: int = 1) -> None:
     """Threads for torch, one unless said otherwise, so that runs side by side do not fight; and glibc's allocator tuned."""
     import torch
 
-    gc.freeze()
+    if not gc.get_freeze_count():  # once: what a run leaves behind must be found before the next one in this process
+        gc.freeze()
     gc.set_threshold(COLLECT_EVERY, *gc.get_threshold()[1:])
     torch.set_num_threads(num_threads)
     if platform.libc_ver()[0] == "glibc":

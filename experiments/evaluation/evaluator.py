@@ -61,7 +61,10 @@ def evaluate(config: EvaluateConfig, say: Callable[[str], None] = print) -> Eval
     found = read_config(folder, {EVERYTHING} if config.trust else ())
     trained = dataclasses.replace(found, num_threads=config.num_threads)
     for name in set(modules_named(as_data(trained))):  # which define the entities that its level files name
-        import_module(name)
+        try:
+            import_module(name)
+        except ImportError as error:
+            raise ConfigError(f"run: its settings name {name}, which cannot be imported: {error}") from error
     levels = find_levels(config, folder, trained)
     policy, frames = load_agent(folder, trained, levels, say)
     options = environment_options(trained)

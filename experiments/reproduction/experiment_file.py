@@ -199,7 +199,7 @@ def other_panel(family: str, difficulty: str, transfer: TransferConfig) -> str |
 
 
 def chosen_names(requested: Sequence[str], known: Sequence[str]) -> list[str]:
-    """The experiments that were requested for, all if none were; raises :class:`ConfigError` for an unknown one."""
+    """The experiments that were requested, all if none were; raises :class:`ConfigError` for an unknown one."""
     for name in requested:
         if name not in known:
             raise ConfigError(f"experiments: there is no experiment '{name}'.{did_you_mean(name, known)}")

@@ -90,17 +90,19 @@ def make_plan(
     union: dict[str, RunTask] = {}
     for work in (work for works in members.values() for work in works):
         label = work.run.label()
-        known = union.get(label, RunTask(work.run))
-        by_folder = {one.folder_name(): one for one in (*known.transfers, *work.transfers)}
-        union[label] = RunTask(work.run, tuple(by_folder.values()), known.probes or work.probes)
+        other = union.get(label, RunTask(work.run))
+        by_folder = {one.folder_name(): one for one in (*other.transfers, *work.transfers)}
+        union[label] = RunTask(work.run, tuple(by_folder.values()), other.probes or work.probes)
     changed = changed_code(union.values())
     union = {label: dataclasses.replace(work, changed=changed.get(label, ())) for label, work in union.items()}
     stored = {label: "" if work.is_done_here() else imported.name_of(work) for label, work in union.items()}
-    union = {label: dataclasses.replace(work, imported=stored[label]) for label, work in union.items()}
-    members = {
-        name: tuple(dataclasses.replace(work, imported=stored[work.run.label()]) for work in works)
-        for name, works in members.items()
-    }
+
+    def known(work: RunTask) -> RunTask:
+        label = work.run.label()
+        return dataclasses.replace(work, imported=stored[label], changed=changed.get(label, ()))
+
+    union = {label: known(work) for label, work in union.items()}
+    members = {name: tuple(map(known, works)) for name, works in members.items()}
     studies = [
         StudyTask(e.name, e.study, tuple(e.options.items()), results / "studies" / e.name)
         for e in experiments
@@ -123,7 +125,7 @@ def changed_code(works: Collection[RunTask]) -> dict[str, tuple[str, ...]]:
             levels = dataclasses.replace(run.levels, seed=0, count=1)
             key = repr((levels, run.task, run.observation, run.algorithm))
             codes[key] = codes.get(key) or executed_code(run)
-            if parts := changed_parts(run, folder, codes[key]):
+            if parts := changed_parts(folder, codes[key]):
                 found[run.label()] = tuple(parts)
     refused = [run.label() for run in (work.run for work in works) if run.stale == "refuse" and run.label() in found]
     if refused:

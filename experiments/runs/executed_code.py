@@ -64,15 +64,11 @@ def combined(parts: Mapping[str, str] | str) -> str:
     return _digest(f"{name}={value}".encode() for name, value in sorted(parts.items()))
 
 
-def changed_parts(config: RunConfig, folder: Path, code: Mapping[str, str] | None = None) -> list[str]:
-    """Names of the parts whose code is another than when the run in ``folder`` began; none where no run began there.
-
-    Args:
-        code: the executed code of today, where it is known.
-    """
-    if not (folder / VERSIONS).exists():
+def changed_parts(folder: Path, code: Mapping[str, str] | None) -> list[str]:
+    """Names of the parts of ``code``, today's, that were others when the run in ``folder`` began; none where none began."""
+    if code is None or not (folder / VERSIONS).exists():
         return []
-    return differing_parts(read_versions(folder).get("code", ""), executed_code(config) if code is None else code)
+    return differing_parts(read_versions(folder).get("code", ""), code)
 
 
 def differing_parts(before: Mapping[str, str] | str, now: Mapping[str, str]) -> list[str]:

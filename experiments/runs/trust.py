@@ -7,17 +7,17 @@ code. The settings are therefore signed with a key of this user's own, which is 
 import hashlib
 import hmac
 import os
-import re
 import secrets
 from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from experiments.settings import TARGET, RunFolderError
+from filelock import FileLock
+
+from experiments.settings import OBJECT_NAME, TARGET, RunFolderError
 from segar.engine import cache_folder
 
 OURS = ("segar", "experiments", "analysis")
-OBJECT_NAME = re.compile(r"([A-Za-z_][\w.]*):[A-Za-z_][\w.]*")
 SIGNATURE = "# signature: "
 TRUSTED = "SEGAR_TRUST"  # packages that the user trusts, separated by commas; * for all
 EVERYTHING = "*"
@@ -75,10 +75,10 @@ def _key() -> bytes:
     path = cache_folder() / "key"
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with open(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as stream:
-            stream.write(secrets.token_bytes(32))
-    except FileExistsError:
-        pass
+        with FileLock(path.with_suffix(".lock")):  # nobody reads a key that another process has not written yet
+            if not path.exists():
+                with open(os.open(path, os.O_WRONLY | os.O_CREAT, 0o600), "wb") as stream:
+                    stream.write(secrets.token_bytes(32))
     except OSError as error:
         raise RunFolderError(f"cannot make {path}, which signs runs: {error.strerror}; set SEGAR_CACHE_DIR") from error
     return path.read_bytes()

@@ -20,6 +20,7 @@ from experiments.settings.algorithms import (
     kind_of,
 )
 from experiments.settings.checks import (
+    OBJECT_NAME,
     TARGET_DESIGN,
     Count,
     CountFrom0,
@@ -72,8 +73,8 @@ from experiments.settings.run import (
 )
 
 __all__ = [
-    "ACTION_MODES", "CHECKOUT", "DIFFICULTIES", "KINDS", "RENAMED", "TARGET", "TARGET_DESIGN", "TRACKERS",
-    "TYPE_IS_GONE", "ActionMode", "AlgorithmConfig", "AuxiliaryConfig", "CURLConfig", "CheckpointError",
+    "ACTION_MODES", "CHECKOUT", "DIFFICULTIES", "KINDS", "OBJECT_NAME", "RENAMED", "TARGET", "TARGET_DESIGN",
+    "TRACKERS", "TYPE_IS_GONE", "ActionMode", "AlgorithmConfig", "AuxiliaryConfig", "CURLConfig", "CheckpointError",
     "ConfigError", "Count", "CountFrom0", "Design", "Difficulty", "DrQConfig", "EvaluateConfig", "EvaluationConfig",
     "Family", "GridPoint", "LevelsConfig", "NotNegative", "ObservationConfig", "OffPolicyConfig", "PPOConfig",
     "Positive", "PositiveOrNull", "RecurrentPPOConfig", "RunConfig", "RunFolderError", "SACConfig", "SPRConfig",

@@ -115,6 +115,10 @@ def path_of(place: str, name: Any) -> str:
     return f"{place}.{name}" if place else str(name)
 
 
+OBJECT_NAME = re.compile(r"([A-Za-z_][\w.]*):[A-Za-z_][\w.]*")
+"""The form of the names of users' own objects, ``module:attribute``."""
+
+
 def import_object(name: str, place: str) -> Any:
     """The object that ``module:attribute`` names; raises :class:`ConfigError` that names ``place``."""
     try:

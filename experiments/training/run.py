@@ -70,7 +70,7 @@ def run(config: RunConfig, say: Callable[[str], None] = print) -> RunResult:
     kind = learner_class(config.algorithm)  # before a run folder is made: it may not fit
     with use_run_folder(config) as folder, watch_signals() as signals:
         code = executed_code(config) if (folder / VERSIONS).exists() else None
-        changed = changed_parts(config, folder, code)
+        changed = changed_parts(folder, code)
         differs = f"by other code than this: {', '.join(changed)} changed since"
         if changed and config.stale == "anew":
             say(f"{config.label()}: is trained anew, because it was made {differs}")

@@ -52,3 +52,15 @@ def test_every_command_sets_them_before_torch_is_imported(command):
     environment = {name: value for name, value in os.environ.items() if name != "OMP_WAIT_POLICY"}
     done = subprocess.run([sys.executable, "-c", ask], capture_output=True, text=True, check=True, env=environment)
     assert done.stdout.split() == ["passive", "False"]
+
+
+def test_what_one_run_leaves_behind_is_found_before_the_next():
+    """Objects that are loaded are passed over by later searches; those of a run are not, however many runs there are."""
+    script = (
+        "import gc, weakref; from experiments.commands.process_defaults import set_process_defaults\n"
+        "class Ring: pass\n"
+        "set_process_defaults(); ring = Ring(); ring.itself = ring; left = weakref.ref(ring); del ring\n"
+        "set_process_defaults(); gc.collect(); print(left())"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "None"

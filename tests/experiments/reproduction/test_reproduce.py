@@ -1,6 +1,7 @@
 """The reproduction trains what is missing, goes on where it stopped, and names what failed."""
 
 import os
+import re
 import shlex
 import signal
 import subprocess
@@ -61,7 +62,7 @@ def test_every_run_is_trained_once_after_a_plan(tmp_path, capfd):
     assert said.index("smoke: 4 runs") < said.index("[1/4]")
 
 
-def test_finished_runs_of_other_code_are_refused_kept_or_trained_anew(tmp_path):
+def test_finished_runs_of_other_code_are_refused_kept_or_trained_anew(tmp_path, capfd):
     reproduce(asked(tmp_path), pretend, finish_nothing)
     folders = [path.parent for path in tmp_path.glob(f"*hard*/{VERSIONS}")]
     for folder in folders:
@@ -71,7 +72,11 @@ def test_finished_runs_of_other_code_are_refused_kept_or_trained_anew(tmp_path):
         reproduce(asked(tmp_path), pretend, finish_nothing)
     reproduce(asked(tmp_path, stale="keep"), pretend, finish_nothing)
     assert len(trained(tmp_path)) == 4
+    capfd.readouterr()
     reproduce(asked(tmp_path, stale="anew"), pretend, finish_nothing)
+    said = capfd.readouterr().out
+    assert "smoke: 4 runs, 2 done, 2 to do" in said
+    assert re.search(r"^hard .* 2 +0", said, re.MULTILINE)  # the table of experiments: runs and how many are done
     assert trained(tmp_path).count("empty-hard n=1 seed=1") == 2
     assert len(trained(tmp_path)) == 6
     reproduce(asked(tmp_path), pretend, finish_nothing)
