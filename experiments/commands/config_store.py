@@ -12,7 +12,7 @@ from typing import Any
 
 from hydra.core.config_store import ConfigStore
 
-from experiments.settings import CHECKOUT, KINDS, TRACKERS, RunConfig, as_data
+from experiments.settings import CHECKOUT, KINDS, TRACKERS, ConfigError, RunConfig, algorithm_named, as_data
 from segar.levels import TASK_LEVELS, families
 from segar.observations import OBSERVATIONS
 from segar.tasks import TASKS
@@ -48,3 +48,21 @@ def register_settings(config_name: str = "config", settings: Mapping[str, Any] |
         for name in names:
             if not (conf_dir() / group / f"{name}.yaml").exists():
                 store.store(group=group, name=name, node={setting: name})
+
+
+def register_algorithm(name: str) -> str:
+    """Makes the algorithm of the settings class ``module:Class`` known with its defaults; returns the choice that names it.
+
+    Raises:
+        ConfigError: it is no settings class of an algorithm, or has settings without a default.
+    """
+    cls = algorithm_named(name.replace(":", "."))
+    try:
+        settings = as_data(cls())  # type: ignore[call-arg]
+    except TypeError as error:
+        raise ConfigError(f"algorithm: {name} has settings without a default: {error}") from error
+    if settings["name"] in KINDS:  # inherited: the run would be called by another algorithm's name
+        settings["name"] = cls.__name__
+    choice = name.replace(":", ".")
+    ConfigStore.instance().store(group="algorithm", name=choice, node=settings)
+    return choice

@@ -10,24 +10,48 @@ from hydra.core.override_parser.types import Glob, Override
 from hydra.errors import CompactHydraException, MissingConfigException
 from omegaconf import OmegaConf
 
-from experiments.settings import OBJECT_NAME, RENAMED, TARGET, TYPE_IS_GONE, path_of
+from experiments.commands.config_store import register_algorithm
+from experiments.settings import OBJECT_NAME, RENAMED, TARGET, TYPE_IS_GONE, path_of, without_files
 from segar.errors import did_you_mean
 
 SEARCH_PATH = "hydra.searchpath"
 # The setting that takes the name of an own object where a group of choices is given one.
 OWN_NAMES = {"levels": "levels.train", "task": "task.name", "observation": "observation.name"}
+ALGORITHM = "algorithm"
+LEVELS = (
+    "levels.test",
+    "levels.design",
+    "levels.variation",
+    "levels.test_variation",
+    "levels.world",
+    "algorithm.encoder",
+)
 
 
 def with_own_names(overrides: Sequence[str]) -> list[str]:
     """The overrides with ``levels.train=my_lab.levels:windy`` for ``levels=my_lab.levels:windy``, and so for tasks and
-    observations, in sweeps too."""
+    observations, in sweeps too; ``file.py:attribute`` becomes ``module:attribute``, and ``levels=file.npz`` names its content.
+
+    An algorithm of the user's own is made known to Hydra, with the defaults of its settings.
+
+    Raises:
+        ConfigError: a file does not exist, or what is named as an algorithm is none.
+    """
     return [_with_own_name(text) for text in overrides]
 
 
 def _with_own_name(text: str) -> str:
-    group, _, values = text.partition("=")
-    is_own = group in OWN_NAMES and all(OBJECT_NAME.fullmatch(value) for value in values.split(","))
-    return f"{OWN_NAMES[group]}={values}" if is_own else text
+    key, equals, values = text.partition("=")
+    group = key.lstrip("+")
+    if not equals or group not in {*OWN_NAMES, *OWN_NAMES.values(), *LEVELS, ALGORITHM}:
+        return text
+    names = [without_files(value, group) for value in values.split(",")]
+    if not all(OBJECT_NAME.fullmatch(name) or ".npz#" in name for name in names):
+        return text
+    if group == ALGORITHM:
+        return f"{key}={','.join(register_algorithm(name) for name in names)}"
+    quoted = (f"'{name}'" if ".npz#" in name else name for name in names)
+    return f"{OWN_NAMES.get(group, key)}={','.join(quoted)}"
 
 
 def with_search_path(overrides: Sequence[str], places: Sequence[str]) -> list[str]:

@@ -17,6 +17,7 @@ from experiments.commands import process_defaults as runtime
 from experiments.evaluation.baselines import Baselines, IdleAgent, find_baselines
 from experiments.evaluation.episodes import QUANTITIES, Agent, action_rng, actions_of, play_episodes, play_in_modes
 from experiments.levels.builders import distribution_of, environment_options, find_distribution
+from experiments.runs.own_modules import modules_named
 from experiments.runs.run_folder import (
     EPISODE_SCHEMA,
     EPISODES,
@@ -28,7 +29,7 @@ from experiments.runs.run_folder import (
     write_json,
     write_rows,
 )
-from experiments.runs.trust import EVERYTHING, modules_named
+from experiments.runs.trust import EVERYTHING
 from experiments.settings import ConfigError, EvaluateConfig, RunConfig, RunFolderError, as_data, import_object
 from segar.cli import load_levels, table
 from segar.envs import VectorEnv, play

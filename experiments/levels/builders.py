@@ -2,16 +2,19 @@
 
 import inspect
 from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from experiments.levels.conditions import conditional_puttputt
 from experiments.levels.variations import vary
-from experiments.settings import TARGET_DESIGN, ConfigError, LevelsConfig, RunConfig, import_object
+from experiments.settings import DESIGNS, TARGET_DESIGN, ConfigError, LevelsConfig, RunConfig, import_object, level_file
+from segar.cli import load_levels
 from segar.errors import LevelError, SegarError, did_you_mean
 from segar.language import Order
-from segar.levels import family
+from segar.levels import Levels, family
 from segar.metrics import design, w2
 from segar.observations import OBSERVATIONS
 from segar.tasks import TASKS
@@ -19,6 +22,32 @@ from segar.tasks import TASKS
 ENVS_PER_THREAD = 128  # with fewer, waking a thread after each call of the policy costs more time than it saves
 KNOWN_TASKS = {**TASKS, "conditional_puttputt": conditional_puttputt}  # by the names that task.name takes
 INDEPENDENT_SETS = 5  # of training levels; their mean W2 to the test levels is the unit of designs such as w2_x1.2
+
+
+@dataclass(frozen=True)
+class LevelFile:
+    """The levels of a file, of which some are taken as if they were sampled."""
+
+    path: Path
+    levels: Levels
+
+    @property
+    def world(self) -> Any:
+        """Their rules."""
+        return self.levels.world
+
+    def __len__(self) -> int:
+        return len(self.levels)
+
+    def sample(self, n: int, seed: int = 0, split: str = "train") -> Levels:
+        """The first ``n`` levels for seed 0, and for another seed ``n`` different ones in random order, whatever the split.
+
+        Of one seed, a smaller ``n`` gives the first of more. Raises :class:`ConfigError` if there are fewer.
+        """
+        if n > len(self):
+            raise ConfigError(f"levels: {self.path} has {len(self)} levels, not {n}; {split} levels are taken from it")
+        order = np.random.default_rng(seed).permutation(len(self)) if seed else np.arange(len(self))
+        return self.levels[order[:n]]
 
 
 def make_levels(config: LevelsConfig) -> tuple[Any, Any]:
@@ -30,10 +59,21 @@ def make_levels(config: LevelsConfig) -> tuple[Any, Any]:
 
 def distribution_of(config: LevelsConfig, which: str) -> Any:
     """The distribution, varied as ``config`` says, of the ``"train"`` or the ``"test"`` levels; raises :class:`ConfigError`."""
-    if which == "train":
-        return vary(find_distribution(config.train, "levels.train"), config.variation, "levels.variation")
-    variation = config.variation if config.test_variation is None else config.test_variation
-    return vary(find_distribution(config.test_distribution, "levels.test"), variation, "levels.test_variation")
+    name, variation = config.train, config.variation
+    if which == "test":
+        name = config.test_distribution
+        variation = config.variation if config.test_variation is None else config.test_variation
+    place, place_of_variation = f"levels.{which}", "levels.variation" if which == "train" else "levels.test_variation"
+    path = level_file(name, place)
+    if path is None:
+        return vary(find_distribution(name, place), variation, place_of_variation)
+    if which == "test" and config.test is None:
+        raise ConfigError(
+            f"levels.test: the training levels are those of {path}, so name the test levels, too: levels.test=..."
+        )
+    if variation:
+        raise ConfigError(f"{place_of_variation}: the levels of {path} are fixed and cannot be varied")
+    return LevelFile(path, load_levels(str(path), config.world))
 
 
 def pick_levels(distribution: Any, config: LevelsConfig, test: Any) -> Any:
@@ -42,8 +82,23 @@ def pick_levels(distribution: Any, config: LevelsConfig, test: Any) -> Any:
         return levels_at_target(distribution, config, test)
     if config.design == "iid":  # a user's own distribution need not be a LevelDistribution for this design
         return distribution.sample(config.count, seed=config.seed, split="train")
+    if config.design not in DESIGNS:
+        return own_design(distribution, config, test)
     nuisance = [Order] if config.design == "nuisance_only" else []
     return design(distribution, config.count, config.design, seed=config.seed, nuisance=nuisance)  # type: ignore[arg-type]
+
+
+def own_design(distribution: Any, config: LevelsConfig, test: Any) -> Levels:
+    """The training levels that the user's function ``design(distribution, count, seed, test)`` picks.
+
+    Raises:
+        ConfigError: it returns something else, or another number of levels.
+    """
+    levels = import_object(config.design, "levels.design")(distribution, config.count, config.seed, test)
+    if not isinstance(levels, Levels) or len(levels) != config.count:
+        made = f"{len(levels)} levels" if isinstance(levels, Levels) else type(levels).__name__
+        raise ConfigError(f"levels.design: {config.design} returns {made}, not {config.count} levels (segar.Levels)")
+    return levels
 
 
 def levels_at_target(distribution: Any, config: LevelsConfig, test: Any) -> Any:

@@ -8,22 +8,20 @@ the tracking and the report are no part of it: a run does not execute them.
 
 import ast
 import hashlib
-import importlib.util
 import sys
-import sysconfig
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
-from importlib.machinery import PathFinder
 from pathlib import Path
 
 import segar
-from experiments.levels.builders import distribution_of, environment_options
+from experiments.levels.builders import LevelFile, distribution_of, environment_options
+from experiments.runs.own_modules import is_installed, modules_named, source_of
 from experiments.runs.run_folder import VERSIONS, read_versions
-from experiments.runs.trust import modules_named
 from experiments.runs.versions import levels_hash
 from experiments.settings import RunConfig, as_data
 from segar.engine import generate
 from segar.envs import world_of
+from segar.levels import Levels
 
 # Where the learner's own code ends: what these rooms do decides no weight.
 LEARNING = ("experiments.algorithms", "experiments.collection", "experiments.networks")
@@ -41,9 +39,7 @@ def executed_code(config: RunConfig) -> dict[str, str]:
     own that a setting names (``my_lab.levels``), with what it reaches (:func:`modules_reached`).
     """
     task = environment_options(config)["task"]
-    train, test = (
-        distribution_of(config.levels, split).sample(PROBED, seed=0, split=split) for split in ("train", "test")
-    )
+    train, test = (probed_levels(config, split) for split in ("train", "test"))
     parts = {
         "kernel": _digest([generate(train.layout, world_of(train), task.functions()).text.encode()]),
         "levels": _digest([levels_hash(train).encode(), levels_hash(test).encode()]),
@@ -53,8 +49,15 @@ def executed_code(config: RunConfig) -> dict[str, str]:
     parts["environment"], parts["sampler"] = _library(ENVIRONMENT), _library(SAMPLER)
     if "textures" in config.observation.name:
         parts["textures"] = _library(("textures",))
-    named = (name for name in {*modules_named(as_data(config))} - {learner} if _source(name) is not None)
+    named = (name for name in {*modules_named(as_data(config))} - {learner} if source_of(name) is not None)
     return {**parts, **{module: fingerprint(module) for module in sorted(named)}}
+
+
+def probed_levels(config: RunConfig, split: str) -> Levels:
+    """The first levels of the training or the test distribution."""
+    found = distribution_of(config.levels, split)
+    count = min(PROBED, len(found)) if isinstance(found, LevelFile) else PROBED
+    return found.sample(count, seed=0, split=split)
 
 
 def combined(parts: Mapping[str, str] | str) -> str:
@@ -93,9 +96,9 @@ def modules_reached(module: str) -> dict[str, Path]:
     waiting = [module]
     while waiting:
         name = waiting.pop()
-        path = _source(name) if name not in found and _may_count(name) else None
+        path = source_of(name) if name not in found and _may_count(name) else None
         if path is None or (
-            name.partition(".")[0] not in (module.partition(".")[0], "experiments") and _is_installed(path)
+            name.partition(".")[0] not in (module.partition(".")[0], "experiments") and is_installed(path)
         ):
             continue
         found[name] = path
@@ -108,24 +111,6 @@ def _may_count(module: str) -> bool:
     if package == "experiments":
         return module.startswith(LEARNING)
     return package != "segar" and package not in sys.stdlib_module_names
-
-
-def _is_installed(path: Path) -> bool:
-    """Whether a file belongs to Python or to a package that was installed, rather than to a checkout or a folder of scripts."""
-    return any(path.is_relative_to(sysconfig.get_path(kind)) for kind in ("stdlib", "platstdlib", "purelib", "platlib"))
-
-
-def _source(module: str) -> Path | None:
-    """The file of a module; None where the name is that of something in a module, or a package without code."""
-    top, *rest = module.split(".")
-    spec = importlib.util.find_spec(top)
-    for name in rest:
-        if spec is None or spec.submodule_search_locations is None:
-            return None
-        # Of a dotted name, importlib.util.find_spec would import what stands before the last dot.
-        spec = PathFinder.find_spec(f"{spec.name}.{name}", spec.submodule_search_locations)
-    origin = None if spec is None else spec.origin
-    return Path(origin) if origin is not None and origin.endswith(".py") else None
 
 
 def _imports(module: str, path: Path) -> Iterator[str]:

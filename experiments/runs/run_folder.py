@@ -28,7 +28,8 @@ import yaml
 from filelock import FileLock, Timeout
 
 from experiments.runs.files import TEMPORARY, remove_unfinished, replacing, write_text
-from experiments.runs.trust import modules_named, require_trust, signed
+from experiments.runs.own_modules import OURS, folders_of, modules_named
+from experiments.runs.trust import require_trust, signed
 from experiments.settings import (
     CHECKOUT,
     ConfigError,
@@ -179,7 +180,14 @@ def _occupy(folder: Path, config: RunConfig) -> None:
         raise RunFolderError(
             f"{folder} holds no run but is not empty: {', '.join(foreign[:3])}. Choose another folder=..."
         )
-    write_text(folder / CONFIG, signed(yaml.safe_dump(as_data(config), sort_keys=False)))
+    _write_config(folder, config)
+
+
+def _write_config(folder: Path, config: RunConfig) -> None:
+    """Writes the settings, and where the modules lie that they name, so that the run can be read from any working directory."""
+    data = as_data(config)
+    data["module_path"] = list(dict.fromkeys((*config.module_path, *folders_of(data))))
+    write_text(folder / CONFIG, signed(yaml.safe_dump(data, sort_keys=False)))
 
 
 def empty(folder: Path, config: RunConfig) -> None:
@@ -190,7 +198,7 @@ def empty(folder: Path, config: RunConfig) -> None:
     for part in (CHECKPOINTS, EVALUATIONS):
         if (folder / part).exists():
             shutil.rmtree(folder / part)
-    write_text(folder / CONFIG, signed(yaml.safe_dump(as_data(config), sort_keys=False)))
+    _write_config(folder, config)
 
 
 def _differences(there: Mapping[str, Any], here: Mapping[str, Any], place: str = "") -> Iterator[str]:
@@ -220,6 +228,8 @@ def read_config(folder: Path, trusted: Collection[str] = ()) -> RunConfig:
         if not isinstance(data, Mapping):
             raise ConfigError("it holds no settings")
         require_trust(path, text, data, trusted)
+        if not {name.partition(".")[0] for name in modules_named(data)} - {*OURS}:
+            data = {**data, "module_path": ()}  # nobody else's folders are looked into without need
         return run_config(with_new_names(data))
     except RunFolderError:
         raise

@@ -8,35 +8,19 @@ import hashlib
 import hmac
 import os
 import secrets
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
 from filelock import FileLock
 
-from experiments.settings import OBJECT_NAME, TARGET, RunFolderError
+from experiments.runs.own_modules import OURS, modules_named
+from experiments.settings import RunFolderError
 from segar.engine import cache_folder
 
-OURS = ("segar", "experiments", "analysis")
 SIGNATURE = "# signature: "
 TRUSTED = "SEGAR_TRUST"  # packages that the user trusts, separated by commas; * for all
 EVERYTHING = "*"
-NO_CODE = ("tracking", "root", "folder")  # settings that name nothing which is imported
-
-
-def modules_named(settings: Any) -> Iterator[str]:
-    """The modules that settings name as ``module:attribute``, or as ``_target_: module.Class``."""
-    if isinstance(settings, Mapping):
-        for key, part in settings.items():
-            if key == TARGET and isinstance(part, str):
-                yield part.rpartition(".")[0]
-            elif key not in NO_CODE:
-                yield from modules_named(part)
-    elif isinstance(settings, list | tuple):
-        for part in settings:
-            yield from modules_named(part)
-    elif isinstance(settings, str) and (found := OBJECT_NAME.fullmatch(settings)):
-        yield found[1]
 
 
 def signed(text: str) -> str:

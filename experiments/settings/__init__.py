@@ -17,10 +17,11 @@ from experiments.settings.algorithms import (
     SACConfig,
     SPRConfig,
     added_later,
+    algorithm_named,
     kind_of,
 )
 from experiments.settings.checks import (
-    OBJECT_NAME,
+    DESIGNS,
     TARGET_DESIGN,
     Count,
     CountFrom0,
@@ -31,7 +32,6 @@ from experiments.settings.checks import (
     Settings,
     Share,
     Widths,
-    import_object,
     one_of,
     path_of,
     require,
@@ -51,6 +51,14 @@ from experiments.settings.grid import (
     grid_point,
     paper_grid,
     paper_seeds,
+)
+from experiments.settings.own_code import (
+    OBJECT_NAME,
+    add_module_path,
+    import_object,
+    level_file,
+    without_files,
+    without_folder,
 )
 from experiments.settings.release_0_1 import RENAMED, TYPE_IS_GONE, label_in_0_1, with_new_names
 from experiments.settings.run import (
@@ -73,13 +81,14 @@ from experiments.settings.run import (
 )
 
 __all__ = [
-    "ACTION_MODES", "CHECKOUT", "DIFFICULTIES", "KINDS", "OBJECT_NAME", "RENAMED", "TARGET", "TARGET_DESIGN",
-    "TRACKERS", "TYPE_IS_GONE", "ActionMode", "AlgorithmConfig", "AuxiliaryConfig", "CURLConfig", "CheckpointError",
-    "ConfigError", "Count", "CountFrom0", "Design", "Difficulty", "DrQConfig", "EvaluateConfig", "EvaluationConfig",
-    "Family", "GridPoint", "LevelsConfig", "NotNegative", "ObservationConfig", "OffPolicyConfig", "PPOConfig",
-    "Positive", "PositiveOrNull", "RecurrentPPOConfig", "RunConfig", "RunFolderError", "SACConfig", "SPRConfig",
-    "ScaleConfig", "Seed", "Settings", "Share", "TaskConfig", "TrackingConfig", "TrackingError", "TrainingError",
-    "Widths", "added_later", "as_data", "config_at", "construct", "design", "design_hash", "flat", "grid_point",
-    "import_object", "kind_of", "label_in_0_1", "one_of", "paper_grid", "paper_seeds", "path_of", "require",
-    "require_design", "require_known", "require_seed", "run_config", "that", "with_new_names",
+    "ACTION_MODES", "CHECKOUT", "DESIGNS", "DIFFICULTIES", "KINDS", "OBJECT_NAME", "RENAMED", "TARGET",
+    "TARGET_DESIGN", "TRACKERS", "TYPE_IS_GONE", "ActionMode", "AlgorithmConfig", "AuxiliaryConfig", "CURLConfig",
+    "CheckpointError", "ConfigError", "Count", "CountFrom0", "Design", "Difficulty", "DrQConfig", "EvaluateConfig",
+    "EvaluationConfig", "Family", "GridPoint", "LevelsConfig", "NotNegative", "ObservationConfig", "OffPolicyConfig",
+    "PPOConfig", "Positive", "PositiveOrNull", "RecurrentPPOConfig", "RunConfig", "RunFolderError", "SACConfig",
+    "SPRConfig", "ScaleConfig", "Seed", "Settings", "Share", "TaskConfig", "TrackingConfig", "TrackingError",
+    "TrainingError", "Widths", "add_module_path", "added_later", "algorithm_named", "as_data", "config_at",
+    "construct", "design", "design_hash", "flat", "grid_point", "import_object", "kind_of", "label_in_0_1",
+    "level_file", "one_of", "paper_grid", "paper_seeds", "path_of", "require", "require_design", "require_known",
+    "require_seed", "run_config", "that", "with_new_names", "without_files", "without_folder",
 ]  # fmt: skip

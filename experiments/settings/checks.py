@@ -12,8 +12,8 @@ from types import UnionType
 from typing import Annotated, Any, ClassVar, Union, get_args, get_origin, get_type_hints
 
 from experiments.settings.errors import ConfigError
-from segar.errors import SegarError, did_you_mean
-from segar.support import named_object
+from experiments.settings.own_code import OBJECT_NAME
+from segar.errors import did_you_mean
 
 DESIGNS = ("iid", "clustered", "covering", "nuisance_only")  # kinds of segar.design that need no test levels
 TARGET_DESIGN = re.compile(r"w2_(x?)(\d+(?:\.\d+)?)")  # the kind target of segar.design, in the mode exact
@@ -36,11 +36,14 @@ def require_known(place: str, name: str, names: Iterable[str]) -> None:
 
 
 def require_design(place: str, name: str) -> None:
-    """Raises :class:`ConfigError` unless ``name`` is in DESIGNS, or says a W2 between training and test levels.
+    """Raises :class:`ConfigError` unless ``name`` is in DESIGNS, says a W2 between training and test levels, or is the
+    ``module:function`` of a design of the user's own.
 
     ``w2_4.2`` is that distance; ``w2_x1.2`` is 1.2 times the mean distance of independent sets of as many levels.
     """
     target = TARGET_DESIGN.fullmatch(name)
+    if OBJECT_NAME.fullmatch(name):
+        return
     if target is None and name.startswith("w2_"):
         raise ConfigError(
             f"{place}: '{name}' says no distance; w2_4.2 does, and w2_x1.2, 1.2 times that of independent sets"
@@ -113,15 +116,3 @@ def hints_of(cls: type) -> Mapping[str, Any]:
 def path_of(place: str, name: Any) -> str:
     """The dotted path of the setting ``name`` in the group ``place``, which may be empty."""
     return f"{place}.{name}" if place else str(name)
-
-
-OBJECT_NAME = re.compile(r"([A-Za-z_][\w.]*):[A-Za-z_][\w.]*")
-"""The form of the names of users' own objects, ``module:attribute``."""
-
-
-def import_object(name: str, place: str) -> Any:
-    """The object that ``module:attribute`` names; raises :class:`ConfigError` that names ``place``."""
-    try:
-        return named_object(name)
-    except SegarError as error:
-        raise ConfigError(f"{place}: {error}") from error

@@ -9,11 +9,13 @@ from typing import Any, TypeVar
 from experiments.settings.algorithms import NAMES_OF_CLASS, algorithm_class
 from experiments.settings.checks import check_value, hints_of, path_of
 from experiments.settings.errors import ConfigError
+from experiments.settings.own_code import add_module_path, without_files
 from experiments.settings.release_0_1 import refuse_old_names
 from experiments.settings.run import RunConfig
 from segar.errors import did_you_mean
 
 T = TypeVar("T")
+NAMING = ("levels", "task", "observation", "algorithm")  # the settings that may name objects and level files
 
 
 def run_config(data: Mapping[str, Any]) -> RunConfig:
@@ -25,6 +27,8 @@ def run_config(data: Mapping[str, Any]) -> RunConfig:
         ConfigError: a name, type or value is wrong, or a name is one of release 0.1.
     """
     refuse_old_names(data)
+    add_module_path(one for one in data.get("module_path", ()) if isinstance(one, str))
+    data = {key: without_files(value, key) if key in NAMING else value for key, value in data.items()}
     settings = data.get("algorithm", {})
     if not isinstance(settings, Mapping):
         raise ConfigError(f"algorithm: {settings!r} is not a group of settings")

@@ -4,6 +4,7 @@ import dataclasses
 from itertools import product
 from typing import Any
 
+from experiments.settings.own_code import without_folder
 from experiments.settings.run import DIFFICULTIES, RunConfig, digest
 
 
@@ -51,7 +52,7 @@ def grid_point(config: RunConfig) -> GridPoint:
     """Where a run stands, read from its settings."""
     family, dash, difficulty = config.levels.train.rpartition("-")
     if not dash or difficulty not in DIFFICULTIES:
-        family, difficulty = config.levels.train, ""
+        family, difficulty = without_folder(config.levels.train), ""
     return GridPoint(family, difficulty, config.levels.count, config.seed)
 
 

@@ -17,6 +17,7 @@ from experiments.settings.algorithms import (
     NAMES_OF_CLASS,
     AlgorithmConfig,
     PPOConfig,
+    added_later,
     kind_of,
     named_class,
 )
@@ -31,7 +32,8 @@ from experiments.settings.checks import (
     require_known,
     that,
 )
-from segar.levels import families
+from experiments.settings.own_code import OBJECT_NAME, without_folder
+from segar.levels import TASK_LEVELS, families
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 ACTION_MODES = ("deterministic", "sampled")  # of evaluation
@@ -40,8 +42,15 @@ DIFFICULTIES = ("easy", "medium", "hard")
 
 
 def require_family(place: str, name: str) -> None:
-    """Raises :class:`ConfigError` unless ``name`` is a family that comes in several difficulties."""
-    require_known(place, name, (panel.rpartition("-")[0] for panel in families()))
+    """Raises :class:`ConfigError` unless ``name`` is a family that comes in several difficulties, or a single distribution."""
+    if not is_distribution(name):
+        require_known(place, name, (panel.rpartition("-")[0] for panel in families()))
+
+
+def is_distribution(name: str) -> bool:
+    """Whether ``name`` is that of one level distribution (``empty-hard``, ``billiards``, ``module:attribute``, a level file)
+    rather than of a family, which has several difficulties."""
+    return name in (*families(), *TASK_LEVELS) or ".npz" in name or OBJECT_NAME.fullmatch(name) is not None
 
 
 Family = Annotated[str, require_family]
@@ -57,7 +66,8 @@ Address = Annotated[str | None, that(lambda uri: uri is None or "://" in uri, AD
 
 @dataclass(frozen=True)
 class LevelsConfig(Settings):
-    """Where the levels come from. A distribution is a family's name, or ``module:attribute`` for one of your own."""
+    """Where the levels come from: a family's name, ``module:attribute`` or ``file.py:attribute`` for a distribution of your
+    own, or a level file (``.npz``), of which seed 0 takes the first levels and other seeds some that are drawn."""
 
     group: ClassVar[str] = "levels"
 
@@ -70,6 +80,7 @@ class LevelsConfig(Settings):
     test_variation: str | None = None  # None: the same
     test_count: Count = 100
     test_seed: Seed = 0  # which test levels; they never meet training levels, whatever the seeds
+    world: str | None = added_later(None)  # the rules of level files that were saved with rules of their own
 
     @property
     def test_distribution(self) -> str:
@@ -150,6 +161,9 @@ class RunConfig(Settings):
     seed: Seed = 0  # of training: weights, actions, order of levels
     root: str | None = None  # where run folders are made; None: runs/ of the checkout
     folder: str | None = None  # the run folder; None: named by its settings, under root
+    module_path: tuple[
+        str, ...
+    ] = ()  # where the modules of the settings lie that are not installed; run folders record it
     resume: bool = True  # go on with an unfinished run that the run folder holds; false: refuse to
     restart: bool = False  # throw away what the run folder holds
     stale: Stale = "refuse"  # a finished run by other code than today's: "keep" its results, or train it "anew"
@@ -162,6 +176,8 @@ class RunConfig(Settings):
         data = as_data(self, without_later_defaults=True)
         algorithm = {key: value for key, value in data["algorithm"].items() if key not in NAMES_OF_CLASS}
         parts = {key: data[key] for key in ("levels", "task", "observation", "evaluation", "seed")}
+        for name in ("train", "test"):
+            parts["levels"][name] = without_folder(parts["levels"][name] or "") or None
         kind = kind_of(type(self.algorithm))
         return {**parts, "algorithm": {"kind": kind, **algorithm}, "frames": self.scale.frames}
 
@@ -171,7 +187,7 @@ class RunConfig(Settings):
 
     def label(self) -> str:
         """The run's name, e.g. ``empty-hard-n10-state-ppo_fast-s1-3f9a12cd``."""
-        levels = self.levels.train if self.levels.test is None else f"{self.levels.train}-to-{self.levels.test}"
+        levels = "-to-".join(without_folder(name) for name in (self.levels.train, self.levels.test) if name)
         special = (self.levels.variation, self.levels.design if self.levels.design != "iid" else "")
         levels = "-".join((levels, *(name for name in special if name)))
         parts = (levels, f"n{self.levels.count}", self.observation.name, self.algorithm.name, f"s{self.seed}")

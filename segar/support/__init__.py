@@ -7,7 +7,7 @@ from segar.support.counter_kernel import GOLDEN, SPACING, keyed_uniform, mix, no
 from segar.support.counter_rng import LOW_WORD, SPARE_BITS, WORD, LevelGenerator, philox, stream_key
 from segar.support.estimates import Estimate
 from segar.support.files import UNFINISHED, ArchiveFormat, remove_unfinished, replacing
-from segar.support.imports import named_object, need, need_pygame
+from segar.support.imports import module_in_file, named_object, need, need_pygame
 from segar.support.moved_modules import deprecated_names, find_moved
 from segar.support.optimal_transport import TRANSPORT_STEPS, emd, plan_of, pot
 from segar.support.plain import is_plain

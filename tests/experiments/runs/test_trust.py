@@ -7,8 +7,9 @@ import sys
 import pytest
 import yaml
 
+from experiments.runs.own_modules import modules_named
 from experiments.runs.run_folder import CONFIG, read_config, use_run_folder
-from experiments.runs.trust import TRUSTED, modules_named
+from experiments.runs.trust import TRUSTED
 from experiments.settings import LevelsConfig, RunConfig, RunFolderError, TrackingConfig, as_data
 
 OWN = RunConfig(levels=LevelsConfig(train="bad_code:levels"), tracking=TrackingConfig(name="none"))

@@ -1,0 +1,56 @@
+"""The modules that the settings of a run name, and where they lie."""
+
+import importlib.util
+import sysconfig
+from collections.abc import Iterator, Mapping
+from importlib.machinery import PathFinder
+from pathlib import Path
+from typing import Any
+
+from experiments.settings import OBJECT_NAME, TARGET
+
+OURS = ("segar", "experiments", "analysis")
+NO_CODE = ("tracking", "root", "folder", "module_path")  # settings that name nothing which is imported
+
+
+def modules_named(settings: Any) -> Iterator[str]:
+    """The modules that settings name as ``module:attribute``, or as ``_target_: module.Class``."""
+    if isinstance(settings, Mapping):
+        for key, part in settings.items():
+            if key == TARGET and isinstance(part, str):
+                yield part.rpartition(".")[0]
+            elif key not in NO_CODE:
+                yield from modules_named(part)
+    elif isinstance(settings, list | tuple):
+        for part in settings:
+            yield from modules_named(part)
+    elif isinstance(settings, str) and (found := OBJECT_NAME.fullmatch(settings)):
+        yield found[1]
+
+
+def folders_of(settings: Any) -> tuple[str, ...]:
+    """The folders from which the modules that settings name are imported, without those of installed packages and our own."""
+    packages = {name.partition(".")[0] for name in modules_named(settings)} - {*OURS}
+    found = (importlib.util.find_spec(name) for name in sorted(packages))
+    files = [Path(spec.origin).resolve() for spec in found if spec is not None and spec.origin is not None]
+    outside = (path for path in files if not is_installed(path))
+    folders = (path.parents[1] if path.name == "__init__.py" else path.parent for path in outside)
+    return tuple(dict.fromkeys(map(str, folders)))
+
+
+def is_installed(path: Path) -> bool:
+    """Whether a file belongs to Python or to a package that was installed, rather than to a checkout or a folder of scripts."""
+    return any(path.is_relative_to(sysconfig.get_path(kind)) for kind in ("stdlib", "platstdlib", "purelib", "platlib"))
+
+
+def source_of(module: str) -> Path | None:
+    """The file of a module; None where the name is that of something in a module, or a package without code."""
+    top, *rest = module.split(".")
+    spec = importlib.util.find_spec(top)
+    for name in rest:
+        if spec is None or spec.submodule_search_locations is None:
+            return None
+        # Of a dotted name, importlib.util.find_spec would import what stands before the last dot.
+        spec = PathFinder.find_spec(f"{spec.name}.{name}", spec.submodule_search_locations)
+    origin = None if spec is None else spec.origin
+    return Path(origin) if origin is not None and origin.endswith(".py") else None

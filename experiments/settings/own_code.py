@@ -1,0 +1,105 @@
+"""Users' own objects in settings: ``module:attribute``, ``folder/file.py:attribute``, and level files.
+
+Settings are kept without places: a file's object becomes ``module:attribute``, with the folder among ``module_path``, and a
+level file's name gets its content's fingerprint behind it, ``folder/levels.npz#3f9a12cd``. So a run's name does not hang on
+where things lie, and an edited level file is another one.
+"""
+
+import hashlib
+import importlib
+import re
+import sys
+from collections.abc import Iterable, Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from experiments.settings.errors import ConfigError
+from segar.errors import SegarError
+from segar.support import module_in_file, named_object
+
+ATTRIBUTE = r"[A-Za-z_][\w.]*"
+OBJECT_NAME = re.compile(rf"([A-Za-z_][\w.]*):{ATTRIBUTE}")
+"""The form of the names of users' own objects, ``module:attribute``."""
+FILE_OBJECT = re.compile(rf"(.+\.py):({ATTRIBUTE})")
+LEVEL_FILE = re.compile(r"(.+\.npz)(?:#([0-9a-f]{8}))?")
+
+
+def without_files(settings: Any, place: str = "", folder: Path | None = None) -> Any:
+    """Settings (plain data) in which own objects are named by modules, and level files with what is in them.
+
+    Args:
+        place: the dotted path of these settings, for errors.
+        folder: where relative paths begin; None: the working directory.
+
+    Raises:
+        ConfigError: a file that is named does not exist, or cannot be imported as a module.
+    """
+    if isinstance(settings, Mapping):
+        return {
+            key: without_files(value, f"{place}.{key}" if place else str(key), folder)
+            for key, value in settings.items()
+        }
+    if isinstance(settings, list | tuple):
+        return [without_files(one, place, folder) for one in settings]
+    if not isinstance(settings, str):
+        return settings
+    if found := FILE_OBJECT.fullmatch(settings):
+        try:
+            return f"{module_in_file((folder or Path()) / Path(found[1]).expanduser())}:{found[2]}"
+        except SegarError as error:
+            raise ConfigError(f"{place}: {error}") from error
+    if (found := LEVEL_FILE.fullmatch(settings)) and found[2] is None:
+        path = ((folder or Path()) / Path(found[1]).expanduser()).resolve()
+        return f"{path}#{file_fingerprint(path, place)}"
+    return settings
+
+
+def level_file(name: str, place: str) -> Path | None:
+    """The level file that ``folder/levels.npz#3f9a12cd`` names; None where ``name`` is of another form.
+
+    Raises:
+        ConfigError: there is no such file, or other levels are in it than when it was named.
+    """
+    found = LEVEL_FILE.fullmatch(name)
+    if found is None:
+        return None
+    path = Path(found[1]).expanduser()
+    if found[2] is not None and file_fingerprint(path, place) != found[2]:
+        raise ConfigError(f"{place}: {path} holds other levels than when it was named, with #{found[2]}; name it anew")
+    return path
+
+
+def without_folder(name: str) -> str:
+    """The name of a level file without its folder; any other name as it is."""
+    return name.rpartition("/")[2] if LEVEL_FILE.fullmatch(name) else name
+
+
+def file_fingerprint(path: Path, place: str) -> str:
+    """Eight hexadecimal digits of a file's content; raises :class:`ConfigError` if it cannot be read."""
+    try:
+        about = path.stat()
+        return _fingerprint(path, about.st_mtime_ns, about.st_size)
+    except OSError as error:
+        raise ConfigError(f"{place}: cannot read {path}: {error.strerror}") from error
+
+
+@cache
+def _fingerprint(path: Path, _time: int, _size: int) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:8]
+
+
+def add_module_path(folders: Iterable[str]) -> None:
+    """Has modules looked for in these folders, too, after all other places."""
+    new = [folder for folder in folders if folder not in sys.path and Path(folder).is_dir()]
+    sys.path += new
+    if new:
+        importlib.invalidate_caches()
+
+
+def import_object(name: str, place: str) -> Any:
+    """The object that ``module:attribute`` names; raises :class:`ConfigError` that names ``place``."""
+    try:
+        return named_object(name)
+    except SegarError as error:
+        raise ConfigError(f"{place}: {error}") from error
