@@ -73,7 +73,10 @@ def test_paths_begin_where_the_file_that_states_them_is(lab):
 def test_names_of_runs_do_not_contain_where_level_files_lie(lab):
     (lab / "elsewhere").mkdir()
     (lab / "elsewhere" / "eight.npz").write_bytes((lab / "eight.npz").read_bytes())
-    runs = [run_config({"levels": {"train": f"{place}/eight.npz", "test": "empty-easy"}}) for place in (lab, lab / "elsewhere")]
+    runs = [
+        run_config({"levels": {"train": f"{place}/eight.npz", "test": "empty-easy"}})
+        for place in (lab, lab / "elsewhere")
+    ]
     assert runs[0].label() == runs[1].label()
     assert runs[0].label().startswith("eight.npz_")
 
@@ -107,7 +110,9 @@ def test_a_level_file_needs_test_levels_beside_it_and_takes_no_variation(lab):
 
 
 def test_a_design_of_ones_own_picks_the_training_levels(lab):
-    config = LevelsConfig(train="empty-easy", design=f"{module_in_file(lab / 'breezes.py')}:first_half", count=3, seed=1)
+    config = LevelsConfig(
+        train="empty-easy", design=f"{module_in_file(lab / 'breezes.py')}:first_half", count=3, seed=1
+    )
     train, _ = make_levels(config)
     assert train == segar.family("empty-easy").sample(6, seed=1)[:3]
     with pytest.raises(ConfigError, match=r"levels.design: breezes:nothing returns int, not 3 levels"):
