@@ -40,7 +40,7 @@ from experiments.runs.run_folder import (
     read_summary,
     read_versions,
 )
-from experiments.settings import ACTION_MODES, RunConfig, RunFolderError, grid_point
+from experiments.settings import ACTION_MODES, RunConfig, RunFolderError, flat, grid_point, panel_parts
 
 PLAN = "plan.json"
 LEVELS, CURVES = "levels.parquet", "curves.parquet"
@@ -109,6 +109,7 @@ def read_plan(folder: Path) -> dict[str, Any]:
 def read_runs(plan: Mapping[str, Any]) -> Collected:
     """The tables of all runs and transfers of a plan."""
     root = Path(plan["runs"])
+    varied = sorted({name for one in plan["experiments"] for name in one.get("vary", ())})
     runs, transfers, missing = [], [], []
     imported = {run["folder"] for one in plan["experiments"] for run in one["runs"] if run.get("elsewhere")}
     tables = imported_rows(plan, imported)
@@ -122,6 +123,9 @@ def read_runs(plan: Mapping[str, Any]) -> Collected:
         config, summary = read_config(folder), read_summary(folder)
         place = run_columns(config, name)
         episodes = read_episodes(folder).to_pandas()
+        place |= {name: str(flat(config.identity()).get(name)) for name in varied}
+        if config.levels.seed != config.seed:
+            place["levels.seed"] = config.levels.seed
         runs.append(run_row(folder, config, summary, episodes, place, experiments))
         tables["levels"].append(level_rows(episodes, {**place, "test": OWN}))
         tables["curves"].append(curve_rows(folder, place))
@@ -263,7 +267,7 @@ def transfer_row(
     """What an agent achieved on other levels, named ``test``, beside what it achieves on its training levels."""
     asked = summary["transfer"]
     mixture = asked.get("mixture") or {}
-    family, _, difficulty = asked["panel"].rpartition("-")
+    family, difficulty = panel_parts(asked["panel"])
     whole = pd.concat([select(episodes, levels="train"), played], ignore_index=True)
     return {
         **place,

@@ -53,7 +53,9 @@ from experiments.reproduction.plan import (
 )
 from experiments.reproduction.plugin import REPORTS, STUDIES, find_plugin, run_plugin
 from experiments.reproduction.process_pool import Job, JobResult, run_jobs
+from experiments.runs.files import write_text
 from experiments.runs.run_folder import runs_root, write_json
+from experiments.runs.trust import signed
 from experiments.settings import (
     ConfigError,
     RunConfig,
@@ -68,7 +70,7 @@ from experiments.settings import (
 from experiments.tracking.mlflow_store import is_server
 from experiments.train import train
 
-PLAN = "plan.json"
+PLAN, STUDY = "plan.json", "study.yaml"
 ENOUGH_LEFT = 0.85  # share of the work that is left, below which the time spent so far predicts the rest
 Work = RunTask | StudyTask
 
@@ -85,6 +87,7 @@ class ReproduceConfig:
     imported: tuple[str, ...] = ()  # folders with tables of runs that were made on other machines
     dry_run: bool = False  # print the plan, and run nothing
     report: bool = True  # have the plug-in "report" write the claims, figures, page and PDF
+    study: Mapping[str, Any] = field(default_factory=dict)  # what a file of experiments.study says; empty: the paper's
 
     def __post_init__(self) -> None:
         require(self.processes >= 0, "processes", self.processes, "0 or more")
@@ -95,7 +98,7 @@ class ReproduceConfig:
     @property
     def name(self) -> str:
         """Names scale and settings, e.g. ``quick-3f9a12cd``."""
-        return f"{self.run.scale.name}-{design_hash(paper_grid(self.run)[0])}"
+        return f"{self.study.get('name', self.run.scale.name)}-{design_hash(paper_grid(self.run)[0])}"
 
     @property
     def folder(self) -> Path:
@@ -168,13 +171,15 @@ def reproduce(
 
 
 def write_plan(config: ReproduceConfig, plan: ReproductionPlan) -> None:
-    """Writes the plan into the results folder, where the tables are made from it."""
+    """Writes the plan into the results folder, where the tables are made from it, and what a study asks."""
     config.folder.mkdir(parents=True, exist_ok=True)
     tracking = dataclasses.asdict(config.run.tracking)
     about = {"name": config.name, "scale": config.run.scale.name, "runs": str(runs_root(config.run))}
     imported = [str(folder) for folder in config.imported_folders()]
     experiments = as_data_of(plan)
     write_json(config.folder / PLAN, {**about, "elsewhere": imported, "tracking": tracking, "experiments": experiments})
+    if config.study:
+        write_text(config.folder / STUDY, signed(yaml.safe_dump(dict(config.study), sort_keys=False)))
 
 
 def with_sweep_tag(config: ReproduceConfig) -> RunConfig:
@@ -292,7 +297,7 @@ def build(config: DictConfig) -> ReproduceConfig:
     return construct(ReproduceConfig, own, "", run=run_config(data))
 
 
-SETTINGS = {name: value for name, value in as_data(ReproduceConfig()).items() if name != "run"}  # and their defaults
+SETTINGS = {name: value for name, value in as_data(ReproduceConfig()).items() if name not in ("run", "study")}
 
 
 def help_text() -> str:

@@ -13,7 +13,7 @@ import numpy as np
 from experiments.evaluation.episodes import distance_figures, mean_figures, play_in_modes
 from experiments.evaluation.evaluator import load_agent, write
 from experiments.evaluation.transfers import Transfer
-from experiments.levels.builders import environment_options, make_levels
+from experiments.levels.builders import distribution_of, environment_options
 from experiments.levels.mixed_levels import mixed_levels
 from experiments.runs.run_folder import LEVELS_TEST, LEVELS_TRAIN, folder_path
 from experiments.settings import ACTION_MODES, LevelsConfig, RunConfig, as_data
@@ -43,11 +43,8 @@ def evaluate_transfer(run: RunConfig, transfer: Transfer, say: Callable[[str], N
 def levels_of(run: RunConfig, transfer: Transfer) -> Levels:
     """The levels of a transfer; raises :class:`SegarError` if they cannot be made."""
     if transfer.mixture is None:
-        levels = LevelsConfig(
-            train=transfer.panel, count=1, variation=transfer.variation, test_count=transfer.test_count,
-            test_seed=transfer.test_seed,
-        )  # fmt: skip
-        return make_levels(levels)[1]
+        there = LevelsConfig(train=transfer.panel, test=transfer.panel, variation=transfer.variation)
+        return distribution_of(there, "test").sample(transfer.test_count, seed=transfer.test_seed, split="test")
     train, test = (Levels.load(folder_path(run) / name) for name in (LEVELS_TRAIN, LEVELS_TEST))
     chosen = dict.fromkeys(transfer.mixture.changed, True)
     return mixed_levels(train[np.arange(len(test)) % len(train)], test, transfer.mixture.groups, chosen)

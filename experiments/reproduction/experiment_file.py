@@ -1,13 +1,15 @@
-"""An experiment as data: a grid of runs, other levels that its agents are tested on, and what needs no training.
+"""An experiment as data: a grid of runs, other levels that its agents are tested on, claims, and what needs no training.
 
-One file of ``conf/experiment/`` is one experiment. It is plain YAML, which :func:`experiment_at` reads::
+One file of ``conf/experiment/``, or one that ``experiments.study`` is given, is one experiment. It is plain YAML, which
+:func:`experiment_at` reads::
 
     title: Gap against W2 out of distribution    # required; all other keys may be left out
     figure: 4a                                   # of the paper
     grid:                                        # runs: every combination, see GridConfig; what is not named is the scale's
-      families: [empty, objectsx1]
+      families: [empty, my_lab.levels:windy]     # families of several difficulties, or distributions by name
       counts: [1, 10]
-      algorithms: [base, curl]                   # choices of the group algorithm; base is the scale's
+      algorithms: [base, curl]                   # choices of the group algorithm, or own ones; base is the scale's
+      vary: {algorithm.gamma: [0.9, 0.99]}       # any other settings
     transfers:                                   # further tests of the trained agents, see TransferConfig
       - difficulty: harder
       - observation: textures_far
@@ -16,7 +18,9 @@ One file of ``conf/experiment/`` is one experiment. It is plain YAML, which :fun
     probes: true                                 # ask what the representations know of the factors
     study: w2                                    # a study that needs no training
     options: {seeds: 20}                         # of the study, by name
-    scales:                                      # at a scale that is not named here, the experiment is not run
+    claims:                                      # what the runs are asked, see ClaimConfig
+      distance: {says: The gap is worse farther away., test: correlation, expected: negative}
+    scales:                                      # at a scale that is not named here, the experiment is not run; none: at all
       quick: {counts: [3], options: {seeds: 10}}     # what differs there: keys of grid, and transfers, probes, options
       paper: {}                                  # nothing differs
 
@@ -33,13 +37,16 @@ from experiments.levels.mixed_levels import RESERVED, SEPARATOR
 from experiments.levels.variations import VARIATIONS
 from experiments.settings import (
     DIFFICULTIES,
+    OBJECT_NAME,
     ConfigError,
     Count,
     CountFrom0,
     Design,
     Difficulty,
     Family,
+    PositiveOrNull,
     construct,
+    is_distribution,
     one_of,
     require,
     require_known,
@@ -70,13 +77,51 @@ def check_groups(place: str, groups: Mapping[str, Sequence[str]]) -> None:
         require(SEPARATOR not in name, f"{place}.{name}", name, f"a name without {SEPARATOR}")
 
 
+def check_vary(place: str, vary: Mapping[str, Any]) -> None:
+    """Raises :class:`ConfigError` unless each setting has a list of values, and is none that the grid has a name for."""
+    for name, values in vary.items():
+        require(name not in OF_GRID, f"{place}.{name}", name, f"varied by grid.{OF_GRID.get(name)}")
+        require(isinstance(values, list | tuple) and bool(values), f"{place}.{name}", values, "a list of values")
+
+
 def check_variation(place: str, name: str) -> None:
     """Raises :class:`ConfigError` unless it is empty, a name, or ``module:function``."""
     if name and ":" not in name:
         require_known(place, name, VARIATIONS)
 
 
+# Settings that a grid varies by a name of its own.
+OF_GRID = {
+    "levels.train": "families", "levels.count": "counts", "levels.seed": "level_sets", "levels.design": "designs",
+    "levels.variation": "variations", "algorithm": "algorithms", "observation": "observations", "task": "tasks",
+    "scale.frames": "frames", "evaluation.interval": "interval", "seed": "seeds",
+}  # fmt: skip
 NOT_EMPTY = that(bool, "one or more")
+SIGNS = {"negative": -1, "positive": 1, "none": 0}
+TESTS = ("correlation", "difference", "mean")
+
+
+def check_test(place: str, name: str) -> None:
+    """Raises :class:`ConfigError` unless it is the name of a test, or ``module:function``."""
+    if not OBJECT_NAME.fullmatch(name):
+        require_known(place, name, TESTS)
+
+
+def check_between(place: str, between: Mapping[str, Any]) -> None:
+    """Raises :class:`ConfigError` unless there is at most one column, with two values."""
+    pairs = all(isinstance(values, list | tuple) and len(values) == 2 for values in between.values())
+    require(
+        len(between) < 2 and pairs, place, dict(between), "one column with two values, such as {algorithm: [curl, ppo]}"
+    )
+
+
+def check_claims(place: str, claims: Mapping[str, Any]) -> None:
+    """Raises :class:`ConfigError` unless each claim is one."""
+    for name, claim in claims.items():
+        require(isinstance(claim, Mapping), f"{place}.{name}", claim, "settings of a claim, such as says and test")
+        construct(ClaimConfig, claim, f"{place}.{name}")
+
+
 Names = Annotated[tuple[str, ...], NOT_EMPTY]
 VariationName = Annotated[str, check_variation]
 
@@ -85,17 +130,19 @@ VariationName = Annotated[str, check_variation]
 class GridConfig:
     """Runs: every combination. What is None or empty is as the scale has it."""
 
-    families: tuple[Family, ...] = ()
-    difficulties: tuple[Difficulty, ...] = ()
-    counts: tuple[Count, ...] = ()
-    seeds: Count | None = None  # how many
-    frames: Count | None = None
+    families: tuple[Family, ...] = ()  # of several difficulties; or single distributions, by any of their names
+    difficulties: tuple[Difficulty, ...] = ()  # of the families that have several
+    counts: tuple[Count, ...] = ()  # numbers of training levels
+    seeds: Count | None = None  # how many agents of each kind, each with a level set of its own
+    level_sets: Count | None = None  # how many level sets instead, each with as many agents as there are seeds
+    frames: Count | None = None  # of each run
     algorithms: Names = (BASE,)  # choices of the group algorithm
     observations: Names = (BASE,)  # choices of the group observation
     tasks: Names = (BASE,)  # choices of the group task
     designs: Annotated[tuple[Design, ...], NOT_EMPTY] = ("iid",)  # how training levels are picked
     variations: Annotated[tuple[VariationName, ...], NOT_EMPTY] = ("",)  # names in experiments.levels.variations
     interval: CountFrom0 | None = None  # frames between evaluations on the test levels; None: as the scale has it
+    vary: Annotated[Mapping[str, Any], check_vary] = field(default_factory=dict)  # other settings: name to values
 
 
 @dataclass(frozen=True)
@@ -112,6 +159,37 @@ Transfers = Annotated[tuple[TransferConfig, ...], check_transfers]
 
 
 @dataclass(frozen=True)
+class ClaimConfig:
+    """A statement about the runs that a test decides, by the rules of the paper's claims.
+
+    ``correlation``: Pearson's r of ``of`` and ``against`` given the columns ``given``. ``difference``: the mean of ``of`` at
+    the first value of ``between`` less that at the second, over pairs of runs that are equal otherwise. ``mean``: the mean
+    of ``of``. Intervals are those of blocks: all runs on one level set stay together.
+    """
+
+    says: str  # the statement
+    test: Annotated[
+        str, check_test
+    ]  # correlation, difference, mean, or module:function(runs) -> analysis.stats Estimate
+    of: str = "gap"  # a column of the table of runs, such as gap, success_test, eta_test, w2_exact
+    against: str = "w2_exact"  # of a correlation
+    given: tuple[str, ...] = ()  # of a correlation: panel, log_n, cell, or columns
+    between: Annotated[Mapping[str, Any], check_between] = field(
+        default_factory=dict
+    )  # of a difference: column to two values
+    where: Mapping[str, Any] = field(default_factory=dict)  # only the runs with these values in these columns
+    expected: Annotated[str, one_of(*SIGNS)] = "negative"  # the sign; none: that there is no effect
+    margin: PositiveOrNull = (
+        None  # a smaller effect does not matter; null: 0.3 of a correlation, else 0.2 standard deviations
+    )
+
+    def __post_init__(self) -> None:
+        require(
+            self.test != "difference" or bool(self.between), "between", {}, "a column with two values, for a difference"
+        )
+
+
+@dataclass(frozen=True)
 class ExperimentConfig:
     """What one file of ``conf/experiment/`` says."""
 
@@ -121,9 +199,10 @@ class ExperimentConfig:
     transfers: Transfers = ()
     attribution: Annotated[Mapping[str, Sequence[str]], check_groups] = field(default_factory=dict)
     probes: bool = False  # ask what the agents' representations know of the factors, as probes.<scale> says
+    claims: Annotated[Mapping[str, Any], check_claims] = field(default_factory=dict)  # name to ClaimConfig
     study: str = ""  # needs no training: a plug-in, see experiments.reproduction.plugin
     options: Mapping[str, Any] = field(default_factory=dict)  # of the study, by name
-    scales: Mapping[str, Any] = field(default_factory=dict)  # what differs there, of the grid and of Others
+    scales: Mapping[str, Any] = field(default_factory=dict)  # what differs there, of the grid and of Others; none: all
 
 
 @dataclass(frozen=True)
@@ -155,18 +234,19 @@ def experiment_at(name: str, data: Mapping[str, Any], scale: str) -> Experiment 
     place = f"grids.{name}"
     config = construct(ExperimentConfig, data, place)
     require(bool(config.grid) or bool(config.study), place, dict(data), "an experiment with a grid, a study, or both")
-    for key in ("transfers", "probes", "attribution"):
+    for key in ("transfers", "probes", "attribution", "claims"):
         require(
             bool(config.grid) or not getattr(config, key), f"{place}.{key}", data.get(key), "beside a grid of agents"
         )
     construct(GridConfig, config.grid, f"{place}.grid")
-    at = {known: settings_at(name, config, known, f"{place}.scales.{known}") for known in config.scales}
+    if not config.scales:
+        return settings_at(name, config, {}, place)
+    at = {known: settings_at(name, config, one, f"{place}.scales.{known}") for known, one in config.scales.items()}
     return at.get(scale)
 
 
-def settings_at(name: str, config: ExperimentConfig, scale: str, place: str) -> Experiment:
-    """The experiment at a scale that its file names; raises :class:`ConfigError`."""
-    changes = config.scales[scale]
+def settings_at(name: str, config: ExperimentConfig, changes: Any, place: str) -> Experiment:
+    """The experiment with what its file changes at a scale; raises :class:`ConfigError`."""
     if not isinstance(changes, Mapping):
         raise ConfigError(f"{place}: {changes!r} is no group of settings; where nothing differs it is {{}}")
     other = construct(Others, {key: changes[key] for key in OTHERS if key in changes}, place)
@@ -188,8 +268,20 @@ def settings_at(name: str, config: ExperimentConfig, scale: str, place: str) -> 
 
 
 def other_panel(family: str, difficulty: str, transfer: TransferConfig) -> str | None:
-    """The panel that agents trained in this one are tested in; None if there is no harder, or easier, one."""
+    """The panel that agents trained in this one are tested in; None if there is no harder, or easier, one.
+
+    Raises:
+        ConfigError: a family of several difficulties is named without one, for agents whose levels have none.
+    """
+    if transfer.family and is_distribution(transfer.family):
+        return transfer.family
     wanted = transfer.difficulty or difficulty
+    if not difficulty and (wanted in STEPS or not transfer.family):
+        return None if wanted else family
+    if not wanted:
+        raise ConfigError(
+            f"transfers: {family} has no difficulty, so name one: {{family: {transfer.family}, difficulty: hard}}"
+        )
     if wanted in STEPS:
         place = DIFFICULTIES.index(difficulty) + STEPS[wanted]
         if not 0 <= place < len(DIFFICULTIES):

@@ -14,7 +14,7 @@ from typing import Any
 from experiments.commands.hydra_app import compose
 from experiments.evaluation.probing import ProbeConfig, assumed_seconds, read_about
 from experiments.evaluation.transfers import FactorSwap, RunTask, Transfer
-from experiments.levels.builders import distribution_of
+from experiments.levels.builders import distribution_of, environment_options
 from experiments.levels.mixed_levels import REST, SEPARATOR, check_fits, places
 from experiments.reproduction.experiment_file import BASE, Experiment, GridConfig, TransferConfig, other_panel
 from experiments.reproduction.imported_results import ImportedResults
@@ -30,11 +30,14 @@ from experiments.settings import (
     as_data,
     config_at,
     grid_point,
+    import_object,
+    is_distribution,
     paper_seeds,
+    run_config,
 )
 from experiments.settings.run import digest
 from segar.cli import table
-from segar.errors import LevelError
+from segar.errors import LevelError, SegarError
 
 # [frames/s] of one process, while nothing has been measured: what two cores of a small server gave.
 ASSUMED_SPEED = {
@@ -93,6 +96,7 @@ def make_plan(
         other = union.get(label, RunTask(work.run))
         by_folder = {one.folder_name(): one for one in (*other.transfers, *work.transfers)}
         union[label] = RunTask(work.run, tuple(by_folder.values()), other.probes or work.probes)
+    check_objects(work.run for work in union.values())
     changed = changed_code(union.values())
     union = {label: dataclasses.replace(work, changed=changed.get(label, ())) for label, work in union.items()}
     stored = {label: "" if work.is_done_here() else imported.name_of(work) for label, work in union.items()}
@@ -148,33 +152,86 @@ def works_of(experiment: Experiment, base: RunConfig, probes: ProbeConfig) -> It
 
 
 def grid_runs(grid: GridConfig, base: RunConfig) -> Iterable[RunConfig]:
-    """A run for every combination of the grid."""
+    """A run for every combination of the grid, seed after seed.
+
+    Each seed is that of an agent and of its level set, so that no two agents of a kind share one, unless ``level_sets`` says
+    how many level sets there are; then each of them has all agents.
+    """
     scale = base.scale
     seeds = range(base.seed, base.seed + grid.seeds) if grid.seeds else paper_seeds(base)
+    sets = range(base.seed, base.seed + (grid.level_sets or 0))
+    names, values = list(grid.vary), product(*grid.vary.values())
+    panels = list(panels_of(grid.families or scale.families, grid.difficulties or scale.difficulties))
     places = product(
-        seeds,
+        product(seeds, sets) if grid.level_sets else ((seed, seed) for seed in seeds),
+        list(values),
         grid.algorithms,
         grid.observations,
         grid.tasks,
         grid.variations,
         grid.designs,
-        grid.families or scale.families,
-        grid.difficulties or scale.difficulties,
+        panels,
         grid.counts or scale.counts,
     )
     frames = grid.frames or scale.frames
     interval = base.evaluation.interval if grid.interval is None else grid.interval
-    for seed, algorithm, observation, task, variation, design, family, difficulty, n in places:
+    for (seed, level_set), varied, algorithm, observation, task, variation, design, (family, difficulty), n in places:
         cell = config_at(base, GridPoint(family, difficulty, n, seed))
-        yield dataclasses.replace(
+        run = dataclasses.replace(
             cell,
-            levels=dataclasses.replace(cell.levels, variation=variation, design=design),
+            levels=dataclasses.replace(cell.levels, seed=level_set, variation=variation, design=design),
             algorithm=base.algorithm if algorithm == BASE else setting("algorithm", algorithm).algorithm,
             observation=base.observation if observation == BASE else setting("observation", observation).observation,
             task=base.task if task == BASE else setting("task", task).task,
             scale=dataclasses.replace(scale, frames=frames),
             evaluation=dataclasses.replace(base.evaluation, interval=interval),
         )
+        yield with_settings(run, dict(zip(names, varied, strict=True))) if names else run
+
+
+def panels_of(families: Sequence[str], difficulties: Sequence[str]) -> Iterable[tuple[str, str]]:
+    """Family and difficulty of each panel: all difficulties of a family, none of a single distribution."""
+    for family in families:
+        yield from [(family, "")] if is_distribution(family) else product([family], difficulties)
+
+
+def with_settings(run: RunConfig, values: Mapping[str, Any]) -> RunConfig:
+    """The run with other values of settings, by dotted names; raises :class:`ConfigError` for a wrong name or value."""
+    data = as_data(run)
+    for name, value in values.items():
+        *groups, last = name.split(".")
+        place = data
+        for group in groups:
+            place = place.setdefault(group, {})
+        place[last] = list(value) if isinstance(value, tuple) else value
+    return run_config(data)
+
+
+def check_objects(runs: Iterable[RunConfig]) -> None:
+    """Raises :class:`ConfigError` for the first run whose levels, task, observation or algorithm cannot be made.
+
+    Each is made once, however many runs have it, so that a wrong name ends a plan, and not its runs.
+    """
+    seen: set[str] = set()
+
+    def is_new(*settings: Any) -> bool:
+        known = repr(settings) in seen
+        seen.add(repr(settings))
+        return not known
+
+    for run in runs:
+        levels, algorithm = dataclasses.replace(run.levels, count=1, seed=0), run.algorithm
+        try:
+            if is_new(levels):
+                for which in ("train", "test"):
+                    distribution_of(levels, which)
+            if is_new(run.task, run.observation):
+                environment_options(run)
+            for name in (algorithm.learner, getattr(algorithm, "encoder", "")):
+                if ":" in name and not name.startswith("experiments.") and is_new(name):
+                    import_object(name, "algorithm")
+        except SegarError as error:
+            raise ConfigError(f"{run.label()}: {error}") from error
 
 
 @cache
@@ -337,7 +394,21 @@ def as_text(plan: ReproductionPlan, speeds: Speeds, processes: int, scale: Scale
         f"{f' ({in_minutes(probing)})' if probing else ''}; {len(studies)} of {len(plan.studies)} studies to do; "
         f"about {in_minutes(total / processes)} with {processes} at a time (by {basis})."
     )
-    return f"{table(head, rows)}\n{closing}"
+    return "\n".join([table(head, rows), closing, *repetitions(plan)])
+
+
+def repetitions(plan: ReproductionPlan) -> list[str]:
+    """A sentence about agents that share a level set, if there are any."""
+    agents: dict[str, set[int]] = {}
+    for run in (work.run for work in plan.runs):
+        agents.setdefault(digest({**run.identity(), "seed": ""}), set()).add(run.seed)
+    shared = [len(seeds) for seeds in agents.values() if len(seeds) > 1]
+    if not shared:
+        return []
+    return [
+        f"{len(shared)} level sets are each trained on by {max(shared)} agents of a kind: intervals are over level sets, so "
+        "more agents on one set make them no shorter; more level sets do (grid.seeds without grid.level_sets)."
+    ]
 
 
 def kind_of(run: RunConfig) -> tuple[str, str]:
@@ -368,6 +439,8 @@ def as_data_of(plan: ReproductionPlan) -> list[dict[str, Any]]:
             "title": experiment.title,
             "figure": experiment.figure,
             "study": experiment.study,
+            "vary": list(experiment.grid.vary) if experiment.grid else [],
+            "claims": dict(experiment.claims),
             "runs": [
                 {
                     "folder": work.imported or folder_path(work.run).name,

@@ -49,6 +49,7 @@ from experiments.settings.grid import (
     design,
     design_hash,
     grid_point,
+    panel_parts,
     paper_grid,
     paper_seeds,
 )
@@ -78,6 +79,7 @@ from experiments.settings.run import (
     TaskConfig,
     TrackingConfig,
     as_data,
+    is_distribution,
 )
 
 __all__ = [
@@ -88,7 +90,8 @@ __all__ = [
     "PPOConfig", "Positive", "PositiveOrNull", "RecurrentPPOConfig", "RunConfig", "RunFolderError", "SACConfig",
     "SPRConfig", "ScaleConfig", "Seed", "Settings", "Share", "TaskConfig", "TrackingConfig", "TrackingError",
     "TrainingError", "Widths", "add_module_path", "added_later", "algorithm_named", "as_data", "config_at",
-    "construct", "design", "design_hash", "flat", "grid_point", "import_object", "kind_of", "label_in_0_1",
-    "level_file", "one_of", "paper_grid", "paper_seeds", "path_of", "require", "require_design", "require_known",
-    "require_seed", "run_config", "that", "with_new_names", "without_files", "without_folder",
+    "construct", "design", "design_hash", "flat", "grid_point", "import_object", "is_distribution", "kind_of",
+    "label_in_0_1", "level_file", "one_of", "panel_parts", "paper_grid", "paper_seeds", "path_of", "require",
+    "require_design", "require_known", "require_seed", "run_config", "that", "with_new_names", "without_files",
+    "without_folder",
 ]  # fmt: skip

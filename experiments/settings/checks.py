@@ -59,18 +59,41 @@ def require_seed(place: str, seed: int) -> None:
     require(0 <= seed < SEEDS, place, seed, f"0 or more, and less than {SEEDS}")
 
 
-def that(holds: Callable[[Any], bool], wanted: str) -> Check:
+@dataclasses.dataclass(frozen=True)
+class That:
+    """The check that ``holds`` is true of a value."""
+
+    holds: Callable[[Any], bool]
+    wanted: str
+
+    def __call__(self, place: str, value: Any) -> None:
+        require(self.holds(value), place, list(value) if isinstance(value, tuple) else value, self.wanted)
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
+        return {**handler(schema), "$comment": f"must be {self.wanted}"}
+
+
+def that(holds: Callable[[Any], bool], wanted: str) -> That:
     """The check that ``holds`` is true of a value; ``wanted`` completes "it must be"."""
-
-    def check(place: str, value: Any) -> None:
-        require(holds(value), place, list(value) if isinstance(value, tuple) else value, wanted)
-
-    return check
+    return That(holds, wanted)
 
 
-def one_of(*names: str) -> Check:
+@dataclasses.dataclass(frozen=True)
+class OneOf:
     """The check that a value is one of ``names``."""
-    return lambda place, value: require_known(place, value, names)
+
+    names: tuple[str, ...]
+
+    def __call__(self, place: str, value: str) -> None:
+        require_known(place, value, self.names)
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
+        return {**handler(schema), "enum": list(self.names)}
+
+
+def one_of(*names: str) -> OneOf:
+    """The check that a value is one of ``names``."""
+    return OneOf(names)
 
 
 Count = Annotated[int, that(lambda n: n >= 1, "at least 1")]

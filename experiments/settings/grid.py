@@ -50,10 +50,13 @@ def config_at(config: RunConfig, cell: GridPoint) -> RunConfig:
 
 def grid_point(config: RunConfig) -> GridPoint:
     """Where a run stands, read from its settings."""
-    family, dash, difficulty = config.levels.train.rpartition("-")
-    if not dash or difficulty not in DIFFICULTIES:
-        family, difficulty = without_folder(config.levels.train), ""
-    return GridPoint(family, difficulty, config.levels.count, config.seed)
+    return GridPoint(*panel_parts(config.levels.train), config.levels.count, config.seed)
+
+
+def panel_parts(name: str) -> tuple[str, str]:
+    """Family and difficulty of ``empty-hard``; of any other distribution its name, level files without folder, and ""."""
+    family, dash, difficulty = name.rpartition("-")
+    return (family, difficulty) if dash and difficulty in DIFFICULTIES else (without_folder(name), "")
 
 
 def design(config: RunConfig) -> dict[str, Any]:

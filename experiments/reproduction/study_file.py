@@ -1,0 +1,163 @@
+"""Files of studies: an experiment with the settings of its runs. How they are read, and their schema."""
+
+import dataclasses
+import inspect
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import TypeAdapter
+
+from experiments.reproduction.experiment_file import (
+    ClaimConfig,
+    ExperimentConfig,
+    GridConfig,
+    Others,
+    TransferConfig,
+    experiment_at,
+)
+from experiments.settings import ConfigError, add_module_path, construct, without_files
+
+# A field of a dataclass, and the comment behind it.
+COMMENT = re.compile(r"^    (\w+): [^\n#]*(?:\n(?!    \w+:)[^\n#]*)*?  # (.+)$", re.MULTILINE)
+PLAIN = re.compile(r"[A-Za-z0-9_.:/+-]+")  # values that Hydra reads without quotation marks
+
+
+@dataclass(frozen=True)
+class StudyConfig(ExperimentConfig):
+    """What a study's file says."""
+
+    settings: Mapping[str, Any] = field(
+        default_factory=dict
+    )  # of all runs: choices of groups, and settings by dotted names
+
+
+@dataclass(frozen=True)
+class StudyFile:
+    """A study: its name, which is the file's, the experiment as data, the settings of its runs, and the file's folder."""
+
+    name: str
+    experiment: Mapping[str, Any]
+    settings: Mapping[str, Any]
+    folder: Path
+
+    def overrides(self) -> list[str]:
+        """The settings as on a command line; choices of groups come first."""
+        flat = dict(_dotted(self.settings))
+        return [f"{name}={_as_text(flat[name])}" for name in sorted(flat, key=lambda name: "." in name)]
+
+    def as_data(self) -> dict[str, Any]:
+        """Plain data that says it all."""
+        return {
+            "name": self.name,
+            **self.experiment,
+            "settings": dict(self.settings),
+            "module_path": [str(self.folder)],
+        }
+
+
+def read_study(path: Path) -> StudyFile:
+    """The study in a file; from now on, modules are also looked for in the folder of the file.
+
+    Raises:
+        ConfigError: the file cannot be read, or says something wrong; the message says where.
+    """
+    try:
+        data = yaml.safe_load(path.read_text())
+    except (OSError, ValueError, yaml.YAMLError) as error:
+        raise ConfigError(f"cannot read the study {path}: {error}") from error
+    if not isinstance(data, Mapping):
+        raise ConfigError(f"{path} is no study: it holds {type(data).__name__}, not keys such as title and grid")
+    if not path.stem.replace("-", "_").isidentifier():
+        raise ConfigError(f"{path}: the name of the file is the study's; give it letters, digits, - and _ alone")
+    folder = path.resolve().parent
+    add_module_path([str(folder)])
+    try:
+        data = without_files(data, folder=folder)
+        config = construct(StudyConfig, data, "")
+        experiment = {key: value for key, value in data.items() if key != "settings"}
+        experiment_at(path.stem, experiment, next(iter(config.scales), ""))
+    except ConfigError as error:
+        raise ConfigError(f"{path}: {str(error).replace(f'grids.{path.stem}.', '')}") from error
+    return StudyFile(path.stem, experiment, config.settings, folder)
+
+
+def _dotted(settings: Mapping[str, Any], place: str = "") -> list[tuple[str, Any]]:
+    """Settings by their dotted names."""
+    found = []
+    for key, value in settings.items():
+        name = f"{place}.{key}" if place else str(key)
+        is_group = isinstance(value, Mapping) and not name.endswith(".options")
+        found += _dotted(value, name) if is_group else [(name, value)]
+    return found
+
+
+def _as_text(value: Any) -> str:
+    """A value in Hydra's grammar."""
+    if value is None or isinstance(value, bool):
+        return {None: "null", True: "true", False: "false"}[value]
+    if isinstance(value, str):
+        escaped = value.replace("\\", "\\\\").replace("'", "\\'")
+        return value if PLAIN.fullmatch(value) else f"'{escaped}'"
+    if isinstance(value, Mapping):
+        return "{" + ",".join(f"{key}:{_as_text(one)}" for key, one in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ",".join(map(_as_text, value)) + "]"
+    return repr(value)
+
+
+def schema() -> dict[str, Any]:
+    """The JSON schema of study files (draft 2020-12), made from the dataclasses that check them."""
+    found = _schema_of(StudyConfig)
+    grid, others = _schema_of(GridConfig), _schema_of(Others)
+    at_scale = {**grid, "properties": {**grid["properties"], **others["properties"]}}
+    parts = {"claims": _schema_of(ClaimConfig), "scales": at_scale}
+    maps = {name: {**found["properties"][name], "additionalProperties": part} for name, part in parts.items()}
+    transfers = {"type": "array", "items": _schema_of(TransferConfig)}
+    found["properties"] |= {"grid": grid, "transfers": transfers, **maps}
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "A study of SEGAR", **found}
+
+
+def _schema_of(cls: type) -> dict[str, Any]:
+    """The schema of a dataclass, with its comments as descriptions; references are written out."""
+    found = TypeAdapter(cls).json_schema()
+    definitions, about = found.pop("$defs", {}), comments(cls)
+    properties = {
+        name: {**_resolved(part, definitions), **({"description": about[name]} if name in about else {})}
+        for name, part in found["properties"].items()
+    }
+    kept = {key: found[key] for key in ("type", "required") if key in found}
+    return {**kept, "properties": properties, "additionalProperties": False}
+
+
+def _resolved(part: Any, definitions: Mapping[str, Any]) -> Any:
+    if isinstance(part, Mapping):
+        if "$ref" in part:
+            return _resolved(definitions[part["$ref"].rpartition("/")[2]], definitions)
+        return {
+            key: _resolved(value, definitions)
+            for key, value in part.items()
+            if key != "title" or not isinstance(value, str)
+        }
+    return [_resolved(one, definitions) for one in part] if isinstance(part, list) else part
+
+
+def comments(cls: type) -> dict[str, str]:
+    """What the comments behind the fields of a dataclass say, by field."""
+    found: dict[str, str] = {}
+    for one in reversed(cls.__mro__[:-1]):
+        found |= dict(COMMENT.findall(inspect.getsource(one)))
+    return found
+
+
+def fields_text() -> str:
+    """All keys of a study's file with their meanings, for people."""
+    places = {"": StudyConfig, "grid.": GridConfig, "transfers[].": TransferConfig, "claims.NAME.": ClaimConfig}
+    lines = []
+    for place, cls in places.items():
+        about = comments(cls)
+        lines += [f"  {place + one.name:<26} {about.get(one.name, '')}".rstrip() for one in dataclasses.fields(cls)]
+    return "\n".join(["Keys of the file; title is required, and of a claim says and test:", *lines])

@@ -1,0 +1,106 @@
+"""A study of one's own, from a file to a report: ``python -m experiments.study my_study.yaml``.
+
+The file says which runs are made, and which claims are tested. It has the keys of an experiment (below), and one more,
+``settings``: settings of all runs, as for experiments.train. Objects of your own are named as ``module:attribute``, or as
+``file.py:attribute`` with a path that begins where the study's file is::
+
+    title: Does wind widen the gap?
+    settings:
+      algorithm: ppo_fast                  # a choice of conf/algorithm, or module:Class
+      observation: state
+      task: tasks.py:sail
+      scale.frames: 100_000
+    grid:
+      families: [levels.py:calm, levels.py:windy]
+      counts: [1, 10, 50]                  # numbers of training levels
+      seeds: 3                             # each with an agent and a level set of its own
+    transfers:
+      - family: levels.py:gale
+    claims:
+      distance:
+        says: The gap is worse where the test levels are farther away.
+        test: correlation
+        of: gap
+        against: w2_exact
+        given: [panel]
+        expected: negative
+      wind:
+        says: Agents that trained in wind succeed less on test levels.
+        test: difference
+        of: success_test
+        between: {family: [levels.py:windy, levels.py:calm]}
+        expected: negative
+        margin: 0.05
+
+The command prints a plan first, then makes the runs, tables, figures and a report. Finished runs are found by the hash of
+their settings, and interrupted ones are resumed, so the same command goes on where it was.
+
+Settings, as name=value:
+  dry_run=true               print the plan and run nothing
+  processes=N                runs side by side; 0, the default: one per core
+  report=false               tables only
+  imported=[FOLDER]          tables of runs that were made on other machines
+  root=FOLDER                where run folders are; runs/ of the checkout by default
+  scale=NAME                 where the file has scales: which of them
+  probes.SCALE.frames=N      how finished runs are probed, see docs/how-to/probe-representations.md
+  seed, levels.test_count, evaluation.episodes, tracking, ... as for experiments.train, instead of what the file says
+
+  --schema                   print the JSON schema of study files, for editors
+"""
+
+import json
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from omegaconf import DictConfig
+
+from experiments.commands.hydra_app import error_message, run_command, to_plain, wants_full_error
+from experiments.reproduce import SETTINGS, ReproduceConfig, reproduce
+from experiments.reproduction.study_file import StudyFile, fields_text, read_study, schema
+from experiments.settings import ConfigError, construct, run_config
+from segar.errors import SegarError
+
+
+def study_of(arguments: Sequence[str]) -> tuple[StudyFile, list[str]]:
+    """The study that a command line names, and the overrides: those of the file, then the others of the command line.
+
+    Raises:
+        ConfigError: the file is not named, cannot be read, or says something wrong.
+    """
+    files = [one for one in arguments if one.endswith((".yaml", ".yml")) and "=" not in one and not one.startswith("-")]
+    if len(files) != 1:
+        said = f"names {len(files)}: {', '.join(files)}" if files else "names none"
+        raise ConfigError(f"name one study, a YAML file; the command line {said}. --help shows an example")
+    study = read_study(Path(files[0]))
+    return study, [*study.overrides(), *(one for one in arguments if one != files[0])]
+
+
+def build(study: StudyFile, config: DictConfig) -> ReproduceConfig:
+    """Hydra's result, with the study, as settings."""
+    data = to_plain(config)
+    own: Mapping[str, Any] = {key: data.pop(key) for key in SETTINGS}
+    grids = {study.name: study.experiment}
+    return construct(ReproduceConfig, {**own, "grids": grids, "study": study.as_data()}, "", run=run_config(data))
+
+
+def main() -> None:
+    """Runs the study that the command line names."""
+    if {"-h", "--help"} & {*sys.argv[1:]}:
+        print(f"{(__doc__ or '').strip()}\n\n{fields_text()}")
+        return
+    if "--schema" in sys.argv[1:]:
+        print(json.dumps(schema(), indent=2))
+        return
+    try:
+        study, sys.argv[1:] = study_of(sys.argv[1:])
+    except SegarError as error:
+        if wants_full_error():
+            raise
+        sys.exit(f"error: {error_message(error)}")
+    run_command(reproduce, "study", lambda config: build(study, config), SETTINGS)
+
+
+if __name__ == "__main__":
+    main()
