@@ -13,7 +13,8 @@ class FactorError(SegarError):
 
 
 class RuleError(SegarError):
-    """A rule cannot be understood; raised where the rule is defined or the world is built."""
+    """A rule cannot be understood, which is raised where it is defined or the world is built; or a number that rules
+    change is not finite after a step."""
 
 
 class ConflictError(SegarError):

@@ -22,9 +22,22 @@ from experiments.runs.executed_code import differing_parts
 from experiments.runs.files import replacing, write_bytes
 from experiments.runs.run_folder import CHECKPOINT, CONFIG, DAMAGED, PREVIOUS
 from experiments.settings import CheckpointError, RunConfig, TrainingError
+from segar.support import DAMAGE, first_line, misfit
 
 FORMAT = 1
 TRAIN_ANEW = "restart=true trains anew"
+FORM = {
+    "config": str,
+    "code": {str: str},
+    "architecture": str,
+    "frames": int,
+    "policy": {str: torch.Tensor},
+    "learner": {},
+    "extra": {"seconds": float},
+}
+"""What a checkpoint holds; see :func:`segar.support.misfit`."""
+# What reading, and a learner, raise at files that were changed on purpose.
+UNUSABLE = (*DAMAGE, pickle.UnpicklingError, AttributeError, AssertionError)
 
 
 def save_checkpoint(
@@ -89,7 +102,12 @@ def resume_checkpoint(
             "or train anew with restart=true"
         )
     _load_weights(path, learner.policy, content)
-    learner.load_state_dict(content["learner"])
+    try:
+        learner.load_state_dict(content["learner"])
+    except UNUSABLE as error:
+        raise CheckpointError(
+            f"the checkpoint {path} does not fit the learner: {type(error).__name__}, {first_line(error)}. {TRAIN_ANEW}"
+        ) from error
     return content["extra"]
 
 
@@ -134,24 +152,34 @@ def load_newest_policy(folder: Path, policy: nn.Module, say: Callable[[str], Non
 
 
 def read_checkpoint(path: Path) -> dict[str, Any]:
-    """The content of a checkpoint file; raises :class:`CheckpointError` if it is missing, damaged or of another format."""
+    """The content of a checkpoint file; raises :class:`CheckpointError` if it is missing, damaged or of another format.
+
+    Its parts have their types, and weights and the learner's state are tensors and plain data; whether they fit a network
+    and a learner, these say. A file whose parts are compressed is refused: torch never compresses them, and compressed
+    ones could expand without limit.
+    """
     try:
         with zipfile.ZipFile(path) as parts:  # torch does not look at the sums that it writes
+            if sum(part.file_size for part in parts.infolist()) > path.stat().st_size:
+                raise zipfile.BadZipFile("its parts are larger than the file")
             odd = parts.testzip()
         if odd is not None:
             raise zipfile.BadZipFile(f"the sum over {odd} is wrong")
         content = torch.load(path, map_location="cpu", weights_only=True)
     except FileNotFoundError as error:
         raise CheckpointError(f"there is no checkpoint at {path}") from error
-    except (RuntimeError, ValueError, OSError, EOFError, pickle.UnpicklingError, zipfile.BadZipFile) as error:
+    except UNUSABLE as error:
         raise CheckpointError(
-            f"the checkpoint {path} is damaged or none of ours: {_first_line(error)}. {TRAIN_ANEW}"
+            f"the checkpoint {path} is damaged or none of ours: {first_line(error)}. {TRAIN_ANEW}"
         ) from error
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         found = content.get("format") if isinstance(content, dict) else type(content).__name__
         raise CheckpointError(
             f"the checkpoint {path} has format {found!r}; this version reads format {FORMAT}. {TRAIN_ANEW}"
         )
+    wrong = misfit(content, FORM)
+    if wrong:
+        raise CheckpointError(f"the checkpoint {path} is damaged or none of ours: {wrong}. {TRAIN_ANEW}")
     return content
 
 
@@ -178,20 +206,19 @@ def _require_finite(learner: Learner) -> None:
 
 
 def _load_weights(path: Path, policy: nn.Module, content: Mapping[str, Any]) -> None:
-    if content["architecture"] != architecture(policy):
-        stored = {name: tuple(v.shape) for name, v in content["policy"].items()}
-        here = {name: tuple(v.shape) for name, v in policy.state_dict().items()}
+    stored = {name: tuple(v.shape) for name, v in content["policy"].items()}
+    here = {name: tuple(v.shape) for name, v in policy.state_dict().items()}
+    if stored != here:
         odd = next(name for name in (*here, *stored) if stored.get(name) != here.get(name))
         raise CheckpointError(
             f"the checkpoint {path} is of another network: '{odd}' is {_shape(stored, odd)} there and "
             f"{_shape(here, odd)} here. The settings of its run, in {CONFIG}, make the right one"
         )
+    for name, value in content["policy"].items():
+        if value.is_floating_point() and not torch.isfinite(value).all():
+            raise CheckpointError(f"the checkpoint {path}: the weight '{name}' is not finite. {TRAIN_ANEW}")
     policy.load_state_dict(content["policy"])
 
 
 def _shape(shapes: Mapping[str, tuple[int, ...]], name: str) -> str:
     return str(shapes[name]) if name in shapes else "absent"
-
-
-def _first_line(error: BaseException) -> str:
-    return (str(error).splitlines() or [type(error).__name__])[0]

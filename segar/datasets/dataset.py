@@ -3,6 +3,7 @@
 A shard is a Parquet table of scalars and factors, and an NPZ file of the observations, row by row.
 """
 
+import hashlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
@@ -12,18 +13,21 @@ from typing import Any, Self
 
 import numpy as np
 
-from segar.datasets.manifest import LEVELS, Manifest, ShardEntry, check_files, sha256
+from segar.datasets.manifest import LEVELS, MANIFEST, RESTORE, Manifest, ShardEntry, check_files, sha256, shard_files
 from segar.datasets.rollouts import Rollouts
 from segar.errors import SegarError
 from segar.language import Factors, Layout
-from segar.levels import Levels
+from segar.levels import LEVEL_ARRAYS, Levels
 from segar.rules import World
-from segar.support import need, replacing
+from segar.support import DAMAGE, LIMIT_VARIABLE, Form, file_limit, first_line, need, open_npz, replacing
 
 INTEGERS = ("episode", "step", "level")
 TRUTHS = ("terminated", "truncated", "success", "death")
 ENVIRONMENT, SEED = "environment", "seed"
 COMPONENTS = ("x", "y")  # of a vector
+ACTION = "action."  # how the names of the columns of actions begin
+HASH_DIGITS = 16  # of levels and kernels
+LIMIT = 4 * 2**30  # [bytes] of a shard with frames
 
 
 @dataclass(frozen=True)
@@ -104,6 +108,16 @@ class Shard:
             )
 
 
+def hash_of_levels(levels: Levels) -> str:
+    """Sixteen hexadecimal digits that change with any value of any level."""
+    found = hashlib.sha256(repr(levels.layout.names).encode())
+    for name in LEVEL_ARRAYS:
+        array = np.ascontiguousarray(getattr(levels, name))
+        found.update(f"{name} {array.dtype} {array.shape}".encode())
+        found.update(array.tobytes())
+    return found.hexdigest()[:HASH_DIGITS]
+
+
 def factor_columns(layout: Layout) -> list[dict[str, str]]:
     """What the factors' columns of a table are called and mean: those that some entity of a slot may have."""
     return [
@@ -125,7 +139,7 @@ def write_shard(folder: Path, number: int, rollouts: Rollouts, seed: int, layout
     """Write a shard's two files and return its entry for the manifest."""
     from pyarrow import parquet, table
 
-    table_name, observations_name = f"shard-{number:05d}.parquet", f"shard-{number:05d}.npz"
+    table_name, observations_name = shard_files(number)
     with replacing(folder / table_name, "the table") as beside:
         parquet.write_table(table(_table(rollouts, seed, layout)), beside, compression="zstd")
     with replacing(folder / observations_name, f"shard {number}") as beside, open(beside, "wb") as file:
@@ -137,28 +151,80 @@ def read_shard(folder: Path, number: int, manifest: Manifest, layout: Layout) ->
     """A shard, checked against the manifest.
 
     Raises:
-        SegarError: its files are not there, have other hashes than the manifest says, or do not fit each other.
+        SegarError: its files are not there, have other hashes than the manifest says, do not fit the manifest or each
+            other, or would take more memory than the limit (see ``docs/reference/files.md``).
     """
     need("reading a dataset", "pyarrow")
-    from pyarrow import parquet
-
     entry = manifest.shards[number]
     check_files(folder, number, entry.files)
-    observations_name, table_name = sorted(entry.files)  # .npz, .parquet
-    with np.load(folder / observations_name, allow_pickle=False) as archive:
-        observations = {name: archive[name] for name in manifest.arrays}
-    table: Any = parquet.read_table(folder / table_name)
-    columns = {name: table[name].to_numpy() for name in table.column_names}
-    if {len(column) for column in (*columns.values(), *observations.values())} != {entry.rows}:
-        raise SegarError(f"shard {number} of {folder} is damaged: its files do not have {entry.rows} rows each")
-    actions = [columns[name] for name in columns if name.startswith("action.")]
+    table_name, observations_name = shard_files(number)
+    columns = _read_table(folder / table_name, entry.rows, manifest)
+    actions = [columns[name] for name in columns if name.startswith(ACTION)]
+    forms = {
+        name: Form(described["dtype"], (entry.rows, *described["shape"])) for name, described in manifest.arrays.items()
+    }
+    with open_npz(folder / observations_name, "file of observations", SegarError, LIMIT) as npz:
+        observations = npz.read(forms)
     rollouts = Rollouts(
         **{name: columns[name] for name in (*INTEGERS, *TRUTHS, "reward")},
-        action=np.stack(actions, axis=1).astype(np.float32),
+        action=np.stack(actions, axis=1),
         values=_values(columns, manifest, layout),
         observations=observations,
     )
+    _check_rows(rollouts, number, manifest, folder / table_name)
     return Shard(number, entry.seed, rollouts, layout)
+
+
+def _read_table(path: Path, rows: int, manifest: Manifest) -> dict[str, np.ndarray]:
+    """The columns of a shard's table. Their names, types and length are checked before they are read."""
+    from pyarrow import ArrowException, parquet, types
+
+    settings = manifest.settings
+    most = settings.episodes_per_shard * (settings.max_steps + 1)
+    if rows > most:
+        raise SegarError(f"{path}: its manifest says {rows:,} rows, and the episodes of a shard have {most:,} at most")
+    try:
+        with parquet.ParquetFile(path) as file:
+            schema: Any = file.schema_arrow
+            numbers = {name: k for k, name in enumerate(n for n in schema.names if n.startswith(ACTION))}
+            expected = {name: types.is_int64 for name in (*INTEGERS, ENVIRONMENT)} | {SEED: types.is_uint64}
+            expected |= dict.fromkeys(numbers, types.is_float32) | {"reward": types.is_float64}
+            expected |= dict.fromkeys(TRUTHS, types.is_boolean)
+            expected |= dict.fromkeys((column["name"] for column in manifest.columns), types.is_float64)
+            fits = list(expected) == schema.names and all(expected[f.name](f.type) for f in schema)
+            if not fits or [f"{ACTION}{k}" for k in numbers.values()] != list(numbers) or not numbers:
+                raise SegarError(
+                    f"{path}: its columns are not those that the manifest says; record again to restore it"
+                )
+            if file.metadata.num_rows != rows:
+                raise SegarError(f"{path} has {file.metadata.num_rows:,} rows, and its manifest says {rows:,}")
+            if rows * len(expected) * 8 > file_limit(LIMIT, path.stat().st_size):
+                raise SegarError(
+                    f"{path} would take {rows * len(expected) * 8:,} bytes; if you know where it comes from, set the"
+                    f" environment variable {LIMIT_VARIABLE} to a larger number of megabytes"
+                )
+            table: Any = file.read()
+            table.validate(full=True)
+    except SegarError:
+        raise
+    except (ArrowException, *DAMAGE) as cause:
+        raise SegarError(f"{path} is damaged: {first_line(cause)}; record again to restore it") from cause
+    if any(table[name].null_count or len(table[name]) != rows for name in table.column_names):
+        raise SegarError(f"{path} is damaged: numbers are absent from it; record again to restore it")
+    return {name: table[name].to_numpy() for name in table.column_names}
+
+
+def _check_rows(rollouts: Rollouts, number: int, manifest: Manifest, path: Path) -> None:
+    """Raise :class:`SegarError` unless the rows are the shard's episodes, one after the other, on levels of the dataset."""
+    starts = rollouts.step == 0
+    goes_on = (np.diff(rollouts.step) == 1) & (np.diff(rollouts.episode) == 0) & (np.diff(rollouts.level) == 0)
+    in_order = starts[0] and (starts[1:] | goes_on).all()
+    if not in_order or rollouts.episode[starts].tolist() != list(manifest.settings.episodes_of(number)):
+        raise SegarError(f"{path}: its rows are not the episodes of shard {number}, step by step; record again")
+    for level in rollouts.level[(rollouts.level < 0) | (rollouts.level >= manifest.settings.number_of_levels)][:1]:
+        raise SegarError(
+            f"{path}: it names level {level}, and the dataset has {manifest.settings.number_of_levels}; record again"
+        )
 
 
 def _table(rollouts: Rollouts, seed: int, layout: Layout) -> dict[str, np.ndarray]:
@@ -182,6 +248,11 @@ def _values(columns: Mapping[str, np.ndarray], manifest: Manifest, layout: Layou
         slot, at = _place(column, layout)
         values[:, slot, at] = columns[column["name"]]
     return values
+
+
+def _named(column: Mapping[str, str]) -> tuple[str | None, ...]:
+    """A column without its unit, which says nothing about where its numbers belong."""
+    return tuple(column.get(key) for key in ("name", "entity", "factor", "component"))
 
 
 def _place(column: Mapping[str, str], layout: Layout) -> tuple[int, int]:
@@ -212,7 +283,8 @@ class Dataset:
             world: the rules, where the levels have rules of their own, which files do not hold.
 
         Raises:
-            SegarError: there is none, its manifest is damaged, or its recording did not come to an end.
+            SegarError: there is none, its manifest is damaged, its levels are not those that were recorded, or its
+                recording did not come to an end.
         """
         folder = Path(folder)
         manifest = Manifest.read(folder)
@@ -221,7 +293,16 @@ class Dataset:
                 f"{folder} holds {len(manifest.shards)} of {manifest.settings.shards} shards: its recording was stopped;"
                 " record with the same settings to complete it"
             )
-        return cls(folder, manifest, Levels.load(folder / LEVELS, world))
+        levels = Levels.load(folder / LEVELS, world)
+        if (hash_of_levels(levels), len(levels)) != (manifest.settings.levels, manifest.settings.number_of_levels):
+            raise SegarError(
+                f"{folder / LEVELS} holds other levels than those that were recorded: the manifest has another hash of"
+                f" them; {RESTORE}"
+            )
+        here = factor_columns(levels.layout)
+        if [_named(column) for column in manifest.columns] != [_named(column) for column in here]:
+            raise SegarError(f"{folder / MANIFEST}: its columns are not the factors of {LEVELS}; {RESTORE}")
+        return cls(folder, manifest, levels)
 
     def __len__(self) -> int:
         """Number of episodes."""

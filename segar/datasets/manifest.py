@@ -4,15 +4,19 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, Self
 
+import numpy as np
+
 from segar.errors import SegarError
-from segar.support import __version__, replacing
+from segar.support import __version__, first_line, from_json, misfit, replacing
 
 FORMAT, FORMAT_VERSION = "segar-dataset", 1
 MANIFEST, LEVELS = "manifest.json", "levels.npz"
+LONGEST = 256 * 2**20  # [bytes] of a manifest; an entry of a shard takes 300
+RESTORE = "restore it from a copy, or record into another folder"
 
 
 @dataclass(frozen=True)
@@ -49,6 +53,20 @@ class Settings:
         """The numbers of the episodes in a shard."""
         first = shard * self.episodes_per_shard
         return range(first, min(first + self.episodes_per_shard, self.episodes))
+
+
+SMALLEST = {
+    "number_of_levels": 1, "max_steps": 1, "sub_steps": 1, "seed": 0, "episodes": 1, "episodes_per_shard": 1,
+}  # fmt: skip
+FORM = {
+    "settings": {setting.name: setting.type for setting in fields(Settings)},
+    "columns": [{str: str}],
+    "arrays": {str: {"shape": [int], "dtype": str}},
+    "shards": {str: {"seed": int, "rows": int, "files": {str: str}}},
+}
+"""The form of a manifest; see :func:`segar.support.misfit`."""
+DTYPES = [str(np.dtype(code)) for code in np.typecodes["AllInteger"] + "efd?"]
+"""Dtypes of observations."""
 
 
 @dataclass(frozen=True)
@@ -92,27 +110,60 @@ class Manifest:
         """The manifest in a folder.
 
         Raises:
-            SegarError: there is none, it is damaged, or a newer SEGAR wrote it.
+            SegarError: there is none, it is damaged, names files that are not a dataset's, or a newer SEGAR wrote it.
         """
         path = folder / MANIFEST
         if not path.is_file():
             raise SegarError(f"{folder} holds no dataset: there is no {MANIFEST}")
+        if path.stat().st_size > LONGEST:
+            raise SegarError(f"{path} is no manifest: it is longer than {LONGEST:,} bytes")
         try:
-            content: dict[str, Any] = json.loads(path.read_text())
-            if content["format"] != FORMAT:
-                raise SegarError(f"{path} is not the manifest of a dataset but of a {content['format']}")
-            if content["format_version"] > FORMAT_VERSION:
-                raise SegarError(
-                    f"{path} was written by a newer SEGAR ({content['version']}); this one cannot read format"
-                    f" {content['format_version']}"
-                )
-            shards = {int(number): ShardEntry(**entry) for number, entry in content["shards"].items()}
-            settings = Settings(**content["settings"])
-            return cls(settings, content["columns"], content["arrays"], shards, content["version"])
-        except SegarError:
-            raise
-        except (KeyError, TypeError, ValueError) as error:
-            raise SegarError(f"{path} is damaged: {error!r}") from error
+            content = from_json(path.read_bytes())
+        except (ValueError, OSError) as cause:
+            raise SegarError(f"{path} is damaged: it is no JSON ({first_line(cause)}); {RESTORE}") from cause
+        wrong = misfit(content, {"format": str})
+        if wrong is None and content["format"] != FORMAT:
+            raise SegarError(f"{path} is not the manifest of a dataset but of a {content['format']}")
+        wrong = wrong or misfit(content, {"format_version": int, "version": str})
+        if wrong is None and content["format_version"] > FORMAT_VERSION:
+            raise SegarError(
+                f"{path} was written by a newer SEGAR ({content['version']}); this one cannot read format"
+                f" {content['format_version']}"
+            )
+        wrong = wrong or misfit(content, FORM) or _wrong_number(content)
+        if wrong:
+            raise SegarError(f"{path} is damaged: {wrong}; {RESTORE}")
+        settings = Settings(**{one.name: content["settings"][one.name] for one in fields(Settings)})
+        shards = {
+            int(number): ShardEntry(entry["seed"], entry["rows"], entry["files"])
+            for number, entry in content["shards"].items()
+        }
+        return cls(settings, content["columns"], content["arrays"], shards, content["version"])
+
+
+def shard_files(number: int) -> tuple[str, str]:
+    """The names of a shard's files: the table, and the observations."""
+    return f"shard-{number:05d}.parquet", f"shard-{number:05d}.npz"
+
+
+def _wrong_number(content: Mapping[str, Any]) -> str | None:
+    """What is wrong with the numbers and names of a manifest that has its form."""
+    settings = content["settings"]
+    for name, least in SMALLEST.items():
+        if settings[name] < least:
+            return f"'settings.{name}' is {settings[name]} and must be at least {least}"
+    shards = Settings(**{one.name: settings[one.name] for one in fields(Settings)}).shards
+    for name, described in content["arrays"].items():
+        if described["dtype"] not in DTYPES or min(described["shape"], default=0) < 0:
+            return f"'arrays.{name}' is {described['dtype']} of shape {described['shape']}, which no observation is"
+    for number, entry in content["shards"].items():
+        if not number.isascii() or not number.isdecimal() or str(int(number)) != number or int(number) >= shards:
+            return f"it names a shard '{number[:20]}', and has the shards 0 to {shards - 1}"
+        if set(entry["files"]) != set(shard_files(int(number))):
+            return f"shard {number} must have the files {' and '.join(shard_files(int(number)))}, and no others"
+        if entry["rows"] < 1 or entry["seed"] < 0:
+            return f"shard {number} has {entry['rows']} rows and the seed {entry['seed']}"
+    return None
 
 
 def check_same_settings(begun: Manifest, wanted: Settings, folder: Path) -> None:

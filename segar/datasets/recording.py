@@ -11,17 +11,17 @@ from typing import Any
 
 import numpy as np
 
-from segar.datasets.dataset import Dataset, factor_columns, write_shard
+from segar.datasets.dataset import HASH_DIGITS, Dataset, factor_columns, hash_of_levels, write_shard
 from segar.datasets.manifest import LEVELS, MANIFEST, Manifest, Settings, ShardEntry, check_files, check_same_settings
 from segar.datasets.rollouts import Policy, leaves, roll_out
 from segar.envs import VectorEnv
 from segar.errors import SegarError
 from segar.language import Task
-from segar.levels import LEVEL_ARRAYS, Levels
+from segar.levels import Levels
 from segar.rules import World
 from segar.support import need, remove_unfinished
 
-HASH_DIGITS, SHORT_HASH_DIGITS = 16, 8  # of levels and kernels, and of arrays in texts
+SHORT_HASH_DIGITS = 8  # of arrays in texts
 UNIFORM = "uniform"
 
 
@@ -90,16 +90,6 @@ def record(
         if progress is not None:
             progress(number + 1, settings.shards)
     return Dataset.load(folder, world or levels.world)
-
-
-def hash_of_levels(levels: Levels) -> str:
-    """Sixteen hexadecimal digits that change with any value of any level."""
-    found = hashlib.sha256(repr(levels.layout.names).encode())
-    for name in LEVEL_ARRAYS:
-        array = np.ascontiguousarray(getattr(levels, name))
-        found.update(f"{name} {array.dtype} {array.shape}".encode())
-        found.update(array.tobytes())
-    return found.hexdigest()[:HASH_DIGITS]
 
 
 def hash_of_kernel(env: VectorEnv) -> str:

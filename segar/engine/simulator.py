@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 
 from segar.engine.batch import LevelArrays, State, StepResult
-from segar.engine.compiler.kernel import ARGUMENTS, KernelSource, generate
+from segar.engine.compiler.kernel import ARGUMENTS, CONFLICT, STATE_NOT_FINITE, KernelSource, generate
 from segar.engine.compiler.kernel_cache import load_module
+from segar.engine.not_finite import reward_not_finite, state_not_finite
 from segar.engine.runtime.gather import Reads, no_reads
-from segar.errors import ConflictError, SegarError
+from segar.errors import ConflictError, RuleError, SegarError
 from segar.language import Layout, Task, WorldRules, default_task
-from segar.levels import Levels
+from segar.levels import Levels, check_levels
 from segar.support import Team
 
 PART = 32  # environments that a thread takes at a time
@@ -50,7 +51,7 @@ class Simulator:
         """Advance every environment by ``n`` sub-steps, in place, without a task.
 
         Raises:
-            ConflictError: see :meth:`act`.
+            ConflictError, RuleError: see :meth:`act`.
         """
         self.act(state, levels, None, StepResult.empty(len(state.level)), sub_steps=n)
 
@@ -75,6 +76,8 @@ class Simulator:
 
         Raises:
             ConflictError: rules contradict each other in some state; the message names the environment.
+            RuleError: a number of a state, or a reward, is not finite after the step; the message names the environment,
+                the entity, the factor and the rules that change it. All environments have been stepped nevertheless.
         """
         arrays = (*vars(state).values(), *vars(result).values(), levels, reads)
         n = self.task.sub_steps if sub_steps is None else sub_steps
@@ -88,10 +91,21 @@ class Simulator:
         if np.count_nonzero(call.errors):
             errors = call.errors.copy()
             call.errors[:] = 0
-            self._raise_conflict(errors)
+            if (errors[:, 0] == CONFLICT).any():
+                self._raise_conflict(errors)
+            self._raise_not_finite(errors[:, 0], state, levels, result)
+
+    def _raise_not_finite(self, found: np.ndarray, state: State, levels: Levels, result: StepResult) -> None:
+        env, others = int(np.flatnonzero(found)[0]), np.count_nonzero(found) - 1
+        level = int(state.level[env])
+        if found[env] == STATE_NOT_FINITE:
+            said = state_not_finite(env, levels, level, state.values[env], self.source.rules)
+        else:
+            said = reward_not_finite(env, level, result.reward[env], self.task.functions().reward)
+        raise RuleError(said + (f". The same holds for {others} other environments" if others else ""))
 
     def _raise_conflict(self, err: np.ndarray) -> None:
-        env = int(np.flatnonzero(err[:, 0])[0])
+        env = int(np.flatnonzero(err[:, 0] == CONFLICT)[0])
         _, slot, column, first, second = err[env]
         factor = next(f for f, c in self.layout.columns.items() if c <= column < c + f.width)
         rules = self.source.rules
@@ -105,6 +119,7 @@ class Simulator:
         if self._level_arrays is None or self._level_arrays[0] is not levels:
             if levels.layout != self.layout:
                 raise SegarError("these levels belong to another distribution than the simulator was built for")
+            check_levels(levels)
             vertices, radii = levels.vertices, np.sqrt((levels.vertices**2).sum(-1)).max(-1, initial=0.0)
             if vertices.shape[2] == 0:
                 vertices = np.zeros((*vertices.shape[:2], 1, 2))

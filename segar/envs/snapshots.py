@@ -7,12 +7,15 @@ from typing import Any, Self
 
 import numpy as np
 
-from segar.engine import State
+from segar.engine import State, numbers_not_finite
 from segar.errors import SegarError
 from segar.levels import Levels
-from segar.support import ArchiveFormat
+from segar.support import ArchiveFormat, Form
 
-FORMAT = ArchiveFormat("segar-snapshot", 1, "a snapshot", "snapshot", SegarError)
+LIMIT = 4 * 2**30  # [bytes] of a snapshot whose observations remember frames
+FORMAT = ArchiveFormat("segar-snapshot", 1, "a snapshot", "snapshot", SegarError, LIMIT)
+DESCRIPTION = {"seed": int, "memory?": [str]}
+DTYPES = {"values": "float64", "returns": "float64", "key": "uint64"}  # of arrays; those of others are int64
 STATE_ARRAYS = tuple(array.name for array in fields(State))
 EPISODE_ARRAYS = ("returns", "lengths", "episodes")
 MEMORY = "memory/"  # stands before the names of what observations remember
@@ -85,16 +88,26 @@ class Snapshot:
             SegarError: the file is no snapshot, is incomplete, has arrays that do not fit each other, or was written by a
                 newer version.
         """
-        path, in_file = Path(path), [_name_in_file(name) for name in (*STATE_ARRAYS, *EPISODE_ARRAYS)]
-        arrays, metadata = FORMAT.read(path, in_file)
-        names = metadata.get("memory", ())  # which arrays these are, only the description says
-        memory, _ = FORMAT.read(path, [f"{MEMORY}{name}" for name in names]) if names else ({}, {})
-        _check_arrays(path, arrays, memory)
+        path = Path(path)
+
+        def forms(metadata: dict[str, Any]) -> dict[str, Form]:
+            FORMAT.check(path, metadata, DESCRIPTION)
+            return {_name_in_file(name): _form(name) for name in (*STATE_ARRAYS, *EPISODE_ARRAYS)} | {
+                f"{MEMORY}{name}": Form(None, ("environments", ...)) for name in metadata.get("memory", ())
+            }
+
+        arrays, metadata = FORMAT.read(path, forms)
+        counts = [name for name, array in arrays.items() if array.dtype == np.int64 and not name.startswith(MEMORY)]
+        negative = [name for name in counts if (arrays[name] < 0).any()]
+        if negative or metadata["seed"] < 0 or not len(arrays["returns"]):
+            what = "its seed is" if metadata["seed"] < 0 else f"numbers of '{negative[0]}' are" if negative else None
+            wrong = f"{what} below 0" if what else "it holds no environments"
+            raise SegarError(f"{path}: {wrong}; the file was changed, save the snapshot again")
         return cls(
             State(**{name: arrays[_name_in_file(name)] for name in STATE_ARRAYS}),
             **{name: arrays[name] for name in EPISODE_ARRAYS},
-            seed=int(metadata["seed"]),
-            memory={name: memory[f"{MEMORY}{name}"] for name in names},
+            seed=metadata["seed"],
+            memory={name: arrays[f"{MEMORY}{name}"] for name in metadata.get("memory", ())},
         )
 
     def check_fits(self, levels: Levels, num_envs: int) -> None:
@@ -108,6 +121,13 @@ class Snapshot:
                 f"this snapshot holds {len(self)} environments, and here are {num_envs}; pick or repeat some, as in"
                 f" snapshot[[0, 0, 1]], or make an environment of num_envs={len(self)}"
             )
+        sizes: dict[str, int] = {}
+        for name in (*EPISODE_ARRAYS, *STATE_ARRAYS):
+            array = getattr(self.state if name in STATE_ARRAYS else self, name)
+            if not _form(name).fits(array.dtype, array.shape, sizes):
+                raise SegarError(
+                    f"in this snapshot, '{name}' must be {_form(name).said(sizes)}, not {array.dtype} of shape {array.shape}"
+                )
         values, level = self.state.values, self.state.level
         if values.shape[1:] != levels.values.shape[1:] or not ((level >= 0) & (level < len(levels))).all():
             raise SegarError(
@@ -115,13 +135,21 @@ class Snapshot:
                 f" least {level.max() + 1} levels, and here are {len(levels)} levels of {levels.values.shape[1]} entities"
                 f" with {levels.values.shape[2]} columns"
             )
-        # What is absent stays absent; that a rule computed nan is no reason to refuse.
-        strange = (np.isnan(levels.values[level]) & ~np.isnan(values)).any(axis=(1, 2))
+        absent = np.isnan(levels.values[level])
+        strange = (absent & ~np.isnan(values)).any(axis=(1, 2))
         if strange.any():
             e = int(np.flatnonzero(strange)[0])
             raise SegarError(
                 f"this snapshot is of other levels: environment {e} holds a factor that no entity has in level {level[e]}"
             )
+        wrong = ~absent & ~np.isfinite(values)
+        if wrong.any():
+            e = int(np.argwhere(wrong)[0, 0])
+            places = numbers_not_finite(levels.layout, values[e], wrong[e])
+            raise SegarError(f"in this snapshot, environment {e} has numbers that are not finite: {', '.join(places)}")
+        for name, counts in vars(self.state).items():
+            if counts.dtype == np.int64 and (counts < 0).any():
+                raise SegarError(f"in this snapshot, environment {int((counts < 0).argmax())} has a '{name}' below 0")
 
 
 def _name_in_file(name: str) -> str:
@@ -129,13 +157,7 @@ def _name_in_file(name: str) -> str:
     return NAMES_IN_FILES.get(name, name)
 
 
-def _check_arrays(path: Path, arrays: dict[str, np.ndarray], memory: dict[str, np.ndarray]) -> None:
-    """Raise :class:`SegarError` unless the arrays have the dtypes and shapes of one batch of environments."""
-    kinds = {"values": (np.float64, 3), "returns": (np.float64, 1), "key": (np.uint64, 1)}
-    for name, array in {**arrays, **memory}.items():
-        dtype, axes = kinds.get(name, (np.int64, 1)) if name in arrays else (array.dtype, array.ndim)
-        if (array.dtype, array.ndim, array.shape[:1]) != (dtype, axes, (arrays["returns"].size,)):
-            raise SegarError(
-                f"{path}: '{name}' must be {np.dtype(dtype)} of {axes} axes and {arrays['returns'].size} environments, not"
-                f" {array.dtype} of shape {array.shape}; the file was changed, save the snapshot again"
-            )
+def _form(name: str) -> Form:
+    """What an array of the state or of the episodes must be in a file."""
+    axes = ("environments", "entities", "columns") if name == "values" else ("environments",)
+    return Form(DTYPES.get(name, "int64"), axes)

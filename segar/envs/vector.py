@@ -16,7 +16,7 @@ from segar.envs.episode_kernel import count_step, record_ends, start_episodes
 from segar.envs.snapshots import Snapshot
 from segar.errors import ActionError, LevelError, SegarError, did_you_mean
 from segar.language import Factor, Factors, Results, Task
-from segar.levels import Levels
+from segar.levels import Levels, check_levels
 from segar.observations import ObservationLike, copy_rows, for_task, hooks_of, leaves, make_observation, simulator_reads
 from segar.rendering import RENDER_MODES, Camera, View, steps_per_second
 from segar.rules import World
@@ -61,7 +61,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         view: a :class:`segar.rendering.View`: size of the frames, labels, hints.
 
     Raises:
-        SegarError: an option is unknown or out of range. RuleError, ConflictError: the world cannot be built.
+        SegarError: an option is unknown or out of range. LevelError: the levels do not fit their layout, or hold a number
+            that its factor cannot have. RuleError, ConflictError: the world cannot be built.
     """
 
     metadata = {  # noqa: RUF012 - gymnasium's attribute
@@ -90,8 +91,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
     ) -> None:
         if num_envs < 1:
             raise SegarError(f"num_envs must be at least 1, not {num_envs}")
-        if len(levels) == 0:
-            raise LevelError("the level set is empty")
+        check_levels(levels)
         task = task or task_of(levels)
         limits = {"max_steps": max_steps, "sub_steps": sub_steps}
         self.task = replace(task, **{name: value for name, value in limits.items() if value is not None})
@@ -178,6 +178,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
 
         Raises:
             ActionError: wrong shape, or not finite. ConflictError: rules contradict each other in some state.
+            RuleError: a number of a state, or a reward, is not finite after the step.
         """
         actions = self._checked_actions(actions)
         self._detach_factors()

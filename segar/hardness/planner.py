@@ -14,7 +14,7 @@ from segar.errors import SegarError
 from segar.hardness.rollouts import Episodes, Player, Starts, make_starts, open_loop, play_forks, scripted
 from segar.language import Task
 from segar.levels import Levels, checks
-from segar.support import ArchiveFormat
+from segar.support import ArchiveFormat, Form
 
 BATCH = 16384  # rollouts that are simulated side by side; bounds the memory
 ELITES = 0.125  # share of the candidates that the next ones are drawn around
@@ -23,7 +23,14 @@ LEAST_SPREAD = 0.02  # of half the range; the candidates of the last iteration s
 SMOOTHNESS = 0.8  # correlation of the perturbations of successive actions
 PATIENCE = 3  # candidates are truncated at so many times the steps of the best success
 FORMAT = ArchiveFormat("segar-plan", 1, "a plan", "plan", SegarError)
-PLAN_ARRAYS = ("solved", "died", "steps", "returns", "actions", "values")
+PLAN_ARRAYS = {
+    "solved": Form("bool", ("levels",)),
+    "died": Form("bool", ("levels",)),
+    "steps": Form("int64", ("levels",)),
+    "returns": Form("float64", ("levels",)),
+    "actions": Form("float32", ("levels", "max steps", "action size")),
+    "values": Form("float64", ("levels", "entities", "columns")),
+}
 PLAN_NUMBERS = ("task", "seed", "rollouts")
 
 
@@ -70,7 +77,13 @@ class Plan:
         Raises:
             SegarError: the file is no plan, is incomplete, or was written by a newer version.
         """
-        arrays, metadata = FORMAT.read(Path(path), PLAN_ARRAYS)
+        path = Path(path)
+
+        def forms(metadata: dict[str, Any]) -> dict[str, Form]:
+            FORMAT.check(path, metadata, {"task": str, "seed": int, "rollouts": int})
+            return PLAN_ARRAYS
+
+        arrays, metadata = FORMAT.read(path, forms)
         return cls(**arrays, **{name: metadata[name] for name in PLAN_NUMBERS})
 
 

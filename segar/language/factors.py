@@ -15,6 +15,9 @@ from segar.errors import FactorError, did_you_mean
 from segar.language.shapes import BaseShape
 from segar.language.values import Number, VectorValue
 
+LARGEST = 1e30
+"""The largest size of a number in a level, in any unit: products of several such numbers do not overflow float64."""
+
 
 class Factor:
     """Base of all factors. Class attributes describe it; calling it casts a value to its kind."""
@@ -57,6 +60,25 @@ class Factor:
         """Cast ``value`` to what the state stores; raise :class:`FactorError` if it is not of this kind."""
         raise FactorError(f"{cls.__name__} takes no value")
 
+    kind_of_number: ClassVar[str] = "a finite number"
+    """What :meth:`is_possible` asks for apart from the bounds, for messages."""
+
+    @classmethod
+    def is_possible(cls, values: np.ndarray) -> np.ndarray:
+        """Which numbers (float, any shape) the factor can have when an episode starts; bool of the same shape.
+
+        They are finite, of at most :data:`LARGEST` in size, and within the bounds.
+        """
+        low, high = cls.bounds or (-LARGEST, LARGEST)
+        with np.errstate(invalid="ignore"):
+            return (np.abs(values) <= LARGEST) & (values >= low) & (values <= high)
+
+    @classmethod
+    def possible_values(cls) -> str:
+        """What :meth:`is_possible` asks for, in words."""
+        within = f" from {cls.bounds[0]:g} to {cls.bounds[1]:g}" if cls.bounds else f", at most {LARGEST:g} in size"
+        return f"{cls.kind_of_number}{within}"
+
 
 class Scalar(Factor):
     """A real number."""
@@ -82,6 +104,11 @@ class Count(Scalar):
     """A whole number."""
 
     default = 0
+    kind_of_number = "a whole number"
+
+    @classmethod
+    def is_possible(cls, values: np.ndarray) -> np.ndarray:
+        return super().is_possible(values) & (np.round(values) == values)
 
     @classmethod
     def check(cls, value: Any) -> float:
@@ -96,6 +123,15 @@ class Flag(Factor):
 
     width = 1
     default = 0.0
+    kind_of_number = "0 or 1"
+
+    @classmethod
+    def is_possible(cls, values: np.ndarray) -> np.ndarray:
+        return (values == 0.0) | (values == 1.0)
+
+    @classmethod
+    def possible_values(cls) -> str:
+        return cls.kind_of_number
 
     def __new__(cls, value: Any) -> Any:
         return value if _is_symbol(value) else Number(cls.check(value))
@@ -204,8 +240,21 @@ class Order(Count, default=0):
 class Size(Scalar, default=1.0, unit="m"):
     """Diameter; a circle's radius is half of it."""
 
+    kind_of_number = "a positive number"
 
-class Mass(Scalar, default=1.0, unit="kg"): ...
+    @classmethod
+    def is_possible(cls, values: np.ndarray) -> np.ndarray:
+        return super().is_possible(values) & (values > 0.0)
+
+
+class Mass(Scalar, default=1.0, unit="kg"):
+    """Mass; no level starts with a negative one."""
+
+    kind_of_number = "a number that is not negative"
+
+    @classmethod
+    def is_possible(cls, values: np.ndarray) -> np.ndarray:
+        return super().is_possible(values) & (values >= 0.0)
 
 
 class Density(Scalar, default=1.0, unit="kg/m^2"): ...
@@ -258,7 +307,7 @@ class Shape(Factor):
 
 
 __all__ = [
-    "ID", "Acceleration", "Alive", "Charge", "Collides", "Consumes", "Count", "Density", "Done", "Drag", "Factor",
+    "ID", "LARGEST", "Acceleration", "Alive", "Charge", "Collides", "Consumes", "Count", "Density", "Done", "Drag", "Factor",
     "Flag", "Floor", "Friction", "Heat", "InfiniteEnergy", "Label", "Magnetism", "Marker", "Mass", "Mobile", "Order",
     "Position", "Scalar", "Shape", "Size", "StoredEnergy", "Text", "Vector", "Velocity", "Visible",
     "concrete_factors",

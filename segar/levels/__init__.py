@@ -15,3 +15,4 @@ from segar.levels.named_families import DIFFICULTIES, TASK_LEVELS, TASKS, famili
 from segar.levels.priors import Prior, factors_needed
 from segar.levels.probability.marginals import marginals, mix, slot_distributions
 from segar.levels.sampling.plan import Draw, SamplingPlan, SlotGroup
+from segar.levels.validity import check_levels

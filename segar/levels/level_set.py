@@ -15,15 +15,32 @@ from typing import Any
 import numpy as np
 
 from segar.errors import LevelError, PlacementError, did_you_mean
-from segar.language import Entity, Factor, Layout, Parameter, Slot
+from segar.language import Entity, GlobalFriction, Layout, Parameter, Slot
 from segar.levels.from_entities import arrays_of_entities
 from segar.levels.level_data import LEVEL_ARRAYS, LevelData, Provenance
 from segar.levels.moments import Moments, source_moments
 from segar.levels.sampling.placement import fix_block
+from segar.levels.validity import check_levels, level_forms
 from segar.rules import World
-from segar.support import ArchiveFormat
+from segar.support import ArchiveFormat, Form
 
 FORMAT = ArchiveFormat("segar-levels", 1, "levels", "level file", LevelError)
+ORIGIN = ("name", "distribution", "seed", "split")
+CLASS = {"name": str, "module": str, "qualname": str}
+DESCRIPTION = {
+    "version": str,
+    "provenance": {"name": (str, None), "distribution": str, "seed": int, "split": str},
+    "task?": (str, None),
+    "rules?": [str],
+    "slots": [{"name": str, "types": [int], "optional": bool}],
+    "types": [CLASS],
+    "factors": [CLASS | {"width": int}],
+    "extra_parameters": [CLASS],
+    "moments?": [
+        {"type": (int, None), "factor": str, "mean": [float], "variance": [float]},
+    ],
+}
+"""The form of a level file's description; see :func:`segar.support.misfit`."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -52,23 +69,25 @@ class Levels(LevelData):
         """Levels from a file that ``save`` wrote, in ``world`` (None: the default rules; files do not hold rules).
 
         Raises:
-            LevelError: the file is no level file, is incomplete, or holds entity types that are not defined.
+            LevelError: the file is no level file, is incomplete, holds entity types that are not defined, arrays that do
+                not fit them or each other, or a number that is not finite or that its factor cannot be; or it would
+                expand to more than the limit (see ``docs/reference/files.md``).
         """
-        arrays, metadata = FORMAT.read(Path(path), (*LEVEL_ARRAYS, "indices"))
-        try:
-            layout = _layout(metadata, str(path))
-            rules = tuple(metadata.get("rules", ()))
-            provenance = Provenance(
-                **metadata["provenance"], version=metadata["version"], indices=arrays.pop("indices"), rules=rules
-            )
-            task, moments = metadata.get("task"), _moments(metadata, layout)
-        except (KeyError, IndexError, TypeError, StopIteration) as cause:
-            raise LevelError(
-                f"{path} is not a level file, or a damaged one: its description does not fit ({cause!r});"
-                " save the levels again"
-            ) from cause
-        kept: dict[str, Any] = arrays
-        return cls(**kept, layout=layout, provenance=provenance, task=task, moments=moments, world=world)
+        path = Path(path)
+
+        def forms(metadata: dict[str, Any]) -> Mapping[str, Form]:
+            FORMAT.check(path, metadata, DESCRIPTION)
+            return level_forms(_layout(metadata, path))
+
+        found, metadata = FORMAT.read(path, forms)
+        arrays: dict[str, Any] = found
+        layout, rules = _layout(metadata, path), tuple(metadata.get("rules", ()))
+        origin = {name: metadata["provenance"][name] for name in ORIGIN}
+        provenance = Provenance(**origin, version=metadata["version"], indices=arrays.pop("indices"), rules=rules)
+        task, moments = metadata.get("task"), _moments(metadata, layout, path)
+        levels = cls(**arrays, layout=layout, provenance=provenance, task=task, moments=moments, world=world)
+        check_levels(levels, f"{path}: ")
+        return levels
 
     @classmethod
     def from_entities(
@@ -91,6 +110,7 @@ class Levels(LevelData):
             PlacementError: ``fix_overlaps`` is asked for and impossible.
         """
         made = cls(**arrays_of_entities(levels, parameters or {}, name), world=world)
+        check_levels(made, "Levels.from_entities: ")
         return made.without_overlaps() if fix_overlaps else made
 
     def save(self, path: str | PathLike[str]) -> None:
@@ -159,7 +179,7 @@ def _metadata(levels: Levels) -> dict[str, Any]:
     layout, origin = levels.layout, levels.provenance
     return {
         "version": origin.version,
-        "provenance": {name: getattr(origin, name) for name in ("name", "distribution", "seed", "split")},
+        "provenance": {name: getattr(origin, name) for name in ORIGIN},
         "task": levels.task,
         "rules": [r.where for r in levels.world.rules] if levels.world is not None else list(origin.rules),
         "slots": [
@@ -185,13 +205,23 @@ def _class_address(cls: type) -> dict[str, Any]:
     return {"name": cls.__name__, "module": cls.__module__, "qualname": cls.__qualname__}
 
 
-def _layout(metadata: dict[str, Any], path: str) -> Layout:
+def _layout(metadata: dict[str, Any], path: Path) -> Layout:
     types = [_find(address, all_subclasses(Entity), "entity type", path) for address in metadata["types"]]
     extra = [
-        _find(address, all_subclasses(Factor), "world parameter", path) for address in metadata["extra_parameters"]
+        _find(address, all_subclasses(Parameter), "world parameter", path) for address in metadata["extra_parameters"]
     ]
-    slots = (Slot(s["name"], tuple(types[k] for k in s["types"]), s["optional"]) for s in metadata["slots"])
-    layout = Layout(tuple(slots), tuple(extra))
+    described = metadata["slots"]
+    strange = [s["name"] for s in described if not s["types"] or not all(0 <= k < len(types) for k in s["types"])]
+    if strange:
+        raise LevelError(f"{path}: the types of the slot '{strange[0]}' are not among its {len(types)}; save it again")
+    layout = Layout(
+        tuple(Slot(s["name"], tuple(types[k] for k in s["types"]), s["optional"]) for s in described), tuple(extra)
+    )
+    if layout.types != tuple(types) or len(set(layout.names)) < len(described) or _lacks_floor(layout):
+        raise LevelError(
+            f"{path}: its slots must have names of their own and end with the arena's floor, and its types stand in the"
+            " order of the slots; save the levels again"
+        )
     saved = [(f["name"], f["width"]) for f in metadata["factors"]]
     here = [(f.__name__, f.width) for f in layout.factors]
     if saved != here:
@@ -202,18 +232,29 @@ def _layout(metadata: dict[str, Any], path: str) -> Layout:
     return layout
 
 
-def _moments(metadata: dict[str, Any], layout: Layout) -> Moments:
+def _lacks_floor(layout: Layout) -> bool:
+    """Whether the last slot is another than the arena's floor, which every level has there."""
+    return not layout.slots or layout.slots[-1].types != (GlobalFriction,)
+
+
+def _moments(metadata: dict[str, Any], layout: Layout, path: Path) -> Moments:
     """Moments of the distribution; files of earlier versions hold none."""
     found: Moments = {}
     for entry in metadata.get("moments", ()):
-        kind = Parameter if entry["type"] is None else layout.types[entry["type"]]
-        known = layout.parameters if entry["type"] is None else layout.factors
-        factor = next(f for f in known if f.__name__ == entry["factor"])
-        found[kind, factor] = np.array(entry["mean"]), np.array(entry["variance"])
+        kinds: dict[int | None, type] = {None: Parameter, **dict(enumerate(layout.types))}
+        known = {f.__name__: f for f in (layout.parameters if entry["type"] is None else layout.factors)}
+        kind, factor = kinds.get(entry["type"]), known.get(entry["factor"])
+        mean, variance = np.array(entry["mean"]), np.array(entry["variance"])
+        if kind is None or factor is None or not len(mean) == len(variance) == factor.width or variance.min() < 0:
+            raise LevelError(
+                f"{path}: the mean and variance that its description gives for {entry['factor']} do not fit; save the"
+                " levels again"
+            )
+        found[kind, factor] = mean, variance
     return found
 
 
-def _find(address: dict[str, Any], classes: Iterable[type], kind: str, path: str) -> type:
+def _find(address: dict[str, Any], classes: Iterable[type], kind: str, path: Path) -> type:
     """The class of that module and name, else the only class of that name; the last defined one of several.
 
     A class of this package is found by its name in whatever module it stands now: modules have moved since 0.1.

@@ -22,6 +22,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from segar.errors import FactorError, PriorError, did_you_mean
 from segar.language import (
     SPECIFICITY_OBJECT,
@@ -37,7 +39,6 @@ from segar.language import (
     Parameter,
     Relation,
     Shape,
-    Size,
     Symbol,
     Text,
     Thing,
@@ -289,8 +290,8 @@ def _check_dependent(factor: type[Factor], noise: Dependent) -> None:
 def _within_bounds(factor: type[Factor], value: Any) -> Any:
     if factor.bounds is not None and not factor.bounds[0] <= value <= factor.bounds[1]:
         raise FactorError(f"lies outside the bounds {factor.bounds} of {factor.__name__}")
-    if issubclass(factor, Size) and value <= 0:
-        raise FactorError("a size must be positive")
+    if factor.width and not factor.is_possible(np.asarray(value, dtype=float)).all():
+        raise FactorError(f"it must be {factor.possible_values()}")
     return value
 
 

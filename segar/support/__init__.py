@@ -8,7 +8,9 @@ from segar.support.counter_rng import LOW_WORD, SPARE_BITS, WORD, LevelGenerator
 from segar.support.estimates import Estimate
 from segar.support.files import UNFINISHED, ArchiveFormat, remove_unfinished, replacing
 from segar.support.imports import module_in_file, named_object, need, need_pygame
+from segar.support.json_forms import from_json, misfit
 from segar.support.moved_modules import deprecated_names, find_moved
+from segar.support.npz import DAMAGE, LIMIT_VARIABLE, Form, file_limit, first_line, open_npz
 from segar.support.optimal_transport import TRANSPORT_STEPS, emd, plan_of, pot
 from segar.support.plain import is_plain
 from segar.support.threads import Team

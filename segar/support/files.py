@@ -4,9 +4,7 @@ without pickle, of arrays and a description in JSON."""
 import json
 import os
 import uuid
-import zipfile
-import zlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,9 +13,12 @@ from typing import Any
 import numpy as np
 
 from segar.errors import SegarError
+from segar.support.json_forms import from_json, misfit
+from segar.support.npz import LIMIT, Form, first_line, open_npz
 from segar.support.version import __version__
 
 UNFINISHED = ".writing-"  # how the names of unfinished files begin
+LONGEST_DESCRIPTION = 8 * 2**20  # [bytes] of an archive; those of the largest worlds take a tenth
 
 
 @contextmanager
@@ -69,6 +70,8 @@ class ArchiveFormat:
         version: of the format; it grows when older versions of SEGAR can no longer read new archives.
         contents, file: words for messages: what the archive holds and what it is, e.g. ``levels`` and ``level file``.
         error: the class of the errors that reading and writing raise.
+        limit: [bytes] to which a file may expand when it is read, if it is not large itself; see
+            :func:`segar.support.npz.file_limit`.
     """
 
     name: str
@@ -76,6 +79,7 @@ class ArchiveFormat:
     contents: str
     file: str
     error: type[SegarError]
+    limit: int = LIMIT
 
     def write(self, path: Path, arrays: Mapping[str, np.ndarray], metadata: Mapping[str, Any]) -> None:
         """Write arrays and description to ``path``, by way of a file beside it.
@@ -92,30 +96,52 @@ class ArchiveFormat:
         with replacing(path, self.contents, self.error) as beside, open(beside, "wb") as file:
             np.savez_compressed(file, **contents)
 
-    def read(self, path: Path, names: Iterable[str]) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-        """Return the arrays of these names, and the description.
+    def read(
+        self, path: Path, forms: Callable[[dict[str, Any]], Mapping[str, Form]]
+    ) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+        """Return arrays, and the description. The headers of all arrays are checked before one is expanded.
+
+        Args:
+            forms: function of the description: the names of the arrays to read, and what each must be.
 
         Raises:
-            error: there is no such file, it is no archive of this format, it is incomplete, or of a newer version.
+            error: there is no such file, it is no archive of this format, it is incomplete, its arrays have other forms,
+                it would expand to more than the limit, or it is of a newer version.
         """
-        if not path.exists():
-            raise self.error(f"there is no {self.file} {path}")
-        if not zipfile.is_zipfile(path):
-            raise self.error(f"{path} is not a {self.file}, or only part of one; save or copy it again")
-        try:
-            with np.load(path, allow_pickle=False) as archive:
-                arrays = {name: archive[name] for name in names}
-                metadata = json.loads(archive["metadata"].tobytes())
-        except (zipfile.BadZipFile, zlib.error, KeyError, ValueError, EOFError, OSError) as cause:
+        with open_npz(path, self.file, self.error, self.limit) as npz:
+            header = npz.header("metadata")
+            if header.dtype != np.uint8 or len(header.shape) != 1 or header.shape[0] > LONGEST_DESCRIPTION:
+                raise self.error(
+                    f"{path} is not a {self.file}: its description, the array 'metadata', must be uint8 of at most"
+                    f" {LONGEST_DESCRIPTION:,} numbers, not {header.dtype} of shape {header.shape}"
+                )
+            text = npz.read({"metadata": Form("uint8", ("bytes",))})["metadata"].tobytes()
+            metadata = self._checked_description(path, text)
+            return npz.read(forms(metadata)), metadata
+
+    def check(self, path: Path, metadata: Mapping[str, Any], form: Mapping[str, Any]) -> None:
+        """Raise :attr:`error` unless the description has the form; see :func:`segar.support.json_forms.misfit`."""
+        wrong = misfit(metadata, form)
+        if wrong:
             raise self.error(
-                f"{path} is not a {self.file}, or only part of one: {cause}; save or copy it again"
+                f"{path} is not a {self.file}, or a damaged one: in its description {wrong}; save it again"
+            )
+
+    def _checked_description(self, path: Path, text: bytes) -> dict[str, Any]:
+        try:
+            metadata = from_json(text)
+        except ValueError as cause:
+            raise self.error(
+                f"{path} is not a {self.file}, or only part of one: its description is no JSON ({first_line(cause)}); save"
+                " or copy it again"
             ) from cause
         found = metadata.get("format") if isinstance(metadata, dict) else None
         if found != self.name:
             raise self.error(f"{path} is not a {self.file}, whose format is '{self.name}'; its format is '{found}'")
+        self.check(path, metadata, {"format_version?": int})
         if metadata.get("format_version", 0) > self.version:
             raise self.error(
                 f"{path} was written by a newer SEGAR ({metadata.get('version')}), which this one cannot read; install that"
                 " version"
             )
-        return arrays, metadata
+        return metadata

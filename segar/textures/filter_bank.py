@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from segar.errors import SegarError
-from segar.support import need
+from segar.support import Form, need, open_npz
 
 SMALLEST, LARGEST = 2, 32  # [pixels] sides of filters that are taken for a first layer
 
@@ -81,7 +81,10 @@ class FilterBank:
                 f"{path} has {len(found) or 'no'} arrays of shape [filter, 3, k, k]"
                 + (f" ({_listed(found)}): name one with key=" if found else ": is it an image network?")
             )
-        return cls(path.stem, next(iter(found.values())) if key is None else found[key])
+        try:
+            return cls(path.stem, next(iter(found.values())) if key is None else found[key])
+        except SegarError as cause:
+            raise SegarError(f"{path}: {cause}") from cause
 
     @classmethod
     def built_in(cls, rng: np.random.Generator, count: int = 192, size: int = 5) -> FilterBank:
@@ -129,12 +132,10 @@ def _opponent(angle: np.ndarray) -> np.ndarray:
 
 
 def _read_npz(path: Path, key: str | None) -> dict[str, np.ndarray]:
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            names = archive.files if key is None else [name for name in archive.files if name == key]
-            return _filters_among({name: archive[name] for name in names})
-    except (ValueError, OSError) as error:
-        raise SegarError(f"{path} cannot be read as an .npz of plain arrays: {error}") from error
+    with open_npz(path, "file of weights", SegarError) as npz:
+        headers = {name: npz.header(name) for name in (npz.names if key is None else {key} & {*npz.names})}
+        banks = {name: h for name, h in headers.items() if _is_bank(h.shape) and h.dtype.kind in "iuf"}
+        return _filters_among(npz.read({name: Form(str(h.dtype), h.shape) for name, h in banks.items()}))
 
 
 def _read_safetensors(path: Path, key: str | None) -> dict[str, np.ndarray]:

@@ -12,10 +12,16 @@ import numpy as np
 
 from segar.errors import SegarError, did_you_mean
 from segar.language import Entity
-from segar.support import ArchiveFormat
+from segar.support import ArchiveFormat, Form
 from segar.textures.inputs import BACKGROUND, entity_values, is_noise, name_of_input
 
-ARRAYS = ("weights", "bias", "shift", "scale")
+ARRAYS = {
+    "weights": Form("float32", ("models", "inputs", "P", "P", 3)),
+    "bias": Form("float32", ("models", "P", "P", 3)),
+    "shift": Form("float64", ("inputs",)),
+    "scale": Form("float64", ("inputs",)),
+}
+DESCRIPTION = {"name": str, "inputs": [str], "squash": str, "origin": {}}
 FORMAT = ArchiveFormat("segar-textures", 1, "textures", "texture file", SegarError)
 SQUASHES = ("tanh", "clip")
 DATA = Path(__file__).parent / "data"
@@ -170,8 +176,16 @@ class TextureSet:
                     " with .npz"
                 )
             path = DATA / f"{name}.npz"
-        arrays, description = FORMAT.read(path, ARRAYS)
-        return cls(**arrays, **{name: description[name] for name in ("name", "inputs", "squash", "origin")})
+
+        def forms(description: dict[str, Any]) -> dict[str, Form]:
+            FORMAT.check(path, description, DESCRIPTION)
+            return ARRAYS
+
+        arrays, description = FORMAT.read(path, forms)
+        try:
+            return cls(**arrays, **{name: description[name] for name in DESCRIPTION})
+        except SegarError as cause:
+            raise SegarError(f"{path}: {cause}") from cause
 
 
 def shipped_sets() -> tuple[str, ...]:

@@ -20,6 +20,7 @@ from segar.engine.batch import LevelArrays, State, StepResult
 from segar.engine.compiler.checks import check_geometry, check_position_rule, check_rule
 from segar.engine.compiler.contacts import COLLIDES, Contacts
 from segar.engine.compiler.emit import over_group
+from segar.engine.compiler.finite import finite_test
 from segar.engine.compiler.source import DECORATOR, ENTRY_DECORATOR, STATE, Source
 from segar.engine.compiler.spec import Group
 from segar.engine.compiler.stages import StageWriter
@@ -42,6 +43,10 @@ ARGUMENTS = (
 )
 """Names of the other arguments, in order; the simulator gives each of them by its name."""
 
+
+CONFLICT, STATE_NOT_FINITE, REWARD_NOT_FINITE = 1, 2, 3
+"""What the first of an environment's five ``errors`` says; 0 where there is none. See :class:`FactorSetting` for the others
+of a conflict, which is kept if a number becomes infinite, too."""
 
 COPY_MARK = "# --- copied from here on ---\n"
 MANY_BODIES = 12  # above this number it pays to sort bodies before pairs are compared
@@ -173,6 +178,7 @@ CONTACT_MOVES = {self._contacts_move()}
                 if stage.operation is not language.Operation.RESOLVE_CONTACTS
             ),
             contacts.may_touch(),
+            finite_test(self.source, self.rules),
             *task_functions(self.source, self.task, len(self.rules)),
             entry_source(self.task, self.layout.parameters.index(language.Framerate), may_touch),
         ]
@@ -261,6 +267,8 @@ def entry_source(task: TaskFunctions, framerate: int, may_touch: str) -> str:
         state=STATE,
         act=stage_call(ACT),
         sub_step=sub_step,
+        state_not_finite=STATE_NOT_FINITE,
+        reward_not_finite=REWARD_NOT_FINITE,
     )
 
 
@@ -319,9 +327,14 @@ def advance({arguments}):
                     if ended:
                         break
             state_tick[e] = tick
+            if err[0] == 0 and not is_finite(V, bits):
+                err[0] = {state_not_finite}
             if with_task:
                 result_terminated[e] = ended
-                result_reward[e] = reward_of({state})
+                reward = reward_of({state})
+                if err[0] == 0 and not abs(reward) < np.inf:
+                    err[0] = {reward_not_finite}
+                result_reward[e] = reward
                 result_success[e] = success_of({state})
                 result_death[e] = death_of({state})
         if places > 0:

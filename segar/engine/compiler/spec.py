@@ -18,6 +18,7 @@ PRESENT = ("present", None, None)
 TESTS: dict[str, Callable[[type[Entity], Any, Any], bool]] = {
     "present": lambda kind, _, __: True,
     "has": lambda kind, factor, _: holds(kind, factor) is not None,
+    "declares": lambda kind, factor, _: factor in kind.declared,
     "isa": lambda kind, parent, _: issubclass(kind, parent),
     "text": lambda kind, factor, value: kind.declared.get(factor) == value,
 }
@@ -70,6 +71,13 @@ class Matcher:
         """The mask that an entity of the group must have to match; 0: always; None: never."""
         keys = [("has", factor, None) for factor in needs.factors]
         keys += [("isa", needs.entity_type, None)] if needs.entity_type is not None else []
+        return self._mask(group, keys)
+
+    def declares(self, group: Group, factor: type[Factor]) -> int | None:
+        """As :meth:`match`, for entities that hold the factor itself and not a sub-class of it."""
+        return self._mask(group, [("declares", factor, None)])
+
+    def _mask(self, group: Group, keys: list[tuple[str, Any, Any]]) -> int | None:
         mask = 0
         for key in keys:
             part = self.type_test(group, key)

@@ -215,22 +215,18 @@ def _sample(
     value = np.asarray(noise.sample(rng, len(levels)), dtype=float)
     if value.shape != shape:
         raise PriorError(f"{prior}: the distribution's sample(rng, {len(levels)}) has shape {value.shape}, not {shape}")
-    low, high = factor.bounds or (-np.inf, np.inf)
     if scaling is not None:
         value = scaling[0] + scaling[1] * value
         value = np.where(scaling[1] == 0, np.nan, value)
-    fits = np.isfinite(value) & (value >= low) & (value <= high)
-    if issubclass(factor, Size):
-        fits &= value > 0
-    wrong = ~fits.reshape(len(levels), factor.width).all(axis=1)
+    wrong = ~factor.is_possible(value).reshape(len(levels), factor.width).all(axis=1)
     if needed is not None:
         wrong &= needed
     if wrong.any():
         row = np.flatnonzero(wrong)[0]
         scaled = "" if scaling is None else f" with shift {scaling[0][row]:g} and scale {scaling[1][row]:g}"
         raise PriorError(
-            f"{streams.where(levels[row])}: {prior} gave {value[row]}{scaled}, which {factor.__name__} cannot be;"
-            " clip the distribution or choose another"
+            f"{streams.where(levels[row])}: {prior} gave {value[row]}{scaled}, which {factor.__name__} cannot be: it must be"
+            f" {factor.possible_values()}; clip the distribution or choose another"
         )
     return value
 

@@ -82,10 +82,10 @@ def test_a_run_goes_on_from_a_checkpoint_bit_for_bit(config, tmp_path):
     one = learner(config)
     for _ in range(3):
         one.iterate()
-    save_checkpoint(tmp_path, config, one, {}, {})
+    save_checkpoint(tmp_path, config, one, {"seconds": 0.0}, {})
     other = learner(config, seed=7)
     other.iterate()  # what it knows is forgotten
-    assert resume_checkpoint(tmp_path, config, other, {}) == {}
+    assert resume_checkpoint(tmp_path, config, other, {}) == {"seconds": 0.0}
     assert other.frames == one.frames
     for _ in range(3):
         assert one.iterate() == other.iterate()
@@ -95,7 +95,7 @@ def test_a_run_goes_on_from_a_checkpoint_bit_for_bit(config, tmp_path):
 def test_a_policy_acts_and_represents_and_can_be_filled_without_an_environment(config, tmp_path):
     one = learner(config)
     one.iterate()
-    save_checkpoint(tmp_path, config, one, {}, {})
+    save_checkpoint(tmp_path, config, one, {"seconds": 0.0}, {})
     env = type(one).make_env(make_levels(config.levels)[0], 5, seed=0, observation=config.observation.name)
     observation, _ = env.reset()
     policy = type(one).make_policy(config.algorithm, observation.shape[1:], 2)

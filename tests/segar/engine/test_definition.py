@@ -121,7 +121,8 @@ def test_zero_times_infinity_stays_nan():
         return SetFactor[Mass](m, 0.0 * (1.0 / q))
 
     state = start(LEVELS)
-    uncompiled(World([silly]), LEVELS.layout).step(state, LEVELS)
+    with pytest.raises(RuleError, match=r"is nan .changed by .*silly"):
+        uncompiled(World([silly]), LEVELS.layout).step(state, LEVELS)
     column = LEVELS.layout.columns[Mass]
     assert np.isnan(state.values[0, 2, column]) and not np.isnan(state.values[0, 0, column])
     assert np.isnan(Interpreter(World([silly]), LEVELS.layout).step(LEVELS).values[2, column])

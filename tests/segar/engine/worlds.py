@@ -11,7 +11,7 @@ from unittest import mock
 import numpy as np
 
 from segar.engine.simulator import Simulator, State, StepResult
-from segar.errors import ConflictError
+from segar.errors import ConflictError, RuleError
 from segar.language.factors import (
     Acceleration,
     Alive,
@@ -178,6 +178,8 @@ def _step(simulator: Simulator, levels: Levels, state: State, actions: Any, n: i
             simulator.step(state, levels, n)
         else:
             simulator.act(state, levels, np.asarray(actions, np.float32), outcome)
+    except RuleError:
+        pass  # a number is not finite, and must be the same in the interpreter
     except ConflictError as error:
         return str(error)
     return ""

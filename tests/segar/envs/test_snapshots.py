@@ -188,18 +188,18 @@ def test_a_saved_snapshot_has_the_arrays_that_segar_0_1_reads(running, tmp_path)
         (
             "values",
             np.zeros((6, 3)),
-            r"'values' must be float64 of 3 axes and 6 environments, not float64 of shape \(6, 3\)",
+            r"'values' must be float64 of shape \(environments, entities, columns\), not float64 of shape \(6, 3\)",
         ),
-        ("level", np.zeros(6), "'level' must be int64 of 1 axes and 6 environments, not float64"),
+        ("level", np.zeros(6), r"'level' must be int64 of shape \(6,\), not float64 of shape \(6,\)"),
         (
             "tick",
             np.zeros(5, np.int64),
-            r"'tick' must be int64 of 1 axes and 6 environments, not int64 of shape \(5,\)",
+            r"'tick' must be int64 of shape \(6,\), not int64 of shape \(5,\)",
         ),
         (
             "memory/stack",
             np.zeros((2, 4)),
-            r"'memory/stack' must be float64 of 2 axes and 6 environments, not float64 of shape \(2, 4\)",
+            r"'memory/stack' must be numbers of shape \(6, ...\), not float64 of shape \(2, 4\)",
         ),
     ],
 )
@@ -209,7 +209,7 @@ def test_a_snapshot_whose_arrays_do_not_fit_each_other_is_refused(running, tmp_p
         arrays = {key: archive[key] for key in archive.files if key != "metadata"}
     memory = [name.removeprefix("memory/")] if name.startswith("memory/") else []
     FORMAT.write(tmp_path / "changed.npz", arrays | {name: array}, {"seed": 1, "memory": memory})
-    with pytest.raises(SegarError, match=rf"changed.npz: {words}.*save the snapshot again"):
+    with pytest.raises(SegarError, match=rf"changed.npz is not a snapshot.*: the array {words}; save"):
         Snapshot.load(tmp_path / "changed.npz")
 
 

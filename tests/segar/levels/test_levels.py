@@ -320,9 +320,12 @@ def test_built_in_classes_are_found_by_name_beside_a_class_of_the_user_with_that
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda m: m.pop("slots"), r"its description does not fit \(KeyError\('slots'\)\); save the levels again"),
-        (lambda m: m["provenance"].pop("seed"), r"its description does not fit .*'seed'"),
-        (lambda m: m.update(slots=[{"name": "x", "types": [99], "optional": False}]), r"does not fit \(IndexError"),
+        (lambda m: m.pop("slots"), r"x.npz is not a level file.*: in its description 'slots' is absent; save it again"),
+        (lambda m: m["provenance"].pop("seed"), r"in its description 'provenance.seed' is absent"),
+        (
+            lambda m: m.update(slots=[{"name": "x", "types": [99], "optional": False}]),
+            r"the slot 'x' are not among its",
+        ),
         (lambda m: m.update(format_version=99), r"was written by a newer SEGAR .* install that version"),
         (lambda m: m.update(format="segar-plan"), r"its format is 'segar-plan'"),
     ],

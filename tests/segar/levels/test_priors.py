@@ -292,7 +292,7 @@ def test_two_equally_specific_priors_of_a_type_with_two_parents_are_an_error():
         (lambda: Prior(Mobile, segar.DiscreteRangeNoise(0, 2)), "Mobile takes True or False"),
         (lambda: Prior(Shape, 0.3), "Shape takes a shape such as Circle"),
         (lambda: Prior(Shape, UniformNoise(0, 1)), "must be a Choice of shapes"),
-        (lambda: Prior(Size, -0.2), r"Prior\(Size, -0.2\): a size must be positive"),
+        (lambda: Prior(Size, -0.2), r"Prior\(Size, -0.2\): it must be a positive number"),
         (lambda: Prior(Gravity, -1.0), r"outside the bounds .* of Gravity"),
         (lambda: Prior(Gravity, UniformNoise(-3, -2)), r"outside the bounds .* of Gravity"),
         (lambda: Prior(Gravity, 9.0, entity_type=Ball), "Gravity belongs to the world"),
