@@ -31,9 +31,13 @@ def upload(config: UploadConfig, say: Callable[[str], None] = print) -> None:
 
     Raises:
         TrackingError: some runs could not be sent; the others were.
-        RunFolderError: ``run`` names no run.
+        RunFolderError: ``run`` names no run, or there is none in ``root``.
     """
     folders = [Path(config.run).expanduser().resolve()] if config.run else run_folders(root_folder(config.root))
+    if not folders:
+        raise RunFolderError(
+            f"there are no run folders in {root_folder(config.root)}; name one by run=FOLDER, or where they are by root=FOLDER"
+        )
     failed = 0
     for folder in folders:
         try:

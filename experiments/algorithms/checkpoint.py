@@ -191,6 +191,7 @@ def architecture(policy: nn.Module) -> str:
 
 def _link(path: Path, other: Path) -> None:
     """Gives a file a second name, or makes a copy where the file system has no such names."""
+    other.unlink(missing_ok=True)
     try:
         os.link(path, other)
     except OSError:

@@ -2,10 +2,11 @@
 
 import numpy as np
 import torch
-from numba import njit
 from torch import Tensor
 
-_options = {"nogil": True, "cache": True, "error_model": "numpy", "_nrt": False}
+from segar.support import cached
+
+_options = {"nogil": True, "error_model": "numpy", "_nrt": False}
 
 
 def places_of_frames(done: np.ndarray, stack: int) -> np.ndarray:
@@ -48,7 +49,7 @@ def are_stacks_by_torch(observation: Tensor, done: Tensor, stack: int) -> bool:
     return torch.equal(frames[1:, ..., :-1, :], expected)
 
 
-@njit(**_options)
+@cached(**_options)
 def _are_stacks(observation, done, older, own, depth):
     for t in range(1, len(observation)):
         for n in range(observation.shape[1]):

@@ -5,10 +5,10 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from experiments.settings import RunFolderError
+from segar.support import LOCK, files, locked, remove_unfinished
 from segar.support import UNFINISHED as TEMPORARY
-from segar.support import files, remove_unfinished
 
-__all__ = ["TEMPORARY", "remove_unfinished", "replacing", "write_bytes", "write_text"]
+__all__ = ["LOCK", "TEMPORARY", "locked", "remove_unfinished", "replacing", "write_bytes", "write_text"]
 
 ADVICE = (
     "what was there before is untouched. Make room or give access, then start the same command again: it goes on from the"

@@ -25,9 +25,8 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 import yaml
-from filelock import FileLock, Timeout
 
-from experiments.runs.files import TEMPORARY, remove_unfinished, replacing, write_text
+from experiments.runs.files import LOCK, TEMPORARY, locked, remove_unfinished, replacing, write_text
 from experiments.runs.own_modules import OURS, folders_of, modules_named
 from experiments.runs.trust import require_trust, signed
 from experiments.settings import (
@@ -56,8 +55,6 @@ PROBES = "probes.parquet"
 VERSIONS = "versions.json"
 SUMMARY = "summary.json"
 SYNC_STATE = "tracking.json"  # how much of the run was sent to MLflow
-LOCK = ".lock"
-LOCK_TIMEOUT = 0.5  # [s]; longer than another process holds the lock to see whether it is free
 
 RESULTS = "results/"  # begins the names of further columns: what the task says of an episode's last state
 EPISODE_SCHEMA = pa.schema(
@@ -130,13 +127,7 @@ def use_run_folder(config: RunConfig) -> Iterator[Path]:
 @contextmanager
 def lock(folder: Path) -> Iterator[None]:
     """Keeps other processes out of a run folder inside the block; raises :class:`RunFolderError` if one is at work there."""
-    try:
-        held = FileLock(folder / LOCK, timeout=LOCK_TIMEOUT).acquire()
-    except Timeout:
-        raise RunFolderError(f"another process is at work in {folder}; wait for it, or choose folder=...") from None
-    except OSError as error:
-        raise RunFolderError(f"cannot use the run folder {folder}: {error.strerror}") from error
-    with held:
+    with locked(folder, RunFolderError, "wait for it, or choose folder=..."):
         yield
 
 

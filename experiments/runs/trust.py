@@ -16,7 +16,8 @@ from filelock import FileLock
 
 from experiments.runs.own_modules import OURS, modules_named
 from experiments.settings import RunFolderError
-from segar.engine import cache_folder
+from segar.engine import private_cache_folder
+from segar.errors import SegarError
 
 SIGNATURE = "# signature: "
 TRUSTED = "SEGAR_TRUST"  # packages that the user trusts, separated by commas; * for all
@@ -56,10 +57,14 @@ def _signature(text: str) -> str:
 
 def _key() -> bytes:
     """The user's key, which is made when it is first asked for; nobody else can read it."""
-    path = cache_folder() / "key"
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        path = private_cache_folder() / "key"
+    except SegarError as error:
+        raise RunFolderError(f"cannot keep the key that signs runs: {error}") from error
+    try:
         with FileLock(path.with_suffix(".lock")):  # nobody reads a key that another process has not written yet
+            if path.exists() and path.stat().st_uid != os.geteuid():
+                path.unlink()  # planted while others could write to the folder
             if not path.exists():
                 with open(os.open(path, os.O_WRONLY | os.O_CREAT, 0o600), "wb") as stream:
                     stream.write(secrets.token_bytes(32))

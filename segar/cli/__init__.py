@@ -2,6 +2,7 @@
 
 import argparse
 import os
+import signal
 import sys
 from collections.abc import Sequence
 from typing import NoReturn
@@ -12,6 +13,8 @@ from segar.errors import SegarError
 from segar.support import __version__
 
 USAGE_ERROR = 2  # exit status of what is not known or makes no sense, as argparse has it
+FAILURE = 1  # exit status where the machine refuses
+INTERRUPTED = 128 + signal.SIGINT  # exit status after Ctrl-C, as shells have it
 
 
 class Parser(argparse.ArgumentParser):
@@ -32,8 +35,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except SegarError as error:
         print(f"segar: {error}", file=sys.stderr)
         return USAGE_ERROR
+    except KeyboardInterrupt:
+        print("segar: stopped; what was finished before is kept", file=sys.stderr)
+        return INTERRUPTED
+    except MemoryError as error:
+        print(f"segar: there is not enough memory ({error}); ask for smaller numbers", file=sys.stderr)
+        return FAILURE
     except BrokenPipeError:  # `segar kernel show ... | head` has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except OSError as error:
+        place = f"{error.filename}: " if error.filename else ""
+        print(f"segar: {place}{error.strerror or error}; make room or give access, then try again", file=sys.stderr)
+        return FAILURE
     return 0
 
 

@@ -1,7 +1,6 @@
 """What the arguments of commands stand for, and the two forms of an answer: a table for people, one object for programs."""
 
 import argparse
-import inspect
 import json
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -11,7 +10,7 @@ from segar.errors import SegarError
 from segar.language import Task
 from segar.levels import LevelDistribution, Levels, family
 from segar.rules import World
-from segar.support import named_object
+from segar.support import named_or_made
 from segar.tasks import make_task, task_of
 
 NAME_HELP = "a level family, or 'module:attribute': a LevelDistribution of your own or a function that makes one"
@@ -27,7 +26,7 @@ def find_distribution(name: str) -> LevelDistribution:
     """A named family, or one of the user's own; raises :class:`SegarError`."""
     if ":" not in name:
         return family(name)
-    found = _named_or_made(name)
+    found = named_or_made(name)
     if not isinstance(found, LevelDistribution):
         raise SegarError(f"'{name}' is not a LevelDistribution but {found!r}")
     return found
@@ -40,7 +39,7 @@ def task_named(name: str | None, levels: Levels) -> Task:
 
 def find_world(name: str) -> World:
     """The world that ``module:attribute`` names; raises :class:`SegarError`."""
-    found = _named_or_made(name)
+    found = named_or_made(name)
     if isinstance(found, LevelDistribution):
         found = found.world or World()
     if isinstance(found, (list, tuple)):
@@ -48,12 +47,6 @@ def find_world(name: str) -> World:
     if not isinstance(found, World):
         raise SegarError(f"'{name}' is no World, LevelDistribution or list of rules, but {found!r}")
     return found
-
-
-def _named_or_made(name: str) -> Any:
-    """The object that ``module:attribute`` names, or what it returns where it is a function."""
-    found = named_object(name)
-    return found() if inspect.isfunction(found) else found
 
 
 def load_levels(path: str, world: str | None) -> Levels:
@@ -82,6 +75,18 @@ def add_levels(parser: argparse.ArgumentParser, seed_of: str = "the levels") -> 
 def sampled_levels(chosen: argparse.Namespace) -> Levels:
     """The levels that the arguments of :func:`add_levels` name."""
     return find_distribution(chosen.name).sample(chosen.number, chosen.seed, chosen.split)
+
+
+def add_output(parser: argparse.ArgumentParser, purpose: str, *, required: bool, metavar: str = "FILE") -> None:
+    """Add the option that names what is written."""
+    parser.add_argument("-o", "--output", type=_place, required=required, metavar=metavar, help=purpose)
+
+
+def _place(text: str) -> str:
+    """The type of an argument that names a file or a folder."""
+    if not text:
+        raise argparse.ArgumentTypeError("is empty; name a file")
+    return text
 
 
 def add_number(parser: argparse.ArgumentParser, name: str, purpose: str, *, least: int, default: int) -> None:

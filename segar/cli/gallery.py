@@ -10,9 +10,9 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from segar import language
-from segar.cli.arguments import add_number, at_least, command, print_answer
+from segar.cli.arguments import add_number, add_output, at_least, command, print_answer
 from segar.envs import VectorEnv
-from segar.errors import SegarError, did_you_mean
+from segar.errors import SegarError
 from segar.levels import DIFFICULTIES, TASKS, Levels, family
 from segar.observations import Pixels, TexturedPixels
 from segar.rendering import Stage, View
@@ -146,10 +146,7 @@ def save_png(picture: np.ndarray, path: str | PathLike[str], colours: int | None
             cannot be written.
     """
     path = Path(path)
-    if path.suffix.lower() != ".png":
-        raise SegarError(f"a sheet is a .png, not '{path.name}'.{did_you_mean(path.suffix, ['.png'])}")
-    if colours is not None and not 2 <= colours <= MOST_COLOURS:
-        raise SegarError(f"a file of few colours has 2 to {MOST_COLOURS} of them, not {colours}")
+    _check_file(path, colours)
     need("writing pictures", "PIL")
     from PIL import Image
 
@@ -158,6 +155,13 @@ def save_png(picture: np.ndarray, path: str | PathLike[str], colours: int | None
         image = image.quantize(colours, dither=Image.Dither.NONE)
     with replacing(path, "the picture") as beside:
         image.save(beside, optimize=True)
+
+
+def _check_file(path: Path, colours: int | None) -> None:
+    if path.suffix.lower() != ".png":
+        raise SegarError(f"a sheet is a .png, not '{path.name}'; name it '{path.stem}.png'")
+    if colours is not None and not 2 <= colours <= MOST_COLOURS:
+        raise SegarError(f"a file of few colours has 2 to {MOST_COLOURS} of them, not {colours}")
 
 
 def _write(picture: Any, font: Any, text: str, left: int, top: int, room: int) -> None:
@@ -201,7 +205,7 @@ def legend(size: int = 768) -> np.ndarray:
 def add_commands(commands: Any) -> None:
     """Add ``gallery`` to the sub-commands of a parser."""
     made = command(commands, "gallery", gallery, "draw a contact sheet of all tasks, difficulties and renderers")
-    made.add_argument("-o", "--output", required=True, metavar="FILE", help="the picture (png) to be written")
+    add_output(made, "the picture (png) to be written", required=True)
     add_number(made, "--seed", "of the levels", least=0, default=0)
     made.add_argument("--signs", action="store_true", help="draw one level with all signs that pictures have instead")
     made.add_argument("--colours", type=at_least(2), help="at most so many, up to 256, for a smaller file")
@@ -209,6 +213,7 @@ def add_commands(commands: Any) -> None:
 
 def gallery(chosen: argparse.Namespace) -> None:
     """``segar gallery``."""
+    _check_file(Path(chosen.output), chosen.colours)  # before all is drawn
     picture = legend() if chosen.signs else contact_sheet(chosen.seed)
     save_png(picture, chosen.output, chosen.colours)
     height, width, _ = picture.shape

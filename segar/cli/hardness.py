@@ -26,9 +26,7 @@ def add_commands(commands: Any) -> None:
     hard.add_argument(
         "--factors", action="store_true", help="also say which factors the agent can change, and how much"
     )
-    hard.add_argument(
-        "-o", "--output", metavar="FILE", help="also write the oracle's plan (npz), for segar.hardness.replay"
-    )
+    arguments.add_output(hard, "also write the oracle's plan (npz), for segar.hardness.replay", required=False)
 
 
 def hardness(chosen: argparse.Namespace) -> None:

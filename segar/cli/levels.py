@@ -17,7 +17,7 @@ def add_commands(commands: Any) -> None:
     """Add ``sample``, ``distance`` and ``describe`` to the sub-commands of a parser."""
     sampling = arguments.command(commands, "sample", sample, "sample levels into a file")
     arguments.add_levels(sampling)
-    sampling.add_argument("-o", "--output", required=True, metavar="FILE", help="the level file (npz) to be written")
+    arguments.add_output(sampling, "the level file (npz) to be written", required=True)
 
     comparing = arguments.command(commands, "distance", distance, "measure how far two level sets are apart")
     comparing.add_argument("a", metavar="A", help=arguments.FILE_HELP)
@@ -36,7 +36,7 @@ def add_commands(commands: Any) -> None:
         commands, "describe", describe, "show the distributions of all factors of a level distribution"
     )
     describing.add_argument("name", metavar="family", help=arguments.NAME_HELP)
-    describing.add_argument("-o", "--output", metavar="FILE", help="also draw all marginals (png, pdf or svg)")
+    arguments.add_output(describing, "also draw all marginals (png, pdf or svg)", required=False)
 
 
 def sample(chosen: argparse.Namespace) -> None:

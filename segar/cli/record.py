@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from segar.cli import arguments
-from segar.datasets import Policy, check_replay, record, to_minari
+from segar.datasets import Policy, check_replay, minari_place, record, to_minari
 from segar.envs import Env
 from segar.errors import SegarError, did_you_mean
 from segar.language import Task
@@ -25,7 +25,7 @@ def add_commands(commands: Any) -> None:
         commands, "record", run, "record episodes: a dataset with frames and factors, or a video of one episode"
     )
     arguments.add_levels(made, "levels and episodes")
-    made.add_argument("-o", "--output", required=True, metavar="PLACE", help="a folder; or a file, .mp4 or .gif")
+    arguments.add_output(made, "a folder; or a file, .mp4 or .gif", required=True, metavar="PLACE")
     arguments.add_number(made, "--episodes", "of the dataset", least=1, default=100)
     made.add_argument("--policy", choices=POLICIES, default="uniform", help="who plays (default: %(default)s)")
     made.add_argument("--observation", choices=list(OBSERVATIONS), default="rgb", help="(default: %(default)s)")
@@ -39,9 +39,14 @@ def add_commands(commands: Any) -> None:
 
 def run(chosen: argparse.Namespace) -> None:
     """``segar record``."""
+    is_video = _is_video(chosen.output)
+    if is_video and (chosen.minari or chosen.check):
+        raise SegarError(f"--minari and --check are for datasets, and {chosen.output} is a video; name a folder")
+    if chosen.minari is not None:
+        minari_place(chosen.minari)  # before hours of recording
     levels = arguments.sampled_levels(chosen)
     task = arguments.task_named(chosen.task, levels)
-    if Path(chosen.output).suffix.lower() in video.FORMATS:
+    if is_video:
         record_video(chosen, levels, task)
         return
     dataset = record(
@@ -60,9 +65,19 @@ def run(chosen: argparse.Namespace) -> None:
     answer["shards"] = len(dataset.manifest.shards)
     if chosen.check:
         answer["steps_replayed"] = check_replay(dataset, task=task)
-    if chosen.minari:
+    if chosen.minari is not None:
         answer["minari"] = to_minari(dataset, chosen.minari).id
     arguments.print_answer(chosen, answer, ", ".join(f"{name} {value}" for name, value in answer.items()))
+
+
+def _is_video(output: str) -> bool:
+    """Whether a place is a video's; raises :class:`SegarError` where it looks like a file of another kind."""
+    suffix = Path(output).suffix
+    if suffix.lower() in video.FORMATS:
+        return True
+    if suffix[1:2].isalpha() and not output.endswith("/") and not Path(output).is_dir():
+        raise SegarError(f"a video is .mp4 or .gif, not '{output}'; a folder with such a name is '{output}/'")
+    return False
 
 
 def record_video(chosen: argparse.Namespace, levels: Levels, task: Task) -> None:

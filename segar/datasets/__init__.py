@@ -2,12 +2,12 @@
 
 from segar.datasets.dataset import Dataset, Episode, Shard
 from segar.datasets.manifest import Manifest, Settings
-from segar.datasets.minari_export import to_minari
+from segar.datasets.minari_export import minari_place, to_minari
 from segar.datasets.recording import record
 from segar.datasets.replay import check_replay
 from segar.datasets.rollouts import Policy, Rollouts
 
 __all__ = [
-    "Dataset", "Episode", "Manifest", "Policy", "Rollouts", "Settings", "Shard", "check_replay", "record",
-    "to_minari",
+    "Dataset", "Episode", "Manifest", "Policy", "Rollouts", "Settings", "Shard", "check_replay", "minari_place",
+    "record", "to_minari",
 ]  # fmt: skip

@@ -45,17 +45,12 @@ def to_minari(
         author, author_email, description: for Minari's metadata.
 
     Raises:
-        SegarError: Minari is not installed, or there is a dataset of that name.
+        SegarError: see :func:`minari_place`.
     """
-    need("writing Minari datasets", "minari", "h5py", "pyarrow")
+    target = minari_place(dataset_id)
     import minari
     from minari.storage import get_dataset_path
 
-    target = Path(get_dataset_path(dataset_id))
-    if target.exists():
-        raise SegarError(
-            f"there is a Minari dataset '{dataset_id}' already, in {target}; choose another name or version"
-        )
     settings = dataset.manifest.settings
     env = VectorEnv(dataset.levels, 1, observation=observation or settings.observation, **_task_options(dataset))
     summary = f"{settings.episodes} episodes of {settings.task} on {dataset.levels!r}, played by {settings.policy}"
@@ -81,6 +76,28 @@ def to_minari(
         os.replace(root / dataset_id, target)
     _list_group(dataset_id.rpartition("/")[0])
     return minari.load_dataset(dataset_id)
+
+
+def minari_place(dataset_id: str) -> Path:
+    """The folder that a new Minari dataset will have.
+
+    Raises:
+        SegarError: Minari is not installed, the name is none of a Minari dataset, or there is a dataset of that name.
+    """
+    need("writing Minari datasets", "minari", "h5py", "pyarrow")
+    from minari.dataset.minari_dataset import parse_dataset_id
+    from minari.storage import get_dataset_path
+
+    try:
+        parse_dataset_id(dataset_id)
+    except (ValueError, TypeError):  # the second where there is no version
+        raise SegarError(f"'{dataset_id}' names no Minari dataset; write name-v0, or group/name-v0") from None
+    target = Path(get_dataset_path(dataset_id))
+    if target.exists():
+        raise SegarError(
+            f"there is a Minari dataset '{dataset_id}' already, in {target}; choose another name or version"
+        )
+    return target
 
 
 def _list_group(group: str) -> None:

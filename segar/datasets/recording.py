@@ -19,7 +19,7 @@ from segar.errors import SegarError
 from segar.language import Task
 from segar.levels import Levels
 from segar.rules import World
-from segar.support import need, remove_unfinished
+from segar.support import LOCK, UNFINISHED, locked, need, remove_unfinished
 
 SHORT_HASH_DIGITS = 8  # of arrays in texts
 UNIFORM = "uniform"
@@ -58,8 +58,8 @@ def record(
         progress: called with the number of shards that are there and of all.
 
     Raises:
-        SegarError: pyarrow is not installed, the folder holds something else, or a recording with other settings (the
-            message names them), or a file cannot be written.
+        SegarError: pyarrow is not installed, another process records into the folder, the folder holds something else, or a
+            recording with other settings (the message names them), or a file cannot be written.
     """
     need("recording", "pyarrow")
     if episodes < 1 or episodes_per_shard < 1:
@@ -81,15 +81,31 @@ def record(
         episodes_per_shard=episodes_per_shard,
     )
     folder = Path(folder)
-    manifest = _begun(folder, settings, levels, one)
-    for number in range(settings.shards):
-        if not _is_whole(folder, number, manifest):
-            entry = _record_shard(folder, number, settings, make_env, policy)
-            manifest = manifest.with_shard(number, entry)
-            manifest.write(folder)
-        if progress is not None:
-            progress(number + 1, settings.shards)
-    return Dataset.load(folder, world or levels.world)
+    _require_dataset_or_empty(folder)
+    with locked(folder, SegarError, "wait until it has recorded, or name another folder"):
+        manifest = _begun(folder, settings, levels, one)
+        for number in range(settings.shards):
+            if not _is_whole(folder, number, manifest):
+                entry = _record_shard(folder, number, settings, make_env, policy)
+                manifest = manifest.with_shard(number, entry)
+                manifest.write(folder)
+            if progress is not None:
+                progress(number + 1, settings.shards)
+        return Dataset.load(folder, world or levels.world)
+
+
+def _require_dataset_or_empty(folder: Path) -> None:
+    """Make the folder if it is not there; raise :class:`SegarError` where it holds something else than a dataset."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        there = {path.name for path in folder.iterdir()}
+    except OSError as cause:
+        raise SegarError(f"episodes cannot be recorded into {folder}: {cause.strerror}; name another folder") from cause
+    foreign = [name for name in there - {LEVELS, LOCK} if not name.startswith(UNFINISHED)]
+    if foreign and MANIFEST not in there:
+        raise SegarError(
+            f"{folder} is not empty and holds no dataset: there is {sorted(foreign)[0]}; name another folder"
+        )
 
 
 def hash_of_kernel(env: VectorEnv) -> str:
@@ -104,11 +120,7 @@ def _begun(folder: Path, settings: Settings, levels: Levels, env: VectorEnv) -> 
         check_same_settings(manifest, settings, folder)
         remove_unfinished(folder)
         return manifest
-    folder.mkdir(parents=True, exist_ok=True)
     remove_unfinished(folder)
-    there = [path.name for path in folder.iterdir() if path.name != LEVELS]
-    if there:
-        raise SegarError(f"{folder} is not empty and holds no dataset: there is {sorted(there)[0]}")
     levels.save(folder / LEVELS)
     observations, _ = env.reset(seed=0)
     arrays = {name: {"shape": list(a.shape[1:]), "dtype": str(a.dtype)} for name, a in leaves(observations).items()}

@@ -2,7 +2,7 @@
 
 from segar.engine.batch import State, StepResult
 from segar.engine.compiler.kernel import KernelSource, generate
-from segar.engine.compiler.kernel_cache import cache_folder, is_compiled, kernel_path
+from segar.engine.compiler.kernel_cache import cache_folder, is_compiled, kernel_path, private_cache_folder
 from segar.engine.not_finite import numbers_not_finite
 from segar.engine.runtime import device, device_contacts
 from segar.engine.runtime.gather import Reads, gather
@@ -10,5 +10,5 @@ from segar.engine.simulator import Simulator
 
 __all__ = [
     "KernelSource", "Reads", "Simulator", "State", "StepResult", "cache_folder", "gather", "generate", "is_compiled",
-    "kernel_path", "numbers_not_finite",
+    "kernel_path", "numbers_not_finite", "private_cache_folder",
 ]  # fmt: skip

@@ -1,14 +1,13 @@
 """Compiled bookkeeping of episodes: on which level they start, how long they last, the sum of their rewards."""
 
 import numpy as np
-from numba import njit
 
-from segar.support import GOLDEN, mix, uniform
+from segar.support import GOLDEN, cached, mix, uniform
 
-_options = {"nogil": True, "cache": True, "error_model": "numpy", "_nrt": False}
+_options = {"nogil": True, "error_model": "numpy", "_nrt": False}
 
 
-@njit(**_options)
+@cached(**_options)
 def start_episodes(
     rows, seed, chosen, level_values, values, level, key, tick, contacts, unresolved, returns, lengths, episodes
 ):
@@ -32,7 +31,7 @@ def start_episodes(
         episodes[e] += 1
 
 
-@njit(**_options)
+@cached(**_options)
 def record_ends(ended, level, lengths, contacts, unresolved, returns, success, death, counts, sums, flags):
     """Write the results of the episodes that ended into arrays of all environments, which are 0 elsewhere.
 
@@ -49,7 +48,7 @@ def record_ends(ended, level, lengths, contacts, unresolved, returns, success, d
         success[e] = death[e] = False
 
 
-@njit(**_options)
+@cached(**_options)
 def count_step(reward, terminated, max_steps, returns, lengths, truncated, ended):
     """Count one step and mark episodes whose time is up; list the environments whose episode ended, return how many."""
     n = 0

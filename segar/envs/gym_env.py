@@ -1,17 +1,22 @@
 """One environment with Gymnasium's interface: the batched core with a batch of one."""
 
+from collections.abc import Mapping
+from types import NoneType
 from typing import Any
 
 import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
+from segar.envs.checks import actions_of, instance, known_options, require_known, seed_of, whole_number
 from segar.envs.vector import VectorEnv
 from segar.errors import SegarError, did_you_mean
 from segar.language import SingleFactors, SingleResults, Task
 from segar.levels import Levels
 from segar.observations import map_leaves
 from segar.rendering import RENDER_MODES, Camera, View, episode_verdict
+
+OF_BATCHES = {"num_envs", "autoreset_mode"}  # which a single environment does not take
 
 
 class Env(gymnasium.Env):
@@ -32,15 +37,22 @@ class Env(gymnasium.Env):
     def __init__(
         self, levels: Levels, *, render_mode: str | None = None, view: View | None = None, **options: Any
     ) -> None:
+        require_known(options, known_options(VectorEnv) - OF_BATCHES)
         self._batch = VectorEnv(levels, 1, autoreset_mode=AutoresetMode.DISABLED, **options)
-        self.render_mode = render_mode
+        self.render_mode, self._view = render_mode, view
         self.observation_space = self._batch.single_observation_space
         self.action_space = self._batch.single_action_space
         self.metadata = {**type(self).metadata, "render_fps": self._batch.metadata["render_fps"]}
-        self._camera = None
-        if render_mode is not None:
-            self._camera = Camera(levels, self._batch.simulator.world, self.task, 1, render_mode, view)
+        self._camera = self._new_camera()
         self._verdict: str | None = None  # how the episode ended, '' while it goes on; None before the first reset
+
+    def __getstate__(self) -> dict[str, Any]:
+        """A pickle holds all but the camera, which may have a window."""
+        return {name: value for name, value in vars(self).items() if name != "_camera"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self._camera = self._new_camera()
 
     @property
     def levels(self) -> Levels:
@@ -52,20 +64,24 @@ class Env(gymnasium.Env):
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict]:
         """Start an episode on a level drawn uniformly, or on ``options["level"]``."""
-        super().reset(seed=seed)
+        super().reset(seed=None if seed is None else seed_of(seed))
+        instance("reset: options", options, (Mapping, NoneType), "a mapping such as {'level': 3}, or None")
         options = dict(options or {})
-        batch_options = {"levels": np.array([options.pop("level")])} if "level" in options else {}
+        level = options.pop("level", None)
         if options:
-            raise SegarError(
-                f"reset: unknown option '{next(iter(options))}'.{did_you_mean(next(iter(options)), ['level'])}"
-            )
+            name = next(iter(options))
+            raise SegarError(f"reset: unknown option '{name}'.{did_you_mean(str(name), ['level'])}")
+        if level is not None:
+            level = whole_number("reset: option 'level'", level, 0, len(self.levels) - 1)
+        batch_options = {} if level is None else {"levels": np.array([level])}
         observations, info = self._batch.reset(seed=seed, options=batch_options)
         self._show("")
         return _first(observations), _single(info)
 
     def step(self, action: np.ndarray) -> tuple[Any, float, bool, bool, dict]:
         """Advance by one step; see :meth:`VectorEnv.step`."""
-        observations, rewards, ends, time_outs, batch_info = self._batch.step(np.asarray(action, np.float32)[None])
+        actions = actions_of(action, self.action_space.shape or ())[None]
+        observations, rewards, ends, time_outs, batch_info = self._batch.step(actions)
         terminated, truncated, info = bool(ends[0]), bool(time_outs[0]), _single(batch_info)
         self._show(episode_verdict(info, terminated, truncated))
         return _first(observations), float(rewards[0]), terminated, truncated, info
@@ -87,6 +103,12 @@ class Env(gymnasium.Env):
         """Close the window, if there is one."""
         if self._camera is not None:
             self._camera.close()
+
+    def _new_camera(self) -> Camera | None:
+        """What draws for people; None without a render mode."""
+        if self.render_mode is None:
+            return None
+        return Camera(self.levels, self._batch.simulator.world, self.task, 1, self.render_mode, self._view)
 
     def _show(self, verdict: str) -> None:
         """Note how the episode ended, and show the state where the render mode is a window."""

@@ -7,12 +7,14 @@ from typing import Any
 
 import gymnasium
 
+from segar.envs.checks import known_options, require_known
 from segar.envs.gym_env import Env
 from segar.envs.vector import VectorEnv
 from segar.levels import families, family
 from segar.tasks import TASKS, puttputt
 
 OBSERVATION_NAMES = ("rgb", "state")
+OF_LEVELS = {"num_levels", "seed", "split"}
 REWARDS = {"v0": "squared", "v1": "linear"}
 
 
@@ -57,6 +59,7 @@ def make_vector_env(
 
 
 def _arguments(family_name: str, reward: str | None, options: dict[str, Any]) -> dict[str, Any]:
+    require_known(options, OF_LEVELS | known_options(VectorEnv) | known_options(Env))
     seed = options.pop("seed", 0)
     levels = family(family_name).sample(options.pop("num_levels", 100), seed=seed, split=options.pop("split", "train"))
     if reward is not None:

@@ -1,8 +1,9 @@
 """The core environment: a batch of episodes on the levels of a set, stepped by one compiled kernel."""
 
-import math
 import weakref
+from collections.abc import Mapping
 from dataclasses import replace
+from types import NoneType
 from typing import Any
 
 import gymnasium
@@ -12,9 +13,18 @@ from gymnasium.vector.utils import batch_space
 
 from segar.engine import Simulator, State, StepResult
 from segar.envs.buffers import Buffers
+from segar.envs.checks import (
+    MOST_ENVIRONMENTS,
+    MOST_THREADS,
+    actions_of,
+    instance,
+    seed_of,
+    shown,
+    whole_number,
+)
 from segar.envs.episode_kernel import count_step, record_ends, start_episodes
 from segar.envs.snapshots import Snapshot
-from segar.errors import ActionError, LevelError, SegarError, did_you_mean
+from segar.errors import LevelError, SegarError, did_you_mean, must_be
 from segar.language import Factor, Factors, Results, Task
 from segar.levels import Levels, check_levels
 from segar.observations import ObservationLike, copy_rows, for_task, hooks_of, leaves, make_observation, simulator_reads
@@ -22,6 +32,11 @@ from segar.rendering import RENDER_MODES, Camera, View, steps_per_second
 from segar.rules import World
 from segar.support import Team
 from segar.tasks import task_of
+
+KEPT_IN_PICKLES = (
+    *("observation_space", "single_observation_space", "action_space", "single_action_space"),  # and their generators
+    *("spec", "closed", "_np_random", "_np_random_seed"),  # Gymnasium's
+)
 
 
 class VectorEnv(gymnasium.vector.VectorEnv):
@@ -89,13 +104,26 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         render_mode: str | None = None,
         view: View | None = None,
     ) -> None:
-        if num_envs < 1:
-            raise SegarError(f"num_envs must be at least 1, not {num_envs}")
+        self._arguments = {name: value for name, value in locals().items() if name not in ("self", "__class__")}
+        instance("levels", levels, Levels, "segar.Levels, as segar.family('empty-hard').sample(100) makes them")
+        num_envs = whole_number("num_envs", num_envs, 1, MOST_ENVIRONMENTS)
+        num_threads = whole_number("num_threads", num_threads, 1, MOST_THREADS)
+        instance("task", task, (Task, NoneType), "a segar.Task, such as segar.puttputt(), or None")
+        instance("world", world, (World, NoneType), "a segar.World, such as segar.World(rules=...), or None")
+        instance("view", view, (View, NoneType), "a segar.rendering.View, or None")
+        for name, flag in (("copy", copy), ("unit_actions", unit_actions)):
+            instance(name, flag, (bool, np.bool_), "True or False")
+        if len(levels) == 0:
+            raise LevelError("the level set is empty")
         check_levels(levels)
         task = task or task_of(levels)
         limits = {"max_steps": max_steps, "sub_steps": sub_steps}
         self.task = replace(task, **{name: value for name, value in limits.items() if value is not None})
         self.levels, self.num_envs, self.copy = levels, num_envs, copy
+        if not isinstance(autoreset_mode, AutoresetMode) and autoreset_mode not in [
+            mode.value for mode in AutoresetMode
+        ]:
+            raise SegarError(f"autoreset_mode {must_be(autoreset_mode, ('SameStep', 'Disabled'))}")
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         if self.autoreset_mode is AutoresetMode.NEXT_STEP:
             raise SegarError("autoreset_mode NEXT_STEP is not offered; use SAME_STEP or DISABLED")
@@ -127,7 +155,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             np.zeros(num_envs),
             np.zeros(num_envs, np.int64),
             np.zeros(num_envs, np.int64),
-            _checked_seed(np.random.SeedSequence().generate_state(1, np.uint64)[0] if seed is None else seed),
+            seed_of(np.random.SeedSequence().generate_state(1, np.uint64)[0] if seed is None else seed),
         )
         self.render_mode = render_mode
         self._camera = None
@@ -146,16 +174,17 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         Raises:
             LevelError: a level index is out of range, or an option is unknown or of the wrong shape.
         """
+        instance("reset: options", options, (Mapping, NoneType), "a mapping such as {'levels': [...]}, or None")
         options = dict(options or {})
         mask = self._checked_option(options, "reset_mask", np.bool_)
         chosen = self._checked_option(options, "levels", np.int64)
         if options:
             name = next(iter(options))
-            raise LevelError(f"reset: unknown option '{name}'.{did_you_mean(name, ('levels', 'reset_mask'))}")
+            raise LevelError(f"reset: unknown option '{name}'.{did_you_mean(str(name), ('levels', 'reset_mask'))}")
         if chosen is not None and not ((chosen >= 0) & (chosen < len(self.levels))).all():
             raise LevelError(f"reset: level indices must lie in 0..{len(self.levels) - 1}")
         if seed is not None:
-            self._now.seed = _checked_seed(seed)
+            self._now.seed = seed_of(seed)
             self._now.episodes[:] = 0
         mask = np.ones(self.num_envs, np.bool_) if mask is None else mask
         if not self._started and not mask.all():
@@ -229,6 +258,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             SegarError: the snapshot is of another number of environments, or of other levels, or holds the past of
                 another observation.
         """
+        instance("snapshot", snapshot, Snapshot, "a segar.envs.Snapshot, as env.state() makes it")
         snapshot.check_fits(self.levels, self.num_envs)
         self._detach_factors()
         everywhere = np.ones(self.num_envs, np.bool_)
@@ -239,6 +269,19 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self.observation.begin(self._now.state.values, self._now.state.level, everywhere)
         return self._observe_all()
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """A pickle holds the arguments, the episodes that run, and the random generators of spaces; nothing compiled."""
+        kept = {name: value for name, value in vars(self).items() if name in KEPT_IN_PICKLES}
+        return _remade, (type(self), self._arguments), (self._started, self.state(), kept)
+
+    def __setstate__(self, state: tuple[bool, Snapshot, dict[str, Any]]) -> None:
+        started, snapshot, kept = state
+        vars(self).update(kept)
+        if started:
+            self.restore(snapshot)
+        else:
+            self._now = replace(snapshot, memory={})
+
     def intervene(self, entity: str, factor: type[Factor], value: Any, where: np.ndarray | None = None) -> Any:
         """Set a factor of one entity in the environments where ``where`` (bool, all if None); return observations.
 
@@ -247,11 +290,16 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         Raises:
             LevelError: no entity of that name, or it has no such factor in a chosen environment.
         """
+        if not self._started:
+            raise SegarError("call reset() before intervene()")
         layout = self.levels.layout
         slot = layout.slot_index(entity)
+        if not (isinstance(factor, type) and issubclass(factor, Factor)):
+            raise SegarError(f"intervene: factor must be a class such as segar.Mass, not {shown(factor)}")
         if factor not in layout.columns:
             layout.factor(factor.__name__)
-        mask = np.ones(self.num_envs, np.bool_) if where is None else np.asarray(where, np.bool_)
+        chosen = self._checked_option({"where": where}, "where", np.bool_, "intervene: where")
+        mask = np.ones(self.num_envs, np.bool_) if chosen is None else chosen
         part = self._now.state.values[:, slot, layout.columns[factor] : layout.columns[factor] + factor.width]
         if np.isnan(part[mask]).any():
             raise LevelError(f"'{entity}' has no {factor.__name__} in some of these environments")
@@ -375,29 +423,31 @@ class VectorEnv(gymnasium.vector.VectorEnv):
     def _checked_actions(self, actions: Any) -> np.ndarray:
         if not self._started:
             raise SegarError("call reset() before step()")
-        actions = np.asarray(actions, np.float32)
-        if actions.shape != self._action_shape:
-            raise ActionError(f"actions must have shape {self._action_shape}, not {actions.shape}")
-        # The sum of squares costs a quarter of looking at each number; numbers so large that it overflows are looked at.
-        if not math.isfinite(np.vdot(actions, actions)) and not np.isfinite(actions).all():
-            env = int(np.flatnonzero(~np.isfinite(actions).all(axis=1))[0])
-            raise ActionError(f"the action of environment {env} is not finite: {actions[env]}")
+        actions = actions_of(actions, self._action_shape)
         if self._maps_actions:
             actions = self._center + self._half_range * np.clip(actions, -1, 1)
         return actions
 
-    def _checked_option(self, options: dict[str, Any], name: str, dtype: Any) -> np.ndarray | None:
+    def _checked_option(
+        self, options: dict[str, Any], name: str, dtype: Any, called: str | None = None
+    ) -> np.ndarray | None:
         if options.get(name) is None:
             options.pop(name, None)
             return None
-        array = np.asarray(options.pop(name))
-        kinds = "iu" if dtype is np.int64 else "b"
-        if array.shape != (self.num_envs,) or array.dtype.kind not in kinds:
-            raise LevelError(
-                f"reset: option '{name}' must be {np.dtype(dtype)} of shape ({self.num_envs},), not {array.dtype} of"
-                f" shape {array.shape}"
-            )
+        given, kinds = options.pop(name), "iu" if dtype is np.int64 else "b"
+        what = called or f"reset: option '{name}'"
+        right = f"{what} must be {np.dtype(dtype)} of shape ({self.num_envs},), not"
+        try:
+            array = np.asarray(given)
+        except (ValueError, TypeError) as error:  # a ragged list
+            raise LevelError(f"{right} {shown(given)}") from error
+        if array.shape != (self.num_envs,) or array.dtype.kind not in kinds or isinstance(given, np.ma.MaskedArray):
+            raise LevelError(f"{right} {array.dtype} of shape {array.shape}: {shown(given)}")
         return array.astype(dtype)
+
+
+def _remade(kind: type[VectorEnv], arguments: dict[str, Any]) -> VectorEnv:
+    return kind(**arguments)
 
 
 def world_of(levels: Levels) -> World:
@@ -412,9 +462,3 @@ def world_of(levels: Levels) -> World:
             " does not hold; give them: Levels.load(path, world=segar.World(rules=...))"
         )
     return levels.world or World()
-
-
-def _checked_seed(seed: int) -> int:
-    if int(seed) != seed or not 0 <= seed < 2**64:
-        raise SegarError(f"a seed is a whole number from 0 to 2^64 - 1, not {seed!r}")
-    return int(seed)

@@ -307,8 +307,8 @@ class Shape(Factor):
 
 
 __all__ = [
-    "ID", "LARGEST", "Acceleration", "Alive", "Charge", "Collides", "Consumes", "Count", "Density", "Done", "Drag", "Factor",
-    "Flag", "Floor", "Friction", "Heat", "InfiniteEnergy", "Label", "Magnetism", "Marker", "Mass", "Mobile", "Order",
-    "Position", "Scalar", "Shape", "Size", "StoredEnergy", "Text", "Vector", "Velocity", "Visible",
+    "ID", "LARGEST", "Acceleration", "Alive", "Charge", "Collides", "Consumes", "Count", "Density", "Done", "Drag",
+    "Factor", "Flag", "Floor", "Friction", "Heat", "InfiniteEnergy", "Label", "Magnetism", "Marker", "Mass", "Mobile",
+    "Order", "Position", "Scalar", "Shape", "Size", "StoredEnergy", "Text", "Vector", "Velocity", "Visible",
     "concrete_factors",
 ]  # fmt: skip

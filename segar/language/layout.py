@@ -16,6 +16,7 @@ from segar.errors import LevelError, SegarError, did_you_mean
 from segar.language.entities import Entity, entity_name
 from segar.language.factors import Factor
 from segar.language.parameters import BUILT_IN_PARAMETERS, Parameter
+from segar.language.pickling import packed, unpacked
 
 
 @dataclass(frozen=True)
@@ -189,6 +190,9 @@ class Results(OnAccess):
     def __init__(self, functions: Mapping[str, Callable[[Factors], np.ndarray]], factors: Factors) -> None:
         self._functions, self._factors, self._names = functions, factors, functions
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _results, (packed(self._functions), self._factors)
+
     def __getitem__(self, name: str) -> Any:
         if name not in self._functions:
             raise SegarError(f"this task has no result '{name}'.{did_you_mean(name, self._functions)}")
@@ -223,6 +227,10 @@ class SingleFactors(OnAccess):
 
     def __getitem__(self, name: str) -> np.ndarray:
         return self._batch[name][0]
+
+
+def _results(functions: Mapping[str, Any], factors: Factors) -> Results:
+    return Results(unpacked(functions), factors)
 
 
 def _same(a: np.ndarray, b: np.ndarray) -> bool:

@@ -13,6 +13,7 @@ from typing import Any
 from segar.errors import RuleError
 from segar.language.entities import Entity, Thing
 from segar.language.factors import ID, Factor, Label
+from segar.language.pickling import ByName
 from segar.language.signature import EntityView, Pattern, Signature, code_place, read_signature, symbolic_arguments
 from segar.language.symbols import Symbol, make, walk
 from segar.language.tracing import Leaf, Tree, trace, truth_leaf
@@ -24,7 +25,7 @@ SPECIFICITY_ID = 8
 
 
 @dataclass(frozen=True)
-class Relation:
+class Relation(ByName):
     """A condition on entities.
 
     Attributes:

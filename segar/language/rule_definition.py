@@ -8,6 +8,7 @@ from typing import Any, overload
 from segar.errors import RuleError
 from segar.language.entities import Object, Thing, Tile
 from segar.language.factors import Factor
+from segar.language.pickling import ByName
 from segar.language.relations import Relation, as_relation
 from segar.language.signature import Pattern, Signature, code_place, read_signature, symbolic_arguments
 from segar.language.tracing import Tree, effects_leaf, effects_of, number_leaf, symbols_of, trace, truth_leaf
@@ -18,7 +19,7 @@ SPECIFICITY_SUBCLASS = 6
 
 
 @dataclass(frozen=True, eq=False)
-class Rule:
+class Rule(ByName):
     """A function with its pattern and decision tree. Calling it runs the plain function.
 
     Attributes:

@@ -133,7 +133,7 @@ def read_signature(function: Callable[..., Any], returns_effects: bool = True, r
     """
     if not inspect.isfunction(function):
         raise RuleError(f"{function!r} is not a plain Python function")
-    hints = _hints(function)
+    hints = hints_of(function)
     arguments: list[Argument] = []
     entities: list[Pattern] = []
     plain: list[tuple[int, type[Factor]]] = []
@@ -311,7 +311,7 @@ def _check_held(function: Callable[..., Any], signature: Signature, effects: Any
             )
 
 
-def _hints(function: Callable[..., Any]) -> dict[str, Any]:
+def hints_of(function: Callable[..., Any]) -> dict[str, Any]:
     """Annotations with strings evaluated in the function's module, its closure and the frames that define it."""
     raw = inspect.get_annotations(function)
     if not any(isinstance(hint, str) for hint in raw.values()):

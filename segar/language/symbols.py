@@ -33,6 +33,9 @@ class Symbol(Arithmetic):
     op: str
     args: tuple[Any, ...]
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return make, (self.op, *self.args)
+
     def _apply(self, operation: str, *operands: Any) -> Any:
         if any(isinstance(operand, VectorValue) for operand in operands):
             return NotImplemented

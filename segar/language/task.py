@@ -8,6 +8,7 @@ import numpy as np
 
 from segar.errors import SegarError
 from segar.language.layout import Factors
+from segar.language.pickling import packed, unpacked
 from segar.language.rule_definition import Rule, as_rule, value_rule
 
 Function = Callable[..., Any]
@@ -86,6 +87,12 @@ class Task:
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
                 raise SegarError(f"task {self.name}: {name} must be a whole number of at least 1, not {value!r}")
+
+    def __getstate__(self) -> dict[str, Any]:
+        return packed(vars(self))
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(unpacked(state))
 
     def functions(self) -> TaskFunctions:
         """The traced functions; raises :class:`RuleError`."""

@@ -4,6 +4,7 @@ sampled and distributions are read."""
 from __future__ import annotations
 
 import dataclasses
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -104,7 +105,7 @@ class LevelDistribution:
         """The first ``n`` levels of a split. Level i depends on (distribution, seed, split, i) alone.
 
         Raises:
-            LevelError: n, seed or split is of the wrong kind.
+            LevelError: n, seed or split is of the wrong kind, or the levels do not fit into memory.
             PlacementError: the things of a level find no place; the message names level and things.
             PriorError: a distribution gave a value that its factor cannot take.
         """
@@ -114,6 +115,7 @@ class LevelDistribution:
             raise LevelError(f"{self}: the seed must be a whole number, not {seed!r}")
         if not isinstance(split, str):
             raise LevelError(f"{self}: the split must be a text such as 'train' or 'test', not {split!r}")
+        self._check_room(int(n))
         indices = np.arange(int(n), dtype=np.int64)
         block = draw_levels(self.plan, Streams(str(self), self._stream, int(seed), split), indices)
         return Levels(
@@ -124,6 +126,16 @@ class LevelDistribution:
             world=self.world,
             task=self.task,
         )
+
+    def _check_room(self, n: int) -> None:
+        """Raise :class:`LevelError` where the states of ``n`` levels would not fit into the memory of this machine."""
+        needed = n * len(self.layout.slots) * self.layout.width * 2 * np.float64().itemsize  # as drawn, and as placed
+        memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+        if needed > memory:
+            raise LevelError(
+                f"{self}: {n} levels take more than {needed / 2**30:.4g} GiB, and this machine has {memory / 2**30:.4g};"
+                " sample fewer"
+            )
 
     @cached_property
     def layout(self) -> Layout:

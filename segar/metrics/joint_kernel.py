@@ -1,12 +1,13 @@
 """The compiled search for the largest difference of two products of distribution functions."""
 
 import numpy as np
-from numba import njit
 
-_options = {"nogil": True, "cache": True, "error_model": "numpy"}
+from segar.support import cached
+
+_options = {"nogil": True, "error_model": "numpy"}
 
 
-@njit(**_options)
+@cached(**_options)
 def largest_difference(f, g, ends):
     """max over x of prod_j f_j(x_j) - prod_j g_j(x_j), exactly.
 
@@ -28,7 +29,7 @@ def largest_difference(f, g, ends):
     return (p - q).max()
 
 
-@njit(**_options)
+@cached(**_options)
 def _edge(x, y, order):
     """The vertices of the hull of points that maximise some a x - b y with a, b >= 0 (monotone chain); ``order`` is that
     of falling x."""
@@ -46,6 +47,6 @@ def _edge(x, y, order):
     return x[chain[:n]], y[chain[:n]]
 
 
-@njit(**_options)
+@cached(**_options)
 def _turns_inwards(x, y, a, b, c):
     return (x[b] - x[a]) * (y[c] - y[a]) - (y[b] - y[a]) * (x[c] - x[a]) >= 0.0

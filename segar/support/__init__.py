@@ -3,11 +3,12 @@
 The room imports ``errors`` alone. Others use the names that are imported here.
 """
 
+from segar.support.compiled import cached, keep_beside
 from segar.support.counter_kernel import GOLDEN, SPACING, keyed_uniform, mix, normal, uniform
 from segar.support.counter_rng import LOW_WORD, SPARE_BITS, WORD, LevelGenerator, philox, stream_key
 from segar.support.estimates import Estimate
-from segar.support.files import UNFINISHED, ArchiveFormat, remove_unfinished, replacing
-from segar.support.imports import module_in_file, named_object, need, need_pygame
+from segar.support.files import LOCK, UNFINISHED, ArchiveFormat, locked, remove_unfinished, replacing
+from segar.support.imports import made, module_in_file, named_object, named_or_made, need, need_pygame
 from segar.support.json_forms import from_json, misfit
 from segar.support.moved_modules import deprecated_names, find_moved
 from segar.support.npz import DAMAGE, LIMIT_VARIABLE, Form, file_limit, first_line, open_npz

@@ -6,15 +6,16 @@ The bits are those of SplitMix64 (Steele, Lea, Flood 2014).
 import math
 
 import numpy as np
-from numba import njit
+
+from segar.support.compiled import cached
 
 GOLDEN = 0x9E3779B97F4A7C15
 SPACING = 2.0**-53
 
-_options = {"nogil": True, "cache": True, "error_model": "numpy", "_nrt": False}
+_options = {"nogil": True, "error_model": "numpy", "_nrt": False}
 
 
-@njit(**_options)
+@cached(**_options)
 def scramble(z):
     """SplitMix64's output function without its increment: a well mixed uint64 from a uint64."""
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -22,13 +23,13 @@ def scramble(z):
     return z ^ (z >> np.uint64(31))
 
 
-@njit(**_options)
+@cached(**_options)
 def mix(z):
     """The next number of SplitMix64: a well mixed uint64 from a uint64."""
     return scramble(z + np.uint64(GOLDEN))
 
 
-@njit(**_options)
+@cached(**_options)
 def keyed_uniform(key, tick, site, a, b, c):
     """A number uniform in [0, 1), float64: of a rule's draw ``site`` on the entities a, b and c in sub-step ``tick``."""
     z = scramble(np.uint64(key) + np.uint64(tick + 1) * np.uint64(GOLDEN))
@@ -37,13 +38,13 @@ def keyed_uniform(key, tick, site, a, b, c):
     return uniform(z)
 
 
-@njit(**_options)
+@cached(**_options)
 def uniform(bits):
     """A number uniform in [0, 1) from a well mixed uint64."""
     return np.float64(bits >> np.uint64(11)) * SPACING
 
 
-@njit(**_options)
+@cached(**_options)
 def normal(bits):
     """A number from N(0, 1) from a well mixed uint64, by the transform of Box and Muller."""
     radius = math.sqrt(-2.0 * math.log(1.0 - uniform(bits)))

@@ -1,16 +1,20 @@
 """Whole-file writes: a file is written beside its place and then moved into it, so it is never half written; and npz archives
 without pickle, of arrays and a description in JSON."""
 
+import errno
+import fcntl
 import json
 import os
+import stat
 import uuid
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from filelock import FileLock, Timeout
 
 from segar.errors import SegarError
 from segar.support.json_forms import from_json, misfit
@@ -19,6 +23,16 @@ from segar.support.version import __version__
 
 UNFINISHED = ".writing-"  # how the names of unfinished files begin
 LONGEST_DESCRIPTION = 8 * 2**20  # [bytes] of an archive; those of the largest worlds take a tenth
+LOCK = ".lock"
+LOCK_TIMEOUT = 0.5  # [s]; longer than another process holds the lock to see whether it is free
+PRIVATE = 0o600  # mode of what will replace a file, which may be one that only its owner reads
+KINDS = {
+    stat.S_ISDIR: "a folder",
+    stat.S_ISCHR: "a device",
+    stat.S_ISBLK: "a device",
+    stat.S_ISFIFO: "a pipe",
+    stat.S_ISSOCK: "a socket",
+}
 
 
 @contextmanager
@@ -31,34 +45,127 @@ def replacing(
 ) -> Iterator[Path]:
     """A path beside ``path``, with the same suffix, to write to; it takes the place of ``path`` if the block ends well.
 
+    Where ``path`` is a symbolic link, the link stays and the file that it leads to is replaced. A file that is replaced
+    hands on its permissions. What killed processes left half written in the folder is removed.
+
     Args:
         what: the name of the contents in the message, such as "the video".
         advice: how the message ends.
         folder: make the folder of ``path`` if it is not there.
 
     Raises:
-        error: the system refuses, for example because the disk is full; what was at ``path`` is untouched.
+        error: the system refuses, for example because the disk is full, or something else than a file stands at ``path``;
+            what was there is untouched.
     """
-    # Never the same name twice: libraries keep connections to a database by its name, also to one that failed.
-    beside = path.with_name(f"{UNFINISHED}{uuid.uuid4().hex[:12]}-{path.name}")
     try:
+        there = _status(path)
+        kind = None if there is None else _kind(there.st_mode)
+        if kind is not None:
+            raise error(f"{what} cannot be written to {path}: it is {kind} and no file; name a file")
+        target = Path(os.path.realpath(path))
         if folder:
-            path.parent.mkdir(parents=True, exist_ok=True)
-        yield beside
-        with open(beside, "rb+") as written:
-            os.fsync(written.fileno())
-        os.replace(beside, path)
+            target.parent.mkdir(parents=True, exist_ok=True)
+        remove_unfinished(target.parent, recursive=False)
+        with _unfinished(target.parent, path.suffix, 0o666 if there is None else PRIVATE) as beside:
+            yield beside
+            with open(beside, "rb+") as written:
+                os.fsync(written.fileno())
+            if there is not None:
+                os.chmod(beside, stat.S_IMODE(there.st_mode))
+            os.replace(beside, target)
     except OSError as cause:
         raise error(f"{what} cannot be written to {path}: {cause.strerror or cause}; {advice}") from cause
+
+
+def remove_unfinished(folder: Path, recursive: bool = True) -> None:
+    """Remove what killed processes left half written in a folder, and in the folders in it; leave what others write now."""
+    found = sorted(folder.rglob(f"{UNFINISHED}*") if recursive else folder.glob(f"{UNFINISHED}*"))
+    written: list[str] = []
+    for path in found:
+        # A database that is being made has files beside it, whose names begin with its own.
+        if any(str(path).startswith(name) for name in written):
+            continue
+        if not _remove_abandoned(path):
+            written.append(str(path))
+
+
+@contextmanager
+def locked(folder: Path, error: type[SegarError], advice: str) -> Iterator[None]:
+    """Keep other processes out of a folder inside the block, by a lock on the file ``.lock`` in it.
+
+    Args:
+        advice: how the message ends.
+
+    Raises:
+        error: another process is at work in the folder, or the file cannot be made.
+    """
+    try:
+        held = FileLock(folder / LOCK, timeout=LOCK_TIMEOUT).acquire()
+    except Timeout:
+        raise error(f"another process is at work in {folder}; {advice}") from None
+    except (OSError, NotImplementedError) as cause:
+        raise error(f"cannot use the folder {folder}: {getattr(cause, 'strerror', None) or cause}") from cause
+    with held:
+        yield
+
+
+def _status(path: Path) -> os.stat_result | None:
+    """The status of what stands at a path, beyond symbolic links; None if there is nothing."""
+    try:
+        return os.stat(path)
+    except FileNotFoundError:
+        return None
+    except ValueError as cause:
+        raise OSError(errno.EINVAL, str(cause)) from cause
+
+
+def _kind(mode: int) -> str | None:
+    """What has this mode, in words; None for a regular file."""
+    if stat.S_ISREG(mode):
+        return None
+    return next((name for is_it, name in KINDS.items() if is_it(mode)), "something else")
+
+
+@contextmanager
+def _unfinished(folder: Path, suffix: str, mode: int) -> Iterator[Path]:
+    """A new file in a folder, locked so that others see that its maker is alive; removed at the end if it is still there."""
+    beside, descriptor = _locked_file(folder, suffix, mode)
+    try:
+        yield beside
     finally:
-        with suppress(NotADirectoryError):  # a file stands where its folder should be
-            beside.unlink(missing_ok=True)
+        beside.unlink(missing_ok=True)
+        os.close(descriptor)
 
 
-def remove_unfinished(folder: Path) -> None:
-    """Remove what a killed process left half written in a folder and the folders in it."""
-    for path in folder.rglob(f"{UNFINISHED}*"):
+def _locked_file(folder: Path, suffix: str, mode: int) -> tuple[Path, int]:
+    """A new file, and the descriptor that holds its lock."""
+    while True:
+        # Never the same name twice: libraries keep connections to a database by its name, also to one that failed.
+        path = folder / f"{UNFINISHED}{uuid.uuid4().hex}{suffix}"
+        descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, mode)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
+        except OSError:  # this file system has no locks, so nobody takes the file for abandoned
+            return path, descriptor
+        if os.fstat(descriptor).st_nlink:
+            return path, descriptor
+        os.close(descriptor)  # another process took the file for abandoned before it was locked
+
+
+def _remove_abandoned(path: Path) -> bool:
+    """Remove an unfinished file unless its maker, who holds a lock on it, is alive; return whether it is gone."""
+    try:
+        descriptor = os.open(path, os.O_RDWR | os.O_NOFOLLOW)
+    except OSError:  # another user's, or its maker has just removed it
+        return False
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         path.unlink(missing_ok=True)
+    except OSError:  # locked, on a file system without locks, or in a folder that cannot be changed
+        return False
+    finally:
+        os.close(descriptor)
+    return True
 
 
 @dataclass(frozen=True)

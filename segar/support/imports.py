@@ -3,8 +3,10 @@ are installed only on request, those of the extras in pyproject.toml."""
 
 import importlib
 import importlib.util
+import inspect
 import os
 import sys
+import traceback
 from importlib.machinery import PathFinder
 from pathlib import Path
 from typing import Any
@@ -16,20 +18,21 @@ def named_object(name: str) -> Any:
     """The object that ``module:attribute`` or ``folder/file.py:attribute`` names; the attribute may have dots.
 
     Raises:
-        SegarError: the name has another form, the module cannot be imported, or it has no such attribute.
+        SegarError: the name has another form, the module cannot be imported (the message says where it went wrong), or it has
+            no such attribute.
     """
     module, _, attribute = name.rpartition(":")
-    if not module or not attribute:
-        raise SegarError(f"'{name}' does not name a Python object; write module:attribute, or file.py:attribute")
-    if module.endswith(".py"):
+    if module.endswith(".py") and attribute:
         module = module_in_file(Path(module))
+    if not attribute or not all(part.isidentifier() for part in module.split(".")):
+        raise SegarError(f"'{name}' does not name a Python object; write module:attribute, or file.py:attribute")
     try:
         found: Any = importlib.import_module(module)
-    except (ImportError, SegarError) as error:
-        raise SegarError(f"'{name}' cannot be imported: {error}") from error
+    except Exception as error:  # the module is the user's, and may go wrong in any way
+        raise SegarError(f"'{name}' cannot be imported: {_reason(error)}") from error
     for part in attribute.split("."):
         if not hasattr(found, part):
-            public = [name for name in vars(found) if not name.startswith("_")]
+            public = [name for name in dir(found) if not name.startswith("_")]
             raise SegarError(f"'{module}' has no '{part}'.{did_you_mean(part, public)}")
         found = getattr(found, part)
     return found
@@ -61,6 +64,38 @@ def module_in_file(file: Path) -> str:
     if found != wanted or parts[0] in sys.stdlib_module_names:
         raise SegarError(f"{path} cannot be imported: Python has another module '{parts[0]}', {found}; rename the file")
     return name
+
+
+def named_or_made(name: str) -> Any:
+    """The object that ``module:attribute`` names, or what it returns where it is a function.
+
+    Raises:
+        SegarError: as :func:`named_object`; the function needs arguments, or goes wrong (the message says where).
+    """
+    return made(name, named_object(name))
+
+
+def made(name: str, found: Any) -> Any:
+    """What a function of this name returns; anything else as it is."""
+    if not inspect.isfunction(found):
+        return found
+    try:
+        inspect.signature(found).bind()
+    except TypeError as error:
+        raise SegarError(f"'{name}' is called without arguments, and {error}; give them defaults") from None
+    try:
+        return found()
+    except Exception as error:  # the function is the user's, and may go wrong in any way
+        raise SegarError(f"'{name}' went wrong: {_reason(error)}") from error
+
+
+def _reason(error: Exception) -> str:
+    """What an error says, on one line, and for errors that are not of imports or of SEGAR its kind and where it happened."""
+    text = " ".join(str(error).split())
+    if isinstance(error, (ImportError, SegarError)):
+        return text
+    place = traceback.extract_tb(error.__traceback__)[-1]
+    return f"{type(error).__name__}: {text} ({os.path.basename(place.filename)}:{place.lineno})"
 
 
 EXTRAS = {

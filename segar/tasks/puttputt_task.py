@@ -129,12 +129,12 @@ def distance_to_goal(factors: Factors) -> np.ndarray:
 
 def factor_of(entity: type[Entity], factor: type[Factor]) -> Callable[[Factors], np.ndarray]:
     """The result that reports a factor of the first entity of a type."""
+    return partial(_report, entity=entity, factor=factor)
 
-    def report(factors: Factors) -> np.ndarray:
-        value = np.take(factors[factor.__name__], factors.slots(entity)[0], axis=1)
-        return value == 1 if issubclass(factor, Flag) else value
 
-    return report
+def _report(factors: Factors, entity: type[Entity], factor: type[Factor]) -> np.ndarray:
+    value = np.take(factors[factor.__name__], factors.slots(entity)[0], axis=1)
+    return value == 1 if issubclass(factor, Flag) else value
 
 
 RESULTS = {

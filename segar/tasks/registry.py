@@ -1,13 +1,12 @@
 """Tasks by name: the built-in ones, those of users, and the one that levels were made for."""
 
-import inspect
 from collections.abc import Callable
 from typing import Any
 
 from segar.errors import LevelError, SegarError, did_you_mean
 from segar.language import Task
 from segar.levels import Levels
-from segar.support import named_object
+from segar.support import made, named_object
 from segar.tasks.billiards_task import billiards
 from segar.tasks.invisiball_task import invisiball
 from segar.tasks.puttputt_task import puttputt
@@ -35,9 +34,7 @@ def make_task(name: str) -> Task:
         SegarError: there is no such task, or what ``module:attribute`` names is neither a task nor a function that makes
             one.
     """
-    found: Any = find_task(name)
-    if inspect.isfunction(found):
-        found = found()
+    found: Any = made(name, find_task(name))
     if not isinstance(found, Task):
         raise SegarError(f"'{name}' is no segar.Task, nor a function that makes one, but {found!r}")
     return found

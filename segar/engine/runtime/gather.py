@@ -4,9 +4,10 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-_options = {"nogil": True, "cache": True, "error_model": "numpy", "_nrt": False}
+from segar.support import cached
+
+_options = {"nogil": True, "error_model": "numpy", "_nrt": False}
 
 
 class Reads(NamedTuple):
@@ -25,7 +26,7 @@ def no_reads() -> Reads:
     return Reads(nothing, nothing, nothing, 0.0, 0.0)
 
 
-@njit(**_options)
+@cached(**_options)
 def gather_range(values, level, rows, start, stop, table, out):
     """Fill ``rows[start:stop]`` of ``out``, float32 ``(num_envs, places)``, by :func:`gather`."""
     gather(
@@ -34,7 +35,7 @@ def gather_range(values, level, rows, start, stop, table, out):
     )  # fmt: skip
 
 
-@njit(**_options)
+@cached(**_options)
 def gather(values, level, rows, types, reads, type_reads, seen, shift, scale, missing, limit, out, mask):
     """Fill ``out[rows]`` with numbers of the states, and then with truths about the types of entities.
 

@@ -12,7 +12,7 @@ import time
 import pytest
 
 from experiments.runs.run_folder import METRIC_SCHEMA, METRICS, SYNC_STATE, read_metrics, write_rows
-from experiments.settings import CHECKOUT, LevelsConfig, RunConfig, TrackingConfig, TrackingError
+from experiments.settings import CHECKOUT, LevelsConfig, RunConfig, RunFolderError, TrackingConfig, TrackingError
 from experiments.tracking import mlflow_sync
 from experiments.tracking.mlflow_store import is_remote, open_store, store_uri
 from experiments.tracking.mlflow_sync import read_sync_state
@@ -270,6 +270,11 @@ def test_a_server_that_goes_away_and_comes_back_misses_nothing(tmp_path, server,
         said.count("MLflow refuses: nobody is there. The run goes on; what MLflow misses is sent when it answers") == 1
     )
     assert said.count("MLflow at http://127.0.0.1:9 answers again, and has all figures") == 1
+
+
+def test_an_upload_that_finds_no_runs_says_where_it_looked(tmp_path):
+    with pytest.raises(RunFolderError, match=f"there are no run folders in {tmp_path}; name one by run=FOLDER"):
+        upload(UploadConfig(root=str(tmp_path)))
 
 
 def test_a_server_that_is_never_there_stops_nothing_and_gets_all_by_a_command_later(tmp_path, server, capfd):

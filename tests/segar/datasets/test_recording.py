@@ -173,6 +173,34 @@ def test_a_recording_that_was_killed_goes_on_to_the_same_bits(tmp_path, levels):
     assert policy.calls <= 2 * 9  # nothing was left to record
 
 
+def test_a_second_recorder_is_told_to_wait_and_the_first_loses_nothing(tmp_path, levels):
+    messages = []
+
+    def policy(observations, info, rng):
+        if not messages:
+            with pytest.raises(segar.SegarError) as refused:
+                record(tmp_path / "data", levels, **OPTIONS, seed=1)
+            messages.append(str(refused.value))
+        return rng.uniform(-1, 1, (len(observations), 2)).astype(np.float32)
+
+    dataset = record(tmp_path / "data", levels, policy, policy_name="uniform", **OPTIONS)
+    assert messages == [
+        f"another process is at work in {tmp_path / 'data'}; wait until it has recorded, or name another folder"
+    ]
+    dataset.check()
+    assert dataset.manifest == record(tmp_path / "alone", levels, **OPTIONS).manifest
+    with pytest.raises(segar.SegarError, match=r"seed \(0 there, 1 asked for\)"):
+        record(tmp_path / "data", levels, policy_name="uniform", **OPTIONS, seed=1)
+
+
+@pytest.mark.parametrize("place", ["file", "file/below"])
+def test_a_file_in_the_place_of_the_folder_is_told_and_kept(tmp_path, levels, place):
+    (tmp_path / "file").write_text("years of work")
+    with pytest.raises(segar.SegarError, match=r"episodes cannot be recorded into .*; name another folder"):
+        record(tmp_path / place, levels, **OPTIONS)
+    assert (tmp_path / "file").read_text() == "years of work"
+
+
 def test_a_recording_that_was_killed_before_its_first_shard_starts_anew(tmp_path, levels, monkeypatch):
     (tmp_path / "levels.npz").write_bytes(b"levels without a manifest")
     (tmp_path / ".writing-0123-manifest.json").write_bytes(b"{")

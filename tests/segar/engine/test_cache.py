@@ -2,6 +2,14 @@
 
 from __future__ import annotations
 
+import importlib
+import os
+import pickle
+import shutil
+import stat
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -16,6 +24,7 @@ from segar.language.rule_definition import rule
 from segar.levels.named_families import family
 from segar.rules import DEFAULT_RULES, move
 from segar.rules.world import World
+from segar.support import compiled
 from segar.tasks.puttputt_task import puttputt
 from tests.segar.engine.worlds import start
 
@@ -92,7 +101,7 @@ def test_an_edited_or_damaged_kernel_file_is_written_again(folder, monkeypatch):
 def test_a_cache_that_cannot_be_written_says_what_to_do(tmp_path, monkeypatch):
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("SEGAR_CACHE_DIR", str(tmp_path / "file" / "kernels"))
-    with pytest.raises(SegarError, match=r"the kernel cannot be written to .*; set SEGAR_CACHE_DIR to a folder that"):
+    with pytest.raises(SegarError, match=r"kernels cannot be kept in .*; set SEGAR_CACHE_DIR to a folder that can"):
         load_module("answer = 44\n")
 
 
@@ -100,3 +109,200 @@ def test_the_cache_follows_the_user_s_folders(monkeypatch, tmp_path):
     monkeypatch.delenv("SEGAR_CACHE_DIR", raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     assert cache_folder() == tmp_path / "segar" / "kernels"
+    monkeypatch.setenv("SEGAR_CACHE_DIR", "")
+    assert cache_folder() == tmp_path / "segar" / "kernels"
+
+
+KERNEL = """
+from numba import njit
+
+@njit(cache=True)
+def advance(x):
+    return x + 1
+"""
+OTHER = KERNEL.replace("1", "2")
+
+
+@pytest.fixture
+def anew(folder, monkeypatch):
+    """Loads a kernel as a new process does, calls it, and tells how often its machine code was found."""
+
+    def load():
+        monkeypatch.setattr(cache, "_loaded", {})
+        compiled._say_once.cache_clear()
+        module = load_module(KERNEL)
+        assert module.advance(41) == 42
+        return sum(module.advance.stats.cache_hits.values())
+
+    assert load() == 0 and load() == 1
+    return load
+
+
+def machine_code(folder, suffix, text=KERNEL) -> Path:
+    """The only file with that suffix of a kernel."""
+    (path,) = (folder / "__pycache__").glob(f"{cache.kernel_path(text).stem}.advance*{suffix}")
+    return path
+
+
+def flip(path):
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+
+
+def become_folder(path):
+    path.unlink()
+    (path / "below").mkdir(parents=True)
+
+
+def become_loop(path):
+    path.unlink()
+    path.symlink_to(path.name)
+
+
+def become_another_kernel_s(path):
+    load_module(OTHER).advance(41)
+    shutil.copy(machine_code(path.parent.parent, path.suffix, OTHER), path)
+
+
+DAMAGE = {
+    "empty": lambda path: path.write_bytes(b""),
+    "truncated": lambda path: path.write_bytes(path.read_bytes()[:-40]),
+    "one byte": lambda path: path.write_bytes(path.read_bytes()[:1]),
+    "longer": lambda path: path.write_bytes(path.read_bytes() + b"more"),
+    "garbage": lambda path: path.write_bytes(bytes(range(256)) * 9),
+    "zeros": lambda path: path.write_bytes(bytes(path.stat().st_size)),
+    "one bit": flip,
+    "another pickle": lambda path: path.write_bytes(pickle.dumps({"a": 1})),
+    "a class that is no more": lambda path: path.write_bytes(b"cno_module\nno_class\n."),
+    "another kernel's": become_another_kernel_s,
+    "unreadable": lambda path: path.chmod(0),
+    "a folder": become_folder,
+    "a link in a circle": become_loop,
+}
+
+
+@pytest.mark.parametrize("suffix", [".nbi", ".nbc"])
+@pytest.mark.parametrize("damage", DAMAGE)
+def test_damaged_machine_code_is_compiled_again_and_replaced(anew, folder, capfd, damage, suffix):
+    path = machine_code(folder, suffix)
+    DAMAGE[damage](path)
+    capfd.readouterr()
+    hits, said = anew(), capfd.readouterr().err.splitlines()
+    if damage == "unreadable" and not os.geteuid():
+        assert hits == 1 and not said  # root reads everything
+        return
+    said = [line for line in said if "compiling kernel" not in line]
+    assert hits == 0 and said == [f"segar: machine code in {path.parent} is damaged; it is compiled again"]
+    assert anew() == 1 and not capfd.readouterr().err
+
+
+def test_machine_code_that_is_whole_and_cannot_be_used_is_compiled_again(anew, capfd, monkeypatch):
+    def other_libraries(*_):
+        raise ImportError("no module named as it was")
+
+    capfd.readouterr()
+    with monkeypatch.context() as patch:
+        patch.setattr(compiled._Beside, "rebuild", other_libraries)
+        assert anew() == 0 and capfd.readouterr().err.count("is damaged") == 1
+    assert anew() == 1
+
+
+def test_a_missing_data_file_is_written_again(anew, folder, capfd):
+    machine_code(folder, ".nbc").unlink()
+    capfd.readouterr()
+    assert anew() == 0 and anew() == 1 and not capfd.readouterr().err
+
+
+def test_functions_of_the_package_are_mended_as_well(tmp_path, monkeypatch, capfd):
+    (tmp_path / "of_a_package.py").write_text(
+        "from segar.support import cached\n\n@cached(nogil=True)\ndef double(x):\n    return 2 * x\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+
+    def hits():
+        sys.modules.pop("of_a_package", None)
+        compiled._say_once.cache_clear()
+        module = importlib.import_module("of_a_package")
+        assert module.double(21) == 42
+        return sum(module.double.stats.cache_hits.values())
+
+    assert [hits(), hits()] == [0, 1]
+    for path in (tmp_path / "__pycache__").glob("*.nb[ic]"):
+        flip(path)
+    capfd.readouterr()
+    assert hits() == 0 and capfd.readouterr().err.count("\n") == 1 and hits() == 1
+
+
+def test_a_full_disk_while_compiling_is_told(folder, monkeypatch):
+    def full(path, flags, *rest):
+        if flags & os.O_CREAT and os.path.splitext(path)[1] in (".nbi", ".nbc"):
+            raise OSError(28, "No space left on device")
+        return really_open(path, flags, *rest)
+
+    really_open = os.open
+    module = load_module(KERNEL)
+    with monkeypatch.context() as patch:
+        patch.setattr("segar.support.files.os.open", full)
+        with pytest.raises(
+            SegarError, match=r"machine code cannot be written to .*: No space left on device; make room"
+        ):
+            module.advance(1)
+    assert load_module(OTHER).advance(1) == 3
+    assert not [path for path in folder.rglob("*") if path.name.startswith(".writing-")]
+
+
+def mode(path: Path) -> int:
+    return stat.S_IMODE(path.stat().st_mode)
+
+
+def test_the_folder_belongs_to_the_user_alone(folder):
+    before = os.umask(0)
+    try:
+        load_module(KERNEL).advance(1)
+    finally:
+        os.umask(before)
+    assert mode(folder) == 0o700 and mode(folder / "__pycache__") == 0o700
+
+
+@pytest.mark.parametrize("bits", [0o775, 0o757, 0o777, 0o1777])
+def test_a_folder_of_the_user_s_choice_to_which_others_write_is_refused_and_left_alone(folder, bits):
+    folder.mkdir()
+    folder.chmod(bits)
+    with pytest.raises(SegarError, match=r"others can write to .*chmod go-w .*, or set SEGAR_CACHE_DIR"):
+        load_module(KERNEL)
+    assert mode(folder) == bits
+
+
+@pytest.mark.parametrize("part", ["", "__pycache__"])
+def test_the_default_folder_is_mended_and_forgets_what_others_may_have_put_there(tmp_path, monkeypatch, part):
+    monkeypatch.delenv("SEGAR_CACHE_DIR", raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr(cache, "_loaded", {})
+    load_module(KERNEL).advance(1)
+    folder = tmp_path / "segar" / "kernels"
+    (folder / part).chmod(0o777)
+    monkeypatch.setattr(cache, "_loaded", {})
+    module = load_module(KERNEL)
+    assert not list((folder / "__pycache__").iterdir())
+    assert module.advance(1) == 2 and not module.advance.stats.cache_hits
+    assert not (mode(folder) | mode(folder / "__pycache__")) & 0o022
+
+
+@pytest.mark.parametrize("part", ["", "__pycache__"])
+def test_the_folder_of_another_user_is_refused(folder, monkeypatch, part):
+    load_module(KERNEL)
+    if os.geteuid():
+        me = os.geteuid()
+        monkeypatch.setattr(cache.os, "geteuid", lambda: me + 1)
+    else:
+        os.chown(folder / part, 65534, -1)
+    monkeypatch.setattr(cache, "_loaded", {})
+    with pytest.raises(SegarError, match=r"belongs to .*, whose kernels would run as you; set SEGAR_CACHE_DIR"):
+        load_module(KERNEL)
+
+
+def test_numba_s_own_setting_does_not_lead_kernels_elsewhere(folder, tmp_path, monkeypatch):
+    monkeypatch.setattr("numba.core.config.CACHE_DIR", str(tmp_path / "shared"))
+    load_module(KERNEL).advance(1)
+    assert machine_code(folder, ".nbi").is_file() and not list((tmp_path / "shared").rglob("*.nb[ic]"))

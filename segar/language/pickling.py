@@ -1,0 +1,123 @@
+"""Functions of rules and tasks in pickles: by name where their module has them, otherwise by their code.
+
+Python pickles functions by name alone. The name of a decorated function leads to its rule, and a function that is defined
+within another one has none.
+"""
+
+import dataclasses
+import functools
+import pickle
+import sys
+from collections.abc import Mapping
+from inspect import isfunction
+from types import FunctionType
+from typing import Any
+
+from segar.errors import RuleError, SegarError
+from segar.language.signature import code_place, hints_of
+from segar.support import named_object
+
+
+class ByName:
+    """Pickles an object by its name where its module has it by that name, else by its fields with :func:`packed` functions."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        function: Any = self.function  # type: ignore[attr-defined]
+        if _of_name(function) is self:
+            return named_object, (_name(function),)
+        assert dataclasses.is_dataclass(self)
+        fields = {field.name: packed(getattr(self, field.name)) for field in dataclasses.fields(self)}
+        return _made, (type(self), fields)
+
+
+def packed(value: Any) -> Any:
+    """The value with its functions, and those in tuples, mappings and partials, as pickles can hold them.
+
+    Raises:
+        SegarError: a function that has no name of its own refers to something that cannot be pickled.
+    """
+    if isinstance(value, tuple) and type(value) is tuple:
+        return tuple(map(packed, value))
+    if isinstance(value, Mapping):
+        return {key: packed(part) for key, part in value.items()}
+    if isinstance(value, functools.partial):
+        return _Partial(packed(value.func), packed(value.args), packed(value.keywords))
+    if not isfunction(value):
+        return value
+    found = _of_name(value)
+    if found is value:
+        return value
+    if getattr(found, "function", None) is value:
+        return _FunctionOf(_name(value))
+    return _Code(_code(value))
+
+
+def unpacked(value: Any) -> Any:
+    """What :func:`packed` took."""
+    if isinstance(value, tuple) and type(value) is tuple:
+        return tuple(map(unpacked, value))
+    if isinstance(value, dict):
+        return {key: unpacked(part) for key, part in value.items()}
+    if isinstance(value, _Partial):
+        return functools.partial(unpacked(value.function), *unpacked(value.arguments), **unpacked(value.keywords))
+    if isinstance(value, _FunctionOf):
+        return named_object(value.name).function
+    return pickle.loads(value.content) if isinstance(value, _Code) else value
+
+
+@dataclasses.dataclass(frozen=True)
+class _Partial:
+    function: Any
+    arguments: tuple[Any, ...]
+    keywords: dict[str, Any]
+
+
+@dataclasses.dataclass(frozen=True)
+class _FunctionOf:
+    """The function of the rule or relation that this name leads to."""
+
+    name: str
+
+
+@dataclasses.dataclass(frozen=True)
+class _Code:
+    content: bytes
+
+
+def _made(kind: type, fields: Mapping[str, Any]) -> Any:
+    return kind(**unpacked(fields))
+
+
+def _name(function: Any) -> str:
+    return f"{function.__module__}:{function.__qualname__}"
+
+
+def _of_name(function: Any) -> Any:
+    """What the name of a function leads to; None if it leads nowhere."""
+    found: Any = sys.modules.get(function.__module__)
+    for part in function.__qualname__.split("."):
+        found = getattr(found, part, None)
+    return found
+
+
+def _code(function: FunctionType) -> bytes:
+    """A pickle of the function's code, and of what it refers to."""
+    import cloudpickle
+
+    copy = FunctionType(
+        function.__code__, function.__globals__, function.__name__, function.__defaults__, function.__closure__
+    )
+    functools.update_wrapper(copy, function)
+    del copy.__wrapped__
+    copy.__kwdefaults__ = function.__kwdefaults__
+    try:
+        copy.__annotations__ = hints_of(function)  # strings, whose module does not travel with the code
+    except RuleError:  # a function that is no rule may have any hints, and nobody reads them
+        copy.__annotations__ = {}
+    try:
+        return cloudpickle.dumps(copy)
+    except Exception as cause:  # what a function refers to may refuse in any way
+        raise SegarError(
+            f"{code_place(function)} cannot be pickled: {cause}; define it at the top level of a module, or let it refer to"
+            " nothing of that kind"
+        ) from cause

@@ -1,0 +1,142 @@
+"""Compiled functions that are kept on disk, as numba keeps them, with a checksum on every file.
+
+Numba reads its files as pickles and trusts them: a damaged one ends every later program. Here it is compiled again.
+"""
+
+import hashlib
+import io
+import shutil
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from numba import njit
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, InTreeCacheLocator
+
+from segar.errors import SegarError
+from segar.support.files import replacing
+
+CHECKED = "-checked"  # ends the names of files with a checksum, so that files without one are left alone
+CHECKSUM_LENGTH = 32  # bytes of SHA-256
+ADVICE = "make room, or set NUMBA_CACHE_DIR to a folder of your own that can be written"
+KERNEL_ADVICE = "make room, or set SEGAR_CACHE_DIR to a folder of your own that can be written"
+
+
+def cached(**options: Any) -> Callable[[Callable[..., Any]], Any]:
+    """A decorator: numba's ``njit`` with these options, whose machine code is kept on disk and checked when it is read."""
+
+    def decorate(function: Callable[..., Any]) -> Any:
+        compiled: Any = njit(**options)(function)
+        compiled._cache = CheckedCache(function)
+        return compiled
+
+    return decorate
+
+
+def keep_beside(compiled: Any) -> None:
+    """Let numba keep the machine code of a function in ``__pycache__`` beside its file, whatever numba is set to."""
+    compiled._cache = _CacheBeside(compiled.py_func)
+
+
+class CheckedCache(FunctionCache):
+    """Numba's cache of one function, in files with checksums."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        name, stamp = self._impl.filename_base + CHECKED, self._impl.locator.get_source_stamp()
+        self._cache_file = _CheckedFiles(self._cache_path, name, stamp)
+
+    _advice = ADVICE
+
+    def _load_overload(self, sig: Any, target_context: Any) -> Any:
+        try:
+            return super()._load_overload(sig, target_context)
+        except SegarError:
+            raise
+        except Exception:  # it is whole, and yet this version of the libraries cannot use it
+            self._cache_file.discard_all()
+            return None
+
+    def _save_overload(self, sig: Any, data: Any) -> None:
+        try:
+            super()._save_overload(sig, data)
+        except OSError as cause:
+            raise SegarError(
+                f"machine code cannot be written to {self.cache_path}: {cause.strerror or cause}; {self._advice}"
+            ) from cause
+
+
+class _Beside(CompileResultCacheImpl):
+    _locator_classes = [InTreeCacheLocator]  # noqa: RUF012 - numba's attribute
+
+
+class _CacheBeside(CheckedCache):
+    _impl_class = _Beside
+    _advice = KERNEL_ADVICE
+
+
+class _CheckedFiles(IndexDataCacheFile):
+    """Numba's two kinds of files, each with a checksum of its name and content at its end, which pickles do not read."""
+
+    _cache_path: str
+    _index_path: str
+
+    def discard_all(self) -> None:
+        """Remove the index and all data of the function."""
+        _discard(Path(self._index_path))
+        for path in Path(self._cache_path).glob(self._data_name_pattern.format(number=0).replace(".0.nbc", ".*.nbc")):
+            _discard(path)
+
+    def _load_index(self) -> Any:
+        found = self._checked(Path(self._index_path), super()._load_index)
+        return {} if found is None else found
+
+    def _load_data(self, name: str) -> Any:
+        load = super()._load_data
+        return self._checked(Path(self._data_path(name)), lambda: load(name))
+
+    def _checked(self, path: Path, load: Callable[[], Any]) -> Any:
+        """What numba loads from a file; None, and the file is removed, where it is not as it was written."""
+        try:
+            content = path.read_bytes()
+            if content[-CHECKSUM_LENGTH:] == _checksum(path, content[:-CHECKSUM_LENGTH]):
+                return load()
+        except FileNotFoundError:
+            return None
+        except Exception:  # no permission, a folder in its place, or a pickle of what is no more
+            pass
+        _discard(path)
+        return None
+
+    @contextmanager
+    def _open_for_write(self, filepath: str) -> Iterator[Any]:
+        path, content = Path(filepath), io.BytesIO()
+        yield content
+        with replacing(path, "machine code", advice=ADVICE) as beside:
+            beside.write_bytes(content.getvalue() + _checksum(path, content.getvalue()))
+
+
+def _checksum(path: Path, content: bytes) -> bytes:
+    return hashlib.sha256(path.name.encode() + content).digest()
+
+
+def _discard(path: Path) -> None:
+    """Remove a file that cannot be used, so that the next one takes its place."""
+    _say_once(path.parent)
+    try:
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path)
+        else:
+            path.unlink(missing_ok=True)
+    except OSError as cause:
+        raise SegarError(
+            f"{path} holds damaged machine code and cannot be removed: {cause.strerror}; remove it"
+        ) from cause
+
+
+@cache
+def _say_once(folder: Path) -> None:
+    print(f"segar: machine code in {folder} is damaged; it is compiled again", file=sys.stderr, flush=True)

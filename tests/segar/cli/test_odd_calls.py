@@ -1,0 +1,230 @@
+"""Odd calls of the command end with one line that says what is wrong, an exit status, and no traceback."""
+
+from __future__ import annotations
+
+import errno
+import shlex
+import sys
+from pathlib import Path
+
+import pytest
+
+import segar
+from segar import cli
+
+MODULES = {
+    "bad": "import nothing_there\n",
+    "syntax": "def (\n",
+    "raises": "1 / 0\n",
+    "number": "x = 3\ndef boom():\n    raise OSError('no')\ndef needs(a):\n    return a\n",
+}
+# What is called, and what the message names.
+CALLS = """
+                                             | required
+--nope                                       | required
+nope                                         | 'nope'
+families x                                   | x
+sample                                       | family
+sample empty-easy                            | output
+sample nope -o a.npz                         | nope
+sample empty-easy -o                         | output
+sample empty-easy -o ''                      | empty
+sample empty-easy -o .                       | folder
+sample empty-easy -o folder                  | folder
+sample empty-easy -o link                    | folder
+sample empty-easy -o file/a.npz              | file/a.npz
+sample empty-easy -o missing/a.npz           | missing/a.npz
+sample empty-easy -o /dev/full               | device
+sample empty-easy -o /dev/null               | device
+sample empty-easy -o /proc/x.npz             | /proc/x.npz
+sample empty-easy -n 0 -o a.npz              | '0'
+sample empty-easy -n -3 -o a.npz             | '-3'
+sample empty-easy -n 1.5 -o a.npz            | '1.5'
+sample empty-easy -n many -o a.npz           | 'many'
+sample empty-easy -n '' -o a.npz             | ''
+sample empty-easy -n 10000000000 -o a.npz    | 10000000000
+sample empty-easy -n 1000000000000 -o a.npz  | 1000000000000
+sample empty-easy -n 99999999999999999999 -o a.npz | 99999999999999999999
+sample empty-easy --seed -1 -o a.npz         | '-1'
+sample empty-easy --seed x -o a.npz          | 'x'
+sample empty-easy --seed 1e3 -o a.npz        | '1e3'
+sample empty-easy --nope -o a.npz            | --nope
+sample empty-easy more -o a.npz              | more
+sample '' -o a.npz                           | no level family
+sample Empty-Easy -o a.npz                   | empty-easy
+distance                                     | A, B
+distance ok.npz                              | B
+distance ok.npz nope.npz                     | nope.npz
+distance file file                           | file
+distance folder ok.npz                       | folder
+distance ok.npz text.npz                     | text.npz
+distance ok.npz ok.npz --mode nope           | nope
+distance ok.npz ok.npz --resamples 1         | '1'
+distance ok.npz ok.npz --resamples x         | 'x'
+distance ok.npz ok.npz --seed -1             | '-1'
+distance '' ''                               | level file
+hardness                                     | LEVELS
+hardness nope.npz                            | nope.npz
+hardness file                                | file
+hardness folder                              | folder
+hardness ok.npz --task nope                  | nope
+hardness ok.npz --plays 0                    | '0'
+hardness ok.npz --samples 1                  | '1'
+hardness ok.npz --iterations 0               | '0'
+hardness ok.npz --threads 0                  | '0'
+hardness ok.npz --threads 100000000          | 100000000
+hardness ok.npz --seed 1.5                   | '1.5'
+hardness ok.npz -o ''                        | empty
+compile nope                                 | nope
+compile ''                                   | no level family
+compile empty-easy nope                      | nope
+compile empty-easy --task nope               | nope
+kernel                                       | command
+kernel show                                  | family
+kernel show nope                             | nope
+kernel show empty-easy --task nope           | nope
+kernel hide                                  | hide
+gallery                                      | output
+gallery -o folder                            | folder
+gallery -o x.jpg                             | x.jpg
+gallery -o ''                                | empty
+gallery -o x.png --colours 1                 | '1'
+gallery -o x.png --colours 1000              | 1000
+gallery --signs -o x.PDF                     | x.PDF
+gallery --seed -1 -o x.png                   | '-1'
+describe                                     | family
+describe nope                                | nope
+describe empty-easy -o x.txt                 | x.txt
+describe empty-easy -o ''                    | empty
+describe empty-easy -o folder                | folder
+record                                       | family
+record empty-easy                            | output
+record nope -o d                             | nope
+record empty-easy -o ''                      | empty
+record empty-easy -o x.mp3                   | x.mp3
+record empty-easy -o x.avi                   | x.avi
+record empty-easy -o x.npz                   | x.npz
+record empty-easy -o file                    | file
+record empty-easy -o file/below              | file/below
+record empty-easy -o folder                  | other.txt
+record empty-easy -o /dev/full               | /dev/full
+record empty-easy -o d --episodes 0          | '0'
+record empty-easy -o d --episodes x          | 'x'
+record empty-easy -o d --shard 0             | '0'
+record empty-easy -o d --policy nope         | nope
+record empty-easy -o d --observation nope    | nope
+record empty-easy -o d --task nope           | nope
+record empty-easy -o d --minari bad          | bad
+record empty-easy -o d --minari ''           | ''
+record empty-easy -o d --minari ../x-v0      | ../x-v0
+record empty-easy -o x.mp4 --minari a-v0     | --minari
+record empty-easy -o x.mp4 --check           | --check
+record empty-easy -o x.mp4 --size 1          | '1'
+record empty-easy -o x.mp4 --size 65         | 65
+record empty-easy -o x.mp4 --level -1        | '-1'
+play nope                                    | nope
+play empty-easy --size 1                     | '1'
+play empty-easy --speed x                    | 'x'
+play empty-easy --level -1                   | '-1'
+play empty-easy --steps 0                    | '0'
+play empty-easy --task nope                  | nope
+"""
+LINES = [line.rsplit(" | ", 1) for line in CALLS.strip("\n").splitlines()]
+TABLE = [(shlex.split(call), named.strip()) for call, named in LINES]
+OWN = (  # commands that take an object of the user's
+    "sample {} -o a.npz",
+    "describe {}",
+    "compile {}",
+    "kernel show {}",
+    "distance ok.npz ok.npz --world {}",
+    "hardness ok.npz --task {}",
+)
+NAMES = {
+    ".:x": "module:attribute",
+    "..:x": "module:attribute",
+    ":x": "module:attribute",
+    "x:": "module:attribute",
+    "a..b:x": "module:attribute",
+    "nothing_there:x": "No module named",
+    "bad:x": "No module named",
+    "syntax:x": r"SyntaxError: invalid syntax",
+    "raises:x": "ZeroDivisionError: division by zero (raises.py:1)",
+    "number:y": "'number' has no 'y'",
+    "number:x": "number:x",
+    "number:x.y.z": "has no 'y'",
+    "number:boom": "OSError: no (number.py:3)",
+    "number:needs": "missing a required argument: 'a'",
+}
+TABLE += [(shlex.split(form.format(name)), said) for form in OWN for name, said in NAMES.items()]
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    """A working directory with files of some kinds."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path / "minari"))
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    for name, text in MODULES.items():
+        Path(f"{name}.py").write_text(text)
+    Path("file").write_text("years of work")
+    Path("text.npz").write_text("no archive")
+    Path("folder").mkdir()
+    Path("folder/other.txt").write_text("years of work")
+    Path("link").symlink_to("folder")
+    segar.family("empty-easy").sample(3).save("ok.npz")
+    yield tmp_path
+    for name in MODULES:
+        sys.modules.pop(name, None)
+
+
+def outcome(arguments: list[str]) -> int | str | None:
+    try:
+        return cli.main(arguments)
+    except SystemExit as end:  # argparse's
+        return end.code
+
+
+def test_there_are_enough_calls():
+    assert len(TABLE) >= 180
+
+
+@pytest.mark.parametrize(("arguments", "named"), TABLE, ids=[" ".join(arguments) for arguments, _ in TABLE])
+def test_an_odd_call_ends_with_one_line_that_names_the_culprit(place, capsys, arguments, named):
+    before = {path.name for path in place.iterdir()}
+    assert outcome(arguments) in (1, 2)
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    (line,) = printed.err.splitlines()
+    assert line.startswith("segar") and named in line and "Traceback" not in line
+    assert {path.name for path in place.iterdir()} - before <= {"__pycache__"}
+    assert Path("file").read_text() == "years of work" and Path("folder/other.txt").read_text() == "years of work"
+
+
+@pytest.mark.parametrize(
+    ("raised", "status", "said"),
+    [
+        (KeyboardInterrupt(), 130, "segar: stopped; what was finished before is kept"),
+        (MemoryError("Unable to allocate 9 TiB"), 1, "segar: there is not enough memory (Unable to allocate 9 TiB)"),
+        (
+            OSError(errno.ENOSPC, "No space left on device", "k.nbi"),
+            1,
+            "segar: k.nbi: No space left on device; make room",
+        ),
+    ],
+    ids=["Ctrl-C", "memory", "disk"],
+)
+@pytest.mark.parametrize("command", ["compile empty-easy", "record empty-easy -o d --observation state --episodes 1"])
+def test_what_the_machine_or_the_user_refuses_is_one_line(place, capsys, monkeypatch, command, raised, status, said):
+    def refuse(*arguments, **options):
+        raise raised
+
+    monkeypatch.setattr("segar.engine.simulator.Simulator.act", refuse)
+    monkeypatch.setattr("segar.envs.vector.VectorEnv.reset", refuse)
+    assert outcome(shlex.split(command)) == status
+    assert capsys.readouterr().err.startswith(said)
+
+
+def test_a_folder_may_have_a_name_like_a_file_where_that_is_said(place, capsys):
+    assert outcome(shlex.split("record empty-easy -n 1 -o x.mp3/ --episodes 1 --observation state")) == 0
+    assert Path("x.mp3/manifest.json").is_file()

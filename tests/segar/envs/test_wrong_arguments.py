@@ -1,0 +1,230 @@
+"""Wrong arguments of environments end in one error of SEGAR that names the argument and what is right."""
+
+from __future__ import annotations
+
+import gymnasium
+import numpy as np
+import pytest
+
+import segar
+from segar.envs import Env, VectorEnv
+from segar.errors import ActionError, SegarError
+
+LEVELS = segar.family("empty-easy").sample(5, seed=0)
+masked = np.ma.masked_array
+ACTIONS = {  # neither for a batch of two nor for a single environment
+    "text": ["left", "right"],
+    "one text": "left",
+    "texts of numbers": [["0", "1"], ["0", "1"]],
+    "bytes": [[b"0", b"1"], [b"0", b"1"]],
+    "ragged": [[0.0, 1.0], [0.0]],
+    "dict": {"x": 1.0},
+    "set": {1.0, 2.0},
+    "None": None,
+    "Nones": [[None, None], [None, None]],
+    "object": object(),
+    "masked": masked(np.zeros((2, 2)), True),
+    "masked nowhere": masked(np.zeros((2, 2)), False),
+    "dates": np.zeros((2, 2), "datetime64[s]"),
+    "durations": np.zeros((2, 2), "timedelta64[s]"),
+    "structured": np.zeros((2, 2), [("x", "f4")]),
+    "complex": np.zeros((2, 2), complex),
+    "truths": np.zeros((2, 2), bool),
+    "objects": np.zeros((2, 2), object),
+    "a number": 1.0,
+    "empty": [],
+    "too few": np.zeros((2, 1)),
+    "too many": np.zeros((2, 3)),
+    "three axes": np.zeros((2, 2, 1)),
+    "other batch": np.zeros((3, 2)),
+    "nan": np.full((2, 2), np.nan),
+    "infinite": np.full((2, 2), np.inf),
+    "beyond float32": np.full((2, 2), 1e300),
+    "a generator": (x for x in range(2)),
+    "a function": np.zeros,
+}
+OPTIONS = {  # argument, value, what the message names
+    "no levels": ("levels", None, "levels"),
+    "a name for levels": ("levels", "empty-easy", "levels"),
+    "arrays for levels": ("levels", np.zeros(3), "levels"),
+    "a distribution for levels": ("levels", segar.family("empty-easy"), "levels"),
+    "no environments": ("num_envs", 0, "num_envs"),
+    "negative environments": ("num_envs", -1, "num_envs"),
+    "a truth for a number": ("num_envs", True, "num_envs"),
+    "text for a number": ("num_envs", "2", "num_envs"),
+    "a fraction": ("num_envs", 1.5, "num_envs"),
+    "a whole float": ("num_envs", 2.0, "num_envs"),
+    "nothing for a number": ("num_envs", None, "num_envs"),
+    "too many environments": ("num_envs", 10**15, "num_envs"),
+    "no threads": ("num_threads", 0, "num_threads"),
+    "too many threads": ("num_threads", 10**8, "num_threads"),
+    "text for threads": ("num_threads", "2", "num_threads"),
+    "unknown observation": ("observation", "pixels", "pixels"),
+    "a number for the observation": ("observation", 3, "3"),
+    "no observation": ("observation", None, "None"),
+    "a class for the observation": ("observation", int, "int"),
+    "a name for the task": ("task", "puttputt", "task"),
+    "a function for the task": ("task", segar.puttputt, "task"),
+    "rules for the world": ("world", segar.DEFAULT_RULES, "world"),
+    "a negative seed": ("seed", -1, "seed"),
+    "text for the seed": ("seed", "1", "seed"),
+    "a fraction for the seed": ("seed", 1.5, "seed"),
+    "a truth for the seed": ("seed", True, "seed"),
+    "a large seed": ("seed", 2**64, "seed"),
+    "an array for the seed": ("seed", np.zeros(2), "seed"),
+    "unknown autoreset": ("autoreset_mode", "sometimes", "autoreset_mode"),
+    "autoreset that is not offered": ("autoreset_mode", "NextStep", "NEXT_STEP"),
+    "a number for autoreset": ("autoreset_mode", 1, "autoreset_mode"),
+    "text for copy": ("copy", "yes", "copy"),
+    "a number for unit_actions": ("unit_actions", 1, "unit_actions"),
+    "no steps": ("max_steps", 0, "max_steps"),
+    "a fraction of steps": ("max_steps", 1.5, "max_steps"),
+    "text for steps": ("max_steps", "100", "max_steps"),
+    "no sub-steps": ("sub_steps", 0, "sub_steps"),
+    "unknown render mode": ("render_mode", "rgb", "rgb"),
+    "a number for the view": ("view", 64, "view"),
+}
+RESETS = {
+    "text for the seed": ({"seed": "1"}, "seed"),
+    "several seeds": ({"seed": [1, 2]}, "seed"),
+    "a negative seed": ({"seed": -1}, "seed"),
+    "a truth for the seed": ({"seed": True}, "seed"),
+    "a list of options": ({"options": [1]}, "options"),
+    "text for options": ({"options": "levels"}, "options"),
+    "unknown option": ({"options": {"lavels": [0, 0]}}, "lavels"),
+    "a number for an option's name": ({"options": {1: 2}}, "1"),
+    "too few levels": ({"options": {"levels": [0]}}, "levels"),
+    "one level": ({"options": {"levels": 0}}, "levels"),
+    "levels beyond": ({"options": {"levels": [0, 5]}}, "0..4"),
+    "negative levels": ({"options": {"levels": [0, -1]}}, "0..4"),
+    "fractions of levels": ({"options": {"levels": [0.0, 1.0]}}, "levels"),
+    "texts for levels": ({"options": {"levels": ["0", "1"]}}, "levels"),
+    "ragged levels": ({"options": {"levels": [[0], [1, 2]]}}, "levels"),
+    "masked levels": ({"options": {"levels": masked([0, 1], [True, False])}}, "levels"),
+    "numbers for a mask": ({"options": {"reset_mask": [0, 1]}}, "reset_mask"),
+    "a mask of another batch": ({"options": {"reset_mask": [True]}}, "reset_mask"),
+}
+SINGLE_RESETS = {
+    "text for the level": ({"options": {"level": "1"}}, "level"),
+    "a truth for the level": ({"options": {"level": True}}, "level"),
+    "a level beyond": ({"options": {"level": 5}}, "level"),
+    "several levels": ({"options": {"level": [1, 2]}}, "level"),
+    "the option of batches": ({"options": {"levels": [1]}}, "levels"),
+    "text for the seed": ({"seed": "1"}, "seed"),
+    "a negative seed": ({"seed": -1}, "seed"),
+    "a list of options": ({"options": [1]}, "options"),
+}
+
+
+def by_name(table):
+    return pytest.mark.parametrize("case", table.values(), ids=table.keys())
+
+
+@pytest.fixture(scope="module")
+def batch():
+    env = VectorEnv(LEVELS, 2, seed=0)
+    env.reset()
+    return env
+
+
+@pytest.fixture(scope="module")
+def single():
+    env = Env(LEVELS, seed=0)
+    env.reset()
+    return env
+
+
+def test_there_are_enough_cases():
+    assert 2 * len(ACTIONS) + len(OPTIONS) + len(RESETS) + len(SINGLE_RESETS) >= 120
+
+
+@by_name(ACTIONS)
+def test_wrong_actions_of_a_batch_change_nothing(batch, case):
+    before = batch.state().state.values
+    with pytest.raises(ActionError, match="action"):
+        batch.step(case)
+    np.testing.assert_array_equal(batch.state().state.values, before)
+
+
+@by_name(ACTIONS)
+def test_wrong_actions_of_a_single_environment_are_refused(single, case):
+    with pytest.raises(ActionError, match="action"):
+        single.step(case)
+
+
+@pytest.mark.parametrize("dtype", ["f2", "f4", "f8", "i1", "i8", "u1", "longdouble"])
+def test_every_kind_of_real_number_is_an_action(batch, dtype):
+    batch.step(np.zeros((2, 2), dtype))
+    batch.step(np.zeros((2, 2), dtype).tolist())
+
+
+@by_name(OPTIONS)
+def test_wrong_arguments_are_refused(case):
+    name, value, named = case
+    with pytest.raises(SegarError) as refused:
+        VectorEnv(**{"levels": LEVELS, "num_envs": 2, name: value})
+    assert named in str(refused.value)
+
+
+@by_name(RESETS)
+def test_wrong_resets_are_refused(batch, case):
+    arguments, named = case
+    with pytest.raises(SegarError) as refused:
+        batch.reset(**arguments)
+    assert named in str(refused.value)
+
+
+@by_name(SINGLE_RESETS)
+def test_wrong_resets_of_a_single_environment_are_refused(single, case):
+    arguments, named = case
+    with pytest.raises(SegarError) as refused:
+        single.reset(**arguments)
+    assert named in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("options", "named"),
+    [
+        ({"num_level": 3}, "num_levels"),
+        ({"num_levels": 0}, "0"),
+        ({"num_levels": "3"}, "'3'"),
+        ({"split": 3}, "3"),
+        ({"seed": "x"}, "'x'"),
+        ({"num_threads": -1}, "num_threads"),
+    ],
+)
+def test_wrong_options_of_gymnasium_s_ids_are_refused(options, named):
+    with pytest.raises(SegarError) as refused:
+        gymnasium.make("Segar-empty-easy-state-v1", **options)
+    assert named in str(refused.value)
+
+
+@pytest.mark.parametrize("name", ["num_envs", "autoreset_mode", "colour"])
+def test_a_single_environment_names_options_that_it_does_not_have(name):
+    with pytest.raises(SegarError, match=f"no option '{name}'"):
+        Env(LEVELS, **{name: 2})
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (("golfbal", segar.Mass, 1.0), "golfball"),
+        ((3, segar.Mass, 1.0), "3"),
+        (("golfball", "Mass", 1.0), "segar.Mass"),
+        (("golfball", [segar.Mass], 1.0), "segar.Mass"),
+        (("golfball", segar.Mass, "heavy"), "heavy"),
+        (("golfball", segar.Mass, float("nan")), "finite"),
+        (("golfball", segar.Mass, 1.0, [True]), "where"),
+        (("golfball", segar.Mass, 1.0, [0, 1]), "where"),
+    ],
+)
+def test_wrong_interventions_are_refused(batch, arguments, named):
+    with pytest.raises(SegarError) as refused:
+        batch.intervene(*arguments)
+    assert named in str(refused.value)
+
+
+@pytest.mark.parametrize("snapshot", [None, "file.npz", {}], ids=repr)
+def test_what_is_no_snapshot_is_refused(batch, snapshot):
+    with pytest.raises(SegarError, match=r"snapshot must be a segar\.envs\.Snapshot"):
+        batch.restore(snapshot)
