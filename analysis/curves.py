@@ -16,12 +16,12 @@ from analysis.plotting import style
 from analysis.plotting.figures import new_figure, save_figure
 from analysis.tables import write_csv
 from experiments.commands.hydra_app import compose, run_simple_command
-from experiments.evaluation.baselines import find_baselines
 from experiments.runs.files import write_text
 from experiments.runs.run_folder import LEVELS_TEST, read_config, read_metrics, read_summary
 from experiments.settings import ACTION_MODES, CHECKOUT, require, require_known
 from experiments.training.run import run
 from segar import Levels
+from segar.evaluation import find_baselines
 
 CURVES_CSV, TABLE_CSV, FIGURE = "curves.csv", "algorithms.csv", "algorithms"
 BEGIN, END = "<!-- made by python -m analysis.curves -->", "<!-- end -->"

@@ -6,6 +6,7 @@ import argparse
 
 from benchmarks.drawing import drawing
 from benchmarks.environments import environments, resets, single, startup
+from benchmarks.frameworks import frameworks
 from benchmarks.measure import print_parts
 from benchmarks.scaling import bodies, threads
 from benchmarks.yardsticks import against_pymunk, handwritten
@@ -19,6 +20,7 @@ PARTS = {
     "threads": threads,
     "bodies": bodies,
     "single": single,
+    "frameworks": frameworks,
     "resets": resets,
     "startup": startup,
 }

@@ -49,7 +49,7 @@ def environments(repeats: int) -> Iterator[Row]:
 def single(repeats: int) -> Iterator[Row]:
     """One environment through Gymnasium, its resets included."""
     for family in ("empty-hard", "objectsx3-hard"):
-        env = gymnasium.make(f"Segar-{family}-state-v1", disable_env_checker=True)
+        env = gymnasium.make(f"Segar-{family}-state-linear-v0", disable_env_checker=True)
         actions = random_actions(256)[:, 0]
         env.reset(seed=0)
 

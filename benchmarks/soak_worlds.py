@@ -10,7 +10,7 @@ import numpy as np
 import segar
 from segar.engine.compiler.kernel import generate
 from segar.engine.simulator import Simulator
-from segar.envs.registration import REWARDS
+from segar.envs import REWARDS
 from segar.errors import ConflictError, RuleError
 from segar.language.factors import Charge, InfiniteEnergy, Magnetism, Mass, Mobile, Position, Size, StoredEnergy
 from segar.language.task import Task
@@ -47,7 +47,7 @@ class Case:
 
 def cases(seed: int) -> Iterator[tuple[str, int]]:
     """Names of all cases, each with the number that :func:`make_case` draws its random parts from."""
-    names = [f"{name} {version}" for name in segar.families() for version in REWARDS] + list(TASK_LEVELS)
+    names = [f"{name} {reward}" for name in segar.families() for reward in REWARDS.values()] + list(TASK_LEVELS)
     for kind, count in (("crowd", CROWDS), ("rules", RULE_SETS), ("quarrel", QUARRELS)):
         names += [f"{kind} {n}" for n in range(count)]
     return ((name, seed * 1000 + n) for n, name in enumerate(names))
@@ -62,7 +62,7 @@ def make_case(name: str, seed: int) -> Case:
     if kind in ("rules", "quarrel"):
         return random_rules(name, rng, kind == "quarrel")
     levels = segar.family(kind).sample(NUM_LEVELS, seed=seed)
-    return _default_rules(name, levels, puttputt(REWARDS[which]) if which else task_of(levels))
+    return _default_rules(name, levels, puttputt(which) if which else task_of(levels))
 
 
 def random_crowd(rng: np.random.Generator) -> segar.LevelDistribution:

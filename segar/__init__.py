@@ -6,13 +6,14 @@ is compiled from the rules, and measured. See README.md for a first run.
 Here stand the names that most programs need. All others stand in the rooms: ``segar.language`` (factors, entities,
 parameters, shapes, relations, effects, mathematics of rules), ``segar.rules``, ``segar.noise``, ``segar.levels``,
 ``segar.tasks``, ``segar.observations``, ``segar.envs``, ``segar.metrics``, ``segar.textures``, ``segar.rendering``,
-``segar.hardness``, ``segar.datasets`` and ``segar.errors``.
+``segar.hardness``, ``segar.evaluation``, ``segar.datasets`` and ``segar.errors``.
 """
 
 from typing import Any, Tuple  # noqa: UP035 - the paper's rules are written with Tuple
 
 from segar import envs, hardness, metrics, noise, tasks
 from segar.errors import ConflictError, RuleError, SegarError
+from segar.evaluation import evaluate_policy
 from segar.language import (
     Acceleration,
     Action,
@@ -85,8 +86,8 @@ __all__ = [
     "Parameter", "Position", "Prior", "RandomBottomLocation", "RandomConvexHull", "RandomEdgeLocation",
     "RandomMiddleLocation", "RandomTopLocation", "RandomUniformLocation", "RuleError", "SandTile", "Scalar",
     "SegarError", "SetFactor", "Shape", "Size", "Task", "ThingFactory", "Tile", "Tuple", "UniformNoise", "Vector",
-    "Velocity", "World", "apply_friction", "design", "envs", "families", "family", "hardness", "is_on", "lorentz_law",
-    "metrics", "move", "noise", "puttputt", "random", "relation", "rule", "tasks",
+    "Velocity", "World", "apply_friction", "design", "envs", "evaluate_policy", "families", "family", "hardness",
+    "is_on", "lorentz_law", "metrics", "move", "noise", "puttputt", "random", "relation", "rule", "tasks",
 ]  # fmt: skip
 
 # What 0.1 exported here, by the room that has it now.

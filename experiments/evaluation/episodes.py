@@ -1,6 +1,7 @@
 """What a policy achieves on given levels: one row per episode, and the figures that follow."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import ExitStack
 from typing import Any, Protocol
 
 import numpy as np
@@ -10,12 +11,11 @@ from experiments.levels.builders import environment_options
 from experiments.networks.encoders import successive
 from experiments.runs.run_folder import RESULTS
 from experiments.settings import ACTION_MODES, RunConfig
-from segar.envs import Act, TimeStep, VectorEnv, play
+from segar import evaluation
+from segar.envs import Act, TimeStep, VectorEnv
+from segar.evaluation import QUANTITIES
 from segar.levels import Levels
 from segar.metrics import coverage, effective_number, ks, sample_entropy, w2
-
-BATCH = 512  # episodes that are played at once
-QUANTITIES = ("return", "return_ref", "length", "success", "death")
 
 
 class Agent(Protocol):
@@ -84,18 +84,17 @@ def play_episodes(
         rng: source of sampled actions; None plays the deterministic policy.
         seed: of the environments, for tasks whose physics is random.
     """
-    rows: list[dict[str, Any]] = []
-    for first in range(0, len(indices), BATCH):
-        batch = indices[first : first + BATCH]
-        env = VectorEnv(levels, len(batch), seed=seed + first, **env_options)
-        start = env.reset(seed=seed + first, options={"levels": batch})
-        found: dict[int, dict[str, Any]] = {}
-        with successive(policy):
-            for now in play(env, actions_of(policy, env, rng), start):
-                found |= _ended_episodes(now)
-        env.close()
-        rows += [found[i] for i in range(len(batch))]
-    return rows
+    with ExitStack() as reading:
+
+        def make_act(env: VectorEnv) -> Act:
+            reading.close()  # what an encoder remembers of one batch is not for the next
+            reading.enter_context(successive(policy))
+            return actions_of(policy, env, rng)
+
+        played = evaluation.play_episodes(levels, indices, make_act, seed=seed, **env_options)
+    columns = {**played.columns(), **{f"{RESULTS}{name}": values for name, values in played.results.items()}}
+    plain = [values.tolist() for values in columns.values()]
+    return [dict(zip(columns, row, strict=True)) for row in zip(*plain, strict=True)]
 
 
 def actions_of(policy: Agent, env: VectorEnv, rng: torch.Generator | None) -> Act:
@@ -113,27 +112,6 @@ def actions_of(policy: Agent, env: VectorEnv, rng: torch.Generator | None) -> Ac
         return actions
 
     return act
-
-
-def _ended_episodes(now: TimeStep) -> dict[int, dict[str, Any]]:
-    """The rows of the episodes that end in this step, by environment."""
-    ended = np.flatnonzero(now.ended).tolist()
-    if not ended:
-        return {}
-    final = now.info["final_info"]
-    results = {f"{RESULTS}{name}": np.asarray(values) for name, values in final["results"].items()}
-    return {
-        i: {
-            "level": int(final["level"][i]),
-            "return": float(final["return"][i]),
-            "return_ref": float(final["return"][i]) - float(now.reward[i]),
-            "length": int(final["length"][i]),
-            "success": bool(final["success"][i]),
-            "death": bool(final["death"][i]),
-            **{name: values[i].tolist() for name, values in results.items()},
-        }
-        for i in ended
-    }
 
 
 def mean_figures(rows: Sequence[Mapping[str, Any]], levels: str, mode: str) -> dict[str, float]:

@@ -14,8 +14,8 @@ from experiments.algorithms.checkpoint import load_newest_policy
 from experiments.algorithms.learner import Policy
 from experiments.collection.collector import observation_shape
 from experiments.commands import process_defaults as runtime
-from experiments.evaluation.baselines import Baselines, IdleAgent, find_baselines
-from experiments.evaluation.episodes import QUANTITIES, Agent, action_rng, actions_of, play_episodes, play_in_modes
+from experiments.evaluation.baselines import IdleAgent
+from experiments.evaluation.episodes import Agent, action_rng, actions_of, play_episodes, play_in_modes
 from experiments.levels.builders import distribution_of, environment_options, find_distribution
 from experiments.runs.own_modules import modules_named
 from experiments.runs.run_folder import (
@@ -33,6 +33,7 @@ from experiments.runs.trust import EVERYTHING
 from experiments.settings import ConfigError, EvaluateConfig, RunConfig, RunFolderError, as_data, import_object
 from segar.cli import load_levels, table
 from segar.envs import VectorEnv, play
+from segar.evaluation import QUANTITIES, Baselines, find_baselines
 from segar.levels import Levels
 from segar.rendering import View, write_video
 

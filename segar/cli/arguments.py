@@ -120,9 +120,14 @@ def print_json(answer: Mapping[str, Any]) -> None:
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
+    """Rows in columns below a head, numbers in short, None as a dash."""
+    return columns([head, *rows])
+
+
+def columns(rows: Sequence[Sequence[Any]]) -> str:
     """Rows in columns, numbers in short, None as a dash."""
-    cells = [list(head), *([_cell(value) for value in row] for row in rows)]
-    widths = [max(len(row[k]) for row in cells) for k in range(len(head))]
+    cells = [[_cell(value) for value in row] for row in rows]
+    widths = [max(len(row[k]) for row in cells) for k in range(len(cells[0]))] if cells else []
     return "\n".join("  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in cells)
 
 

@@ -146,11 +146,11 @@ def _infos(episode: Episode) -> dict[str, np.ndarray]:
 def _spec_of(dataset: Dataset) -> EnvSpec | None:
     """The Gymnasium environment of these levels, if an id names their family, task and observation."""
     origin, settings = dataset.levels.provenance, dataset.manifest.settings
-    versions = {f"puttputt-{reward}": version for version, reward in REWARDS.items()}
-    version = "v0" if origin.name in TASKS else versions.get(settings.task, "")
-    id_ = f"Segar-{origin.name}-{settings.observation}-{version}"
+    suffixes = {f"puttputt-{reward}": suffix for suffix, reward in REWARDS.items()}
+    suffix = "" if origin.name in TASKS else suffixes.get(settings.task)
+    id_ = f"Segar-{origin.name}-{settings.observation}{suffix}-v0"
     n = len(dataset.levels)
-    if id_ not in gymnasium.registry or not np.array_equal(origin.indices, np.arange(n)):
+    if suffix is None or id_ not in gymnasium.registry or not np.array_equal(origin.indices, np.arange(n)):
         return None
     if origin.distribution != family(str(origin.name)).hash:
         return None

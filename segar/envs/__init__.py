@@ -1,4 +1,4 @@
-"""Environments: the batched core, and the interfaces of Gymnasium and TorchRL to it.
+"""Environments: the batched core, and the interfaces of Gymnasium, TorchRL and Stable-Baselines3 to it.
 
 The room puts engine, levels, tasks, observations and rendering together. Other rooms use the names below.
 """
@@ -8,17 +8,23 @@ from segar.envs.playing import Act, StepSource, TimeStep, play
 from segar.envs.registration import REWARDS, register_all
 from segar.envs.snapshots import Snapshot
 from segar.envs.vector import VectorEnv, world_of
+from segar.support import need
 
 __all__ = [
-    "REWARDS", "Act", "Env", "Snapshot", "StepSource", "TimeStep", "TorchRLEnv", "VectorEnv", "play", "register_all",
-    "world_of",
+    "REWARDS", "Act", "Env", "SB3VecEnv", "Snapshot", "StepSource", "TimeStep", "TorchRLEnv", "VectorEnv", "play",
+    "register_all", "world_of",
 ]  # fmt: skip
 
 
 def __getattr__(name: str) -> type:
-    """Load ``TorchRLEnv`` when it is asked for, so that ``import segar`` does not load torch."""
+    """Load what needs an optional package when it is asked for, so that ``import segar`` does not load torch."""
     if name == "TorchRLEnv":
         from segar.envs.torchrl_env import TorchRLEnv
 
         return TorchRLEnv
+    if name == "SB3VecEnv":
+        need("SB3VecEnv", "stable_baselines3")
+        from segar.envs.sb3_env import SB3VecEnv
+
+        return SB3VecEnv
     raise AttributeError(f"module 'segar.envs' has no attribute '{name}'")

@@ -42,7 +42,8 @@ class Env(gymnasium.Env):
         self.render_mode, self._view = render_mode, view
         self.observation_space = self._batch.single_observation_space
         self.action_space = self._batch.single_action_space
-        self.metadata = {**type(self).metadata, "render_fps": self._batch.metadata["render_fps"]}
+        offered = ("render_modes", "render_fps")
+        self.metadata = {**type(self).metadata, **{key: self._batch.metadata[key] for key in offered}}
         self._camera = self._new_camera()
         self._verdict: str | None = None  # how the episode ended, '' while it goes on; None before the first reset
 

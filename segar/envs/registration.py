@@ -1,11 +1,15 @@
-"""Gymnasium ids: ``Segar-<family>-<rgb|state>-<v0|v1>``; v1 rewards minus the distance instead of its square.
+"""Gymnasium ids: ``Segar-<family>-<rgb|state>-v0``, whose reward is minus the squared distance to the goal, and
+``Segar-<family>-<rgb|state>-linear-v0``, whose reward is minus the distance.
 
-The default levels of the tasks have v0 alone: ``Segar-<puttputt|billiards|invisiball>-<rgb|state>-v0``.
+The default levels of the tasks have ``Segar-<puttputt|billiards|invisiball>-<rgb|state>-v0``. In release 0.1 the version
+stood for the reward: its ids that end in ``-v1`` make the same environments as today's that end in ``-linear-v0``.
 """
 
+import warnings
 from typing import Any
 
 import gymnasium
+from gymnasium.envs.registration import EnvSpec
 
 from segar.envs.checks import known_options, require_known
 from segar.envs.gym_env import Env
@@ -15,26 +19,41 @@ from segar.tasks import TASKS, puttputt
 
 OBSERVATION_NAMES = ("rgb", "state")
 OF_LEVELS = {"num_levels", "seed", "split"}
-REWARDS = {"v0": "squared", "v1": "linear"}
+REWARDS = {"": "squared", "-linear": "linear"}  # of PuttPutt, by what the ids of families say of it
+FORMER = {"linear": "v1"}  # rewards that were a version in release 0.1
+ENTRY_POINT, VECTOR_ENTRY_POINT = (f"segar.envs.registration:{name}" for name in ("make_env", "make_vector_env"))
 
 
 def register_all() -> None:
     """Register the ids of all families and tasks; ids that are registered already stay as they are."""
     for observation in OBSERVATION_NAMES:
         for name in families():
-            for version, reward in REWARDS.items():
-                _register(f"Segar-{name}-{observation}-{version}", name, observation, {"reward": reward})
+            for suffix, reward in REWARDS.items():
+                id_ = _register(name, observation, suffix, {"reward": reward})
+                if reward in FORMER:
+                    _register_former(f"Segar-{name}-{observation}-{FORMER[reward]}", id_)
         for name in TASKS:
-            _register(f"Segar-{name}-{observation}-v0", name, observation, {})
+            _register(name, observation, "", {})
 
 
-def _register(id_: str, family_name: str, observation: str, options: dict[str, Any]) -> None:
+def _register(name: str, observation: str, suffix: str, options: dict[str, Any]) -> str:
+    """Register an id unless it is known, and return it."""
+    id_ = f"Segar-{name}-{observation}{suffix}-v0"
     if id_ not in gymnasium.registry:
-        gymnasium.register(
-            id=id_,
-            entry_point="segar.envs.registration:make_env",
-            vector_entry_point="segar.envs.registration:make_vector_env",
-            kwargs={"family_name": family_name, "observation": observation, **options},
+        kwargs = {"family_name": name, "observation": observation, **options}
+        gymnasium.register(id_, entry_point=ENTRY_POINT, vector_entry_point=VECTOR_ENTRY_POINT, kwargs=kwargs)
+    return id_
+
+
+def _register_former(former: str, id_: str) -> None:
+    """Let Gymnasium find an id under the one that it had before.
+
+    The entry has the name of today inside. Were it registered as a version 1, Gymnasium would call version 0 out of date.
+    """
+    if former not in gymnasium.registry:
+        kwargs = {**gymnasium.registry[id_].kwargs, "renamed": f"{former} is now {id_}"}
+        gymnasium.registry[former] = EnvSpec(
+            id_, entry_point=ENTRY_POINT, vector_entry_point=VECTOR_ENTRY_POINT, kwargs=kwargs
         )
 
 
@@ -59,6 +78,8 @@ def make_vector_env(
 
 
 def _arguments(family_name: str, reward: str | None, options: dict[str, Any]) -> dict[str, Any]:
+    if "renamed" in options:
+        warnings.warn(f"the Gymnasium id {options.pop('renamed')}", DeprecationWarning, stacklevel=3)
     require_known(options, OF_LEVELS | known_options(VectorEnv) | known_options(Env))
     seed = options.pop("seed", 0)
     levels = family(family_name).sample(options.pop("num_levels", 100), seed=seed, split=options.pop("split", "train"))

@@ -28,7 +28,7 @@ from segar.errors import LevelError, SegarError, did_you_mean, must_be
 from segar.language import Factor, Factors, Results, Task
 from segar.levels import Levels, check_levels
 from segar.observations import ObservationLike, copy_rows, for_task, hooks_of, leaves, make_observation, simulator_reads
-from segar.rendering import RENDER_MODES, Camera, View, steps_per_second
+from segar.rendering import RENDER_MODES, Camera, View, offered_modes, steps_per_second
 from segar.rules import World
 from segar.support import Team
 from segar.tasks import task_of
@@ -127,7 +127,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         if self.autoreset_mode is AutoresetMode.NEXT_STEP:
             raise SegarError("autoreset_mode NEXT_STEP is not offered; use SAME_STEP or DISABLED")
-        self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
+        modes = {"autoreset_mode": self.autoreset_mode, "render_modes": offered_modes()}
+        self.metadata = {**type(self).metadata, **modes}
         self.simulator = Simulator(world or world_of(levels), levels.layout, self.task, num_threads)
         described = for_task(make_observation(observation), self.task)
         self.observation = described.bind(replace(levels, world=self.simulator.world), num_envs)

@@ -1,6 +1,8 @@
 """The camera of an environment: its frames as arrays, or in a window that follows what happens."""
 
+import warnings
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
@@ -9,10 +11,11 @@ from segar.engine import State
 from segar.errors import SegarError, did_you_mean
 from segar.language import Framerate, Task, WorldRules
 from segar.levels import Levels
+from segar.rendering.plain_frames import PlainFrames
 from segar.rendering.scene import Stage, View
-from segar.support import need_pygame
+from segar.support import has_pygame, need_pygame
 
-RENDER_MODES = ["rgb_array", "human"]
+RENDER_MODES = ["rgb_array", "human"]  # the second needs pygame
 SMALL = View(size=256)  # of each of several environments
 SHOWN = 16  # environments in a window, at most
 
@@ -40,8 +43,11 @@ class Camera:
         mode: 'rgb_array' or 'human'.
         view: how; by default the arena has 512 pixels, or 256 where there are several environments.
 
+    Frames in an array need no pygame. Without it they are plain: colours and outlines as the agent sees them, and neither
+    labels nor arrows nor the text below the arena; a warning says so once.
+
     Raises:
-        SegarError: unknown mode, or pygame is not installed.
+        SegarError: unknown mode, or pygame, which a window needs, is not installed.
     """
 
     def __init__(
@@ -49,13 +55,11 @@ class Camera:
     ) -> None:
         if mode not in RENDER_MODES:
             raise SegarError(f"there is no render_mode '{mode}'.{did_you_mean(str(mode), RENDER_MODES)}")
-        need_pygame("drawing for people")
-        from segar.rendering.painter import Painter
-
+        if mode == "human":
+            need_pygame("a window")
         self.view = view or (View() if num_envs == 1 else SMALL)
         self._stage = Stage(levels, world, task, self.view.colours)
         self._num_envs, self._mode, self._window = num_envs, mode, None
-        self._painter = Painter(self.view)
 
     def render(self, now: Episodes, verdicts: Sequence[str] = ()) -> tuple[np.ndarray, ...] | None:
         """A frame of each environment, uint8 ``view.shape``; or None, after the first 16 were shown in a window.
@@ -75,10 +79,30 @@ class Camera:
             self._window.close()
 
     def _frames(self, now: Episodes, rows: Sequence[int], verdicts: Sequence[str]) -> list[np.ndarray]:
+        if not has_pygame():
+            return self._plain.frames(now.state, rows)
         lines = [status_line(self._stage.task, now, e, verdicts[e] if verdicts else "") for e in rows]
         values, level = now.state.values, now.state.level
         scenes = (self._stage.scene(values[e], int(level[e]), line) for e, line in zip(rows, lines, strict=True))
         return [self._painter.frame(scene) for scene in scenes]
+
+    @cached_property
+    def _painter(self) -> Any:
+        """Draws for people; made when the first frame is asked for, because it loads pygame."""
+        need_pygame("drawing for people")
+        from segar.rendering.painter import Painter
+
+        return Painter(self.view)
+
+    @cached_property
+    def _plain(self) -> PlainFrames:
+        """Draws where pygame is not installed."""
+        warnings.warn(
+            "pygame is not installed: frames have no labels, arrows and text; pip install 'segar[render]'",
+            UserWarning,
+            stacklevel=6,
+        )
+        return PlainFrames(self._stage.levels, self.view, self._num_envs)
 
     def _show(self, now: Episodes, verdicts: Sequence[str]) -> None:
         from segar.rendering.window import Window
@@ -87,6 +111,11 @@ class Camera:
         if self._window is None:
             self._window = Window((frame.shape[1], frame.shape[0]), f"SEGAR: {self._stage.task.name}")
         self._window.show(frame, steps_per_second(self._stage.levels, self._stage.task))
+
+
+def offered_modes() -> list[str]:
+    """The render modes that work with the packages that are installed."""
+    return RENDER_MODES if has_pygame() else ["rgb_array"]
 
 
 def status_line(task: Task, now: Episodes, row: int, verdict: str = "") -> str:

@@ -8,7 +8,7 @@ from segar.support.counter_kernel import GOLDEN, SPACING, keyed_uniform, mix, no
 from segar.support.counter_rng import LOW_WORD, SPARE_BITS, WORD, LevelGenerator, philox, stream_key
 from segar.support.estimates import Estimate
 from segar.support.files import LOCK, UNFINISHED, ArchiveFormat, locked, remove_unfinished, replacing
-from segar.support.imports import made, module_in_file, named_object, named_or_made, need, need_pygame
+from segar.support.imports import has_pygame, made, module_in_file, named_object, named_or_made, need, need_pygame
 from segar.support.json_forms import from_json, misfit
 from segar.support.moved_modules import deprecated_names, find_moved
 from segar.support.npz import DAMAGE, LIMIT_VARIABLE, Form, file_limit, first_line, open_npz

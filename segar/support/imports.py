@@ -102,6 +102,8 @@ EXTRAS = {
     "render": ("pygame", "imageio", "imageio_ffmpeg", "PIL"),
     "datasets": ("minari", "h5py", "pyarrow"),
     "filters": ("safetensors",),
+    "sb3": ("stable_baselines3",),
+    "train": ("yaml",),
 }
 
 
@@ -111,6 +113,11 @@ def need(purpose: str, *modules: str) -> None:
         if importlib.util.find_spec(module) is None:
             extra = next(extra for extra, brought in EXTRAS.items() if module in brought)
             raise SegarError(f"{purpose} needs {module}, which is not installed: pip install 'segar[{extra}]'")
+
+
+def has_pygame() -> bool:
+    """Whether pygame is installed; it is not imported."""
+    return importlib.util.find_spec("pygame") is not None
 
 
 def need_pygame(purpose: str) -> None:

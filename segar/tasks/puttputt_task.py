@@ -44,7 +44,7 @@ def puttputt(
     """The task of the paper's families. It reports the distance to the goal, and the ball's motion, mass and life.
 
     Args:
-        reward: 'squared' is -d^2 (v0), 'linear' is -d (v1), where d is the distance of ball and goal as a share of the
+        reward: 'squared' is -d^2, 'linear' is -d, where d is the distance of ball and goal as a share of the
             arena's diagonal, after the step.
         impulse: what a unit action adds to the ball's momentum [kg m/s].
         goal_distance: d at which the ball has arrived.

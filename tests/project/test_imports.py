@@ -18,7 +18,7 @@ PACKAGES = ("segar", "experiments", "analysis")
 
 # What a user of the simulator does not pay for. `ot` is POT: 5 s, and torch with it unless told otherwise.
 HEAVY = ("torch", "tensordict", "torchrl", "hydra", "omegaconf", "mlflow", "matplotlib", "pandas", "ot", "scipy.stats")
-HEAVY += ("pygame", "imageio", "minari", "pyarrow", "h5py", "PIL")
+HEAVY += ("pygame", "imageio", "minari", "pyarrow", "h5py", "PIL", "stable_baselines3")
 
 # An arrow is (who, whom): no file under the first may import a module under the second.
 FORBIDDEN_ARROWS = (
@@ -29,11 +29,13 @@ FORBIDDEN_ARROWS = (
 TORCH = ("torch", "torchrl", "tensordict")
 THE_ONLY_TORCH_FILE = "segar/envs/torchrl_env.py"
 THE_ONLY_MATPLOTLIB_FILE = "segar/cli/figures.py"
-FOLDERS_WITH_AN_EXTRA = {
+PLACES_WITH_AN_EXTRA = {
     "segar/cli/": "render",
     "segar/rendering/": "render",
     "segar/datasets/": "datasets",
     "segar/textures/": "filters",
+    "segar/envs/sb3_env.py": "sb3",
+    "segar/cli/cite.py": "train",
 }
 
 # The extras of pyproject.toml that a package may count on, besides the core dependencies.
@@ -92,7 +94,7 @@ def test_every_import_is_declared_in_pyproject(package):
         extras = EXTRAS[package]
         extras += ("train",) if place.startswith(THE_ONLY_TORCH_FILE) else ()
         extras += ("analysis",) if place.startswith(THE_ONLY_MATPLOTLIB_FILE) else ()
-        extras += tuple(extra for folder, extra in FOLDERS_WITH_AN_EXTRA.items() if place.startswith(folder))
+        extras += tuple(extra for where, extra in PLACES_WITH_AN_EXTRA.items() if place.startswith(where))
         if not declared(extras) & {normalized(dist) for dist in providers.get(top, [top])}:
             where = " or ".join(["dependencies", *(f"the extra '{extra}'" for extra in extras)])
             wrong.append(f"{place}: imports {top}, which pyproject.toml does not list in {where}")

@@ -5,11 +5,14 @@ import importlib
 import importlib.metadata
 import subprocess
 import sys
+import tomllib
 import zipfile
 from pathlib import Path
 
 import pytest
+import yaml
 
+import segar
 from tests.places import ROOT
 
 
@@ -57,3 +60,21 @@ def test_every_pin_is_exact_or_a_closed_range():
     loose = [pin for pin in pins if "==" not in pin and "<=" not in pin]
     assert not loose, f"constraints.txt leaves these open: {loose}"
     assert not [pin for pin in pins if "+" in pin or "@" in pin], "a pin must not name a local build or a file"
+
+
+def test_one_file_says_the_version(wheel):
+    (metadata,) = (name for name in wheel.namelist() if name.endswith("METADATA"))
+    assert f"\nVersion: {segar.__version__}\n" in wheel.read(metadata).decode()
+    assert "version" in tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["dynamic"]
+
+
+def test_the_citation_file_is_of_this_version_and_has_what_its_schema_demands():
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
+    assert {"cff-version", "message", "title", "authors"} <= {*citation}
+    assert citation["cff-version"] == "1.2.0" and citation["type"] == "software"
+    assert citation["version"] == segar.__version__
+    for cited in (citation, *citation["references"]):
+        assert cited["title"] and all(
+            {"name"} == {*a} or {"family-names", "given-names"} == {*a} for a in cited["authors"]
+        )
+    assert all({"type", "title", "authors"} <= {*reference} for reference in citation["references"])

@@ -7,16 +7,10 @@ import pytest
 import torch
 
 import segar
-from experiments.evaluation.baselines import (
-    Baselines,
-    IdleAgent,
-    Oracle,
-    RandomAgent,
-    ScriptedAgent,
-    find_baselines,
-)
+from experiments.evaluation.baselines import IdleAgent, Oracle, RandomAgent, ScriptedAgent
 from experiments.evaluation.episodes import play_episodes
 from segar.errors import SegarError
+from segar.evaluation import Baselines, find_baselines
 from segar.hardness import plan
 
 LEVELS = segar.family("empty-hard").sample(12, seed=0)

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 import torch
 
-from experiments.evaluation import episodes
 from experiments.evaluation.episodes import (
     distance_figures,
     diversity_figures,
@@ -15,6 +14,7 @@ from experiments.evaluation.episodes import (
 from experiments.settings import EvaluationConfig, RunConfig
 from segar import family
 from segar.envs import VectorEnv
+from segar.evaluation import episodes
 from segar.metrics import ks, w2
 
 

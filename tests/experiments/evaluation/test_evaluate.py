@@ -12,7 +12,6 @@ import pytest
 
 import segar
 from experiments.commands.hydra_app import run_simple_command
-from experiments.evaluation.baselines import find_baselines
 from experiments.evaluation.evaluator import choose_levels, evaluate
 from experiments.runs.run_folder import CHECKPOINT, PREVIOUS, read_episodes, read_summary
 from experiments.settings import (
@@ -24,6 +23,7 @@ from experiments.settings import (
     RunFolderError,
 )
 from experiments.training.run import run
+from segar.evaluation import find_baselines
 from tests.experiments.short_runs import short_run
 
 QUICK = {"scores": False, "videos": "none"}

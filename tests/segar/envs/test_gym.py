@@ -11,19 +11,40 @@ from gymnasium.utils.env_checker import check_env
 
 import segar
 
-IDS = sorted(id_ for id_ in gymnasium.registry if id_.startswith("Segar-"))
-
-
-def make(id_: str, **options):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # Gymnasium takes v1 for a newer version of v0
-        return gymnasium.make(id_, **options)
+KNOWN = sorted(id_ for id_ in gymnasium.registry if id_.startswith("Segar-"))
+IDS = [id_ for id_ in KNOWN if id_.endswith("-v0")]
+make = gymnasium.make
 
 
 def test_all_families_and_tasks_are_registered_in_both_observations() -> None:
-    expected = {f"Segar-{f}-{o}-{v}" for f in segar.families() for o in ("rgb", "state") for v in ("v0", "v1")}
+    expected = {f"Segar-{f}-{o}{r}-v0" for f in segar.families() for o in ("rgb", "state") for r in ("", "-linear")}
     expected |= {f"Segar-{t}-{o}-v0" for t in ("puttputt", "billiards", "invisiball") for o in ("rgb", "state")}
     assert len(segar.families()) == 21 and expected == set(IDS)
+
+
+@pytest.mark.parametrize("observation", ["rgb", "state"])
+def test_an_id_of_0_1_makes_the_same_environment_and_says_its_name_of_today(observation: str) -> None:
+    assert {*KNOWN} - {*IDS} == {f"Segar-{f}-{o}-v1" for f in segar.families() for o in ("rgb", "state")}
+    with pytest.warns(DeprecationWarning, match=f"-{observation}-v1 is now Segar-empty-easy-{observation}-linear-v0"):
+        former = make(f"Segar-empty-easy-{observation}-v1", num_levels=3)
+    today = make(f"Segar-empty-easy-{observation}-linear-v0", num_levels=3)
+    assert former.spec.id == today.spec.id
+    action = np.array([0.3, 0.1], np.float32)
+    steps = []
+    for env in (former, today):
+        env.reset(seed=1)
+        steps.append(env.step(action))
+    np.testing.assert_array_equal(steps[0][0], steps[1][0])
+    assert steps[0][1:4] == steps[1][1:4]
+    with pytest.warns(DeprecationWarning, match="linear-v0"):
+        gymnasium.make_vec(f"Segar-empty-easy-{observation}-v1", num_envs=2, vectorization_mode="vector_entry_point")
+
+
+@pytest.mark.parametrize("id_", ["Segar-empty-hard-state-v0", "segar:Segar-empty-hard-state-linear-v0"])
+def test_gymnasium_calls_no_id_out_of_date(id_: str) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        make(id_, num_levels=2)
 
 
 @pytest.mark.parametrize("id_", IDS)
@@ -34,21 +55,19 @@ def test_the_environment_checker_passes(id_: str) -> None:
         check_env(env.unwrapped)
 
 
-def test_v1_rewards_minus_the_distance_and_v0_its_square() -> None:
+def test_linear_ids_reward_minus_the_distance_and_the_others_its_square() -> None:
     rewards = []
-    for version in ("v0", "v1"):
-        env = make(f"Segar-empty-medium-state-{version}", num_levels=5, seed=0)
+    for suffix in ("", "-linear"):
+        env = make(f"Segar-empty-medium-state{suffix}-v0", num_levels=5, seed=0)
         env.reset(options={"level": 2})
         rewards.append(env.step(np.array([0.3, 0.1], np.float32))[1])
     assert rewards[0] == pytest.approx(-(rewards[1] ** 2))
 
 
 def test_make_vec_gives_the_native_batch() -> None:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)
-        env = gymnasium.make_vec(
-            "Segar-empty-hard-state-v0", num_envs=6, num_levels=5, vectorization_mode="vector_entry_point"
-        )
+    env = gymnasium.make_vec(
+        "Segar-empty-hard-state-v0", num_envs=6, num_levels=5, vectorization_mode="vector_entry_point"
+    )
     assert isinstance(env.unwrapped, segar.envs.VectorEnv)
     assert env.reset(seed=0)[0].shape == (6, 16)
 

@@ -74,6 +74,6 @@ def test_a_level_looks_different_in_each_of_its_episodes_unless_it_shall_not():
 
 
 def test_gymnasium_makes_single_environments_with_textures():
-    env = gymnasium.make("Segar-empty-easy-rgb-v1", observation="textures", num_levels=2)
+    env = gymnasium.make("Segar-empty-easy-rgb-linear-v0", observation="textures", num_levels=2)
     frame, _ = env.reset(seed=0)
     assert frame.shape == (64, 64, 3) and len(np.unique(frame.reshape(-1, 3), axis=0)) > 10

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
-
 import gymnasium
 import numpy as np
 import pytest
@@ -194,15 +192,13 @@ def test_what_cannot_be_drawn_is_refused():
 
 
 def test_make_vec_gives_frames_of_all_environments():
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # Gymnasium takes v1 for a newer version of v0
-        env = gymnasium.make_vec(
-            "Segar-empty-hard-state-v0",
-            num_envs=2,
-            vectorization_mode="vector_entry_point",
-            render_mode="rgb_array",
-            view=View(size=64),
-        )
+    env = gymnasium.make_vec(
+        "Segar-empty-hard-state-v0",
+        num_envs=2,
+        vectorization_mode="vector_entry_point",
+        render_mode="rgb_array",
+        view=View(size=64),
+    )
     env.reset(seed=0)
     frames = env.render()
     assert isinstance(frames, tuple) and [frame.shape for frame in frames] == [(64, 64, 3)] * 2

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-import warnings
 
 import gymnasium
 import imageio.v3
@@ -98,18 +97,14 @@ def test_what_cannot_be_written_is_refused(tmp_path):
 def test_a_missing_package_is_named_with_its_extra(tmp_path, monkeypatch):
     find = sys.modules["importlib.util"].find_spec
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None if name in ("pygame", "imageio") else find(name))
-    with pytest.raises(segar.SegarError, match=r"drawing for people needs pygame.*pip install 'segar\[render\]'"):
-        single()
+    with pytest.raises(segar.SegarError, match=r"a window needs pygame.*pip install 'segar\[render\]'"):
+        segar.envs.Env(LEVELS, render_mode="human")
     with pytest.raises(segar.SegarError, match=r"needs imageio, which is not installed: pip install 'segar\[render\]'"):
         write_video(tmp_path / "film.mp4", [])
 
 
 def test_gymnasium_s_recordvideo_works(tmp_path):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # Gymnasium takes v1 for a newer version of v0
-        made = gymnasium.make(
-            "Segar-empty-hard-state-v0", render_mode="rgb_array", view=SMALL, max_steps=5, num_levels=2
-        )
+    made = gymnasium.make("Segar-empty-hard-state-v0", render_mode="rgb_array", view=SMALL, max_steps=5, num_levels=2)
     env = gymnasium.wrappers.RecordVideo(made, str(tmp_path / "films"), episode_trigger=lambda episode: True)
     for _ in range(2):
         env.reset(seed=0)

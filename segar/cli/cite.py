@@ -1,0 +1,165 @@
+"""``segar cite``: how to cite SEGAR, and what a publication states of a run, so that others can repeat it."""
+
+import argparse
+import json
+import platform
+from collections.abc import Iterator, Mapping, Sequence
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from segar.cli import arguments
+from segar.errors import SegarError
+from segar.support import __version__, need
+
+SOFTWARE = {
+    "author": "{SEGAR developers}",
+    "title": "{SEGAR}: a sandbox for research on generalization in reinforcement learning",
+    "year": "2026",
+}
+PAPER = {
+    "author": "Hjelm, R Devon and Mazoure, Bogdan and Golemo, Florian and Frujeri, Felipe V and Braga, Pedro H M and"
+    " Jalobeanu, Mihai and Kahou, Samira E and Kolobov, Andrey",
+    "title": "The Sandbox Environment for Generalizable Agent Research ({SEGAR})",
+    "year": "2022",
+    "eprint": "2203.10351",
+    "archiveprefix": "arXiv",
+}
+LIBRARIES = ("segar", "torch", "torchrl", "numpy", "numba", "gymnasium")
+CONFIG, VERSIONS, SUMMARY = "config.yaml", "versions.json", "summary.json"
+DECIDES = ("levels", "task", "observation", "algorithm", "frames", "evaluation", "seed")  # the settings behind results
+
+
+def add_commands(commands: Any) -> None:
+    """Add ``cite`` to the sub-commands of a parser."""
+    purpose = "print BibTeX entries, and what a publication states of a run: versions, hashes, settings and seeds"
+    citing = arguments.command(commands, "cite", cite, purpose)
+    citing.add_argument(
+        "folder", metavar="RUN", nargs="?", help="a run folder; without it, the versions that are installed"
+    )
+
+
+def cite(chosen: argparse.Namespace) -> None:
+    """``segar cite``."""
+    answer = about_installation() if chosen.folder is None else about_run(Path(chosen.folder))
+    entries = bibtex(answer["versions"]["segar"])
+    text = [*entries.values(), *(_section(name, part) for name, part in answer.items())]
+    arguments.print_answer(chosen, {"bibtex": entries, **answer}, "\n\n".join(text))
+
+
+def bibtex(release: str | None) -> dict[str, str]:
+    """The BibTeX entries of a release of this software, None where it is not known, and of the paper of 2022."""
+    stated = {} if release is None else {"version": release}
+    return {
+        "software": _entry("software", "segar", SOFTWARE | stated),
+        "paper": _entry("misc", "hjelm2022segar", PAPER),
+    }
+
+
+def about_installation() -> dict[str, Any]:
+    """The versions of what is installed here."""
+    found = {name: _installed(name) for name in LIBRARIES if name != "segar"}
+    return {"versions": {"segar": __version__, "python": platform.python_version(), **found}}
+
+
+def about_run(folder: Path) -> dict[str, Any]:
+    """What a publication states of the run in a folder: names, versions, hashes, settings and seeds, as plain data.
+
+    Raises:
+        SegarError: the folder holds no run, or a file of it cannot be read.
+    """
+    if not (folder / CONFIG).is_file():
+        raise SegarError(
+            f"{folder} is no run folder: there is no {CONFIG}; give the folder that experiments.train names"
+        )
+    if not (folder / VERSIONS).is_file():
+        raise SegarError(f"the run in {folder} never began to train: there is no {VERSIONS}")
+    settings, made = _settings_in(folder / CONFIG), _json_in(folder / VERSIONS)
+    summary = _json_in(folder / SUMMARY) if (folder / SUMMARY).is_file() else {}
+    settings["frames"] = _mapping(settings, "scale", folder / CONFIG).get("frames")
+    libraries = _mapping(made, "libraries", folder / VERSIONS)
+    commit = _mapping(made, "git", folder / VERSIONS) if made.get("git") else {}
+    levels = _mapping(made, "levels", folder / VERSIONS) if made.get("levels") else {}
+    code = made.get("code")  # one hash in release 0.1, one for each part since
+    try:
+        flat = dict(_leaves({name: settings[name] for name in DECIDES if name in settings}))
+    except RecursionError:
+        raise SegarError(f"{folder / CONFIG} is not of a run: a part of it contains itself") from None
+    return {
+        "run": {"name": summary.get("label", folder.resolve().name), "finished": bool(summary)},
+        "versions": {
+            "segar": libraries.get("segar"),
+            "python": made.get("python"),
+            **{name: libraries.get(name) for name in LIBRARIES if name != "segar"},
+            "platform": made.get("platform"),
+            "commit": commit.get("commit"),
+            "commit, with changes": commit.get("changed"),
+        },
+        "hashes": {
+            **{f"{name} levels": value for name, value in levels.items()},
+            **(code if isinstance(code, dict) else {"code": code}),
+        },
+        "seeds": {name: value for name, value in flat.items() if name.rpartition(".")[2].endswith("seed")},
+        "settings": flat,
+    }
+
+
+def _settings_in(path: Path) -> dict[str, Any]:
+    """The settings in a YAML file, as plain data; no code that they name is imported."""
+    need("reading the settings of a run", "yaml")
+    import yaml
+
+    try:
+        data = yaml.safe_load(path.read_text())
+    except (OSError, ValueError, yaml.YAMLError) as error:
+        raise SegarError(f"{path} cannot be read: {error}") from error
+    return _checked(data, path)
+
+
+def _json_in(path: Path) -> dict[str, Any]:
+    try:
+        data = json.loads(path.read_text())
+    except (OSError, ValueError) as error:
+        raise SegarError(f"{path} cannot be read: {error}") from error
+    return _checked(data, path)
+
+
+def _mapping(data: Mapping[str, Any], name: str, path: Path) -> dict[str, Any]:
+    return _checked(data.get(name), path, f"under '{name}' ")
+
+
+def _checked(data: Any, path: Path, place: str = "") -> dict[str, Any]:
+    if not isinstance(data, dict) or not all(isinstance(key, str) for key in data):
+        raise SegarError(f"{path} is not of a run: {place}it holds {type(data).__name__} instead of names and values")
+    return data
+
+
+def _leaves(data: Mapping[str, Any], place: str = "") -> Iterator[tuple[str, Any]]:
+    """Names with dots and their values, one for each setting."""
+    for name, value in data.items():
+        if isinstance(value, dict) and value:
+            yield from _leaves(value, f"{place}{name}.")
+        else:
+            yield f"{place}{name}", value
+
+
+def _installed(name: str) -> str | None:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return None
+
+
+def _entry(kind: str, key: str, fields: Mapping[str, str]) -> str:
+    lines = [f"  {name} = {{{value}}}," for name, value in fields.items()]
+    return "\n".join([f"@{kind}{{{key},", *lines, "}"])
+
+
+def _section(title: str, part: Mapping[str, Any]) -> str:
+    return f"{title}\n{arguments.columns([[f'  {name}', _shown(value)] for name, value in part.items()])}"
+
+
+def _shown(value: Any) -> Any:
+    """A value as the table has it: settings keep all their digits."""
+    empty: Sequence[Any] = ({}, [], "")
+    return "none" if value in empty else repr(value) if isinstance(value, float) else value

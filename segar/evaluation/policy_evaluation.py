@@ -1,0 +1,240 @@
+"""The generalization gap of any policy: episodes on training levels and on test levels, and an interval over levels."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from segar.envs import Act, TimeStep, VectorEnv
+from segar.errors import SegarError
+from segar.evaluation.baselines import Baselines, find_baselines, idle_actions
+from segar.evaluation.episodes import QUANTITIES, PlayedEpisodes, play_episodes
+from segar.levels import Levels
+from segar.metrics import w2
+
+CONFIDENCE = 0.95
+
+
+class Policy(Protocol):
+    """What is evaluated: a function, or an object that can be called.
+
+    A policy that remembers, or that reads more than observations, has a method ``begin(env)``, too. It is called when the
+    episodes of a batch have started in a :class:`segar.envs.VectorEnv`, before the first actions are asked for.
+    """
+
+    def __call__(self, observations: Any, /) -> Any:
+        """Actions ``(n, action size)`` for the observations of all n environments of a batch, ``(n, ...)``."""
+        ...
+
+
+class Interval(NamedTuple):
+    """A value and its interval of 95 %; ``low`` and ``high`` are NaN where there is too little to tell."""
+
+    value: float
+    low: float
+    high: float
+
+    def __str__(self) -> str:
+        return f"{self.value:.4g} [{self.low:.4g}, {self.high:.4g}]"
+
+
+@dataclass(frozen=True, eq=False)
+class LevelSetResult:
+    """What a policy achieves on a level set.
+
+    Attributes:
+        episodes: all that were played, level by level in rounds.
+        levels: how many there are.
+        baselines: mean returns of the random agent and of the oracle; ``idle``: of an agent that does nothing. None where
+            no scores were asked for.
+    """
+
+    episodes: PlayedEpisodes
+    levels: int
+    baselines: Baselines | None = None
+    idle: float | None = None
+
+    def of_levels(self, quantity: str) -> np.ndarray:
+        """The mean of one of :data:`segar.evaluation.QUANTITIES` on each level, float64 ``(levels,)``."""
+        return self.episodes.columns()[quantity].astype(float).reshape(-1, self.levels).mean(axis=0)
+
+    def mean(self, quantity: str = "return") -> Interval:
+        """The mean over levels, with Student's interval over levels."""
+        of_levels = self.of_levels(quantity)
+        return _interval(of_levels.mean(), [of_levels])
+
+    def score(self, returns: float | None = None) -> float:
+        """The normalised score of a mean return, by default the policy's: 0 for the random agent's, 1 for the oracle's.
+
+        Raises:
+            SegarError: no scores were asked for.
+        """
+        if self.baselines is None:
+            raise SegarError("there are no scores: call evaluate_policy(..., scores=True)")
+        return float(self.baselines.normalised(self.mean().value if returns is None else returns))
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """A policy on training levels and on test levels; ``print`` shows a table of it.
+
+    Attributes:
+        train, test: what it achieves there.
+        w2: how far test levels are from training levels, by the mode of the distance; empty where none was asked for.
+    """
+
+    train: LevelSetResult
+    test: LevelSetResult
+    w2: Mapping[str, float] = field(default_factory=dict)
+
+    def gap(self, quantity: str = "return") -> Interval:
+        """The mean on test levels minus that on training levels, with Welch's interval over levels.
+
+        The interval says what other levels of the same distributions might give. It says nothing of other seeds of
+        training: for these, evaluate several trained policies.
+        """
+        train, test = self.train.of_levels(quantity), self.test.of_levels(quantity)
+        return _interval(test.mean() - train.mean(), [train, test])
+
+    def figures(self) -> dict[str, float]:
+        """All figures as plain numbers by name, e.g. ``test/return``, ``test/return_low``, ``gap``, ``w2/exact``."""
+        found: dict[str, float] = {}
+        for name, result in (("train", self.train), ("test", self.test)):
+            for quantity in QUANTITIES:
+                found |= _ends(f"{name}/{quantity}", result.mean(quantity))
+            if result.baselines is not None and result.idle is not None:
+                found |= {f"{name}/random": result.baselines.random, f"{name}/oracle": result.baselines.oracle}
+                found |= {f"{name}/idle": result.idle, f"{name}/score": result.score()}
+        found |= _ends("gap", self.gap()) | _ends("gap_ref", self.gap("return_ref"))
+        return found | {f"w2/{mode}": value for mode, value in self.w2.items()}
+
+    def __str__(self) -> str:
+        rows = [["", "levels", "episodes", "return [95 %]", "success", "death", "length"]]
+        scored = self.train.baselines is not None and self.test.baselines is not None
+        rows[0] += ["score", "idle's"] if scored else []
+        for name, result in (("train", self.train), ("test", self.test)):
+            shown = [f"{result.mean(key).value:.3f}" for key in ("success", "death")]
+            row = [name, str(result.levels), str(len(result.episodes)), str(result.mean()), *shown]
+            row += [f"{result.mean('length').value:.1f}"]
+            rows.append(row + ([f"{result.score():.3f}", f"{result.score(result.idle):.3f}"] if scored else []))
+        widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+        lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+        lines.append(f"gap (test - train)  {self.gap()}")
+        lines += [f"W2 ({mode})  {value:.4g}" for mode, value in self.w2.items()]
+        return "\n".join(lines)
+
+
+def evaluate_policy(
+    policy: Policy,
+    train: Levels,
+    test: Levels,
+    *,
+    episodes: int = 1,
+    seed: int = 0,
+    scores: bool = False,
+    distances: Sequence[Any] = (),
+    **options: Any,
+) -> Evaluation:
+    """What a policy achieves on the levels that it was trained on and on others, and the gap with its interval.
+
+    >>> train, test = (segar.family("empty-easy").sample(20, seed=0, split=s) for s in ("train", "test"))
+    >>> found = segar.evaluate_policy(lambda seen: np.zeros((len(seen), 2), np.float32), train, test)
+    >>> found.gap().low < found.gap().value < found.gap().high
+    True
+
+    Each level is played ``episodes`` times, up to 512 episodes side by side. The policy gets the observations of all
+    environments of a batch in each step, also those whose episode is over; the actions of these have no effect.
+
+    Args:
+        policy: a function of observations that gives actions; see :class:`segar.evaluation.Policy`. Whether it samples
+            its actions is its own affair.
+        episodes: on each level.
+        seed: of the environments, for tasks whose physics is random, and of the agents behind the scores.
+        scores: also find what a random agent, an idle one and the oracle achieve, about 0.1 s per level.
+        distances: modes of :func:`segar.metrics.w2` between the level sets to measure, e.g. ``("exact",)``.
+        options: of :class:`segar.envs.VectorEnv`: ``observation``, ``task``, ``num_threads``, ``unit_actions``, ``world``
+            and so on, as in training.
+
+    Raises:
+        SegarError: an argument is out of range, or the policy would observe arrays of different shapes in the two sets.
+        ActionError: the policy gives actions of the wrong shape, or such as are not finite.
+    """
+    if not callable(policy):
+        raise SegarError(f"evaluate_policy: policy must be a function of observations, not {policy!r}")
+    if not isinstance(episodes, int) or episodes < 1:
+        raise SegarError(f"evaluate_policy: episodes must be a whole number from 1 up, not {episodes!r}")
+    for name in ("autoreset_mode", "copy", "render_mode"):
+        if name in options:
+            raise SegarError(f"evaluate_policy: '{name}' is not to be chosen here")
+    sets = {"train": train, "test": test}
+    for name, levels in sets.items():
+        if not isinstance(levels, Levels):
+            raise SegarError(f"evaluate_policy: {name} must be a level set (segar.Levels), not {levels!r}")
+    _require_one_space(sets, options)
+    found = {name: _result(policy, levels, episodes, seed, scores, options) for name, levels in sets.items()}
+    return Evaluation(**found, w2={mode: float(w2(train, test, mode=mode)) for mode in distances})
+
+
+def _require_one_space(sets: Mapping[str, Levels], options: Mapping[str, Any]) -> None:
+    spaces = [VectorEnv(levels, 1, seed=0, **options).single_observation_space for levels in sets.values()]
+    if spaces[0] != spaces[1]:
+        raise SegarError(
+            f"evaluate_policy: the policy would observe {spaces[0]} in the training levels and {spaces[1]} in the test"
+            " levels. A state vector depends on the entities that there can be; observe pixels, or let both sets be of one"
+            " distribution"
+        )
+
+
+def _result(
+    policy: Policy, levels: Levels, episodes: int, seed: int, scores: bool, options: Mapping[str, Any]
+) -> LevelSetResult:
+    """What the policy achieves on one level set."""
+    indices = np.tile(np.arange(len(levels)), episodes)
+    played = play_episodes(levels, indices, lambda env: _act_of(policy, env), seed=seed, **options)
+    if not scores:
+        return LevelSetResult(played, len(levels))
+    env = VectorEnv(levels, 1, seed=seed, **options)
+    idle = play_episodes(levels, np.arange(len(levels)), _idle, seed=seed, **options)
+    baselines = find_baselines(
+        replace(levels, world=env.simulator.world),
+        env.task,
+        rng=np.random.default_rng(seed),
+        num_threads=options.get("num_threads", 1),
+    )
+    return LevelSetResult(played, len(levels), baselines, float(idle.returns.mean()))
+
+
+def _act_of(policy: Policy, env: VectorEnv) -> Act:
+    """What :func:`segar.envs.play` asks for actions."""
+    begin = getattr(policy, "begin", None)
+    if begin is not None:
+        begin(env)
+    return lambda now: policy(now.observation)
+
+
+def _idle(env: VectorEnv) -> Act:
+    def act(now: TimeStep) -> np.ndarray:
+        return nothing
+
+    nothing = idle_actions(env)
+    return act
+
+
+def _interval(value: float, groups: Sequence[np.ndarray]) -> Interval:
+    """A mean, or a difference of two, with the interval of Student, or of Welch, over the entries of the groups."""
+    from scipy.special import stdtrit
+
+    counts = [len(group) for group in groups]
+    if min(counts) < 2:
+        return Interval(float(value), np.nan, np.nan)
+    squares = [float(group.var(ddof=1)) / len(group) for group in groups]
+    if sum(squares) == 0:
+        return Interval(float(value), float(value), float(value))
+    freedom = sum(squares) ** 2 / sum(s**2 / (n - 1) for s, n in zip(squares, counts, strict=True))
+    margin = float(stdtrit(freedom, (1 + CONFIDENCE) / 2)) * sum(squares) ** 0.5
+    return Interval(float(value), float(value) - margin, float(value) + margin)
+
+
+def _ends(name: str, interval: Interval) -> dict[str, float]:
+    return {name: interval.value, f"{name}_low": interval.low, f"{name}_high": interval.high}

@@ -1,0 +1,69 @@
+"""The scripts in examples/ run as they stand, and end with the gap."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import torch
+
+import segar
+from examples import ppo, sb3_ppo
+from tests.places import ROOT
+
+TINY = ["--levels", "empty-easy", "--count", "4", "--test-count", "5", "--num-envs", "8", "--frames", "1024"]
+
+
+@pytest.mark.parametrize("script", [ppo, sb3_ppo])
+def test_a_script_trains_and_prints_the_gap(script, capsys):
+    found = script.main(TINY)
+    printed = capsys.readouterr().out
+    assert str(found) in printed and f"gap (test - train)  {found.gap()}" in printed
+    assert (found.train.levels, found.test.levels) == (4, 5) and found.w2["exact"] > 0
+
+
+@pytest.mark.parametrize("name", ["ppo", "sb3_ppo"])
+def test_a_script_runs_from_any_folder(name, tmp_path):
+    script = ROOT / "examples" / f"{name}.py"
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        [sys.executable, str(script), "--help"], cwd=tmp_path, env=environment, capture_output=True, text=True
+    )
+    assert done.returncode == 0 and "--test-count" in done.stdout, done.stderr
+
+
+def test_ppo_repeats_itself():
+    levels = segar.family("empty-easy").sample(4, seed=0)
+    settings = ppo.Settings(num_envs=4, num_steps=8, frames=64, minibatches=2)
+    agents = [ppo.train(settings, levels) for _ in range(2)]
+    for a, b in zip(agents[0].parameters(), agents[1].parameters(), strict=True):
+        assert torch.equal(a, b)
+
+
+def test_advantages_are_those_of_the_definition_and_stay_within_an_episode():
+    settings = ppo.Settings(gamma=0.9, gae_lambda=0.8)
+    rewards, values, next_values = torch.randn(3, 7, 2, generator=torch.Generator().manual_seed(0))
+    terminal, over = torch.zeros(7, 2), torch.zeros(7, 2)
+    over[2, 0] = 1  # a time-out: bootstrapped
+    terminal[4, 0] = over[4, 0] = 1  # an end: not bootstrapped
+    found = ppo.generalized_advantages(settings, rewards, values, next_values, terminal, over)
+    for e in range(2):
+        for t in range(7):
+            expected, weight = 0.0, 1.0
+            for k in range(t, 7):
+                error = rewards[k, e] + 0.9 * next_values[k, e] * (1 - terminal[k, e]) - values[k, e]
+                expected += weight * float(error)
+                if over[k, e]:
+                    break
+                weight *= 0.9 * 0.8
+            assert float(found[t, e]) == pytest.approx(expected, rel=1e-4, abs=1e-5)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("script", [ppo, sb3_ppo])
+def test_a_script_learns(script):
+    found = script.main(["--levels", "empty-easy", "--frames", "400000"])
+    assert found.train.mean("success").value > 0.8 and np.isfinite(found.gap()).all()

@@ -1,0 +1,132 @@
+"""``segar cite``: entries for a bibliography, and what a run was made with, read from its folder as data."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import pytest
+import yaml
+
+import segar
+from experiments.settings import RunConfig
+from segar import cli
+from segar.cli import cite
+from tests.places import ROOT
+from tests.synthetic_runs import settings, write_run
+
+CITATION = yaml.safe_load((ROOT / "CITATION.cff").read_text())
+
+
+@pytest.fixture
+def run(tmp_path):
+    """The folder of a finished run."""
+    return write_run(settings(tmp_path, seed=7), code={"kernel": "a" * 16, "learner": "b" * 16})
+
+
+def shown(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
+    assert cli.main(["cite", *map(str, arguments)]) == 0
+    return capsys.readouterr().out
+
+
+def refusal(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
+    assert cli.main(["cite", *map(str, arguments)]) == cli.USAGE_ERROR
+    return capsys.readouterr().err
+
+
+def test_without_a_run_it_prints_both_entries_and_the_versions_that_are_installed(capsys):
+    text = shown(capsys)
+    assert re.findall(r"^@(\w+)\{(\w+),$", text, re.M) == [("software", "segar"), ("misc", "hjelm2022segar")]
+    assert f"version = {{{segar.__version__}}}" in text and text.count("{") == text.count("}")
+    assert re.search(r"^  gymnasium +\d", text, re.M)
+
+
+def test_the_entries_say_what_the_citation_file_says():
+    (paper,) = CITATION["references"]
+    authors = [f"{author['family-names']}, {author['given-names']}" for author in paper["authors"]]
+    assert cite.PAPER["author"] == " and ".join(authors)
+    assert cite.PAPER["title"].replace("{", "").replace("}", "") == paper["title"]
+    assert cite.PAPER["year"] == str(paper["year"])
+    assert paper["identifiers"][0]["value"] == f"arXiv:{cite.PAPER['eprint']}"
+    assert cite.SOFTWARE["title"].replace("{", "").replace("}", "") == CITATION["title"]
+    assert cite.SOFTWARE["author"] == f"{{{CITATION['authors'][0]['name']}}}"
+
+
+def test_of_a_run_it_states_versions_hashes_seeds_and_settings(capsys, run):
+    text = shown(capsys, run)
+    for line in (
+        "torch +2.13.0",
+        "commit +(89abcdef){5}",
+        "kernel +a{16}",
+        "learner +b{16}",
+        "seed +7",
+        "levels.train ",
+    ):
+        assert re.search(rf"^  {line}", text, re.M), line
+
+
+def test_the_settings_are_those_that_decide_the_results(capsys, run):
+    answer = json.loads(shown(capsys, run, "--json"))
+    assert {name.partition(".")[0] for name in answer["settings"]} == {*RunConfig().identity()}
+    assert answer["seeds"] == {"seed": 7, "levels.seed": 0, "levels.test_seed": 0, "evaluation.seed": 0}
+    assert answer["run"] == {"name": run.name, "finished": True}
+
+
+def test_the_entry_of_a_run_has_its_version_and_not_the_one_installed(capsys, run):
+    made = json.loads((run / "versions.json").read_text())
+    for release in ("0.0.9", None):  # None: a checkout that was not installed
+        made["libraries"]["segar"] = release
+        (run / "versions.json").write_text(json.dumps(made))
+        assert re.findall(r"^  version = \{(.*)\},$", shown(capsys, run), re.M) == ([release] if release else [])
+
+
+def test_a_run_that_is_not_finished_is_called_so(capsys, run):
+    (run / "summary.json").unlink()
+    assert json.loads(shown(capsys, run, "--json"))["run"]["finished"] is False
+
+
+def test_settings_name_no_address_and_no_folder(capsys, tmp_path):
+    folder = write_run(settings(tmp_path))
+    data = yaml.safe_load((folder / "config.yaml").read_text())
+    data["tracking"]["uri"] = "postgresql://me:secret@server/db"
+    (folder / "config.yaml").write_text(yaml.safe_dump(data))
+    text = shown(capsys, folder)
+    assert "secret" not in text and str(tmp_path) not in text
+
+
+def test_code_that_settings_name_is_not_imported(capsys, run, tmp_path, monkeypatch):
+    (tmp_path / "trap.py").write_text("raise SystemExit('imported')")
+    monkeypatch.syspath_prepend(tmp_path)
+    data = yaml.safe_load((run / "config.yaml").read_text())
+    data["task"]["name"] = "trap:make"
+    (run / "config.yaml").write_text(yaml.safe_dump(data))
+    assert "trap:make" in shown(capsys, run)
+
+
+@pytest.mark.parametrize(
+    ("file", "content", "message"),
+    [
+        ("config.yaml", None, "is no run folder: there is no config.yaml"),
+        ("config.yaml", "a: [", "config.yaml cannot be read"),
+        ("config.yaml", "- 1", "config.yaml is not of a run: it holds list"),
+        ("config.yaml", "seed: 1", "config.yaml is not of a run: under 'scale' it holds NoneType"),
+        ("config.yaml", "scale: {frames: 1}\ntask: &a {b: *a}", "a part of it contains itself"),
+        ("config.yaml", "!!python/object/apply:os.system [exit]", "config.yaml cannot be read"),
+        ("config.yaml", b"\xff\xfe\x00", "config.yaml cannot be read"),
+        ("versions.json", None, "never began to train: there is no versions.json"),
+        ("versions.json", "{", "versions.json cannot be read"),
+        ("versions.json", "[]", "versions.json is not of a run: it holds list"),
+        ("versions.json", "{}", "under 'libraries' it holds NoneType"),
+        ("versions.json", '{"libraries": {}, "git": 3}', "under 'git' it holds int"),
+        ("summary.json", "3", "summary.json is not of a run: it holds int"),
+    ],
+)
+def test_what_is_no_run_is_refused_with_the_file_that_says_so(capsys, run, file, content, message):
+    (run / file).unlink()
+    if content is not None:
+        (run / file).write_bytes(content if isinstance(content, bytes) else content.encode())
+    assert message in refusal(capsys, run)
+
+
+def test_a_folder_that_is_not_there_is_refused(capsys, tmp_path):
+    assert "is no run folder" in refusal(capsys, tmp_path / "nowhere")

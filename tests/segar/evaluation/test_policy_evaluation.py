@@ -1,0 +1,188 @@
+"""Any policy under one evaluation: the numbers of `experiments`, an interval that covers, and clear refusals."""
+
+from __future__ import annotations
+
+import dataclasses
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import segar
+from experiments.evaluation.baselines import IdleAgent, ScriptedAgent
+from experiments.evaluation.episodes import distance_figures, evaluate_run, evaluation_figures, play_episodes
+from experiments.levels.builders import environment_options
+from experiments.settings import EvaluationConfig, RunConfig, TaskConfig
+from segar.evaluation import QUANTITIES, PlayedEpisodes, find_baselines
+from segar.evaluation.policy_evaluation import _interval
+
+TRAIN, TEST = (segar.family("tilesx2-medium").sample(8, seed=3, split=split) for split in ("train", "test"))
+
+
+class Linear:
+    """A policy that pushes along a part of what it sees; for evaluation here, and in `experiments`."""
+
+    def __call__(self, observations):
+        return np.tanh(observations[:, 2:4]).astype(np.float32)
+
+    def act(self, observation, *, rng):
+        return self(observation)
+
+
+def evaluation_of(returns_train, returns_test):
+    """An evaluation with these returns, one episode on each level."""
+    results = []
+    for returns in (returns_train, returns_test):
+        n = len(returns)
+        no = np.zeros(n, np.bool_)
+        played = PlayedEpisodes(np.arange(n), np.array(returns, float), np.zeros(n), np.ones(n, np.int64), no, no)
+        results.append(segar.evaluation.LevelSetResult(played, n))
+    return segar.evaluation.Evaluation(*results)
+
+
+def test_the_numbers_are_those_of_experiments_for_the_same_agent():
+    config = RunConfig(evaluation=EvaluationConfig(episodes=len(TRAIN)))
+    theirs = evaluation_figures(evaluate_run(Linear(), config, TRAIN, TEST))
+    theirs |= distance_figures(TRAIN, TEST, ("exact", "reference"))
+    found = segar.evaluate_policy(
+        Linear(),
+        TRAIN,
+        TEST,
+        seed=config.evaluation.seed,
+        distances=("exact", "reference"),
+        **environment_options(config),
+    )
+    ours = found.figures()
+    for name in ("gap", "gap_ref", *(f"{levels}/{q}" for levels in ("train", "test") for q in QUANTITIES)):
+        assert ours[name] == pytest.approx(theirs[f"evaluation/{name}/deterministic"], rel=1e-13), name
+    assert {name: theirs[name] for name in ("w2/exact", "w2/reference")} == {f"w2/{m}": v for m, v in found.w2.items()}
+
+
+def test_every_episode_is_that_of_experiments():
+    options = environment_options(RunConfig(task=TaskConfig(options={"impulse": 1.0})))
+    rows = play_episodes(Linear(), TEST, np.arange(len(TEST)), options, rng=None, seed=5)
+    episodes = segar.evaluate_policy(Linear(), TRAIN, TEST, seed=5, **options).test.episodes
+    for name, column in episodes.columns().items():
+        assert column.tolist() == [row[name] for row in rows], name
+    for name, column in episodes.results.items():
+        assert column.tolist() == [row[f"results/{name}"] for row in rows], name
+
+
+def test_scores_are_those_of_the_baselines():
+    found = segar.evaluate_policy(Linear(), TRAIN[:3], TEST[:3], scores=True, max_steps=20)
+    task = dataclasses.replace(segar.puttputt(), max_steps=20)
+    baselines = find_baselines(TEST[:3], task, rng=np.random.default_rng(0))
+    assert found.test.baselines == baselines
+    assert found.test.score() == baselines.normalised(found.test.mean().value)
+    idle = play_episodes(IdleAgent(), TEST[:3], np.arange(3), {"max_steps": 20}, rng=None, seed=0)
+    assert found.test.idle == np.mean([row["return"] for row in idle])
+    assert {"test/score", "test/idle", "test/random", "test/oracle"} <= {*found.figures()} and "score" in str(found)
+
+
+def test_a_policy_with_begin_sees_the_environments_before_it_acts():
+    class Scripted:
+        def begin(self, env):
+            self.agent = ScriptedAgent()
+            self.agent.begin(env)
+
+        def __call__(self, observations):
+            return self.agent.act(observations, rng=None)
+
+    found = segar.evaluate_policy(Scripted(), TRAIN, TEST)
+    rows = play_episodes(ScriptedAgent(), TRAIN, np.arange(len(TRAIN)), {}, rng=None, seed=0)
+    assert found.train.episodes.returns.tolist() == [row["return"] for row in rows]
+
+
+def test_the_policy_gets_the_observations_of_all_environments_in_every_step():
+    seen = []
+
+    def policy(observations):
+        seen.append({name: part.shape for name, part in observations.items()})
+        return np.zeros((len(observations["state"]), 2), np.float32)
+
+    observation = {"state": "state", "look": segar.observations.Pixels(32)}
+    segar.evaluate_policy(policy, TRAIN[:3], TEST, observation=observation, max_steps=4, episodes=2)
+    width = segar.envs.VectorEnv(TRAIN, 1).single_observation_space.shape[0]
+    expected = [{"state": (n, width), "look": (n, 32, 32, 3)} for n in (6, 16) for _ in range(4)]
+    assert seen == expected
+
+
+def test_rounds_are_averaged_level_by_level():
+    found = segar.evaluate_policy(Linear(), TRAIN, TEST, episodes=3)
+    assert len(found.train.episodes) == 24 and found.train.episodes.level.tolist() == [*range(8)] * 3
+    once = segar.evaluate_policy(Linear(), TRAIN, TEST)
+    np.testing.assert_allclose(found.train.of_levels("return"), once.train.of_levels("return"))
+    assert found.gap() == pytest.approx(once.gap())  # rounds of a deterministic world tell nothing new about levels
+
+
+def test_the_intervals_are_student_s_and_welch_s():
+    rng = np.random.default_rng(0)
+    a, b = rng.normal(size=9), rng.normal(1.0, 3.0, size=14)
+    found = evaluation_of(a, b)
+    welch = stats.ttest_ind(b, a, equal_var=False).confidence_interval(0.95)
+    assert found.gap() == pytest.approx((b.mean() - a.mean(), welch.low, welch.high))
+    student = stats.ttest_1samp(b, 0.0).confidence_interval(0.95)
+    assert found.test.mean() == pytest.approx((b.mean(), student.low, student.high))
+
+
+def test_95_of_100_intervals_contain_the_gap():
+    rng = np.random.default_rng(1)
+    inside = 0
+    for _ in range(2000):
+        a, b = rng.normal(0.0, 1.0, 6), rng.normal(2.0, 4.0, 11)
+        found = _interval(b.mean() - a.mean(), [a, b])
+        inside += found.low <= 2.0 <= found.high
+    assert 0.93 < inside / 2000 < 0.97
+
+
+def test_one_level_has_no_interval_and_equal_levels_have_one_of_no_width():
+    one = evaluation_of([-1.0], [-3.0, -4.0]).gap()
+    assert one.value == -2.5 and np.isnan([one.low, one.high]).all()
+    assert evaluation_of([-1.0, -1.0], [-3.0, -3.0]).gap() == (-2.0, -2.0, -2.0)
+
+
+def test_what_is_printed_names_sets_gap_and_distance():
+    found = segar.evaluate_policy(Linear(), TRAIN, TEST, distances=("exact",))
+    lines = str(found).splitlines()
+    assert [line.split()[0] for line in lines] == ["levels", "train", "test", "gap", "W2"]
+    assert lines[3].endswith(str(found.gap()))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"policy": None}, "policy must be a function of observations, not None"),
+        ({"train": "empty-hard"}, "train must be a level set"),
+        ({"episodes": 0}, "episodes must be a whole number from 1 up, not 0"),
+        ({"episodes": 1.5}, "episodes must be a whole number from 1 up, not 1.5"),
+        ({"copy": False}, "'copy' is not to be chosen here"),
+        (
+            {"test": segar.family("objectsx1-easy").sample(2, seed=0)},
+            "would observe Box.* in the training levels and Box",
+        ),
+        ({"policy": lambda seen: np.zeros(3)}, "action"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(changes, message):
+    arguments = {"policy": Linear(), "train": TRAIN, "test": TEST} | changes
+    with pytest.raises(segar.SegarError, match=message):
+        segar.evaluate_policy(arguments.pop("policy"), arguments.pop("train"), arguments.pop("test"), **arguments)
+
+
+def test_scores_that_were_not_asked_for_are_refused():
+    with pytest.raises(segar.SegarError, match=r"evaluate_policy\(..., scores=True\)"):
+        evaluation_of([-1.0, -2.0], [-3.0]).train.score()
+
+
+def test_it_loads_no_torch():
+    code = (
+        "import sys, numpy as np, segar\n"
+        "a, b = (segar.family('empty-easy').sample(2, seed=0, split=s) for s in ('train', 'test'))\n"
+        "policy = lambda seen: np.zeros((len(seen), 2), np.float32)\n"
+        "print(segar.evaluate_policy(policy, a, b, scores=True, distances=('exact',), max_steps=5))\n"
+        "assert 'torch' not in sys.modules"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr

@@ -1,0 +1,74 @@
+"""Frames in an array need no pygame: it is loaded when the first is drawn, and where it is missing they are plain."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import warnings
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+import segar
+from segar.observations import Pixels
+from segar.rendering import View
+
+LEVELS = segar.family("objectsx2-hard").sample(4, seed=0)
+
+
+@pytest.fixture
+def no_pygame(monkeypatch):
+    find = sys.modules["importlib.util"].find_spec
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None if name == "pygame" else find(name))
+
+
+def test_pygame_is_loaded_by_the_first_frame_and_not_before():
+    code = (
+        "import sys, segar\n"
+        "env = segar.envs.Env(segar.family('empty-hard').sample(2, seed=0), render_mode='rgb_array', seed=0)\n"
+        "env.reset()\nassert 'pygame' not in sys.modules\n"
+        "env.render()\nassert 'pygame' in sys.modules\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("size", [64, 66, 200, 512])
+def test_without_pygame_frames_show_what_pixels_show(no_pygame, size):
+    view = View(size=size)
+    env = segar.envs.VectorEnv(LEVELS, 3, seed=0, render_mode="rgb_array", view=view)
+    side = min(size // 4 * 4, 256)
+    pixels = segar.envs.VectorEnv(LEVELS, 3, seed=0, observation=Pixels(side))
+    env.reset()
+    pixels.reset()
+    actions = np.full((3, 2), 0.4, np.float32)
+    env.step(actions)
+    seen = pixels.step(actions)[0]
+    with pytest.warns(UserWarning, match=r"pygame is not installed.*pip install 'segar\[render\]'"):
+        frames = env.render()
+    assert [frame.shape for frame in frames] == [view.shape] * 3
+    at = np.arange(size) * side // size
+    for frame, drawn in zip(frames, seen, strict=True):
+        np.testing.assert_array_equal(frame[:size], drawn[at[:, None], at])
+        assert not frame[size:].any()
+
+
+def test_the_warning_is_given_once(no_pygame):
+    env = segar.envs.Env(LEVELS, render_mode="rgb_array", seed=0)
+    env.reset()
+    with pytest.warns(UserWarning, match="pygame"):
+        env.render()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        env.render()
+
+
+def test_without_pygame_the_checker_of_gymnasium_passes(no_pygame):
+    env = gymnasium.make("Segar-empty-hard-state-v0", num_levels=2, render_mode="rgb_array")
+    assert env.unwrapped.metadata["render_modes"] == ["rgb_array"]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warnings.filterwarnings("ignore", "pygame is not installed", UserWarning)
+        check_env(env.unwrapped)
