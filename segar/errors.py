@@ -37,6 +37,10 @@ class ActionError(SegarError):
     """An action has the wrong shape or is not finite."""
 
 
+class UnseenDifferenceWarning(UserWarning):
+    """Level sets differ in something that the distance between them does not see."""
+
+
 def did_you_mean(name: object, names: Iterable[str]) -> str:
     """Return ``" Did you mean 'x'?"`` for the nearest of ``names``, or the list of names when none is near."""
     names = sorted(set(names))

@@ -11,11 +11,16 @@ from pathlib import Path
 from typing import Any
 
 from hydra.core.config_store import ConfigStore
+from omegaconf import OmegaConf
 
 from experiments.settings import CHECKOUT, KINDS, TRACKERS, ConfigError, RunConfig, algorithm_named, as_data
 from segar.levels import TASK_LEVELS, families
 from segar.observations import OBSERVATIONS
 from segar.tasks import TASKS
+
+WITH_OPTIONS = ("task", "observation")
+"""The groups with ``options``: keyword arguments of the named task or observation, which knows them. Any may be set without
+a ``+``."""
 
 
 def conf_dir() -> Path:
@@ -35,7 +40,10 @@ def register_settings(config_name: str = "config", settings: Mapping[str, Any] |
     store = ConfigStore.instance()
     if settings is not None:
         store.store(name=f"base_{config_name}", node=dict(settings))
-    store.store(name="base_config", node={key: v for key, v in as_data(RunConfig()).items() if key != "algorithm"})
+    base = {key: value for key, value in as_data(RunConfig()).items() if key != "algorithm"}
+    for group in WITH_OPTIONS:
+        base[group] |= {"options": OmegaConf.create({}, flags={"struct": False})}
+    store.store(name="base_config", node=base)
     for kind, config in KINDS.items():
         store.store(group="algorithm", name=f"base_{kind}", node=as_data(config()))
     choices = {

@@ -10,7 +10,7 @@ from hydra.core.override_parser.types import Glob, Override
 from hydra.errors import CompactHydraException, MissingConfigException
 from omegaconf import OmegaConf
 
-from experiments.commands.config_store import register_algorithm
+from experiments.commands.config_store import WITH_OPTIONS, register_algorithm
 from experiments.settings import OBJECT_NAME, RENAMED, TARGET, TYPE_IS_GONE, path_of, without_files
 from segar.errors import did_you_mean
 
@@ -95,7 +95,8 @@ def explain_overrides(error: CompactHydraException, overrides: Sequence[str], co
         return with_cause(error)
     known = list(dotted_names(settings))
     stated = (one.key_or_group for one in parsed if not (is_choice(one) or one.is_add() or one.is_hydra_override()))
-    unknown = next((name for name in stated if name not in known), None)
+    open_to_all = tuple(f"{group}.options." for group in WITH_OPTIONS)
+    unknown = next((name for name in stated if name not in known and not name.startswith(open_to_all)), None)
     return with_cause(error) if unknown is None else advice_on(unknown, settings, known)
 
 
@@ -105,9 +106,6 @@ def advice_on(name: str, settings: Mapping[str, Any], known: Sequence[str]) -> s
         return f"{name}: {TYPE_IS_GONE}"
     if name in RENAMED:
         return f"the setting '{name}' is called '{RENAMED[name]}' since release 0.2"
-    group, _, option = name.partition(".options.")
-    if option and f"{group}.options" in known:
-        return f"{name} has no value yet; with a + before it, it gets one: +{name}=..."
     first, second, *_ = (*name.split("."), "", "")
     is_own_algorithm = first == "algorithm" and TARGET in settings["algorithm"]
     if is_own_algorithm or (first == "grids" and second in settings["grids"]):

@@ -1,4 +1,4 @@
-"""Agents without training: a random one, an idle one, the scripted player, and the oracle, which knows the levels."""
+"""Agents without training: a random one, an idle one, the scripted player, and the best known, which a planner finds."""
 
 from typing import Any
 
@@ -55,9 +55,8 @@ class ScriptedAgent:
 
     def act(self, observation: Any, *, rng: torch.Generator | None) -> np.ndarray:
         """Actions float32 [n, size]."""
-        assert self.env.task.demo_actions is not None
         values = self.env.state().state.values
-        return self.env.in_action_space(self.env.task.demo_actions(Factors(self.env.levels.layout, values)))
+        return self.env.in_action_space(self.env.task.scripted_actions(Factors(self.env.levels.layout, values)))
 
 
 class Oracle:

@@ -1,5 +1,6 @@
 """What a policy achieves on given levels: one row per episode, and the figures that follow."""
 
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from typing import Any, Protocol
@@ -13,9 +14,10 @@ from experiments.runs.run_folder import RESULTS
 from experiments.settings import ACTION_MODES, RunConfig
 from segar import evaluation
 from segar.envs import Act, TimeStep, VectorEnv
+from segar.errors import UnseenDifferenceWarning
 from segar.evaluation import QUANTITIES
 from segar.levels import Levels
-from segar.metrics import coverage, effective_number, ks, sample_entropy, w2
+from segar.metrics import coverage, effective_number, ks, sample_entropy, unseen_differences, w2
 
 
 class Agent(Protocol):
@@ -138,8 +140,27 @@ def evaluation_figures(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
 
 def distance_figures(train: Levels, test: Levels, modes: Sequence[Any]) -> dict[str, float]:
     """How far test levels are from training levels: Wasserstein-2 in each mode, e.g. ``w2/exact``, and ``ks``, the
-    Kolmogorov-Smirnov statistic of all factors together."""
-    return {**{f"w2/{mode}": float(w2(train, test, mode=mode)) for mode in modes}, "ks": float(ks(train, test))}
+    Kolmogorov-Smirnov statistic of all factors together. The mode ``exact``, which sees most, comes first; what a mode does
+    not see, :func:`unseen_by_distances` says."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UnseenDifferenceWarning)
+        distances = {f"w2/{mode}": float(w2(train, test, mode=mode)) for mode in exact_first(modes)}
+        return {**distances, "ks": float(ks(train, test))}
+
+
+def unseen_by_distances(train: Levels, test: Levels, modes: Sequence[Any]) -> list[str]:
+    """A line for each mode of Wasserstein-2 that does not see all in which test levels differ from training levels."""
+    found = {mode: unseen_differences(train, test, mode) for mode in exact_first(modes)}
+    return [
+        f"warning: w2/{mode} does not see that test levels (second) differ from training levels (first): {'. '.join(texts)}"
+        for mode, texts in found.items()
+        if texts
+    ]
+
+
+def exact_first(modes: Sequence[Any]) -> list[Any]:
+    """The modes of Wasserstein-2, ``exact`` before those that see less."""
+    return sorted(modes, key=lambda mode: mode != "exact")
 
 
 def diversity_figures(train: Levels, test: Levels) -> dict[str, float]:

@@ -7,6 +7,7 @@ from experiments.settings.checks import Count, Seed, Settings, one_of, that
 from experiments.settings.run import ACTION_MODES, ActionMode
 
 Modes = Annotated[tuple[ActionMode, ...], that(bool, f"one or more of {', '.join(ACTION_MODES)}")]
+Samples = Annotated[int, that(lambda x: x >= 8, "at least 8")]
 Split = Annotated[str, one_of("train", "test")]
 Videos = Annotated[str, one_of("mp4", "gif", "none")]
 
@@ -23,7 +24,9 @@ class EvaluateConfig(Settings):
     world: str | None = None  # rules for a level file that was saved with rules of its own, as module:attribute
     episodes: Count = 1  # on each level, by the sampled policy
     modes: Modes = ACTION_MODES
-    scores: bool = True  # normalised between the random agent (0) and the oracle (1); takes 0.1 s per level
+    scores: bool = True  # normalised between the random agent (0) and the best known return (1), found by a planner
+    planner_samples: Samples = 64  # candidates per level and round of its search, which takes 0.1 s per level
+    planner_iterations: Count = 5  # rounds of its search; more of both make scores above 1 less likely
     videos: Videos = "mp4"  # of the best, the median and the worst level; or gif, or none
     out: str | None = None  # folder of the results; None: evaluations/ of the run folder, named by the levels
     num_threads: Count = 1

@@ -10,7 +10,13 @@ from typing import Any
 from experiments.algorithms.learner import Learner, learner_class, make_learner
 from experiments.commands import process_defaults as runtime
 from experiments.commands.signals import SignalMonitor, watch_signals
-from experiments.evaluation.episodes import distance_figures, diversity_figures, evaluate_run, evaluation_figures
+from experiments.evaluation.episodes import (
+    distance_figures,
+    diversity_figures,
+    evaluate_run,
+    evaluation_figures,
+    unseen_by_distances,
+)
 from experiments.levels.builders import environment_options, make_levels
 from experiments.runs.executed_code import changed_parts, executed_code
 from experiments.runs.journal import Journal
@@ -32,6 +38,7 @@ from experiments.runs.versions import levels_hash, versions
 from experiments.settings import ConfigError, RunConfig, RunFolderError, TrainingError
 from experiments.tracking.mlflow_sync import files_of
 from experiments.tracking.tracker import Tracker, start_tracking
+from experiments.training.large_numbers import advice, large_numbers
 from experiments.training.training_loop import Training
 from segar.envs import VectorEnv
 from segar.envs.torchrl_env import TorchRLEnv
@@ -115,6 +122,9 @@ def _carry_out(
     train, test = make_levels(config.levels)
     env = _make_environment(kind, config, train)
     check_observations(config, train, test)
+    large = large_numbers(config, train)
+    if large:
+        say(advice(large, config))
     learner = make_learner(kind, config.algorithm, env, config.scale.frames, config.seed)
     code = executed_code(config) if code is None else code
     training = Training(config, folder, learner, journal, signals, code)
@@ -125,6 +135,8 @@ def _carry_out(
     write_json(folder / VERSIONS, {**versions(), "code": code, "levels": hashes})
     tracker.begin(training.history.rows)
 
+    for line in unseen_by_distances(train, test, config.evaluation.distances):
+        say(line)
     journal.doing = "training"
     try:
         training.train(test)

@@ -1,6 +1,7 @@
 """``segar sample``, ``segar distance``, ``segar describe``: levels, how far sets of them are apart, and their priors."""
 
 import argparse
+import warnings
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ from segar import metrics
 from segar.cli import arguments
 from segar.cli.figures import draw_marginals
 from segar.cli.priors_text import composition, described
+from segar.errors import UnseenDifferenceWarning
 
 MODES = ("exact", "reference", "paper")
 
@@ -52,6 +54,7 @@ def sample(chosen: argparse.Namespace) -> None:
 def distance(chosen: argparse.Namespace) -> None:
     """``segar distance``."""
     a, b = (arguments.load_levels(path, chosen.world) for path in (chosen.a, chosen.b))
+    warnings.simplefilter("ignore", UnseenDifferenceWarning)  # the answer says it
     by_factor = metrics.ks_by_factor(a, b)
     answer: dict[str, Any] = {"a": chosen.a, "b": chosen.b, "levels": [len(a), len(b)], "mode": chosen.mode}
     answer |= {"w2": metrics.w2(a, b, chosen.mode), "ks": metrics.ks(a, b)}
@@ -60,11 +63,14 @@ def distance(chosen: argparse.Namespace) -> None:
         w2 = metrics.w2_report(a, b, chosen.mode, rng=rng, resamples=chosen.resamples)
         ks = metrics.ks_report(a, b, rng=rng, resamples=chosen.resamples)
         answer |= {"w2_95": [w2.low, w2.high], "w2_floor": w2.floor, "w2_p_value": w2.p_value, "ks_p_value": ks.p_value}
+    answer["unseen"] = list(metrics.unseen_differences(a, b, chosen.mode))
     answer["ks_by_factor"] = dict(sorted(by_factor.items(), key=lambda item: -item[1]))
-    measures = [(name, value) for name, value in answer.items() if name not in ("a", "b", "ks_by_factor")]
+    shown_apart = ("a", "b", "unseen", "ks_by_factor")
+    measures = [(name, value) for name, value in answer.items() if name not in shown_apart]
     factors = list(answer["ks_by_factor"].items())
     tables = arguments.table(("measure", "value"), measures), arguments.table(("factor", "ks"), factors)
-    arguments.print_answer(chosen, answer, "\n\n".join(tables))
+    unseen = "".join(f"\n\nnot seen by w2: {text}" for text in answer["unseen"])
+    arguments.print_answer(chosen, answer, "\n\n".join(tables) + unseen)
 
 
 def describe(chosen: argparse.Namespace) -> None:

@@ -96,8 +96,7 @@ def scripted(task: Task) -> Policy:
     """The scripted player of a task as a policy; raises :class:`SegarError` where there is none."""
     if task.demo_actions is None:
         raise SegarError(f"task {task.name} has no scripted player.{did_you_mean('uniform', POLICIES)}")
-    script = task.demo_actions
-    return lambda observations, info, rng: script(info["factors"])
+    return lambda observations, info, rng: task.scripted_actions(info["factors"])
 
 
 def show_progress(done: int, shards: int) -> None:

@@ -46,7 +46,7 @@ class LevelSetResult:
     Attributes:
         episodes: all that were played, level by level in rounds.
         levels: how many there are.
-        baselines: mean returns of the random agent and of the oracle; ``idle``: of an agent that does nothing. None where
+        baselines: mean returns of the random agent and the best known ones; ``idle``: of an agent that does nothing. None where
             no scores were asked for.
     """
 
@@ -65,7 +65,7 @@ class LevelSetResult:
         return _interval(of_levels.mean(), [of_levels])
 
     def score(self, returns: float | None = None) -> float:
-        """The normalised score of a mean return, by default the policy's: 0 for the random agent's, 1 for the oracle's.
+        """The normalised score of a mean return, by default the policy's: 0 for the random agent's, 1 for the best known.
 
         Raises:
             SegarError: no scores were asked for.
@@ -151,7 +151,7 @@ def evaluate_policy(
             its actions is its own affair.
         episodes: on each level.
         seed: of the environments, for tasks whose physics is random, and of the agents behind the scores.
-        scores: also find what a random agent, an idle one and the oracle achieve, about 0.1 s per level.
+        scores: also find what a random agent, an idle one and the planner achieve, about 0.1 s per level.
         distances: modes of :func:`segar.metrics.w2` between the level sets to measure, e.g. ``("exact",)``.
         options: of :class:`segar.envs.VectorEnv`: ``observation``, ``task``, ``num_threads``, ``unit_actions``, ``world``
             and so on, as in training.

@@ -180,8 +180,10 @@ def open_loop(actions: np.ndarray) -> Player:
 
 def scripted(starts: Starts) -> Player | None:
     """The scripted player of the task, None where it has none."""
-    demo, layout = starts.task.demo_actions, starts.levels.layout
-    return None if demo is None else lambda step, rows, values: demo(Factors(layout, values))
+    task, layout = starts.task, starts.levels.layout
+    if task.demo_actions is None:
+        return None
+    return lambda step, rows, values: task.scripted_actions(Factors(layout, values))
 
 
 def uniform_actions(task: Task, n: int, steps: int, rng: np.random.Generator) -> np.ndarray:

@@ -90,6 +90,11 @@ class Layout:
 
     def factor(self, name: str) -> type[Factor]:
         """The factor class called ``name``; raises :class:`LevelError`."""
+        if name in (p.__name__ for p in self.parameters):
+            raise LevelError(
+                f"no entity has a factor '{name}', which is a world parameter: it belongs to the level, in Levels.parameters."
+                " To change it, take levels with another value"
+            )
         if name not in self.by_name:
             raise LevelError(f"no entity has a factor '{name}'.{did_you_mean(name, self.by_name)}")
         return self.by_name[name][0]
@@ -161,6 +166,11 @@ class Factors(OnAccess):
         """Names of the entities, in the order of the arrays' second axis."""
         return self._layout.names
 
+    @property
+    def num_envs(self) -> int:
+        """Length of the arrays' first axis."""
+        return len(self._values) if self._rows is None else self._num_envs
+
     def slots(self, entity_type: type[Entity]) -> list[int]:
         """Places in the arrays' second axis where only entities of this type can be; raises :class:`LevelError`."""
         slots = self._layout.slots
@@ -211,22 +221,26 @@ class SingleResults(OnAccess):
 
 
 class SingleFactors(OnAccess):
-    """The factors of a batch of one: float64 ``(entities,)`` or ``(entities, 2)``; see :class:`Factors`."""
+    """The factors of a batch of one: float64 ``(entities,)`` or ``(entities, 2)``; see :class:`Factors`.
+
+    Attributes:
+        batch: the same as :class:`Factors` of one environment.
+    """
 
     def __init__(self, batch: Factors) -> None:
-        self._batch = self._names = batch
+        self.batch = self._names = batch
 
     @property
     def entities(self) -> tuple[str, ...]:
         """Names of the entities, in the order of the arrays' first axis."""
-        return self._batch.entities
+        return self.batch.entities
 
     def slots(self, entity_type: type[Entity]) -> list[int]:
         """Places in the arrays' first axis where only entities of this type can be."""
-        return self._batch.slots(entity_type)
+        return self.batch.slots(entity_type)
 
     def __getitem__(self, name: str) -> np.ndarray:
-        return self._batch[name][0]
+        return self.batch[name][0]
 
 
 def _results(functions: Mapping[str, Any], factors: Factors) -> Results:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from segar.errors import SegarError
-from segar.language.layout import Factors
+from segar.language.layout import Factors, SingleFactors
 from segar.language.pickling import packed, unpacked
 from segar.language.rule_definition import Rule, as_rule, value_rule
 
@@ -63,8 +63,9 @@ class Task:
         sub_steps: sub-steps per step.
         results: name to a function of ``info["factors"]`` that returns an array ``(num_envs, ...)``. ``info`` and
             ``final_info`` hold it under ``"results"``; it is computed only when it is read.
-        demo_actions: function of ``info["factors"]`` that gives the actions of a scripted player, float32
-            ``(num_envs, action size)``, for demonstrations and for comparison.
+        demo_actions: function of the :class:`Factors` of a batch of environments that gives the actions of a scripted
+            player, float32 ``(num_envs, action size)``, for demonstrations and for comparison. Whoever plays it calls
+            :meth:`scripted_actions`, so that it always gets a batch, of one environment too.
     """
 
     name: str
@@ -87,6 +88,28 @@ class Task:
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
                 raise SegarError(f"task {self.name}: {name} must be a whole number of at least 1, not {value!r}")
+
+    def scripted_actions(self, factors: Factors | SingleFactors) -> np.ndarray:
+        """The actions of the scripted player, float32 ``(num_envs, action size)``; ``(action size,)`` of a single environment.
+
+        Args:
+            factors: ``info["factors"]`` of a batch or of a single environment.
+
+        Raises:
+            SegarError: the task has no scripted player, or ``demo_actions`` returns an array of another shape.
+        """
+        if self.demo_actions is None:
+            raise SegarError(f"task {self.name} has no scripted player; give it demo_actions=")
+        batch = factors.batch if isinstance(factors, SingleFactors) else factors
+        actions = np.asarray(self.demo_actions(batch), np.float32)
+        expected = (batch.num_envs, len(self.action_low))
+        if actions.shape != expected:
+            raise SegarError(
+                f"task {self.name}: demo_actions must return one row of actions for each environment, an array of shape"
+                f" {expected}, not {actions.shape}. The factors that it is given lead with the environment, of one"
+                " environment too: factors['Position'] has the shape (num_envs, entities, 2)"
+            )
+        return actions[0] if isinstance(factors, SingleFactors) else actions
 
     def __getstate__(self) -> dict[str, Any]:
         return packed(vars(self))

@@ -17,6 +17,7 @@ from segar.metrics.representative_sets import (
     effective_number,
     representativeness,
 )
+from segar.metrics.unseen import unseen_differences
 from segar.metrics.visual import VisualDistance, clustering_w2, visual_distance, visual_w2
 from segar.metrics.w2_parts import DebiasedW2, Decomposition, Floor, decompose, same_distribution_floor, w2_debiased
 from segar.metrics.w2_variants import (

@@ -11,6 +11,7 @@ from segar.language import Factor
 from segar.levels import LevelDistribution, Levels, checks
 from segar.metrics.distribution_functions import Curve, SampleAgainstDistribution, TwoSamples, factor_marginals
 from segar.metrics.joint_kernel import largest_difference
+from segar.metrics.unseen import warn_of_unseen
 
 Side = Levels | LevelDistribution
 
@@ -52,6 +53,7 @@ class KSReport:
             is exact whatever the factors' dependence, since whole levels are dealt or drawn.
         factors: the marginals, most different (smallest p-value, then largest value) first.
         confidence: that of the bands.
+        unseen: in what both sides differ that the statistic does not see; see :func:`segar.metrics.unseen_differences`.
     """
 
     value: float
@@ -59,6 +61,7 @@ class KSReport:
     factors: tuple[FactorKS, ...]
     confidence: float
     resamples: int
+    unseen: tuple[str, ...] = ()
 
 
 def ks(a: Side, b: Side, *, factors: Sequence[type[Factor]] | None = None) -> float:
@@ -85,7 +88,9 @@ def ks(a: Side, b: Side, *, factors: Sequence[type[Factor]] | None = None) -> fl
         LevelError: one of the two is neither levels nor a distribution, or a factor's prior depends on other factors, so
             that its distribution is known through samples only.
     """
-    return joint_difference([m.curve() for m in factor_marginals("ks", a, b, factors)])
+    found = joint_difference([m.curve() for m in factor_marginals("ks", a, b, factors)])
+    warn_of_unseen("ks", a, b, "exact", factors)
+    return found
 
 
 def ks_by_factor(a: Side, b: Side, *, factors: Sequence[type[Factor]] | None = None) -> dict[str, float]:
@@ -95,7 +100,9 @@ def ks_by_factor(a: Side, b: Side, *, factors: Sequence[type[Factor]] | None = N
     ``"world.Gravity"``. A factor is compared among the entities that there are: of a type that one side lacks, there is
     the count alone. Arguments and errors are those of :func:`ks`.
     """
-    return {m.name: m.largest_difference() for m in factor_marginals("ks", a, b, factors)}
+    found = {m.name: m.largest_difference() for m in factor_marginals("ks", a, b, factors)}
+    warn_of_unseen("ks_by_factor", a, b, "exact", factors)
+    return found
 
 
 def ks_report(
@@ -137,6 +144,7 @@ def ks_report(
         factors=tuple(sorted(found, key=lambda f: (f.p_value, -f.value))),
         confidence=confidence,
         resamples=resamples,
+        unseen=warn_of_unseen("ks_report", a, b, "exact", factors),
     )
 
 

@@ -1,7 +1,7 @@
 """Levels as vectors, a Euclidean approximation of their distance, and two-sample tests on these: energy, kernel, classifier."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
@@ -10,6 +10,7 @@ from segar.errors import LevelError
 from segar.language import Factor
 from segar.levels import Levels, PointSets, checks, entity_types
 from segar.metrics.points import Spread, Units
+from segar.metrics.unseen import warn_of_unseen
 from segar.metrics.wasserstein import MISMATCH
 
 DIRECTIONS = 50  # at least so many for a type that a level can have several of; as many as the 2022 code projects on
@@ -120,12 +121,14 @@ class TwoSampleTest:
         value: the statistic.
         floor: what it is on average if both sets have one distribution.
         p_value: of the hypothesis of one distribution, exact for levels that are drawn independently.
+        unseen: in what the sets differ that the distance does not see; see :func:`segar.metrics.unseen_differences`.
     """
 
     name: str
     value: float
     floor: float
     p_value: float
+    unseen: tuple[str, ...] = ()
 
 
 def energy_test(
@@ -152,7 +155,8 @@ def energy_test(
     checks.require_levels("energy_test", a, b)
     checks.require_generator("energy_test", rng)
     vectors = np.concatenate(embed(a, b, scale=scale, factors=factors))
-    return _permutation_test("energy", -_distances(vectors), len(a), rng, resamples)
+    found = _permutation_test("energy", -_distances(vectors), len(a), rng, resamples)
+    return replace(found, unseen=warn_of_unseen("energy_test", a, b, "exact", factors))
 
 
 def mmd_test(
@@ -176,7 +180,8 @@ def mmd_test(
     h = median_distance(distances) if bandwidth is None else bandwidth
     if not 0 < h < np.inf:
         raise LevelError(f"mmd_test: the bandwidth must be a positive number, not {bandwidth!r}")
-    return _permutation_test("mmd", np.exp(-0.5 * (distances / h) ** 2), len(a), rng, resamples)
+    found = _permutation_test("mmd", np.exp(-0.5 * (distances / h) ** 2), len(a), rng, resamples)
+    return replace(found, unseen=warn_of_unseen("mmd_test", a, b, "exact", factors))
 
 
 def classifier_test(
@@ -212,7 +217,8 @@ def classifier_test(
     scores = np.round(scores, 9)
     test = scipy.stats.mannwhitneyu(scores[~learn & is_b], scores[~learn & ~is_b], alternative="greater")
     pairs = int((~learn & is_b).sum()) * int((~learn & ~is_b).sum())
-    return TwoSampleTest("classifier", float(test.statistic) / pairs, 0.5, float(test.pvalue))
+    unseen = warn_of_unseen("classifier_test", a, b, "exact", factors)
+    return TwoSampleTest("classifier", float(test.statistic) / pairs, 0.5, float(test.pvalue), unseen)
 
 
 def _permutation_test(name: str, kernel: np.ndarray, n: int, rng: np.random.Generator, resamples: int) -> TwoSampleTest:

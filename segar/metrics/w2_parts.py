@@ -11,7 +11,8 @@ from segar.errors import LevelError
 from segar.language import Factor, Parameter
 from segar.levels import LevelDistribution, Levels, PointSets, checks, entity_types
 from segar.metrics.points import Spread, Units, shorter_way, spread
-from segar.metrics.wasserstein import MISMATCH, Mode, cost_function, exact_costs, w2
+from segar.metrics.unseen import warn_of_unseen
+from segar.metrics.wasserstein import MISMATCH, Mode, cost_function, exact_costs
 from segar.support import emd, plan_of
 
 NEGLIGIBLE = 1e-15  # mass of a pair of levels below which it is a rounding error of zero
@@ -29,12 +30,14 @@ class Decomposition:
             without counterpart, and (``Parameter``, parameter) what a world parameter adds. They sum to the square.
         by_level_a, by_level_b: share of the square that each level has in it, float64 ``[n]`` and ``[m]``; each sums to
             the square.
+        unseen: in what the sets differ that the distance does not see; see :func:`segar.metrics.unseen_differences`.
     """
 
     value: float
     parts: dict[tuple[type, type[Factor] | None], float]
     by_level_a: np.ndarray
     by_level_b: np.ndarray
+    unseen: tuple[str, ...] = ()
 
     @property
     def by_entity(self) -> dict[str, float]:
@@ -67,6 +70,7 @@ def decompose(
     Arguments and errors are those of :func:`segar.metrics.w2`. The distance is that of the paper's Algorithm 1.
     """
     units, types = Units.checked("decompose", (a, b), scale, factors), entity_types(a, b)
+    unseen = warn_of_unseen("decompose", a, b, "exact", factors)
     costs = exact_costs(a, b, types, units, mismatch)
     plan = plan_of(costs)
     i, j = np.nonzero(plan > NEGLIGIBLE)
@@ -85,7 +89,7 @@ def decompose(
         parts[Parameter, p] = float(mass @ shorter_way(x.points[i] - y.points[j], x.periods)[:, 0] ** 2)
     each = plan * costs
     square = max(float(each.sum()), 0.0)
-    return Decomposition(float(np.sqrt(square)), parts, each.sum(axis=1), each.sum(axis=0))
+    return Decomposition(float(np.sqrt(square)), parts, each.sum(axis=1), each.sum(axis=0), unseen)
 
 
 def _matched_squares(
@@ -144,6 +148,7 @@ class DebiasedW2:
             positive.
         standard_error: of ``square``, from the floors' repetitions and from those of the distance between fresh sets.
         debiased: the root of ``square``, 0 where that is negative.
+        unseen: in what the sets differ that the distance does not see; see :func:`segar.metrics.unseen_differences`.
     """
 
     value: float
@@ -152,6 +157,7 @@ class DebiasedW2:
     square: float
     standard_error: float
     debiased: float
+    unseen: tuple[str, ...] = ()
 
 
 def same_distribution_floor(
@@ -214,7 +220,8 @@ def w2_debiased(
             )
     unit = (spread(a, b) if scale is None else scale) if mode == "exact" else None
     options = {"mode": mode, "mismatch": mismatch, "scale": unit, "factors": factors}
-    value = float(np.sqrt(emd(cost_function("w2_debiased", a, b, **options)(a, b))))
+    value = _distance("w2_debiased", a, b, options)
+    unseen = warn_of_unseen("w2_debiased", a, b, mode, factors)
     of_a, of_b = (checks.require_distribution("w2_debiased", levels.distribution) for levels in (a, b))
     n, m = len(a), len(b)
     pairs = ((of_a, n), (of_a, m)), ((of_b, n), (of_b, m)), ((of_a, n), (of_b, m))
@@ -228,6 +235,7 @@ def w2_debiased(
         square=square,
         standard_error=float(np.sqrt(variances[2] + 0.25 * (variances[0] + variances[1]) / repeats)),
         debiased=float(np.sqrt(max(square, 0.0))),
+        unseen=unseen,
     )
 
 
@@ -251,5 +259,10 @@ def _distances(
     found = []
     for _ in range(repeats):
         a, b = (source.sample(n, seed=int(rng.integers(2**62)), split=FRESH_SPLIT) for source, n in (first, second))
-        found.append(w2(a, b, **options))
+        found.append(_distance("w2", a, b, options))
     return np.array(found)
+
+
+def _distance(what: str, a: Levels, b: Levels, options: dict[str, Any]) -> float:
+    """:func:`segar.metrics.w2` in the name of ``what``, without a word on what it does not see."""
+    return float(np.sqrt(emd(cost_function(what, a, b, **options)(a, b))))

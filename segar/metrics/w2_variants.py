@@ -14,6 +14,7 @@ from segar.language import Factor
 from segar.levels import Levels, checks
 from segar.metrics.level_vectors import embed, frames
 from segar.metrics.points import Spread
+from segar.metrics.unseen import warn_of_unseen
 from segar.metrics.wasserstein import MISMATCH, Mode, cost_function
 from segar.support import TRANSPORT_STEPS, plan_of, pot
 
@@ -27,11 +28,18 @@ KL_GAP = 1e-3  # share of the objective that may be left to gain
 
 @dataclass(frozen=True)
 class SlicedW2:
-    """A sliced distance; ``standard_error`` is that of having drawn so many ``projections`` and no more."""
+    """A sliced distance.
+
+    Attributes:
+        value: the distance.
+        standard_error: that of having drawn so many ``projections`` and no more.
+        unseen: in what the sets differ that the distance does not see; see :func:`segar.metrics.unseen_differences`.
+    """
 
     value: float
     standard_error: float
     projections: int
+    unseen: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -42,11 +50,13 @@ class EntropicW2:
         value: root of the Sinkhorn divergence OT_e(a, b) - OT_e(a, a) / 2 - OT_e(b, b) / 2.
         transport: root of the cost <G, C> of the entropic plan between a and b; at least :func:`segar.metrics.w2`.
         regularisation: e, in the unit of the squared distance.
+        unseen: in what the sets differ that the distance does not see; see :func:`segar.metrics.unseen_differences`.
     """
 
     value: float
     transport: float
     regularisation: float
+    unseen: tuple[str, ...] = ()
 
 
 def w2_sliced(
@@ -80,14 +90,15 @@ def w2_sliced(
     if projections < 2:
         raise LevelError(f"w2_sliced needs at least 2 projections, not {projections}")
     x, y = embed(a, b, scale=scale, mismatch=mismatch, factors=factors)
+    unseen = warn_of_unseen("w2_sliced", a, b, "exact", factors)
     dimension = x.shape[1]
     if dimension == 0:
-        return SlicedW2(0.0, 0.0, 0)
+        return SlicedW2(0.0, 0.0, 0, unseen)
     directions = frames(dimension, projections, rng)
     squares = dimension * np.asarray(pot().wasserstein_1d(x @ directions, y @ directions, p=2))
     value = float(np.sqrt(squares.mean()))
     error = float(squares.std(ddof=1) / np.sqrt(len(squares))) if len(squares) > 1 else 0.0
-    return SlicedW2(value, error / (2 * value) if value > 0 else 0.0, len(squares))
+    return SlicedW2(value, error / (2 * value) if value > 0 else 0.0, len(squares), unseen)
 
 
 def w2_entropic(
@@ -116,16 +127,17 @@ def w2_entropic(
     if not 0 < regularisation < np.inf:
         raise LevelError(f"w2_entropic: the regularisation must be a positive number, not {regularisation!r}")
     cost = cost_function("w2_entropic", a, b, mode, mismatch, scale, factors)
+    unseen = warn_of_unseen("w2_entropic", a, b, mode, factors)
     between = cost(a, b)
     epsilon = regularisation * float(between.mean())
     if epsilon == 0.0:
-        return EntropicW2(0.0, 0.0, 0.0)
+        return EntropicW2(0.0, 0.0, 0.0, unseen)
     plan = _sinkhorn(between, epsilon)
     transport = float((plan * between).sum())
     square = _objective(plan, between, epsilon)
     for own in (cost(a, a), cost(b, b)):
         square -= 0.5 * _objective(_sinkhorn(own, epsilon), own, epsilon)
-    return EntropicW2(float(np.sqrt(max(square, 0.0))), float(np.sqrt(transport)), epsilon)
+    return EntropicW2(float(np.sqrt(max(square, 0.0))), float(np.sqrt(transport)), epsilon, unseen)
 
 
 def _sinkhorn(cost: np.ndarray, epsilon: float) -> np.ndarray:
@@ -165,12 +177,14 @@ class UnbalancedW2:
         value: the distance.
         transported: share of the mass of the sets that the plan moves, in [0, 1].
         left_a, left_b: share of each level that has no counterpart, float64 ``[n]`` and ``[m]``, in [0, 1].
+        unseen: in what the sets differ that the distance does not see; see :func:`segar.metrics.unseen_differences`.
     """
 
     value: float
     transported: float
     left_a: np.ndarray
     left_b: np.ndarray
+    unseen: tuple[str, ...] = ()
 
 
 def w2_unbalanced(
@@ -208,6 +222,7 @@ def w2_unbalanced(
     if not 0 < reach < np.inf:
         raise LevelError(f"w2_unbalanced: reach must be a positive number, not {reach!r}")
     cost = cost_function("w2_unbalanced", a, b, mode, mismatch, scale, factors)(a, b)
+    unseen = warn_of_unseen("w2_unbalanced", a, b, mode, factors)
     if divergence == "kl":
         plan = _kl_plan(cost, reach)
         square = float((plan * cost).sum())
@@ -217,7 +232,7 @@ def w2_unbalanced(
         plan = plan_of(np.minimum(cost, 2 * reach**2))
         square = float((plan * np.minimum(cost, 2 * reach**2)).sum())
         plan = np.where(cost < 2 * reach**2, plan, 0.0)
-    return _result(plan, square)
+    return _result(plan, square, unseen)
 
 
 def w2_partial(
@@ -237,6 +252,7 @@ def w2_partial(
     if not 0 < mass <= 1:
         raise LevelError(f"w2_partial: mass must lie in (0, 1], not {mass!r}")
     cost = cost_function("w2_partial", a, b, mode, mismatch, scale, factors)(a, b)
+    unseen = warn_of_unseen("w2_partial", a, b, mode, factors)
     if mass == 1:
         plan = plan_of(cost)
     else:
@@ -244,14 +260,14 @@ def w2_partial(
         plan = pot().partial.partial_wasserstein(
             np.full(n, 1 / n), np.full(m, 1 / m), cost, m=mass, numItermax=TRANSPORT_STEPS
         )
-    return _result(plan, float((plan * cost).sum()) / mass)
+    return _result(plan, float((plan * cost).sum()) / mass, unseen)
 
 
-def _result(plan: np.ndarray, square: float) -> UnbalancedW2:
+def _result(plan: np.ndarray, square: float, unseen: tuple[str, ...]) -> UnbalancedW2:
     n, m = plan.shape
     left_a, left_b = (np.clip(1 - size * plan.sum(axis=axis), 0.0, 1.0) for axis, size in ((1, n), (0, m)))
     left_a, left_b = (np.where(left < 1e-9, 0.0, left) for left in (left_a, left_b))
-    return UnbalancedW2(float(np.sqrt(max(square, 0.0))), float(plan.sum()), left_a, left_b)
+    return UnbalancedW2(float(np.sqrt(max(square, 0.0))), float(plan.sum()), left_a, left_b, unseen)
 
 
 def _kl_plan(cost: np.ndarray, reach: float) -> np.ndarray:

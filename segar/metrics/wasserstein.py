@@ -13,6 +13,7 @@ from segar.language import Drag, Entity, Factor
 from segar.levels import Levels, checks, entity_types, gather
 from segar.metrics.points import Spread, Units
 from segar.metrics.transport import balanced_costs, matching_costs, sliced_costs
+from segar.metrics.unseen import warn_of_unseen
 from segar.support import emd, pot
 
 Mode = Literal["exact", "reference", "paper"]
@@ -45,6 +46,7 @@ class W2Report:
             would be if both were from one distribution.
         p_value: share of such deals (the given one counted in) that are at least as far apart as ``value``: the
             permutation test of equal distributions.
+        unseen: in what the sets differ that the distance does not see; see :func:`unseen_differences`.
     """
 
     value: float
@@ -54,6 +56,7 @@ class W2Report:
     p_value: float
     mode: Mode
     resamples: int
+    unseen: tuple[str, ...] = ()
 
 
 def w2(
@@ -99,9 +102,14 @@ def w2(
     Raises:
         LevelError: not two level sets, an unknown mode, or an option that the mode does not have.
 
+    Warns:
+        UnseenDifferenceWarning: the sets differ in something that the mode leaves out (world parameters in ``reference`` and
+            ``paper``) or that no mode sees (rules); once, with their names. See :func:`segar.metrics.unseen_differences`.
+
     Source: the paper's Algorithm 1; Peyré and Cuturi 2019, section 2.
     """
     cost = cost_function("w2", a, b, mode, mismatch, scale, factors)
+    warn_of_unseen("w2", a, b, mode, factors)
     return float(np.sqrt(emd(cost(a, b))))
 
 
@@ -126,6 +134,7 @@ def w2_report(
     if resamples < 2:
         raise LevelError(f"w2_report needs at least 2 resamples, not {resamples}")
     cost = cost_function("w2_report", a, b, mode, mismatch, scale, factors)
+    unseen = warn_of_unseen("w2_report", a, b, mode, factors)
     between = cost(a, b)
     value = float(np.sqrt(emd(between)))
     n, m = between.shape
@@ -148,6 +157,7 @@ def w2_report(
         p_value=float((1 + sum(d >= value for d in dealt)) / (1 + resamples)),
         mode=mode,
         resamples=resamples,
+        unseen=unseen,
     )
 
 

@@ -99,8 +99,8 @@ def has_died(ball: GolfBall) -> bool:
 def demo_actions(factors: Factors, impulse: float = IMPULSE) -> np.ndarray:
     """The actions of a scripted player, float32 ``(num_envs, 2)``: straight to the goal, slower the nearer it is.
 
-    It reads ``info["factors"]`` (of one environment too, for an action ``(2,)``), does not avoid obstacles, and has the
-    same actions as the agent: a push that is too large is scaled down.
+    It does not avoid obstacles, and has the same actions as the agent: a push that is too large is scaled down. Of the
+    factors of a single environment it gives a single action, as 0.1 did.
     """
     ball, goal = factors.slots(GolfBall)[0], factors.slots(GoalTile)[0]
     x, v, m = factors["Position"], factors["Velocity"][..., ball, :], factors["Mass"][..., ball]

@@ -18,26 +18,30 @@ class Reads(NamedTuple):
     type_reads: np.ndarray
     missing: float
     limit: float
+    parameters: np.ndarray
+    parameter_reads: np.ndarray
 
 
 def no_reads() -> Reads:
     """A table without columns."""
     nothing = np.zeros((0, 0), np.int64)
-    return Reads(nothing, nothing, nothing, 0.0, 0.0)
+    return Reads(nothing, nothing, nothing, 0.0, 0.0, np.zeros((0, 0)), nothing)
 
 
 @cached(**_options)
 def gather_range(values, level, rows, start, stop, table, out):
     """Fill ``rows[start:stop]`` of ``out``, float32 ``(num_envs, places)``, by :func:`gather`."""
     gather(
-        values, level, rows[start:stop], table.types, table.reads, table.type_reads, None, None, None, table.missing,
-        table.limit, out, None,
+        values, level, rows[start:stop], table.types, table.reads, table.type_reads, table.parameters,
+        table.parameter_reads, None, None, None, table.missing, table.limit, out, None,
     )  # fmt: skip
 
 
 @cached(**_options)
-def gather(values, level, rows, types, reads, type_reads, seen, shift, scale, missing, limit, out, mask):
-    """Fill ``out[rows]`` with numbers of the states, and then with truths about the types of entities.
+def gather(
+    values, level, rows, types, reads, type_reads, parameters, parameter_reads, seen, shift, scale, missing, limit, out, mask
+):  # fmt: skip
+    """Fill ``out[rows]`` with numbers of the states, with truths about the types of entities, and with world parameters.
 
     A number that is nan in the state is missing, and shown as ``missing``; others are shifted, scaled and clipped to
     ``limit``. Where ``seen`` (then no slot is -1), ``shift`` or ``mask`` is None, the kernel is compiled without what
@@ -50,8 +54,10 @@ def gather(values, level, rows, types, reads, type_reads, seen, shift, scale, mi
         reads: int64 ``(k, 5)``: slot (-1: always missing), column, entry of ``out``, a column that hides the number
             where it holds false (-1: none), entry of ``mask``.
         type_reads: int64 ``(k, 4)``: entry of ``out``, slot, type whose presence there is shown, entry of ``mask``.
+        parameters: float64 ``(levels, parameters)``.
+        parameter_reads: int64 ``(p, 3)``: entry of ``out``, column of ``parameters``, entry of ``mask``.
         seen: bool ``(entities, types)``, whether a type is shown in a slot; the others are missing.
-        shift, scale: float ``(k,)``, for each of ``reads``.
+        shift, scale: float ``(k + p,)``, for each of ``reads`` and then of ``parameter_reads``.
         out: float ``(num_envs, places)``; ``mask``: like it, 1 where a number is not missing.
     """
     for row in range(len(rows)):
@@ -81,3 +87,11 @@ def gather(values, level, rows, types, reads, type_reads, seen, shift, scale, mi
                 if seen is not None:
                     there = there and seen[slot, kind]
                 mask[env, type_reads[k, 3]] = there
+        for k in range(parameter_reads.shape[0]):
+            value = parameters[level[env], parameter_reads[k, 1]]
+            if shift is not None:
+                value = (value - shift[reads.shape[0] + k]) * scale[reads.shape[0] + k]
+            value = limit if value > limit else value
+            out[env, parameter_reads[k, 0]] = -limit if value < -limit else value
+            if mask is not None:
+                mask[env, parameter_reads[k, 2]] = 1.0

@@ -1,10 +1,11 @@
 """Which number of a state observation is what: slots by their names and types, factors, types, masks; and its unit.
 
-Numbers may be measured in units of the prior: from its mean, divided by its spread. The prior is the distribution that the
-levels come from. Equal numbers of training and test levels of one distribution thus mean equal states. A number that several
-types may supply has the mean and the spread of their mixture in equal parts. A vector has one spread, the root mean square
-of its components', so that directions stay comparable. A number that the prior does not vary keeps its unit and is measured
-from its constant. Size keeps its unit [m] and its zero, since outlines of hulls do not follow it.
+Numbers may be divided by constants, factor by factor. Others may be measured in units of the prior: from its mean, divided
+by its spread. The prior is the distribution that the levels come from. Equal numbers of training and test levels of one
+distribution thus mean equal states. A number that several types may supply has the mean and the spread of their mixture in
+equal parts. A vector has one spread, the root mean square of its components', so that directions stay comparable. A number
+that the prior does not vary keeps its unit and is measured from its constant. Size keeps its unit [m] and its zero, since
+outlines of hulls do not follow it.
 """
 
 from dataclasses import dataclass, field
@@ -12,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from segar.errors import LevelError, did_you_mean
-from segar.language import Entity, Factor, Layout, Position, Size, Slot, Visible
+from segar.language import Entity, Factor, Layout, Parameter, Position, Size, Slot, Visible
 from segar.levels import Levels, source_moments
 from segar.observations.state.state_options import StateOptions
 
@@ -28,26 +29,31 @@ class Places:
         names: what each number is, in C order.
         reads: int64 ``[k, 5]``: slot, column, place of the number, column that must be true or -1, place of its mask.
         type_reads: int64 ``[k, 4]``: place of the number, slot, type, place of its mask.
+        parameter_reads: int64 ``[p, 3]``: place of the number, column of ``Levels.parameters``, place of its mask.
         seen: bool ``[slot, type + 1]`` (the last for absent ones), which types are shown; None where all are.
         read_factors: what each of ``reads`` is: its factor and component.
+        parameters: what each of ``parameter_reads`` is.
     """
 
     shape: tuple[int, ...]
     names: list[str]
     reads: np.ndarray
     type_reads: np.ndarray
+    parameter_reads: np.ndarray
     seen: np.ndarray | None
     read_factors: list[tuple[type[Factor], int]]
+    parameters: list[type[Parameter]]
 
 
 @dataclass
 class _Draft:
-    """The numbers found so far: ``numbers`` as (slot, factor, component), ``types`` as (slot, type), by place."""
+    """The numbers found so far, by place: ``numbers`` as (slot, factor, component), ``types`` as (slot, type)."""
 
     layout: Layout
     names: list[str] = field(default_factory=list)
     numbers: dict[int, tuple[int, type[Factor], int]] = field(default_factory=dict)
     types: dict[int, tuple[int, type[Entity]]] = field(default_factory=dict)
+    parameters: dict[int, type[Parameter]] = field(default_factory=dict)
 
     def add_factor(self, slot: int, factor: type[Factor]) -> None:
         for component in range(factor.width):
@@ -58,6 +64,10 @@ class _Draft:
     def add_type(self, slot: int, kind: type[Entity]) -> None:
         self.types[len(self.names)] = slot, kind
         self.names.append(f"{self._slot_name(slot)}.is_{kind.__name__}")
+
+    def add_parameter(self, parameter: type[Parameter]) -> None:
+        self.parameters[len(self.names)] = parameter
+        self.names.append(f"world.{parameter.__name__}")
 
     def _slot_name(self, slot: int) -> str:
         return self.layout.slots[slot].name if slot != EMPTY else "empty"
@@ -70,8 +80,11 @@ def lay_out(options: StateOptions, layout: Layout) -> Places:
     rows = (
         _lay_out_table(options, draft, chosen) if options.form == "table" else _lay_out_vector(options, draft, chosen)
     )
+    for parameter in _chosen_parameters(options, layout):
+        draft.add_parameter(parameter)
     if not draft.names:
         raise LevelError("StateVector: nothing is left to show; give it other entities, factors or hidden factors")
+    _require_scaled(options, draft)
     seen = _seen(layout, chosen)
     return _places(options, draft, rows, seen)
 
@@ -134,6 +147,7 @@ def _places(options: StateOptions, draft: _Draft, rows: int, seen: np.ndarray | 
     type_reads = [
         (place_of[at], slot, layout.types.index(kind), mask_of[at]) for at, (slot, kind) in draft.types.items()
     ]
+    parameter_reads = [(place_of[at], layout.parameters.index(p), mask_of[at]) for at, p in draft.parameters.items()]
     if seen is None and any(read[0] == EMPTY for read in reads):
         seen = np.ones((len(layout.slots), len(layout.types) + 1), np.bool_)
     return Places(
@@ -141,9 +155,22 @@ def _places(options: StateOptions, draft: _Draft, rows: int, seen: np.ndarray | 
         names,
         np.array(reads, np.int64).reshape(-1, 5),
         np.array(type_reads, np.int64).reshape(-1, 4),
+        np.array(parameter_reads, np.int64).reshape(-1, 3),
         seen,
         [(factor, component) for _, factor, component in draft.numbers.values()],
+        list(draft.parameters.values()),
     )
+
+
+def _require_scaled(options: StateOptions, draft: _Draft) -> None:
+    """Raise :class:`LevelError` where ``scale`` names something of which no number is shown."""
+    shown = {*(factor for _, factor, _ in draft.numbers.values()), *draft.parameters.values()}
+    for scaled in options.scales:
+        if not any(issubclass(factor, scaled) for factor in shown):
+            names = [factor.__name__ for factor in shown]
+            raise LevelError(
+                f"StateVector: scale: no {scaled.__name__} is shown.{did_you_mean(scaled.__name__, names)}"
+            )
 
 
 def _chosen_slots(options: StateOptions, layout: Layout) -> dict[int, tuple[type[Entity], ...]]:
@@ -197,6 +224,21 @@ def _chosen_factors(options: StateOptions, layout: Layout) -> list[type[Factor]]
     return [f for f in found if options.has_number_of(f)]
 
 
+def _chosen_parameters(options: StateOptions, layout: Layout) -> list[type[Parameter]]:
+    """The world parameters that are shown, in order; raises :class:`LevelError` for one that the levels do not have."""
+    found: dict[type[Parameter], None] = {}
+    for parameter in options.chosen_parameters:
+        known = [p for p in layout.parameters if issubclass(p, parameter)]
+        if not known:
+            near = did_you_mean(parameter.__name__, [p.__name__ for p in layout.parameters])
+            raise LevelError(
+                f"StateVector: these levels have no world parameter {parameter.__name__}; give it in the distribution's"
+                f" 'parameters'.{near}"
+            )
+        found |= dict.fromkeys(known)
+    return [p for p in found if options.has_number_of(p)]
+
+
 def _seen(layout: Layout, chosen: dict[int, tuple[type[Entity], ...]]) -> np.ndarray | None:
     """Which types are shown; see :class:`Places`."""
     if all(set(kinds) == set(layout.slots[k].types) for k, kinds in chosen.items()):
@@ -215,29 +257,39 @@ def _is_open(slot: Slot) -> bool:
 NO_SPREAD = 1e-9  # standard deviation over mean below which a factor is constant but for rounding
 
 
-def shift_and_scale(places: Places, levels: Levels) -> tuple[np.ndarray, np.ndarray]:
-    """The number to subtract from each entry of ``places.reads``, and the factor to multiply by then; float64 ``[k]`` both.
+def shift_and_scale(
+    options: StateOptions, places: Places, levels: Levels
+) -> tuple[np.ndarray, np.ndarray] | tuple[None, None]:
+    """What to subtract from each of ``places.reads`` and then of ``places.parameter_reads``, and what to multiply by then;
+    float64 ``[k + p]`` both, or None where numbers are shown as they are.
 
     Raises:
-        LevelError: the levels know no distribution.
+        LevelError: numbers shall be normalised, and the levels know no distribution.
     """
-    moments = source_moments(levels)
-    if not moments:
+    if not (options.normalise or options.scales):
+        return None, None
+    moments = source_moments(levels) if options.normalise else {}
+    if options.normalise and not moments:
         raise LevelError(
             "StateVector(normalise=True) measures by the prior, and these levels know none: they were made by hand, or saved"
             " by an earlier version. Sample them from a LevelDistribution, or leave normalise out"
         )
-    shift, scale = np.zeros(len(places.reads)), np.ones(len(places.reads))
-    for k, (slot, (factor, component)) in enumerate(zip(places.reads[:, 0], places.read_factors, strict=True)):
-        kinds = levels.layout.slots[slot].types if slot != EMPTY else ()
+    owners = [levels.layout.slots[slot].types if slot != EMPTY else () for slot in places.reads[:, 0]]
+    of_entities = [(*read, kinds) for read, kinds in zip(places.read_factors, owners, strict=True)]
+    numbers = [*of_entities, *((parameter, 0, (Parameter,)) for parameter in places.parameters)]
+    shift, scale = np.zeros(len(numbers)), np.ones(len(numbers))
+    for k, (factor, component, kinds) in enumerate(numbers):
+        constant = options.scale_of(factor)
         known = [moments[kind, factor] for kind in kinds if (kind, factor) in moments]
-        if known and not issubclass(factor, Size):
-            mean, spread = _mean_and_spread(known, factor)
+        if constant is not None:
+            scale[k] = 1.0 / constant
+        elif known and not issubclass(factor, Size):
+            mean, spread = _mean_and_spread(known)
             shift[k], scale[k] = mean[component], 1.0 / spread
     return shift, scale
 
 
-def _mean_and_spread(known: list[tuple[np.ndarray, np.ndarray]], factor: type[Factor]) -> tuple[np.ndarray, float]:
+def _mean_and_spread(known: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, float]:
     """Mean of each component, and the one spread, of a mixture of distributions with these means and variances; a spread of 1
     where the mixture is constant."""
     means, variances = (np.stack(values) for values in zip(*known, strict=True))

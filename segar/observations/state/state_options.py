@@ -1,7 +1,7 @@
 """The options of state observations: which entities and factors are shown, and in which form."""
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -16,6 +16,7 @@ from segar.language import (
     Factor,
     InfiniteEnergy,
     Order,
+    Parameter,
     Visible,
     concrete_factors,
 )
@@ -71,6 +72,8 @@ class StateOptions:
     mask: Literal["numbers", "dict"] | None = None
     normalise: bool = False
     sees_invisible: bool = True
+    parameters: Sequence[str | type[Parameter]] = ()
+    scale: Mapping[str | type[Factor], float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for option, known in (("form", FORMS), ("mask", MASKS)):
@@ -84,21 +87,64 @@ class StateOptions:
             )
         if not np.isfinite(self.missing):
             raise SegarError(f"StateVector: missing must be a finite number, not {self.missing!r}; mask= marks it")
-        _ = self.chosen_factors, self.hidden_factors  # raise for what is no factor
+        if self.parameters and self.form == "table":
+            raise SegarError(
+                "StateVector: world parameters belong to no row of a table; show them beside it, as in"
+                " {'table': StateVector(form='table'), 'world': StateVector(entities=[], parameters=[...])}"
+            )
+        _ = self.chosen_factors, self.hidden_factors, self.chosen_parameters, self.scales  # raise for what is no factor
 
     def shows(self, factor: type[Factor]) -> bool:
         """Whether the vector changes with the factor's values, of the entities shown that have it."""
         return self.has_number_of(factor) or (factor is Visible and not self.sees_invisible)
 
     def has_number_of(self, factor: type[Factor]) -> bool:
-        """Whether the factor's values are among the numbers, of the entities shown that have it."""
+        """Whether the factor's or parameter's values are among the numbers, of the entities shown that have it."""
+        if issubclass(factor, Parameter):
+            return issubclass(factor, self.chosen_parameters) and not issubclass(factor, self.hidden_factors)
         chosen = self.chosen_factors is None or issubclass(factor, self.chosen_factors)
         return factor.width > 0 and chosen and not issubclass(factor, self.hidden_factors)
 
     @property
     def chosen_factors(self) -> tuple[type[Factor], ...] | None:
         """The classes of ``factors``; None stands for all."""
-        return None if self.factors is None else factors_of("StateVector: factors", self.factors)
+        found = None if self.factors is None else factors_of("StateVector: factors", self.factors)
+        for factor in found or ():
+            if issubclass(factor, Parameter):
+                name = factor.__name__
+                raise FactorError(
+                    f"StateVector: factors: {name} is a world parameter, which no entity has; write parameters=[{name}]"
+                )
+        return found
+
+    @property
+    def chosen_parameters(self) -> tuple[type[Parameter], ...]:
+        """The classes of ``parameters``."""
+        found = factors_of("StateVector: parameters", self.parameters)
+        for factor in found:
+            if not issubclass(factor, Parameter):
+                name = factor.__name__
+                raise FactorError(
+                    f"StateVector: parameters: {name} is a factor of entities, not a world parameter; write factors=[{name}]"
+                )
+        return found  # type: ignore[return-value]
+
+    @property
+    def scales(self) -> dict[type[Factor], float]:
+        """The classes that ``scale`` names, and what their numbers are divided by."""
+        if not isinstance(self.scale, Mapping):
+            raise FactorError(f"StateVector: scale maps factors to numbers, as in {{Mass: 2.0}}, not {self.scale!r}")
+        factors = [factors_of("StateVector: scale", [factor])[0] for factor in self.scale]
+        for factor, value in zip(factors, self.scale.values(), strict=True):
+            if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0 < value < np.inf:
+                raise FactorError(
+                    f"StateVector: scale: {factor.__name__} is divided by a finite number above 0, not by {value!r}"
+                )
+        return dict(zip(factors, map(float, self.scale.values()), strict=True))
+
+    def scale_of(self, factor: type[Factor]) -> float | None:
+        """What the factor's numbers are divided by, by its nearest class in ``scale``; None where it names none."""
+        return next((self.scales[kind] for kind in factor.__mro__ if kind in self.scales), None)
 
     @property
     def hidden_factors(self) -> tuple[type[Factor], ...]:

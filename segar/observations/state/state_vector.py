@@ -66,6 +66,10 @@ class StateVector(StateOptions):
         normalise: whether numbers are measured from the prior's mean in units of its spread; see
             :mod:`segar.observations.state.places`.
         sees_invisible: whether things are shown that are not Visible; otherwise their numbers are missing.
+        parameters: world parameters or their names, sub-classes included, that are shown after all else, as the level
+            has them; of a vector only.
+        scale: factor or parameter, or its name, to a constant that its numbers are divided by, such as ``{Hits: 200}``
+            for a counter; sub-classes included, the nearest class counts. It takes the place of ``normalise`` there.
 
     Raises:
         SegarError: an option is unknown, or a factor is no factor or has no number.
@@ -75,7 +79,7 @@ class StateVector(StateOptions):
         """The observation at work on these levels.
 
         Raises:
-            LevelError: they lack a chosen entity or factor, or, to be normalised, know no distribution.
+            LevelError: they lack a chosen entity, factor or parameter, or, to be normalised, know no distribution.
         """
         return BoundStateVector(self, levels)
 
@@ -84,17 +88,21 @@ class BoundStateVector:
     """:class:`StateVector` in one batch of environments; see :class:`segar.observations.protocol.WrittenBySimulator`.
 
     Attributes:
-        names: what each number is, e.g. ``golfball.Position.x``.
+        names: what each number is, e.g. ``golfball.Position.x`` or ``world.Gravity``.
     """
 
     def __init__(self, state: StateVector, levels: Levels) -> None:
         self._places = lay_out(state, levels.layout)
         self.names = self._places.names
-        self._shift, self._scale = shift_and_scale(self._places, levels) if state.normalise else (None, None)
+        self._shift, self._scale = shift_and_scale(state, self._places, levels)
         self._types, self._missing, self._mask = levels.types, float(state.missing), state.mask
+        self._parameters = np.ascontiguousarray(levels.parameters)
         self.reads: Reads | None = None
         if self._places.seen is None and self._shift is None and self._mask is None:
-            self.reads = Reads(levels.types, self._places.reads, self._places.type_reads, self._missing, FACTOR_LIMIT)
+            self.reads = Reads(
+                levels.types, self._places.reads, self._places.type_reads, self._missing, FACTOR_LIMIT, self._parameters,
+                self._places.parameter_reads,
+            )  # fmt: skip
         box = gymnasium.spaces.Box(-FACTOR_LIMIT, FACTOR_LIMIT, self._places.shape, np.float32)
         self.space: gymnasium.Space = box
         if state.mask == "dict":
@@ -111,8 +119,8 @@ class BoundStateVector:
         mask = mask.reshape(len(mask), -1) if self._mask is not None else None
         places = self._places
         gather(
-            values, level, rows, self._types, places.reads, places.type_reads, places.seen, self._shift, self._scale,
-            self._missing, FACTOR_LIMIT, state.reshape(len(state), -1), mask,
+            values, level, rows, self._types, places.reads, places.type_reads, self._parameters, places.parameter_reads,
+            places.seen, self._shift, self._scale, self._missing, FACTOR_LIMIT, state.reshape(len(state), -1), mask,
         )  # fmt: skip
 
 

@@ -55,7 +55,7 @@ def test_an_idle_agent_does_not_move():
     np.testing.assert_array_equal(before, after)
 
 
-def test_the_random_agent_scores_0_and_the_oracle_1():
+def test_the_random_agent_scores_0_and_the_best_known_return_1():
     baselines = find_baselines(LEVELS, rng=np.random.default_rng(0), plays=50, samples=32, iterations=3)
     assert baselines.normalised(baselines.random) == 0.0
     assert baselines.normalised(baselines.oracle) == 1.0
@@ -66,8 +66,9 @@ def test_the_random_agent_scores_0_and_the_oracle_1():
 
 
 def test_scores_are_normalised_entry_by_entry_and_are_nan_where_nothing_can_be_won():
-    np.testing.assert_allclose(Baselines(-10.0, -1.0).normalised([-10.0, -5.5, -1.0, -19.0]), [0.0, 0.5, 1.0, -1.0])
-    assert np.isnan(Baselines(-2.0, -2.0).normalised(-3.0))
+    ends = Baselines(-10.0, np.array([-1.5, -0.5]))
+    np.testing.assert_allclose(ends.normalised([-10.0, -5.5, -1.0, -19.0]), [0.0, 0.5, 1.0, -1.0])
+    assert np.isnan(Baselines(-2.0, np.array([-2.0])).normalised(-3.0))
 
 
 def test_an_oracle_refuses_levels_that_its_plan_is_not_for():

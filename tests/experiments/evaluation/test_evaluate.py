@@ -12,7 +12,7 @@ import pytest
 
 import segar
 from experiments.commands.hydra_app import run_simple_command
-from experiments.evaluation.evaluator import choose_levels, evaluate
+from experiments.evaluation.evaluator import choose_levels, evaluate, mean_returns
 from experiments.runs.run_folder import CHECKPOINT, PREVIOUS, read_episodes, read_summary
 from experiments.settings import (
     CHECKOUT,
@@ -23,7 +23,7 @@ from experiments.settings import (
     RunFolderError,
 )
 from experiments.training.run import run
-from segar.evaluation import find_baselines
+from segar.evaluation import Baselines, find_baselines
 from tests.experiments.short_runs import short_run
 
 QUICK = {"scores": False, "videos": "none"}
@@ -61,7 +61,7 @@ def test_any_levels_can_be_played_and_everything_is_written(trained, tmp_path):
     assert np.array_equal(levels.values, wanted.values, equal_nan=True)
     assert json.loads((found.folder / "summary.json").read_text()) == found.summary
     assert "run after 256 frames, on 5 levels of empty-medium (split test, seed 3):" in said[0]
-    for name in ("deterministic", "sampled", "no-op", "random", "oracle"):
+    for name in ("deterministic", "sampled", "no-op", "random", "best known"):
         assert name in said[0]
 
 
@@ -72,6 +72,40 @@ def test_scores_lie_between_chance_and_the_oracle_on_the_same_levels(trained):
     for player in found.summary["players"].values():
         assert player["score"] == pytest.approx(baselines.normalised(player["return"]))
     assert found.summary["anchors"]["oracle"] > found.summary["anchors"]["random"]
+    for name, player in found.summary["players"].items():
+        of_mode = [row for row in found.episodes if row["action_mode"] == name]
+        if of_mode:
+            beaten = sum(value > baselines.best_known[level] for level, value in mean_returns(of_mode).items())
+            assert player["above_best_known"] == beaten
+
+
+def test_a_score_above_1_is_told_with_the_levels_and_the_settings_of_a_larger_search(trained, monkeypatch):
+    # A planner that is stopped at the random agent's return plus a little is beaten by everything that is better.
+    def too_small(levels, task, *, samples, iterations, **others):
+        asked.append((samples, iterations))
+        return Baselines(-1000.0, np.full(len(levels), -999.0))
+
+    asked, said = [], []
+    monkeypatch.setattr("experiments.evaluation.evaluator.find_baselines", too_small)
+    config = EvaluateConfig(str(trained), videos="none", planner_samples=16, planner_iterations=3)
+    found = evaluate(config, said.append)
+    assert asked == [(16, 3)]
+    (line,) = (line for line in said if "note: deterministic" in line)
+    assert "beats the best known return on 3 of 3 levels (score" in line
+    assert line.endswith("enlarge it: planner_samples=64 planner_iterations=6")
+    assert found.summary["players"]["deterministic"]["above_best_known"] == 3
+
+
+def test_the_size_of_the_planner_is_a_setting_that_decides_the_best_known_return(trained):
+    levels = {"levels": "tilesx1-medium", "n": 6}
+    algorithm = short_run(trained).algorithm
+    run_folder = run(short_run(trained.parent / "pixels", observation=ObservationConfig("rgb"), algorithm=algorithm))
+    best = [
+        evaluate(EvaluateConfig(str(run_folder.folder), **levels, videos="none", modes=("deterministic",), **size))
+        for size in ({"planner_samples": 8, "planner_iterations": 1}, {})
+    ]
+    small, usual = (found.summary["anchors"]["oracle"] for found in best)
+    assert usual > small
 
 
 def test_a_film_shows_the_episode_that_was_counted(trained):

@@ -58,7 +58,6 @@ def own_module(tmp_path, monkeypatch):
         ("levels.cuont=3", "no setting is called 'levels.cuont'. Did you mean 'levels.count'?"),
         ("+levels.cuont=3", "no setting is called 'levels.cuont'. Did you mean 'levels.count'?"),
         ("algorithm.lr=1", "no setting is called 'algorithm.lr'."),
-        ("task.options.reward=linear", "with a + before it, it gets one: +task.options.reward=..."),
         ("levels.count=ten", "levels.count: 'ten' is not a whole number"),
         ("levels.count=2.5", "levels.count: 2.5 is not a whole number"),
         ("levels.count=0", "levels.count: 0 is not allowed; it must be at least 1"),
@@ -96,8 +95,8 @@ def test_a_wrong_setting_is_named_with_the_nearest_right_one(override, says):
         ("levels.train=own_levels:number", "levels.train: 'own_levels:number' is no level distribution"),
         ("levels.train=own_lvls:ice", "levels.train: 'own_lvls:ice' cannot be imported"),
         ("task.name=putput", "task.name: no task is called 'putput'. Did you mean 'puttputt'?"),
-        ("+task.options.rewrd=linear", "task.options: puttputt has no 'rewrd'. Did you mean 'reward'?"),
-        ("+task.options.reward=linaer", "Did you mean 'linear'?"),
+        ("task.options.rewrd=linear", "task.options: puttputt has no 'rewrd'. Did you mean 'reward'?"),
+        ("task.options.reward=linaer", "Did you mean 'linear'?"),
         ("observation.name=stat", "observation.name: no observation is called 'stat'. Did you mean 'state'?"),
     ],
 )
@@ -187,12 +186,31 @@ def command(cwd, *arguments):
 
 
 def test_a_named_observation_takes_options():
-    config = compose(
-        ["observation=textures", "+observation.options.textures=five", "+observation.options.hidden=[Mass]"]
-    )
+    config = compose(["observation=textures", "observation.options.textures=five", "observation.options.hidden=[Mass]"])
     seen = environment_options(config)["observation"]
     assert isinstance(seen, TexturedPixels) and len(seen.texture_set) == 5
     assert seen.shows(segar.Charge) and not seen.shows(segar.Mass)
+
+
+@pytest.mark.parametrize(
+    ("overrides", "names"),
+    [
+        (["observation.options.hidden=[Mass]"], {"golfball.Mass": False, "golfball.Charge": True}),
+        (["observation.options.parameters=[Gravity]"], {"world.Gravity": True}),
+        (["observation=state_normalised", "observation.options.scale.Mass=2"], {"golfball.Mass": True}),
+        (["observation.options={entities: [goal], parameters: [Gravity]}"], {"world.Gravity": True, "goal.Heat": True}),
+    ],
+)
+def test_options_of_an_observation_need_no_plus_and_keep_its_meaning(overrides, names):
+    config = compose(overrides)
+    assert config == compose([f"+{one}" if ".options." in one else one for one in overrides])
+    env = VectorEnv(segar.family("empty-easy").sample(1, seed=0), 1, seed=0, **environment_options(config))
+    assert {name: name in env.observation.names for name in names} == names
+
+
+def test_a_wrong_name_beside_an_option_is_the_one_that_is_told():
+    with pytest.raises(ConfigError, match=r"no setting is called 'levels\.cuont'"):
+        compose(["task.options.reward=linear", "levels.cuont=3"])
 
 
 def test_few_environments_are_stepped_by_one_thread():

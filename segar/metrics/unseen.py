@@ -1,0 +1,204 @@
+"""What a distance does not see: in what level sets differ that it leaves out."""
+
+import sys
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import scipy
+
+from segar.errors import UnseenDifferenceWarning
+from segar.language import Alive, Done, Entity, Factor, Parameter, Visible
+from segar.levels import LevelDistribution, Levels, checks, entity_types, moments
+from segar.metrics.points import all_parameters
+from segar.rules import World
+
+FLAGS: tuple[type[Factor], ...] = (Visible, Alive, Done)
+"""The factors among ``segar.metrics.points.IRRELEVANT`` that an episode may depend on; the rest follow from others, concern
+drawing, or no rule reads them."""
+
+SIGNIFICANT = 1e-3  # two-sample test below which values speak against one distribution
+MATERIAL = (
+    0.2  # differences of a mean, and of a spread, in spreads: beyond what a sample of 2000 levels makes by chance
+)
+STAND_IN = 200  # levels that stand for a distribution
+SEGAR = Path(__file__).resolve().parents[1]
+
+
+def unseen_differences(
+    a: Levels | LevelDistribution, b: Levels | LevelDistribution, mode: str = "exact"
+) -> tuple[str, ...]:
+    """In what two level sets differ that a distance between them does not see, one text each.
+
+    No distance sees rules and contacts. The modes ``reference`` and ``paper`` of :func:`segar.metrics.w2` do not see world
+    parameters, and ``reference`` takes entity types that have the same factors for one. The mode ``exact``, KS and all
+    other distances see these, and leave out whether things are visible, alive or done at the start.
+
+    Whether numbers differ is decided by mean and spread of the distributions that the levels come from, and by a
+    two-sample test of the levels at hand. Rules differ if one set has a rule that the other lacks; levels from a file know
+    the names of their rules only.
+
+    >>> here, there = (segar.Levels.from_entities([[segar.Ball()]], {segar.Gravity: g}) for g in (9.8, 3.7))
+    >>> segar.metrics.unseen_differences(here, there, "reference")
+    ("parameter Gravity: 9.8 against 3.7; mode 'exact' sees it",)
+
+    Args:
+        mode: of w2; "exact" also stands for all distances that have no mode.
+
+    Raises:
+        LevelError: not two level sets or distributions.
+    """
+    sets = [_levels(one) for one in (a, b)]
+    found = []
+    if mode != "exact":
+        found += [
+            f"parameter {p.__name__}: {_ranges(sets, Parameter, p)}; mode 'exact' sees it"
+            for p in all_parameters(*sets)
+            if _differ(sets, Parameter, p)
+        ]
+    else:
+        present = [entity_types(one) for one in sets]
+        found += [
+            f"factor {factor.__name__} of {kind.__name__}: {_ranges(sets, kind, factor)}; modes 'reference' and 'paper' see it"
+            for kind in present[0]
+            for factor in FLAGS
+            if kind in present[1] and factor in kind.declared and _differ(sets, kind, factor)
+        ]
+    if mode == "reference":
+        found += _merged_types(sets)
+    return (*found, *_rules(*sets))
+
+
+def warn_of_unseen(
+    what: str,
+    a: Levels | LevelDistribution,
+    b: Levels | LevelDistribution,
+    mode: str = "exact",
+    factors: Sequence[type[Factor]] | None = None,
+) -> tuple[str, ...]:
+    """The :func:`unseen_differences`, after one warning that names them; none where the caller chose the ``factors``."""
+    found = unseen_differences(a, b, mode) if factors is None else ()
+    if found:
+        of_mode = f" in mode '{mode}'" if mode != "exact" else ""
+        warnings.warn(
+            f"{what}{of_mode} does not see that the level sets differ in {len(found)} respect{'s'[: len(found) > 1]}: "
+            + ". ".join(found),
+            UnseenDifferenceWarning,
+            stacklevel=_caller(),
+        )
+    return found
+
+
+def _caller() -> int:
+    """The ``stacklevel`` of the first caller outside of this package."""
+    frame, level = sys._getframe(1), 1
+    while frame.f_back is not None and SEGAR in Path(frame.f_code.co_filename).parents:
+        frame, level = frame.f_back, level + 1
+    return level
+
+
+def _levels(one: Levels | LevelDistribution) -> Levels:
+    if isinstance(one, LevelDistribution):
+        return one.sample(STAND_IN, seed=0, split="unseen differences")
+    checks.require_levels("unseen_differences", one)
+    return one
+
+
+def _values(levels: Levels, owner: type, factor: type[Factor]) -> np.ndarray:
+    """The numbers of a factor of one entity type, or of a world parameter, float64 ``[number]``."""
+    if owner is Parameter:
+        return moments.gather_parameters(levels, [factor]).points[:, 0]  # type: ignore[list-item]
+    return moments.gather_state(levels, owner, [factor]).points[:, 0]
+
+
+def _differ(sets: Sequence[Levels], owner: type, factor: type[Factor]) -> bool:
+    x, y = (_values(levels, owner, factor) for levels in sets)
+    if len(np.unique(np.concatenate([x, y]))) == 1:
+        return False
+    method = "exact" if max(len(x), len(y)) <= 1000 else "asymp"
+    if scipy.stats.ks_2samp(x, y, method=method).pvalue < SIGNIFICANT:  # type: ignore[union-attr]
+        return True
+    sources = [levels.provenance.distribution for levels in sets]
+    if sources[0] and sources[0] == sources[1]:
+        return False
+    (mean_x, spread_x), (mean_y, spread_y) = (
+        _mean_and_spread(levels, values, owner, factor) for levels, values in zip(sets, (x, y), strict=True)
+    )
+    return max(abs(mean_x - mean_y), abs(spread_x - spread_y)) > MATERIAL * max(spread_x, spread_y)
+
+
+def _mean_and_spread(levels: Levels, values: np.ndarray, owner: type, factor: type[Factor]) -> tuple[float, float]:
+    """Mean and spread under the distribution that the levels come from; of the values where none is known."""
+    known = moments.source_moments(levels).get((owner, factor))
+    if known is None:
+        return float(values.mean()), float(values.std())
+    return float(known[0][0]), float(np.sqrt(known[1][0]))
+
+
+def _ranges(sets: Sequence[Levels], owner: type, factor: type[Factor]) -> str:
+    ends = [(values.min(), values.max()) for values in (_values(levels, owner, factor) for levels in sets)]
+    return " against ".join(f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}" for low, high in ends)
+
+
+def _merged_types(sets: Sequence[Levels]) -> list[str]:
+    """The entity types of the user's in one set that the mode ``reference`` takes for types of the other.
+
+    Types of SEGAR with the same factors differ by the values of these alone, which the mode sees.
+    """
+    present = [entity_types(levels) for levels in sets]
+    found = []
+    for mine, others, place in ((*present, "first"), (*present[::-1], "second")):
+        numbers = [{f for f in kind.declared if f.width} for kind in others]
+        merged = [
+            kind.__name__
+            for kind in mine
+            if kind not in others and not _is_shipped(kind) and {f for f in kind.declared if f.width} in numbers
+        ]
+        if merged:
+            found.append(f"entity {', '.join(merged)}: only in the {place} set; mode 'exact' tells it from others")
+    return found
+
+
+def _is_shipped(kind: type[Entity]) -> bool:
+    return kind.__module__.partition(".")[0] == "segar"
+
+
+def _rules(a: Levels, b: Levels) -> list[str]:
+    """What only one of the sets has of rules and contacts, as one text; none where they are the same."""
+    if a.world is b.world and a.provenance.rules == b.provenance.rules:
+        return []
+    by_name = any(levels.world is None and levels.provenance.rules for levels in (a, b))
+    of_a, of_b = (_rules_of(levels, by_name) for levels in (a, b))
+    only = [
+        ", ".join(dict.fromkeys(text for key, text in x.items() if key not in y))
+        for x, y in ((of_a, of_b), (of_b, of_a))
+    ]
+    texts = [
+        f"{names} only in the {place} set" for names, place in zip(only, ("first", "second"), strict=True) if names
+    ]
+    return [f"rules: {' and '.join(texts)}; no distance sees them"] if texts else []
+
+
+def _rules_of(levels: Levels, by_name: bool) -> dict[str, str]:
+    """What decides whether two rules are the same, to what they are called.
+
+    Args:
+        by_name: the rules alone, by their names, because the other levels know no more.
+    """
+    world = levels.world or World()
+    if by_name:
+        named = levels.provenance.rules if levels.world is None else ()
+        names = [place.partition(" (")[0] for place in named or [rule.where for rule in world.rules]]
+        return {name: name for name in names}
+    found = {f"{rule.where} {rule.priority} {rule.tree!r} {_relation(rule)}": rule.where for rule in world.rules}
+    for name in ("limit", "wall_contact", "pair_contact", "solid"):
+        rule = getattr(world, name)
+        found[f"{name} {rule and (rule.where, repr(rule.tree))}"] = f"{name}={rule and rule.where}"
+    found |= {f"on_contact {rule.where} {rule.tree!r}": rule.where for rule in world.on_contact}
+    return found | {f"walls {world.walls}": f"walls={world.walls:g}"}
+
+
+def _relation(rule: object) -> str:
+    relation = getattr(rule, "relation", None)
+    return "" if relation is None else repr(getattr(relation, "truth", relation))
