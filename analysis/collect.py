@@ -40,6 +40,7 @@ from experiments.runs.run_folder import (
     read_summary,
     read_versions,
 )
+from experiments.runs.versions import computed_with
 from experiments.settings import ACTION_MODES, RunConfig, RunFolderError, flat, grid_point, panel_parts
 
 PLAN = "plan.json"
@@ -250,14 +251,16 @@ def run_row(
 
 
 def software(versions: Mapping[str, Any]) -> dict[str, str]:
-    """``code`` (fingerprint), ``commit`` (of the checkout, a + behind it if files differed; empty outside of one) and
-    ``libraries`` (Python and what decides results, with their versions) of a run's versions.json."""
+    """``code`` (fingerprint), ``commit`` (of the checkout, a + behind it if files differed; empty outside of one),
+    ``libraries`` (Python and what decides results, with their versions) and ``computed_with`` (instruction set, precision,
+    threads, processor) of a run's versions.json."""
     git = versions["git"]
     libraries = {"python": versions["python"], **versions["libraries"]}
     return {
         "code": combined(versions["code"]),
         "commit": git["commit"] + ("+" if git["changed"] else "") if git else "",
         "libraries": ", ".join(f"{name} {version}" for name, version in libraries.items() if version),
+        "computed_with": computed_with(versions),
     }
 
 

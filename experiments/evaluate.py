@@ -5,12 +5,19 @@ or ``test``: the run's own levels. What comes of it lies in ``evaluations/`` of 
 ``summary.json``, the levels, and videos of the best, the median and the worst level.
 """
 
+from pathlib import Path
+
 from experiments.commands.hydra_app import run_simple_command
+from experiments.commands.kernels import choose_kernels
+from experiments.runs.run_folder import read_config
+from experiments.runs.trust import EVERYTHING
 from experiments.settings import EvaluateConfig
 
 
 def evaluate(config: EvaluateConfig) -> None:
     """The command. Torch is imported here, after the settings were found right."""
+    trained = read_config(Path(config.run).expanduser(), {EVERYTHING} if config.trust else ())
+    choose_kernels(trained.determinism)
     from experiments.evaluation import evaluator as evaluation
 
     evaluation.evaluate(config)

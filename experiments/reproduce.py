@@ -35,6 +35,7 @@ from omegaconf import DictConfig
 
 from experiments.commands.config_store import conf_dir
 from experiments.commands.hydra_app import run_command, to_plain
+from experiments.commands.kernels import choose_kernels
 from experiments.evaluation.probing import PREFIX, ProbeConfig, probe_finished
 from experiments.evaluation.transfers import RunTask
 from experiments.reproduction.display import Display
@@ -198,11 +199,12 @@ def carry_out(work: Work) -> dict[str, float]:
 
     The module that tests agents imports torch. It is imported here, so that planning does not load torch.
     """
-    from experiments.evaluation.transfer_evaluation import evaluate_transfer
-
     if isinstance(work, StudyTask):
         run_study(work)
         return {}
+    choose_kernels(work.run.determinism)
+    from experiments.evaluation.transfer_evaluation import evaluate_transfer
+
     figures = train(work.run)
     for transfer in work.transfers:
         if not transfer.is_done(work.run):

@@ -1,6 +1,6 @@
 """A table of runs: ``python -m experiments.results``, or ``sweep=NAME`` for those of one sweep.
 
-One line per run: the settings in which these runs differ, its state, and its final figures.
+One line per run: the settings in which these runs differ, its state, its final figures, and what it was computed with.
 """
 
 from collections.abc import Callable, Sequence
@@ -9,7 +9,17 @@ from pathlib import Path
 
 from experiments.commands.hydra_app import run_simple_command
 from experiments.runs.journal import read_journal
-from experiments.runs.run_folder import is_finished, is_locked, read_config, read_summary, root_folder, run_folders
+from experiments.runs.run_folder import (
+    VERSIONS,
+    is_finished,
+    is_locked,
+    read_config,
+    read_summary,
+    read_versions,
+    root_folder,
+    run_folders,
+)
+from experiments.runs.versions import computed_with
 from experiments.settings import RunConfig, RunFolderError, flat
 from segar.cli import table
 
@@ -54,7 +64,13 @@ def as_table(runs: Sequence[tuple[Path, RunConfig]]) -> str:
     for (folder, _), one in zip(runs, settings, strict=True):
         summary = read_summary(folder) if is_finished(folder) else {}
         rows.append([*(one.get(name) for name in varied), state_of(folder), *(summary.get(key) for key in FIGURES)])
-    return table([*varied, "state", *FIGURES.values()], rows)
+    made = [computed_with(read_versions(folder)) if (folder / VERSIONS).exists() else "" for folder, _ in runs]
+    shown = sorted({*made} - {""})
+    if len(shown) > 1:
+        rows = [[*row, how] for row, how in zip(rows, made, strict=True)]
+        return table([*varied, "state", *FIGURES.values(), "computed with"], rows)
+    closing = f"\ncomputed with {shown[0]}" if shown else ""
+    return f"{table([*varied, 'state', *FIGURES.values()], rows)}{closing}"
 
 
 def state_of(folder: Path) -> str:

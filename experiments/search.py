@@ -31,7 +31,7 @@ from experiments.settings import (
     require_seed,
     run_config,
 )
-from experiments.settings.run import digest
+from experiments.settings.run import as_named, digest
 from experiments.train import train
 from segar.cli import table
 from segar.errors import did_you_mean
@@ -78,7 +78,7 @@ class Search:
         """Levels and algorithm, with a hash of all settings that decide the trials; their number does not."""
         settings = as_data(self.config)
         decisive = {key: settings[key] for key in ("space", "seeds", "metric", "direction")}
-        name = f"{self.run.levels.train}-{self.run.algorithm.name}-{digest([self.run.identity(), decisive])}"
+        name = f"{self.run.levels.train}-{self.run.algorithm.name}-{digest([as_named(self.run.identity()), decisive])}"
         return name.replace(":", "_")
 
 

@@ -29,6 +29,15 @@ MADE_WITH: dict[str, Any] = {
     "libraries": {"segar": None, "torch": "2.13.0"},
     "git": {"commit": "89abcdef" * 5, "changed": True},
     "code": "0123456789abcdef",
+    "arithmetic": {
+        "determinism": "machine",
+        "device": "cpu",
+        "precision": "bf16",
+        "threads": 1,
+        "instruction_set": "AVX512",
+        "limits": {},
+        "processor": "AMD EPYC",
+    },
 }
 
 

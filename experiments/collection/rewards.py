@@ -3,9 +3,11 @@
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
 
+from experiments.commands.kernels import are_portable
 from experiments.settings import OffPolicyConfig, PPOConfig
 
 LARGEST = 10.0  # normalised rewards are clipped to this, as in OpenAI's baselines
@@ -22,7 +24,9 @@ def learner_reward(config: PPOConfig | OffPolicyConfig, reward: Tensor) -> Tenso
         # Near the goal -d^2 is almost flat, and its root is not. The root of a death of -100 is only -10, which an agent that
         # looks ten steps ahead prefers to staying away from the goal; the death itself would dominate the loss.
         size = reward.abs()
-        reward = reward.sign() * torch.where(size > 1.0, 1.0 + TAIL * (size - 1.0), size.sqrt())
+        # Torch's own root is off in the last bit, by another amount on another processor; numpy's is exact.
+        root = torch.from_numpy(np.sqrt(size.numpy())) if are_portable() else size.sqrt()
+        reward = reward.sign() * torch.where(size > 1.0, 1.0 + TAIL * (size - 1.0), root)
     return reward * config.reward_scale
 
 

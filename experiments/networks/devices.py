@@ -1,8 +1,12 @@
-"""The device on which networks compute."""
+"""The device on which networks compute, and what decides the last bits of what they compute."""
+
+import platform
+from typing import Any
 
 import torch
 
-from experiments.settings import ConfigError
+from experiments.commands.kernels import limits_in_force
+from experiments.settings import ConfigError, RunConfig
 
 
 def usable_device(name: str) -> torch.device:
@@ -16,3 +20,21 @@ def usable_device(name: str) -> torch.device:
             f"algorithm.device: '{name}' cannot be used here ({reason}); algorithm.device=cpu computes on the processor"
         ) from error
     return device
+
+
+def arithmetic(config: RunConfig) -> dict[str, Any]:
+    """What decides the last bits of a run with these settings in this process, as plain data for ``versions.json``.
+
+    ``instruction_set`` is that of torch's own kernels; ``limits`` are the variables by which the libraries were held to other
+    kernels than those for this processor.
+    """
+    algorithm = config.resolved().algorithm
+    return {
+        "determinism": config.determinism,
+        "device": getattr(algorithm, "device", "cpu"),
+        "precision": getattr(algorithm, "precision", "fp32"),
+        "threads": torch.get_num_threads(),
+        "instruction_set": torch.backends.cpu.get_cpu_capability(),
+        "limits": limits_in_force(),
+        "processor": torch.cpu.get_capabilities().get("cpu_name", platform.machine()),
+    }

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from functools import cache
 from itertools import pairwise
 
 import torch
@@ -21,6 +20,7 @@ from experiments.networks.frame_conv import WHITE, FrameConv
 from experiments.networks.keypoints import Keypoints, cut
 from experiments.networks.shared_frames import are_stacks, places_of_frames
 from experiments.settings import ConfigError, DrQConfig, PPOConfig, import_object
+from experiments.settings.processor import multiplies_bf16
 
 REPRESENTATION = 256  # numbers in phi(s), whatever the CNN
 
@@ -62,17 +62,9 @@ def precision_of(name: str, device: str = "cpu") -> torch.dtype:
     'auto' is bfloat16 where the processor multiplies it in hardware: it makes the training of a CNN 1.4 to 3 times
     faster, and moves log-probabilities by about 1e-3.
     """
-    if name != "auto":
-        return {"bf16": torch.bfloat16, "fp32": torch.float32}[name]
-    return torch.bfloat16 if _multiplies_bf16(device) else torch.float32
-
-
-@cache
-def _multiplies_bf16(device: str) -> bool:
-    if device == "cuda":
-        return torch.cuda.is_bf16_supported(including_emulation=False)
-    has = torch.cpu.get_capabilities()
-    return bool(has.get("amx_bf16") or has.get("avx512_bf16"))
+    if name == "auto":
+        return torch.bfloat16 if multiplies_bf16(device) else torch.float32
+    return {"bf16": torch.bfloat16, "fp32": torch.float32}[name]
 
 
 class MLP(nn.Module):

@@ -37,12 +37,18 @@ class ImportedResults:
 
         With a part of the results, the rest would still need the weights. Tables of release 0.1 have its names.
         """
-        for label in (RunConfig.label, label_in_0_1):
-            name = label(work.run)
+        for name in names_of(work.run):
             tested = all((name, one.folder_name()) in self.transfers for one in work.transfers)
             if name in self.runs and tested and (work.probes is None or name in self.probed):
                 return name
         return ""
+
+
+def names_of(run: RunConfig) -> list[str]:
+    """The names that a run may have in tables: today's here, those that its ``auto`` has on other machines, that of 0.1."""
+    automatic = getattr(run.algorithm, "precision", None) == "auto" and run.determinism == "machine"
+    others = [run.with_precision(name) for name in ("bf16", "fp32")] if automatic else []
+    return list(dict.fromkeys([*(one.label() for one in (run, *others)), label_in_0_1(run)]))
 
 
 def read_imported_results(folders: Sequence[Path]) -> ImportedResults:

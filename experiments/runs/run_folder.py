@@ -6,7 +6,8 @@
                           ``previous.pt``: the one before it
 ``episodes.parquet``      one row per evaluation episode, see :data:`EPISODE_SCHEMA`
 ``metrics.parquet``       one row per figure and time, see :data:`METRIC_SCHEMA`
-``versions.json``         libraries, commit, fingerprint of the code, content hashes of the level sets
+``versions.json``         libraries, commit, fingerprint of the code, content hashes of the level sets, and what decided the
+                          last bits (``arithmetic``: precision, threads, instruction set, limits, processor)
 ``summary.json``          the final figures; written last, so it is there if and only if the run is finished
 ``journal.jsonl``         when the run was started, stopped, went wrong (with the traceback), and finished
 ``tracking.json``         how much of it was sent to MLflow
@@ -171,14 +172,7 @@ def _occupy(folder: Path, config: RunConfig) -> None:
         raise RunFolderError(
             f"{folder} holds no run but is not empty: {', '.join(foreign[:3])}. Choose another folder=..."
         )
-    _write_config(folder, config)
-
-
-def _write_config(folder: Path, config: RunConfig) -> None:
-    """Writes the settings, and where the modules lie that they name, so that the run can be read from any working directory."""
-    data = as_data(config)
-    data["module_path"] = list(dict.fromkeys((*config.module_path, *folders_of(data))))
-    write_text(folder / CONFIG, signed(yaml.safe_dump(data, sort_keys=False)))
+    _write_settings(folder, config)
 
 
 def empty(folder: Path, config: RunConfig) -> None:
@@ -189,7 +183,15 @@ def empty(folder: Path, config: RunConfig) -> None:
     for part in (CHECKPOINTS, EVALUATIONS):
         if (folder / part).exists():
             shutil.rmtree(folder / part)
-    _write_config(folder, config)
+    _write_settings(folder, config)
+
+
+def _write_settings(folder: Path, config: RunConfig) -> None:
+    """Writes the settings with what ``auto`` means here, so that they mean the same on every machine, and where the modules
+    lie that they name, so that the run can be read from any working directory."""
+    data = as_data(config.resolved())
+    data["module_path"] = list(dict.fromkeys((*config.module_path, *folders_of(data))))
+    write_text(folder / CONFIG, signed(yaml.safe_dump(data, sort_keys=False)))
 
 
 def _differences(there: Mapping[str, Any], here: Mapping[str, Any], place: str = "") -> Iterator[str]:

@@ -1,9 +1,10 @@
-"""What a result was made with: Python, libraries, commit, and the levels."""
+"""What a result was made with: Python, libraries, commit, the levels, and what decided the last bits."""
 
 import dataclasses
 import hashlib
 import platform
 import subprocess
+from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,27 @@ def versions() -> dict[str, Any]:
         "libraries": {name: _version(name) for name in LIBRARIES},
         "git": git_commit(Path(segar.__file__).resolve().parent),
     }
+
+
+def computed_with(versions: Mapping[str, Any]) -> str:
+    """What decided the last bits of the run with these versions, e.g. ``AVX512, bf16, 1 thread, AMD EPYC``.
+
+    Empty for runs of earlier releases, which did not record it. If a run was resumed elsewhere, all that it computed with.
+    """
+    parts = [*versions.get("arithmetic_before", ()), versions.get("arithmetic")]
+    return ", then ".join(dict.fromkeys(in_words(part) for part in parts if part))
+
+
+def in_words(arithmetic: Mapping[str, Any]) -> str:
+    """One :func:`experiments.networks.devices.arithmetic`, e.g. ``AVX2, fp32, 1 thread, portable, AMD EPYC``."""
+    threads = arithmetic["threads"]
+    words = [arithmetic["instruction_set"], arithmetic["precision"], f"{threads} thread{'s' * (threads != 1)}"]
+    words += [arithmetic["device"]] * (arithmetic["device"] != "cpu")
+    if arithmetic["determinism"] != "machine":
+        words.append(arithmetic["determinism"])
+    else:
+        words += [f"{name}={value}" for name, value in arithmetic["limits"].items()]
+    return ", ".join([*words, arithmetic["processor"]])
 
 
 def _version(name: str) -> str | None:

@@ -28,11 +28,13 @@ from experiments.settings.checks import (
     Seed,
     Settings,
     one_of,
+    require,
     require_design,
     require_known,
     that,
 )
 from experiments.settings.own_code import OBJECT_NAME, without_folder
+from experiments.settings.processor import multiplies_bf16
 from segar.levels import TASK_LEVELS, families
 
 CHECKOUT = Path(__file__).resolve().parents[2]
@@ -59,7 +61,10 @@ Design = Annotated[str, require_design]
 ActionMode = Annotated[str, one_of(*ACTION_MODES)]
 Distance = Annotated[str, one_of("exact", "reference", "paper")]  # the modes of segar.metrics.w2
 Tracker = Annotated[str, one_of(*TRACKERS)]
+Determinism = Annotated[str, one_of("machine", "portable")]
 Stale = Annotated[str, one_of("refuse", "keep", "anew")]
+# What determinism=portable allows, of the settings that algorithms may have.
+PORTABLE_SETTINGS = {"precision": ("auto", "fp32"), "device": ("cpu",), "compile": (False,), "core": ("gru",)}
 ADDRESS = "an address such as sqlite:////path/mlflow.db or http://host:5000"
 Address = Annotated[str | None, that(lambda uri: uri is None or "://" in uri, ADDRESS)]
 
@@ -170,12 +175,38 @@ class RunConfig(Settings):
     num_threads: Count = 1  # of the engine and of torch; the last bits of weights depend on it, by the order of sums
     checkpoint_interval: NotNegative = 60.0  # [s] between checkpoints
     progress: bool = True
+    # "machine": the fastest kernels for this processor. "portable": float32, one thread of torch, and kernels that all
+    # x86-64 processors with AVX2 have, for the same weights on unlike processors.
+    determinism: Determinism = added_later("machine")  # noqa: RUF009 - a field
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name, allowed in PORTABLE_SETTINGS.items() if self.determinism == "portable" else ():
+            value = getattr(self.algorithm, name, allowed[0])
+            wanted = " or ".join(map(str, allowed)) + ", because determinism=portable allows nothing else"
+            require(value in allowed, f"algorithm.{name}", value, wanted)
+
+    def resolved(self) -> "RunConfig":
+        """The same settings with what ``auto`` means on this machine."""
+        if getattr(self.algorithm, "precision", None) != "auto":
+            return self
+        device = getattr(self.algorithm, "device", "cpu").partition(":")[0]
+        half = self.determinism == "machine" and multiplies_bf16(device)
+        return self.with_precision("bf16" if half else "fp32")
+
+    def with_precision(self, precision: str) -> "RunConfig":
+        """The same settings with another ``algorithm.precision``."""
+        return dataclasses.replace(self, algorithm=dataclasses.replace(self.algorithm, precision=precision))  # type: ignore[call-arg]
 
     def identity(self) -> dict[str, Any]:
-        """The settings that decide the results, as plain data; where files go or what is printed is not among them."""
-        data = as_data(self, without_later_defaults=True)
+        """The settings that decide the results, as plain data; where files go or what is printed is not among them.
+
+        They are :meth:`resolved`, so that a run is not taken for one that computed otherwise.
+        """
+        data = as_data(self.resolved(), without_later_defaults=True)
         algorithm = {key: value for key, value in data["algorithm"].items() if key not in NAMES_OF_CLASS}
-        parts = {key: data[key] for key in ("levels", "task", "observation", "evaluation", "seed")}
+        names = ("levels", "task", "observation", "evaluation", "seed", "determinism")
+        parts = {key: data[key] for key in names if key in data}
         for name in ("train", "test"):
             parts["levels"][name] = without_folder(parts["levels"][name] or "") or None
         kind = kind_of(type(self.algorithm))
@@ -183,7 +214,7 @@ class RunConfig(Settings):
 
     def hash(self) -> str:
         """Eight hexadecimal digits that are equal for equal :meth:`identity`."""
-        return digest(self.identity())
+        return digest(as_named(self.identity()))
 
     def label(self) -> str:
         """The run's name, e.g. ``empty-hard-n10-state-ppo_fast-s1-3f9a12cd``."""
@@ -192,6 +223,14 @@ class RunConfig(Settings):
         levels = "-".join((levels, *(name for name in special if name)))
         parts = (levels, f"n{self.levels.count}", self.observation.name, self.algorithm.name, f"s{self.seed}")
         return "-".join((*("".join(c if c.isalnum() or c in "_-." else "_" for c in p) for p in parts), self.hash()))
+
+
+def as_named(identity: Mapping[str, Any]) -> dict[str, Any]:
+    """An :meth:`RunConfig.identity` as names hash it: bfloat16 as ``auto``, which it was when shipped runs got their names."""
+    algorithm = identity["algorithm"]
+    if algorithm.get("precision") != "bf16":
+        return dict(identity)
+    return {**identity, "algorithm": {**algorithm, "precision": "auto"}}
 
 
 def digest(data: Any) -> str:

@@ -9,6 +9,7 @@ from typing import Any
 
 from experiments.algorithms.learner import Learner, learner_class, make_learner
 from experiments.commands import process_defaults as runtime
+from experiments.commands.kernels import choose_kernels
 from experiments.commands.signals import SignalMonitor, watch_signals
 from experiments.evaluation.episodes import (
     distance_figures,
@@ -18,6 +19,7 @@ from experiments.evaluation.episodes import (
     unseen_by_distances,
 )
 from experiments.levels.builders import environment_options, make_levels
+from experiments.networks.devices import arithmetic
 from experiments.runs.executed_code import changed_parts, executed_code
 from experiments.runs.journal import Journal
 from experiments.runs.run_folder import (
@@ -30,11 +32,12 @@ from experiments.runs.run_folder import (
     empty,
     is_finished,
     read_summary,
+    read_versions,
     use_run_folder,
     write_json,
     write_rows,
 )
-from experiments.runs.versions import levels_hash, versions
+from experiments.runs.versions import computed_with, in_words, levels_hash, versions
 from experiments.settings import ConfigError, RunConfig, RunFolderError, TrainingError
 from experiments.tracking.mlflow_sync import files_of
 from experiments.tracking.tracker import Tracker, start_tracking
@@ -73,7 +76,9 @@ def run(config: RunConfig, say: Callable[[str], None] = print) -> RunResult:
             message says what to do.
         Stopped: a signal stopped it; the same call goes on from there.
     """
-    runtime.set_process_defaults(config.num_threads)
+    choose_kernels(config.determinism)
+    # Sums are taken in another order by other numbers of threads, so all machines need the same.
+    runtime.set_process_defaults(1 if config.determinism == "portable" else config.num_threads)
     kind = learner_class(config.algorithm)  # before a run folder is made: it may not fit
     with use_run_folder(config) as folder, watch_signals() as signals:
         code = executed_code(config) if (folder / VERSIONS).exists() else None
@@ -98,7 +103,7 @@ def run(config: RunConfig, say: Callable[[str], None] = print) -> RunResult:
         tracker = Tracker()
         try:
             tracker = start_tracking(config, folder)
-            summary = _carry_out(config, kind, folder, code, tracker, journal, signals, say)
+            summary = _carry_out(config.resolved(), kind, folder, code, tracker, journal, signals, say)
         except BaseException as error:
             journal.end(error)
             tracker.finish("KILLED" if isinstance(error, KeyboardInterrupt | SystemExit) else "FAILED")
@@ -132,7 +137,9 @@ def _carry_out(
     training.resume(hashes, say)
     train.save(folder / LEVELS_TRAIN)
     test.save(folder / LEVELS_TEST)
-    write_json(folder / VERSIONS, {**versions(), "code": code, "levels": hashes})
+    write_json(
+        folder / VERSIONS, {**versions(), "code": code, "levels": hashes, **_arithmetics(config, learner, folder, say)}
+    )
     tracker.begin(training.history.rows)
 
     for line in unseen_by_distances(train, test, config.evaluation.distances):
@@ -158,6 +165,20 @@ def _carry_out(
     write_json(folder / SUMMARY, summary)
     env.close()
     return summary
+
+
+def _arithmetics(config: RunConfig, learner: Learner, folder: Path, say: Callable[[str], None]) -> dict[str, Any]:
+    """What decides the last bits of the run, now and, where that was something else, before it was resumed."""
+    now = arithmetic(config)
+    before = read_versions(folder) if learner.frames and (folder / VERSIONS).exists() else {}
+    earlier, last = before.get("arithmetic_before", []), before.get("arithmetic")
+    if last is not None and last != now:
+        earlier = [*earlier, last]
+        differs = (
+            "" if config.determinism == "portable" else "; in the last bits, its weights are those of no single machine"
+        )
+        say(f"{config.label()}: computed with {in_words(last)} so far, and now with {in_words(now)}{differs}")
+    return {"arithmetic": now, **({"arithmetic_before": earlier} if earlier else {})}
 
 
 def _make_environment(kind: type[Learner], config: RunConfig, train: Levels) -> Any:
@@ -195,4 +216,5 @@ def _closing_lines(config: RunConfig, folder: Path, summary: Mapping[str, Any]) 
     lines = [f"{config.label()}: {summary['frames']:,} frames in {summary['seconds']:.0f} s ({speed:,.0f} frames/s)"]
     lines += [f"  {name:<27} {summary[key]:8.3f}" for key, name in SHOWN.items()]
     lines += [f"  W2, {key[3:]:<23} {value:8.3f}" for key, value in summary.items() if key.startswith("w2/")]
+    lines.append(f"  computed with               {computed_with(read_versions(folder))}")
     return "\n".join([*lines, f"  run folder                  {folder}"])

@@ -92,6 +92,7 @@ def test_a_run_says_what_made_it(made):
     assert row["code"] == "0123456789abcdef"
     assert row["commit"] == "89abcdef" * 5 + "+", "files differed from the commit"
     assert row["libraries"] == "python 3.11.7, torch 2.13.0", "one that is not installed is not named"
+    assert row["computed_with"] == "AVX512, bf16, 1 thread, AMD EPYC"
 
 
 def test_outside_of_a_checkout_there_is_no_commit():

@@ -167,7 +167,7 @@ def versions(named: pd.DataFrame) -> list[Block]:
     """Libraries, commits and fingerprints of the code, of runs with a row for each ``experiment`` that they belong to."""
     if "code" not in named:
         return []
-    unknown = {"libraries": "", "commit": ""}  # of runs that older tables tell of
+    unknown = {"libraries": "", "commit": "", "computed_with": ""}  # of runs that older tables tell of
     named = named.assign(**{name: "" for name in unknown if name not in named}).fillna(unknown)
     made = ". Others: ".join(sorted(set(named["libraries"]) - {""}))
     rows = []
@@ -180,6 +180,8 @@ def versions(named: pd.DataFrame) -> list[Block]:
         "algorithm, so each algorithm has its own; commits are those of the checkout."
     )
     libraries = [Paragraph(f"Libraries: {made}.")] if made else []
+    computed = sorted(set(named["computed_with"]) - {""})
+    libraries += [Paragraph(f"Computed with: {'. Others: '.join(computed)}.")] if computed else []
     return [*libraries, Table(("fingerprint", "commits", "experiments", "runs"), rows, 3, caption)]
 
 

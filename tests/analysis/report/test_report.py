@@ -158,10 +158,13 @@ def test_a_handful_of_runs_is_reported_too(tmp_path, undrawn, runs):
 def test_versions_and_seeds_of_the_runs_are_said(tmp_path, undrawn):
     runs = pd.concat([few_runs().assign(seed=seed, commit=f"{seed}" * 40) for seed in (4, 7)], ignore_index=True)
     runs["code"] = np.where(runs["seed"] == 4, "f0u2", "5even")
-    folder = write_results(tmp_path, {"runs": runs.assign(libraries="python 3.11.7, torch 2.13.0")})
+    folder = write_results(
+        tmp_path, {"runs": runs.assign(libraries="python 3.11.7, torch 2.13.0", computed_with="AVX512, bf16")}
+    )
     make_report(ReportConfig(str(folder)))
     page = (folder / "report.html").read_text()
     assert "Libraries: python 3.11.7, torch 2.13.0." in page
+    assert "Computed with: AVX512, bf16." in page
     assert "made by several versions of the code" in page
     for told in ("<code>f0u2</code>", "<code>444444444</code>", "<code>5even</code>", "<code>777777777</code>"):
         assert told in page
@@ -172,7 +175,7 @@ def test_tables_without_libraries_still_say_which_code_made_them(tmp_path, undra
     make_report(ReportConfig(str(write_results(tmp_path, {"runs": few_runs()}))))
     page = (tmp_path / "report.html").read_text()
     assert "made by one version of the code" in page and "<code>c0de</code>" in page
-    assert "Libraries:" not in page
+    assert "Libraries:" not in page and "Computed with:" not in page
 
 
 def test_runs_that_are_missing_are_said_at_the_top(tmp_path, undrawn):

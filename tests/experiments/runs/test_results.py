@@ -1,12 +1,14 @@
 """The table of runs: which settings differ, how far each is, what it achieved; and the mistakes one makes on the way."""
 
+import json
 import threading
 
 import pytest
 
 from experiments.commands.hydra_app import compose
 from experiments.results import ResultsConfig, results, state_of
-from experiments.runs.run_folder import use_run_folder
+from experiments.runs.run_folder import VERSIONS, read_versions, use_run_folder
+from experiments.runs.versions import computed_with
 from experiments.settings import ConfigError, LevelsConfig, RunFolderError, TaskConfig, TrackingConfig
 from experiments.training.run import run
 from tests.experiments.short_runs import before_iteration, killed_after, short_run
@@ -26,7 +28,22 @@ def test_the_table_says_what_differs_how_far_it_is_and_what_came_of_it(tmp_path,
     assert " seed " in head and "levels.count" not in head
     assert "finished" in lines[0] and f"{done.summary['evaluation/test/return/deterministic']:.4g}" in lines[0]
     assert "failed after 128 frames" in lines[1]
-    assert len(lines) == 2
+    assert lines[2:] == [f"computed with {computed_with(read_versions(tmp_path / 'a'))}"]
+
+
+def test_the_table_says_of_each_run_what_it_was_computed_with_where_that_differs(tmp_path):
+    for name in ("a", "b"):
+        run(short_run(tmp_path / name))
+    path = tmp_path / "b" / VERSIONS
+    versions = json.loads(path.read_text())
+    versions["arithmetic_before"] = [{**versions["arithmetic"], "processor": "Another"}]
+    path.write_text(json.dumps(versions))
+    said = []
+    results(ResultsConfig(root=str(tmp_path)), said.append)
+    head, *lines = said[0].splitlines()
+    here = computed_with(read_versions(tmp_path / "a"))
+    assert head.endswith("computed with")
+    assert [line.rpartition("  ")[2] for line in lines] == [here, f"{here.rpartition(', ')[0]}, Another, then {here}"]
 
 
 def test_a_run_at_work_is_told_from_one_that_was_cut_off(tmp_path, monkeypatch):

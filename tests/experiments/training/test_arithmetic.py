@@ -1,0 +1,54 @@
+"""What decides the last bits of a run is recorded, and a run that is resumed with something else says so."""
+
+import json
+
+import pytest
+import torch
+
+from experiments.runs.run_folder import VERSIONS, read_versions
+from experiments.runs.versions import computed_with
+from experiments.training.run import run
+from tests.experiments.short_runs import killed_after, short_run
+
+
+def test_a_run_records_what_decided_its_last_bits_and_shows_it(tmp_path):
+    said = []
+    run(short_run(tmp_path / "run"), said.append)
+    found = read_versions(tmp_path / "run")
+    made = found["arithmetic"]
+    assert {*made} == {
+        "determinism", "device", "precision", "threads", "instruction_set", "limits", "processor"
+    }  # fmt: skip
+    assert made["precision"] in ("bf16", "fp32"), "what auto was"
+    assert made["instruction_set"] == torch.backends.cpu.get_cpu_capability()
+    assert "arithmetic_before" not in found
+    assert f"  computed with               {computed_with(found)}" in said[-1].splitlines()
+
+
+@pytest.mark.parametrize(("differs", "shown"), [({"processor": "Another"}, "Another"), ({"threads": 3}, "3 threads")])
+def test_a_run_that_is_resumed_with_something_else_says_so_and_records_both(tmp_path, monkeypatch, differs, shown):
+    config, said = short_run(tmp_path / "run"), []
+    with killed_after(2, monkeypatch):
+        run(config)
+    path = tmp_path / "run" / VERSIONS
+    versions = json.loads(path.read_text())
+    path.write_text(json.dumps({**versions, "arithmetic": {**versions["arithmetic"], **differs}}))
+    with killed_after(3, monkeypatch):
+        run(config, said.append)
+    told = [line for line in said if ": computed with " in line]
+    assert len(told) == 1 and shown in told[0] and "no single machine" in told[0]
+    run(config, said.append)
+    assert len([line for line in said if ": computed with " in line]) == 1, "nothing changed since"
+    assert computed_with(read_versions(tmp_path / "run")).count(", then ") == 1
+
+
+def test_runs_of_earlier_releases_say_nothing_of_it():
+    assert computed_with({"code": "0123456789abcdef"}) == ""
+
+
+def test_limits_and_portable_are_in_the_words():
+    made = {"determinism": "machine", "device": "cpu", "precision": "bf16", "threads": 1, "instruction_set": "AVX512",
+            "limits": {"MKL_CBWR": "AVX2"}, "processor": "Xeon"}  # fmt: skip
+    assert computed_with({"arithmetic": made}) == "AVX512, bf16, 1 thread, MKL_CBWR=AVX2, Xeon"
+    portable = {**made, "determinism": "portable", "precision": "fp32", "instruction_set": "AVX2"}
+    assert computed_with({"arithmetic": portable}) == "AVX2, fp32, 1 thread, portable, Xeon"
