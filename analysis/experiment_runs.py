@@ -13,10 +13,10 @@ import pandas as pd
 
 from analysis.plotting.style import colours
 from analysis.tables import column
-from experiments.settings import TrackingConfig
-from experiments.tracking.mlflow_store import calling, open_store, store_uri
+from experiments.settings import TrackingConfig, without_password
+from experiments.tracking.mlflow_store import calling, open_store, show_views, store_uri
 from experiments.tracking.mlflow_sync import read_sync_state
-from experiments.tracking.mlflow_views import COLOUR
+from experiments.tracking.mlflow_views import COLOUR, VIEWS_OF_PAPER
 
 PARENT = "mlflow.parentRunId"  # MLflow's own tag, by which its pages nest runs
 
@@ -25,6 +25,7 @@ def show_experiments(results: Path, plan: Mapping[str, Any], runs: pd.DataFrame)
     """Makes or renews the parents, and tags the children; raises :class:`TrackingError` if the store refuses."""
     tracking, root = TrackingConfig(**plan["tracking"]), Path(plan["runs"])
     client, mlflow_experiment = open_store(tracking, root)
+    show_views(client, calling(client.get_experiment, mlflow_experiment), VIEWS_OF_PAPER)
     figures: dict[str, list[str]] = {}
     parents: dict[str, str] = {}
     for experiment in plan["experiments"]:
@@ -42,7 +43,9 @@ def show_experiments(results: Path, plan: Mapping[str, Any], runs: pd.DataFrame)
     drawn = colours_of(runs)
     for run, parent in parents.items():
         mark = read_sync_state(root / run)
-        is_here = mark is not None and mark.run_id is not None and mark.store == store_uri(tracking, root)
+        is_here = (
+            mark is not None and mark.run_id is not None and without_password(mark.store) == store_uri(tracking, root)
+        )
         if mark is not None and is_here:
             tags = {PARENT: parent, "figure": ", ".join(figures[run]), "experiments": shared.get(run, "")}
             tags |= {COLOUR: drawn[run]} if run in drawn else {}

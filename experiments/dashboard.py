@@ -10,7 +10,7 @@ from experiments.commands.hydra_app import run_simple_command
 from experiments.runs.run_folder import root_folder
 from experiments.settings import TrackingConfig, TrackingError, require
 from experiments.tracking.mlflow_store import STORE, calling, show_views, store_uri
-from experiments.tracking.mlflow_views import VIEWS, link
+from experiments.tracking.mlflow_views import TAG, VIEWS, VIEWS_OF_PAPER, link
 
 HOST = "127.0.0.1"  # loopback: no other machine can reach it
 UNUSED = "Default"  # the experiment that every store of MLflow's has from the beginning
@@ -42,6 +42,8 @@ def serve(config: DashboardConfig) -> None:
     command = server_command(config)
     require_free(config.port)
     os.environ["MLFLOW_SERVER_ENABLE_JOB_EXECUTION"] = "false"  # a job runner that nothing here uses; 20 s to start
+    # An experiment lies under the root: no request may name another folder, such as file:///etc, for its files.
+    os.environ["MLFLOW_ARTIFACT_LOCATION_MAX_LENGTH"] = "0"
     os.environ["PYTHONWARNINGS"] = "ignore"  # the user cannot do anything about those of the server's libraries
     print(f"Results of {config.folder}: {config.address} (in a few seconds). Ctrl-C stops it.")
     print(*links(config), sep="\n", flush=True)
@@ -73,7 +75,8 @@ def links(config: DashboardConfig) -> list[str]:
     for experiment in calling(client.search_experiments):
         if experiment.name != UNUSED:
             show_views(client, experiment)
-            for name, view in VIEWS.items():
+            shown = VIEWS | {name: view for name, view in VIEWS_OF_PAPER.items() if f"{TAG}{name}" in experiment.tags}
+            for name, view in shown.items():
                 lines.append(
                     f"  {view.title} ({experiment.name}): {link(config.address, experiment.experiment_id, name)}"
                 )

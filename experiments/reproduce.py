@@ -64,9 +64,11 @@ from experiments.settings import (
     as_data,
     construct,
     design_hash,
+    hand_on_password,
     paper_grid,
     require,
     run_config,
+    without_password,
 )
 from experiments.tracking.mlflow_store import is_server
 from experiments.train import train
@@ -174,7 +176,8 @@ def reproduce(
 def write_plan(config: ReproduceConfig, plan: ReproductionPlan) -> None:
     """Writes the plan into the results folder, where the tables are made from it, and what a study asks."""
     config.folder.mkdir(parents=True, exist_ok=True)
-    tracking = dataclasses.asdict(config.run.tracking)
+    uri = config.run.tracking.uri
+    tracking = {**dataclasses.asdict(config.run.tracking), "uri": uri and hand_on_password(uri)}  # to the plug-ins
     about = {"name": config.name, "scale": config.run.scale.name, "runs": str(runs_root(config.run))}
     imported = [str(folder) for folder in config.imported_folders()]
     experiments = as_data_of(plan)
@@ -277,6 +280,7 @@ def dashboard(run: RunConfig) -> str:
     if uri is None:
         root = shlex.quote(str(runs_root(run)))
         return f"{sys.executable} -m experiments.dashboard root={root}    (or: make dashboard)"
+    uri = without_password(uri)
     return uri if is_server(uri) else f"{sys.executable} -m mlflow server --backend-store-uri '{uri}'"
 
 

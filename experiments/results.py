@@ -1,88 +1,141 @@
-"""A table of runs: ``python -m experiments.results``, or ``sweep=NAME`` for those of one sweep.
+"""A table of runs: ``python -m experiments.results root=FOLDER``, or ``sweep=NAME`` for those of one sweep.
 
-One line per run: the settings in which these runs differ, its state, its final figures, and what it was computed with.
+One line per run: the settings in which these runs differ, its state, its final figures, and what it was computed with
+where that differs. Below it, the means of runs that differ by their seeds alone, with intervals over level sets.
+``output=runs.csv`` (or ``.parquet``, or ``.md``) writes all figures to a file.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.csv
+import pyarrow.parquet
 
 from experiments.commands.hydra_app import run_simple_command
-from experiments.runs.journal import read_journal
-from experiments.runs.run_folder import (
-    VERSIONS,
-    is_finished,
-    is_locked,
-    read_config,
-    read_summary,
-    read_versions,
-    root_folder,
-    run_folders,
-)
-from experiments.runs.versions import computed_with
-from experiments.settings import RunConfig, RunFolderError, flat
+from experiments.reproduction.plugin import SUMMARIES, find_plugin
+from experiments.runs.files import replacing, write_text
+from experiments.runs.run_folder import RESULTS, root_folder
+from experiments.runs.run_rows import FINISHED, RunRow, as_columns, named_settings, run_rows
+from experiments.settings import ConfigError, RunFolderError
 from segar.cli import table
 
-FIGURES = {  # figures of a summary, and their names in the table
-    "evaluation/train/return/deterministic": "train return",
-    "evaluation/test/return/deterministic": "test return",
-    "evaluation/gap/deterministic": "gap",
-    "evaluation/test/success/deterministic": "test success",
+FORMATS = (".csv", ".parquet", ".md")  # of files that are written
+SHOWN = ("levels.train", "algorithm.name")  # settings that are printed even where all runs agree
+FIGURES = {  # columns that are printed, and their names there; W2 in all modes and the task's own results beside them
+    "ks": "KS",
+    "gap_deterministic": "gap",
+    "success_train_deterministic": "train success",
+    "success_test_deterministic": "test success",
+    "score_deterministic": "score",
+    "return_train_deterministic": "train return",
+    "return_test_deterministic": "test return",
 }
-ALWAYS = ("levels.train", "algorithm.name")  # settings that are shown even where all runs have the same value
-DERIVED = ("algorithm.type",)  # settings that follow from others
 
 
 @dataclass(frozen=True)
 class ResultsConfig:
-    """Which runs."""
+    """Which runs, and where they are written."""
 
     root: str | None = None  # the folder that holds the run folders; None: runs/ of the checkout
+    more: tuple[str, ...] = ()  # further such folders, or single run folders
     sweep: str | None = None  # those with this tracking.sweep; None: all
+    output: str | None = None  # a file .csv, .parquet or .md for the rows with all figures
+
+    def __post_init__(self) -> None:
+        if self.output is not None and Path(self.output).suffix not in FORMATS:
+            raise ConfigError(
+                f"output: {self.output!r} ends in none of {', '.join(FORMATS)}, which say what is written"
+            )
 
 
 def results(config: ResultsConfig, say: Callable[[str], None] = print) -> None:
-    """Prints the table; raises :class:`RunFolderError` if there is no such run."""
-    root = root_folder(config.root)
-    found = [(folder, read_config(folder)) for folder in run_folders(root)]
-    chosen = [(folder, run) for folder, run in found if config.sweep in (None, run.tracking.sweep)]
+    """Prints the table and what :data:`SUMMARIES` says of it; writes the file that is asked for.
+
+    Raises:
+        RunFolderError: there is no such run, or the file cannot be written.
+    """
+    places = [root_folder(config.root), *(root_folder(place) for place in config.more)]
+    found = run_rows(places)
+    chosen = [row for row in found if config.sweep in (None, row.sweep)]
     if not chosen:
-        sweeps = sorted({run.tracking.sweep for _, run in found if run.tracking.sweep})
+        sweeps = sorted({row.sweep for row in found if row.sweep})
         known = f"; there are the sweeps {', '.join(sweeps)}" if sweeps else ""
-        raise RunFolderError(
-            f"there is no run{f' of the sweep {config.sweep}' if config.sweep else ''} in {root}{known}"
-        )
+        which = f" of the sweep {config.sweep}" if config.sweep else ""
+        raise RunFolderError(f"there is no run{which} in {', '.join(map(str, places))}{known}")
     say(as_table(chosen))
+    for row in chosen:
+        if row.problem:
+            say(f"{row.folder.name}: {row.problem}")
+    rows = as_columns(chosen)
+    summary = find_plugin(SUMMARIES, "default").load()(rows) if any(row.state == FINISHED for row in chosen) else ""
+    if summary:
+        say(f"\n{summary}")
+    if config.output:
+        path = Path(config.output).expanduser().resolve()
+        write_table(path, rows, summary)
+        say(f"\n{len(rows)} runs with all figures: {path}")
 
 
-def as_table(runs: Sequence[tuple[Path, RunConfig]]) -> str:
-    """One line per run folder and its settings."""
-    settings = [flat(run.identity()) for _, run in runs]
-    names = [name for name in dict.fromkeys(name for one in settings for name in one) if name not in DERIVED]
-    varied = [name for name in names if name in ALWAYS or len({str(one.get(name)) for one in settings}) > 1]
-    rows = []
-    for (folder, _), one in zip(runs, settings, strict=True):
-        summary = read_summary(folder) if is_finished(folder) else {}
-        rows.append([*(one.get(name) for name in varied), state_of(folder), *(summary.get(key) for key in FIGURES)])
-    made = [computed_with(read_versions(folder)) if (folder / VERSIONS).exists() else "" for folder, _ in runs]
-    shown = sorted({*made} - {""})
-    if len(shown) > 1:
-        rows = [[*row, how] for row, how in zip(rows, made, strict=True)]
-        return table([*varied, "state", *FIGURES.values(), "computed with"], rows)
-    closing = f"\ncomputed with {shown[0]}" if shown else ""
-    return f"{table([*varied, 'state', *FIGURES.values()], rows)}{closing}"
+def as_table(runs: Sequence[RunRow]) -> str:
+    """One line per run: what tells the runs apart, their state, and the figures that people read first."""
+    rows = as_columns(runs)
+    settings = [name for name in named_settings(runs) if varies(rows, name) or name in SHOWN]
+    figures = {name: name for name in (rows[0] if rows else ()) if name.startswith("w2_")}
+    figures |= FIGURES | {
+        name: name.removesuffix("_deterministic").removeprefix(RESULTS)
+        for name in rows[0]
+        if name.startswith(RESULTS) and name.endswith("_test_deterministic")
+    }
+    shown = {name: title for name, title in figures.items() if any(row.get(name) is not None for row in rows)}
+    made = sorted({row["computed_with"] for row in rows} - {""})
+    if len(made) > 1:
+        shown["computed_with"] = "computed with"
+    lines = [[*(row[name] for name in settings), row["state"], *(row[name] for name in shown)] for row in rows]
+    closing = [f"computed with {made[0]}"] if len(made) == 1 else []
+    return "\n".join([table([*settings, "state", *shown.values()], lines), *closing])
 
 
-def state_of(folder: Path) -> str:
-    """The state of a run: finished, at work, stopped or failed (after so many frames), or cut off."""
-    if is_finished(folder):
-        return "finished"
-    if is_locked(folder):
-        return "at work"
-    journal = read_journal(folder)
-    last = journal[-1] if journal else {"event": "not begun"}
-    word = "cut off" if last["event"] in ("started", "lost") else last["event"]
-    return f"{word} after {last['frames']:,} frames" if last.get("frames") else word
+def varies(rows: Sequence[Mapping[str, Any]], name: str) -> bool:
+    """Whether a column has several values, runs that cannot be read left out."""
+    return len({str(row[name]) for row in rows if row["levels.train"] is not None}) > 1
+
+
+def write_table(path: Path, rows: Sequence[Mapping[str, Any]], summary: str) -> None:
+    """Writes the rows in the format that the file's suffix names, whole or not at all; Markdown with the summary.
+
+    Raises:
+        RunFolderError: the file cannot be written; what stood there is untouched.
+    """
+    if path.suffix == ".md":
+        parts = [as_markdown(rows), *(["```text\n" + summary + "\n```"] if summary else [])]
+        write_text(path, "\n\n".join(parts) + "\n")
+        return
+    columns = pa.table({name: _column([row[name] for row in rows]) for name in rows[0]})
+    write = pyarrow.csv.write_csv if path.suffix == ".csv" else pyarrow.parquet.write_table
+    with replacing(path) as beside:
+        write(columns, str(beside))
+
+
+def as_markdown(rows: Sequence[Mapping[str, Any]]) -> str:
+    """The rows as a table in Markdown."""
+    lines = [list(rows[0]), ["---"] * len(rows[0]), *([_cell(value) for value in row.values()] for row in rows)]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def _column(values: Sequence[Any]) -> pa.Array:
+    """The values of a column; those of several kinds, and lists, as text."""
+    kinds = {type(value) for value in values if value is not None}
+    if kinds <= {int, float} or kinds in ({bool}, {str}):
+        return pa.array(values, pa.float64() if float in kinds else None)
+    return pa.array([None if value is None else str(value) for value in values])
+
+
+def _cell(value: Any) -> str:
+    text = f"{value:.6g}" if isinstance(value, float) else "" if value is None else str(value)
+    return " ".join(text.replace("|", "\\|").split())
 
 
 if __name__ == "__main__":

@@ -30,6 +30,7 @@ from experiments.settings import (
     require_known,
     require_seed,
     run_config,
+    sqlite_address,
 )
 from experiments.settings.run import as_named, digest
 from experiments.train import train
@@ -95,7 +96,7 @@ def search(spec: Search) -> optuna.Study:
     folder = runs_root(spec.run) / "searches" / spec.name
     folder.mkdir(parents=True, exist_ok=True)
     with lock(folder):
-        study = open_study(f"sqlite:///{folder / 'trials.db'}", spec)
+        study = open_study(sqlite_address(folder / "trials.db"), spec)
         left = spec.config.trials - sum(map(has_ended, study.get_trials(deepcopy=False)))
         print(f"{spec.name}: {left} of {spec.config.trials} trials to do; logs: {folder / 'logs'}", flush=True)
         while left > 0:

@@ -20,7 +20,14 @@ from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
 from experiments.commands.config_store import conf_dir, register_settings
-from experiments.commands.overrides import OWN_NAMES, explain_overrides, single_runs, with_own_names, with_search_path
+from experiments.commands.overrides import (
+    OWN_NAMES,
+    explain_overrides,
+    single_runs,
+    with_own_names,
+    with_search_path,
+    without_passwords,
+)
 from experiments.commands.signals import Stopped
 from experiments.settings import ConfigError, RunConfig, construct, import_object, run_config
 from segar.errors import SegarError
@@ -42,7 +49,7 @@ def run_command(
         settings: defaults beyond those of a :class:`RunConfig`, known to Hydra as ``base_<config_name>``.
     """
     register_settings(config_name, settings)
-    sys.argv[1:] = with_own_names(sys.argv[1:])
+    sys.argv[1:] = without_passwords(with_own_names(sys.argv[1:]))
 
     def call(config: DictConfig) -> Any:
         try:

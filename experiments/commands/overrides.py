@@ -11,7 +11,15 @@ from hydra.errors import CompactHydraException, MissingConfigException
 from omegaconf import OmegaConf
 
 from experiments.commands.config_store import WITH_OPTIONS, register_algorithm
-from experiments.settings import OBJECT_NAME, RENAMED, TARGET, TYPE_IS_GONE, path_of, without_files
+from experiments.settings import (
+    OBJECT_NAME,
+    RENAMED,
+    TARGET,
+    TYPE_IS_GONE,
+    hand_on_password,
+    path_of,
+    without_files,
+)
 from segar.errors import did_you_mean
 
 SEARCH_PATH = "hydra.searchpath"
@@ -52,6 +60,20 @@ def _with_own_name(text: str) -> str:
         return f"{key}={','.join(register_algorithm(name) for name in names)}"
     quoted = (f"'{name}'" if ".npz#" in name else name for name in names)
     return f"{OWN_NAMES.get(group, key)}={','.join(quoted)}"
+
+
+def without_passwords(overrides: Sequence[str]) -> list[str]:
+    """The overrides with the address of ``tracking.uri`` without its password, which goes into the environment: Hydra writes
+    and prints what was asked for."""
+    return [_without_password(text) for text in overrides]
+
+
+def _without_password(text: str) -> str:
+    name, equals, value = text.partition("=")
+    if name.lstrip("+") != "tracking.uri":
+        return text
+    quote = value[:1] if value[:1] in ("'", '"') else ""
+    return f"{name}{equals}{quote}{hand_on_password(value.removeprefix(quote))}"
 
 
 def with_search_path(overrides: Sequence[str], places: Sequence[str]) -> list[str]:

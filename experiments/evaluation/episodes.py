@@ -11,6 +11,7 @@ import torch
 from experiments.levels.builders import environment_options
 from experiments.networks.encoders import successive
 from experiments.runs.run_folder import RESULTS
+from experiments.runs.run_rows import result_figures
 from experiments.settings import ACTION_MODES, RunConfig
 from segar import evaluation
 from segar.envs import Act, TimeStep, VectorEnv
@@ -117,9 +118,11 @@ def actions_of(policy: Agent, env: VectorEnv, rng: torch.Generator | None) -> Ac
 
 
 def mean_figures(rows: Sequence[Mapping[str, Any]], levels: str, mode: str) -> dict[str, float]:
-    """Means over the episodes of a level set in an action mode, e.g. ``evaluation/test/success/sampled``."""
+    """Means over the episodes of a level set in an action mode, e.g. ``evaluation/test/success/sampled``, and those of
+    the task's own results, e.g. ``evaluation/test/results/distance_to_goal/sampled``."""
     chosen = [row for row in rows if row["levels"] == levels and row["action_mode"] == mode]
-    return {f"evaluation/{levels}/{key}/{mode}": float(np.mean([row[key] for row in chosen])) for key in QUANTITIES}
+    means = {f"evaluation/{levels}/{key}/{mode}": float(np.mean([row[key] for row in chosen])) for key in QUANTITIES}
+    return means | result_figures(chosen, levels, mode)
 
 
 def evaluation_figures(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:

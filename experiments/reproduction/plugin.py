@@ -23,6 +23,7 @@ from segar.errors import SegarError, did_you_mean
 
 STUDIES = "segar.studies"  # (output folder, **options) -> None
 REPORTS = "segar.reports"  # (results folder) -> None; "tables" and "report"
+SUMMARIES = "segar.summaries"  # (rows of runs, see experiments.runs.run_rows) -> str; "default"
 
 
 def find_plugin(group: str, name: str) -> EntryPoint:

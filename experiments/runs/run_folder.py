@@ -15,6 +15,7 @@
 ``probes.parquet``        how well probes predict the factors from the representation, see :mod:`experiments.evaluation.probing`
 """
 
+import dataclasses
 import json
 import os
 import shutil
@@ -39,6 +40,7 @@ from experiments.settings import (
     label_in_0_1,
     run_config,
     with_new_names,
+    without_password,
 )
 
 CONFIG = "config.yaml"
@@ -187,9 +189,13 @@ def empty(folder: Path, config: RunConfig) -> None:
 
 
 def _write_settings(folder: Path, config: RunConfig) -> None:
-    """Writes the settings with what ``auto`` means here, so that they mean the same on every machine, and where the modules
-    lie that they name, so that the run can be read from any working directory."""
-    data = as_data(config.resolved())
+    """Writes the settings, signed, so that they mean the same on every machine and can be read from any working directory.
+
+    ``auto`` is resolved, the places of the modules that are named are added, and a password in the store's address is left out.
+    """
+    uri = config.tracking.uri
+    tracking = dataclasses.replace(config.tracking, uri=uri and without_password(uri))
+    data = as_data(dataclasses.replace(config, tracking=tracking).resolved())
     data["module_path"] = list(dict.fromkeys((*config.module_path, *folders_of(data))))
     write_text(folder / CONFIG, signed(yaml.safe_dump(data, sort_keys=False)))
 

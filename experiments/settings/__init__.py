@@ -4,6 +4,13 @@ It may import segar. For authors of algorithms: a sub-class of :class:`Algorithm
 as :class:`PPOConfig`, holds the settings of an algorithm of your own, and names the class that learns.
 """
 
+from experiments.settings.addresses import (
+    hand_on_password,
+    scheme,
+    sqlite_address,
+    with_password,
+    without_password,
+)
 from experiments.settings.algorithms import (
     KINDS,
     TARGET,
@@ -90,8 +97,8 @@ __all__ = [
     "PPOConfig", "Positive", "PositiveOrNull", "RecurrentPPOConfig", "RunConfig", "RunFolderError", "SACConfig",
     "SPRConfig", "ScaleConfig", "Seed", "Settings", "Share", "TaskConfig", "TrackingConfig", "TrackingError",
     "TrainingError", "Widths", "add_module_path", "added_later", "algorithm_named", "as_data", "config_at",
-    "construct", "design", "design_hash", "flat", "grid_point", "import_object", "is_distribution", "kind_of",
-    "label_in_0_1", "level_file", "one_of", "panel_parts", "paper_grid", "paper_seeds", "path_of", "require",
-    "require_design", "require_known", "require_seed", "run_config", "that", "with_new_names", "without_files",
-    "without_folder",
+    "construct", "design", "design_hash", "flat", "grid_point", "hand_on_password", "import_object",
+    "is_distribution", "kind_of", "label_in_0_1", "level_file", "one_of", "panel_parts", "paper_grid", "paper_seeds",
+    "path_of", "require", "require_design", "require_known", "require_seed", "run_config", "scheme", "sqlite_address",
+    "that", "with_new_names", "with_password", "without_files", "without_folder", "without_password",
 ]  # fmt: skip

@@ -2,28 +2,36 @@
 
 import logging
 import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from filelock import FileLock
+from filelock import FileLock, Timeout
 
 from experiments.commands import process_defaults as runtime
 from experiments.runs.files import replacing
-from experiments.settings import TrackingConfig, TrackingError
-from experiments.tracking.mlflow_views import tags_of_views
+from experiments.settings import TrackingConfig, TrackingError, scheme, sqlite_address, with_password, without_password
+from experiments.tracking.mlflow_views import VIEWS, View, tags_of_views
 
 STORE = "mlflow.db"  # under the root of the runs
+LONGEST_OPENING = 30.0  # [s] that a process waits for others that open the store
 SERVERS = ("http", "https")  # begin the addresses of MLflow's servers
 REMOTE = (*SERVERS, "postgresql", "mysql", "mssql")  # and of all stores that may be unreachable for a while
+BUSY = ("database is locked", "database table is locked", "database schema is locked")  # what SQLite says
 PATIENCE = {  # MLflow's defaults are minutes; the tracker tries again later anyway
     "MLFLOW_HTTP_REQUEST_MAX_RETRIES": "1",
     "MLFLOW_HTTP_REQUEST_TIMEOUT": "20",  # [s]
 }
 
 
+class StoreBusy(TrackingError):
+    """Another process holds the store; it will be free later."""
+
+
 def store_uri(tracking: TrackingConfig, root: Path) -> str:
-    """The store's address: as configured, else SQLite under ``root``, whatever the working directory."""
-    return tracking.uri or f"sqlite:///{root / STORE}"
+    """The store's address, without a password: as configured, else SQLite under ``root``, whatever the working directory."""
+    return without_password(tracking.uri) if tracking.uri else sqlite_address(root / STORE)
 
 
 def is_remote(uri: str) -> bool:
@@ -36,11 +44,6 @@ def is_server(uri: str) -> bool:
     return scheme(uri) in SERVERS
 
 
-def scheme(uri: str) -> str:
-    """The scheme of an address without the driver: ``postgresql`` for ``postgresql+psycopg2://...``."""
-    return uri.partition("://")[0].partition("+")[0]
-
-
 def open_store(tracking: TrackingConfig, root: Path) -> tuple[Any, str]:
     """An ``MlflowClient`` and the id of the experiment, with its views; all made if need be.
 
@@ -48,7 +51,7 @@ def open_store(tracking: TrackingConfig, root: Path) -> tuple[Any, str]:
     where it likes; beside a database they lie under ``root``.
 
     Raises:
-        TrackingError: the store cannot be opened.
+        TrackingError: the store cannot be opened; a :class:`StoreBusy` where that may be possible later.
     """
     runtime.set_environment()
     for name, value in PATIENCE.items():
@@ -56,12 +59,13 @@ def open_store(tracking: TrackingConfig, root: Path) -> tuple[Any, str]:
     from mlflow import MlflowClient
 
     logging.getLogger("urllib3.connectionpool").setLevel(logging.ERROR)  # it logs every retry
+    logging.getLogger("mlflow.store.db.utils").setLevel(logging.CRITICAL)  # it logs a traceback for each failure
     root.mkdir(parents=True, exist_ok=True)
-    with FileLock(root / ".mlflow.lock"):
+    with opening(root):
         if tracking.uri is None and not (root / STORE).exists():
             with replacing(root / STORE) as beside:  # half a database could never be opened again
-                calling(MlflowClient, tracking_uri=f"sqlite:///{beside}")
-        client = calling(MlflowClient, tracking_uri=store_uri(tracking, root))
+                calling(MlflowClient, tracking_uri=sqlite_address(beside))
+        client = calling(MlflowClient, tracking_uri=with_password(tracking.uri or store_uri(tracking, root)))
         found = calling(client.get_experiment_by_name, tracking.experiment)
         if found is None:
             place = None if is_server(client.tracking_uri) else (root / "mlflow-artifacts").as_uri()
@@ -71,9 +75,25 @@ def open_store(tracking: TrackingConfig, root: Path) -> tuple[Any, str]:
         return client, found.experiment_id
 
 
-def show_views(client: Any, experiment: Any) -> None:
+@contextmanager
+def opening(root: Path) -> Iterator[None]:
+    """Keeps other processes from opening the store inside the block; raises :class:`StoreBusy` if one takes too long."""
+    lock = FileLock(root / ".mlflow.lock", timeout=LONGEST_OPENING)
+    try:
+        lock.acquire()
+    except Timeout:
+        raise StoreBusy(
+            f"another process has been opening MLflow's store in {root} for {LONGEST_OPENING:.0f} s"
+        ) from None
+    try:
+        yield
+    finally:
+        lock.release()
+
+
+def show_views(client: Any, experiment: Any, views: Mapping[str, View] = VIEWS) -> None:
     """Gives an experiment of MLflow's the views that it lacks; raises :class:`TrackingError`."""
-    for name, value in tags_of_views().items():
+    for name, value in tags_of_views(views).items():
         if experiment.tags.get(name) != value:
             calling(client.set_experiment_tag, experiment.experiment_id, name, value)
 
@@ -86,7 +106,8 @@ def calling(function: Any, *arguments: Any, **options: Any) -> Any:
     try:
         return function(*arguments, **options)
     except (MlflowException, SQLAlchemyError, OSError) as error:
-        reason = (str(error).splitlines() or [type(error).__name__])[0]
-        raise TrackingError(
-            f"MLflow refuses: {reason}. The run folder has all figures; tracking=none runs without MLflow"
-        ) from error
+        said = without_password(str(error))
+        reason = (said.splitlines() or [type(error).__name__])[0]
+        kind = StoreBusy if any(word in said for word in BUSY) else TrackingError
+        message = f"MLflow refuses: {reason}. The run folder has all figures; tracking=none runs without MLflow"
+        raise kind(message) from (error if said == str(error) else None)  # the journal has the cause, too

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,7 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from experiments.runs.run_folder import EPISODES, SUMMARY, SYNC_STATE, runs_root, write_json
-from experiments.settings import RunConfig, flat, grid_point
+from experiments.settings import RunConfig, flat, grid_point, without_password
 from experiments.tracking.mlflow_store import calling, open_store, store_uri
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from mlflow.entities import Metric
 
 BATCH = 1000  # metrics in one call, at most; MLflow's limit
+UNNAMEABLE = re.compile(r"[^/\w.\- :]")  # characters that the names of metrics cannot have; a task's results may
 VALUE_LENGTH = 500  # of a parameter, in characters
 
 
@@ -49,9 +51,9 @@ class RunSync:
         self.client: MlflowClient | None = None
         store = store_uri(config.tracking, runs_root(config))
         state = read_sync_state(folder)
-        if state is None or (state.store, state.experiment) != (store, config.tracking.experiment):
+        if state is None or (without_password(state.store), state.experiment) != (store, config.tracking.experiment):
             state = SyncState(store, config.tracking.experiment, int(time.time() * 1000))
-        self.state = state
+        self.state = dataclasses.replace(state, store=store)
 
     def open(self) -> MlflowClient:
         """Finds or creates the run in the store; returns the store's client; raises :class:`TrackingError`."""
@@ -108,7 +110,8 @@ class RunSync:
     def _metric(self, row: Mapping[str, Any]) -> Metric:
         from mlflow.entities import Metric
 
-        return Metric(row["name"], row["value"], self.state.begun + int(1000 * row["seconds"]), row["frames"])
+        name = UNNAMEABLE.sub("_", row["name"])
+        return Metric(name, row["value"], self.state.begun + int(1000 * row["seconds"]), row["frames"])
 
     def _find_or_create(self, client: MlflowClient, experiment: str) -> str:
         from mlflow.entities import Param, RunTag

@@ -1,4 +1,4 @@
-"""Views: pages of charts over the runs in MLflow, one for each question of the paper, already filtered and arranged.
+"""Views: pages of charts over the runs in MLflow, already filtered and arranged: for any runs, and for the paper's figures.
 
 MLflow's pages keep a view as a tag of the experiment, so that these stand in the menu "Views" of every store and have an
 address. How such a tag is written is not a promise of MLflow's: this is how the versions that ``pyproject.toml`` allows do it.
@@ -27,13 +27,14 @@ class View:
     """What is shown of which runs."""
 
     title: str
-    figure: str  # the runs of this figure of the paper
     rows: tuple[tuple[str, tuple[Chart, ...]], ...]  # heading and charts side by side, from top to bottom
+    figure: str = ""  # the runs of this figure of the paper; none: all runs
 
     @property
     def wanted(self) -> str:
         """The search that finds the runs; their parents, which have no family, are left out."""
-        return f"tags.figure LIKE '%{self.figure}%' and tags.family LIKE '%'"
+        of_figure = f"tags.figure LIKE '%{self.figure}%' and " if self.figure else ""
+        return f"{of_figure}tags.family LIKE '%'"
 
 
 def scatter(x: str, y: str, x_is: str = "METRIC") -> Chart:
@@ -57,35 +58,34 @@ def parallel(parameters: tuple[str, ...], metrics: tuple[str, ...]) -> Chart:
     return {"type": "PARALLEL", **chosen, "showAllRuns": True}
 
 
-VIEWS = {
-    "gap-against-w2": View(
-        "Gap against W2", "3a", (("Gap against W2", (scatter("w2/reference", GAP), scatter("w2/exact", GAP))),)
+AGAINST_W2 = (("Gap against W2", (scatter("w2/exact", GAP), scatter("w2/reference", GAP))),)
+AGAINST_N = (
+    ("Against the number of levels", (scatter(COUNT, GAP, "PARAM"), scatter(COUNT, "w2/exact", "PARAM"))),
+    ("A line per run", (parallel((PANEL, COUNT), ("w2/exact", "ks", SUCCESS, GAP)),)),
+)
+LEARNING = (("Training episodes", (curve("episode/return"), curve("episode/success"))),)
+AGAINST_KNOWLEDGE = (
+    (
+        "Accuracy of probes, and as in 2022",
+        (scatter("probes/accuracy/test", GAP), scatter("probes/accuracy_of_2022/test", GAP)),
     ),
-    "gap-against-n": View(
-        "Gap and W2 against the number of levels",
-        "3b",
-        (
-            ("Against the number of levels", (scatter(COUNT, GAP, "PARAM"), scatter(COUNT, "w2/reference", "PARAM"))),
-            ("GridPoint by cell", (parallel((PANEL, COUNT), ("w2/reference", "ks", SUCCESS, GAP)),)),
-        ),
-    ),
-    "gap-against-knowledge": View(
-        "Gap against what the representation knows",
-        "4b",
-        (
-            (
-                "Accuracy of probes, and as in 2022",
-                (scatter("probes/accuracy/test", GAP), scatter("probes/accuracy_of_2022/test", GAP)),
-            ),
-        ),
-    ),
-    "learning": View("Learning", "5b", (("Training episodes", (curve("episode/return"), curve("episode/success"))),)),
+)
+VIEWS = {  # of every store
+    "gap-against-w2": View("Gap against W2", AGAINST_W2),
+    "gap-against-n": View("Gap and W2 against the number of levels", AGAINST_N),
+    "learning": View("Learning", LEARNING),
+}
+VIEWS_OF_PAPER = {  # of stores with a reproduction, which says to which figures a run belongs
+    "figure-3a": View("Figure 3a: gap against W2", AGAINST_W2, "3a"),
+    "figure-3b": View("Figure 3b: gap and W2 against the number of levels", AGAINST_N, "3b"),
+    "figure-4b": View("Figure 4b: gap against what the representation knows", AGAINST_KNOWLEDGE, "4b"),
+    "figure-5b": View("Figure 5b: learning", LEARNING, "5b"),
 }
 
 
-def tags_of_views() -> dict[str, str]:
+def tags_of_views(views: Mapping[str, View] = VIEWS) -> dict[str, str]:
     """The tags of an experiment in which MLflow's pages find the views."""
-    return {f"{TAG}{name}": packed(view) for name, view in VIEWS.items()}
+    return {f"{TAG}{name}": packed(view) for name, view in views.items()}
 
 
 def link(address: str, experiment: str, name: str) -> str:

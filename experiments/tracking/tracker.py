@@ -7,11 +7,12 @@ runs can share one process (joblib reuses its workers).
 import sys
 import threading
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from experiments.settings import RunConfig, RunFolderError, TrackingError
-from experiments.tracking.mlflow_store import is_remote
+from experiments.tracking.mlflow_store import StoreBusy, is_remote
 from experiments.tracking.mlflow_sync import RunSync
 
 LONGEST_PAUSE = 60.0  # [s] between attempts, while the store is away
@@ -32,14 +33,15 @@ def start_tracking(config: RunConfig, folder: Path) -> Tracker:
     """The tracker that the configuration names; a resumed run is the same run in the store.
 
     Raises:
-        TrackingError: a store on this machine cannot be opened. A server that does not answer may come back: the
-            tracker says so, and tries again.
+        TrackingError: a store on this machine cannot be opened. A server that does not answer may come back, and a
+            database that another process holds may be free again: the tracker says so, and tries again.
     """
     if config.tracking.name == "none":
         return Tracker()
     sync = RunSync(config, folder)
     if not is_remote(sync.state.store):
-        sync.open()
+        with suppress(StoreBusy):
+            sync.open()
     return MLflowTracker(sync, config.tracking.interval)
 
 

@@ -55,10 +55,13 @@ ORDER = [
     "experiments.make_textures",
     "experiments.search",
     "experiments.reproduce",
+    "experiments.study",
     "experiments",
     "analysis.tables",
     "analysis.stats",
     "analysis.plotting",
+    "analysis.runs",
+    "analysis.gap_plot",
     "analysis.probes",
     "analysis.studies",
     "analysis.experiment_runs",
@@ -86,7 +89,7 @@ OPTIONAL = {
     "segar.rendering.painter",
     "segar.rendering.window",
 }
-MOST_ROOMS = {"segar": 19, "experiments": 20}
+MOST_ROOMS = {"segar": 19, "experiments": 21}
 PACKAGES = ("segar", "experiments", "analysis")
 
 

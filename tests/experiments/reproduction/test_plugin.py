@@ -6,7 +6,7 @@ import pytest
 
 from experiments.commands.config_store import conf_dir
 from experiments.reproduce import experiment_files
-from experiments.reproduction.plugin import REPORTS, STUDIES, call_plugin, find_plugin, run_plugin
+from experiments.reproduction.plugin import REPORTS, STUDIES, SUMMARIES, call_plugin, find_plugin, run_plugin
 from experiments.settings import ConfigError
 
 MODULE = """
@@ -18,10 +18,11 @@ def run(output, levels=1):
 
 def test_every_registered_plugin_can_be_loaded():
     """The entry points of pyproject.toml; after a change of theirs, make setup registers them anew."""
-    names = {group: set(entry_points(group=group).names) for group in (STUDIES, REPORTS)}
+    names = {group: set(entry_points(group=group).names) for group in (STUDIES, REPORTS, SUMMARIES)}
     asked = {data["study"] for data in experiment_files().values() if "study" in data}
     assert asked <= names[STUDIES], f"studies of {conf_dir() / 'experiment'}"
     assert {"tables", "report"} <= names[REPORTS]
+    assert "default" in names[SUMMARIES]
     for group in names:
         assert all(callable(one.load()) for one in entry_points(group=group))
 

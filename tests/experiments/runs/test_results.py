@@ -1,15 +1,27 @@
 """The table of runs: which settings differ, how far each is, what it achieved; and the mistakes one makes on the way."""
 
+import csv
 import json
 import threading
 
+import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 from experiments.commands.hydra_app import compose
-from experiments.results import ResultsConfig, results, state_of
-from experiments.runs.run_folder import VERSIONS, read_versions, use_run_folder
+from experiments.results import ResultsConfig, results
+from experiments.runs.run_folder import (
+    SUMMARY,
+    VERSIONS,
+    read_episodes,
+    read_metrics,
+    read_versions,
+    use_run_folder,
+    write_json,
+)
+from experiments.runs.run_rows import as_columns, figures_of, run_rows, state_of
 from experiments.runs.versions import computed_with
-from experiments.settings import ConfigError, LevelsConfig, RunFolderError, TaskConfig, TrackingConfig
+from experiments.settings import ConfigError, EvaluationConfig, LevelsConfig, RunFolderError, TaskConfig, TrackingConfig
 from experiments.training.run import run
 from tests.experiments.short_runs import before_iteration, killed_after, short_run
 
@@ -29,6 +41,8 @@ def test_the_table_says_what_differs_how_far_it_is_and_what_came_of_it(tmp_path,
     assert "finished" in lines[0] and f"{done.summary['evaluation/test/return/deterministic']:.4g}" in lines[0]
     assert "failed after 128 frames" in lines[1]
     assert lines[2:] == [f"computed with {computed_with(read_versions(tmp_path / 'a'))}"]
+    assert any(line.startswith("b: Killed") for line in said)
+    assert "1 of 2 runs are not finished and do not count" in said[-1]
 
 
 def test_the_table_says_of_each_run_what_it_was_computed_with_where_that_differs(tmp_path):
@@ -44,6 +58,73 @@ def test_the_table_says_of_each_run_what_it_was_computed_with_where_that_differs
     here = computed_with(read_versions(tmp_path / "a"))
     assert head.endswith("computed with")
     assert [line.rpartition("  ")[2] for line in lines] == [here, f"{here.rpartition(', ')[0]}, Another, then {here}"]
+
+
+def test_distances_stand_first_exact_w2_before_all_and_own_results_beside_success(tmp_path):
+    config = short_run(tmp_path / "a", evaluation=EvaluationConfig(episodes=2))
+    summary = run(config).summary
+    (row,) = as_columns(run_rows([tmp_path]))
+    figures = list(row)[list(row).index("state") + 1 :]
+    assert figures[:4] == ["w2_exact", "w2_reference", "ks", "gap_deterministic"]
+    episodes = read_episodes(tmp_path / "a").to_pylist()
+    mine = [e for e in episodes if (e["levels"], e["action_mode"]) == ("test", "sampled")]
+    mean = np.mean([episode["results/distance_to_goal"] for episode in mine])
+    assert row["results/distance_to_goal_test_sampled"] == pytest.approx(mean)
+    assert summary["evaluation/test/results/distance_to_goal/sampled"] == pytest.approx(mean)
+    assert "results/velocity_test_sampled" not in row  # no single number
+    names = {one["name"] for one in read_metrics(tmp_path / "a").to_pylist()}
+    assert "evaluation/test/results/distance_to_goal/sampled" in names  # of which MLflow makes metrics
+
+
+def test_a_run_from_before_has_its_own_results_from_its_episodes(tmp_path):
+    summary = dict(run(short_run(tmp_path / "a")).summary)
+    (expected,) = run_rows([tmp_path])
+    before = {name: value for name, value in summary.items() if "/results/" not in name}
+    write_json(tmp_path / "a" / SUMMARY, before)
+    (found,) = run_rows([tmp_path])
+    assert found.figures == expected.figures
+    assert len(figures_of(before)) < len(found.figures)
+
+
+@pytest.mark.parametrize("suffix", ["csv", "parquet", "md"])
+def test_all_rows_are_written_to_a_file_or_none(tmp_path, suffix, monkeypatch):
+    run(short_run(tmp_path / "runs" / "a"))
+    with killed_after(2, monkeypatch):
+        run(short_run(tmp_path / "runs" / "b", seed=1))
+    path = tmp_path / f"all.{suffix}"
+    results(ResultsConfig(root=str(tmp_path / "runs"), output=str(path)), lambda line: None)
+    if suffix == "csv":
+        names = [row["run"] for row in csv.DictReader(path.read_text().splitlines())]
+    elif suffix == "parquet":
+        names = pq.read_table(path)["run"].to_pylist()
+    else:
+        names = [line.split()[1] for line in path.read_text().splitlines()[2:4]]
+    assert names == ["a", "b"]
+    assert [one.name for one in tmp_path.iterdir() if one.name not in ("runs", path.name)] == []
+
+
+def test_a_format_that_there_is_not_is_refused_before_anything_is_read(tmp_path):
+    with pytest.raises(ConfigError, match=r"output: 'runs.xls' ends in none of .csv, .parquet, .md"):
+        ResultsConfig(root=str(tmp_path), output="runs.xls")
+
+
+def test_several_folders_and_single_runs_make_one_table_and_a_run_counts_once(tmp_path):
+    run(short_run(tmp_path / "one" / "a"))
+    run(short_run(tmp_path / "two" / "b", seed=1))
+    rows = run_rows([tmp_path / "one", tmp_path / "two" / "b", tmp_path / "two"])
+    assert [row.folder.name for row in rows] == ["a", "b"]
+    with pytest.raises(RunFolderError, match=f"there is no folder {tmp_path}/three"):
+        run_rows([tmp_path / "three"])
+
+
+def test_a_run_that_cannot_be_read_is_a_row_that_says_why(tmp_path):
+    run(short_run(tmp_path / "a"))
+    (tmp_path / "b").mkdir()
+    (tmp_path / "b" / "config.yaml").write_text("levels: 3\n")
+    said = []
+    results(ResultsConfig(root=str(tmp_path)), said.append)
+    assert "unreadable" in said[0]
+    assert any(line.startswith("b: cannot read the settings of a run") for line in said)
 
 
 def test_a_run_at_work_is_told_from_one_that_was_cut_off(tmp_path, monkeypatch):

@@ -72,6 +72,8 @@ def test_the_pages_are_served_on_loopback_tell_nobody_and_end_with_ctrl_c(tmp_pa
             asked = f"api/2.0/mlflow/experiments/get?experiment_id={experiment}"
             tags = json.loads(said_by(config, asked))["experiment"]["tags"]
             assert {tag["key"] for tag in tags} == tags_of_views().keys()
+            assert status_of_experiment(config, artifact_location="file:///etc") == 400
+            assert status_of_experiment(config) == 200
             assert json.loads(said_by(config, "ajax-api/3.0/mlflow/ui-telemetry"))["disable_ui_telemetry"] is True
             with pytest.raises(OSError), socket.create_connection((address_of_this_machine(), config.port), 5):
                 pass
@@ -94,6 +96,17 @@ def said_by(config, path):
             return answer.read().decode()
     except (urllib.error.URLError, ConnectionError, TimeoutError):
         return ""
+
+
+def status_of_experiment(config, **settings):
+    """The server's answer to who wants to make an experiment."""
+    body = json.dumps({"name": "of somebody", **settings}).encode()
+    url = f"{config.address}/api/2.0/mlflow/experiments/create"
+    try:
+        with urllib.request.urlopen(urllib.request.Request(url, body, {"Content-Type": "application/json"})) as answer:
+            return answer.status
+    except urllib.error.HTTPError as error:
+        return error.code
 
 
 def address_of_this_machine():

@@ -9,9 +9,9 @@ import pytest
 from experiments.dashboard import DashboardConfig, links
 from experiments.evaluation.probing import figures_of
 from experiments.runs.run_folder import read_metrics
-from experiments.settings import EvaluationConfig, ScaleConfig, TrackingConfig, flat
-from experiments.tracking.mlflow_store import open_store
-from experiments.tracking.mlflow_views import TAG, VIEWS, View, curve, link, packed
+from experiments.settings import EvaluationConfig, LevelsConfig, ScaleConfig, TrackingConfig, flat
+from experiments.tracking.mlflow_store import open_store, show_views
+from experiments.tracking.mlflow_views import TAG, VIEWS, VIEWS_OF_PAPER, View, curve, link, packed
 from experiments.training.run import run
 from tests.experiments.short_runs import short_run
 
@@ -41,14 +41,15 @@ def test_views_draw_nothing_but_figures_and_parameters_that_runs_have(tmp_path):
     )
     metrics = {row["name"] for row in read_metrics(run(config).folder).to_pylist()}
     metrics |= figures_of([{**PROBE, "probe": "jsd"}, {**PROBE, "probe": "paper"}]).keys()
-    for chart in (chart for view in VIEWS.values() for _, charts in view.rows for chart in charts):
+    views = [*VIEWS.values(), *VIEWS_OF_PAPER.values()]
+    for chart in (chart for view in views for _, charts in view.rows for chart in charts):
         drawn, named = keys_of(chart, "METRIC"), keys_of(chart, "PARAM")
         assert drawn and drawn <= metrics
         assert named <= flat(config.identity()).keys()
 
 
 def test_a_view_is_written_as_the_pages_read_it():
-    view = View("Both", "3a", (("First", (curve("a"), curve("b"))), ("Second", (curve("c"),))))
+    view = View("Both", (("First", (curve("a"), curve("b"))), ("Second", (curve("c"),))), "3a")
     state = state_of(packed(view))
     assert json.loads(packed(view))["name"] == "Both"
     assert [(one["name"], one["columns"]) for one in state["compareRunSections"]] == [("First", 2), ("Second", 1)]
@@ -73,22 +74,45 @@ def store(tmp_path_factory):
     return root
 
 
-def test_a_view_finds_the_training_runs_of_its_figure(store):
+def test_a_view_of_the_paper_finds_the_training_runs_of_its_figure_and_the_others_find_all(store):
     client, experiment = open_store(TrackingConfig(), store)
+    show_views(client, client.get_experiment(experiment), VIEWS_OF_PAPER)
     tags = client.get_experiment(experiment).tags
     found = {
         name: {one.info.run_name for one in client.search_runs([experiment], state_of(tags[TAG + name])["searchFilter"])}
-        for name in VIEWS
+        for name in (*VIEWS, *VIEWS_OF_PAPER)
     }  # fmt: skip
-    assert found["gap-against-w2"] == found["gap-against-knowledge"] == {"one"}
-    assert found["learning"] == {"other"}
-    assert found["gap-against-n"] == set()
+    assert found["figure-3a"] == found["figure-4b"] == {"one"}
+    assert found["figure-5b"] == {"other"}
+    assert found["figure-3b"] == set()
+    assert all(found[name] == {"one", "other"} for name in VIEWS)
+
+
+def test_the_views_of_ones_own_sweep_have_a_point_for_each_run_exact_w2_first(tmp_path):
+    levels = [LevelsConfig("empty-easy", count=count, test_count=3) for count in (1, 2)]
+    for number, one in enumerate(levels):
+        tracking = TrackingConfig(sweep="mine")
+        scale = ScaleConfig(frames=64 * 16)  # enough for episodes to end
+        run(short_run(tmp_path / f"{number}", levels=one, scale=scale, tracking=tracking, root=str(tmp_path)))
+    client, experiment = open_store(TrackingConfig(), tmp_path)
+    tags = client.get_experiment(experiment).tags
+    assert {name for name in tags if name.startswith(TAG)} == {TAG + name for name in VIEWS}
+    for name in VIEWS:
+        state = state_of(tags[TAG + name])
+        found = client.search_runs([experiment], state["searchFilter"])
+        first = state["compareRunCharts"][0]
+        assert len(found) == 2
+        assert all(keys_of(first, "METRIC") <= one.data.metrics.keys() for one in found)
+    assert VIEWS["gap-against-w2"].rows[0][1][0]["xaxis"]["key"] == "w2/exact"
 
 
 def test_a_store_from_before_gets_the_views_when_it_is_opened_or_shown(store):
     client, experiment = open_store(TrackingConfig(), store)
     client.set_experiment_tag(experiment, TAG + "learning", "an older one")
     client.delete_experiment_tag(experiment, TAG + "gap-against-n")
+    for name in VIEWS_OF_PAPER:
+        if TAG + name in client.get_experiment(experiment).tags:
+            client.delete_experiment_tag(experiment, TAG + name)
     config = DashboardConfig(root=str(store), port=5123)
     lines = links(config)
     assert lines[0] == f"  Gap against W2 (segar): {link('http://127.0.0.1:5123', experiment, 'gap-against-w2')}"

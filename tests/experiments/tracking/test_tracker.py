@@ -5,15 +5,18 @@ import json
 import os
 import resource
 import socket
+import sqlite3
 import subprocess
 import sys
+import threading
 import time
 
 import pytest
+from filelock import FileLock
 
 from experiments.runs.run_folder import METRIC_SCHEMA, METRICS, SYNC_STATE, read_metrics, write_rows
 from experiments.settings import CHECKOUT, LevelsConfig, RunConfig, RunFolderError, TrackingConfig, TrackingError
-from experiments.tracking import mlflow_sync
+from experiments.tracking import mlflow_store, mlflow_sync
 from experiments.tracking.mlflow_store import is_remote, open_store, store_uri
 from experiments.tracking.mlflow_sync import read_sync_state
 from experiments.tracking.tracker import Tracker, start_tracking
@@ -332,3 +335,67 @@ def test_another_store_gets_the_whole_run(tmp_path, server):
 def test_rows_keep_their_order_and_their_types_in_the_folder(tmp_path):
     write_rows(tmp_path / METRICS, rows(1.0, 2.0), METRIC_SCHEMA)
     assert points(tmp_path) == [("episode/length", 0, 1.0), ("episode/length", 1, 2.0)]
+
+
+@pytest.mark.parametrize("name", ["100%", "a?b#c", "mit Umläuten"])
+def test_a_root_with_an_odd_name_holds_its_store_and_nothing_lies_outside(tmp_path, name):
+    root = tmp_path / "roots" / name
+    run(short_run(root / "run", root=str(root), tracking=TrackingConfig(interval=0.0)))
+    client, experiment = open_store(TrackingConfig(), root)
+    (one,) = client.search_runs([experiment])
+    assert one.info.status == "FINISHED"
+    assert {file.path for file in client.list_artifacts(one.info.run_id)} == {"summary.json", "episodes.parquet"}
+    assert [path.name for path in (tmp_path / "roots").iterdir()] == [name]
+
+
+def test_a_store_that_another_process_opens_ends_no_run_and_gets_all_when_it_is_free(tmp_path, monkeypatch, capfd):
+    monkeypatch.setattr(mlflow_store, "LONGEST_OPENING", 0.1)
+    config = short_run(tmp_path / "run", root=str(tmp_path), tracking=TrackingConfig(interval=0.0))
+    with FileLock(tmp_path / ".mlflow.lock"):
+        folder = run(config).folder
+    assert "this sends them: python -m experiments.upload" in capfd.readouterr().err
+    upload(UploadConfig(run=str(folder)))
+    _, one = run_in(tmp_path, folder)
+    assert one.info.status == "FINISHED"
+
+
+@pytest.mark.slow
+def test_a_locked_database_ends_no_run_and_gets_all_when_it_is_free(tmp_path, capfd):
+    open_store(TrackingConfig(), tmp_path)
+    other = sqlite3.connect(tmp_path / "mlflow.db", isolation_level=None)
+    other.execute("BEGIN EXCLUSIVE")
+    folder = run(short_run(tmp_path / "run", root=str(tmp_path), tracking=TrackingConfig(interval=0.0))).folder
+    other.execute("ROLLBACK")
+    other.close()
+    said = capfd.readouterr().err
+    assert "has not got all of this run" in said and "Traceback" not in said
+    wait_for(lambda: all(thread.name != "tracking" for thread in threading.enumerate()), 90)  # its last attempt
+    upload(UploadConfig(run=str(folder)))
+    _, one = run_in(tmp_path, folder)
+    assert one.info.status == "FINISHED"
+
+
+def test_the_password_of_a_server_stands_in_no_file_nor_message_and_a_run_goes_on_without_it(
+    tmp_path, server, capfd, monkeypatch
+):
+    server.up = False
+    tracking = TrackingConfig(uri="http://me:s3cret@127.0.0.1:9", interval=0.0)
+    with killed_after(2, monkeypatch):
+        run(short_run(tmp_path / "run", tracking=tracking))
+    server.up = True
+    folder = run(short_run(tmp_path / "run", tracking=tracking)).folder
+    assert server.points == points(folder)
+    upload(UploadConfig(run=str(folder)))
+    assert "s3cret" not in "".join(capfd.readouterr())
+    for path in folder.rglob("*"):
+        assert path.is_dir() or b"s3cret" not in path.read_bytes(), path
+    assert json.loads((folder / SYNC_STATE).read_text())["store"] == "http://me@127.0.0.1:9"
+
+
+def test_a_message_of_mlflow_is_told_without_a_password():
+    def fail():
+        raise OSError("API request to https://me:s3cret@host/api failed\nhttps://me:s3cret@host")
+
+    with pytest.raises(TrackingError, match=r"API request to https://me@host/api failed\.") as caught:
+        mlflow_store.calling(fail)
+    assert caught.value.__cause__ is None  # whose text the journal would hold

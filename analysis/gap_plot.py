@@ -1,0 +1,230 @@
+"""``python -m analysis.gap_plot RUNS -o gap.png``: the gap of any runs against their distance, with the correlation.
+
+``RUNS`` are folders that hold run folders; without any, ``runs/`` of the checkout. Each point is a run with the 95 %
+interval of its gap over episodes, or with ``--cells`` the mean of the runs that differ by their seeds alone, with its
+interval over level sets.
+"""
+
+import argparse
+import dataclasses
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from analysis.plotting import style
+from analysis.plotting.figures import DOT, METADATA, draw_line, new_figure, save_figure, zero_line
+from analysis.runs import blocks_of, column_name, finished, read_runs, settings_varied, summarise
+from analysis.stats.association import labels
+from analysis.stats.correlation import NotAvailable, correlate, indicators
+from analysis.stats.estimate import Estimate
+from analysis.stats.resampling import cluster_bootstrap, cluster_jackknife
+from analysis.tables import Floats, column, count_of, pick, select
+from segar.errors import SegarError
+
+NORMAL = 1.96  # standard errors of a 95 % interval
+FEW_BLOCKS = 20  # below, intervals come from leaving one block out, see docs/decisions/0012-few-blocks.md
+MOST_GROUPS = len(style.PALETTE)  # colours that readers can tell apart
+PREFERRED = (
+    "levels.train",
+    "family",
+    "algorithm.name",
+    "algorithm",
+    "levels.count",
+    "n",
+)  # of settings that colours show
+GAP = "gap (return on test − on training levels)"
+TITLES = {
+    "w2_exact": "W2 between training and test levels",
+    "w2_reference": "W2 of 2022 between training and test levels",
+    "ks": "Kolmogorov-Smirnov statistic of training and test levels",
+    "gap_deterministic": GAP,
+    "gap_sampled": f"{GAP}, sampled actions",
+    "levels.count": "number of training levels",
+}
+
+
+def gap_plot(
+    runs: pd.DataFrame | str | Path,
+    x: str = "w2",
+    y: str = "gap",
+    group: str | None = None,
+    path: str | Path | None = None,
+    cells: bool = False,
+) -> Figure:
+    """A scatter plot of two columns of runs, with their correlation and its 95 % interval over level sets.
+
+    Args:
+        runs: a table of :func:`analysis.runs.read_runs`, or a folder of runs; runs that are not finished do not count.
+        x, y: columns, or short names: ``w2`` (exact), ``ks``, ``gap``, ``success_test``, ``count``.
+        group: the column that colours show, with at most seven values; None: the levels, else the algorithm, else another
+            setting that varies.
+        path: where the figure is written, as ``.png``, ``.pdf`` or ``.svg``; whole or not at all.
+        cells: draw the mean of the runs that differ by their seeds alone, instead of each run.
+
+    Raises:
+        SegarError: a column does not exist, no run has both figures, or the file cannot be written.
+    """
+    if path is not None and Path(path).suffix not in METADATA:
+        raise SegarError(f"'{path}' ends in none of {', '.join(METADATA)}, which say what is written")
+    table = runs if isinstance(runs, pd.DataFrame) else read_runs(runs)
+    x, y = (column_name(table, name) for name in (x, y))
+    done = finished(table)
+    both = cast(pd.DataFrame, done[done[[x, y]].notna().all(axis=1)]).reset_index(drop=True)
+    if both.empty:
+        raise SegarError(f"no finished run has both {x} and {y}")
+    group = _group_of(both) if group is None else column_name(both, group)
+    names = ["all runs"] * len(both) if group is None else [_short(value) for value in both[group]]
+    if len(set(names)) > MOST_GROUPS:
+        raise SegarError(f"group: {group} has {len(set(names))} values, and {MOST_GROUPS} colours can be told apart")
+    shown = both.assign(group=names)
+    points = _cells(shown, x, y) if cells else _runs(shown, x, y)
+    with style.applied():
+        figure = new_figure(6.2, 4.6)
+        axes = figure.subplots()
+        _draw(axes, points)
+        found = correlation(shown, x, y)
+        if found.low > 0 or found.high < 0:  # a line says that there is something
+            draw_line(axes, column(points, "x"), column(points, "y"), band=False)
+        axes.set_xlabel(TITLES.get(x, x))
+        axes.set_ylabel(TITLES.get(y, y))
+        counts = _counts(shown, len(table) - len(both), len(points) if cells else 0)
+        given = correlation(shown, x, y, "group") if count_of(shown, "group") > 1 else None
+        lines = [counts, f"r = {_in_words(found)}", *([f"r given the groups = {_in_words(given)}"] if given else [])]
+        axes.set_title("\n".join(lines), loc="left", fontsize=9)
+        if group is not None:
+            figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", title=group, ncols=4)
+    if path is not None:
+        path = Path(path).expanduser().resolve()
+        save_figure(figure, path, (path.suffix,))
+    return figure
+
+
+def correlation(runs: pd.DataFrame, x: str, y: str, given: str | None = None) -> Estimate:
+    """Pearson's r of two columns, given the groups of a third one, with the 95 % interval and p over level sets.
+
+    All runs of a level set stay together. Fewer than 20 level sets are left out one at a time (jackknife), more are
+    resampled (bootstrap). ``n`` counts level sets. ``note`` says how the interval was made, or why there is none.
+    """
+    x, y = column_name(runs, x), column_name(runs, y)
+    groups = None if given is None else indicators([str(value) for value in runs[given]])
+    values = np.column_stack([column(runs, x), column(runs, y), *([] if groups is None else [groups])])
+    whole = correlate(values[:, 0], values[:, 1], groups)
+    if isinstance(whole, NotAvailable):
+        return Estimate.missing(0, whole.reason)
+    blocks = blocks_of(runs)
+    count = len(set(labels(runs, blocks)))
+    if count < 2:
+        return Estimate(whole.pearson, np.nan, np.nan, count, note="one level set has no interval")
+    if count < FEW_BLOCKS:
+        found = cluster_jackknife(runs, _pearson, blocks, values=values, correlation=True)
+        return dataclasses.replace(found, note=found.note or f"{count} level sets, left out one at a time")
+    found = cluster_bootstrap(runs, _pearson, blocks, np.random.default_rng(0), values=values)
+    return dataclasses.replace(found, note=found.note or f"{count} level sets, resampled")
+
+
+def _pearson(values: Floats) -> float:
+    """r of the first two columns given the others; NaN where it does not exist."""
+    found = correlate(values[:, 0], values[:, 1], values[:, 2:] if values.shape[1] > 2 else None)
+    return float("nan") if isinstance(found, NotAvailable) else found.pearson
+
+
+def _group_of(runs: pd.DataFrame) -> str | None:
+    """The setting that colours show: the first of the preferred ones that varies, and not too much."""
+    varied = settings_varied(runs) if "state" in runs else [name for name in PREFERRED if name in runs]
+    fitting = [name for name in varied if 1 < len(set(map(str, runs[name]))) <= MOST_GROUPS]
+    return next((name for name in (*PREFERRED, *fitting) if name in fitting), None)
+
+
+def _short(value: object) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _runs(runs: pd.DataFrame, x: str, y: str) -> pd.DataFrame:
+    """A point per run: ``x``, ``y``, ``group``, and ``low`` and ``high`` of y where its standard error is known."""
+    error = (
+        column(runs, y.replace("gap_", "gap_se_")) if y.replace("gap_", "gap_se_") in runs and "gap_" in y else np.nan
+    )
+    at = column(runs, y)
+    return pd.DataFrame(
+        {"x": column(runs, x), "y": at, "group": runs["group"], "low": at - NORMAL * error, "high": at + NORMAL * error}
+    )
+
+
+def _cells(runs: pd.DataFrame, x: str, y: str) -> pd.DataFrame:
+    """A point per combination of settings, as :func:`_runs`; the interval is that of :func:`analysis.runs.summarise`."""
+    by = [*settings_varied(runs), "group"]
+    found = summarise(runs, (x, y), by)
+    middle = select(found, figure=y)
+    at = column(select(found, figure=x), "estimate")
+    return pick(middle.assign(x=at, y=middle["estimate"]), ["x", "y", "group", "low", "high"])
+
+
+def _draw(axes: Axes, points: pd.DataFrame) -> None:
+    numbers = sorted(set(points["group"]), key=lambda name: (float(name) if _is_number(name) else 0.0, name))
+    names = numbers if all(map(_is_number, numbers)) else style.ordered(points["group"])
+    colours = dict(zip(names, style.SEQUENCE, strict=False)) if names is numbers else style.colours(names)
+    markers = dict(zip(names, style.MARKERS, strict=False))
+    for name in names:
+        part = select(points, group=name)
+        y, low, high = (column(part, which) for which in ("y", "low", "high"))
+        bars = np.nan_to_num(np.array([y - low, high - y]))
+        look = {"fmt": "none", "ecolor": colours[name], "alpha": 0.35, "elinewidth": 1, "zorder": 2}
+        axes.errorbar(column(part, "x"), y, yerr=bars, **look)
+        axes.scatter(column(part, "x"), y, s=36, zorder=3, marker=markers[name], color=colours[name], label=name, **DOT)
+    zero_line(axes)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _counts(runs: pd.DataFrame, left_out: int, cells: int) -> str:
+    """What the points and their bars are, of how many runs and level sets."""
+    level_sets = len(set(labels(runs, blocks_of(runs))))
+    of_runs = f"{len(runs)} run{'s' * (len(runs) != 1)} on {level_sets} level set{'s' * (level_sets != 1)}"
+    kind = f"{cells} means of {of_runs}, bars over level sets" if cells else f"{of_runs}, bars over episodes"
+    return f"{kind}; {left_out} without these figures left out" if left_out else kind
+
+
+def _in_words(found: Estimate) -> str:
+    if not np.isfinite(found.estimate):
+        return f"not available: {found.note}"
+    if not np.isfinite(found.low):
+        return f"{found.estimate:+.2f} ({found.note})"
+    return f"{found.estimate:+.2f}, 95 % [{found.low:+.2f}, {found.high:+.2f}] over level sets"
+
+
+def main(arguments: Sequence[str]) -> None:
+    """The command line; prints the file and the correlations."""
+    parser = argparse.ArgumentParser(
+        prog="python -m analysis.gap_plot", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("runs", nargs="*", metavar="RUNS", help="folders of runs, or run folders")
+    parser.add_argument("-o", "--output", default="gap.png", help="the figure: .png, .pdf or .svg (default: gap.png)")
+    parser.add_argument("--x", default="w2", help="the column at the bottom (default: w2, which is exact W2)")
+    parser.add_argument("--y", default="gap", help="the column at the left (default: gap)")
+    parser.add_argument("--group", help="the column that colours show (default: one that varies)")
+    parser.add_argument("--sweep", help="only the runs with this tracking.sweep")
+    parser.add_argument("--cells", action="store_true", help="means over seeds instead of single runs")
+    chosen = parser.parse_args(arguments)
+    try:
+        runs = read_runs(*chosen.runs, sweep=chosen.sweep)
+        figure = gap_plot(runs, chosen.x, chosen.y, chosen.group, chosen.output, chosen.cells)
+    except SegarError as error:
+        sys.exit(f"error: {error}")
+    print(figure.axes[0].get_title(loc="left"))
+    print(Path(chosen.output).expanduser().resolve())
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

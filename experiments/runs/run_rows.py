@@ -1,0 +1,180 @@
+"""One row per run, of any sweep: its settings, how far it is, and its final figures under short names.
+
+The names of columns follow from those of the figures: ``evaluation/test/success/sampled`` is ``success_test_sampled``,
+``evaluation/gap/deterministic`` is ``gap_deterministic``, ``w2/exact`` is ``w2_exact``, and what the task ``charging``
+calls ``charge`` among its results is ``results/charge_test_deterministic``. Settings have their dotted names.
+"""
+
+import json
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from experiments.runs.journal import read_journal
+from experiments.runs.run_folder import (
+    CONFIG,
+    EPISODES,
+    EVALUATIONS,
+    RESULTS,
+    SUMMARY,
+    VERSIONS,
+    is_finished,
+    is_locked,
+    read_config,
+    read_episodes,
+    read_summary,
+    read_versions,
+    run_folders,
+)
+from experiments.runs.versions import computed_with
+from experiments.settings import ACTION_MODES, RunConfig, RunFolderError, flat
+from segar.errors import SegarError
+
+FINISHED = "finished"
+UNREADABLE = "unreadable"
+# Settings that a table has even where all runs agree.
+ALWAYS = ("levels.train", "levels.count", "levels.seed", "algorithm.name", "observation.name", "seed")
+DERIVED = ("algorithm.kind", "algorithm._target_")  # settings that follow from others
+LAST_DISTANCES = ("w2_reference", "w2_paper", "ks")  # stand behind all other modes of W2
+FIRST = ("gap", "success_test", "success_train", "score", RESULTS, "return_test", "return_train")  # what is read first
+
+
+@dataclass(frozen=True)
+class RunRow:
+    """A run: its folder, its state, why it has no figures where it failed, its settings and its figures."""
+
+    folder: Path
+    state: str  # "finished", or see :func:`state_of`, or "unreadable"
+    problem: str = ""
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    figures: Mapping[str, float] = field(default_factory=dict)
+    sweep: str = ""
+    computed_with: str = ""  # what decided the last bits, see :func:`experiments.runs.versions.computed_with`
+
+
+def run_rows(places: Iterable[Path], trusted: Collection[str] = ()) -> list[RunRow]:
+    """The runs in folders of runs, in their order; a place may be a run folder itself, and counts once.
+
+    A folder that cannot be read is a row that says why.
+
+    Args:
+        trusted: as of :func:`experiments.runs.run_folder.read_config`.
+
+    Raises:
+        RunFolderError: a place does not exist.
+    """
+    folders: dict[Path, None] = {}
+    for place in places:
+        if not place.is_dir():
+            raise RunFolderError(f"there is no folder {place}; name one that holds run folders")
+        folders |= dict.fromkeys([place] if (place / CONFIG).exists() else run_folders(place))
+    return [_row(folder, trusted) for folder in folders]
+
+
+def named_settings(rows: Sequence[RunRow]) -> list[str]:
+    """:data:`ALWAYS`, and the other settings that tell the runs apart, in the order of the settings."""
+    settings = [row.settings for row in rows if row.settings]
+    names = dict.fromkeys(name for one in settings for name in one if name not in DERIVED)
+    varied = [name for name in names if len({str(one.get(name)) for one in settings}) > 1]
+    return list(dict.fromkeys((*ALWAYS, *varied))) if settings else []
+
+
+def as_columns(rows: Sequence[RunRow]) -> list[dict[str, Any]]:
+    """The rows as plain data, all with the same columns: ``run``, settings, ``state``, figures, ``computed_with``,
+    ``problem``, ``folder``.
+
+    What a run does not have is None.
+    """
+    names = named_settings(rows)
+    figures = sorted({name for row in rows for name in row.figures}, key=_place)
+    return [
+        {
+            "run": row.folder.name,
+            **{name: row.settings.get(name) for name in names},
+            "state": row.state,
+            **{name: row.figures.get(name) for name in figures},
+            "computed_with": row.computed_with,
+            "problem": row.problem,
+            "folder": str(row.folder),
+        }
+        for row in rows
+    ]
+
+
+def figures_of(summary: Mapping[str, Any]) -> dict[str, float]:
+    """The numbers of a summary under the names of columns."""
+    return {_column(key): value for key, value in summary.items() if isinstance(value, int | float)}
+
+
+def result_figures(episodes: Iterable[Mapping[str, Any]], levels: str, mode: str) -> dict[str, float]:
+    """Means of the task's own results over the episodes of a level set in an action mode, as
+    ``evaluation/test/results/<name>/deterministic``; results that are no single number or truth are left out."""
+    chosen = [row for row in episodes if row["levels"] == levels and row["action_mode"] == mode]
+    names = [name for name in (chosen[0] if chosen else ()) if name.startswith(RESULTS)]
+    numbers = [name for name in names if all(isinstance(row[name], bool | int | float) for row in chosen)]
+    return {f"evaluation/{levels}/{name}/{mode}": float(np.mean([row[name] for row in chosen])) for name in numbers}
+
+
+def state_of(folder: Path) -> str:
+    """The state of a run: finished, at work, stopped or failed (after so many frames), or cut off."""
+    if is_finished(folder):
+        return FINISHED
+    if is_locked(folder):
+        return "at work"
+    journal = read_journal(folder)
+    last = journal[-1] if journal else {"event": "not begun"}
+    word = "cut off" if last["event"] in ("started", "lost") else last["event"]
+    return f"{word} after {last['frames']:,} frames" if last.get("frames") else word
+
+
+def _row(folder: Path, trusted: Collection[str]) -> RunRow:
+    try:
+        config = read_config(folder, trusted)
+        settings, sweep = flat(config.identity()), config.tracking.sweep
+        state = state_of(folder)
+        if state != FINISHED:
+            journal = read_journal(folder)
+            return RunRow(folder, state, journal[-1].get("error", "") if journal else "", settings, sweep=sweep)
+        made = computed_with(read_versions(folder)) if (folder / VERSIONS).exists() else ""
+        return RunRow(folder, state, "", settings, _figures(folder, config), sweep, made)
+    except (SegarError, OSError, ValueError) as error:
+        return RunRow(folder, UNREADABLE, str(error))
+
+
+def _figures(folder: Path, config: RunConfig) -> dict[str, float]:
+    """The figures of a finished run: those of its summary, results that older summaries lack, and a score if there is one."""
+    summary = read_summary(folder)
+    if not any(f"/{RESULTS}" in key for key in summary) and (folder / EPISODES).exists():
+        episodes = read_episodes(folder).to_pylist()
+        for levels, mode in product(("train", "test"), ACTION_MODES):
+            summary |= result_figures(episodes, levels, mode)
+    return figures_of(summary) | _score(folder / EVALUATIONS / f"test-n{config.levels.test_count}" / SUMMARY)
+
+
+def _score(path: Path) -> dict[str, float]:
+    """What ``experiments.evaluate levels=test`` found on the run's own test levels, where it was asked."""
+    players = json.loads(path.read_text())["players"] if path.exists() else {}
+    return {f"score_{mode}": players[mode]["score"] for mode in ACTION_MODES if "score" in players.get(mode, {})}
+
+
+def _column(key: str) -> str:
+    group, *rest = key.split("/")
+    if group == "evaluation" and len(rest) > 2:
+        levels, *quantity, mode = rest
+        return f"{'/'.join(quantity)}_{levels}_{mode}"
+    if group == "evaluation":
+        return "_".join(rest)
+    return f"w2_{rest[0]}" if group == "w2" else key.removeprefix("diversity/")
+
+
+def _place(name: str) -> tuple[Any, ...]:
+    """Where a figure stands: exact W2 first, then by what people read first, deterministic before sampled."""
+    if name.startswith("w2_") or name == "ks":
+        return 0, LAST_DISTANCES.index(name) + 2 if name in LAST_DISTANCES else int(name != "w2_exact"), name
+    mode = next((mode for mode in ACTION_MODES if name.endswith(f"_{mode}")), "")
+    stem = RESULTS if name.startswith(RESULTS) else name.removesuffix(f"_{mode}")
+    return 1, (*ACTION_MODES, "").index(mode), FIRST.index(stem) if stem in FIRST else len(FIRST), name

@@ -1,0 +1,132 @@
+"""Any runs as a table, their means over level sets, and the plot of the gap: laws, and what is said of what is missing."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from PIL import Image
+
+from analysis.gap_plot import correlation, gap_plot, main
+from analysis.runs import column_name, read_runs, summarise, summary_text
+from analysis.stats.estimate import mean_of_replicates
+from experiments.runs.run_rows import as_columns, run_rows
+from experiments.settings import LevelsConfig, RunFolderError
+from experiments.training.run import run
+from segar.errors import SegarError
+from tests.experiments.short_runs import killed_after, short_run
+
+
+def table(level_seeds=(1, 2, 3), seeds=(1, 2), noise=0.0):
+    """Invented runs of two families, three numbers of levels, and all pairs of these seeds."""
+    rng = np.random.default_rng(0)
+    rows = []
+    for train in ("calm", "gale"):
+        for count in (1, 10, 100):
+            for level_seed in level_seeds:
+                w2 = 3 / count**0.3 + 0.2 * level_seed
+                for seed in seeds:
+                    gap = -2 * w2 + noise * rng.normal() + 0.1 * seed
+                    settings = {"levels.train": train, "levels.count": count, "levels.seed": level_seed, "seed": seed}
+                    figures = {"w2_exact": w2, "gap_deterministic": gap, "success_test_deterministic": 0.5}
+                    rows.append({"run": f"r{len(rows)}", **settings, "state": "finished", **figures})
+    return pd.DataFrame(rows)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A sweep of two numbers of levels and two level sets, one agent each, and a run that ended early."""
+    root = tmp_path_factory.mktemp("runs")
+    for count in (1, 2):
+        for seed in (1, 2):
+            levels = LevelsConfig("empty-easy", count=count, seed=seed, test_count=3)
+            run(short_run(root / f"{count}-{seed}", levels=levels), say=lambda line: None)
+    with pytest.MonkeyPatch.context() as patch, killed_after(2, patch):
+        run(short_run(root / "killed", levels=LevelsConfig("empty-easy", count=4, test_count=3)))
+    return root
+
+
+def test_a_level_set_counts_once_however_many_agents_were_trained_on_it():
+    few, many = (summarise(table(seeds=seeds)) for seeds in ((1, 2), (1, 2) * 5))
+    assert (few["unit"] == "level sets").all() and (few["n"] == 3).all()
+    assert (many["runs"] == 5 * few["runs"]).all()
+    for name in ("estimate", "low", "high"):
+        np.testing.assert_allclose(many[name], few[name])
+
+
+def test_the_interval_is_that_of_the_means_of_level_sets():
+    runs = table(noise=1.0)
+    found = summarise(runs, ["gap"], by=["train", "count"])
+    mine = runs[(runs["levels.train"] == "gale") & (runs["levels.count"] == 10)]
+    expected = mean_of_replicates(mine.groupby("levels.seed")["gap_deterministic"].mean().to_numpy())
+    (row,) = found[(found["levels.train"] == "gale") & (found["levels.count"] == 10)].to_dict("records")
+    assert (row["estimate"], row["low"], row["high"]) == pytest.approx((expected.estimate, expected.low, expected.high))
+
+
+def test_agents_on_one_level_set_are_told_from_level_sets_with_the_way_out():
+    runs = table(level_seeds=(0,), seeds=(1, 2, 3))
+    assert set(summarise(runs)["unit"]) == {"agents"}
+    text = summary_text(runs.to_dict("records"))
+    assert "say nothing about other levels. Cross the seeds: --multirun seed=1,2,3 levels.seed=1,2,3" in text
+    crossed = summary_text(table().to_dict("records"))
+    assert "Cross the seeds" not in crossed and "over level sets" in crossed
+
+
+def test_one_run_of_each_kind_has_no_interval_and_the_text_says_so():
+    text = summary_text(table(level_seeds=(0,), seeds=(1,)).to_dict("records"))
+    assert "[" not in text and "A mean of one run has no interval" in text
+
+
+def test_runs_are_read_with_their_settings_figures_and_errors(folder):
+    runs = read_runs(folder)
+    assert list(runs["run"]) == ["1-1", "1-2", "2-1", "2-2", "killed"]
+    done = runs[runs["state"] == "finished"]
+    assert len(done) == 4 and (done["gap_se_deterministic"] >= 0).all()
+    assert runs["state"].iloc[4] == "failed after 128 frames" and np.isnan(runs["gap_deterministic"].iloc[4])
+    assert [column_name(runs, name) for name in ("w2", "gap", "count")] == [
+        "w2_exact", "gap_deterministic", "levels.count"
+    ]  # fmt: skip
+    text = summary_text(as_columns(run_rows([folder])))
+    assert "1 of 5 runs are not finished" in text
+    with pytest.raises(RunFolderError, match="there is no run of the sweep mine in"):
+        read_runs(folder, sweep="mine")
+    with pytest.raises(SegarError, match=r"the runs have no column 'gab'\."):
+        column_name(runs, "gab")
+
+
+def test_the_interval_of_a_correlation_is_over_level_sets_and_not_over_runs():
+    few, many = (correlation(table(seeds=seeds, noise=0.0), "w2", "gap") for seeds in ((1, 2), (1, 2) * 5))
+    assert few.n == many.n == 6  # two families, three seeds of levels each
+    assert (few.low, few.high) == pytest.approx((many.low, many.high))
+    one = correlation(table(level_seeds=(0,))[lambda runs: runs["levels.train"] == "calm"], "w2", "gap")
+    assert one.n == 1 and np.isnan(one.low) and one.note == "one level set has no interval"
+
+
+@pytest.mark.parametrize("cells", [False, True])
+def test_the_plot_says_what_its_points_are_and_of_how_many_runs(cells, tmp_path):
+    figure = gap_plot(table(noise=0.5), path=tmp_path / "gap.png", cells=cells)
+    (axes,) = figure.axes
+    kind = "6 means of 36 runs on 6 level sets, bars over level sets" if cells else "36 runs on 6 level sets"
+    assert axes.get_title(loc="left").startswith(kind)
+    assert "r = -0." in axes.get_title(loc="left")
+    assert axes.get_xlabel() == "W2 between training and test levels"
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["calm", "gale"]
+    points = sum(len(np.asarray(part.get_offsets())) for part in axes.collections if len(part.get_offsets()) > 1)
+    assert points >= (6 if cells else 36)
+    with Image.open(tmp_path / "gap.png") as picture:
+        assert picture.size[0] > 500
+
+
+def test_the_command_writes_the_figure_and_says_what_is_left_out(folder, tmp_path, capsys):
+    main([str(folder), "-o", str(tmp_path / "gap.svg"), "--x", "ks", "--y", "success_test", "--group", "count"])
+    said = capsys.readouterr().out
+    assert said.startswith("4 runs on 2 level sets") and "1 without these figures left out" in said
+    assert (tmp_path / "gap.svg").read_text().startswith("<?xml")
+
+
+def test_what_cannot_be_plotted_is_an_error_that_names_it(folder, tmp_path):
+    with pytest.raises(SystemExit, match=r"error: '.*gap.gif' ends in none of .png, .pdf, .svg"):
+        main([str(folder), "-o", str(tmp_path / "gap.gif")])
+    with pytest.raises(SystemExit, match="error: there is no folder"):
+        main([str(tmp_path / "nowhere")])
+    with pytest.raises(SegarError, match="run has 36 values, and 7 colours can be told apart"):
+        gap_plot(table(), group="run")
+    assert list(tmp_path.iterdir()) == []
