@@ -24,6 +24,7 @@ from analysis.report.document.tables import statistics
 from analysis.report.figures import FIGURES, Draw
 from analysis.report.number_format import estimate_text
 from analysis.report.results import read_results
+from analysis.report.study import TESTED, WORDS, is_study, make_study_report
 from analysis.tables import write_csv
 from experiments.reproduction.imported_results import RUNS
 from experiments.runs.files import write_bytes, write_text
@@ -83,6 +84,9 @@ def report_results(results: Path) -> None:
 
 def main(config: ReportConfig) -> None:
     """Makes the report and prints what came of it."""
+    if is_study(config.folder):
+        make_and_print_study(config)
+        return
     made = make_report(config)
     results = made.evidence.results
     print(
@@ -100,6 +104,19 @@ def main(config: ReportConfig) -> None:
             f"gap against W2 of 2022, pooled: {estimate_text(made.evidence.association('reference', 'gap_2022', 'pooled'))}"
         )
     print(f"report: {made.folder / PAGE}")
+
+
+def make_and_print_study(config: ReportConfig) -> None:
+    """The report of a study of one's own, and its claims in lines."""
+    if config.only:
+        raise RunFolderError(f"{config.folder} is a study's: all of its figures are drawn together, so leave out only=")
+    folder = Path(config.out).expanduser().resolve() if config.out else config.folder
+    study, claims, files = make_study_report(config.folder, folder)
+    print(f"{len(study.runs)} runs are in the report.")
+    for claim in claims:
+        verdict = claim.verdict(TESTED)
+        print(f"{claim.name}: {WORDS.get(verdict, verdict)}: {claim.statement}")
+    print(f"report: {files[1]}")
 
 
 def make_report(config: ReportConfig) -> Report:

@@ -131,8 +131,9 @@ class Results:
         return [f"{f}-{d} n={n} seed={s}" for f, d, n, s in cells if (f, d, n, s) not in there]
 
 
-def read_results(folder: Path) -> Results:
-    """The tables in ``folder``; raises :class:`RunFolderError` if there is no table of runs, or it is not one."""
+def read_results(folder: Path, required: Sequence[str] = REQUIRED) -> Results:
+    """The tables in ``folder``; raises :class:`RunFolderError` if there is no table of runs, or it has not the ``required``
+    columns."""
     if not (folder / RUNS).exists():
         raise RunFolderError(
             f"{folder} holds no {RUNS}. Name a folder of tables, such as docs/results/quick, or have them made: python "
@@ -141,7 +142,7 @@ def read_results(folder: Path) -> Results:
     runs = pd.read_parquet(folder / RUNS)
     if runs.empty:
         raise RunFolderError(f"{folder / RUNS} has no rows: no run is finished; run the same command again")
-    for name in REQUIRED:
+    for name in required:
         if name not in runs:
             raise RunFolderError(f"{folder / RUNS} has no column '{name}'.{did_you_mean(name, map(str, runs.columns))}")
     tables = [optional(folder / name) for name in (TRANSFERS, CURVES, PROBES)]
@@ -183,15 +184,15 @@ def texture(look: object) -> str:
 
 
 def with_panel(table: pd.DataFrame) -> pd.DataFrame:
-    """The table with ``panel``, e.g. empty-hard."""
-    return table.assign(panel=labels(table, PANEL))
+    """The table with ``panel``: empty-hard, or the name alone of levels that have no difficulty."""
+    return table.assign(panel=[name.removesuffix("-") for name in labels(table, PANEL)])
 
 
 def panels_of(table: pd.DataFrame) -> list[str]:
     """The panels of a table, in the paper's order."""
     there = set(table["panel"])
     orders = (style.ordered(table[name]) for name in PANEL)
-    return [name for name in ("-".join(place) for place in product(*orders)) if name in there]
+    return [name for name in ("-".join(place).removesuffix("-") for place in product(*orders)) if name in there]
 
 
 def paired(

@@ -12,6 +12,7 @@ from experiments.levels.conditions import conditional_puttputt
 from experiments.levels.variations import vary
 from experiments.settings import DESIGNS, TARGET_DESIGN, ConfigError, LevelsConfig, RunConfig, import_object, level_file
 from segar.cli import load_levels
+from segar.envs import VectorEnv
 from segar.errors import LevelError, SegarError, did_you_mean
 from segar.language import Order
 from segar.levels import Levels, family
@@ -151,6 +152,23 @@ def environment_options(config: RunConfig, num_envs: int | None = None) -> dict[
         "num_threads": min(config.num_threads, most),
         "unit_actions": True,  # which policies give, whatever the range of the task
     }
+
+
+def check_observations(config: RunConfig, train: Levels, test: Levels) -> None:
+    """Raises :class:`ConfigError` if the agent would not observe the same numbers in the test levels as in training."""
+    seen, shown = (VectorEnv(levels, 1, seed=0, **environment_options(config)) for levels in (train, test))
+    space, other = seen.single_observation_space, shown.single_observation_space
+    names, others = (list(getattr(env.observation, "names", ())) for env in (seen, shown))
+    if space.shape == other.shape and type(space) is type(other) and names == others:
+        return
+    only = [*(f"{name} in training" for name in names if name not in others),
+            *(f"{name} in the test" for name in others if name not in names)]  # fmt: skip
+    differs = f"shape {space.shape} in training, {other.shape} in the test" + (f"; only {only[0]}" if only else "")
+    raise ConfigError(
+        f"levels.test: observation={config.observation.name} does not show the same in levels of"
+        f" {config.levels.test_distribution} as in those of {config.levels.train} ({differs}). Test on levels with the same"
+        " entities, choose the entities that a state shows, or observe pixels, which fit all levels"
+    )
 
 
 def _find(name: str, options: Mapping[str, Any], group: str) -> Any:

@@ -149,9 +149,9 @@ class GridConfig:
 class TransferConfig:
     """Other test levels, or another look of them, for agents that are trained already. None: as in training."""
 
-    family: Family | None = None
+    family: Family | None = None  # or a distribution; None: as in training
     difficulty: Annotated[str, one_of(*DIFFICULTIES, *STEPS)] | None = None  # agents without a harder one are left out
-    variation: VariationName | None = None
+    variation: VariationName | None = None  # of the levels
     observation: str | None = None  # a choice of the group observation
 
 
@@ -193,11 +193,11 @@ class ClaimConfig:
 class ExperimentConfig:
     """What one file of ``conf/experiment/`` says."""
 
-    title: str
+    title: str  # what the experiment is about
     figure: str = ""  # of the paper
     grid: Mapping[str, Any] = field(default_factory=dict)  # of GridConfig; empty: nothing is trained
-    transfers: Transfers = ()
-    attribution: Annotated[Mapping[str, Sequence[str]], check_groups] = field(default_factory=dict)
+    transfers: Transfers = ()  # other levels, or looks, that the trained agents are tested on
+    attribution: Annotated[Mapping[str, Sequence[str]], check_groups] = field(default_factory=dict)  # groups of factors
     probes: bool = False  # ask what the agents' representations know of the factors, as probes.<scale> says
     claims: Annotated[Mapping[str, Any], check_claims] = field(default_factory=dict)  # name to ClaimConfig
     study: str = ""  # needs no training: a plug-in, see experiments.reproduction.plugin

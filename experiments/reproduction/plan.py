@@ -14,7 +14,7 @@ from typing import Any
 from experiments.commands.hydra_app import compose
 from experiments.evaluation.probing import ProbeConfig, assumed_seconds, read_about
 from experiments.evaluation.transfers import FactorSwap, RunTask, Transfer
-from experiments.levels.builders import distribution_of, environment_options
+from experiments.levels.builders import check_observations, distribution_of, environment_options
 from experiments.levels.mixed_levels import REST, SEPARATOR, check_fits, places
 from experiments.reproduction.experiment_file import BASE, Experiment, GridConfig, TransferConfig, other_panel
 from experiments.reproduction.imported_results import ImportedResults
@@ -46,6 +46,7 @@ ASSUMED_SPEED = {
 ASSUMED_EVALUATION = 8.0  # [s] per run
 TRANSFER_SHARE = 0.5  # of a run's evaluation, which has two level sets instead of one
 STUDY_SECONDS = 30.0
+PICTURES = ("rgb", "textures")  # how the names of observations begin that fit all levels
 
 
 @dataclass(frozen=True)
@@ -97,6 +98,7 @@ def make_plan(
         by_folder = {one.folder_name(): one for one in (*other.transfers, *work.transfers)}
         union[label] = RunTask(work.run, tuple(by_folder.values()), other.probes or work.probes)
     check_objects(work.run for work in union.values())
+    check_transfers(union.values())
     changed = changed_code(union.values())
     union = {label: dataclasses.replace(work, changed=changed.get(label, ())) for label, work in union.items()}
     stored = {label: "" if work.is_done_here() else imported.name_of(work) for label, work in union.items()}
@@ -232,6 +234,25 @@ def check_objects(runs: Iterable[RunConfig]) -> None:
                     import_object(name, "algorithm")
         except SegarError as error:
             raise ConfigError(f"{run.label()}: {error}") from error
+
+
+def check_transfers(works: Iterable[RunTask]) -> None:
+    """Raises :class:`ConfigError` if an agent that sees states would not see the same numbers in the levels of a transfer."""
+    seen = set()
+    for work in works:
+        for transfer in (one for one in work.transfers if one.mixture is None):
+            there = dataclasses.replace(
+                work.run.levels, test=transfer.panel, test_variation=transfer.variation, count=1, seed=0
+            )
+            run = dataclasses.replace(work.run, observation=transfer.observation, levels=there)
+            kind = repr((there, run.observation, run.task))
+            if kind in seen or run.observation.name.startswith(PICTURES):
+                continue
+            seen.add(kind)
+            try:
+                check_observations(run, *(distribution_of(there, which).sample(1) for which in ("train", "test")))
+            except ConfigError as error:
+                raise ConfigError(f"transfers: {transfer.label}: {error}") from error
 
 
 @cache

@@ -18,7 +18,7 @@ from experiments.evaluation.episodes import (
     evaluation_figures,
     unseen_by_distances,
 )
-from experiments.levels.builders import environment_options, make_levels
+from experiments.levels.builders import check_observations, environment_options, make_levels
 from experiments.networks.devices import arithmetic
 from experiments.runs.executed_code import changed_parts, executed_code
 from experiments.runs.journal import Journal
@@ -43,7 +43,6 @@ from experiments.tracking.mlflow_sync import files_of
 from experiments.tracking.tracker import Tracker, start_tracking
 from experiments.training.large_numbers import advice, large_numbers
 from experiments.training.training_loop import Training
-from segar.envs import VectorEnv
 from segar.envs.torchrl_env import TorchRLEnv
 from segar.errors import RuleError
 from segar.levels import Levels
@@ -192,23 +191,6 @@ def _make_environment(kind: type[Learner], config: RunConfig, train: Levels) -> 
         raise ConfigError(
             f"task: the levels of {config.levels.train} are for task={train.task}, and {config.task.name} does not fit: {error}"
         ) from error
-
-
-def check_observations(config: RunConfig, train: Levels, test: Levels) -> None:
-    """Raises :class:`ConfigError` if the agent would not observe the same numbers in the test levels as in training."""
-    seen, shown = (VectorEnv(levels, 1, seed=0, **environment_options(config)) for levels in (train, test))
-    space, other = seen.single_observation_space, shown.single_observation_space
-    names, others = (list(getattr(env.observation, "names", ())) for env in (seen, shown))
-    if space.shape == other.shape and type(space) is type(other) and names == others:
-        return
-    only = [*(f"{name} in training" for name in names if name not in others),
-            *(f"{name} in the test" for name in others if name not in names)]  # fmt: skip
-    differs = f"shape {space.shape} in training, {other.shape} in the test" + (f"; only {only[0]}" if only else "")
-    raise ConfigError(
-        f"levels.test: observation={config.observation.name} does not show the same in levels of"
-        f" {config.levels.test_distribution} as in those of {config.levels.train} ({differs}). Test on levels with the same"
-        " entities, choose the entities that a state shows, or observe pixels, which fit all levels"
-    )
 
 
 def _closing_lines(config: RunConfig, folder: Path, summary: Mapping[str, Any]) -> str:

@@ -4,11 +4,11 @@ Texts may hold ``code`` between backquotes and **strong words** between double a
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from analysis.report.claims.claim import Claim
+from analysis.report.claims.claim import CORRECTED, PAPER, Claim
 from analysis.report.number_format import NONE, interval, p_value, signed
 
 PIECE = re.compile(r"`([^`]+)`|\*\*([^*]+)\*\*")
@@ -81,6 +81,8 @@ class Document:
     title: str
     subtitle: str
     blocks: Sequence[Block]
+    readings: Sequence[str] = (PAPER, CORRECTED)  # in which claims are tested, as findings name them
+    words: Mapping[str, str] = field(default_factory=dict)  # for verdicts, where others are better
 
     @property
     def sections(self) -> list[Heading]:

@@ -5,7 +5,6 @@ from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from analysis.report.claims.claim import CORRECTED, PAPER
 from analysis.report.document.blocks import FINDING_HEAD, Document, Picture, finding_rows, pieces
 
 MARKS = {"reproduced": "✓", "not reproduced": "✗", "undecided": "?", "not testable": "–"}
@@ -22,8 +21,7 @@ def page(document: Document) -> str:
     )
     environment.filters |= {"pieces": pieces, "embedded": embedded, "kind": lambda block: type(block).__name__}
     environment.globals |= {"finding_rows": finding_rows, "finding_head": FINDING_HEAD, "marks": MARKS}
-    environment.globals |= {"paper": PAPER, "corrected": CORRECTED}
-    return environment.get_template("page.html").render(document=document) + "\n"
+    return environment.get_template("page.html", globals={"document": document}).render() + "\n"
 
 
 def embedded(picture: Picture) -> str:

@@ -9,7 +9,6 @@ from fpdf import FPDF
 from fpdf.enums import XPos, YPos
 from fpdf.fonts import FontFace
 
-from analysis.report.claims.claim import CORRECTED, PAPER
 from analysis.report.document import blocks
 from analysis.report.document.blocks import FINDING_HEAD, Document, finding_rows, pieces
 from analysis.report.document.html import MARKS
@@ -71,7 +70,7 @@ def sheets(document: Document) -> bytes:
             case blocks.Picture():
                 picture(pdf, block)
             case blocks.Verdict():
-                claim(pdf, block)
+                claim(pdf, block, document)
     return bytes(pdf.output())
 
 
@@ -154,7 +153,7 @@ def picture(pdf: Sheet, block: blocks.Picture) -> None:
     pdf.ln(1.5)
 
 
-def claim(pdf: Sheet, block: blocks.Verdict) -> None:
+def claim(pdf: Sheet, block: blocks.Verdict, document: blocks.Document) -> None:
     """A claim: statement, verdicts, what follows, tests."""
     one = block.claim
     if pdf.get_y() > pdf.h - 60:
@@ -166,7 +165,7 @@ def claim(pdf: Sheet, block: blocks.Verdict) -> None:
     pdf.set_font(FONT, size=SMALL)
     pdf.set_text_color(*SOFT)
     pdf.write(4, f"{one.where}.  ")
-    for settings in (PAPER, CORRECTED) if one.findings else (PAPER,):
+    for settings in document.readings if one.findings else document.readings[:1]:
         verdict = one.verdict(settings)
         if verdict:
             pdf.set_font(FONT, "", SMALL)
@@ -174,7 +173,7 @@ def claim(pdf: Sheet, block: blocks.Verdict) -> None:
             pdf.write(4, f"{settings}: ")
             pdf.set_font(FONT, "B", SMALL)
             pdf.set_text_color(*COLOURS[verdict])
-            pdf.write(4, f"{MARKS[verdict]} {verdict}    ")
+            pdf.write(4, f"{MARKS[verdict]} {document.words.get(verdict, verdict)}    ")
     pdf.ln(5)
     for text in (one.note, one.follows, f"It would take {one.needs}." if one.needs else ""):
         if text:

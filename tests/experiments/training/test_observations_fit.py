@@ -2,9 +2,8 @@
 
 import pytest
 
-from experiments.levels.builders import make_levels
+from experiments.levels.builders import check_observations, make_levels
 from experiments.settings import ConfigError, LevelsConfig, ObservationConfig, RunConfig
-from experiments.training.run import check_observations
 
 FEW = {"count": 2, "test_count": 2}
 

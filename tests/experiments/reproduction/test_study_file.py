@@ -1,0 +1,177 @@
+"""A study is a file: its schema is that of the checks, wrong files are told with place and fix, and grids cross what they
+say."""
+
+import copy
+import json
+import re
+import subprocess
+import sys
+
+import jsonschema
+import pytest
+import yaml
+
+import experiments.study
+from experiments.commands.hydra_app import compose
+from experiments.reproduce import experiment_files
+from experiments.reproduction.experiment_file import experiment_at
+from experiments.reproduction.plan import as_text, check_objects, grid_runs, make_plan, measure_speeds
+from experiments.reproduction.study_file import fields_text, read_study, schema
+from experiments.settings import ConfigError, RunConfig
+from experiments.study import study_of
+
+GOOD = {
+    "title": "Does it matter?",
+    "settings": {"algorithm": "ppo_fast", "observation": "state", "scale.frames": 2000, "levels": {"test_count": 5}},
+    "grid": {"families": ["empty-easy", "billiards"], "counts": [1, 4], "seeds": 2},
+    "claims": {"distance": {"says": "Farther is worse.", "test": "correlation", "given": ["panel"]}},
+}
+# Mistakes: where, what, and what the message says.
+WRONG = {
+    "unknown key": (["grid", "famlies"], [], "no setting is called 'grid.famlies'. Did you mean 'grid.families'?"),
+    "unknown test": (["claims", "distance", "test"], "correlate", "claims.distance.test: 'correlate' is unknown"),
+    "unknown sign": (["claims", "distance", "expected"], "up", "claims.distance.expected: 'up' is unknown"),
+    "no statement": (["claims", "distance"], {"test": "mean"}, "claims.distance.says: it has no default"),
+    "a number as a list": (["grid", "counts"], 3, "grid.counts: 3 is not a list"),
+    "text as a number": (["grid", "seeds"], "two", "grid.seeds: 'two' is not a whole number"),
+    "no values": (["grid", "vary"], {"algorithm.gamma": 0.9}, "grid.vary.algorithm.gamma: 0.9 is not allowed; it must be"),
+    "a name of its own": (["grid", "vary"], {"seed": [1]}, "grid.vary.seed: 'seed' is not allowed; it must be varied by"),
+}  # fmt: skip
+IN_SCHEMA = ("unknown key", "unknown sign", "no statement", "a number as a list", "text as a number")
+
+
+def written(folder, data, name="mine.yaml"):
+    path = folder / name
+    path.write_text(yaml.safe_dump(data))
+    return path
+
+
+def changed(place, value):
+    data = copy.deepcopy(GOOD)
+    group = data
+    for key in place[:-1]:
+        group = group.setdefault(key, {})
+    group[place[-1]] = value
+    return data
+
+
+def test_the_example_of_the_help_fits_the_schema_and_so_do_all_experiments():
+    example = re.search(r"::\n\n(    title.*?)\n\nThe command", experiments.study.__doc__, re.DOTALL)[1]
+    jsonschema.validate(yaml.safe_load(example), schema())
+    for data in experiment_files().values():
+        jsonschema.validate(data, schema())
+
+
+def test_the_schema_is_one_and_the_command_prints_it():
+    jsonschema.Draft202012Validator.check_schema(schema())
+    done = subprocess.run([sys.executable, "-m", "experiments.study", "--schema"], capture_output=True, text=True)
+    assert json.loads(done.stdout) == schema()
+
+
+def test_every_key_is_explained_in_the_help_and_the_schema():
+    lines = [line.split(maxsplit=1) for line in fields_text().splitlines()[1:]]
+    assert [line for line in lines if len(line) < 2] == []
+    properties = schema()["properties"]
+    assert all("description" in properties[name] for name in properties if name not in ("grid", "transfers"))
+
+
+@pytest.mark.parametrize(("place", "value", "message"), WRONG.values(), ids=WRONG)
+def test_a_wrong_file_is_told_with_its_name_and_the_place(tmp_path, place, value, message):
+    path = written(tmp_path, changed(place, value))
+    with pytest.raises(ConfigError, match=re.escape(f"{path}: {message}")):
+        read_study(path)
+
+
+@pytest.mark.parametrize("name", IN_SCHEMA)
+def test_the_schema_refuses_what_the_checks_refuse(name):
+    place, value, _ = WRONG[name]
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(changed(place, value), schema())
+
+
+def test_settings_of_the_file_come_before_those_of_the_command_line(tmp_path):
+    path = written(tmp_path, GOOD)
+    study, overrides = study_of([str(path), "scale.frames=100", "seed=7"])
+    run = compose(overrides)
+    assert (run.algorithm.name, run.observation.name, run.levels.test_count) == ("ppo_fast", "state", 5)
+    assert (run.scale.frames, run.seed) == (100, 7)
+    assert study.name == "mine"
+
+
+def test_values_of_all_kinds_reach_the_settings(tmp_path):
+    stated = {
+        "task.options": {"reward": "linear"},
+        "evaluation.distances": ["exact"],
+        "tracking.experiment": "a b, 'c'",
+    }
+    data = {**GOOD, "settings": {**stated, "levels.test": None, "progress": False}}
+    run = compose(read_study(written(tmp_path, data)).overrides())
+    assert run.task.options == {"reward": "linear"}
+    assert run.evaluation.distances == ("exact",)
+    assert run.tracking.experiment == "a b, 'c'"
+    assert (run.levels.test, run.progress) == (None, False)
+
+
+@pytest.mark.parametrize("arguments", [[], ["one.yaml", "two.yml"]])
+def test_a_command_line_names_one_study(arguments):
+    with pytest.raises(ConfigError, match="name one study, a YAML file"):
+        study_of(arguments)
+
+
+def runs_of(tmp_path, **grid):
+    data = {**GOOD, "grid": {**GOOD["grid"], **grid}}
+    study = read_study(written(tmp_path, data))
+    return list(grid_runs(experiment_at("mine", study.experiment, "single").grid, compose(study.overrides())))
+
+
+def test_each_seed_is_that_of_an_agent_and_of_its_level_set(tmp_path):
+    runs = runs_of(tmp_path)
+    assert {(run.seed, run.levels.seed) for run in runs} == {(0, 0), (1, 1)}
+    assert {run.levels.train for run in runs} == {"empty-easy", "billiards"}
+    assert len(runs) == len({run.label() for run in runs}) == 8
+
+
+def test_level_sets_cross_agents_and_the_plan_says_that_they_are_shared(tmp_path):
+    runs = runs_of(tmp_path, level_sets=3)
+    assert {(run.seed, run.levels.seed) for run in runs} == {(agent, one) for agent in (0, 1) for one in (0, 1, 2)}
+    data = {"title": "x", "grid": {**GOOD["grid"], "level_sets": 3}}
+    experiment = experiment_at("mine", data, "single")
+    base = compose([f"root={tmp_path}/runs", "observation=state"])
+    text = as_text(make_plan([experiment], base, tmp_path / "results"), measure_speeds(tmp_path), 1, base.scale)
+    assert "12 level sets are each trained on by 2 agents of a kind" in text
+
+
+def test_any_setting_varies(tmp_path):
+    runs = runs_of(tmp_path, vary={"algorithm.gamma": [0.9, 0.99], "levels.test": ["empty-hard"]})
+    assert {(run.algorithm.gamma, run.levels.test) for run in runs} == {(0.9, "empty-hard"), (0.99, "empty-hard")}
+    with pytest.raises(ConfigError, match=r"no setting is called 'algorithm.gama'"):
+        runs_of(tmp_path, vary={"algorithm.gama": [0.9]})
+
+
+def test_a_wrong_name_of_an_own_object_ends_the_plan(tmp_path):
+    (tmp_path / "mylab.py").write_text("import segar\ncalm = segar.family('empty-easy')\n")
+    sys.modules.pop("mylab", None)
+    (run, *_) = runs_of(tmp_path, families=["mylab.py:calm"])
+    assert run.levels.train == "mylab:calm"
+    check_objects([run])
+    (run, *_) = runs_of(tmp_path, families=["mylab.py:clam"])
+    with pytest.raises(ConfigError, match=r"levels.train: 'mylab' has no 'clam'. Did you mean 'calm'\?"):
+        check_objects([run])
+
+
+def test_agents_that_would_see_other_numbers_on_other_levels_end_the_plan(tmp_path):
+    data = {
+        "title": "x",
+        "grid": {"families": ["empty-easy"], "counts": [1]},
+        "transfers": [{"family": "objectsx1-easy"}],
+    }
+    base = compose(["observation=state", f"root={tmp_path}"])
+    with pytest.raises(ConfigError, match=r"transfers: objectsx1-easy: .* does not show the same"):
+        make_plan([experiment_at("mine", data, "single")], base, tmp_path)
+
+
+def test_an_experiment_without_scales_is_run_at_all_and_one_with_scales_at_these():
+    data = {key: value for key, value in GOOD.items() if key != "settings"}
+    assert experiment_at("mine", data, "single").grid.counts == (1, 4)
+    assert experiment_at("mine", {**data, "scales": {"quick": {}}}, "single") is None
+    assert isinstance(compose([]), RunConfig)
