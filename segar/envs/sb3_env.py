@@ -21,7 +21,8 @@ class SB3VecEnv(VecEnv):
     """A batch of environments for Stable-Baselines3, stepped by one call of the compiled kernel.
 
     >>> env = SB3VecEnv(segar.family("empty-hard").sample(10, seed=0), num_envs=64, seed=0)
-    >>> model = stable_baselines3.PPO("MlpPolicy", env, n_steps=32, batch_size=512).learn(100_000)
+
+    trains as any other: ``stable_baselines3.PPO("MlpPolicy", env, n_steps=32, batch_size=512).learn(100_000)``.
 
     Observations and the action space are those of :class:`segar.envs.VectorEnv`: frames are uint8 with the channels last,
     which Stable-Baselines3 transposes itself, and actions have the task's range. Rewards are float32.

@@ -26,7 +26,7 @@ BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.M | re.S)
 FILE = re.compile(r"# my_lab/(\w+)\.py\n")
 LINK = re.compile(r"\]\((?!https?:)([^)#\s]*)(#[^)\s]+)?\)")
 NAMES = re.compile(r"^\| `([\w.]+)` \| [^|]* \| (`[^|]*`) \|$", re.M)  # a row of docs/reference/api.md
-TRAINING = "experiments.train"  # a bash block with it takes minutes
+TRAINING = ("experiments.train", "experiments.study wind.yaml root")  # a bash block with one of them takes minutes
 
 # One process runs all blocks of a page in order; a program is imported once, whichever program imports it first.
 RUN = """
@@ -73,7 +73,9 @@ def programs_of(page: Path) -> list[Program]:
             f"{page.name}: the first line of a program must be '# my_lab/<name>.py', not {body[:60]!r}"
         )
         following = blocks[n + 1] if n + 1 < len(blocks) else ("", "")
-        slow = any(program.slow for program in found) or (language == "bash" and TRAINING in body)
+        slow = any(program.slow for program in found) or (
+            language == "bash" and any(command in body for command in TRAINING)
+        )
         name = file[1] if file else f"{n}.sh"
         output = following[1] if following[0] == "text" else None
         found.append(Program(name_of(page), name, body, output, slow))

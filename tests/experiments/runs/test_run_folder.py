@@ -54,7 +54,7 @@ def config(tmp_path):
 def test_a_run_leaves_all_files_and_can_be_read(config):
     folder = run(config).folder
     assert {path.name for path in folder.iterdir()} == FILES
-    assert read_config(folder) == config
+    assert read_config(folder) == config.resolved()
     episodes = read_episodes(folder).to_pandas()
     assert episodes.groupby(["levels", "action_mode"]).size().to_dict() == {
         ("test", "deterministic"): 3,

@@ -74,7 +74,7 @@ def test_packages_are_trusted_by_a_variable(tmp_path, cache, monkeypatch, truste
 def test_one_s_own_run_is_read_and_not_after_somebody_changed_its_settings(tmp_path, cache):
     config = RunConfig(**{**vars(OWN), "folder": str(tmp_path / "mine")})
     with use_run_folder(config) as folder:
-        assert read_config(folder) == config
+        assert read_config(folder) == config.resolved()
     path = folder / CONFIG
     path.write_text(path.read_text().replace("bad_code:levels", "worse_code:levels"))
     with pytest.raises(RunFolderError, match="names code that would be imported: worse_code"):

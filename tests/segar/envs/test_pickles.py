@@ -122,7 +122,7 @@ def test_every_observation_goes_on_to_the_bit(observation):
 
 @pytest.mark.parametrize("render_mode", [None, "rgb_array"])
 def test_a_single_environment_goes_on_to_the_bit(render_mode):
-    env = gymnasium.make("Segar-objectsx1-hard-state-v1", num_levels=4, max_steps=9, render_mode=render_mode)
+    env = gymnasium.make("Segar-objectsx1-hard-state-linear-v0", num_levels=4, max_steps=9, render_mode=render_mode)
     env.action_space.seed(3)
     env.reset(seed=1)
     trail(env, 4)
@@ -153,7 +153,7 @@ def test_a_copy_of_an_environment_goes_its_own_way():
 
 @pytest.mark.parametrize("context", ["fork", "spawn"])
 def test_environments_run_in_processes_of_their_own(context):
-    id_ = "Segar-objectsx1-hard-state-v1"
+    id_ = "Segar-objectsx1-hard-state-linear-v0"
     apart = gymnasium.make_vec(
         id_, num_envs=2, vectorization_mode="async", vector_kwargs={"context": context}, num_levels=5
     )

@@ -195,7 +195,7 @@ def test_wrong_resets_of_a_single_environment_are_refused(single, case):
 )
 def test_wrong_options_of_gymnasium_s_ids_are_refused(options, named):
     with pytest.raises(SegarError) as refused:
-        gymnasium.make("Segar-empty-easy-state-v1", **options)
+        gymnasium.make("Segar-empty-easy-state-linear-v0", **options)
     assert named in str(refused.value)
 
 

@@ -74,7 +74,8 @@ def test_scores_are_those_of_the_baselines():
     found = segar.evaluate_policy(Linear(), TRAIN[:3], TEST[:3], scores=True, max_steps=20)
     task = dataclasses.replace(segar.puttputt(), max_steps=20)
     baselines = find_baselines(TEST[:3], task, rng=np.random.default_rng(0))
-    assert found.test.baselines == baselines
+    assert found.test.baselines.random == baselines.random
+    np.testing.assert_array_equal(found.test.baselines.best_known, baselines.best_known)
     assert found.test.score() == baselines.normalised(found.test.mean().value)
     idle = play_episodes(IdleAgent(), TEST[:3], np.arange(3), {"max_steps": 20}, rng=None, seed=0)
     assert found.test.idle == np.mean([row["return"] for row in idle])
