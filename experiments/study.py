@@ -18,11 +18,11 @@ The file says which runs are made, and which claims are tested. It has the keys 
       - family: levels.py:gale
     claims:
       distance:
-        says: The gap is worse where the test levels are farther away.
+        says: Of equally many levels, those that are farther from the test levels have a worse gap.
         test: correlation
         of: gap
         against: w2_exact
-        given: [panel]
+        given: [cell]                      # a panel and a number of levels; without it, W2 stands for that number
         expected: negative
       wind:
         says: Agents that trained in wind succeed less on test levels.

@@ -102,7 +102,7 @@ def make_study_report(folder: Path, out: Path) -> tuple[Study, list[Claim], list
     text = document(study, claims, pictures)
     files = [out / VERDICTS, out / PAGE, out / SHEETS]
     table = claims_table(claims).drop(columns=["settings", "of_claim", "of_claim_corrected", "where", "follows"])
-    write_csv(files[0], table, 4)
+    write_csv(files[0], table.replace({"verdict": WORDS}), 4)
     write_text(files[1], page(text))
     write_bytes(files[2], sheets(text))
     drawn = [name for name, one in pictures.items() if isinstance(one, Picture)]
@@ -318,7 +318,7 @@ def picture(study: Study, out: Path, name: str, draw: Callable[[Study], Drawn | 
         return found
     svg, png = save_figure(found.figure, out / "figures" / name, SUFFIXES)
     write_csv(svg.with_suffix(".csv"), found.table, 6)
-    command = f"python -m analysis.report results={out.name}"
+    command = "python -m analysis.report results=."  # in the folder of the report
     return Picture(name, found.caption, svg.read_bytes(), png, command)
 
 
@@ -333,16 +333,20 @@ def document(study: Study, claims: Sequence[Claim], pictures: Mapping[str, Pictu
     blocks += [Heading("Gap against distance"), drawn("gap_against_distance"), drawn("gap")]
     blocks += [Heading("Success"), drawn("success"), cells(study), *other_levels(study)]
     blocks += [Heading("Learning"), drawn("curves"), *what_was_run(study.evidence)]
-    blocks += how_verdicts_are_decided() if claims else []
+    if claims:
+        head, *rules = how_verdicts_are_decided()
+        blocks += [head, Paragraph("A claim **holds** where these rules say reproduced."), *rules]
     return Document(str(study.asked["title"]), f"The study `{study.asked['name']}`", blocks, (TESTED,), WORDS)
 
 
 def opening(study: Study, claims: Sequence[Claim]) -> Iterator[Block]:
     """What there is, what is missing, and the claims in sentences."""
     runs, results = study.runs, study.evidence.results
-    sets = len(set(labels(runs, ["panel", "seed"])))
+    sets, kinds = len(set(labels(runs, ["panel", "seed"]))), "one kind"
+    if len(study.agents) > 1:
+        kinds = f"{len(study.agents)} kinds"
     yield Paragraph(
-        f"{len(runs)} runs in {len(study.panels)} panels, on {sets} level sets, with {len(study.agents)} kinds of agents. The"
+        f"{len(runs)} runs in {len(study.panels)} panels, on {sets} level sets, with {kinds} of agents. The"
         " gap is the mean return on test levels less that on training levels; negative means worse on test levels.",
         "lead",
     )
