@@ -10,7 +10,7 @@ from experiments.commands.hydra_app import compose
 from experiments.reproduce import ReproduceConfig, experiment_files, help_text
 from experiments.reproduction.experiment_file import BASE, SCALES, TransferConfig, experiment_at, other_panel
 from experiments.reproduction.plan import make_plan
-from experiments.settings import ConfigError, RunConfig
+from experiments.settings import ConfigError, ObservationConfig, RunConfig
 
 GOOD = {
     "title": "A grid",
@@ -112,7 +112,8 @@ def test_the_command_knows_every_file():
 
 @pytest.mark.parametrize("scale", SCALES)
 def test_all_files_are_right_at_every_scale(scale, tmp_path):
-    config = ReproduceConfig(RunConfig(root=str(tmp_path)), grids=experiment_files())
+    pixels = ObservationConfig("rgb_stack2")  # as at all these scales: agents that see states fit few other levels
+    config = ReproduceConfig(RunConfig(root=str(tmp_path), observation=pixels), grids=experiment_files())
     found = [experiment_at(name, config.grids[name], scale) for name in config.grids]
     plan = make_plan([one for one in found if one is not None], config.run, tmp_path)
     assert {"figure_3a", "figure_4a", "w2_study"} <= set(plan.members)
