@@ -257,11 +257,16 @@ def software(versions: Mapping[str, Any]) -> dict[str, str]:
     git = versions["git"]
     libraries = {"python": versions["python"], **versions["libraries"]}
     return {
-        "code": combined(versions["code"]),
+        "code": combined(without_levels(versions["code"])),
         "commit": git["commit"] + ("+" if git["changed"] else "") if git else "",
         "libraries": ", ".join(f"{name} {version}" for name, version in libraries.items() if version),
         "computed_with": computed_with(versions),
     }
+
+
+def without_levels(code: Mapping[str, str] | str) -> Mapping[str, str] | str:
+    """The parts of the code but for the levels, which are data: each distribution has its own."""
+    return code if isinstance(code, str) else {name: part for name, part in code.items() if name != "levels"}
 
 
 def transfer_row(

@@ -45,7 +45,7 @@ from experiments.reproduction.experiment_file import SIGNS, ClaimConfig
 from experiments.runs.files import write_bytes, write_text
 from experiments.runs.trust import require_trust
 from experiments.settings import ConfigError, RunFolderError, add_module_path, construct, import_object
-from segar.errors import SegarError
+from segar.errors import SegarError, did_you_mean
 
 STUDY, PAGE, SHEETS, VERDICTS = "study.yaml", "report.html", "report.pdf", "claims.csv"
 SUFFIXES = (".svg", ".png")
@@ -76,6 +76,17 @@ class Study:
         """The panels, in their order of first appearance."""
         return list(dict.fromkeys(self.runs["panel"]))
 
+    def tested_on(self, label: str) -> pd.DataFrame:
+        """The columns of ``runs`` for the agents on the levels of a transfer; raises :class:`ConfigError`."""
+        moved = self.evidence.results.moved
+        there = select(moved, test=label) if len(moved) else moved
+        if there.empty:
+            raise ConfigError(
+                f"on: no agent was tested on '{label}'.{did_you_mean(label, set(map(str, moved['test'])))}"
+            )
+        own = ["run", *(name for name in self.runs if name not in there), "seed"]
+        return there.drop(columns=["seed"]).merge(pick(self.runs, own), on="run")
+
     @property
     def agents(self) -> list[str]:
         """The kinds of agents."""
@@ -95,9 +106,7 @@ def make_study_report(folder: Path, out: Path) -> tuple[Study, list[Claim], list
         ConfigError: a claim names a column that does not exist.
     """
     study = read_study(folder)
-    claims = [
-        claim_of(study, name, construct(ClaimConfig, one, name)) for name, one in study.asked.get("claims", {}).items()
-    ]
+    claims = [claim_or_reason(study, name, one) for name, one in study.asked.get("claims", {}).items()]
     pictures = {name: picture(study, out, name, draw) for name, draw in FIGURES.items()}
     text = document(study, claims, pictures)
     files = [out / VERDICTS, out / PAGE, out / SHEETS]
@@ -140,6 +149,14 @@ def agent_name(row: Mapping[Any, Any], told_apart: Sequence[str]) -> str:
     return ", ".join(filter(None, words)) or ("default" if told_apart else ALL)
 
 
+def claim_or_reason(study: Study, name: str, asked: Mapping[str, Any]) -> Claim:
+    """The claim with its finding, or why it cannot be tested."""
+    try:
+        return claim_of(study, name, construct(ClaimConfig, asked, name))
+    except ConfigError as error:
+        return Claim(name, str(asked["says"]), "", needs=f"another claim or other runs ({error})")
+
+
 def claim_of(study: Study, name: str, claim: ClaimConfig) -> Claim:
     """The claim with its finding; raises :class:`ConfigError` for a column that does not exist or a test that goes wrong."""
     try:
@@ -158,7 +175,7 @@ def claim_of(study: Study, name: str, claim: ClaimConfig) -> Claim:
 
 def tested(study: Study, name: str, claim: ClaimConfig) -> tuple[str, str, Estimate, float]:
     """What is tested in words, what the estimate is, the estimate, and the margin below which it does not matter."""
-    rows = chosen(study.runs, claim.where)
+    rows = chosen(study.tested_on(claim.on) if claim.on else study.runs, claim.where)
     if ":" in claim.test:
         found = import_object(claim.test, "test")(rows)
         if not isinstance(found, Estimate):

@@ -49,7 +49,6 @@ def run_command(
         settings: defaults beyond those of a :class:`RunConfig`, known to Hydra as ``base_<config_name>``.
     """
     register_settings(config_name, settings)
-    sys.argv[1:] = without_passwords(with_own_names(sys.argv[1:]))
 
     def call(config: DictConfig) -> Any:
         try:
@@ -64,6 +63,7 @@ def run_command(
             sys.exit(message)
 
     try:
+        sys.argv[1:] = without_passwords(with_own_names(sys.argv[1:]))
         check_command_line(config_name)
         hydra.main(version_base="1.3", config_path=str(conf_dir()), config_name=config_name)(call)()
     except SegarError as error:

@@ -17,6 +17,7 @@ from experiments.commands import process_defaults as runtime
 from experiments.evaluation.baselines import IdleAgent
 from experiments.evaluation.episodes import Agent, action_rng, actions_of, play_episodes, play_in_modes
 from experiments.levels.builders import distribution_of, environment_options, find_distribution
+from experiments.runs.executed_code import changed_parts, executed_code
 from experiments.runs.own_modules import modules_named
 from experiments.runs.run_folder import (
     EPISODE_SCHEMA,
@@ -67,6 +68,11 @@ def evaluate(config: EvaluateConfig, say: Callable[[str], None] = print) -> Eval
             import_module(name)
         except ImportError as error:
             raise ConfigError(f"run: its settings name {name}, which cannot be imported: {error}") from error
+    changed = [part for part in changed_parts(folder, executed_code(trained)) if part != "learner"]
+    if changed:
+        say(
+            f"note: the run was made by other code; changed since: {', '.join(changed)}. These episodes are played by today's"
+        )
     levels = find_levels(config, folder, trained)
     policy, frames = load_agent(folder, trained, levels, say)
     options = environment_options(trained)
@@ -79,6 +85,7 @@ def evaluate(config: EvaluateConfig, say: Callable[[str], None] = print) -> Eval
     players = {mode: figures([row for row in rows if row["action_mode"] == mode], baselines) for mode in config.modes}
     players["no-op"] = figures(idle, baselines)
     summary = {"run": str(folder), "frames": frames, "levels": origin(config, levels), "players": players}
+    summary["changed_code"] = changed  # parts of the code that are others than when the agent was trained
     if baselines is not None:
         # These names are those that readers of 0.1's files know.
         summary["anchors"] = {"random": baselines.random, "oracle": baselines.oracle}

@@ -29,7 +29,8 @@ A grid, a study, or both are needed; transfers, attribution and probes stand bes
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Annotated, Any
 
@@ -99,6 +100,13 @@ OF_GRID = {
 NOT_EMPTY = that(bool, "one or more")
 SIGNS = {"negative": -1, "positive": 1, "none": 0}
 TESTS = ("correlation", "difference", "mean")
+# Of the runs of a study, without the settings that it varies and without the action mode behind some names.
+COLUMNS = (
+    "family", "difficulty", "panel", "n", "log_n", "cell", "algorithm", "observation", "task", "variation", "design", "seed",
+    "agent", "levels", "frames", "hours", "gap", "gap_ref", "gap_se", "ks", "radius", "entropy", "effective_number", "w2",
+    *(f"w2_{mode}" for mode in ("exact", "reference", "paper")),
+    *(f"{name}_{levels}" for name in ("eta", "se", "success", "death", "length", "episodes") for levels in ("train", "test")),
+)  # fmt: skip
 
 
 def check_test(place: str, name: str) -> None:
@@ -110,9 +118,23 @@ def check_test(place: str, name: str) -> None:
 def check_between(place: str, between: Mapping[str, Any]) -> None:
     """Raises :class:`ConfigError` unless there is at most one column, with two values."""
     pairs = all(isinstance(values, list | tuple) and len(values) == 2 for values in between.values())
+    check_columns(place, between)
     require(
         len(between) < 2 and pairs, place, dict(between), "one column with two values, such as {algorithm: [curl, ppo]}"
     )
+
+
+def check_column(place: str, name: str) -> None:
+    """Raises :class:`ConfigError` unless runs may have the column, or it is that of a setting."""
+    short = re.sub(r"_(deterministic|sampled)$", "", name)
+    if "." not in name and short not in COLUMNS:
+        raise ConfigError(f"{place}: the runs have no column '{name}'.{did_you_mean(name, COLUMNS)}")
+
+
+def check_columns(place: str, names: Iterable[str]) -> None:
+    """:func:`check_column` of each name."""
+    for name in names:
+        check_column(place, name)
 
 
 def check_claims(place: str, claims: Mapping[str, Any]) -> None:
@@ -171,13 +193,16 @@ class ClaimConfig:
     test: Annotated[
         str, check_test
     ]  # correlation, difference, mean, or module:function(runs) -> analysis.stats Estimate
-    of: str = "gap"  # a column of the table of runs, such as gap, success_test, eta_test, w2_exact
-    against: str = "w2_exact"  # of a correlation
-    given: tuple[str, ...] = ()  # of a correlation: panel, log_n, cell, or columns
+    of: Annotated[str, check_column] = (
+        "gap"  # a column of the table of runs, such as gap, success_test, eta_test, w2_exact
+    )
+    against: Annotated[str, check_column] = "w2_exact"  # of a correlation
+    given: Annotated[tuple[str, ...], check_columns] = ()  # of a correlation: panel, log_n, cell, or columns
     between: Annotated[Mapping[str, Any], check_between] = field(
         default_factory=dict
     )  # of a difference: column to two values
-    where: Mapping[str, Any] = field(default_factory=dict)  # only the runs with these values in these columns
+    where: Annotated[Mapping[str, Any], check_columns] = field(default_factory=dict)  # only the runs with these values
+    on: str = ""  # the label of a transfer, whose levels are meant instead of the run's own test levels
     expected: Annotated[str, one_of(*SIGNS)] = "negative"  # the sign; none: that there is no effect
     margin: PositiveOrNull = (
         None  # a smaller effect does not matter; null: 0.3 of a correlation, else 0.2 standard deviations

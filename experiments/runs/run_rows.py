@@ -156,8 +156,9 @@ def _figures(folder: Path, config: RunConfig) -> dict[str, float]:
 
 
 def _score(path: Path) -> dict[str, float]:
-    """What ``experiments.evaluate levels=test`` found on the run's own test levels, where it was asked."""
-    players = json.loads(path.read_text())["players"] if path.exists() else {}
+    """What ``experiments.evaluate levels=test`` found on the run's own test levels, if asked, by the code of the run."""
+    found = json.loads(path.read_text()) if path.exists() else {}
+    players = {} if found.get("changed_code") else found.get("players", {})
     return {f"score_{mode}": players[mode]["score"] for mode in ACTION_MODES if "score" in players.get(mode, {})}
 
 

@@ -8,28 +8,30 @@ import yaml
 
 from analysis.collect import collect_tables
 from analysis.report.make import report_results
-from analysis.report.study import claim_of, read_study
+from analysis.report.study import claim_of, claim_or_reason, read_study
 from analysis.stats.estimate import Estimate
 from experiments.commands.config_store import register_settings
 from experiments.commands.hydra_app import compose_data, initialized
 from experiments.reproduce import SETTINGS, with_sweep_tag, write_plan
 from experiments.reproduction.experiment_file import ClaimConfig
 from experiments.reproduction.plan import make_plan
+from experiments.runs.run_folder import EPISODE_SCHEMA, EPISODES, SUMMARY, write_json, write_rows
 from experiments.runs.trust import TRUSTED
-from experiments.settings import ConfigError, RunFolderError
+from experiments.settings import ConfigError, RunFolderError, as_data
 from experiments.study import build, study_of
-from tests.synthetic_runs import write_run
+from tests.synthetic_runs import episodes, write_run
 
 STUDY = {
     "title": "Planted effects",
     "settings": {"observation": "state", "levels.test_count": 20, "tracking": "none"},
     "grid": {"families": ["empty-easy", "empty-hard"], "counts": [1, 10], "seeds": 6, "vary": {"algorithm.gamma": [0.9, 0.99]}},
-    "transfers": [],
+    "transfers": [{"family": "empty", "difficulty": "hard"}],
     "claims": {
         "distance": {"says": "The gap follows W2.", "test": "correlation", "given": ["panel"]},
         "gamma": {"says": "Gamma costs.", "test": "difference", "between": {"algorithm.gamma": [0.99, 0.9]}},
         "hard": {"says": "Hard levels do not.", "test": "difference", "between": {"difficulty": ["hard", "easy"]},
                  "expected": "none", "margin": 0.5},
+        "far": {"says": "Elsewhere all is worse.", "test": "mean", "on": "empty-hard", "expected": "negative"},
         "own": {"says": "A test of one's own.", "test": "mean", "where": {"n": 10}},
     },
 }  # fmt: skip
@@ -42,6 +44,11 @@ def planted(work):
     w2 = run.levels.count**-0.3 * (1 + 0.1 * rng.normal())
     cost = 2.0 if run.algorithm.gamma == 0.99 else 0.0
     write_run(run, gap=-4 * w2 - cost + 0.1 * rng.normal(), w2=w2 / 2)
+    for transfer in work.transfers:
+        out = transfer.folder(run)
+        out.mkdir(parents=True)
+        write_rows(out / EPISODES, [row for row in episodes(run, -9.0) if row["levels"] == "test"], EPISODE_SCHEMA)
+        write_json(out / SUMMARY, {"transfer": as_data(transfer), "w2/exact": 3.0, "ks": 0.5})
     return {}
 
 
@@ -71,9 +78,10 @@ def test_planted_effects_are_found_and_their_absence_too(folder):
     with (folder / "claims.csv").open() as stream:
         found = {row["claim"]: row for row in csv.DictReader(stream)}
     assert {name: row["verdict"] for name, row in found.items()} == {
-        "distance": "holds", "gamma": "holds", "hard": "holds", "own": "holds",
+        "distance": "holds", "gamma": "holds", "hard": "holds", "own": "holds", "far": "holds",
     }  # fmt: skip
     assert float(found["gamma"]["estimate"]) == pytest.approx(-2.0)
+    assert (float(found["far"]["estimate"]), found["far"]["n"]) == (pytest.approx(-9.0), "24")
     page = (folder / "report.html").read_text()
     assert "✓ holds" in page and "reproduced</b>" not in page
     assert all(
@@ -106,6 +114,10 @@ def test_kinds_of_agents_and_blocks_are_those_of_the_study(folder):
             {"test": "difference", "between": {"algorithm.gamma": [0.5, 0.9]}},
             "between: no run has algorithm.gamma=0.5; there",
         ),
+        (
+            {"test": "mean", "on": "empty-medium"},
+            "on: no agent was tested on 'empty-medium'. Did you mean 'empty-hard'?",
+        ),
         ({"test": "nowhere_to_be:found"}, "claims.mine: test: 'nowhere_to_be:found' cannot be imported"),
     ],
 )
@@ -113,6 +125,13 @@ def test_a_claim_about_what_is_not_there_is_told(folder, claim, message):
     with pytest.raises(ConfigError) as caught:
         claim_of(read_study(folder), "mine", ClaimConfig(says="", **claim))
     assert message in str(caught.value)
+
+
+def test_a_claim_that_cannot_be_tested_keeps_no_other_from_the_report(folder):
+    study = read_study(folder)
+    lost = claim_or_reason(study, "mine", {"says": "x", "test": "mean", "where": {"n": 3}})
+    assert lost.verdict("tested") == "not testable"
+    assert "no run has {'n': 3}" in lost.needs
 
 
 def half(runs):

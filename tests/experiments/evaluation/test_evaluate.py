@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 
@@ -14,6 +15,7 @@ import segar
 from experiments.commands.hydra_app import run_simple_command
 from experiments.evaluation.evaluator import choose_levels, evaluate, mean_returns
 from experiments.runs.run_folder import CHECKPOINT, PREVIOUS, read_episodes, read_summary
+from experiments.runs.run_rows import run_rows
 from experiments.settings import (
     CHECKOUT,
     CheckpointError,
@@ -211,3 +213,18 @@ def test_a_damaged_newest_checkpoint_is_told_and_the_one_before_is_played(tmp_pa
     found = evaluate(EvaluateConfig(str(folder), **QUICK), said.append)
     assert "is damaged or none of ours" in said[0] and "The one before is used, of 192 frames" in said[0]
     assert found.summary["frames"] == 192
+
+
+def test_code_that_changed_since_training_is_told_and_kept_out_of_the_table_of_runs(trained, tmp_path):
+    folder = shutil.copytree(trained, tmp_path / "runs" / "changed")
+    path = folder / "versions.json"
+    versions = json.loads(path.read_text())
+    path.write_text(json.dumps({**versions, "code": {**versions["code"], "kernel": "0" * 16}}))
+    said = []
+    found = evaluate(
+        EvaluateConfig(run=str(folder), videos="none", planner_samples=4, planner_iterations=1), said.append
+    )
+    assert "changed since: kernel" in said[0]
+    assert found.summary["changed_code"] == ["kernel"]
+    (row,) = run_rows([tmp_path / "runs"])
+    assert not any(name.startswith("score") for name in row.figures)

@@ -34,6 +34,8 @@ WRONG = {
     "no statement": (["claims", "distance"], {"test": "mean"}, "claims.distance.says: it has no default"),
     "a number as a list": (["grid", "counts"], 3, "grid.counts: 3 is not a list"),
     "text as a number": (["grid", "seeds"], "two", "grid.seeds: 'two' is not a whole number"),
+    "no column": (["claims", "distance", "of"], "sucess_test", "claims.distance.of: the runs have no column 'sucess_test'"),
+    "no given": (["claims", "distance", "given"], ["pannel"], "claims.distance.given: the runs have no column 'pannel'"),
     "no values": (["grid", "vary"], {"algorithm.gamma": 0.9}, "grid.vary.algorithm.gamma: 0.9 is not allowed; it must be"),
     "a name of its own": (["grid", "vary"], {"seed": [1]}, "grid.vary.seed: 'seed' is not allowed; it must be varied by"),
 }  # fmt: skip

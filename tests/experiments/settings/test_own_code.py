@@ -148,5 +148,12 @@ def test_a_run_of_files_is_evaluated_from_another_folder(tmp_path):
     assert "its own 2 test levels" in done.stdout
 
 
+def test_a_file_that_is_not_there_ends_a_command_with_one_line(tmp_path):
+    command = [sys.executable, "-m", "experiments.train", "levels=missing.py:calm"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 1
+    assert done.stderr.splitlines() == [f"error: levels: there is no file {tmp_path}/missing.py"]
+
+
 def test_settings_of_a_run_say_nothing_of_places_by_default():
     assert RunConfig().module_path == ()
