@@ -222,7 +222,7 @@ def test_code_that_changed_since_training_is_told_and_kept_out_of_the_table_of_r
     path.write_text(json.dumps({**versions, "code": {**versions["code"], "kernel": "0" * 16}}))
     said = []
     found = evaluate(
-        EvaluateConfig(run=str(folder), videos="none", planner_samples=4, planner_iterations=1), said.append
+        EvaluateConfig(run=str(folder), videos="none", planner_samples=8, planner_iterations=1), said.append
     )
     assert "changed since: kernel" in said[0]
     assert found.summary["changed_code"] == ["kernel"]
