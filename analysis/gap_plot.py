@@ -23,12 +23,11 @@ from analysis.runs import blocks_of, column_name, finished, read_runs, settings_
 from analysis.stats.association import labels
 from analysis.stats.correlation import NotAvailable, correlate, indicators
 from analysis.stats.estimate import Estimate
-from analysis.stats.resampling import cluster_bootstrap, cluster_jackknife
+from analysis.stats.resampling import cluster_interval
 from analysis.tables import Floats, column, count_of, pick, select
 from segar.errors import SegarError
 
 NORMAL = 1.96  # standard errors of a 95 % interval
-FEW_BLOCKS = 20  # below, intervals come from leaving one block out, see docs/decisions/0012-few-blocks.md
 MOST_GROUPS = len(style.PALETTE)  # colours that readers can tell apart
 PREFERRED = (
     "levels.train",
@@ -117,15 +116,11 @@ def correlation(runs: pd.DataFrame, x: str, y: str, given: str | None = None) ->
     whole = correlate(values[:, 0], values[:, 1], groups)
     if isinstance(whole, NotAvailable):
         return Estimate.missing(0, whole.reason)
-    blocks = blocks_of(runs)
-    count = len(set(labels(runs, blocks)))
-    if count < 2:
-        return Estimate(whole.pearson, np.nan, np.nan, count, note="one level set has no interval")
-    if count < FEW_BLOCKS:
-        found = cluster_jackknife(runs, _pearson, blocks, values=values, correlation=True)
-        return dataclasses.replace(found, note=found.note or f"{count} level sets, left out one at a time")
-    found = cluster_bootstrap(runs, _pearson, blocks, np.random.default_rng(0), values=values)
-    return dataclasses.replace(found, note=found.note or f"{count} level sets, resampled")
+    rng = np.random.default_rng(0)
+    found, way = cluster_interval(runs, _pearson, blocks_of(runs), rng, values=values, correlation=True)
+    if not way:
+        return dataclasses.replace(found, note="one level set has no interval")
+    return dataclasses.replace(found, note=found.note or f"{found.n} level sets, {way}")
 
 
 def _pearson(values: Floats) -> float:

@@ -15,7 +15,37 @@ from analysis.tables import Floats, Ints, keep
 from segar.errors import SegarError
 
 RESAMPLES = 2000
+FEW_BLOCKS = 20  # below, intervals of a bootstrap are too short: docs/decisions/0012-few-blocks.md
 Statistic = Callable[[Any], float]
+
+
+def cluster_interval(
+    table: pd.DataFrame,
+    statistic: Statistic,
+    clusters: Sequence[str],
+    rng: np.random.Generator,
+    *,
+    values: Floats,
+    correlation: bool = False,
+    resamples: int = RESAMPLES,
+) -> tuple[Estimate, str]:
+    """A statistic with an interval over whole clusters of rows, by the way that fits how many there are, and that way.
+
+    Fewer than :data:`FEW_BLOCKS` clusters are "left out one at a time" (:func:`cluster_jackknife`), more are "resampled"
+    (:func:`cluster_bootstrap`). One alone has no interval, which ``note`` says, and the way is "". ``n`` counts clusters.
+
+    Args:
+        statistic, clusters, values: as of :func:`cluster_bootstrap`.
+        rng, resamples: of the bootstrap.
+        correlation: as of :func:`cluster_jackknife`.
+    """
+    count = len(set(labels(table, clusters)))
+    if count < 2:
+        return Estimate(statistic(values), np.nan, np.nan, count, note="one block has no interval"), ""
+    if count < FEW_BLOCKS:
+        found = cluster_jackknife(table, statistic, clusters, values=values, correlation=correlation)
+        return found, "left out one at a time"
+    return cluster_bootstrap(table, statistic, clusters, rng, values=values, resamples=resamples), "resampled"
 
 
 def cluster_bootstrap(

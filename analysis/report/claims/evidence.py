@@ -10,14 +10,14 @@ import numpy as np
 import pandas as pd
 
 from analysis.report.results import BLOCK, ETA, PANEL, Results, measured
-from analysis.stats.association import associations, covariate_matrix, labels
+from analysis.stats.association import associations, covariate_matrix
 from analysis.stats.attribution import full_factorial, shapley_of_pairs
 from analysis.stats.correlation import NotAvailable, correlate, explained, indicators, residuals
 from analysis.stats.estimate import Estimate
 from analysis.stats.mixed import mixed_model
 from analysis.stats.power import power_of_design
 from analysis.stats.prediction import left_out
-from analysis.stats.resampling import cluster_bootstrap, cluster_jackknife, cosine, permutation_within
+from analysis.stats.resampling import cluster_interval, cosine, permutation_within
 from analysis.tables import column, count_of, keep, pick, select
 from experiments.levels.mixed_levels import REST, SEPARATOR
 from segar.errors import SegarError
@@ -25,7 +25,6 @@ from segar.errors import SegarError
 BLOCKS, PERMUTATION = "(panel, seed) blocks", "permutation"  # within panels, or within cells
 SEED = 2022  # of all bootstraps and permutations
 RESAMPLES = 1000
-FEW_BLOCKS = 20  # below, intervals of a bootstrap are too short: docs/decisions/0012
 PAPER_R = -0.597  # what p = 1.47e-5 means for 45 points
 DISTANCES = {"reference": "W2 of 2022", "exact": "exact W2", "paper": "W2 of Algorithm 1"}
 GAPS = {"gap": "full returns", "gap_2022": "returns of 2022", "gap_sampled": "full returns, sampled actions"}
@@ -81,22 +80,15 @@ class Evidence:
         self, name: str, table: pd.DataFrame, values: np.ndarray, statistic: Callable[[np.ndarray], float],
         clusters: Sequence[str] = BLOCK, correlation: bool = False,
     ) -> Estimate:  # fmt: skip
-        """A statistic of ``values`` [rows, columns], with an interval and a p for which clusters of the table's rows stay
-        together: of a bootstrap, or where there are fewer than :data:`FEW_BLOCKS`, of the jackknife; of one alone, none.
-        """
+        """A statistic of ``values`` [rows, columns], with the interval and p of
+        :func:`analysis.stats.resampling.cluster_interval`, for which clusters of the table's rows stay together."""
         if table.empty:
             return Estimate.missing(0, "no such runs")
-        blocks = len(set(labels(table, clusters)))
-        if blocks < 2:
-            return Estimate(statistic(values), np.nan, np.nan, len(table), note="one block has no interval")
-        if blocks < FEW_BLOCKS:
-            found = cluster_jackknife(table, statistic, clusters, values=values, correlation=correlation)
-            way = "left out one at a time"
-        else:
-            found = cluster_bootstrap(table, statistic, clusters, self.rng(name), values=values, resamples=RESAMPLES)
-            way = "resampled"
+        found, way = cluster_interval(
+            table, statistic, clusters, self.rng(name), values=values, correlation=correlation, resamples=RESAMPLES
+        )
         return dataclasses.replace(
-            found, note=found.note or f"{len(table)} rows in {blocks} blocks, {way}", n=len(table)
+            found, note=found.note or f"{len(table)} rows in {found.n} blocks, {way}", n=len(table)
         )
 
     def correlation(self, name: str, table: pd.DataFrame, x: str, y: str, given: Sequence[str] = ()) -> Estimate:

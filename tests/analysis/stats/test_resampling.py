@@ -5,7 +5,13 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from analysis.stats.resampling import cluster_bootstrap, cluster_jackknife, permutation_within
+from analysis.stats.resampling import (
+    FEW_BLOCKS,
+    cluster_bootstrap,
+    cluster_interval,
+    cluster_jackknife,
+    permutation_within,
+)
 from segar.errors import SegarError
 from tests.analysis.grids import grid
 
@@ -107,6 +113,23 @@ def test_what_leaving_out_one_cluster_takes_away_has_no_interval():
     assert np.isfinite(found.estimate) and np.isnan(found.low) and "has no value" in found.note
     with pytest.raises(SegarError, match="at least 2"):
         cluster_jackknife(clustered(0, clusters=1), mean_of_y, ("c",))
+
+
+def test_few_clusters_are_left_out_one_at_a_time_and_many_are_resampled():
+    few, many = clustered(4, clusters=FEW_BLOCKS - 1), clustered(4, clusters=FEW_BLOCKS)
+    for table, way in ((few, "left out one at a time"), (many, "resampled")):
+        found, told = cluster_interval(table, np.mean, ("c",), rng(), values=table["y"].to_numpy(), resamples=100)
+        assert told == way
+        one = cluster_jackknife(table, mean_of_y, ("c",))
+        other = cluster_bootstrap(table, mean_of_y, ("c",), rng(), resamples=100)
+        assert found.row() == pytest.approx((one if table is few else other).row())
+
+
+def test_one_cluster_has_a_statistic_and_no_interval():
+    table = clustered(4, clusters=1)
+    found, way = cluster_interval(table, np.mean, ("c",), rng(), values=table["y"].to_numpy())
+    assert (found.estimate, found.n, way) == (pytest.approx(table["y"].mean()), 1, "")
+    assert np.isnan(found.low) and "no interval" in found.note
 
 
 @pytest.mark.parametrize("given", [(), ("n",)])
