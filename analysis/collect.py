@@ -24,6 +24,7 @@ import pandas as pd
 from analysis.tables import performance, select, write_csv
 from experiments.commands.hydra_app import run_simple_command
 from experiments.levels.mixed_levels import SEPARATOR
+from experiments.reproduction.experiment_file import PLAN
 from experiments.reproduction.imported_results import RUNS, TRANSFERS
 from experiments.runs.executed_code import combined
 from experiments.runs.files import replacing
@@ -43,7 +44,6 @@ from experiments.runs.run_folder import (
 from experiments.runs.versions import computed_with
 from experiments.settings import ACTION_MODES, RunConfig, RunFolderError, flat, grid_point, panel_parts
 
-PLAN = "plan.json"
 LEVELS, CURVES = "levels.parquet", "curves.parquet"
 FILES = {"runs": RUNS, "transfers": TRANSFERS, "levels": LEVELS, "curves": CURVES, "probes": PROBES}  # of all tables
 PROBE_DIGITS = {"estimate": 3, "low": 3, "high": 3, "entropy": 3, "p": 4}  # after the point, in the table of probes

@@ -39,7 +39,7 @@ from experiments.commands.kernels import choose_kernels
 from experiments.evaluation.probing import PREFIX, ProbeConfig, probe_finished
 from experiments.evaluation.transfers import RunTask
 from experiments.reproduction.display import Display
-from experiments.reproduction.experiment_file import Experiment, chosen_names, experiment_at
+from experiments.reproduction.experiment_file import PLAN, STUDY, Experiment, chosen_names, experiment_at
 from experiments.reproduction.imported_results import read_imported_results
 from experiments.reproduction.plan import (
     STUDY_SECONDS,
@@ -73,7 +73,6 @@ from experiments.settings import (
 from experiments.tracking.mlflow_store import is_server
 from experiments.train import train
 
-PLAN, STUDY = "plan.json", "study.yaml"
 ENOUGH_LEFT = 0.85  # share of the work that is left, below which the time spent so far predicts the rest
 Work = RunTask | StudyTask
 

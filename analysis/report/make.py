@@ -3,38 +3,32 @@
 import json
 from collections import Counter
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from analysis.collect import PLAN
-from analysis.plotting import style
-from analysis.plotting.figures import save_figure
-from analysis.report import captions
 from analysis.report.claims import verdicts
-from analysis.report.claims.claim import CORRECTED, PAPER, Claim, claims_table
+from analysis.report.claims.claim import CLAIMS, CORRECTED, PAPER, Claim, claims_table
 from analysis.report.claims.evidence import GIVEN, Evidence
 from analysis.report.claims.reading import read_claims
 from analysis.report.document.blocks import Picture
-from analysis.report.document.html import page
-from analysis.report.document.pdf import sheets
+from analysis.report.document.files import PAGE, SUFFIXES, write_document, write_picture
 from analysis.report.document.sections import document
 from analysis.report.document.tables import statistics
-from analysis.report.figures import FIGURES, Draw
+from analysis.report.figures import FIGURES
 from analysis.report.number_format import estimate_text
 from analysis.report.results import read_results
 from analysis.report.study import TESTED, WORDS, is_study, make_study_report
 from analysis.tables import write_csv
+from experiments.reproduction.experiment_file import PLAN
 from experiments.reproduction.imported_results import RUNS
-from experiments.runs.files import write_bytes, write_text
 from experiments.settings import CHECKOUT, RunFolderError, TrackingConfig, require_known
 from experiments.tracking.mlflow_store import calling, open_store
 
 SHIPPED = CHECKOUT / "docs" / "results"
 SCALES = ("paper", "standard", "quick", "smoke")  # the largest first
-SUFFIXES = (".svg", ".png")
-PAGE, SHEETS, VERDICTS = "report.html", "report.pdf", "claims.csv"
 
 
 @dataclass(frozen=True)
@@ -111,12 +105,12 @@ def make_and_print_study(config: ReportConfig) -> None:
     if config.only:
         raise RunFolderError(f"{config.folder} is a study's: all of its figures are drawn together, so leave out only=")
     folder = Path(config.out).expanduser().resolve() if config.out else config.folder
-    study, claims, files = make_study_report(config.folder, folder)
+    study, claims = make_study_report(config.folder, folder)
     print(f"{len(study.runs)} runs are in the report.")
     for claim in claims:
         verdict = claim.verdict(TESTED)
         print(f"{claim.name}: {WORDS.get(verdict, verdict)}: {claim.statement}")
-    print(f"report: {files[1]}")
+    print(f"report: {folder / PAGE}")
 
 
 def make_report(config: ReportConfig) -> Report:
@@ -124,38 +118,27 @@ def make_report(config: ReportConfig) -> Report:
     evidence = Evidence(read_results(config.folder))
     folder = Path(config.out).expanduser().resolve() if config.out else config.folder
     wanted = {name: draw for name, draw in FIGURES.items() if not config.only or name in config.only}
-    drawn = {name: drawing(evidence, folder, name, draw, config.name) for name, draw in wanted.items()}
+    command = f"python -m analysis.report results={config.name} only=[{{}}]"
+    drawn = {
+        name: write_picture(partial(draw, evidence), folder, name, command.format(name))
+        for name, draw in wanted.items()
+    }
     there = [name for name, one in drawn.items() if isinstance(one, Picture)]
     files = [folder / "figures" / f"{name}{suffix}" for name in there for suffix in (*SUFFIXES, ".csv")]
     if config.only:
         return Report(folder, files, [], evidence)
     claims = read_claims(evidence)
     written = {folder / "statistics" / f"{name}.csv": table for name, table in statistics(evidence).items()}
-    written[folder / VERDICTS] = claims_table(claims)
+    written[folder / CLAIMS] = claims_table(claims)
     for path, table in written.items():
         write_csv(path, table, 4)
     files += written
-    text = document(evidence, claims, drawn)
-    write_text(folder / PAGE, page(text))
-    write_bytes(folder / SHEETS, sheets(text))
-    files += [folder / PAGE, folder / SHEETS]
+    files += write_document(document(evidence, claims, drawn), folder)
     remove_others(folder, files)
     report = Report(folder, files, claims, evidence)
     if config.tracking:
         track(config.folder, report)
     return report
-
-
-def drawing(evidence: Evidence, folder: Path, name: str, draw: Draw, place: str) -> Picture | str:
-    """Draws a figure and writes its files; returns the picture, or why it cannot be drawn."""
-    with style.applied():
-        found = draw(evidence)
-    if isinstance(found, str):
-        return found
-    svg, png = save_figure(found.figure, folder / "figures" / name, SUFFIXES)
-    write_csv(svg.with_suffix(".csv"), found.table, 6)
-    command = f"python -m analysis.report results={place} only=[{name}]"
-    return Picture(name, found.caption or captions.FIGURES[name], svg.read_bytes(), png, command)
 
 
 def remove_others(folder: Path, files: list[Path]) -> None:

@@ -10,10 +10,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from analysis.collect import CURVES, MISSING, PLAN
+from analysis.collect import CURVES, MISSING
 from analysis.plotting import style
 from analysis.stats.association import labels
 from analysis.tables import column, keep, select
+from experiments.reproduction.experiment_file import PLAN
 from experiments.reproduction.imported_results import RUNS, TRANSFERS
 from experiments.runs.run_folder import PROBES
 from experiments.settings import RunFolderError

@@ -55,6 +55,7 @@ from experiments.settings import (
 )
 from segar.errors import did_you_mean
 
+PLAN, STUDY = "plan.json", "study.yaml"  # in a results folder: what is run, and what a study of one's own asks
 BASE = "base"  # in a grid: the algorithm, observation or task of the scale
 SCALES = ("smoke", "quick", "standard", "paper")
 MOST_GROUPS = 4  # 30 sets of levels in between, with the rest

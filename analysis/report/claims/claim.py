@@ -15,6 +15,7 @@ from analysis.stats.estimate import Estimate
 from analysis.tables import column
 
 PAPER, CORRECTED = "as in the paper", "corrected"
+CLAIMS = "claims.csv"  # in the folder of a report
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ class Claim:
 
 
 def claims_table(claims: Sequence[Claim]) -> pd.DataFrame:
-    """``claims.csv``: one row per test; a claim without tests has one row that says what it needs."""
+    """:data:`CLAIMS`: one row per test; a claim without tests has one row that says what it needs."""
     rows = []
     for claim in claims:
         head = {"claim": claim.name, "where": claim.where, "statement": claim.statement}

@@ -12,6 +12,7 @@ from analysis.report.claims.claim import CORRECTED, PAPER, Claim
 from analysis.report.claims.evidence import PAPER_R, Evidence
 from analysis.report.document import beyond, tables
 from analysis.report.document.blocks import Block, Bullets, Document, Heading, Paragraph, Picture, Table, Verdict
+from analysis.report.document.files import as_block
 from analysis.report.number_format import estimate_text, listed, plain
 from analysis.stats.power import critical_r
 from analysis.tables import column, count_of, mean_by, select
@@ -26,8 +27,7 @@ def document(evidence: Evidence, claims: Sequence[Claim], figures: Mapping[str, 
     by_name = {claim.name: claim for claim in claims}
 
     def drawn(name: str) -> list[Block]:
-        one = figures[name]
-        return [Paragraph(f"No figure: {one}.")] if isinstance(one, str) else [one]
+        return [as_block(figures[name])]
 
     def boxes(*names: str) -> list[Block]:
         return [Verdict(by_name[name]) for name in names]
@@ -80,13 +80,19 @@ def opening(evidence: Evidence) -> list[Block]:
         "Every claim is read twice: with the settings of the paper and its code of 2022, and with what is wrong in "
         "them corrected."
     )
-    blocks: list[Block] = [Paragraph(text, "lead")]
-    missing = results.missing_runs()
-    if missing:
-        shown = ", ".join(map(str, missing[:8])) + (" and others" if len(missing) > 8 else "")
-        text = f"**Of what was planned, {len(missing)} runs or tests are missing**, and the report does without them: {shown}."
-        blocks.append(Paragraph(text, "warning"))
-    return blocks
+    return [Paragraph(text, "lead"), *what_is_missing(evidence)]
+
+
+def what_is_missing(evidence: Evidence) -> list[Block]:
+    """A warning about what was planned and is not in the tables; nothing where all is."""
+    missing = evidence.results.missing_runs()
+    if not missing:
+        return []
+    shown = ", ".join(missing[:8]) + (" and others" if len(missing) > 8 else "")
+    text = (
+        f"**Of what was planned, {len(missing)} runs or tests are missing**, and the report does without them: {shown}."
+    )
+    return [Paragraph(text, "warning")]
 
 
 def frames_of(table: pd.DataFrame) -> str:

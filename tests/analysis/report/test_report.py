@@ -43,7 +43,7 @@ def undrawn(monkeypatch):
             shutil.copy(SHIPPED / "quick" / "figures" / f"figure_3a{suffix}", path.with_suffix(suffix))
         return [path.with_suffix(suffix) for suffix in suffixes]
 
-    monkeypatch.setattr("analysis.report.make.save_figure", touch)
+    monkeypatch.setattr("analysis.report.document.files.save_figure", touch)
 
 
 def copied(figure, path, suffixes):
@@ -66,7 +66,7 @@ def again(request, tmp_path_factory):
     out = tmp_path_factory.mktemp("again") / shipped.name
     with pytest.MonkeyPatch.context() as patched:
         if not drawn:
-            patched.setattr("analysis.report.make.save_figure", copied)
+            patched.setattr("analysis.report.document.files.save_figure", copied)
         return shipped, make_report(ReportConfig(str(shipped), out=str(out)))
 
 

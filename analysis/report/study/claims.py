@@ -1,0 +1,109 @@
+"""A study's claims, each tested on its runs."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from analysis.report.claims import verdicts
+from analysis.report.claims.claim import Claim, Finding, small_difference
+from analysis.report.number_format import plain
+from analysis.report.results import PANEL, paired
+from analysis.report.study.reading import AGENT_SEED, Study
+from analysis.runs import column_name
+from analysis.stats.estimate import Estimate
+from analysis.tables import column, keep
+from experiments.reproduction.experiment_file import SIGNS, ClaimConfig
+from experiments.settings import ConfigError, construct, import_object
+from segar.errors import SegarError
+
+TESTED = "tested"  # how these claims are read: in one way
+WORDS = {verdicts.REPRODUCED: "holds", verdicts.NOT_REPRODUCED: "does not hold"}  # for claims that nobody made before
+
+
+def claim_or_reason(study: Study, name: str, asked: Mapping[str, Any]) -> Claim:
+    """The claim with its finding, or why it cannot be tested."""
+    try:
+        return claim_of(study, name, construct(ClaimConfig, asked, name))
+    except ConfigError as error:
+        return Claim(name, str(asked["says"]), "", needs=f"another claim or other runs ({error})")
+
+
+def claim_of(study: Study, name: str, claim: ClaimConfig) -> Claim:
+    """The claim with its finding; raises :class:`ConfigError` for a column that does not exist or a test that goes wrong."""
+    try:
+        words, measure, found, margin = tested(study, name, claim)
+    except SegarError as error:
+        raise ConfigError(f"claims.{name}: {error}") from error
+    sign = SIGNS[claim.expected]
+    verdict = verdicts.of_effect(found, sign, margin) if sign else verdicts.of_absence(found, margin)
+    expected = f"Expected: {claim.expected}; effects below {plain(margin, 3)} do not matter. {found.note}".strip()
+    if not np.isfinite(found.estimate):
+        return Claim(
+            name, claim.says, words, needs=f"other runs ({found.note or 'nothing can be computed from these'})"
+        )
+    return Claim(name, claim.says, words, (Finding(TESTED, words, measure, found, verdict),), note=expected)
+
+
+def tested(study: Study, name: str, claim: ClaimConfig) -> tuple[str, str, Estimate, float]:
+    """What is tested in words, what the estimate is, the estimate, and the margin below which it does not matter."""
+    rows = chosen(study.tested_on(claim.on) if claim.on else study.runs, claim.where)
+    if ":" in claim.test:
+        found = import_object(claim.test, "test")(rows)
+        if not isinstance(found, Estimate):
+            raise ConfigError(
+                f"test: {claim.test} returns {type(found).__name__}, not an analysis.stats.estimate.Estimate"
+            )
+        return claim.test, "estimate", found, claim.margin or 0.0
+    of = named(rows, "of", claim.of)
+    if claim.test == "correlation":
+        against, given = named(rows, "against", claim.against), [named(rows, "given", one) for one in claim.given]
+        rows = keep(rows, np.isfinite(column(rows, of)) & np.isfinite(column(rows, against)))
+        words = f"{of} against {against}" + (f", given {', '.join(given)}" if given else "")
+        found = study.evidence.correlation(name, rows, against, of, given)
+        return words, "partial Pearson r" if given else "Pearson r", found, claim.margin or verdicts.SMALL_R
+    words, rows = f"mean of {of}", keep(rows, np.isfinite(column(rows, of))).assign(difference=rows[of])
+    if claim.test == "difference":
+        words, rows = differences(study, rows, of, claim.between)
+    margin = claim.margin or small_difference(rows)
+    return words, "mean difference" if claim.between else "mean", study.evidence.mean(name, rows), margin
+
+
+def chosen(runs: pd.DataFrame, where: Mapping[str, Any]) -> pd.DataFrame:
+    """The runs with the given values, or one of a list of values, in some columns."""
+    for name, value in where.items():
+        values = {str(one) for one in (value if isinstance(value, list) else [value])}
+        known = named(runs, "where", name)
+        runs = keep(runs, [str(one) in values for one in runs[known]])
+    if runs.empty:
+        raise ConfigError(f"where: no run has {dict(where)}")
+    return runs
+
+
+def differences(
+    study: Study, rows: pd.DataFrame, of: str, between: Mapping[str, Sequence[Any]]
+) -> tuple[str, pd.DataFrame]:
+    """Pairs of runs that differ in one column, as the rows of the first with ``difference``, and what they are in words."""
+    (name, (first, second)), *_ = between.items()
+    by = named(rows, "between", name)
+    parts = [keep(rows, [str(one) == str(value) for one in rows[by]]) for value in (first, second)]
+    shared = [name for name in PANEL if set(parts[0][name]) & set(parts[1][name])]  # none where panels are compared
+    at = [one for one in (*shared, "n", "seed", AGENT_SEED, *study.told_apart) if one != by]
+    for value, part in zip((first, second), parts, strict=True):
+        if part.empty:
+            raise ConfigError(
+                f"between: no run has {by}={value}; there are {', '.join(sorted(set(map(str, rows[by]))))}"
+            )
+    found = paired(parts[0], parts[1], of, at)
+    if found.empty:
+        raise ConfigError(f"between: no two runs are equal but for {by}={first} and {second}")
+    return f"{of}: {first} less {second}, same {', '.join(at)}", found
+
+
+def named(runs: pd.DataFrame, setting: str, name: str) -> str:
+    """The column that a claim names; raises :class:`ConfigError`."""
+    try:
+        return column_name(runs, name)
+    except SegarError as error:
+        raise ConfigError(f"{setting}: {error}") from error

@@ -1,0 +1,117 @@
+"""The text of a study's report."""
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import pandas as pd
+
+from analysis.report.claims.claim import Claim
+from analysis.report.document.blocks import Block, Bullets, Document, Heading, Paragraph, Picture, Table, Verdict
+from analysis.report.document.files import as_block
+from analysis.report.document.sections import how_verdicts_are_decided, what_is_missing, what_was_run
+from analysis.report.document.tables import means
+from analysis.report.number_format import estimate_text, interval, plain, signed
+from analysis.report.results import ETA, paired
+from analysis.report.study.claims import TESTED, WORDS
+from analysis.report.study.reading import SUCCESS, Study
+from analysis.stats.association import labels
+from analysis.stats.estimate import Estimate
+from analysis.tables import column, count_of, pick, select
+
+
+def document(study: Study, claims: Sequence[Claim], pictures: Mapping[str, Picture | str]) -> Document:
+    """The whole report."""
+    drawn = {name: as_block(one) for name, one in pictures.items()}
+    blocks: list[Block] = [*opening(study, claims), *map(Verdict, claims)]
+    blocks += [Heading("Gap against distance"), drawn["gap_against_distance"], drawn["gap"]]
+    blocks += [Heading("Success"), drawn["success"], cells(study), *other_levels(study)]
+    blocks += [Heading("Learning"), drawn["curves"], *what_was_run(study.evidence)]
+    if claims:
+        head, *rules = how_verdicts_are_decided()
+        blocks += [head, Paragraph("A claim **holds** where these rules say reproduced."), *rules]
+    return Document(str(study.asked["title"]), f"The study `{study.asked['name']}`", blocks, (TESTED,), WORDS)
+
+
+def opening(study: Study, claims: Sequence[Claim]) -> Iterator[Block]:
+    """What there is, what is missing, and the claims in sentences."""
+    runs, sets = study.runs, len(set(labels(study.runs, ["panel", "seed"])))
+    kinds = f"{len(study.agents)} kinds" if len(study.agents) > 1 else "one kind"
+    yield Paragraph(
+        f"{len(runs)} runs in {len(study.panels)} panels, on {sets} level sets, with {kinds} of agents. The"
+        " gap is the mean return on test levels less that on training levels; negative means worse on test levels.",
+        "lead",
+    )
+    yield from what_is_missing(study.evidence)
+    yield from repeated(runs)
+    yield Heading("Claims")
+    if not claims:
+        yield Paragraph("The study's file has no claims.")
+        return
+    sentences = []
+    for claim in claims:
+        verdict = claim.verdict(TESTED)
+        numbers = [estimate_text(one.found, one.measure) for one in claim.findings]
+        sentences.append(
+            f"**{claim.name}** {claim.statement} {WORDS.get(verdict, verdict).capitalize()}. {' '.join(numbers)}"
+        )
+    yield Bullets(sentences)
+
+
+def repeated(runs: pd.DataFrame) -> Iterator[Block]:
+    """A warning where several agents of a kind share each level set, or where there are few level sets."""
+    most = max(len(part) for _, part in runs.groupby(["panel", "agent", "n", "seed"]))
+    if most > 1:
+        yield Paragraph(
+            f"Up to {most} agents of a kind share a level set. Intervals are over level sets: more agents on one set do not "
+            "make them shorter.",
+            "warning",
+        )
+    fewest = min(count_of(part, "seed") for _, part in runs.groupby("panel"))
+    if fewest < 3:
+        yield Paragraph(
+            f"Some panels have {fewest} level set{'s' * (fewest != 1)} of a size: intervals are wide, or there are none. More "
+            "`grid.seeds` mend that.",
+            "warning",
+        )
+
+
+def cells(study: Study) -> Table:
+    """A row for each panel, kind of agent and number of levels."""
+    by = ["panel", "agent", "levels"]
+    found = {name: means(study.evidence, study.runs, by, name, name) for name in ("w2_exact", "gap", *SUCCESS)}
+    rows = []
+    for at, row in enumerate(found["gap"].to_dict("records")):
+        part = select(study.runs, **{name: row[name] for name in by})
+        numbers = (float(column(found[name], "estimate")[at]) for name in ("w2_exact", *SUCCESS))
+        rows.append([str(row["panel"]), str(row["agent"]), str(row["levels"]), str(len(part)), str(count_of(part, "seed")),
+                     *map(plain, numbers), signed(row["estimate"]), interval(Estimate.of_row(row))])  # fmt: skip
+    head = (
+        *by[:2],
+        "training levels",
+        "runs",
+        "level sets",
+        "exact W2",
+        "success, training",
+        "success, test",
+        "gap",
+        "95 %",
+    )
+    return Table(head, rows, 2, "Means over runs; the gap with its interval over level sets.", folded=len(rows) > 30)
+
+
+def other_levels(study: Study) -> list[Block]:
+    """What the agents achieve on other levels, beside their own test levels."""
+    moved = study.evidence.results.moved
+    if moved.empty:
+        return []
+    known = pick(study.runs, ["run", "agent", "seed"])
+    there = paired(moved, study.runs, ETA, ["run"]).drop(columns=["seed"]).merge(known, on="run")
+    there = there.assign(levels=there["n"])
+    by = ["panel", "agent", "test", "levels"]
+    found = means(study.evidence, there, by, "difference", "transfer")
+    shares = means(study.evidence, there, by, SUCCESS[1], "transfer success")
+    rows = [
+        [*(str(row[name]) for name in by), plain(float(share)), signed(row["estimate"]), interval(Estimate.of_row(row))]
+        for row, share in zip(found.to_dict("records"), column(shares, "estimate"), strict=True)
+    ]
+    head = (*by[:3], "training levels", "success there", "return there less own test levels", "95 %")
+    return [Heading("On other levels"), Table(head, rows, 3, "The same agents on levels of other distributions.")]

@@ -1,0 +1,31 @@
+"""Makes the report of a study: its claims, its figures with their data, a page and a PDF."""
+
+from functools import partial
+from pathlib import Path
+
+from analysis.report.claims.claim import CLAIMS, Claim, claims_table
+from analysis.report.document.files import write_document, write_picture
+from analysis.report.study.claims import WORDS, claim_or_reason
+from analysis.report.study.document import document
+from analysis.report.study.figures import FIGURES
+from analysis.report.study.reading import Study, read_study
+from analysis.tables import write_csv
+
+COMMAND = "python -m analysis.report results=."  # in the folder of the report
+
+
+def make_study_report(folder: Path, out: Path) -> tuple[Study, list[Claim]]:
+    """Reads the tables in ``folder``, and writes claims, figures and report into ``out``; returns the study and its claims.
+
+    A claim that cannot be tested is in the report with the reason.
+
+    Raises:
+        RunFolderError: a table is not there, or somebody else's study names code of its own.
+    """
+    study = read_study(folder)
+    claims = [claim_or_reason(study, name, one) for name, one in study.asked.get("claims", {}).items()]
+    pictures = {name: write_picture(partial(draw, study), out, name, COMMAND) for name, draw in FIGURES.items()}
+    table = claims_table(claims).drop(columns=["settings", "of_claim", "of_claim_corrected", "where", "follows"])
+    write_csv(out / CLAIMS, table.replace({"verdict": WORDS}), 4)
+    write_document(document(study, claims, pictures), out)
+    return study, claims

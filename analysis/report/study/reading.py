@@ -1,0 +1,90 @@
+"""What a study asks, and its runs: read from the tables of a results folder."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import yaml
+
+from analysis.report.claims.evidence import Evidence
+from analysis.report.results import measured, read_results
+from analysis.tables import count_of, pick, select
+from experiments.reproduction.experiment_file import STUDY
+from experiments.runs.trust import require_trust
+from experiments.settings import ConfigError, RunFolderError, add_module_path
+from segar.errors import did_you_mean
+
+AGENT_SEED = "seed of the agent"
+KINDS = ("algorithm", "observation", "task", "variation", "design")  # columns that may tell agents apart
+NEEDED = ("family", "difficulty", "seed", "n", "run", "w2_exact", "gap_deterministic", "gap_ref_deterministic")
+ALL = "all agents"
+SUCCESS = ("success_train_deterministic", "success_test_deterministic")
+
+
+@dataclass(frozen=True)
+class Study:
+    """What a study asks, and what its tables say.
+
+    ``runs`` has the columns of :func:`analysis.report.results.measured`; ``agent``, the settings that tell agents apart, in
+    words; and ``levels``, which is ``n``. ``seed`` is that of the level set.
+    """
+
+    asked: Mapping[str, Any]
+    evidence: Evidence
+    runs: pd.DataFrame
+    told_apart: Sequence[str]  # columns that vary beside panels, numbers of levels and seeds
+
+    @property
+    def panels(self) -> list[str]:
+        """The panels, in their order of first appearance."""
+        return list(dict.fromkeys(self.runs["panel"]))
+
+    def tested_on(self, label: str) -> pd.DataFrame:
+        """The columns of ``runs`` for the agents on the levels of a transfer; raises :class:`ConfigError`."""
+        moved = self.evidence.results.moved
+        there = select(moved, test=label) if len(moved) else moved
+        if there.empty:
+            raise ConfigError(
+                f"on: no agent was tested on '{label}'.{did_you_mean(label, set(map(str, moved['test'])))}"
+            )
+        own = ["run", *(name for name in self.runs if name not in there), "seed"]
+        return there.drop(columns=["seed"]).merge(pick(self.runs, own), on="run")
+
+    @property
+    def agents(self) -> list[str]:
+        """The kinds of agents."""
+        return sorted(set(self.runs["agent"]))
+
+
+def is_study(folder: Path) -> bool:
+    """Whether a results folder is that of a study."""
+    return (folder / STUDY).exists()
+
+
+def read_study(folder: Path) -> Study:
+    """The study in a results folder; raises :class:`RunFolderError`."""
+    path = folder / STUDY
+    try:
+        text = path.read_text()
+        asked = yaml.safe_load(text)
+    except (OSError, ValueError, yaml.YAMLError) as error:
+        raise RunFolderError(f"cannot read {path}: {error}") from error
+    claims = asked.get("claims") or {}
+    require_trust(path, text, {"claims": [one.get("test", "") for one in claims.values()]})
+    add_module_path(asked.get("module_path", ()))
+    results = read_results(folder, NEEDED)
+    table, vary = results.runs, [str(name) for name in (asked.get("grid") or {}).get("vary", ())]
+    shared = table["levels.seed"].fillna(table["seed"]) if "levels.seed" in table else table["seed"]
+    table = table.assign(**{AGENT_SEED: table["seed"], "seed": shared.astype(int)})
+    told_apart = [name for name in (*KINDS, *vary) if name in table and count_of(table, name) > 1]
+    table = measured(table)
+    agent = [agent_name(row, told_apart) for row in table.to_dict("records")]
+    return Study(asked, Evidence(results), table.assign(agent=agent, levels=table["n"]), told_apart)
+
+
+def agent_name(row: Mapping[Any, Any], told_apart: Sequence[str]) -> str:
+    """What tells a kind of agents apart, such as ``curl, gamma=0.9``."""
+    words = (str(row[name]) if name in KINDS else f"{name.rpartition('.')[2]}={row[name]}" for name in told_apart)
+    return ", ".join(filter(None, words)) or ("default" if told_apart else ALL)
