@@ -6,38 +6,23 @@ import socket
 import statistics
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache
-from itertools import combinations, product
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
-from experiments.commands.hydra_app import compose
 from experiments.evaluation.probing import ProbeConfig, assumed_seconds, read_about
 from experiments.evaluation.transfers import FactorSwap, RunTask, Transfer
-from experiments.levels.builders import check_observations, distribution_of, environment_options
-from experiments.levels.mixed_levels import REST, SEPARATOR, check_fits, places
-from experiments.reproduction.experiment_file import BASE, Experiment, GridConfig, TransferConfig, other_panel
+from experiments.levels.mixed_levels import REST, SEPARATOR
+from experiments.reproduction.checks import check_groups, check_objects, check_transfers
+from experiments.reproduction.experiment_file import Experiment, TransferConfig, other_panel
+from experiments.reproduction.grid import grid_runs, setting
 from experiments.reproduction.imported_results import ImportedResults
 from experiments.runs.executed_code import changed_parts, executed_code
 from experiments.runs.journal import read_journal
 from experiments.runs.run_folder import folder_path, is_finished, read_config, read_summary, run_folders
-from experiments.settings import (
-    ConfigError,
-    GridPoint,
-    LevelsConfig,
-    RunConfig,
-    ScaleConfig,
-    as_data,
-    config_at,
-    grid_point,
-    import_object,
-    is_distribution,
-    paper_seeds,
-    run_config,
-)
+from experiments.settings import ConfigError, RunConfig, ScaleConfig, as_data, grid_point
 from experiments.settings.run import digest
 from segar.cli import table
-from segar.errors import LevelError, SegarError
 
 # [frames/s] of one process, while nothing has been measured: what two cores of a small server gave.
 ASSUMED_SPEED = {
@@ -46,7 +31,6 @@ ASSUMED_SPEED = {
 ASSUMED_EVALUATION = 8.0  # [s] per run
 TRANSFER_SHARE = 0.5  # of a run's evaluation, which has two level sets instead of one
 STUDY_SECONDS = 30.0
-PICTURES = ("rgb", "textures")  # how the names of observations begin that fit all levels
 
 
 @dataclass(frozen=True)
@@ -153,114 +137,6 @@ def works_of(experiment: Experiment, base: RunConfig, probes: ProbeConfig) -> It
         yield RunTask(run, tuple(found), probes if experiment.probes else None)
 
 
-def grid_runs(grid: GridConfig, base: RunConfig) -> Iterable[RunConfig]:
-    """A run for every combination of the grid, seed after seed.
-
-    Each seed is that of an agent and of its level set, so that no two agents of a kind share one, unless ``level_sets`` says
-    how many level sets there are; then each of them has all agents.
-    """
-    scale = base.scale
-    seeds = range(base.seed, base.seed + grid.seeds) if grid.seeds else paper_seeds(base)
-    sets = range(base.seed, base.seed + (grid.level_sets or 0))
-    names, values = list(grid.vary), product(*grid.vary.values())
-    panels = list(panels_of(grid.families or scale.families, grid.difficulties or scale.difficulties))
-    places = product(
-        product(seeds, sets) if grid.level_sets else ((seed, seed) for seed in seeds),
-        list(values),
-        grid.algorithms,
-        grid.observations,
-        grid.tasks,
-        grid.variations,
-        grid.designs,
-        panels,
-        grid.counts or scale.counts,
-    )
-    frames = grid.frames or scale.frames
-    interval = base.evaluation.interval if grid.interval is None else grid.interval
-    for (seed, level_set), varied, algorithm, observation, task, variation, design, (family, difficulty), n in places:
-        cell = config_at(base, GridPoint(family, difficulty, n, seed))
-        run = dataclasses.replace(
-            cell,
-            levels=dataclasses.replace(cell.levels, seed=level_set, variation=variation, design=design),
-            algorithm=base.algorithm if algorithm == BASE else setting("algorithm", algorithm).algorithm,
-            observation=base.observation if observation == BASE else setting("observation", observation).observation,
-            task=base.task if task == BASE else setting("task", task).task,
-            scale=dataclasses.replace(scale, frames=frames),
-            evaluation=dataclasses.replace(base.evaluation, interval=interval),
-        )
-        yield with_settings(run, dict(zip(names, varied, strict=True))) if names else run
-
-
-def panels_of(families: Sequence[str], difficulties: Sequence[str]) -> Iterable[tuple[str, str]]:
-    """Family and difficulty of each panel: all difficulties of a family, none of a single distribution."""
-    for family in families:
-        yield from [(family, "")] if is_distribution(family) else product([family], difficulties)
-
-
-def with_settings(run: RunConfig, values: Mapping[str, Any]) -> RunConfig:
-    """The run with other values of settings, by dotted names; raises :class:`ConfigError` for a wrong name or value."""
-    data = as_data(run)
-    for name, value in values.items():
-        *groups, last = name.split(".")
-        place = data
-        for group in groups:
-            place = place.setdefault(group, {})
-        place[last] = list(value) if isinstance(value, tuple) else value
-    return run_config(data)
-
-
-def check_objects(runs: Iterable[RunConfig]) -> None:
-    """Raises :class:`ConfigError` for the first run whose levels, task, observation or algorithm cannot be made.
-
-    Each is made once, however many runs have it, so that a wrong name ends a plan, and not its runs.
-    """
-    seen: set[str] = set()
-
-    def is_new(*settings: Any) -> bool:
-        known = repr(settings) in seen
-        seen.add(repr(settings))
-        return not known
-
-    for run in runs:
-        levels, algorithm = dataclasses.replace(run.levels, count=1, seed=0), run.algorithm
-        try:
-            if is_new(levels):
-                for which in ("train", "test"):
-                    distribution_of(levels, which)
-            if is_new(run.task, run.observation):
-                environment_options(run)
-            for name in (algorithm.learner, getattr(algorithm, "encoder", "")):
-                if ":" in name and not name.startswith("experiments.") and is_new(name):
-                    import_object(name, "algorithm")
-        except SegarError as error:
-            raise ConfigError(f"{run.label()}: {error}") from error
-
-
-def check_transfers(works: Iterable[RunTask]) -> None:
-    """Raises :class:`ConfigError` if an agent that sees states would not see the same numbers in the levels of a transfer."""
-    seen = set()
-    for work in works:
-        for transfer in (one for one in work.transfers if one.mixture is None):
-            there = dataclasses.replace(
-                work.run.levels, test=transfer.panel, test_variation=transfer.variation, count=1, seed=0
-            )
-            run = dataclasses.replace(work.run, observation=transfer.observation, levels=there)
-            kind = repr((there, run.observation, run.task))
-            if kind in seen or run.observation.name.startswith(PICTURES):
-                continue
-            seen.add(kind)
-            try:
-                check_observations(run, *(distribution_of(there, which).sample(1) for which in ("train", "test")))
-            except ConfigError as error:
-                raise ConfigError(f"transfers: {transfer.label}: {error}") from error
-
-
-@cache
-def setting(group: str, name: str) -> RunConfig:
-    """The settings that a file of ``conf/<group>`` states; raises :class:`ConfigError` if there is no such file."""
-    return compose([f"{group}={name}"])
-
-
 def transfer_of(transfer: TransferConfig, run: RunConfig) -> Transfer | None:
     """A transfer of the agent of ``run``; None where there is no such panel, or it is tested there anyway."""
     cell = grid_point(run)
@@ -301,16 +177,6 @@ def mixtures_of(experiment: Experiment, run: RunConfig) -> Iterable[Transfer]:
             yield Transfer(
                 label, panel, levels.variation, run.observation, levels.test_count, levels.test_seed, mixture
             )
-
-
-def check_groups(experiment: Experiment, levels: LevelsConfig) -> None:
-    """Raises :class:`ConfigError` unless training and test levels can be mixed and have the factors of the groups."""
-    train, test = (distribution_of(levels, which).sample(1, seed=0, split=which) for which in ("train", "test"))
-    try:
-        check_fits(train, test)
-        places(train, experiment.attribution)
-    except LevelError as error:
-        raise ConfigError(f"grids.{experiment.name}.attribution: {levels.train}: {error}") from error
 
 
 @dataclass(frozen=True)
@@ -461,7 +327,6 @@ def as_data_of(plan: ReproductionPlan) -> list[dict[str, Any]]:
             "figure": experiment.figure,
             "study": experiment.study,
             "vary": list(experiment.grid.vary) if experiment.grid else [],
-            "claims": dict(experiment.claims),
             "runs": [
                 {
                     "folder": work.imported or folder_path(work.run).name,

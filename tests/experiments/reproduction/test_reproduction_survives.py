@@ -11,7 +11,7 @@ import pytest
 
 from experiments.reproduce import ReproduceConfig, reproduce
 from experiments.reproduction.experiment_file import GridConfig
-from experiments.reproduction.plan import grid_runs
+from experiments.reproduction.grid import grid_runs
 from experiments.runs.run_folder import CHECKPOINT, folder_path, is_finished, is_locked
 from experiments.settings import EvaluationConfig, LevelsConfig, PPOConfig, RunConfig, ScaleConfig, TrackingConfig
 from tests.places import ROOT

@@ -14,8 +14,10 @@ import yaml
 import experiments.study
 from experiments.commands.hydra_app import compose
 from experiments.reproduce import experiment_files
+from experiments.reproduction.checks import check_objects
 from experiments.reproduction.experiment_file import experiment_at
-from experiments.reproduction.plan import as_text, check_objects, grid_runs, make_plan, measure_speeds
+from experiments.reproduction.grid import grid_runs
+from experiments.reproduction.plan import as_text, make_plan, measure_speeds
 from experiments.reproduction.study_file import fields_text, read_study, schema
 from experiments.settings import ConfigError, RunConfig
 from experiments.study import study_of
@@ -102,13 +104,13 @@ def test_settings_of_the_file_come_before_those_of_the_command_line(tmp_path):
 
 def test_values_of_all_kinds_reach_the_settings(tmp_path):
     stated = {
-        "task.options": {"reward": "linear"},
+        "task.options": {"reward": "linear", "of_my_own": {"a": [1, 2]}},
         "evaluation.distances": ["exact"],
         "tracking.experiment": "a b, 'c'",
     }
     data = {**GOOD, "settings": {**stated, "levels.test": None, "progress": False}}
     run = compose(read_study(written(tmp_path, data)).overrides())
-    assert run.task.options == {"reward": "linear"}
+    assert run.task.options == {"reward": "linear", "of_my_own": {"a": [1, 2]}}
     assert run.evaluation.distances == ("exact",)
     assert run.tracking.experiment == "a b, 'c'"
     assert (run.levels.test, run.progress) == (None, False)
@@ -148,6 +150,21 @@ def test_any_setting_varies(tmp_path):
     assert {(run.algorithm.gamma, run.levels.test) for run in runs} == {(0.9, "empty-hard"), (0.99, "empty-hard")}
     with pytest.raises(ConfigError, match=r"no setting is called 'algorithm.gama'"):
         runs_of(tmp_path, vary={"algorithm.gama": [0.9]})
+    with pytest.raises(ConfigError, match=r"seed: .* is not a whole number"):
+        runs_of(tmp_path, vary={"seed.of_levels": [1]})
+
+
+def test_a_group_of_settings_that_varies_is_replaced_whole(tmp_path):
+    groups = [{"reward": "linear"}, {}]
+    base = {"task.options": {"max_steps": 7}}
+    data = {
+        **GOOD,
+        "settings": {**GOOD["settings"], **base},
+        "grid": {**GOOD["grid"], "vary": {"task.options": groups}},
+    }
+    study = read_study(written(tmp_path, data))
+    runs = grid_runs(experiment_at("mine", study.experiment, "single").grid, compose(study.overrides()))
+    assert {str(dict(run.task.options)) for run in runs} == set(map(str, groups))
 
 
 def test_a_wrong_name_of_an_own_object_ends_the_plan(tmp_path):

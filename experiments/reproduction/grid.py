@@ -1,0 +1,71 @@
+"""The runs of an experiment's grid: every combination of what it names, as settings."""
+
+import dataclasses
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
+from itertools import product
+from typing import Any
+
+from omegaconf import OmegaConf
+
+from experiments.commands.hydra_app import compose, to_plain
+from experiments.reproduction.experiment_file import BASE, GridConfig
+from experiments.settings import GridPoint, RunConfig, as_data, config_at, is_distribution, paper_seeds, run_config
+
+
+def grid_runs(grid: GridConfig, base: RunConfig) -> Iterable[RunConfig]:
+    """A run for every combination of the grid, seed after seed.
+
+    Each seed is that of an agent and of its level set, so that no two agents of a kind share one, unless ``level_sets`` says
+    how many level sets there are; then each of them has all agents.
+    """
+    scale = base.scale
+    seeds = range(base.seed, base.seed + grid.seeds) if grid.seeds else paper_seeds(base)
+    sets = range(base.seed, base.seed + (grid.level_sets or 0))
+    names, values = list(grid.vary), product(*grid.vary.values())
+    panels = list(panels_of(grid.families or scale.families, grid.difficulties or scale.difficulties))
+    places = product(
+        product(seeds, sets) if grid.level_sets else ((seed, seed) for seed in seeds),
+        list(values),
+        grid.algorithms,
+        grid.observations,
+        grid.tasks,
+        grid.variations,
+        grid.designs,
+        panels,
+        grid.counts or scale.counts,
+    )
+    frames = grid.frames or scale.frames
+    interval = base.evaluation.interval if grid.interval is None else grid.interval
+    for (seed, level_set), varied, algorithm, observation, task, variation, design, (family, difficulty), n in places:
+        cell = config_at(base, GridPoint(family, difficulty, n, seed))
+        run = dataclasses.replace(
+            cell,
+            levels=dataclasses.replace(cell.levels, seed=level_set, variation=variation, design=design),
+            algorithm=base.algorithm if algorithm == BASE else setting("algorithm", algorithm).algorithm,
+            observation=base.observation if observation == BASE else setting("observation", observation).observation,
+            task=base.task if task == BASE else setting("task", task).task,
+            scale=dataclasses.replace(scale, frames=frames),
+            evaluation=dataclasses.replace(base.evaluation, interval=interval),
+        )
+        yield with_settings(run, dict(zip(names, varied, strict=True))) if names else run
+
+
+def panels_of(families: Sequence[str], difficulties: Sequence[str]) -> Iterable[tuple[str, str]]:
+    """Family and difficulty of each panel: all difficulties of a family, none of a single distribution."""
+    for family in families:
+        yield from [(family, "")] if is_distribution(family) else product([family], difficulties)
+
+
+def with_settings(run: RunConfig, values: Mapping[str, Any]) -> RunConfig:
+    """The run with other values of settings, by dotted names; raises :class:`ConfigError` for a wrong name or value."""
+    data = OmegaConf.create(as_data(run))
+    for name, value in values.items():
+        OmegaConf.update(data, name, value, merge=False, force_add=True)
+    return run_config(to_plain(data))
+
+
+@cache
+def setting(group: str, name: str) -> RunConfig:
+    """The settings that a file of ``conf/<group>`` states; raises :class:`ConfigError` if there is no such file."""
+    return compose([f"{group}={name}"])
