@@ -19,7 +19,7 @@ from experiments.reproduction.experiment_file import (
     TransferConfig,
     experiment_at,
 )
-from experiments.settings import ConfigError, add_module_path, construct, without_files
+from experiments.settings import ConfigError, add_module_path, construct, flat, without_files
 
 # A field of a dataclass, and the comment behind it.
 COMMENT = re.compile(r"^    (\w+): [^\n#]*(?:\n(?!    \w+:)[^\n#]*)*?  # (.+)$", re.MULTILINE)
@@ -46,8 +46,8 @@ class StudyFile:
 
     def overrides(self) -> list[str]:
         """The settings as on a command line; choices of groups come first."""
-        flat = dict(_dotted(self.settings))
-        return [f"{name}={_as_text(flat[name])}" for name in sorted(flat, key=lambda name: "." in name)]
+        values = flat(self.settings)
+        return [f"{name}={_as_text(values[name])}" for name in sorted(values, key=lambda name: "." in name)]
 
     def as_data(self) -> dict[str, Any]:
         """Plain data that says it all."""
@@ -83,16 +83,6 @@ def read_study(path: Path) -> StudyFile:
     except ConfigError as error:
         raise ConfigError(f"{path}: {str(error).replace(f'grids.{path.stem}.', '')}") from error
     return StudyFile(path.stem, experiment, config.settings, folder)
-
-
-def _dotted(settings: Mapping[str, Any], place: str = "") -> list[tuple[str, Any]]:
-    """Settings by their dotted names."""
-    found = []
-    for key, value in settings.items():
-        name = f"{place}.{key}" if place else str(key)
-        is_group = isinstance(value, Mapping) and not name.endswith(".options")
-        found += _dotted(value, name) if is_group else [(name, value)]
-    return found
 
 
 def _as_text(value: Any) -> str:
