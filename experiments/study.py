@@ -56,11 +56,10 @@ from typing import Any
 
 from omegaconf import DictConfig
 
-from experiments.commands.hydra_app import error_message, run_command, to_plain, wants_full_error
+from experiments.commands.hydra_app import errors_as_messages, run_command, to_plain
 from experiments.reproduce import SETTINGS, ReproduceConfig, reproduce
 from experiments.reproduction.study_file import StudyFile, fields_text, read_study, schema
 from experiments.settings import ConfigError, construct, run_config
-from segar.errors import SegarError
 
 
 def study_of(arguments: Sequence[str]) -> tuple[StudyFile, list[str]]:
@@ -93,12 +92,8 @@ def main() -> None:
     if "--schema" in sys.argv[1:]:
         print(json.dumps(schema(), indent=2))
         return
-    try:
+    with errors_as_messages():
         study, sys.argv[1:] = study_of(sys.argv[1:])
-    except SegarError as error:
-        if wants_full_error():
-            raise
-        sys.exit(f"error: {error_message(error)}")
     run_command(reproduce, "study", lambda config: build(study, config), SETTINGS)
 
 

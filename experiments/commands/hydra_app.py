@@ -4,8 +4,8 @@ import dataclasses
 import os
 import signal
 import sys
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -51,25 +51,20 @@ def run_command(
     register_settings(config_name, settings)
 
     def call(config: DictConfig) -> Any:
-        try:
-            return task((build or build_run)(config))
-        except SegarError as error:
-            if wants_full_error():
-                raise
-            message = f"error: {error_message(error)}"
-            if HydraConfig.get().mode is RunMode.MULTIRUN:
+        with errors_as_messages():
+            try:
+                return task((build or build_run)(config))
+            except SegarError as error:
+                if HydraConfig.get().mode is not RunMode.MULTIRUN or wants_full_error():
+                    raise
                 # Hydra goes on with the other runs, says which of them went wrong, and prints the message.
-                raise CompactHydraException(message) from None
-            sys.exit(message)
+                raise CompactHydraException(f"error: {error_message(error)}") from None
 
     try:
-        sys.argv[1:] = without_passwords(with_own_names(sys.argv[1:]))
-        check_command_line(config_name)
-        hydra.main(version_base="1.3", config_path=str(conf_dir()), config_name=config_name)(call)()
-    except SegarError as error:
-        if wants_full_error():
-            raise
-        sys.exit(f"error: {error_message(error)}")
+        with errors_as_messages():
+            sys.argv[1:] = without_passwords(with_own_names(sys.argv[1:]))
+            check_command_line(config_name)
+            hydra.main(version_base="1.3", config_path=str(conf_dir()), config_name=config_name)(call)()
     except KeyboardInterrupt as stop:
         print(f"{stop or 'stopped'}. The same command goes on from the last checkpoint", file=sys.stderr)
         sys.exit(128 + (stop.signal if isinstance(stop, Stopped) else signal.SIGINT))
@@ -104,11 +99,8 @@ def run_simple_command(task: Callable[[Any], Any], settings: type, about: str | 
         print(simple_help(settings, about or ""))
         return
     try:
-        task(construct(settings, parse_settings(arguments), ""))
-    except SegarError as error:
-        if wants_full_error():
-            raise
-        sys.exit(f"error: {error_message(error)}")
+        with errors_as_messages():
+            task(construct(settings, parse_settings(arguments), ""))
     except KeyboardInterrupt:
         sys.exit(128 + signal.SIGINT)
 
@@ -170,6 +162,20 @@ def to_plain(config: DictConfig) -> dict[str, Any]:
     data = OmegaConf.to_container(config, resolve=True)
     assert isinstance(data, dict)
     return {str(key): value for key, value in data.items()}
+
+
+@contextmanager
+def errors_as_messages() -> Iterator[None]:
+    """A block that ends the command with 1 and one message where a user can mend what went wrong.
+
+    Where the user wants tracebacks, the error itself leaves the block.
+    """
+    try:
+        yield
+    except SegarError as error:
+        if wants_full_error():
+            raise
+        sys.exit(f"error: {error_message(error)}")
 
 
 def error_message(error: Exception) -> str:
