@@ -28,10 +28,14 @@ def modules_named(settings: Any) -> Iterator[str]:
         yield found[1]
 
 
+def own_packages(settings: Any) -> set[str]:
+    """The packages, or modules in no package, that settings name and that are not ours."""
+    return {name.partition(".")[0] for name in modules_named(settings)} - {*OURS}
+
+
 def folders_of(settings: Any) -> tuple[str, ...]:
     """The folders from which the modules that settings name are imported, without those of installed packages and our own."""
-    packages = {name.partition(".")[0] for name in modules_named(settings)} - {*OURS}
-    found = (importlib.util.find_spec(name) for name in sorted(packages))
+    found = (importlib.util.find_spec(name) for name in sorted(own_packages(settings)))
     files = [Path(spec.origin).resolve() for spec in found if spec is not None and spec.origin is not None]
     outside = (path for path in files if not is_installed(path))
     folders = (path.parents[1] if path.name == "__init__.py" else path.parent for path in outside)

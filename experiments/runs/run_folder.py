@@ -29,7 +29,7 @@ import pyarrow.parquet as pq
 import yaml
 
 from experiments.runs.files import LOCK, TEMPORARY, locked, remove_unfinished, replacing, write_text
-from experiments.runs.own_modules import OURS, folders_of, modules_named
+from experiments.runs.own_modules import folders_of, modules_named, own_packages
 from experiments.runs.trust import require_trust, signed
 from experiments.settings import (
     CHECKOUT,
@@ -227,7 +227,7 @@ def read_config(folder: Path, trusted: Collection[str] = ()) -> RunConfig:
         if not isinstance(data, Mapping):
             raise ConfigError("it holds no settings")
         require_trust(path, text, data, trusted)
-        if not {name.partition(".")[0] for name in modules_named(data)} - {*OURS}:
+        if not own_packages(data):
             data = {**data, "module_path": ()}  # nobody else's folders are looked into without need
         return run_config(with_new_names(data))
     except RunFolderError:
