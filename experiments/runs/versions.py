@@ -5,13 +5,13 @@ import hashlib
 import platform
 import subprocess
 from collections.abc import Mapping
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import segar
+from segar.support import installed_version
 
 LIBRARIES = (
     "segar", "torch", "torchrl", "tensordict", "numpy", "numba", "scipy", "gymnasium", "POT", "hydra-core", "mlflow-skinny",
@@ -23,7 +23,7 @@ def versions() -> dict[str, Any]:
     return {
         "python": platform.python_version(),
         "platform": platform.platform(),
-        "libraries": {name: _version(name) for name in LIBRARIES},
+        "libraries": {name: installed_version(name) for name in LIBRARIES},
         "git": git_commit(Path(segar.__file__).resolve().parent),
     }
 
@@ -47,13 +47,6 @@ def in_words(arithmetic: Mapping[str, Any]) -> str:
     else:
         words += [f"{name}={value}" for name, value in arithmetic["limits"].items()]
     return ", ".join([*words, arithmetic["processor"]])
-
-
-def _version(name: str) -> str | None:
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return None  # a checkout on the path, or an extra that is not installed
 
 
 def git_commit(folder: Path) -> dict[str, Any] | None:

@@ -13,6 +13,7 @@ from experiments.commands import process_defaults as runtime
 from experiments.runs.files import replacing
 from experiments.settings import TrackingConfig, TrackingError, scheme, sqlite_address, with_password, without_password
 from experiments.tracking.mlflow_views import VIEWS, View, tags_of_views
+from segar.support import first_line
 
 STORE = "mlflow.db"  # under the root of the runs
 LONGEST_OPENING = 30.0  # [s] that a process waits for others that open the store
@@ -107,7 +108,7 @@ def calling(function: Any, *arguments: Any, **options: Any) -> Any:
         return function(*arguments, **options)
     except (MlflowException, SQLAlchemyError, OSError) as error:
         said = without_password(str(error))
-        reason = (said.splitlines() or [type(error).__name__])[0]
+        reason = without_password(first_line(error))
         kind = StoreBusy if any(word in said for word in BUSY) else TrackingError
         message = f"MLflow refuses: {reason}. The run folder has all figures; tracking=none runs without MLflow"
         raise kind(message) from (error if said == str(error) else None)  # the journal has the cause, too

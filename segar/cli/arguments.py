@@ -10,7 +10,7 @@ from segar.errors import SegarError
 from segar.language import Task
 from segar.levels import LevelDistribution, Levels, family
 from segar.rules import World
-from segar.support import named_or_made
+from segar.support import aligned, named_or_made
 from segar.tasks import make_task, task_of
 
 NAME_HELP = "a level family, or 'module:attribute': a LevelDistribution of your own or a function that makes one"
@@ -126,9 +126,7 @@ def table(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
 
 def columns(rows: Sequence[Sequence[Any]]) -> str:
     """Rows in columns, numbers in short, None as a dash."""
-    cells = [[_cell(value) for value in row] for row in rows]
-    widths = [max(len(row[k]) for row in cells) for k in range(len(cells[0]))] if cells else []
-    return "\n".join("  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in cells)
+    return aligned([[_cell(value) for value in row] for row in rows])
 
 
 def _cell(value: Any) -> str:

@@ -4,13 +4,12 @@ import argparse
 import json
 import platform
 from collections.abc import Iterator, Mapping, Sequence
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 from segar.cli import arguments
 from segar.errors import SegarError
-from segar.support import __version__, need
+from segar.support import __version__, installed_version, need
 
 SOFTWARE = {
     "author": "{SEGAR developers}",
@@ -58,7 +57,7 @@ def bibtex(release: str | None) -> dict[str, str]:
 
 def about_installation() -> dict[str, Any]:
     """The versions of what is installed here."""
-    found = {name: _installed(name) for name in LIBRARIES if name != "segar"}
+    found = {name: installed_version(name) for name in LIBRARIES if name != "segar"}
     return {"versions": {"segar": __version__, "python": platform.python_version(), **found}}
 
 
@@ -141,13 +140,6 @@ def _leaves(data: Mapping[str, Any], place: str = "") -> Iterator[tuple[str, Any
             yield from _leaves(value, f"{place}{name}.")
         else:
             yield f"{place}{name}", value
-
-
-def _installed(name: str) -> str | None:
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return None
 
 
 def _entry(kind: str, key: str, fields: Mapping[str, str]) -> str:

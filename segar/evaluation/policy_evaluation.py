@@ -12,6 +12,7 @@ from segar.evaluation.baselines import Baselines, find_baselines, idle_actions
 from segar.evaluation.episodes import QUANTITIES, PlayedEpisodes, play_episodes
 from segar.levels import Levels
 from segar.metrics import w2
+from segar.support import aligned
 
 CONFIDENCE = 0.95
 
@@ -118,9 +119,7 @@ class Evaluation:
             row = [name, str(result.levels), str(len(result.episodes)), str(result.mean()), *shown]
             row += [f"{result.mean('length').value:.1f}"]
             rows.append(row + ([f"{result.score():.3f}", f"{result.score(result.idle):.3f}"] if scored else []))
-        widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
-        lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
-        lines.append(f"gap (test - train)  {self.gap()}")
+        lines = [aligned(rows), f"gap (test - train)  {self.gap()}"]
         lines += [f"W2 ({mode})  {value:.4g}" for mode, value in self.w2.items()]
         return "\n".join(lines)
 

@@ -8,11 +8,21 @@ from segar.support.counter_kernel import GOLDEN, SPACING, keyed_uniform, mix, no
 from segar.support.counter_rng import LOW_WORD, SPARE_BITS, WORD, LevelGenerator, philox, stream_key
 from segar.support.estimates import Estimate
 from segar.support.files import LOCK, UNFINISHED, ArchiveFormat, locked, remove_unfinished, replacing
-from segar.support.imports import has_pygame, made, module_in_file, named_object, named_or_made, need, need_pygame
+from segar.support.imports import (
+    has_pygame,
+    installed_version,
+    made,
+    module_in_file,
+    named_object,
+    named_or_made,
+    need,
+    need_pygame,
+)
 from segar.support.json_forms import from_json, misfit
 from segar.support.moved_modules import deprecated_names, find_moved
 from segar.support.npz import DAMAGE, LIMIT_VARIABLE, Form, file_limit, first_line, open_npz
 from segar.support.optimal_transport import TRANSPORT_STEPS, emd, plan_of, pot
 from segar.support.plain import is_plain
+from segar.support.text_table import aligned
 from segar.support.threads import Team
 from segar.support.version import __version__

@@ -8,6 +8,7 @@ import os
 import sys
 import traceback
 from importlib.machinery import PathFinder
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -105,6 +106,14 @@ EXTRAS = {
     "sb3": ("stable_baselines3",),
     "train": ("yaml",),
 }
+
+
+def installed_version(package: str) -> str | None:
+    """The version of a package; None where it is a checkout on the path, or not installed."""
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
 
 
 def need(purpose: str, *modules: str) -> None:
