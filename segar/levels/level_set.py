@@ -75,13 +75,16 @@ class Levels(LevelData):
         """
         path = Path(path)
 
+        layouts: list[Layout] = []
+
         def forms(metadata: dict[str, Any]) -> Mapping[str, Form]:
             FORMAT.check(path, metadata, DESCRIPTION)
-            return level_forms(_layout(metadata, path))
+            layouts.append(_layout(metadata, path))
+            return level_forms(layouts[0])
 
         found, metadata = FORMAT.read(path, forms)
         arrays: dict[str, Any] = found
-        layout, rules = _layout(metadata, path), tuple(metadata.get("rules", ()))
+        layout, rules = layouts[0], tuple(metadata.get("rules", ()))
         origin = {name: metadata["provenance"][name] for name in ORIGIN}
         provenance = Provenance(**origin, version=metadata["version"], indices=arrays.pop("indices"), rules=rules)
         task, moments = metadata.get("task"), _moments(metadata, layout, path)
