@@ -29,14 +29,8 @@ from segar.errors import SegarError
 
 NORMAL = 1.96  # standard errors of a 95 % interval
 MOST_GROUPS = len(style.PALETTE)  # colours that readers can tell apart
-PREFERRED = (
-    "levels.train",
-    "family",
-    "algorithm.name",
-    "algorithm",
-    "levels.count",
-    "n",
-)  # of settings that colours show
+# Settings that colours show: the first of them that varies.
+PREFERRED = ("levels.train", "family", "algorithm.name", "algorithm", "levels.count", "n")
 GAP = "gap (return on test − on training levels)"
 TITLES = {
     "w2_exact": "W2 between training and test levels",

@@ -119,9 +119,8 @@ def collect(
             rewards[t], terminal[t] = torch.from_numpy(reward), torch.from_numpy(terminated)
             over[t] = torch.from_numpy(terminated | truncated)
             next_values[t] = agent.value(torch.from_numpy(seen)).squeeze(-1)
-            if over[
-                t
-            ].any():  # the value after a time-out is that of the last observation, not of the next episode's first
+            if over[t].any():
+                # The value after a time-out is that of the last observation, not of the next episode's first.
                 rows = np.flatnonzero(info["_final_obs"])
                 next_values[t, rows] = agent.value(torch.from_numpy(info["final_obs"][rows])).squeeze(-1)
                 returns += info["final_info"]["return"][rows].tolist()

@@ -20,11 +20,8 @@ PIXELS = 161  # of a side; odd, so that a centre is in the middle
 REACH = 0.56  # [m] from the middle of a picture to its sides
 BALL = 0.2  # [m] diameter
 TILE = 0.6  # [m] diameter or side
-NONE, FIRST, SECOND = (
-    (244, 244, 240),
-    (120, 170, 220),
-    (240, 180, 100),
-)  # where no relation, the first, the second holds
+# Colours where no relation, the first, the second holds.
+NONE, FIRST, SECOND = (244, 244, 240), (120, 170, 220), (240, 180, 100)
 OUTLINE, RIM = (20, 20, 20), (190, 30, 30)
 LINE = 0.8 * 2 * REACH / (PIXELS - 1)  # [m] half the width of a line
 

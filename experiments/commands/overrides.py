@@ -26,14 +26,10 @@ SEARCH_PATH = "hydra.searchpath"
 # The setting that takes the name of an own object where a group of choices is given one.
 OWN_NAMES = {"levels": "levels.train", "task": "task.name", "observation": "observation.name"}
 ALGORITHM = "algorithm"
-LEVELS = (
-    "levels.test",
-    "levels.design",
-    "levels.variation",
-    "levels.test_variation",
-    "levels.world",
-    "algorithm.encoder",
-)
+# Further settings that may name an own object.
+OWN_SETTINGS = (
+    "levels.test", "levels.design", "levels.variation", "levels.test_variation", "levels.world", "algorithm.encoder",
+)  # fmt: skip
 
 
 def with_own_names(overrides: Sequence[str]) -> list[str]:
@@ -51,7 +47,7 @@ def with_own_names(overrides: Sequence[str]) -> list[str]:
 def _with_own_name(text: str) -> str:
     key, equals, values = text.partition("=")
     group = key.lstrip("+")
-    if not equals or group not in {*OWN_NAMES, *OWN_NAMES.values(), *LEVELS, ALGORITHM}:
+    if not equals or group not in {*OWN_NAMES, *OWN_NAMES.values(), *OWN_SETTINGS, ALGORITHM}:
         return text
     names = [without_files(value, group) for value in values.split(",")]
     if not all(OBJECT_NAME.fullmatch(name) or ".npz#" in name for name in names):

@@ -179,6 +179,9 @@ class TransferConfig:
 
 
 Transfers = Annotated[tuple[TransferConfig, ...], check_transfers]
+Test = Annotated[str, check_test]
+Column = Annotated[str, check_column]
+Between = Annotated[Mapping[str, Any], check_between]
 
 
 @dataclass(frozen=True)
@@ -191,23 +194,15 @@ class ClaimConfig:
     """
 
     says: str  # the statement
-    test: Annotated[
-        str, check_test
-    ]  # correlation, difference, mean, or module:function(runs) -> analysis.stats Estimate
-    of: Annotated[str, check_column] = (
-        "gap"  # a column of the table of runs, such as gap, success_test, eta_test, w2_exact
-    )
-    against: Annotated[str, check_column] = "w2_exact"  # of a correlation
+    test: Test  # correlation, difference, mean, or module:function(runs) -> analysis.stats Estimate
+    of: Column = "gap"  # a column of the table of runs, such as gap, success_test, eta_test, w2_exact
+    against: Column = "w2_exact"  # of a correlation
     given: Annotated[tuple[str, ...], check_columns] = ()  # of a correlation: panel, log_n, cell, or columns
-    between: Annotated[Mapping[str, Any], check_between] = field(
-        default_factory=dict
-    )  # of a difference: column to two values
+    between: Between = field(default_factory=dict)  # of a difference: column to two values
     where: Annotated[Mapping[str, Any], check_columns] = field(default_factory=dict)  # only the runs with these values
     on: str = ""  # the label of a transfer, whose levels are meant instead of the run's own test levels
     expected: Annotated[str, one_of(*SIGNS)] = "negative"  # the sign; none: that there is no effect
-    margin: PositiveOrNull = (
-        None  # a smaller effect does not matter; null: 0.3 of a correlation, else 0.2 standard deviations
-    )
+    margin: PositiveOrNull = None  # a smaller effect does not matter; null: 0.3 of an r, else 0.2 standard deviations
 
     def __post_init__(self) -> None:
         require(

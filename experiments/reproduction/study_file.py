@@ -30,9 +30,7 @@ PLAIN = re.compile(r"[A-Za-z0-9_.:/+-]+")  # values that Hydra reads without quo
 class StudyConfig(ExperimentConfig):
     """What a study's file says."""
 
-    settings: Mapping[str, Any] = field(
-        default_factory=dict
-    )  # of all runs: choices of groups, and settings by dotted names
+    settings: Mapping[str, Any] = field(default_factory=dict)  # of all runs: choices of groups, and any by dotted names
 
 
 @dataclass(frozen=True)

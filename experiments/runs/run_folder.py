@@ -151,9 +151,8 @@ def run_folders(root: Path) -> list[Path]:
 def _occupy(folder: Path, config: RunConfig) -> None:
     """Writes the settings into an empty folder; raises :class:`RunFolderError` if it holds another run or no run."""
     if (folder / CONFIG).exists():
-        there = read_config(
-            folder, set(modules_named(as_data(config)))
-        )  # read before anything is removed: a folder that holds no run must stay
+        # Read before anything is removed: a folder that holds no run must stay.
+        there = read_config(folder, set(modules_named(as_data(config))))
         if config.restart:
             empty(folder, config)
             return

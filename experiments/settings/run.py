@@ -166,9 +166,7 @@ class RunConfig(Settings):
     seed: Seed = 0  # of training: weights, actions, order of levels
     root: str | None = None  # where run folders are made; None: runs/ of the checkout
     folder: str | None = None  # the run folder; None: named by its settings, under root
-    module_path: tuple[
-        str, ...
-    ] = ()  # where the modules of the settings lie that are not installed; run folders record it
+    module_path: tuple[str, ...] = ()  # where modules of the settings lie that are not installed; run folders record it
     resume: bool = True  # go on with an unfinished run that the run folder holds; false: refuse to
     restart: bool = False  # throw away what the run folder holds
     stale: Stale = "refuse"  # a finished run by other code than today's: "keep" its results, or train it "anew"

@@ -19,9 +19,8 @@ FLAGS: tuple[type[Factor], ...] = (Visible, Alive, Done)
 drawing, or no rule reads them."""
 
 SIGNIFICANT = 1e-3  # two-sample test below which values speak against one distribution
-MATERIAL = (
-    0.2  # differences of a mean, and of a spread, in spreads: beyond what a sample of 2000 levels makes by chance
-)
+# Differences of a mean, and of a spread, in spreads: beyond what a sample of 2000 levels makes by chance.
+MATERIAL = 0.2
 STAND_IN = 200  # levels that stand for a distribution
 SEGAR = Path(__file__).resolve().parents[1]
 

@@ -9,7 +9,7 @@ import pytest
 
 import segar
 from segar import GoalTile, GolfBall, Gravity, Mass, Parameter, Position, Prior, Velocity
-from segar.envs import VectorEnv
+from segar.envs import TorchRLEnv, VectorEnv
 from segar.errors import FactorError, LevelError
 from segar.language import FloorFriction
 from segar.observations import Stack, StateVector
@@ -109,9 +109,6 @@ def test_a_state_that_goes_on_in_another_world_shows_the_parameters_of_that_worl
 
 
 def test_stacks_and_torchrl_show_parameters():
-    pytest.importorskip("torchrl")
-    from segar.envs.torchrl_env import TorchRLEnv
-
     env = TorchRLEnv(LEVELS, 4, observation=Stack(SHOWN, 2), seed=0)
     start = env.reset()
     rolled = env.rollout(3)
