@@ -4,6 +4,7 @@ A *block* is a level set: all runs on the training levels that one ``levels.seed
 algorithm. Results of a block are not independent, so that intervals are taken over blocks, and not over runs.
 """
 
+import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, cast
@@ -28,6 +29,7 @@ BLOCK = (
     "levels.seed", "family", "difficulty", "variation", "design",
 )  # fmt: skip
 SUMMARISED = ("w2_exact", "gap_deterministic", "success_train_deterministic", "success_test_deterministic")
+SHARES = ("success_", "death_")  # begin the names of figures that are shares of episodes
 LEVEL_SETS, AGENTS = "level sets", "agents"  # what an interval is over
 
 
@@ -70,7 +72,8 @@ def summarise(runs: pd.DataFrame, figures: Sequence[str] = SUMMARISED, by: Seque
     (of 0, two-sided), ``level``, ``note``; ``unit``: "level sets", or "agents" where all runs of a combination share one level
     set, whose interval then says nothing about other level sets; ``runs`` that count, and ``level_sets``.
 
-    A level set counts once, with the mean of its runs. The interval is Student's over level sets.
+    A level set counts once, with the mean of its runs. The interval is Student's over level sets; that of a share, such as
+    success, ends at 0 and 1.
 
     Args:
         runs: as :func:`read_runs` gives them.
@@ -93,6 +96,8 @@ def summarise(runs: pd.DataFrame, figures: Sequence[str] = SUMMARISED, by: Seque
             means = [float(runs_of_block[blocks == one].mean()) for one in level_sets]
             units = means if unit == LEVEL_SETS else runs_of_block
             found = mean_of_replicates(units, 0.0, sides=2) if len(units) else Estimate.missing(0, "no run has it")
+            if name.startswith(SHARES):
+                found = dataclasses.replace(found, low=np.clip(found.low, 0, 1), high=np.clip(found.high, 0, 1))
             counts = {"unit": unit, "runs": len(mine), "level_sets": len(level_sets)}
             rows.append(found.row(**values, figure=name) | counts)
     return pd.DataFrame(rows)

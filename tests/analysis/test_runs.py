@@ -61,6 +61,14 @@ def test_the_interval_is_that_of_the_means_of_level_sets():
     assert (row["estimate"], row["low"], row["high"]) == pytest.approx((expected.estimate, expected.low, expected.high))
 
 
+def test_the_interval_of_a_share_stays_between_0_and_1_and_that_of_a_gap_does_not():
+    success, gap = [1.0, 1.0, 0.7], [0.1, 0.1, -0.2]
+    runs = pd.DataFrame({"levels.seed": [0, 1, 2], "success_test_deterministic": success, "gap_deterministic": gap})
+    share, other = summarise(runs, ("success_test", "gap"), by=()).to_dict("records")
+    assert share["high"] == 1.0 and other["high"] > 0.1
+    assert share["low"] == pytest.approx(share["estimate"] - (other["high"] - other["estimate"]))
+
+
 def test_agents_on_one_level_set_are_told_from_level_sets_with_the_way_out():
     runs = table(level_seeds=(0,), seeds=(1, 2, 3))
     assert set(summarise(runs)["unit"]) == {"agents"}
