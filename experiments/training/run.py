@@ -18,7 +18,7 @@ from experiments.evaluation.episodes import (
     evaluation_figures,
     unseen_by_distances,
 )
-from experiments.levels.builders import check_observations, environment_options, make_levels
+from experiments.levels.builders import check_observations, distribution_of, environment_options, make_levels
 from experiments.networks.devices import arithmetic
 from experiments.runs.executed_code import changed_parts, executed_code
 from experiments.runs.journal import Journal
@@ -30,6 +30,7 @@ from experiments.runs.run_folder import (
     SUMMARY,
     VERSIONS,
     empty,
+    folder_path,
     is_finished,
     read_summary,
     read_versions,
@@ -79,6 +80,8 @@ def run(config: RunConfig, say: Callable[[str], None] = print) -> RunResult:
     # Sums are taken in another order by other numbers of threads, so all machines need the same.
     runtime.set_process_defaults(1 if config.determinism == "portable" else config.num_threads)
     kind = learner_class(config.algorithm)  # before a run folder is made: it may not fit
+    if not folder_path(config).exists():
+        _check_names(config)
     with use_run_folder(config) as folder, watch_signals() as signals:
         code = executed_code(config) if (folder / VERSIONS).exists() else None
         changed = changed_parts(folder, code)
@@ -111,6 +114,14 @@ def run(config: RunConfig, say: Callable[[str], None] = print) -> RunResult:
         tracker.finish("FINISHED", files_of(folder))
     say(_closing_lines(config, folder, summary))
     return RunResult(folder, summary, trained=True)
+
+
+def _check_names(config: RunConfig) -> None:
+    """Raises :class:`ConfigError` if the levels, the task or the observation cannot be made; levels may define what the others
+    name, so they are first."""
+    for which in ("train", "test"):
+        distribution_of(config.levels, which)
+    environment_options(config)
 
 
 def _carry_out(

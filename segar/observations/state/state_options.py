@@ -22,22 +22,30 @@ from segar.language import (
 )
 
 
-def factors_of(where: str, given: Iterable[str | type[Factor]]) -> tuple[type[Factor], ...]:
+def factors_of(
+    where: str, given: Iterable[str | type[Factor]], kind: type[Factor] = Factor
+) -> tuple[type[Factor], ...]:
     """The factor classes that are given by class or by name.
 
+    Args:
+        where: who asks, for messages.
+        kind: of what a name that nothing has was probably meant to be: a factor, or a :class:`Parameter`.
+
     Raises:
-        FactorError: one is no factor, has no number, or no factor is called so; ``where`` says who asks.
+        FactorError: one is no factor, has no number, or no factor is called so.
     """
     if isinstance(given, str):
         given = [given]
-    return tuple(dict.fromkeys(_factor(where, one) for one in given))
+    return tuple(dict.fromkeys(_factor(where, one, kind) for one in given))
 
 
-def _factor(where: str, given: Any) -> type[Factor]:
+def _factor(where: str, given: Any, kind: type[Factor]) -> type[Factor]:
     if isinstance(given, str):
         by_name = {factor.__name__: factor for factor in concrete_factors()}  # of several, the one defined last
         if given not in by_name:
-            raise FactorError(f"{where}: no factor is called '{given}'.{did_you_mean(given, by_name)}")
+            noun = "world parameter" if issubclass(kind, Parameter) else "factor"
+            known = [name for name, factor in by_name.items() if issubclass(factor, kind)]
+            raise FactorError(f"{where}: no {noun} is called '{given}'.{did_you_mean(given, known)}")
         given = by_name[given]
     if not (isinstance(given, type) and issubclass(given, Factor)):
         raise FactorError(f"{where}: {given!r} is not a factor")
@@ -120,7 +128,7 @@ class StateOptions:
     @property
     def chosen_parameters(self) -> tuple[type[Parameter], ...]:
         """The classes of ``parameters``."""
-        found = factors_of("StateVector: parameters", self.parameters)
+        found = factors_of("StateVector: parameters", self.parameters, Parameter)
         for factor in found:
             if not issubclass(factor, Parameter):
                 name = factor.__name__

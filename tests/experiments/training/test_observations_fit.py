@@ -3,7 +3,9 @@
 import pytest
 
 from experiments.levels.builders import check_observations, make_levels
-from experiments.settings import ConfigError, LevelsConfig, ObservationConfig, RunConfig
+from experiments.settings import ConfigError, LevelsConfig, ObservationConfig, RunConfig, add_module_path
+from experiments.training.run import run
+from tests.experiments.short_runs import short_run
 
 FEW = {"count": 2, "test_count": 2}
 
@@ -34,6 +36,41 @@ def test_levels_with_the_same_entities_fit(test):
 def test_pixels_and_states_of_chosen_entities_fit_all_levels():
     check("empty-easy", "objectsx1-easy", "rgb")
     check("empty-easy", "objectsx1-easy", "state", entities=["golfball", "goal"])
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        (
+            {"observation": ObservationConfig("state", {"parameters": ["Gravty"]})},
+            "no world parameter is called 'Gravty'",
+        ),
+        (
+            {"levels": LevelsConfig(train="segar.levels:nothing", **FEW)},
+            "levels.train: 'segar.levels' has no 'nothing'",
+        ),
+    ],
+)
+def test_a_wrong_name_leaves_no_run_folder(changes, words, tmp_path):
+    with pytest.raises(ConfigError, match=words):
+        run(short_run(tmp_path / "mine", **changes))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_levels_may_define_the_parameter_that_is_observed(tmp_path):
+    (tmp_path / "blowing.py").write_text(
+        "import segar\n"
+        "class Puff(segar.Parameter, default=1.0): ...\n"
+        "places = [segar.Prior(segar.Position, segar.RandomUniformLocation())]\n"
+        "numbers = [(segar.GolfBall, 1), (segar.GoalTile, 1)]\n"
+        "calm = segar.LevelDistribution(numbers, places, parameters={Puff: 2.0})\n"
+    )
+    add_module_path([str(tmp_path)])
+    levels = LevelsConfig(train="blowing:calm", **FEW)
+    config = short_run(
+        tmp_path / "mine", levels=levels, observation=ObservationConfig("state", {"parameters": ["Puff"]})
+    )
+    assert run(config, say=lambda line: None).trained
 
 
 def test_test_levels_are_the_training_ones_where_none_are_named():

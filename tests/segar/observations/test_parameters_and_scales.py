@@ -121,7 +121,8 @@ def test_stacks_and_torchrl_show_parameters():
     [
         ({"factors": ["Breeze"]}, r"Breeze is a world parameter, which no entity has; write parameters=\[Breeze\]"),
         ({"parameters": [Mass]}, r"Mass is a factor of entities, not a world parameter; write factors=\[Mass\]"),
-        ({"parameters": ["Breze"]}, "no factor is called 'Breze'. Did you mean 'Breeze'"),
+        ({"parameters": ["Breze"]}, "no world parameter is called 'Breze'. Did you mean 'Breeze'"),
+        ({"parameters": ["Mas"]}, "no world parameter is called 'Mas'."),
         ({"parameters": [Breeze], "form": "table"}, "belong to no row of a table; show them beside it"),
         ({"scale": {"Visist": 10}}, "scale: no factor is called 'Visist'. Did you mean 'Visits'"),
         ({"scale": {Visits: 0}}, "Visits is divided by a finite number above 0, not by 0"),
