@@ -10,7 +10,7 @@ import numpy as np
 from segar.cli import arguments
 from segar.datasets import Policy, check_replay, minari_place, record, to_minari
 from segar.envs import Env
-from segar.errors import SegarError, did_you_mean
+from segar.errors import SegarError
 from segar.language import Task
 from segar.levels import Levels
 from segar.observations import OBSERVATIONS
@@ -95,7 +95,10 @@ def record_video(chosen: argparse.Namespace, levels: Levels, task: Task) -> None
 def scripted(task: Task) -> Policy:
     """The scripted player of a task as a policy; raises :class:`SegarError` where there is none."""
     if task.demo_actions is None:
-        raise SegarError(f"task {task.name} has no scripted player.{did_you_mean('uniform', POLICIES)}")
+        raise SegarError(
+            f"task {task.name} has no scripted player. Give the task demo_actions=, a function of info['factors'] that returns"
+            " actions of shape (num_envs, action size); or record with --policy uniform"
+        )
     return lambda observations, info, rng: task.scripted_actions(info["factors"])
 
 

@@ -114,6 +114,17 @@ def test_a_reader_that_stops_early_meets_no_traceback():
     assert run.stdout.startswith("# The kernel of 'objectsx3-hard'") and run.stderr == ""
 
 
+def test_a_task_without_a_scripted_player_says_how_to_give_it_one(capsys, tmp_path):
+    module = "import dataclasses, segar\ntask = dataclasses.replace(segar.puttputt(), demo_actions=None)\n"
+    (tmp_path / "silent.py").write_text(module)
+    out = tmp_path / "episodes"
+    named = ["--policy", "script", "--task", f"{tmp_path}/silent.py:task"]
+    assert cli.main(["record", "empty-easy", "-o", str(out), *named]) == cli.USAGE_ERROR
+    said = capsys.readouterr().err
+    assert "has no scripted player. Give the task demo_actions=, a function of info['factors']" in said
+    assert "--policy uniform" in said and not out.exists()
+
+
 def test_the_console_script_names_main():
     scripts = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["scripts"]
     assert scripts == {"segar": "segar.cli:main"}
