@@ -65,7 +65,9 @@ def read_study(path: Path) -> StudyFile:
     """
     try:
         data = yaml.safe_load(path.read_text())
-    except (OSError, ValueError, yaml.YAMLError) as error:
+    except OSError as error:
+        raise ConfigError(f"cannot read the study {path.resolve()}: {error.strerror}") from error
+    except (ValueError, yaml.YAMLError) as error:
         raise ConfigError(f"cannot read the study {path}: {error}") from error
     if not isinstance(data, Mapping):
         raise ConfigError(f"{path} is no study: it holds {type(data).__name__}, not keys such as title and grid")

@@ -231,7 +231,9 @@ def read_config(folder: Path, trusted: Collection[str] = ()) -> RunConfig:
         return run_config(with_new_names(data))
     except RunFolderError:
         raise
-    except (OSError, ValueError, yaml.YAMLError) as error:
+    except OSError as error:
+        raise RunFolderError(f"cannot read the settings of a run from {path.resolve()}: {error.strerror}") from error
+    except (ValueError, yaml.YAMLError) as error:
         raise RunFolderError(f"cannot read the settings of a run from {path}: {error}") from error
 
 

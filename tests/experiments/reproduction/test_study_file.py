@@ -93,6 +93,16 @@ def test_the_schema_refuses_what_the_checks_refuse(name):
         jsonschema.validate(changed(place, value), schema())
 
 
+@pytest.mark.parametrize(("name", "reason"), [("nowhere.yaml", "No such file"), ("folder.yaml", "Is a directory")])
+def test_a_file_that_is_not_there_is_told_in_one_line_with_its_path(tmp_path, monkeypatch, name, reason):
+    (tmp_path / "folder.yaml").mkdir()
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ConfigError) as told:
+        study_of([name])
+    assert str(told.value).startswith(f"cannot read the study {tmp_path / name}: {reason}")
+    assert "Errno" not in str(told.value) and "\n" not in str(told.value)
+
+
 def test_settings_of_the_file_come_before_those_of_the_command_line(tmp_path):
     path = written(tmp_path, GOOD)
     study, overrides = study_of([str(path), "scale.frames=100", "seed=7"])
