@@ -31,7 +31,15 @@ from experiments.runs.run_folder import (
     write_rows,
 )
 from experiments.runs.trust import EVERYTHING
-from experiments.settings import ConfigError, EvaluateConfig, RunConfig, RunFolderError, as_data, import_object
+from experiments.settings import (
+    ConfigError,
+    EvaluateConfig,
+    RunConfig,
+    RunFolderError,
+    as_data,
+    import_object,
+    without_files,
+)
 from segar.cli import load_levels, table
 from segar.envs import VectorEnv, play
 from segar.evaluation import QUANTITIES, Baselines, find_baselines
@@ -285,11 +293,14 @@ def origin(config: EvaluateConfig, levels: Levels) -> dict[str, Any]:
 
 
 def label(config: EvaluateConfig, levels: Levels) -> str:
-    """The name of the folder of results, e.g. ``objectsx3-hard-test-n100-s0``."""
-    made = levels.provenance
-    own = f"{config.levels}-n{len(levels)}" if config.levels in OWN else None
-    drawn = f"{config.levels}-{made.split}-n{len(levels)}-s{made.seed}"
-    name = own or (f"{Path(config.levels).stem}-n{len(levels)}" if config.levels.endswith(".npz") else drawn)
+    """The name of the folder of results, e.g. ``objectsx3-hard-test-n100-s0``; the same however a path is spelled."""
+    made, asked = levels.provenance, config.levels
+    if asked in OWN:
+        name = f"{asked}-n{len(levels)}"
+    elif asked.endswith(".npz"):
+        name = f"{Path(asked).stem}-n{len(levels)}"
+    else:
+        name = f"{without_files(asked, 'levels')}-{made.split}-n{len(levels)}-s{made.seed}"
     return "".join(c if c.isalnum() or c in "_-." else "_" for c in name)
 
 

@@ -13,7 +13,7 @@ import pytest
 
 import segar
 from experiments.commands.hydra_app import run_simple_command
-from experiments.evaluation.evaluator import choose_levels, evaluate, mean_returns
+from experiments.evaluation.evaluator import choose_levels, evaluate, label, mean_returns
 from experiments.runs.run_folder import CHECKPOINT, PREVIOUS, read_episodes, read_summary
 from experiments.runs.run_rows import run_rows
 from experiments.settings import (
@@ -131,6 +131,17 @@ def test_a_level_file_is_played(trained, tmp_path):
     found = evaluate(EvaluateConfig(str(trained), levels=str(tmp_path / "mine.npz"), n=2, **QUICK))
     assert found.folder.name == "mine-n2"
     assert {row["level"] for row in found.episodes} == {0, 1}
+
+
+def test_one_folder_holds_the_results_on_levels_that_are_spelled_in_several_ways(tmp_path, monkeypatch):
+    (tmp_path / "spelled.py").write_text("import segar\nmine = segar.family('empty-easy')\n")
+    levels = segar.family("empty-easy").sample(2, seed=1)
+    levels.save(tmp_path / "mine.npz")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    for names in (("spelled.py:mine", "./spelled.py:mine", f"{tmp_path}/spelled.py:mine", "spelled:mine"),
+                  ("mine.npz", "./mine.npz", f"{tmp_path}/mine.npz")):  # fmt: skip
+        assert len({label(EvaluateConfig("run", levels=name), levels) for name in names}) == 1
 
 
 def test_levels_that_the_agent_cannot_observe_are_refused_and_pixels_fit_all(trained, tmp_path):
