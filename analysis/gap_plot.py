@@ -71,7 +71,7 @@ def gap_plot(
     both = cast(pd.DataFrame, done[done[[x, y]].notna().all(axis=1)]).reset_index(drop=True)
     if both.empty:
         raise SegarError(f"no finished run has both {x} and {y}")
-    group = _group_of(both) if group is None else column_name(both, group)
+    group = next(iter(_groups(both)), None) if group is None else _group_named(both, group)
     names = ["all runs"] * len(both) if group is None else [_short(value) for value in both[group]]
     if len(set(names)) > MOST_GROUPS:
         raise SegarError(f"group: {group} has {len(set(names))} values, and {MOST_GROUPS} colours can be told apart")
@@ -123,11 +123,20 @@ def _pearson(values: Floats) -> float:
     return float("nan") if isinstance(found, NotAvailable) else found.pearson
 
 
-def _group_of(runs: pd.DataFrame) -> str | None:
-    """The setting that colours show: the first of the preferred ones that varies, and not too much."""
+def _group_named(runs: pd.DataFrame, name: str) -> str:
+    """The column that a name means; raises :class:`SegarError` that lists the settings that colours could show."""
+    try:
+        return column_name(runs, name)
+    except SegarError as error:
+        known = ", ".join(_groups(runs)) or "none of these runs"
+        raise SegarError(f"group: the runs have no column '{name}'. Settings that colours can show: {known}") from error
+
+
+def _groups(runs: pd.DataFrame) -> list[str]:
+    """The settings that colours can show, the preferred ones first: those that vary, and not too much."""
     varied = settings_varied(runs) if "state" in runs else [name for name in PREFERRED if name in runs]
     fitting = [name for name in varied if 1 < len(set(map(str, runs[name]))) <= MOST_GROUPS]
-    return next((name for name in (*PREFERRED, *fitting) if name in fitting), None)
+    return list(dict.fromkeys(name for name in (*PREFERRED, *fitting) if name in fitting))
 
 
 def _short(value: object) -> str:
