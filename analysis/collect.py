@@ -13,18 +13,23 @@
 Tables are replaced whole; the same runs give the same rows in the same order.
 """
 
+import dataclasses
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Any, cast
 
+import numpy as np
 import pandas as pd
 
+from analysis.distances import COMMON, count_pairs, in_one_unit, own_levels, transfer_levels
 from analysis.tables import performance, select, write_csv
 from experiments.commands.hydra_app import run_simple_command
 from experiments.levels.mixed_levels import SEPARATOR
-from experiments.reproduction.experiment_file import PLAN
+from experiments.reproduction.experiment_file import PLAN, STUDY
+from experiments.reproduction.grid import name_with_options, run_columns, varied_columns
 from experiments.reproduction.imported_results import RUNS, TRANSFERS
 from experiments.runs.executed_code import combined
 from experiments.runs.files import replacing
@@ -41,8 +46,10 @@ from experiments.runs.run_folder import (
     read_summary,
     read_versions,
 )
+from experiments.runs.run_rows import figures_of, result_figures
 from experiments.runs.versions import computed_with
-from experiments.settings import ACTION_MODES, RunConfig, RunFolderError, flat, grid_point, panel_parts
+from experiments.settings import ACTION_MODES, RunConfig, RunFolderError, panel_parts
+from segar.errors import SegarError
 
 LEVELS, CURVES = "levels.parquet", "curves.parquet"
 FILES = {"runs": RUNS, "transfers": TRANSFERS, "levels": LEVELS, "curves": CURVES, "probes": PROBES}  # of all tables
@@ -79,6 +86,8 @@ def collect(config: CollectConfig) -> Collected:
     folder = Path(config.results).expanduser().resolve()
     plan = read_plan(folder)
     found = read_runs(plan)
+    if (folder / STUDY).exists():
+        found = for_study(plan, found)
     write_tables(folder, plan, found)
     print(f"{len(found.runs)} runs and {len(found.transfers)} transfers are in {folder / RUNS} and {TRANSFERS}.")
     if not found.probes.empty:
@@ -124,7 +133,7 @@ def read_runs(plan: Mapping[str, Any]) -> Collected:
         config, summary = read_config(folder), read_summary(folder)
         place = run_columns(config, name)
         episodes = read_episodes(folder).to_pandas()
-        place |= {name: str(flat(config.identity()).get(name)) for name in varied}
+        place |= varied_columns(config, varied)
         if config.levels.seed != config.seed:
             place["levels.seed"] = config.levels.seed
         runs.append(run_row(folder, config, summary, episodes, place, experiments))
@@ -149,6 +158,51 @@ def read_runs(plan: Mapping[str, Any]) -> Collected:
     for name in ("runs", "transfers"):
         joined[name] = sort_rows(joined[name])
     return Collected(**joined, missing=pd.DataFrame(missing, columns=["run", "reason"]))
+
+
+def for_study(plan: Mapping[str, Any], found: Collected) -> Collected:
+    """The tables with what the report of a study of one's own needs beside.
+
+    ``w2_exact_common``  of runs and transfers: exact W2 in one unit, if there are several pairs of distributions
+    ``round_frames``     of runs: in so many frames every environment ends an episode
+    ``episode/count``    in the curves: how many episodes the means are of
+
+    Where level files of some runs are not here, ``w2_exact_common`` is left out and the reason printed.
+    """
+    root = Path(plan["runs"])
+    here = [name for name in (found.runs["run"] if len(found.runs) else ()) if is_finished(root / name)]
+    if not here:
+        return found
+    counts = [curve_rows(root / name, {"run": name}, ("episode/count",)) for name in here]
+    rounds = {name: round_frames(root / name) for name in here}
+    runs = found.runs.assign(round_frames=[rounds.get(name, np.nan) for name in found.runs["run"]])
+    found = dataclasses.replace(found, runs=runs, curves=join([found.curves, *counts]))
+    try:
+        own = [own_levels(root / run) for run in runs["run"]]
+        moved = [transfer_levels(root / run, name) for run, name in pairs(found.transfers, "run", "transfer")]
+        tests = [*own, *(one for one in moved if one is not None)]
+        if count_pairs(tests) == 1:
+            return found
+        values = iter(in_one_unit(tests))
+    except SegarError as error:
+        print(f"{COMMON} is left out: {error}")
+        return found
+    runs = runs.assign(**{COMMON: [next(values) for _ in own]})
+    transfers = found.transfers.assign(**{COMMON: [np.nan if one is None else next(values) for one in moved]})
+    return dataclasses.replace(found, runs=runs, transfers=transfers)
+
+
+def round_frames(folder: Path) -> float:
+    """In how many frames every environment of a run's training ends an episode, in whole intervals between its figures: the
+    number of environments times the longest episode that was seen. NaN for an algorithm that does not say how many it has."""
+    environments = getattr(read_config(folder).algorithm, "num_envs", np.nan)
+    times = np.unique(read_metrics(folder).to_pandas().query("name == 'episode/count'")["frames"])
+    if not len(times) or not np.isfinite(environments):
+        return float("nan")
+    lengths = read_metrics(folder).to_pandas().query("name == 'episode/length'")["value"]
+    longest = max(read_episodes(folder).to_pandas()["length"].max(), lengths.max() if len(lengths) else 0.0)
+    every = float(np.diff(times, prepend=0).max())
+    return float(np.ceil(environments * longest / every) * every)
 
 
 def imported_rows(plan: Mapping[str, Any], runs: set[str]) -> dict[str, list[pd.DataFrame]]:
@@ -195,29 +249,6 @@ def runs_of(plan: Mapping[str, Any]) -> dict[str, tuple[list[str], list[str], bo
     return found
 
 
-def run_columns(config: RunConfig, name: str) -> dict[str, Any]:
-    """What a run is, in columns that all tables share."""
-    cell, levels = grid_point(config), config.levels
-    return {
-        "family": cell.family,
-        "difficulty": cell.difficulty,
-        "n": cell.count,
-        "algorithm": config.algorithm.name,
-        "observation": name_with_options(config.observation.name, config.observation.options),
-        "task": name_with_options(config.task.name.rpartition(":")[2], config.task.options),
-        "variation": levels.variation,
-        "design": levels.design,
-        "seed": cell.seed,
-        "run": name,
-    }
-
-
-def name_with_options(name: str, options: Mapping[str, Any]) -> str:
-    """A name with the options that differ from the defaults, e.g. ``textures(hidden=Mass)``."""
-    shown = (f"{k}={'+'.join(map(str, v)) if isinstance(v, list | tuple) else v}" for k, v in sorted(options.items()))
-    return f"{name}({','.join(shown)})" if options else name
-
-
 def run_row(
     folder: Path,
     config: RunConfig,
@@ -231,7 +262,8 @@ def run_row(
     ``experiments`` (joined by spaces), the place, ``hash``, ``frames``, ``hours`` of training and evaluation,
     ``w2_<mode>``, ``ks``, ``effective_number``, ``entropy``, ``entropy_left_out``, ``radius``, and for each action mode
     what :func:`analysis.tables.performance` gives: ``eta_train_deterministic``, ``success_test_sampled``,
-    ``gap_deterministic``, ``gap_se_deterministic`` and so on; ``finished``, and what :func:`software` gives.
+    ``gap_deterministic``, ``gap_se_deterministic`` and so on; the task's own results; ``finished``, and what :func:`software`
+    gives.
     """
     seconds = summary["seconds"] + summary.get("evaluation_seconds", 0.0)
     ends = [entry["time"] for entry in read_journal(folder) if entry["event"] == "finished"]
@@ -244,6 +276,7 @@ def run_row(
         "test_levels": config.levels.test_count,
         **distances(summary),
         **performance_by_mode(episodes),
+        **task_results(episodes),
         "hours": seconds / 3600,
         "finished": ends[-1] if ends else "",
         **software(read_versions(folder)),
@@ -290,6 +323,7 @@ def transfer_row(
         "transfer": folder,
         **distances(summary),
         **performance_by_mode(whole),
+        **task_results(whole),
     }
 
 
@@ -306,6 +340,15 @@ def performance_by_mode(episodes: pd.DataFrame) -> dict[str, float]:
     return {f"{key}_{mode}": value for mode, part in parts.items() for key, value in performance(part).items()}
 
 
+def task_results(episodes: pd.DataFrame) -> dict[str, float]:
+    """Means of the task's own results, e.g. ``results/charge_test_deterministic``."""
+    rows = episodes.to_dict("records")
+    found: dict[str, float] = {}
+    for levels, mode in product(("train", "test"), ACTION_MODES):
+        found |= result_figures(rows, levels, mode)
+    return figures_of(found)
+
+
 def level_rows(episodes: pd.DataFrame, place: Mapping[str, Any]) -> pd.DataFrame:
     """Means over the episodes on each level: ``return``, ``return_ref``, ``length``, ``success``, ``death``, ``episodes``."""
     groups = episodes.groupby(["levels", "action_mode", "level"], sort=True)
@@ -316,10 +359,10 @@ def level_rows(episodes: pd.DataFrame, place: Mapping[str, Any]) -> pd.DataFrame
     return table
 
 
-def curve_rows(folder: Path, place: Mapping[str, Any]) -> pd.DataFrame:
+def curve_rows(folder: Path, place: Mapping[str, Any], names: Sequence[str] = CURVES_OF) -> pd.DataFrame:
     """The figures over time that are drawn: ``run``, ``name``, ``frames``, ``value``."""
     metrics = read_metrics(folder).to_pandas()
-    table = cast(pd.DataFrame, metrics.loc[metrics["name"].isin(CURVES_OF), ["name", "frames", "value"]])
+    table = cast(pd.DataFrame, metrics.loc[metrics["name"].isin(names), ["name", "frames", "value"]])
     table = table.reset_index(drop=True)
     table.insert(0, "run", place["run"])
     return table
@@ -371,8 +414,8 @@ def experiment_rows(experiment: Mapping[str, Any], found: Collected) -> pd.DataF
 
 
 def pairs(table: pd.DataFrame, a: str, b: str) -> Iterable[tuple[str, str]]:
-    """The pairs of values of two columns, one for each row."""
-    return zip(table[a], table[b], strict=True)
+    """The pairs of values of two columns, one for each row; none of a table without rows."""
+    return zip(table[a], table[b], strict=True) if len(table) else ()
 
 
 if __name__ == "__main__":

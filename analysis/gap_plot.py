@@ -2,12 +2,14 @@
 
 ``RUNS`` are folders that hold run folders; without any, ``runs/`` of the checkout. Each point is a run with the 95 %
 interval of its gap over episodes, or with ``--cells`` the mean of the runs that differ by their seeds alone, with its
-interval over level sets.
+interval over level sets. Where runs have several pairs of training and test distributions, W2 is measured in one unit for all
+of them.
 """
 
 import argparse
 import dataclasses
 import sys
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import cast
@@ -17,13 +19,23 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from analysis.distances import COMMON, count_pairs, in_one_unit, own_levels
 from analysis.plotting import style
 from analysis.plotting.figures import DOT, METADATA, draw_line, new_figure, save_figure, zero_line
-from analysis.runs import blocks_of, column_name, finished, read_runs, settings_varied, summarise
-from analysis.stats.association import labels
+from analysis.runs import (
+    LEVEL_SETS,
+    column_name,
+    finished,
+    names_of,
+    number_of_pairs,
+    read_runs,
+    settings_varied,
+    summarise,
+    training_sets,
+)
 from analysis.stats.correlation import NotAvailable, correlate, indicators
 from analysis.stats.estimate import Estimate
-from analysis.stats.resampling import cluster_interval
+from analysis.stats.resampling import FEWEST_BLOCKS, cluster_interval, no_interval
 from analysis.tables import Floats, column, count_of, pick, select
 from segar.errors import SegarError
 
@@ -31,9 +43,19 @@ NORMAL = 1.96  # standard errors of a 95 % interval
 MOST_GROUPS = len(style.PALETTE)  # colours that readers can tell apart
 # Settings that colours show: the first of them that varies.
 PREFERRED = ("levels.train", "family", "algorithm.name", "algorithm", "levels.count", "n")
+CELL = (
+    "family",
+    "difficulty",
+    "n",
+    "variation",
+    "design",
+    "agent",
+)  # settings in tables that do not say which they are
+TITLE_WIDTH = 100  # characters
 GAP = "gap (return on test − on training levels)"
 TITLES = {
     "w2_exact": "W2 between training and test levels",
+    COMMON: "W2 between training and test levels, in one unit for all",
     "w2_reference": "W2 of 2022 between training and test levels",
     "ks": "Kolmogorov-Smirnov statistic of training and test levels",
     "gap_deterministic": GAP,
@@ -54,7 +76,8 @@ def gap_plot(
 
     Args:
         runs: a table of :func:`analysis.runs.read_runs`, or a folder of runs; runs that are not finished do not count.
-        x, y: columns, or short names: ``w2`` (exact), ``ks``, ``gap``, ``success_test``, ``count``.
+        x, y: columns, or short names: ``w2`` (exact; of several pairs of distributions in one unit, if the level files of all
+            runs are there), ``ks``, ``gap``, ``success_test``, ``count``.
         group: the column that colours show, with at most seven values; None: the levels, else the algorithm, else another
             setting that varies.
         path: where the figure is written, as ``.png``, ``.pdf`` or ``.svg``; whole or not at all.
@@ -66,11 +89,13 @@ def gap_plot(
     if path is not None and Path(path).suffix not in METADATA:
         raise SegarError(f"'{path}' ends in none of {', '.join(METADATA)}, which say what is written")
     table = runs if isinstance(runs, pd.DataFrame) else read_runs(runs)
-    x, y = (column_name(table, name) for name in (x, y))
+    asked, (x, y) = x, (column_name(table, name) for name in (x, y))
     done = finished(table)
     both = cast(pd.DataFrame, done[done[[x, y]].notna().all(axis=1)]).reset_index(drop=True)
     if both.empty:
         raise SegarError(f"no finished run has both {x} and {y}")
+    both, about_unit = _with_unit(both, x, asked)
+    x = COMMON if COMMON in both and asked == "w2" else x
     group = next(iter(_groups(both)), None) if group is None else _group_named(both, group)
     names = ["all runs"] * len(both) if group is None else [_short(value) for value in both[group]]
     if len(set(names)) > MOST_GROUPS:
@@ -86,10 +111,13 @@ def gap_plot(
             draw_line(axes, column(points, "x"), column(points, "y"), band=False)
         axes.set_xlabel(TITLES.get(x, x))
         axes.set_ylabel(TITLES.get(y, y))
-        counts = _counts(shown, len(table) - len(both), len(points) if cells else 0)
-        given = correlation(shown, x, y, "group") if count_of(shown, "group") > 1 else None
-        lines = [counts, f"r = {_in_words(found)}", *([f"r given the groups = {_in_words(given)}"] if given else [])]
-        axes.set_title("\n".join(lines), loc="left", fontsize=9)
+        lines = [_counts(shown, len(table) - len(both), len(points) if cells else 0), f"r = {_in_words(found)}"]
+        if count_of(shown, "group") > 1:
+            lines.append(f"r given the groups = {_in_words(correlation(shown, x, y, 'group'))}")
+        in_cells = shown.assign(cell=_cells_of(shown))
+        if count_of(shown, "group") < count_of(in_cells, "cell"):
+            lines.append(f"r given all settings but seeds = {_in_words(correlation(in_cells, x, y, 'cell'))}")
+        axes.set_title("\n".join([*lines, *about_unit]), loc="left", fontsize=9)
         if group is not None:
             figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", title=group, ncols=4)
     if path is not None:
@@ -101,8 +129,9 @@ def gap_plot(
 def correlation(runs: pd.DataFrame, x: str, y: str, given: str | None = None) -> Estimate:
     """Pearson's r of two columns, given the groups of a third one, with the 95 % interval and p over level sets.
 
-    All runs of a level set stay together. Fewer than 20 level sets are left out one at a time (jackknife), more are
-    resampled (bootstrap). ``n`` counts level sets. ``note`` says how the interval was made, or why there is none.
+    All runs that were trained on a level set stay together, whatever they are tested on. Fewer than 20 level sets are left
+    out one at a time (jackknife), more are resampled (bootstrap), and fewer than 3 have no interval. ``n`` counts level sets.
+    ``note`` says how the interval was made, or why there is none.
     """
     x, y = column_name(runs, x), column_name(runs, y)
     groups = None if given is None else indicators([str(value) for value in runs[given]])
@@ -111,9 +140,12 @@ def correlation(runs: pd.DataFrame, x: str, y: str, given: str | None = None) ->
     if isinstance(whole, NotAvailable):
         return Estimate.missing(0, whole.reason)
     rng = np.random.default_rng(0)
-    found, way = cluster_interval(runs, _pearson, blocks_of(runs), rng, values=values, correlation=True)
+    blocks = pd.DataFrame({"block": training_sets(runs)})
+    found, way = cluster_interval(
+        blocks, _pearson, ["block"], rng, values=values, correlation=True, fewest=FEWEST_BLOCKS
+    )
     if not way:
-        return dataclasses.replace(found, note="one level set has no interval")
+        return no_interval(found.estimate, found.n, LEVEL_SETS)
     return dataclasses.replace(found, note=found.note or f"{found.n} level sets, {way}")
 
 
@@ -121,6 +153,32 @@ def _pearson(values: Floats) -> float:
     """r of the first two columns given the others; NaN where it does not exist."""
     found = correlate(values[:, 0], values[:, 1], values[:, 2:] if values.shape[1] > 2 else None)
     return float("nan") if isinstance(found, NotAvailable) else found.pearson
+
+
+def _with_unit(runs: pd.DataFrame, x: str, asked: str) -> tuple[pd.DataFrame, list[str]]:
+    """The runs, with :data:`COMMON` where W2 was asked for in short and they are of several pairs of distributions; and
+    what a reader has to know of the unit, in lines."""
+    if x != "w2_exact" or number_of_pairs(runs) == 1:
+        return runs, []
+    why = "--x w2 has one unit for all"
+    if asked == "w2":
+        try:
+            if "folder" not in runs:
+                raise SegarError("the table does not say where level files are")
+            measured = [own_levels(Path(folder)) for folder in runs["folder"]]
+            if count_pairs(measured) == 1:
+                return runs, []
+            return runs.assign(**{COMMON: in_one_unit(measured)}), []
+        except SegarError as error:
+            why = f"there is none for all, because {error}"
+    text = f"W2 has a unit for each pair of training and test distributions: compare it within a pair; {why}"
+    return runs, textwrap.wrap(text, TITLE_WIDTH)
+
+
+def _cells_of(runs: pd.DataFrame) -> list[str]:
+    """Which runs differ by their seeds alone: equal names for these."""
+    by = settings_varied(runs) if "state" in runs else [name for name in CELL if name in runs]
+    return list(names_of(runs, by))
 
 
 def _group_named(runs: pd.DataFrame, name: str) -> str:
@@ -188,7 +246,7 @@ def _is_number(text: str) -> bool:
 
 def _counts(runs: pd.DataFrame, left_out: int, cells: int) -> str:
     """What the points and their bars are, of how many runs and level sets."""
-    level_sets = len(set(labels(runs, blocks_of(runs))))
+    level_sets = len(set(training_sets(runs)))
     of_runs = f"{len(runs)} run{'s' * (len(runs) != 1)} on {level_sets} level set{'s' * (level_sets != 1)}"
     kind = f"{cells} means of {of_runs}, bars over level sets" if cells else f"{of_runs}, bars over episodes"
     return f"{kind}; {left_out} without these figures left out" if left_out else kind
@@ -209,7 +267,9 @@ def main(arguments: Sequence[str]) -> None:
     )
     parser.add_argument("runs", nargs="*", metavar="RUNS", help="folders of runs, or run folders")
     parser.add_argument("-o", "--output", default="gap.png", help="the figure: .png, .pdf or .svg (default: gap.png)")
-    parser.add_argument("--x", default="w2", help="the column at the bottom (default: w2, which is exact W2)")
+    parser.add_argument(
+        "--x", default="w2", help="the column at the bottom (default: w2, which is exact W2, in one unit for all)"
+    )
     parser.add_argument("--y", default="gap", help="the column at the left (default: gap)")
     parser.add_argument("--group", help="the column that colours show (default: one that varies)")
     parser.add_argument("--sweep", help="only the runs with this tracking.sweep")

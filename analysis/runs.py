@@ -1,7 +1,8 @@
 """Any runs as one table, and what they say: means of runs that differ by their seeds alone, with intervals over level sets.
 
-A *block* is a level set: all runs on the training levels that one ``levels.seed`` gives, whatever their number, agent or
-algorithm. Results of a block are not independent, so that intervals are taken over blocks, and not over runs.
+A *block* is a level set: all runs on the training levels of one distribution that one ``levels.seed`` gives, whatever their
+number, the agent, the algorithm, or the levels that the agent is tested on. Results of a block are not independent, so that
+intervals are taken over blocks, and not over runs. Of fewer than three blocks there is no interval.
 """
 
 import dataclasses
@@ -11,10 +12,12 @@ from typing import Any, cast
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from analysis.stats.association import labels
 from analysis.stats.estimate import Estimate, mean_of_replicates
-from analysis.tables import column, performance, select
+from analysis.stats.resampling import FEWEST_BLOCKS, no_interval
+from analysis.tables import Floats, column, performance, select, write_table
 from experiments.runs.run_folder import EPISODES, read_episodes, root_folder
 from experiments.runs.run_rows import FINISHED, RunRow, as_columns, run_rows
 from experiments.settings import ACTION_MODES, RunFolderError
@@ -22,11 +25,14 @@ from segar.cli import table as text_table
 from segar.errors import SegarError, did_you_mean
 
 SEEDS = ("seed", "levels.seed")  # settings in which repetitions differ
-# The columns that say on which level set a run was trained and tested, as far as a table has them: those
-# of read_runs, and behind levels.seed those of analysis.collect.
-BLOCK = (
-    "levels.train", "levels.test", "levels.variation", "levels.test_variation", "levels.design", "levels.test_seed",
-    "levels.seed", "family", "difficulty", "variation", "design",
+# The columns that say from which distribution, and how, training levels are taken, as far as a table has them: those of
+# read_runs, then those of analysis.collect. Test levels are none of them: the same agents tested twice are no new level set.
+TRAINED_ON = (
+    "levels.train", "levels.variation", "levels.design", "family", "difficulty", "variation", "design",
+)  # fmt: skip
+# The columns that say between which distributions a distance is measured.
+MEASURED_BETWEEN = (
+    "levels.train", "levels.variation", "levels.test", "levels.test_variation", "family", "difficulty", "variation", "test",
 )  # fmt: skip
 SUMMARISED = ("w2_exact", "gap_deterministic", "success_train_deterministic", "success_test_deterministic")
 SHARES = ("success_", "death_")  # begin the names of figures that are shares of episodes
@@ -73,7 +79,7 @@ def summarise(runs: pd.DataFrame, figures: Sequence[str] = SUMMARISED, by: Seque
     set, whose interval then says nothing about other level sets; ``runs`` that count, and ``level_sets``.
 
     A level set counts once, with the mean of its runs. The interval is Student's over level sets; that of a share, such as
-    success, ends at 0 and 1.
+    success, ends at 0 and 1. Of fewer than three units there is none, as ``note`` says.
 
     Args:
         runs: as :func:`read_runs` gives them.
@@ -90,12 +96,12 @@ def summarise(runs: pd.DataFrame, figures: Sequence[str] = SUMMARISED, by: Seque
     for values, part in _groups(done, by):
         for name in names:
             mine = cast(pd.DataFrame, part[part[name].notna()])
-            blocks, runs_of_block = labels(mine, blocks_of(mine)), column(mine, name)
+            blocks, runs_of_block = training_sets(mine), column(mine, name)
             level_sets = sorted(set(blocks))
             unit = LEVEL_SETS if len(level_sets) > 1 else AGENTS
             means = [float(runs_of_block[blocks == one].mean()) for one in level_sets]
             units = means if unit == LEVEL_SETS else runs_of_block
-            found = mean_of_replicates(units, 0.0, sides=2) if len(units) else Estimate.missing(0, "no run has it")
+            found = _mean(units, unit)
             if name.startswith(SHARES):
                 found = dataclasses.replace(found, low=np.clip(found.low, 0, 1), high=np.clip(found.high, 0, 1))
             counts = {"unit": unit, "runs": len(mine), "level_sets": len(level_sets)}
@@ -103,11 +109,20 @@ def summarise(runs: pd.DataFrame, figures: Sequence[str] = SUMMARISED, by: Seque
     return pd.DataFrame(rows)
 
 
-def summary_text(rows: Sequence[Mapping[str, Any]]) -> str:
-    """What :func:`summarise` finds, as text for a terminal, with what to know about it; ``rows`` as of
-    :func:`experiments.runs.run_rows.as_columns`, of which at least one is finished."""
+def summary_text(rows: Sequence[Mapping[str, Any]], path: Path | None = None) -> str:
+    """What :func:`summarise` finds, as text for a terminal, with what to know about it.
+
+    Args:
+        rows: as of :func:`experiments.runs.run_rows.as_columns`; at least one is finished.
+        path: a file ``.csv`` or ``.parquet``, into which the means of all figures are written, not only of those in the text.
+
+    Raises:
+        RunFolderError: the file cannot be written.
+    """
     runs = pd.DataFrame(rows)
     done, by = finished(runs), settings_varied(runs)
+    if path is not None:
+        write_table(path, summarise(runs, numeric_figures(runs), by))
     found = summarise(runs)
     figures = list(dict.fromkeys(found["figure"]))
     lines = []
@@ -121,6 +136,15 @@ def summary_text(rows: Sequence[Mapping[str, Any]]) -> str:
     return "\n".join([text_table(head, lines), *notes(runs, done, found)])
 
 
+def numeric_figures(runs: pd.DataFrame) -> list[str]:
+    """The columns of figures of a table of :func:`read_runs`: the numbers behind ``state``."""
+    names = [str(name) for name in runs.columns]
+    behind = names[names.index("state") + 1 :]
+    return [
+        name for name in behind if pd.api.types.is_numeric_dtype(runs[name]) and np.isfinite(column(runs, name)).any()
+    ]
+
+
 def notes(runs: pd.DataFrame, done: pd.DataFrame, found: pd.DataFrame) -> Iterator[str]:
     """Sentences about a summary: which runs are left out, and over what its intervals are."""
     if len(done) < len(runs):
@@ -128,17 +152,29 @@ def notes(runs: pd.DataFrame, done: pd.DataFrame, found: pd.DataFrame) -> Iterat
     lacking = found[found["runs"] == 0] if len(found) else found
     for name in dict.fromkeys(lacking["figure"]):
         yield f"Some combinations have no {name}."
-    units = {unit for unit, n in zip(found["unit"], found["n"], strict=True) if n > 1}
-    if LEVEL_SETS in units:
+    there = cast(pd.DataFrame, found[found["n"] > 0])
+    if any(unit == LEVEL_SETS and np.isfinite(low) for unit, low in zip(there["unit"], there["low"], strict=True)):
         yield "Intervals are of 95 %, over level sets: a level set counts once, with the mean of its runs."
-    if AGENTS in units:
+    few = sorted(
+        {int(n) for n, unit in zip(there["n"], there["unit"], strict=True) if unit == LEVEL_SETS and n < FEWEST_BLOCKS}
+    )
+    for n in few:
+        yield f"{n} level sets: no interval. It takes {FEWEST_BLOCKS}; sweep levels.seed."
+    if np.any(column(there, "low") == column(there, "high")):
+        yield "An interval without width is that of units with equal results; it does not say that others would have them, too."
+    if any(unit == AGENTS and n > 1 for unit, n in zip(there["unit"], there["n"], strict=True)):
         seeds = ",".join(map(str, sorted({int(seed) for seed in done["seed"]})))
         yield (
-            "Runs on one level set alone (one levels.seed) differ by their agents: these intervals are over agents, and say "
+            "Runs on one level set alone (one levels.seed) differ by their agents: their intervals are over agents, and say "
             f"nothing about other levels. Cross the seeds: --multirun seed={seeds} levels.seed={seeds}"
         )
-    if 1 in set(found["n"]):
+    if 1 in set(there["n"]):
         yield "A mean of one run has no interval; sweep seed and levels.seed."
+    if (pairs := number_of_pairs(done)) > 1 and "w2_exact" in set(found["figure"]):
+        yield (
+            f"w2_exact has a unit for each of the {pairs} pairs of training and test distributions: compare it within a pair. "
+            "analysis.gap_plot measures all pairs in one unit."
+        )
 
 
 def finished(runs: pd.DataFrame) -> pd.DataFrame:
@@ -159,23 +195,42 @@ def settings_varied(runs: pd.DataFrame) -> list[str]:
     return [name for name in settings if name not in SEEDS and len(set(map(str, done[name]))) > 1]
 
 
-def blocks_of(runs: pd.DataFrame) -> list[str]:
-    """The columns that say on which level set a run was trained, see :data:`BLOCK`; raises :class:`SegarError`."""
-    names = [name for name in BLOCK if name in runs]
-    if "levels.seed" not in runs and "seed" in runs:
-        names.append("seed")  # of the tables of analysis.collect, where a run's seed is that of its levels, too
-    if not names:
-        raise SegarError(
-            "no column says on which level set a run was trained, such as levels.seed; name them as blocks"
-        )
-    return names
+def training_sets(runs: pd.DataFrame) -> NDArray[Any]:
+    """The names of the level sets that the runs were trained on, text ``[runs]``, equal for runs of one block.
+
+    That is the distribution with its variation and design, and the seed of the levels. Smaller sets of a seed are parts of
+    larger ones, and test levels make no difference.
+
+    Raises:
+        SegarError: no column says it.
+    """
+    names = [name for name in TRAINED_ON if name in runs]
+    seeds = [runs[name] for name in ("levels.seed", "seed") if name in runs]
+    if not names and not seeds:
+        raise SegarError("no column says on which level set a run was trained, such as levels.train and levels.seed")
+    if seeds:  # analysis.collect leaves levels.seed empty where it is the seed of the run
+        first, *rest = seeds
+        names, runs = [*names, "of seed"], runs.assign(**{"of seed": first.fillna(rest[0]) if rest else first})
+    return names_of(runs, names)
+
+
+def names_of(table: pd.DataFrame, columns: Sequence[str]) -> NDArray[Any]:
+    """:func:`analysis.stats.association.labels` of columns that may have no value in some rows, text ``[rows]``."""
+    return labels(table.assign(**{name: [str(value) for value in table[name]] for name in columns}), columns)
+
+
+def number_of_pairs(runs: pd.DataFrame) -> int:
+    """Of how many pairs of training and test distributions a table has distances, as far as its columns say."""
+    if "levels.test" in runs and "levels.train" in runs:  # left out, it is that of training
+        runs = runs.assign(**{"levels.test": runs["levels.test"].fillna(runs["levels.train"])})
+    return len(set(names_of(runs, [name for name in MEASURED_BETWEEN if name in runs])))
 
 
 def column_name(runs: pd.DataFrame, name: str) -> str:
-    """The column that a name means: itself, ``w2`` for ``w2_exact``, ``gap`` for ``gap_deterministic``, ``count`` for
-    ``levels.count``; raises :class:`SegarError` if there is none, or several."""
+    """The column that a name means: itself, ``w2`` for exact W2 (in one unit, where the table has that), ``gap`` for
+    ``gap_deterministic``, ``count`` for ``levels.count``; raises :class:`SegarError` if there is none, or several."""
     known = [str(one) for one in runs.columns]
-    for one in (name, f"{name}_exact", f"{name}_deterministic"):
+    for one in (name, f"{name}_exact_common", f"{name}_exact", f"{name}_deterministic"):
         if one in known:
             return one
     ends = [one for one in known if one.endswith(f".{name}")]
@@ -199,10 +254,19 @@ def _groups(table: pd.DataFrame, by: Sequence[str]) -> Iterator[tuple[dict[str, 
     if not by:
         yield {}, table
         return
-    keys = labels(table, by)
+    keys = names_of(table, by)
     for key in dict.fromkeys(keys):
         part = cast(pd.DataFrame, table[keys == key]).reset_index(drop=True)
         yield {name: part[name].iloc[0] for name in by}, part
+
+
+def _mean(units: Sequence[float] | Floats, unit: str) -> Estimate:
+    """The mean of the results of level sets, or of agents, with its interval where there are enough of them."""
+    if not len(units):
+        return Estimate.missing(0, "no run has it")
+    if len(units) < FEWEST_BLOCKS:
+        return no_interval(float(np.mean(units)), len(units), unit)
+    return mean_of_replicates(units, 0.0, sides=2)
 
 
 def _with_interval(row: Mapping[str, Any]) -> str:

@@ -73,6 +73,15 @@ def write_csv(path: Path, table: pd.DataFrame, digits: int | None = None) -> Non
         table.to_csv(beside, index=False, float_format=form, lineterminator="\n")
 
 
+def write_table(path: Path, table: pd.DataFrame) -> None:
+    """Replaces a file ``.csv`` or ``.parquet``, as its suffix says; raises :class:`RunFolderError`."""
+    if path.suffix == ".csv":
+        write_csv(path, table)
+        return
+    with replacing(path) as beside:
+        table.to_parquet(beside, index=False)
+
+
 def select(table: pd.DataFrame, **equal: Any) -> pd.DataFrame:
     """The rows in which each named column has the given value, numbered anew."""
     mask = np.ones(len(table), bool)

@@ -2,7 +2,8 @@
 
 One line per run: the settings in which these runs differ, its state, its final figures, and what it was computed with
 where that differs. Below it, the means of runs that differ by their seeds alone, with intervals over level sets.
-``output=runs.csv`` (or ``.parquet``, or ``.md``) writes all figures to a file.
+``output=runs.csv`` (or ``.parquet``, or ``.md``) writes all figures to a file, and the means with their intervals into
+``runs.means.csv`` (or ``.parquet``) beside it; a file ``.md`` has both.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -42,7 +43,7 @@ class ResultsConfig:
     root: str | None = None  # the folder that holds the run folders; None: runs/ of the checkout
     more: tuple[str, ...] = ()  # further such folders, or single run folders
     sweep: str | None = None  # those with this tracking.sweep; None: all
-    output: str | None = None  # a file .csv, .parquet or .md for the rows with all figures
+    output: str | None = None  # a file .csv, .parquet or .md for the rows with all figures; their means go beside it
 
     def __post_init__(self) -> None:
         if self.output is not None and Path(self.output).suffix not in FORMATS:
@@ -52,7 +53,7 @@ class ResultsConfig:
 
 
 def results(config: ResultsConfig, say: Callable[[str], None] = print) -> None:
-    """Prints the table and what :data:`SUMMARIES` says of it; writes the file that is asked for.
+    """Prints the table and what :data:`SUMMARIES` says of it; writes the files that are asked for.
 
     Raises:
         RunFolderError: there is no such run, or the file cannot be written.
@@ -70,13 +71,17 @@ def results(config: ResultsConfig, say: Callable[[str], None] = print) -> None:
         if row.problem:
             say(f"{row.folder.name}: {row.problem}")
     rows = as_columns(chosen)
-    summary = find_plugin(SUMMARIES, "default").load()(rows) if any(row.state == FINISHED for row in chosen) else ""
-    if summary:
+    path = Path(config.output).expanduser().resolve() if config.output else None
+    means = path.with_suffix(f".means{path.suffix}") if path is not None and path.suffix != ".md" else None
+    summary = ""
+    if any(row.state == FINISHED for row in chosen):
+        summary = find_plugin(SUMMARIES, "default").load()(rows, *([means] if means else []))
         say(f"\n{summary}")
-    if config.output:
-        path = Path(config.output).expanduser().resolve()
+    if path is not None:
         write_table(path, rows, summary)
         say(f"\n{len(rows)} runs with all figures: {path}")
+    if means is not None and summary:
+        say(f"Their means with intervals: {means}")
 
 
 def as_table(runs: Sequence[RunRow]) -> str:

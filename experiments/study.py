@@ -21,14 +21,15 @@ The file says which runs are made, and which claims are tested. It has the keys 
         says: Of equally many levels, those that are farther from the test levels have a worse gap.
         test: correlation
         of: gap
-        against: w2_exact
+        against: w2                        # exact W2, of all panels and transfers in one unit
         given: [cell]                      # a panel and a number of levels; without it, W2 stands for that number
-        expected: negative
+        expected: negative                 # or positive, or none
       wind:
-        says: Agents that trained in wind succeed less on test levels.
+        says: Agents that trained in wind succeed less in a gale.
         test: difference
         of: success_test
         between: {family: [levels.py:windy, levels.py:calm]}
+        tested_on: levels:gale             # the label of a transfer; without it, the run's own test levels
         expected: negative
         margin: 0.05
 

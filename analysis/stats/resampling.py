@@ -16,6 +16,7 @@ from segar.errors import SegarError
 
 RESAMPLES = 2000
 FEW_BLOCKS = 20  # below, intervals of a bootstrap are too short: docs/decisions/0012-few-blocks.md
+FEWEST_BLOCKS = 3  # that an interval should be of: docs/decisions/0012-few-blocks.md
 Statistic = Callable[[Any], float]
 
 
@@ -28,24 +29,33 @@ def cluster_interval(
     values: Floats,
     correlation: bool = False,
     resamples: int = RESAMPLES,
+    fewest: int = 2,
 ) -> tuple[Estimate, str]:
     """A statistic with an interval over whole clusters of rows, by the way that fits how many there are, and that way.
 
     Fewer than :data:`FEW_BLOCKS` clusters are "left out one at a time" (:func:`cluster_jackknife`), more are "resampled"
-    (:func:`cluster_bootstrap`). One alone has no interval, which ``note`` says, and the way is "". ``n`` counts clusters.
+    (:func:`cluster_bootstrap`). Less than ``fewest`` have no interval and no p, which ``note`` says, and the way is "". ``n``
+    counts clusters.
 
     Args:
         statistic, clusters, values: as of :func:`cluster_bootstrap`.
         rng, resamples: of the bootstrap.
         correlation: as of :func:`cluster_jackknife`.
+        fewest: clusters that an interval is given of, at least 2.
     """
     count = len(set(labels(table, clusters)))
-    if count < 2:
-        return Estimate(statistic(values), np.nan, np.nan, count, note="one block has no interval"), ""
+    if count < fewest:
+        return no_interval(statistic(values), count), ""
     if count < FEW_BLOCKS:
         found = cluster_jackknife(table, statistic, clusters, values=values, correlation=correlation)
         return found, "left out one at a time"
     return cluster_bootstrap(table, statistic, clusters, rng, values=values, resamples=resamples), "resampled"
+
+
+def no_interval(value: float, count: int, blocks: str = "blocks") -> Estimate:
+    """A number of fewer blocks than an interval takes; ``note`` says how many there are."""
+    note = f"one {blocks.removesuffix('s')} has no interval" if count == 1 else f"{count} {blocks}: no interval"
+    return Estimate(float(value), np.nan, np.nan, count, note=note)
 
 
 def cluster_bootstrap(

@@ -1,15 +1,17 @@
 """What is checked before a plan is made, so that a wrong name ends the plan, and not its runs."""
 
 import dataclasses
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Sequence
 from typing import Any
 
 from experiments.evaluation.transfers import RunTask
 from experiments.levels.builders import check_observations, distribution_of, environment_options
 from experiments.levels.mixed_levels import check_fits, places
-from experiments.reproduction.experiment_file import Experiment
-from experiments.settings import ConfigError, LevelsConfig, RunConfig, import_object
-from segar.errors import LevelError, SegarError
+from experiments.reproduction.experiment_file import Experiment, claim_config
+from experiments.reproduction.grid import run_columns, varied_columns
+from experiments.runs.run_folder import RESULTS
+from experiments.settings import ConfigError, LevelsConfig, RunConfig, grid_point, import_object
+from segar.errors import LevelError, SegarError, did_you_mean
 
 PICTURES = ("rgb", "textures")  # how the names of observations begin that fit all levels
 
@@ -58,6 +60,46 @@ def check_transfers(works: Iterable[RunTask]) -> None:
                 check_observations(run, *(distribution_of(there, which).sample(1) for which in ("train", "test")))
             except ConfigError as error:
                 raise ConfigError(f"transfers: {transfer.label}: {error}") from error
+
+
+def check_claims(experiment: Experiment, works: Sequence[RunTask]) -> None:
+    """Raises :class:`ConfigError` if a claim names a setting, a value of one, or a transfer that no run has.
+
+    What only results say, such as a column of figures, is known to the report alone.
+    """
+    varied = experiment.grid.vary if experiment.grid else {}
+    known: dict[str, set[str]] = {}
+    for run in (work.run for work in works):
+        cell, columns = grid_point(run), run_columns(run, "")
+        there = {**columns, "panel": cell.panel, "levels": cell.count, "seed": run.levels.seed}
+        for name, value in {**there, **varied_columns(run, varied)}.items():
+            known.setdefault(name, set()).add(str(value))
+    labels = sorted({one.label for work in works for one in work.transfers if one.mixture is None})
+    for name, stated in experiment.claims.items():
+        claim, place = claim_config(stated, f"claims.{name}"), f"claims.{name}"
+        if claim.tested_on and claim.tested_on not in labels:
+            there = f"transfers are {', '.join(labels)}" if labels else "the study has no transfers"
+            raise ConfigError(
+                f"{place}.tested_on: no agent is tested on '{claim.tested_on}'; {there}.{did_you_mean(claim.tested_on, labels)}"
+            )
+        for key, columns in (("of", [claim.of]), ("against", [claim.against]), ("given", claim.given)):
+            for column in columns:
+                check_setting(f"{place}.{key}", column, known)
+        for key, asked in (("between", claim.between), ("where", claim.where)):
+            for column, values in asked.items():
+                check_setting(f"{place}.{key}", column, known)
+                for value in values if isinstance(values, list | tuple) else [values]:
+                    if column in known and str(value) not in known[column]:
+                        raise ConfigError(
+                            f"{place}.{key}: no run has {column}={value}; there are {', '.join(sorted(known[column]))}."
+                            f"{did_you_mean(str(value), sorted(known[column]))}"
+                        )
+
+
+def check_setting(place: str, column: str, known: Collection[str]) -> None:
+    """Raises :class:`ConfigError` for a dotted name of a setting that the grid does not vary."""
+    if "." in column and not column.startswith(RESULTS) and column not in known:
+        raise ConfigError(f"{place}: runs do not differ in {column}; grid.vary has such settings")
 
 
 def check_groups(experiment: Experiment, levels: LevelsConfig) -> None:

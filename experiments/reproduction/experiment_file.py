@@ -19,7 +19,7 @@ One file of ``conf/experiment/``, or one that ``experiments.study`` is given, is
     study: w2                                    # a study that needs no training
     options: {seeds: 20}                         # of the study, by name
     claims:                                      # what the runs are asked, see ClaimConfig
-      distance: {says: The gap is worse farther away., test: correlation, expected: negative}
+      distance: {says: The gap is worse farther away., test: correlation, expected: negative}  # or positive, or none
     scales:                                      # at a scale that is not named here, the experiment is not run; none: at all
       quick: {counts: [3], options: {seeds: 10}}     # what differs there: keys of grid, and transfers, probes, options
       paper: {}                                  # nothing differs
@@ -36,6 +36,7 @@ from typing import Annotated, Any
 
 from experiments.levels.mixed_levels import RESERVED, SEPARATOR
 from experiments.levels.variations import VARIATIONS
+from experiments.runs.run_folder import RESULTS
 from experiments.settings import (
     DIFFICULTIES,
     OBJECT_NAME,
@@ -100,12 +101,13 @@ OF_GRID = {
 }  # fmt: skip
 NOT_EMPTY = that(bool, "one or more")
 SIGNS = {"negative": -1, "positive": 1, "none": 0}
+OF_TASK = re.compile(rf"{RESULTS}.+_(train|test)")  # columns of what the task says of the last state of episodes
 TESTS = ("correlation", "difference", "mean")
 # Of the runs of a study, without the settings that it varies and without the action mode behind some names.
 COLUMNS = (
     "family", "difficulty", "panel", "n", "log_n", "cell", "algorithm", "observation", "task", "variation", "design", "seed",
     "agent", "levels", "frames", "hours", "gap", "gap_ref", "gap_se", "ks", "radius", "entropy", "effective_number", "w2",
-    *(f"w2_{mode}" for mode in ("exact", "reference", "paper")),
+    *(f"w2_{mode}" for mode in ("exact", "exact_common", "reference", "paper")),
     *(f"{name}_{levels}" for name in ("eta", "se", "success", "death", "length", "episodes") for levels in ("train", "test")),
 )  # fmt: skip
 
@@ -126,10 +128,13 @@ def check_between(place: str, between: Mapping[str, Any]) -> None:
 
 
 def check_column(place: str, name: str) -> None:
-    """Raises :class:`ConfigError` unless runs may have the column, or it is that of a setting."""
+    """Raises :class:`ConfigError` unless runs may have the column, or it is that of a setting or of the task's own results."""
     short = re.sub(r"_(deterministic|sampled)$", "", name)
-    if "." not in name and short not in COLUMNS:
-        raise ConfigError(f"{place}: the runs have no column '{name}'.{did_you_mean(name, COLUMNS)}")
+    if "." not in name and short not in COLUMNS and not OF_TASK.fullmatch(short):
+        raise ConfigError(
+            f"{place}: the runs have no column '{name}'.{did_you_mean(name, COLUMNS)} A result of the task itself is named as "
+            f"{RESULTS}NAME_test"
+        )
 
 
 def check_columns(place: str, names: Iterable[str]) -> None:
@@ -141,8 +146,17 @@ def check_columns(place: str, names: Iterable[str]) -> None:
 def check_claims(place: str, claims: Mapping[str, Any]) -> None:
     """Raises :class:`ConfigError` unless each claim is one."""
     for name, claim in claims.items():
-        require(isinstance(claim, Mapping), f"{place}.{name}", claim, "settings of a claim, such as says and test")
-        construct(ClaimConfig, claim, f"{place}.{name}")
+        claim_config(claim, f"{place}.{name}")
+
+
+def claim_config(claim: Any, place: str) -> ClaimConfig:
+    """The claim that plain data states; raises :class:`ConfigError` that begins with the ``place``."""
+    require(isinstance(claim, Mapping), place, claim, "settings of a claim, such as says and test")
+    if True in claim or "on" in claim:
+        raise ConfigError(f"{place}: name the levels of a transfer by tested_on: ...; YAML takes the key `on` for true")
+    if {"says", "test"} <= {*claim} and "expected" not in claim:
+        raise ConfigError(f"{place}.expected: say what you expect: {', '.join(SIGNS)} (none: that there is no effect)")
+    return construct(ClaimConfig, claim, place)
 
 
 Names = Annotated[tuple[str, ...], NOT_EMPTY]
@@ -195,13 +209,13 @@ class ClaimConfig:
 
     says: str  # the statement
     test: Test  # correlation, difference, mean, or module:function(runs) -> analysis.stats Estimate
-    of: Column = "gap"  # a column of the table of runs, such as gap, success_test, eta_test, w2_exact
-    against: Column = "w2_exact"  # of a correlation
+    expected: Annotated[str, one_of(*SIGNS)]  # negative or positive, which is the sign; none: that there is no effect
+    of: Column = "gap"  # a column of the table of runs, such as gap, success_test, eta_test, w2, results/NAME_test
+    against: Column = "w2"  # of a correlation; w2 is exact W2, of several pairs of distributions in one unit
     given: Annotated[tuple[str, ...], check_columns] = ()  # of a correlation: panel, log_n, cell, or columns
     between: Between = field(default_factory=dict)  # of a difference: column to two values
     where: Annotated[Mapping[str, Any], check_columns] = field(default_factory=dict)  # only the runs with these values
-    on: str = ""  # the label of a transfer, whose levels are meant instead of the run's own test levels
-    expected: Annotated[str, one_of(*SIGNS)] = "negative"  # the sign; none: that there is no effect
+    tested_on: str = ""  # the label of a transfer, whose levels are meant instead of the run's own test levels
     margin: PositiveOrNull = None  # a smaller effect does not matter; null: 0.3 of an r, else 0.2 standard deviations
 
     def __post_init__(self) -> None:

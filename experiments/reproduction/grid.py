@@ -1,4 +1,4 @@
-"""The runs of an experiment's grid: every combination of what it names, as settings."""
+"""The runs of an experiment's grid: every combination of what it names, as settings, and as columns of a table."""
 
 import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
@@ -10,7 +10,17 @@ from omegaconf import OmegaConf
 
 from experiments.commands.hydra_app import compose, to_plain
 from experiments.reproduction.experiment_file import BASE, GridConfig
-from experiments.settings import GridPoint, RunConfig, as_data, config_at, is_distribution, paper_seeds, run_config
+from experiments.settings import (
+    GridPoint,
+    RunConfig,
+    as_data,
+    config_at,
+    flat,
+    grid_point,
+    is_distribution,
+    paper_seeds,
+    run_config,
+)
 
 
 def grid_runs(grid: GridConfig, base: RunConfig) -> Iterable[RunConfig]:
@@ -63,6 +73,35 @@ def with_settings(run: RunConfig, values: Mapping[str, Any]) -> RunConfig:
     for name, value in values.items():
         OmegaConf.update(data, name, value, merge=False, force_add=True)
     return run_config(to_plain(data))
+
+
+def run_columns(config: RunConfig, name: str) -> dict[str, Any]:
+    """What a run is, in columns that all tables of results share; ``name`` is that of its folder."""
+    cell, levels = grid_point(config), config.levels
+    return {
+        "family": cell.family,
+        "difficulty": cell.difficulty,
+        "n": cell.count,
+        "algorithm": config.algorithm.name,
+        "observation": name_with_options(config.observation.name, config.observation.options),
+        "task": name_with_options(config.task.name.rpartition(":")[2], config.task.options),
+        "variation": levels.variation,
+        "design": levels.design,
+        "seed": cell.seed,
+        "run": name,
+    }
+
+
+def name_with_options(name: str, options: Mapping[str, Any]) -> str:
+    """A name with the options that differ from the defaults, e.g. ``textures(hidden=Mass)``."""
+    shown = (f"{k}={'+'.join(map(str, v)) if isinstance(v, list | tuple) else v}" for k, v in sorted(options.items()))
+    return f"{name}({','.join(shown)})" if options else name
+
+
+def varied_columns(config: RunConfig, varied: Iterable[str]) -> dict[str, str]:
+    """The settings that a grid varies, by their dotted names, as tables of results have them."""
+    stated = flat(config.identity())
+    return {name: str(stated.get(name)) for name in varied}
 
 
 @cache

@@ -13,7 +13,7 @@ from typing import Any
 from experiments.evaluation.probing import ProbeConfig, assumed_seconds, read_about
 from experiments.evaluation.transfers import FactorSwap, RunTask, Transfer
 from experiments.levels.mixed_levels import REST, SEPARATOR
-from experiments.reproduction.checks import check_groups, check_objects, check_transfers
+from experiments.reproduction.checks import check_claims, check_groups, check_objects, check_transfers
 from experiments.reproduction.experiment_file import Experiment, TransferConfig, other_panel
 from experiments.reproduction.grid import grid_runs, setting
 from experiments.reproduction.imported_results import ImportedResults
@@ -69,10 +69,13 @@ def make_plan(
     probes: ProbeConfig | None = None,
     imported: ImportedResults = ImportedResults(),  # noqa: B008 - nothing can change it
 ) -> ReproductionPlan:
-    """The plan for some experiments; raises :class:`ConfigError` for a file of ``conf/`` that does not exist.
+    """The plan for some experiments.
 
     ``probes`` says how the runs of experiments with probes are probed. A run that is not done here, but whose results are
     ``imported``, counts as done.
+
+    Raises:
+        ConfigError: a file of ``conf/`` does not exist, or runs cannot be made, transferred or asked what claims ask.
     """
     members = {e.name: tuple(works_of(e, base, probes or ProbeConfig())) for e in experiments}
     union: dict[str, RunTask] = {}
@@ -83,6 +86,8 @@ def make_plan(
         union[label] = RunTask(work.run, tuple(by_folder.values()), other.probes or work.probes)
     check_objects(work.run for work in union.values())
     check_transfers(union.values())
+    for experiment in experiments:
+        check_claims(experiment, members[experiment.name])
     changed = changed_code(union.values())
     union = {label: dataclasses.replace(work, changed=changed.get(label, ())) for label, work in union.items()}
     stored = {label: "" if work.is_done_here() else imported.name_of(work) for label, work in union.items()}

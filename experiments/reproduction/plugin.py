@@ -23,7 +23,8 @@ from segar.errors import SegarError, did_you_mean
 
 STUDIES = "segar.studies"  # (output folder, **options) -> None
 REPORTS = "segar.reports"  # (results folder) -> None; "tables" and "report"
-SUMMARIES = "segar.summaries"  # (rows of runs, see experiments.runs.run_rows) -> str; "default"
+# (rows of runs, see experiments.runs.run_rows; a file .csv or .parquet for means, if one is wanted) -> str; "default"
+SUMMARIES = "segar.summaries"
 
 
 def find_plugin(group: str, name: str) -> EntryPoint:

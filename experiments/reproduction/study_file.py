@@ -150,4 +150,4 @@ def fields_text() -> str:
     for place, cls in places.items():
         about = comments(cls)
         lines += [f"  {place + one.name:<26} {about.get(one.name, '')}".rstrip() for one in dataclasses.fields(cls)]
-    return "\n".join(["Keys of the file; title is required, and of a claim says and test:", *lines])
+    return "\n".join(["Keys of the file; title is required, and of a claim says, test and expected:", *lines])

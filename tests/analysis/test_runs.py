@@ -1,18 +1,28 @@
 """Any runs as a table, their means over level sets, and the plot of the gap: laws, and what is said of what is missing."""
 
+import shutil
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
 from PIL import Image
 
+import segar
+from analysis.distances import count_pairs, in_one_unit, own_levels
 from analysis.gap_plot import correlation, gap_plot, main
-from analysis.runs import column_name, read_runs, summarise, summary_text
+from analysis.runs import column_name, read_runs, summarise, summary_text, training_sets
 from analysis.stats.estimate import mean_of_replicates
+from experiments.levels.builders import make_levels
+from experiments.runs.run_folder import LEVELS_TEST, LEVELS_TRAIN
 from experiments.runs.run_rows import as_columns, run_rows
 from experiments.settings import LevelsConfig, RunFolderError
 from experiments.training.run import run
 from segar.errors import SegarError
+from segar.levels import Levels
+from segar.metrics import spread, w2
 from tests.experiments.short_runs import killed_after, short_run
+from tests.synthetic_runs import settings, write_run
 
 
 def table(level_seeds=(1, 2, 3), seeds=(1, 2), noise=0.0):
@@ -50,6 +60,61 @@ def test_a_level_set_counts_once_however_many_agents_were_trained_on_it():
     assert (many["runs"] == 5 * few["runs"]).all()
     for name in ("estimate", "low", "high"):
         np.testing.assert_allclose(many[name], few[name])
+
+
+def crossed(level_seeds=(1, 2, 3), tests=("calm", "gale")):
+    """The runs of one family, each once for every test distribution: the same agents on the same training levels."""
+    runs = table(level_seeds, noise=1.0)
+    runs = runs[runs["levels.train"] == "calm"]
+    parts = []
+    for test in tests:
+        parts.append(runs.assign(gap_deterministic=runs["gap_deterministic"] - (test == "gale")))
+        parts[-1].insert(2, "levels.test", test)
+    return pd.concat(parts, ignore_index=True)
+
+
+@pytest.mark.parametrize("level_seeds", [(1, 2), (1, 2, 3, 4)])
+def test_more_test_distributions_are_no_more_level_sets(level_seeds):
+    one, two = (correlation(crossed(level_seeds, tests), "w2_exact", "gap") for tests in (("calm",), ("calm", "calm")))
+    assert one.n == two.n == len(level_seeds)
+    assert (one.low, one.high) == pytest.approx((two.low, two.high), nan_ok=True)
+    assert np.isnan(two.low) == (len(level_seeds) < 3)
+    title = gap_plot(crossed(level_seeds)).axes[0].get_title(loc="left")
+    assert f"{12 * len(level_seeds)} runs on {len(level_seeds)} level sets" in title
+
+
+def test_means_over_several_test_distributions_count_a_level_set_once():
+    (alone, both) = (summarise(crossed(tests=tests), ["gap"], by=()) for tests in (("calm",), ("calm", "gale")))
+    assert list(alone["n"]) == list(both["n"]) == [3]
+
+
+def test_level_sets_whose_seed_is_that_of_the_run_are_told_apart_without_a_column_of_their_own():
+    """As in the tables of a study, where levels.seed is empty if it is the seed of the run."""
+    runs = pd.DataFrame({"family": "calm", "seed": [1, 1, 2, 2], "levels.seed": [np.nan, 2, 1, np.nan]})
+    sets = training_sets(runs)
+    assert sets[0] == sets[2] != sets[1] == sets[3]
+    with pytest.raises(SegarError, match="no column says on which level set"):
+        training_sets(pd.DataFrame({"gap": [1.0]}))
+
+
+def test_fewer_than_three_level_sets_have_no_interval_and_the_text_says_so():
+    runs = table(level_seeds=(1, 2))
+    found = summarise(runs)
+    assert np.isnan(found["low"]).all() and set(found["note"]) == {"2 level sets: no interval"}
+    assert np.isfinite(found["estimate"]).all()
+    text = summary_text(runs.to_dict("records"))
+    assert "2 level sets: no interval. It takes 3; sweep levels.seed." in text and "[" not in text
+    assert "An interval without width" in summary_text(table().to_dict("records"))  # success is 0.5 everywhere
+
+
+def test_means_of_all_figures_are_written_to_a_file(tmp_path):
+    runs = table(noise=1.0).assign(odd=np.arange(36.0))
+    for read, path in ((pd.read_csv, tmp_path / "means.csv"), (pd.read_parquet, tmp_path / "means.parquet")):
+        summary_text(runs.to_dict("records"), path)
+        found = read(path)
+        assert set(found["figure"]) == {"w2_exact", "gap_deterministic", "success_test_deterministic", "odd"}
+        expected = summarise(runs, ["odd"])
+        np.testing.assert_allclose(found[found["figure"] == "odd"]["low"], expected["low"])
 
 
 def test_the_interval_is_that_of_the_means_of_level_sets():
@@ -106,6 +171,61 @@ def test_the_interval_of_a_correlation_is_over_level_sets_and_not_over_runs():
     assert (few.low, few.high) == pytest.approx((many.low, many.high))
     one = correlation(table(level_seeds=(0,))[lambda runs: runs["levels.train"] == "calm"], "w2", "gap")
     assert one.n == 1 and np.isnan(one.low) and one.note == "one level set has no interval"
+
+
+def test_the_plot_has_the_correlation_given_colours_and_given_all_settings():
+    runs = table(noise=0.5)
+    title = gap_plot(runs, group="train").axes[0].get_title(loc="left").splitlines()
+    cell = runs.assign(cell=runs["levels.train"] + runs["levels.count"].astype(str))
+    given = correlation(cell, "w2", "gap", "cell")
+    assert [line.partition(" =")[0] for line in title[1:4]] == [
+        "r", "r given the groups", "r given all settings but seeds"
+    ]  # fmt: skip
+    assert f"r given all settings but seeds = {given.estimate:+.2f}, 95 % [{given.low:+.2f}" in title[3]
+
+
+@pytest.fixture(scope="module")
+def near_and_far(tmp_path_factory):
+    """Level files of runs on easy levels, of which some are tested on hard ones and some in another family."""
+    root = tmp_path_factory.mktemp("pairs")
+    for seed in (1, 2, 3):
+        for test in (None, "empty-hard", "objectsx3-hard"):
+            levels = LevelsConfig("empty-easy", count=2, seed=seed, test=test, test_count=5)
+            config = settings(root, levels=levels)
+            folder = write_run(config)
+            for levels_of, name in zip(make_levels(levels), (LEVELS_TRAIN, LEVELS_TEST), strict=True):
+                levels_of.save(folder / name)
+    return root
+
+
+def test_w2_of_several_pairs_is_in_one_unit_which_is_the_spread_over_all_their_distributions(near_and_far):
+    runs = read_runs(near_and_far)
+    measured = [own_levels(Path(folder)) for folder in runs["folder"]]
+    assert count_pairs(measured) == 3
+    unit = spread(*(segar.family(name) for name in ("empty-easy", "empty-hard", "objectsx3-hard")))
+    expected = [w2(Levels.load(one.train), Levels.load(one.test), scale=unit) for one in measured]
+    np.testing.assert_allclose(in_one_unit(measured), expected)
+    np.testing.assert_allclose(in_one_unit(measured[::-1]), expected[::-1])
+
+
+def test_the_plot_draws_several_pairs_in_one_unit_and_says_where_it_cannot(near_and_far, tmp_path):
+    runs = read_runs(near_and_far).assign(gap_deterministic=-1.0 - np.arange(9) % 4)
+    assert gap_plot(runs).axes[0].get_xlabel().endswith("in one unit for all")
+    own = gap_plot(runs, x="w2_exact").axes[0]
+    assert own.get_xlabel() == "W2 between training and test levels"
+    assert "compare it within a pair; --x w2 has one unit for all" in " ".join(own.get_title(loc="left").split())
+    one_pair = runs[runs["levels.test"].isna()]
+    assert "pair" not in gap_plot(one_pair).axes[0].get_title(loc="left")
+    lost = tmp_path / "lost"
+    shutil.copytree(runs["folder"].iloc[4], lost)
+    (lost / LEVELS_TEST).unlink()
+    axes = gap_plot(runs.assign(folder=[*runs["folder"][:-1], str(lost)])).axes[0]
+    assert axes.get_xlabel() == "W2 between training and test levels"
+    assert "there is none for all, because there is no" in " ".join(axes.get_title(loc="left").split())
+
+
+def test_the_table_of_several_pairs_says_that_each_has_its_unit(near_and_far):
+    assert "w2_exact has a unit for each of the 3 pairs" in summary_text(as_columns(run_rows([near_and_far])))
 
 
 @pytest.mark.parametrize("cells", [False, True])

@@ -60,6 +60,7 @@ ORDER = [
     "analysis.tables",
     "analysis.stats",
     "analysis.plotting",
+    "analysis.distances",
     "analysis.runs",
     "analysis.gap_plot",
     "analysis.probes",

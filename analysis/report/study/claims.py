@@ -10,12 +10,12 @@ from analysis.report.claims import verdicts
 from analysis.report.claims.claim import Claim, Finding, small_difference
 from analysis.report.number_format import plain
 from analysis.report.results import PANEL, paired
-from analysis.report.study.reading import AGENT_SEED, Study
-from analysis.runs import column_name
+from analysis.report.study.reading import AGENT_SEED, OWN_UNITS, Study
+from analysis.runs import column_name, number_of_pairs
 from analysis.stats.estimate import Estimate
 from analysis.tables import column, keep
-from experiments.reproduction.experiment_file import SIGNS, ClaimConfig
-from experiments.settings import ConfigError, construct, import_object
+from experiments.reproduction.experiment_file import SIGNS, ClaimConfig, claim_config
+from experiments.settings import ConfigError, import_object
 from segar.errors import SegarError
 
 TESTED = "tested"  # how these claims are read: in one way
@@ -25,7 +25,7 @@ WORDS = {verdicts.REPRODUCED: "holds", verdicts.NOT_REPRODUCED: "does not hold"}
 def claim_or_reason(study: Study, name: str, asked: Mapping[str, Any]) -> Claim:
     """The claim with its finding, or why it cannot be tested."""
     try:
-        return claim_of(study, name, construct(ClaimConfig, asked, name))
+        return claim_of(study, name, claim_config(asked, f"claims.{name}"))
     except ConfigError as error:
         return Claim(name, str(asked["says"]), "", needs=f"another claim or other runs ({error})")
 
@@ -36,9 +36,13 @@ def claim_of(study: Study, name: str, claim: ClaimConfig) -> Claim:
         words, measure, found, margin = tested(study, name, claim)
     except SegarError as error:
         raise ConfigError(f"claims.{name}: {error}") from error
+    if claim.tested_on:
+        words += f", on {claim.tested_on}"
     sign = SIGNS[claim.expected]
     verdict = verdicts.of_effect(found, sign, margin) if sign else verdicts.of_absence(found, margin)
-    expected = f"Expected: {claim.expected}; effects below {plain(margin, 3)} do not matter. {found.note}".strip()
+    expected = f"Expected: {claim.expected}; effects below {plain(margin, 3)} do not matter."
+    several = number_of_pairs(study.runs) > 1 and "w2_exact" in (claim.of, claim.against, *claim.given)
+    expected = " ".join(filter(None, [expected, f"{OWN_UNITS} `w2` has one for all." if several else "", found.note]))
     if not np.isfinite(found.estimate):
         return Claim(
             name, claim.says, words, needs=f"other runs ({found.note or 'nothing can be computed from these'})"
@@ -48,7 +52,7 @@ def claim_of(study: Study, name: str, claim: ClaimConfig) -> Claim:
 
 def tested(study: Study, name: str, claim: ClaimConfig) -> tuple[str, str, Estimate, float]:
     """What is tested in words, what the estimate is, the estimate, and the margin below which it does not matter."""
-    rows = chosen(study.tested_on(claim.on) if claim.on else study.runs, claim.where)
+    rows = chosen(study.tested_on(claim.tested_on) if claim.tested_on else study.runs, claim.where)
     if ":" in claim.test:
         found = import_object(claim.test, "test")(rows)
         if not isinstance(found, Estimate):

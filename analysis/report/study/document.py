@@ -15,6 +15,7 @@ from analysis.report.study.claims import TESTED, WORDS
 from analysis.report.study.reading import SUCCESS, Study
 from analysis.stats.association import labels
 from analysis.stats.estimate import Estimate
+from analysis.stats.resampling import FEWEST_BLOCKS
 from analysis.tables import column, count_of, pick, select
 
 
@@ -66,10 +67,10 @@ def repeated(runs: pd.DataFrame) -> Iterator[Block]:
             "warning",
         )
     fewest = min(count_of(part, "seed") for _, part in runs.groupby("panel"))
-    if fewest < 3:
+    if fewest < FEWEST_BLOCKS:
         yield Paragraph(
-            f"Some panels have {fewest} level set{'s' * (fewest != 1)} of a size: intervals are wide, or there are none. More "
-            "`grid.seeds` mend that.",
+            f"Some panels have {fewest} level set{'s' * (fewest != 1)} of a size: of fewer than {FEWEST_BLOCKS} there are no "
+            "intervals. More `grid.seeds` mend that.",
             "warning",
         )
 
@@ -77,11 +78,11 @@ def repeated(runs: pd.DataFrame) -> Iterator[Block]:
 def cells(study: Study) -> Table:
     """A row for each panel, kind of agent and number of levels."""
     by = ["panel", "agent", "levels"]
-    found = {name: means(study.evidence, study.runs, by, name, name) for name in ("w2_exact", "gap", *SUCCESS)}
+    found = {name: means(study.evidence, study.runs, by, name, name) for name in (study.w2, "gap", *SUCCESS)}
     rows = []
     for at, row in enumerate(found["gap"].to_dict("records")):
         part = select(study.runs, **{name: row[name] for name in by})
-        numbers = (float(column(found[name], "estimate")[at]) for name in ("w2_exact", *SUCCESS))
+        numbers = (float(column(found[name], "estimate")[at]) for name in (study.w2, *SUCCESS))
         rows.append([str(row["panel"]), str(row["agent"]), str(row["levels"]), str(len(part)), str(count_of(part, "seed")),
                      *map(plain, numbers), signed(row["estimate"]), interval(Estimate.of_row(row))])  # fmt: skip
     head = (
@@ -95,7 +96,8 @@ def cells(study: Study) -> Table:
         "gap",
         "95 %",
     )
-    return Table(head, rows, 2, "Means over runs; the gap with its interval over level sets.", folded=len(rows) > 30)
+    caption = " ".join(filter(None, ["Means over runs; the gap with its interval over level sets.", study.about_w2]))
+    return Table(head, rows, 2, caption, folded=len(rows) > 30)
 
 
 def other_levels(study: Study) -> list[Block]:

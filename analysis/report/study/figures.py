@@ -1,6 +1,8 @@
 """The figures of a study."""
 
 from collections.abc import Callable, Mapping, Sequence
+from itertools import product
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -8,7 +10,7 @@ from matplotlib.axes import Axes
 
 from analysis.gap_plot import gap_plot
 from analysis.plotting import style
-from analysis.plotting.figures import DOT, zero_line
+from analysis.plotting.figures import zero_line
 from analysis.report.document.tables import means
 from analysis.report.figures.drawing import (
     GAP,
@@ -20,64 +22,91 @@ from analysis.report.figures.drawing import (
     log_axis,
 )
 from analysis.report.study.reading import SUCCESS, Study
-from analysis.tables import binned, column, count_of, mean_by, pick, select
+from analysis.tables import CURVE_POINTS, binned, column, count_of, keep, mean_by, pick, select
+
+ASIDE = 0.09  # between neighbouring lines, as a share of the number of levels
 
 
 def gap_against_distance(study: Study) -> Drawn | str:
     """The gap of each run against exact W2."""
     runs = study.runs
-    if not np.isfinite(column(runs, "w2_exact")).any():
+    if not np.isfinite(column(runs, study.w2)).any():
         return "no run has its exact W2"
     group = "agent" if len(study.panels) == 1 else "panel"
     group = group if 1 < count_of(runs, group) <= len(style.PALETTE) else None
-    figure = gap_plot(pick(runs, [one for one in runs if one != "levels.seed"]), "w2_exact", "gap_deterministic", group)
-    table = pick(runs, ["panel", "agent", "n", "seed", "w2_exact", "gap", "gap_se"])
-    return Drawn(figure, table, "The gap of each run against the exact W2 between its training and test levels.")
+    # The seed of these rows is that of the level set.
+    figure = gap_plot(pick(runs, [one for one in runs if one != "levels.seed"]), study.w2, "gap_deterministic", group)
+    table = pick(runs, ["panel", "agent", "n", "seed", study.w2, "gap", "gap_se"])
+    caption = "The gap of each run against the exact W2 between its training and test levels."
+    return Drawn(figure, table, " ".join(filter(None, [caption, study.about_w2])))
 
 
-def by_number(
-    study: Study, values: Sequence[str], label: str, caption: str, limits: tuple[float, float] | None
-) -> Drawn:
-    """An axes per panel: means against the number of training levels, a line for each kind of agent."""
-    table = pd.concat(
-        [means(study.evidence, study.runs, ["panel", "agent", "levels"], one, one).assign(figure=one) for one in values]
+def success(study: Study) -> Drawn:
+    """Success on training and test levels."""
+    caption = (
+        "Success on test levels (filled, solid) and on training levels (hollow, dotted), with 95 % intervals over level sets. "
+        "Points are moved sideways, so that they do not cover each other."
     )
-    colours = dict(zip(study.agents, style.PALETTE * len(study.agents), strict=False))
+    return by_number(study, SUCCESS[::-1], "success", caption)
+
+
+def gap(study: Study) -> Drawn:
+    """The gap by number of training levels."""
+    return by_number(study, ["gap"], GAP, "The gap, with 95 % intervals over level sets.")
+
+
+def by_number(study: Study, values: Sequence[str], label: str, caption: str) -> Drawn:
+    """An axes per panel: means against the number of training levels, a line for each kind of agent and each of ``values``.
+
+    The first of the values is filled and solid, the second hollow and dotted. Intervals of shares end at 0 and 1.
+    """
+    shares = values[0] in SUCCESS
+    parts = [
+        means(study.evidence, study.runs, ["panel", "agent", "levels"], one, one).assign(figure=one) for one in values
+    ]
+    table = pd.concat(parts)
+    if shares:
+        table = table.assign(low=table["low"].clip(0, 1), high=table["high"].clip(0, 1))
+    lines = list(product(study.agents, values))
+    # Of one kind of agents, the values have colours of their own; of several, each kind has one.
+    kinds = lines if len(study.agents) == 1 else [(agent, values[0]) for agent, _ in lines]
+    colours = dict(zip(lines, (style.PALETTE[list(dict.fromkeys(kinds)).index(kind) % len(style.PALETTE)] for kind in kinds),
+                       strict=True))  # fmt: skip
+    aside = dict(zip(lines, 1 + ASIDE * (np.arange(len(lines)) - (len(lines) - 1) / 2), strict=True))
     figure, grid = figure_of_panels(len(study.panels), 3.7, 3.2, 0.5)
     for axes, panel in zip(grid, study.panels, strict=False):
-        for agent in study.agents:
-            for k, one in enumerate(values):
-                part = select(table, panel=panel, agent=agent, figure=one)
-                line, name = ":" if len(values) > 1 and k == 0 else "-", agent if one == values[-1] else ""
-                draw_means(axes, part, colours[agent], line, name)
+        for agent, one in lines:
+            part = select(table, panel=panel, agent=agent, figure=one)
+            at = column(part, "levels") * aside[agent, one]
+            draw_means(axes, at, part, colours[agent, one], one == values[0], line_name(study, agent, one, values))
         zero_line(axes)
         log_axis(axes, sorted(set(study.runs["n"])))
         axes.set_title(panel)
         axes.set_xlabel("training levels")
-        if limits:
-            axes.set_ylim(*limits)
+        if shares:
+            axes.set_ylim(-0.05, 1.05)
     grid[0].set_ylabel(label)
-    if len(study.agents) > 1:
+    if len(lines) > 1:
         legend_below(figure, grid[0], 2)
     return Drawn(figure, pick(table, ["figure", "panel", "agent", "levels", "estimate", "low", "high"]), caption)
 
 
-def draw_means(axes: Axes, part: pd.DataFrame, colour: str, line: str, label: str) -> None:
-    """Means with their intervals, and a line through them."""
-    n, middle = column(part, "levels"), column(part, "estimate")
-    axes.errorbar(n, middle, yerr=error_bars(part, "estimate"), color=colour, linestyle=line, capsize=2.5)
-    axes.scatter(n, middle, color=colour, s=26, zorder=3, label=label or None, **DOT)
+def line_name(study: Study, agent: str, value: str, values: Sequence[str]) -> str:
+    """What the legend calls a line."""
+    where = {SUCCESS[0]: "training levels", SUCCESS[1]: "test levels"}.get(value, "")
+    several = len(study.agents) > 1
+    return ", ".join(filter(None, [agent if several else "", where if len(values) > 1 else ""]))
 
 
-def success(study: Study) -> Drawn | str:
-    """Success on training and test levels."""
-    caption = "Success: test levels (solid) and training levels (dotted), with 95 % intervals over level sets."
-    return by_number(study, SUCCESS, "success", caption, (-0.03, 1.03))
-
-
-def gap(study: Study) -> Drawn | str:
-    """The gap by number of training levels."""
-    return by_number(study, ["gap"], GAP, "The gap, with 95 % intervals over level sets.", None)
+def draw_means(axes: Axes, at: np.ndarray, part: pd.DataFrame, colour: str, filled: bool, label: str) -> None:
+    """Means with their intervals at these places, and a line through them."""
+    middle = column(part, "estimate")
+    axes.errorbar(at, middle, yerr=error_bars(part, "estimate"), color=colour, fmt="none", capsize=2.5, elinewidth=1)
+    look: dict[str, Any] = (
+        {"markeredgecolor": "white", "markeredgewidth": 0.6} if filled else {"markerfacecolor": "white"}
+    )
+    line = "-" if filled else ":"
+    axes.plot(at, middle, color=colour, linestyle=line, marker="o", markersize=5.5, label=label or None, **look)
 
 
 def curves(study: Study) -> Drawn | str:
@@ -86,18 +115,51 @@ def curves(study: Study) -> Drawn | str:
     rows = select(table, name="episode/return") if len(table) else table
     if rows.empty:
         return "there are no returns of training episodes"
-    rows = rows.merge(pick(study.runs, ["run", "panel", "n"]), on="run")
-    rows = rows.assign(frames=binned(column(rows, "frames")))
+    known = ["run", "panel", "n", *(["round_frames"] if "round_frames" in study.runs else [])]
+    rows = rows.merge(pick(study.runs, known), on="run")
+    counts = select(table, name="episode/count")
+    caption = "Returns of training episodes, means over agents and seeds."
+    if len(counts) and "round_frames" in rows and np.isfinite(column(rows, "round_frames")).all():
+        width = max(column(rows, "round_frames").max(), column(rows, "frames").max() / CURVE_POINTS)
+        counts = pick(counts, ["run", "frames", "value"]).rename(columns={"value": "episodes"})
+        rows = in_rounds(rows.merge(counts, on=["run", "frames"]), width)
+        caption = (
+            "Returns of training episodes, means over agents and seeds. A point is the mean of the episodes that ended in the "
+            f"{width:,.0f} frames before it. In so many frames every environment ends an episode; in fewer, short ones count "
+            "more."
+        )
+    else:
+        rows = rows.assign(frames=binned(column(rows, "frames")))
     found = mean_by(rows, ["panel", "n", "frames"], ["value"])
     colours = dict(zip(sorted(set(found["n"])), style.SEQUENCE * 3, strict=False))
     figure, grid = figure_of_panels(len(study.panels), 3.7, 2.9, 0.5)
     for axes, panel in zip(grid, study.panels, strict=False):
-        draw_curves(axes, select(found, panel=panel), colours, 1.3)
+        part = select(found, panel=panel)
+        draw_curves(axes, part, colours, 1.3)
+        axes.scatter(
+            column(part, "frames") / 1000, column(part, "value"), s=8, color=[colours[n] for n in list(part["n"])]
+        )
         axes.set_title(panel)
         axes.set_xlabel("thousand frames")
     grid[0].set_ylabel("training return")
     legend_below(figure, grid[0], 8, "training levels")
-    return Drawn(figure, found, "Returns of training episodes, means over agents and seeds.")
+    return Drawn(figure, found, caption)
+
+
+def in_rounds(rows: pd.DataFrame, width: float) -> pd.DataFrame:
+    """Returns in windows of so many frames: one row per run and window, with the mean ``value`` over its ``episodes``.
+
+    The last window ends where the run ends. What is left at the beginning is no whole window and is left out: only short
+    episodes have ended there. A run that is shorter than a window has one row.
+    """
+    last = mean_by(rows.sort_values("frames").drop_duplicates("run", keep="last"), ["run"], ["frames"])
+    frames, values, episodes = (column(rows, name) for name in ("frames", "value", "episodes"))
+    ends = np.array([dict(zip(last["run"], last["frames"], strict=True))[run] for run in rows["run"]], np.float64)
+    back = np.floor((ends - frames) / width)
+    whole = (back == 0) | ((back + 1) * width <= ends)
+    rows = keep(rows.assign(frames=ends - back * width, total=values * episodes), whole)
+    found = mean_by(rows, ["run", "panel", "n", "frames"], ["total", "episodes"])
+    return found.assign(value=column(found, "total") / column(found, "episodes"))
 
 
 FIGURES: Mapping[str, Callable[[Study], Drawn | str]] = {

@@ -1,5 +1,6 @@
 """Makes the report of a study: its claims, its figures with their data, a page and a PDF."""
 
+import shlex
 from functools import partial
 from pathlib import Path
 
@@ -11,21 +12,22 @@ from analysis.report.study.figures import FIGURES
 from analysis.report.study.reading import Study, read_study
 from analysis.tables import write_csv
 
-COMMAND = "python -m analysis.report results=."  # in the folder of the report
-
 
 def make_study_report(folder: Path, out: Path) -> tuple[Study, list[Claim]]:
     """Reads the tables in ``folder``, and writes claims, figures and report into ``out``; returns the study and its claims.
 
-    A claim that cannot be tested is in the report with the reason.
+    A claim that cannot be tested is in the report with the reason, which is printed, too.
 
     Raises:
         RunFolderError: a table is not there, or somebody else's study names code of its own.
     """
-    study = read_study(folder)
+    study, command = read_study(folder), f"python -m analysis.report results={shlex.quote(str(folder))}"
     claims = [claim_or_reason(study, name, one) for name, one in study.asked.get("claims", {}).items()]
-    pictures = {name: write_picture(partial(draw, study), out, name, COMMAND) for name, draw in FIGURES.items()}
+    pictures = {name: write_picture(partial(draw, study), out, name, command) for name, draw in FIGURES.items()}
     table = claims_table(claims).drop(columns=["settings", "of_claim", "of_claim_corrected", "where", "follows"])
+    for claim in claims:
+        if claim.needs:
+            print(f"{claim.name} cannot be tested; it needs {claim.needs}.")
     write_csv(out / CLAIMS, table.replace({"verdict": WORDS}), 4)
     write_document(document(study, claims, pictures), out)
     return study, claims

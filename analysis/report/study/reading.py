@@ -1,15 +1,22 @@
 """What a study asks, and its runs: read from the tables of a results folder."""
 
-from collections.abc import Mapping, Sequence
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import yaml
 
+from analysis.distances import COMMON
 from analysis.report.claims.evidence import Evidence
-from analysis.report.results import measured, read_results
+from analysis.report.results import BLOCK, measured, read_results
+from analysis.runs import LEVEL_SETS, column_name, number_of_pairs
+from analysis.stats.association import labels
+from analysis.stats.estimate import Estimate
+from analysis.stats.resampling import FEWEST_BLOCKS, no_interval
 from analysis.tables import count_of, pick, select
 from experiments.reproduction.experiment_file import STUDY
 from experiments.runs.trust import require_trust
@@ -20,7 +27,22 @@ AGENT_SEED = "seed of the agent"
 KINDS = ("algorithm", "observation", "task", "variation", "design")  # columns that may tell agents apart
 NEEDED = ("family", "difficulty", "seed", "n", "run", "w2_exact", "gap_deterministic", "gap_ref_deterministic")
 ALL = "all agents"
+OWN_UNITS = "w2_exact has a unit for each pair of training and test distributions: compare it within a pair."
 SUCCESS = ("success_train_deterministic", "success_test_deterministic")
+
+
+class StudyEvidence(Evidence):
+    """The statistics of the paper's report, but without intervals of fewer than three level sets."""
+
+    def by_blocks(
+        self, name: str, table: pd.DataFrame, values: np.ndarray, statistic: Callable[[np.ndarray], float],
+        clusters: Sequence[str] = BLOCK, correlation: bool = False,
+    ) -> Estimate:  # fmt: skip
+        """As of :class:`Evidence`; of few level sets the statistic alone, and how many there are."""
+        count = len(set(labels(table, clusters)))
+        if 0 < count < FEWEST_BLOCKS:
+            return dataclasses.replace(no_interval(statistic(values), count, LEVEL_SETS), n=len(table))
+        return super().by_blocks(name, table, values, statistic, clusters, correlation)
 
 
 @dataclass(frozen=True)
@@ -37,6 +59,20 @@ class Study:
     told_apart: Sequence[str]  # columns that vary beside panels, numbers of levels and seeds
 
     @property
+    def w2(self) -> str:
+        """The column of exact W2: in one unit for all pairs of distributions, if the tables have that."""
+        return column_name(self.runs, "w2")
+
+    @property
+    def about_w2(self) -> str:
+        """In what unit W2 is, as a sentence; empty where all runs are of one pair of training and test distributions."""
+        if self.w2 == COMMON:
+            return (
+                "Exact W2 is in one unit: standard deviations over all distributions of the study, transfers included."
+            )
+        return OWN_UNITS if number_of_pairs(self.runs) > 1 else ""
+
+    @property
     def panels(self) -> list[str]:
         """The panels, in their order of first appearance."""
         return list(dict.fromkeys(self.runs["panel"]))
@@ -46,9 +82,8 @@ class Study:
         moved = self.evidence.results.moved
         there = select(moved, test=label) if len(moved) else moved
         if there.empty:
-            raise ConfigError(
-                f"on: no agent was tested on '{label}'.{did_you_mean(label, set(map(str, moved['test'])))}"
-            )
+            known = sorted(set(map(str, moved["test"]))) if len(moved) else []
+            raise ConfigError(f"tested_on: no agent was tested on '{label}'.{did_you_mean(label, known)}")
         own = ["run", *(name for name in self.runs if name not in there), "seed"]
         return there.drop(columns=["seed"]).merge(pick(self.runs, own), on="run")
 
@@ -81,7 +116,7 @@ def read_study(folder: Path) -> Study:
     told_apart = [name for name in (*KINDS, *vary) if name in table and count_of(table, name) > 1]
     table = measured(table)
     agent = [agent_name(row, told_apart) for row in table.to_dict("records")]
-    return Study(asked, Evidence(results), table.assign(agent=agent, levels=table["n"]), told_apart)
+    return Study(asked, StudyEvidence(results), table.assign(agent=agent, levels=table["n"]), told_apart)
 
 
 def agent_name(row: Mapping[Any, Any], told_apart: Sequence[str]) -> str:

@@ -125,11 +125,19 @@ def test_few_clusters_are_left_out_one_at_a_time_and_many_are_resampled():
         assert found.row() == pytest.approx((one if table is few else other).row())
 
 
-def test_one_cluster_has_a_statistic_and_no_interval():
-    table = clustered(4, clusters=1)
-    found, way = cluster_interval(table, np.mean, ("c",), rng(), values=table["y"].to_numpy())
-    assert (found.estimate, found.n, way) == (pytest.approx(table["y"].mean()), 1, "")
-    assert np.isnan(found.low) and "no interval" in found.note
+@pytest.mark.parametrize(("clusters", "note"), [(1, "one block has no interval"), (2, "2 blocks: no interval")])
+def test_fewer_clusters_than_are_asked_for_have_a_statistic_and_no_interval(clusters, note):
+    table = clustered(4, clusters=clusters)
+    found, way = cluster_interval(table, np.mean, ("c",), rng(), values=table["y"].to_numpy(), fewest=3)
+    assert (found.estimate, found.n, way) == (pytest.approx(table["y"].mean()), clusters, "")
+    assert np.isnan([found.low, found.high, found.p]).all() and found.note == note
+
+
+@pytest.mark.parametrize(("clusters", "fewest"), [(2, 2), (3, 3)])
+def test_as_many_clusters_as_are_asked_for_have_an_interval(clusters, fewest):
+    table = clustered(4, clusters=clusters)
+    found, _ = cluster_interval(table, np.mean, ("c",), rng(), values=table["y"].to_numpy(), fewest=fewest)
+    assert found.low < found.estimate < found.high
 
 
 @pytest.mark.parametrize("given", [(), ("n",)])
