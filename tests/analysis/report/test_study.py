@@ -3,22 +3,40 @@
 import csv
 
 import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 import yaml
 
+import segar
 from analysis.collect import collect_tables
 from analysis.report.make import report_results
 from analysis.report.study import claim_of, claim_or_reason, read_study
+from analysis.report.study.figures import in_rounds, success
 from analysis.stats.estimate import Estimate
 from experiments.commands.config_store import register_settings
 from experiments.commands.hydra_app import compose_data, initialized
+from experiments.evaluation.transfer_evaluation import levels_of
+from experiments.levels.builders import make_levels
 from experiments.reproduce import SETTINGS, with_sweep_tag, write_plan
 from experiments.reproduction.experiment_file import ClaimConfig
 from experiments.reproduction.plan import make_plan
-from experiments.runs.run_folder import EPISODE_SCHEMA, EPISODES, SUMMARY, write_json, write_rows
+from experiments.runs.run_folder import (
+    EPISODE_SCHEMA,
+    EPISODES,
+    LEVELS_TEST,
+    LEVELS_TRAIN,
+    SUMMARY,
+    folder_path,
+    write_json,
+    write_rows,
+)
 from experiments.runs.trust import TRUSTED
 from experiments.settings import ConfigError, RunFolderError, as_data
 from experiments.study import build, study_of
+from segar.levels import Levels
+from segar.metrics import spread, w2
 from tests.synthetic_runs import episodes, write_run
 
 STUDY = {
@@ -27,12 +45,13 @@ STUDY = {
     "grid": {"families": ["empty-easy", "empty-hard"], "counts": [1, 10], "seeds": 6, "vary": {"algorithm.gamma": [0.9, 0.99]}},
     "transfers": [{"family": "empty", "difficulty": "hard"}],
     "claims": {
-        "distance": {"says": "The gap follows W2.", "test": "correlation", "given": ["panel"]},
-        "gamma": {"says": "Gamma costs.", "test": "difference", "between": {"algorithm.gamma": [0.99, 0.9]}},
+        "distance": {"says": "The gap follows W2.", "test": "correlation", "given": ["panel"], "expected": "negative"},
+        "gamma": {"says": "Gamma costs.", "test": "difference", "between": {"algorithm.gamma": [0.99, 0.9]},
+                  "expected": "negative"},
         "hard": {"says": "Hard levels do not.", "test": "difference", "between": {"difficulty": ["hard", "easy"]},
                  "expected": "none", "margin": 0.5},
-        "far": {"says": "Elsewhere all is worse.", "test": "mean", "on": "empty-hard", "expected": "negative"},
-        "own": {"says": "A test of one's own.", "test": "mean", "where": {"n": 10}},
+        "far": {"says": "Elsewhere all is worse.", "test": "mean", "tested_on": "empty-hard", "expected": "negative"},
+        "own": {"says": "A test of one's own.", "test": "mean", "where": {"n": 10}, "expected": "negative"},
     },
 }  # fmt: skip
 
@@ -52,8 +71,9 @@ def planted(work):
     return {}
 
 
-def made(tmp_path, data=STUDY):
+def made(tmp_path, data=STUDY, work_off=planted):
     """The results folder of a study whose runs are planted."""
+    tmp_path.mkdir(exist_ok=True)
     path = tmp_path / "planted.yaml"
     path.write_text(yaml.safe_dump(data))
     study, overrides = study_of([str(path), f"root={tmp_path}/runs", "processes=1"])
@@ -62,7 +82,7 @@ def made(tmp_path, data=STUDY):
         config = build(study, compose_data(overrides, "study"))
     plan = make_plan(config.at_scale(), with_sweep_tag(config), config.folder)
     for work in plan.runs:
-        planted(work)
+        work_off(work)
     write_plan(config, plan)
     collect_tables(config.folder)
     return config.folder
@@ -101,7 +121,11 @@ def test_kinds_of_agents_and_blocks_are_those_of_the_study(folder):
     study = read_study(folder)
     assert study.agents == ["gamma=0.9", "gamma=0.99"]
     assert study.panels == ["empty-easy", "empty-hard"]
-    claim = claim_of(study, "gamma", ClaimConfig(says="", test="difference", between={"algorithm.gamma": [0.99, 0.9]}))
+    claim = claim_of(
+        study,
+        "gamma",
+        ClaimConfig(says="", test="difference", expected="negative", between={"algorithm.gamma": [0.99, 0.9]}),
+    )
     assert "24 rows in 12 blocks" in claim.note
 
 
@@ -115,23 +139,151 @@ def test_kinds_of_agents_and_blocks_are_those_of_the_study(folder):
             "between: no run has algorithm.gamma=0.5; there",
         ),
         (
-            {"test": "mean", "on": "empty-medium"},
-            "on: no agent was tested on 'empty-medium'. Did you mean 'empty-hard'?",
+            {"test": "mean", "tested_on": "empty-medium"},
+            "tested_on: no agent was tested on 'empty-medium'. Did you mean 'empty-hard'?",
         ),
         ({"test": "nowhere_to_be:found"}, "claims.mine: test: 'nowhere_to_be:found' cannot be imported"),
     ],
 )
 def test_a_claim_about_what_is_not_there_is_told(folder, claim, message):
     with pytest.raises(ConfigError) as caught:
-        claim_of(read_study(folder), "mine", ClaimConfig(says="", **claim))
+        claim_of(read_study(folder), "mine", ClaimConfig(says="", expected="negative", **claim))
     assert message in str(caught.value)
 
 
 def test_a_claim_that_cannot_be_tested_keeps_no_other_from_the_report(folder):
     study = read_study(folder)
-    lost = claim_or_reason(study, "mine", {"says": "x", "test": "mean", "where": {"n": 3}})
+    lost = claim_or_reason(study, "mine", {"says": "x", "test": "mean", "where": {"n": 3}, "expected": "none"})
     assert lost.verdict("tested") == "not testable"
     assert "no run has {'n': 3}" in lost.needs
+
+
+def test_the_levels_of_a_transfer_stand_in_the_words_of_the_test(folder):
+    study = read_study(folder)
+    own, there = (
+        claim_of(study, "mine", ClaimConfig("x", "mean", "negative", tested_on=label)) for label in ("", "empty-hard")
+    )
+    assert own.findings[0].test == "mean of gap"
+    assert there.findings[0].test == f"{own.findings[0].test}, on empty-hard"
+
+
+def test_what_is_not_testable_is_printed_with_the_reason(tmp_path, capsys):
+    claims = {"late": {"says": "x", "test": "mean", "of": "radius", "expected": "none"}}
+    report_results(made(tmp_path, {**STUDY, "claims": claims, "transfers": []}))
+    assert "late cannot be tested; it needs another claim or other runs (claims.late: of: the runs have no column" in (
+        capsys.readouterr().out
+    )
+
+
+@pytest.mark.parametrize(
+    ("claim", "message"),
+    [
+        ({"between": {"family": ["emty", "empty"]}, "test": "difference"},
+         "claims.mine.between: no run has family=emty; there are empty."),
+        ({"where": {"difficulty": "medium"}}, "claims.mine.where: no run has difficulty=medium; there are easy, hard."),
+        ({"where": {"n": [1, 3]}}, "claims.mine.where: no run has n=3; there are 1, 10."),
+        ({"tested_on": "nonsense"}, "claims.mine.tested_on: no agent is tested on 'nonsense'; transfers are empty-hard."),
+        ({"of": "algorithm.gama"}, "claims.mine.of: runs do not differ in algorithm.gama; grid.vary has such settings"),
+        ({"expected": None}, "claims.mine.expected: say what you expect: negative, positive, none"),
+        ({"on": "empty-hard"}, "name the levels of a transfer by tested_on: ...; YAML takes the key `on` for true"),
+        ({True: "empty-hard"}, "name the levels of a transfer by tested_on: ...; YAML takes the key `on` for true"),
+    ],
+)  # fmt: skip
+def test_a_claim_about_what_no_run_of_the_plan_has_ends_the_plan(tmp_path, claim, message):
+    stated = {"says": "x", "test": "mean", "expected": "none", **claim}
+    stated = {key: value for key, value in stated.items() if value is not None}
+    with pytest.raises(ConfigError) as caught:
+        made(tmp_path, {**STUDY, "claims": {"mine": stated}})
+    assert message in str(caught.value)
+    assert not (tmp_path / "runs").exists()
+
+
+def with_levels(work):
+    """:func:`planted`, with the levels in files and a result of the task's own."""
+    planted(work)
+    run = work.run
+    folder = folder_path(run)
+    train, test = make_levels(run.levels)
+    train.save(folder / LEVELS_TRAIN)
+    test.save(folder / LEVELS_TEST)
+    for place in (folder, *(transfer.folder(run) for transfer in work.transfers)):
+        table = pq.read_table(place / EPISODES)
+        left = pa.array(np.full(len(table), float(run.levels.count)))
+        pq.write_table(table.append_column("results/left", left), place / EPISODES)
+    for transfer in work.transfers:
+        levels_of(run, transfer).save(transfer.folder(run) / "levels.npz")
+    return {}
+
+
+SMALL = {
+    **STUDY,
+    "settings": {**STUDY["settings"], "levels.test_count": 5},
+    "grid": {"families": ["empty-easy"], "counts": [1, 3], "seeds": 3},
+    "claims": {
+        "left": {"says": "More is left.", "test": "mean", "of": "results/left_test", "expected": "positive"},
+        "far": {"says": "Farther is worse.", "test": "correlation", "expected": "negative"},
+        "own_unit": {"says": "The same.", "test": "correlation", "against": "w2_exact", "expected": "negative"},
+    },
+}
+
+
+def test_w2_of_a_study_with_a_transfer_is_in_one_unit_and_so_are_its_claims(tmp_path):
+    folder = made(tmp_path, SMALL, with_levels)
+    study = read_study(folder)
+    unit = spread(segar.family("empty-easy"), segar.family("empty-hard"))
+    for table, there in ((study.runs, LEVELS_TEST), (study.evidence.results.moved, "evaluations/*/levels.npz")):
+        for row in table.to_dict("records"):
+            run = tmp_path / "runs" / row["run"]
+            (test,) = run.glob(there)
+            expected = w2(Levels.load(run / LEVELS_TRAIN), Levels.load(test), scale=unit)
+            assert row["w2_exact_common"] == pytest.approx(expected)
+    claim = claim_of(study, "far", ClaimConfig("x", "correlation", "negative"))
+    assert claim.findings[0].test == "gap against w2_exact_common"
+    report_results(folder)
+    page = (folder / "report.html").read_text()
+    assert "in one unit: standard deviations over all distributions of the study" in page
+    assert f"results={folder}" in page
+
+
+def test_results_of_the_task_are_columns_of_claims(tmp_path):
+    claim = claim_of(
+        read_study(made(tmp_path, SMALL, with_levels)),
+        "left",
+        ClaimConfig("x", "mean", "positive", of="results/left_test"),
+    )
+    assert claim.findings[0].found.estimate == pytest.approx(2.0)
+
+
+def test_more_test_levels_make_no_more_blocks_and_two_blocks_no_interval(tmp_path):
+    tests = {"vary": {"levels.test": ["empty-easy", "empty-medium"]}}
+    for seeds, note in ((2, "2 level sets: no interval"), (3, "12 rows in 3 blocks, left out one at a time")):
+        grid = {"families": ["empty-easy"], "counts": [1, 10], "seeds": seeds, **tests}
+        study = read_study(made(tmp_path / str(seeds), {**STUDY, "grid": grid, "claims": {}}))
+        finding = claim_of(study, "mine", ClaimConfig("x", "correlation", "negative", against="w2_exact")).findings[0]
+        assert finding.found.note == note
+        assert np.isnan(finding.found.low) == (seeds == 2) and finding.verdict in ("undecided", "reproduced")
+
+
+def test_a_window_of_the_learning_curve_holds_an_episode_of_every_environment():
+    """Two environments: short episodes end early, and long ones all at once."""
+    rows = pd.DataFrame({
+        "run": "a", "panel": "p", "n": 1, "frames": [10, 20, 30, 40, 50],
+        "value": [-1.0, -1.0, -5.0, -1.0, -5.0], "episodes": [1, 1, 2, 2, 2],
+    })  # fmt: skip
+    found = in_rounds(rows, 20.0)
+    assert list(found["frames"]) == [30.0, 50.0]  # the first 10 frames are no whole window
+    assert list(found["value"]) == pytest.approx([-(1 + 10) / 3, -(2 + 10) / 4])
+    assert list(in_rounds(rows, 100.0)["value"]) == pytest.approx([np.average(rows["value"], weights=rows["episodes"])])
+
+
+def test_success_has_a_line_for_training_and_one_for_test_levels_inside_the_axes(folder):
+    drawn = success(read_study(folder))
+    lows, highs = drawn.table["low"], drawn.table["high"]
+    assert (lows.dropna() >= 0).all() and (highs.dropna() <= 1).all()
+    labels = [text.get_text() for text in drawn.figure.legends[0].get_texts()]
+    assert labels == [f"gamma={g}, {levels} levels" for g in (0.9, 0.99) for levels in ("test", "training")]
+    places = [tuple(line.get_xdata()) for line in drawn.figure.axes[0].lines if line.get_marker() == "o"]
+    assert len(set(places)) == len(places) == 4
 
 
 def half(runs):
@@ -145,7 +297,7 @@ def test_a_test_of_ones_own_gets_the_runs_and_returns_an_estimate(folder):
 
 
 def test_the_study_of_somebody_else_imports_nothing_without_trust(tmp_path, monkeypatch):
-    claims = {"mine": {"says": "x", "test": f"{__name__}:half"}}
+    claims = {"mine": {"says": "x", "test": f"{__name__}:half", "expected": "positive"}}
     folder = made(tmp_path, {**STUDY, "claims": claims})
     path = folder / "study.yaml"
     path.write_text(path.read_text().replace("Planted effects", "Other effects"))

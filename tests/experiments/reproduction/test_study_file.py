@@ -26,7 +26,9 @@ GOOD = {
     "title": "Does it matter?",
     "settings": {"algorithm": "ppo_fast", "observation": "state", "scale.frames": 2000, "levels": {"test_count": 5}},
     "grid": {"families": ["empty-easy", "billiards"], "counts": [1, 4], "seeds": 2},
-    "claims": {"distance": {"says": "Farther is worse.", "test": "correlation", "given": ["panel"]}},
+    "claims": {
+        "distance": {"says": "Farther is worse.", "test": "correlation", "given": ["panel"], "expected": "negative"}
+    },
 }
 # Mistakes: where, what, and what the message says.
 WRONG = {
@@ -38,6 +40,9 @@ WRONG = {
     "text as a number": (["grid", "seeds"], "two", "grid.seeds: 'two' is not a whole number"),
     "no column": (["claims", "distance", "of"], "sucess_test", "claims.distance.of: the runs have no column 'sucess_test'"),
     "no given": (["claims", "distance", "given"], ["pannel"], "claims.distance.given: the runs have no column 'pannel'"),
+    "no sign": (["claims", "distance"], {"says": "x", "test": "mean"}, "claims.distance.expected: say what you expect"),
+    "on": (["claims", "distance", True], "empty-hard", "claims.distance: name the levels of a transfer by tested_on"),
+    "no result": (["claims", "distance", "of"], "results/left", "claims.distance.of: the runs have no column 'results/left'"),
     "no values": (["grid", "vary"], {"algorithm.gamma": 0.9}, "grid.vary.algorithm.gamma: 0.9 is not allowed; it must be"),
     "a name of its own": (["grid", "vary"], {"seed": [1]}, "grid.vary.seed: 'seed' is not allowed; it must be varied by"),
 }  # fmt: skip

@@ -91,8 +91,8 @@ def test_all_rows_are_written_to_a_file_or_none(tmp_path, suffix, monkeypatch):
     run(short_run(tmp_path / "runs" / "a"))
     with killed_after(2, monkeypatch):
         run(short_run(tmp_path / "runs" / "b", seed=1))
-    path = tmp_path / f"all.{suffix}"
-    results(ResultsConfig(root=str(tmp_path / "runs"), output=str(path)), lambda line: None)
+    path, said = tmp_path / f"all.{suffix}", []
+    results(ResultsConfig(root=str(tmp_path / "runs"), output=str(path)), said.append)
     if suffix == "csv":
         names = [row["run"] for row in csv.DictReader(path.read_text().splitlines())]
     elif suffix == "parquet":
@@ -100,7 +100,9 @@ def test_all_rows_are_written_to_a_file_or_none(tmp_path, suffix, monkeypatch):
     else:
         names = [line.split()[1] for line in path.read_text().splitlines()[2:4]]
     assert names == ["a", "b"]
-    assert [one.name for one in tmp_path.iterdir() if one.name not in ("runs", path.name)] == []
+    means = f"all.means.{suffix}" if suffix != "md" else "(no file)"
+    assert {one.name for one in tmp_path.iterdir()} - {"runs", path.name} == {means} - {"(no file)"}
+    assert any(line.endswith(means) for line in said) == (suffix != "md")
 
 
 def test_a_format_that_there_is_not_is_refused_before_anything_is_read(tmp_path):
