@@ -25,7 +25,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.distances import COMMON, count_pairs, in_one_unit, own_levels, transfer_levels
-from analysis.tables import performance, select, write_csv
+from analysis.tables import column, performance, select, write_csv
 from experiments.commands.hydra_app import run_simple_command
 from experiments.levels.mixed_levels import SEPARATOR
 from experiments.reproduction.experiment_file import PLAN, STUDY
@@ -196,11 +196,12 @@ def round_frames(folder: Path) -> float:
     """In how many frames every environment of a run's training ends an episode, in whole intervals between its figures: the
     number of environments times the longest episode that was seen. NaN for an algorithm that does not say how many it has."""
     environments = getattr(read_config(folder).algorithm, "num_envs", np.nan)
-    times = np.unique(read_metrics(folder).to_pandas().query("name == 'episode/count'")["frames"])
+    metrics = read_metrics(folder).to_pandas()
+    times = np.unique(column(select(metrics, name="episode/count"), "frames"))
     if not len(times) or not np.isfinite(environments):
         return float("nan")
-    lengths = read_metrics(folder).to_pandas().query("name == 'episode/length'")["value"]
-    longest = max(read_episodes(folder).to_pandas()["length"].max(), lengths.max() if len(lengths) else 0.0)
+    lengths = column(select(metrics, name="episode/length"), "value")
+    longest = max(column(read_episodes(folder).to_pandas(), "length").max(), lengths.max(initial=0.0))
     every = float(np.diff(times, prepend=0).max())
     return float(np.ceil(environments * longest / every) * every)
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from analysis.tables import Floats
-from experiments.evaluation.evaluator import LEVELS
+from experiments.evaluation.transfers import LEVELS
 from experiments.levels.builders import distribution_of
 from experiments.runs.run_folder import EVALUATIONS, LEVELS_TEST, LEVELS_TRAIN, SUMMARY, read_config
 from experiments.settings import LevelsConfig, RunFolderError

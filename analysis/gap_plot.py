@@ -43,14 +43,8 @@ NORMAL = 1.96  # standard errors of a 95 % interval
 MOST_GROUPS = len(style.PALETTE)  # colours that readers can tell apart
 # Settings that colours show: the first of them that varies.
 PREFERRED = ("levels.train", "family", "algorithm.name", "algorithm", "levels.count", "n")
-CELL = (
-    "family",
-    "difficulty",
-    "n",
-    "variation",
-    "design",
-    "agent",
-)  # settings in tables that do not say which they are
+# Settings in tables that do not say which columns are settings.
+CELL = ("family", "difficulty", "n", "variation", "design", "agent")
 TITLE_WIDTH = 100  # characters
 GAP = "gap (return on test − on training levels)"
 TITLES = {

@@ -16,6 +16,7 @@ from experiments.collection.collector import observation_shape
 from experiments.commands import process_defaults as runtime
 from experiments.evaluation.baselines import IdleAgent
 from experiments.evaluation.episodes import Agent, action_rng, actions_of, play_episodes, play_in_modes
+from experiments.evaluation.transfers import LEVELS
 from experiments.levels.builders import distribution_of, environment_options, find_distribution
 from experiments.runs.executed_code import changed_parts, executed_code
 from experiments.runs.own_modules import modules_named
@@ -47,7 +48,6 @@ from segar.levels import Levels
 from segar.rendering import View, write_video
 
 COUNT = 100  # levels of a distribution, where the number is not given
-LEVELS = "levels.npz"
 VIEW = View(size=384)  # of videos
 OWN = {"train": LEVELS_TRAIN, "test": LEVELS_TEST}  # the run's own level sets
 

@@ -15,6 +15,8 @@ from experiments.runs.run_folder import EVALUATIONS, SUMMARY, folder_path, is_fi
 from experiments.settings import ObservationConfig, RunConfig, as_data
 from experiments.settings.run import digest
 
+LEVELS = "levels.npz"  # in the folder of an evaluation: what was played
+
 
 @dataclass(frozen=True)
 class FactorSwap:

@@ -58,6 +58,11 @@ def test_measuring_a_distance_does_not_load_torch():
     assert "torch" not in loaded, "POT brought torch: set POT_BACKEND_DISABLE_PYTORCH before `import ot`"
 
 
+def test_tables_plots_and_reports_do_not_load_torch():
+    loaded = modules_loaded_by("import analysis.collect, analysis.gap_plot, analysis.report.make")
+    assert "torch" not in loaded, "what reads results imports what trains"
+
+
 @pytest.mark.parametrize(("who", "whom"), FORBIDDEN_ARROWS)
 def test_no_import_points_up(who, whom):
     wrong = [f"{place}: {who} must not import {name}" for place, name in imports_of(who) if is_within(name, whom)]
