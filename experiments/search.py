@@ -21,6 +21,7 @@ from experiments.reproduction.process_pool import Job, JobResult, run_jobs
 from experiments.reproduction.search_space import Dimension, dimensions, with_values
 from experiments.runs.run_folder import lock, runs_root
 from experiments.settings import (
+    OWN_TASK,
     ConfigError,
     RunConfig,
     TrainingError,
@@ -169,6 +170,7 @@ def report(study: optuna.Study, spec: Search) -> str:
     rows = [[trial.number, value, *map(in_short, trial.params.values())] for value, trial in found[:SHOWN]]
     run = spec.run
     groups = f"levels={run.levels.train} observation={run.observation.name} algorithm={run.algorithm.name}"
+    groups += f" task={run.task.name}" * (run.task.name != OWN_TASK)
     settings = " ".join(f"{name}={in_short(value)}" for name, value in best.items())
     return "\n".join(
         [

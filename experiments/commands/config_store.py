@@ -13,7 +13,7 @@ from typing import Any
 from hydra.core.config_store import ConfigStore
 from omegaconf import OmegaConf
 
-from experiments.settings import CHECKOUT, KINDS, TRACKERS, ConfigError, RunConfig, algorithm_named, as_data
+from experiments.settings import CHECKOUT, KINDS, OWN_TASK, TRACKERS, ConfigError, RunConfig, algorithm_named, as_data
 from segar.levels import TASK_LEVELS, families
 from segar.observations import OBSERVATIONS
 from segar.tasks import TASKS
@@ -48,7 +48,7 @@ def register_settings(config_name: str = "config", settings: Mapping[str, Any] |
         store.store(group="algorithm", name=f"base_{kind}", node=as_data(config()))
     choices = {
         "levels": ("train", (*families(), *TASK_LEVELS)),
-        "task": ("name", TASKS),
+        "task": ("name", (OWN_TASK, *TASKS)),
         "observation": ("name", OBSERVATIONS),
         "tracking": ("name", TRACKERS),
     }

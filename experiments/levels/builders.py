@@ -10,12 +10,24 @@ import numpy as np
 
 from experiments.levels.conditions import conditional_puttputt
 from experiments.levels.variations import vary
-from experiments.settings import DESIGNS, TARGET_DESIGN, ConfigError, LevelsConfig, RunConfig, import_object, level_file
+from experiments.settings import (
+    DEFAULT_TASK,
+    DESIGNS,
+    OBJECT_NAME,
+    OWN_TASK,
+    TARGET_DESIGN,
+    ConfigError,
+    LevelsConfig,
+    RunConfig,
+    as_data,
+    import_object,
+    level_file,
+)
 from segar.cli import load_levels
 from segar.envs import VectorEnv
 from segar.errors import LevelError, SegarError, did_you_mean
 from segar.language import Order
-from segar.levels import Levels, family
+from segar.levels import LevelDistribution, Levels, family
 from segar.metrics import design, w2
 from segar.observations import OBSERVATIONS
 from segar.tasks import TASKS
@@ -36,6 +48,11 @@ class LevelFile:
     def world(self) -> Any:
         """Their rules."""
         return self.levels.world
+
+    @property
+    def task(self) -> str | None:
+        """The name of the task that they are for."""
+        return self.levels.task
 
     def __len__(self) -> int:
         return len(self.levels)
@@ -145,13 +162,45 @@ def environment_options(config: RunConfig, num_envs: int | None = None) -> dict[
     Raises:
         ConfigError: there is no such observation or task.
     """
+    for setting, name in as_data(
+        config.levels
+    ).items():  # their modules may define a parameter that an observation names
+        if isinstance(name, str) and OBJECT_NAME.fullmatch(name):
+            import_object(name, f"levels.{setting}")
+    is_own = config.task.name == OWN_TASK
+    place = f"levels.train: the task that {config.levels.train} names" if is_own else "task.name"
+    task = _find(task_name(config), config.task.options, "task", place)
     most = config.num_threads if num_envs is None else max(num_envs // ENVS_PER_THREAD, 1)
     return {
-        "observation": _find(config.observation.name, config.observation.options, "observation"),
-        "task": _find(config.task.name, config.task.options, "task"),
+        "observation": _find(config.observation.name, config.observation.options, "observation", "observation.name"),
+        "task": task,
         "num_threads": min(config.num_threads, most),
         "unit_actions": True,  # which policies give, whatever the range of the task
     }
+
+
+def task_name(config: RunConfig) -> str:
+    """The name of the task that is played, on all levels of a run: the one that is chosen, or that of the training levels.
+
+    Raises:
+        ConfigError: a level file names a task that is not built in, or a variation gives named levels another task.
+    """
+    if config.task.name != OWN_TASK:
+        return config.task.name
+    found, chosen = distribution_of(config.levels, "train"), config.resolved().task.name
+    levels = found if isinstance(found, LevelDistribution | LevelFile) else found.sample(1, seed=0, split="train")
+    name = levels.task or DEFAULT_TASK
+    if isinstance(found, LevelFile) and name not in KNOWN_TASKS:
+        raise ConfigError(
+            f"levels.train: the levels of {found.path} were saved for the task '{name}', which a level file does not hold;"
+            f" give task={name}"
+        )
+    if chosen not in (OWN_TASK, name):
+        raise ConfigError(
+            f"levels.variation: {config.levels.variation} gives levels for the task '{name}', and those of"
+            f" {config.levels.train} are for '{chosen}'. Choose one of them: task={name} or task={chosen}"
+        )
+    return name
 
 
 def check_observations(config: RunConfig, train: Levels, test: Levels) -> None:
@@ -171,15 +220,22 @@ def check_observations(config: RunConfig, train: Levels, test: Levels) -> None:
     )
 
 
-def _find(name: str, options: Mapping[str, Any], group: str) -> Any:
-    """The task or observation that ``name`` stands for; a function or class is called with ``options``."""
+def _find(name: str, options: Mapping[str, Any], group: str, place: str) -> Any:
+    """The task or observation that ``name``, which ``place`` states, stands for; a function or class is called with
+    ``options``."""
     known: Mapping[str, Any] = KNOWN_TASKS if group == "task" else OBSERVATIONS
     if name not in known and ":" not in name:
-        raise ConfigError(f"{group}.name: no {group} is called '{name}'.{did_you_mean(name, known)}")
+        raise ConfigError(f"{place}: no {group} is called '{name}'.{did_you_mean(name, known)}")
     found = known.get(name, name)
     if isinstance(found, str):
-        found = import_object(found, f"{group}.name")
+        found = import_object(found, place)
     if not callable(found):
+        if options:
+            made = "a task" if group == "task" else "an observation"
+            raise ConfigError(
+                f"{group}.options: {name} is {made}, which is made already, so {', '.join(options)} would say nothing. Name a"
+                f" function that takes {'it' if len(options) == 1 else 'them'} and returns the {group}"
+            )
         return found
     known_options = inspect.signature(found).parameters
     takes_any = any(one.kind is one.VAR_KEYWORD for one in known_options.values())

@@ -14,7 +14,7 @@ from functools import cache
 from pathlib import Path
 
 import segar
-from experiments.levels.builders import LevelFile, distribution_of, environment_options
+from experiments.levels.builders import LevelFile, distribution_of, environment_options, task_name
 from experiments.runs.own_modules import is_installed, modules_named, source_of
 from experiments.runs.run_folder import VERSIONS, read_versions
 from experiments.runs.versions import levels_hash
@@ -36,7 +36,7 @@ def executed_code(config: RunConfig) -> dict[str, str]:
 
     The parts are ``kernel``, ``levels`` (some that the distributions give, so data that they read count, too), ``learner``,
     ``environment``, ``sampler``, ``textures`` where the observation has them, and the name of every module of the user's
-    own that a setting names (``my_lab.levels``), with what it reaches (:func:`modules_reached`).
+    own that a setting or the levels' task names (``my_lab.levels``), with what it reaches (:func:`modules_reached`).
     """
     task = environment_options(config)["task"]
     train, test = (probed_levels(config, split) for split in ("train", "test"))
@@ -49,7 +49,11 @@ def executed_code(config: RunConfig) -> dict[str, str]:
     parts["environment"], parts["sampler"] = _library(ENVIRONMENT), _library(SAMPLER)
     if "textures" in config.observation.name:
         parts["textures"] = _library(("textures",))
-    named = (name for name in {*modules_named(as_data(config))} - {learner} if source_of(name) is not None)
+    named = (
+        name
+        for name in {*modules_named([as_data(config), task_name(config)])} - {learner}
+        if source_of(name) is not None
+    )
     return {**parts, **{module: fingerprint(module) for module in sorted(named)}}
 
 

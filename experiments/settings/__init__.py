@@ -72,7 +72,9 @@ from experiments.settings.release_0_1 import RENAMED, TYPE_IS_GONE, label_in_0_1
 from experiments.settings.run import (
     ACTION_MODES,
     CHECKOUT,
+    DEFAULT_TASK,
     DIFFICULTIES,
+    OWN_TASK,
     TRACKERS,
     ActionMode,
     Design,
@@ -90,15 +92,15 @@ from experiments.settings.run import (
 )
 
 __all__ = [
-    "ACTION_MODES", "CHECKOUT", "DESIGNS", "DIFFICULTIES", "KINDS", "OBJECT_NAME", "RENAMED", "TARGET",
-    "TARGET_DESIGN", "TRACKERS", "TYPE_IS_GONE", "ActionMode", "AlgorithmConfig", "AuxiliaryConfig", "CURLConfig",
-    "CheckpointError", "ConfigError", "Count", "CountFrom0", "Design", "Difficulty", "DrQConfig", "EvaluateConfig",
-    "EvaluationConfig", "Family", "GridPoint", "LevelsConfig", "NotNegative", "ObservationConfig", "OffPolicyConfig",
-    "PPOConfig", "Positive", "PositiveOrNull", "RecurrentPPOConfig", "RunConfig", "RunFolderError", "SACConfig",
-    "SPRConfig", "ScaleConfig", "Seed", "Settings", "Share", "TaskConfig", "TrackingConfig", "TrackingError",
-    "TrainingError", "Widths", "add_module_path", "added_later", "algorithm_named", "as_data", "config_at",
-    "construct", "design", "design_hash", "flat", "grid_point", "hand_on_password", "import_object",
-    "is_distribution", "kind_of", "label_in_0_1", "level_file", "one_of", "panel_parts", "paper_grid", "paper_seeds",
-    "path_of", "require", "require_design", "require_known", "require_seed", "run_config", "scheme", "sqlite_address",
-    "that", "with_new_names", "with_password", "without_files", "without_folder", "without_password",
+    "ACTION_MODES", "CHECKOUT", "DEFAULT_TASK", "DESIGNS", "DIFFICULTIES", "KINDS", "OBJECT_NAME", "OWN_TASK",
+    "RENAMED", "TARGET", "TARGET_DESIGN", "TRACKERS", "TYPE_IS_GONE", "ActionMode", "AlgorithmConfig",
+    "AuxiliaryConfig", "CURLConfig", "CheckpointError", "ConfigError", "Count", "CountFrom0", "Design", "Difficulty",
+    "DrQConfig", "EvaluateConfig", "EvaluationConfig", "Family", "GridPoint", "LevelsConfig", "NotNegative",
+    "ObservationConfig", "OffPolicyConfig", "PPOConfig", "Positive", "PositiveOrNull", "RecurrentPPOConfig",
+    "RunConfig", "RunFolderError", "SACConfig", "SPRConfig", "ScaleConfig", "Seed", "Settings", "Share", "TaskConfig",
+    "TrackingConfig", "TrackingError", "TrainingError", "Widths", "add_module_path", "added_later", "algorithm_named",
+    "as_data", "config_at", "construct", "design", "design_hash", "flat", "grid_point", "hand_on_password",
+    "import_object", "is_distribution", "kind_of", "label_in_0_1", "level_file", "one_of", "panel_parts", "paper_grid",
+    "paper_seeds", "path_of", "require", "require_design", "require_known", "require_seed", "run_config", "scheme",
+    "sqlite_address", "that", "with_new_names", "with_password", "without_files", "without_folder", "without_password",
 ]  # fmt: skip

@@ -35,12 +35,14 @@ from experiments.settings.checks import (
 )
 from experiments.settings.own_code import OBJECT_NAME, without_folder
 from experiments.settings.processor import multiplies_bf16
-from segar.levels import TASK_LEVELS, families
+from segar.levels import TASK_LEVELS, families, family
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 ACTION_MODES = ("deterministic", "sampled")  # of evaluation
 TRACKERS = ("mlflow", "none")
 DIFFICULTIES = ("easy", "medium", "hard")
+OWN_TASK = "levels"  # the task.name that means the task of the training levels
+DEFAULT_TASK = "puttputt"  # of levels that name none
 
 
 def require_family(place: str, name: str) -> None:
@@ -95,11 +97,11 @@ class LevelsConfig(Settings):
 
 @dataclass(frozen=True)
 class TaskConfig(Settings):
-    """What the agent is asked to do: a task's name, or ``module:attribute``."""
+    """What the agent is asked to do: ``levels`` for the task of the training levels, a task's name, or ``module:attribute``."""
 
     group: ClassVar[str] = "task"
 
-    name: str = "puttputt"
+    name: str = OWN_TASK
     options: Mapping[str, Any] = field(default_factory=dict)  # keyword arguments, e.g. reward, max_steps, sub_steps
 
 
@@ -185,12 +187,19 @@ class RunConfig(Settings):
             require(value in allowed, f"algorithm.{name}", value, wanted)
 
     def resolved(self) -> "RunConfig":
-        """The same settings with what ``auto`` means on this machine."""
+        """The same settings with what ``auto`` means on this machine, and with the task of named levels by its name.
+
+        Of levels of the user's own, ``task.name`` stays ``levels``: their code or their file says which task it is.
+        """
+        config = self
+        if self.task.name == OWN_TASK and self.levels.train in (*families(), *TASK_LEVELS):
+            name = family(self.levels.train).task or DEFAULT_TASK
+            config = dataclasses.replace(self, task=dataclasses.replace(self.task, name=name))
         if getattr(self.algorithm, "precision", None) != "auto":
-            return self
+            return config
         device = getattr(self.algorithm, "device", "cpu").partition(":")[0]
         half = self.determinism == "machine" and multiplies_bf16(device)
-        return self.with_precision("bf16" if half else "fp32")
+        return config.with_precision("bf16" if half else "fp32")
 
     def with_precision(self, precision: str) -> "RunConfig":
         """The same settings with another ``algorithm.precision``."""

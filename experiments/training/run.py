@@ -1,5 +1,6 @@
 """One run from settings to run folder: levels, training, evaluation, distances, summary."""
 
+import dataclasses
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -18,10 +19,17 @@ from experiments.evaluation.episodes import (
     evaluation_figures,
     unseen_by_distances,
 )
-from experiments.levels.builders import check_observations, distribution_of, environment_options, make_levels
+from experiments.levels.builders import (
+    check_observations,
+    distribution_of,
+    environment_options,
+    make_levels,
+    task_name,
+)
 from experiments.networks.devices import arithmetic
 from experiments.runs.executed_code import changed_parts, executed_code
 from experiments.runs.journal import Journal
+from experiments.runs.own_modules import folders_of
 from experiments.runs.run_folder import (
     EPISODE_SCHEMA,
     EPISODES,
@@ -82,6 +90,8 @@ def run(config: RunConfig, say: Callable[[str], None] = print) -> RunResult:
     kind = learner_class(config.algorithm)  # before a run folder is made: it may not fit
     if not folder_path(config).exists():
         _check_names(config)
+    # The levels' own task may lie elsewhere than the levels; settings that do not name it say nothing of its place.
+    config = dataclasses.replace(config, module_path=(*config.module_path, *folders_of(task_name(config))))
     with use_run_folder(config) as folder, watch_signals() as signals:
         code = executed_code(config) if (folder / VERSIONS).exists() else None
         changed = changed_parts(folder, code)
@@ -197,7 +207,7 @@ def _make_environment(kind: type[Learner], config: RunConfig, train: Levels) -> 
         num_envs = config.algorithm.num_envs
         return make_env(train, num_envs, seed=config.seed, **environment_options(config, num_envs))
     except RuleError as error:
-        if train.task in (None, config.task.name):
+        if train.task in (None, task_name(config)):
             raise
         raise ConfigError(
             f"task: the levels of {config.levels.train} are for task={train.task}, and {config.task.name} does not fit: {error}"
@@ -207,6 +217,7 @@ def _make_environment(kind: type[Learner], config: RunConfig, train: Levels) -> 
 def _closing_lines(config: RunConfig, folder: Path, summary: Mapping[str, Any]) -> str:
     speed = summary["frames"] / max(summary["seconds"], 1e-9)
     lines = [f"{config.label()}: {summary['frames']:,} frames in {summary['seconds']:.0f} s ({speed:,.0f} frames/s)"]
+    lines.append(f"  task                        {task_name(config)}")
     lines += [f"  {name:<27} {summary[key]:8.3f}" for key, name in SHOWN.items()]
     lines += [f"  W2, {key[3:]:<23} {value:8.3f}" for key, value in summary.items() if key.startswith("w2/")]
     lines.append(f"  computed with               {computed_with(read_versions(folder))}")

@@ -154,10 +154,10 @@ def test_where_there_is_no_such_run_the_sweeps_are_named(tmp_path):
 
 @pytest.mark.parametrize("name", ["billiards", "invisiball"])
 def test_levels_choose_their_own_task_unless_one_is_named(name):
-    assert compose([f"levels={name}"]).task.name == name
-    assert compose([f"levels={name}", "levels.count=3"]).levels.count == 3
-    assert compose([f"levels={name}", "task=puttputt"]).task.name == "puttputt"
-    assert compose([]).task.name == "puttputt"
+    assert compose([f"levels={name}"]).resolved().task.name == name
+    assert compose([f"levels.train={name}"]).resolved().task.name == name
+    assert compose([f"levels={name}", "task=puttputt"]).resolved().task.name == "puttputt"
+    assert compose([]).resolved().task.name == "puttputt"
 
 
 def test_a_task_that_does_not_fit_the_levels_is_named_with_the_one_that_does(tmp_path):

@@ -23,7 +23,7 @@ def test_each_seed_has_training_levels_of_its_own_and_all_share_the_test_levels(
 def test_cells_and_seeds_belong_to_one_experiment():
     config = RunConfig(seed=1, scale=ScaleConfig(seeds=2))
     assert {design_hash(cell) for cell in paper_grid(config)} == {
-        design_hash(config_at(config, GridPoint("a", "", 3, 9)))
+        design_hash(config_at(config, GridPoint("tilesx1", "easy", 3, 9)))
     }
 
 

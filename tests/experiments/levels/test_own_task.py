@@ -1,0 +1,173 @@
+"""Which task a run plays where none is chosen: that of its training levels, and what is said where that is not clear."""
+
+import dataclasses
+import sys
+
+import pytest
+
+import segar
+from experiments.commands.hydra_app import compose
+from experiments.evaluation.evaluator import evaluate
+from experiments.levels.builders import distribution_of, environment_options, task_name
+from experiments.reproduction.checks import check_objects
+from experiments.runs.executed_code import executed_code
+from experiments.runs.run_folder import read_config, read_summary
+from experiments.settings import ConfigError, EvaluateConfig, LevelsConfig, ObservationConfig, RunConfig, TaskConfig
+from experiments.settings.grid import GridPoint, config_at
+from experiments.training.run import run
+from segar.levels.named_families import TASK_LEVELS
+from tests.experiments.short_runs import short_run
+
+LEVELS = """
+import dataclasses
+import segar
+
+class Draught(segar.Parameter, default=0.0): ...
+
+field = dataclasses.replace(segar.family("empty-easy"), name="field", task="landing_tasks:landing")
+plain = dataclasses.replace(field, task=None)
+wrong = dataclasses.replace(field, task="landing_tasks:landng")
+draughty = dataclasses.replace(field, parameters={Draught: 1.0})
+
+def for_landing(distribution):
+    return dataclasses.replace(distribution, task="landing_tasks:landing")
+"""
+TASKS = """
+import dataclasses
+import segar
+from segar.observations import StateVector
+
+def height(ball: segar.GolfBall) -> float:
+    return ball[segar.Position][1]
+
+def landing(max_steps: int = 7) -> segar.Task:
+    return dataclasses.replace(segar.puttputt(max_steps=max_steps), name="landing", reward=height)
+
+landed = landing()
+looks = StateVector()
+"""
+# The names that runs of named families had when PuttPutt was the default of all levels.
+LABELS = {
+    "empty-hard": "empty-hard-n10-state-ppo_fast-s0-069a7f10",
+    "objectsx2-medium": "objectsx2-medium-n10-state-ppo_fast-s0-46703b0d",
+    "puttputt": "puttputt-n10-state-ppo_fast-s0-ca5b38c6",
+    "puttputt-random-middle": "puttputt-random-middle-n10-state-ppo_fast-s0-b69c831f",
+    "billiards": "billiards-n10-state-ppo_fast-s0-fb108d82",
+    "invisiball": "invisiball-n10-state-ppo_fast-s0-f505fe1d",
+}
+
+
+@pytest.fixture
+def lab(tmp_path, monkeypatch):
+    """A folder with levels that name a task, and with that task; what is imported from it is forgotten afterwards."""
+    monkeypatch.setattr(sys, "path", [*sys.path, str(tmp_path)])
+    (tmp_path / "landing_levels.py").write_text(LEVELS)
+    (tmp_path / "landing_tasks.py").write_text(TASKS)
+    yield tmp_path
+    for module in ("landing_levels", "landing_tasks"):
+        sys.modules.pop(module, None)
+
+
+def on(train, **more):
+    return RunConfig(levels=LevelsConfig(train, count=2, test_count=3), **more)
+
+
+@pytest.mark.parametrize("levels", LABELS)
+def test_names_of_runs_of_named_families_are_those_of_the_task_that_they_are_for(levels):
+    settings = [f"levels={levels}", "algorithm=ppo_fast", "algorithm.precision=fp32"]
+    assert compose(settings).label() == LABELS[levels]
+    task = segar.family(levels).task or "puttputt"
+    assert compose([*settings, f"task={task}"]).label() == LABELS[levels]
+
+
+@pytest.mark.parametrize("levels", [*segar.families(), *TASK_LEVELS])
+def test_named_levels_are_played_in_their_own_task(levels):
+    config = on(levels)
+    assert task_name(config) == task_name(config.resolved()) == (segar.family(levels).task or "puttputt")
+
+
+def test_an_own_distribution_is_trained_and_evaluated_in_the_task_that_it_names(lab):
+    said = []
+    config = short_run(lab / "run", levels=LevelsConfig("landing_levels:field", count=2, test_count=3))
+    result = run(config, said.append)
+    assert "task                        landing_tasks:landing" in said[-1]
+    lengths = {key: value for key, value in read_summary(lab / "run").items() if "/length/" in key}
+    assert lengths and max(lengths.values()) <= 7  # max_steps of the task
+    assert read_config(lab / "run").task.name == "levels"
+    asked = EvaluateConfig(str(result.folder), levels="empty-easy", n=2, scores=False, videos="none")
+    found = evaluate(asked, lambda line: None)
+    assert max(row["length"] for row in found.episodes) <= 7
+
+
+def test_options_are_those_of_the_levels_task(lab):
+    config = on("landing_levels:field", task=TaskConfig(options={"max_steps": 3}))
+    assert environment_options(config)["task"].max_steps == 3
+
+
+def test_a_chosen_task_is_played_whatever_the_levels_name(lab):
+    config = on("landing_levels:field", task=TaskConfig("puttputt"))
+    assert environment_options(config)["task"].name.startswith("puttputt")
+    assert config.label() != on("landing_levels:field").label()
+
+
+def test_each_cell_of_a_grid_has_the_task_of_its_levels(lab):
+    tasks = [
+        task_name(config_at(RunConfig(), GridPoint(name, "", 1, 0))) for name in ("invisiball", "landing_levels:field")
+    ]
+    assert tasks == ["invisiball", "landing_tasks:landing"]
+
+
+def test_the_code_of_the_levels_task_counts_as_executed(lab):
+    before = executed_code(on("landing_levels:field"))
+    file = lab / "landing_tasks.py"
+    file.write_text(file.read_text().replace("[1]", "[0]"))
+    sys.modules.pop("landing_tasks")
+    after = executed_code(on("landing_levels:field"))
+    assert {name for name in after if after[name] != before[name]} == {"kernel", "landing_tasks"}
+
+
+def test_a_level_file_without_its_own_task_s_code_says_which_setting_names_it(lab):
+    distribution_of(LevelsConfig("landing_levels:field"), "train").sample(3).save(lab / "field.npz")
+    with pytest.raises(ConfigError, match=r"field.npz were saved for the task .*; give task=landing_tasks:landing"):
+        task_name(RunConfig(levels=LevelsConfig(str(lab / "field.npz"), test=str(lab / "field.npz"))))
+    segar.family("invisiball").sample(3).save(lab / "balls.npz")
+    assert (
+        task_name(RunConfig(levels=LevelsConfig(str(lab / "balls.npz"), test=str(lab / "balls.npz")))) == "invisiball"
+    )
+
+
+def test_a_wrong_task_of_the_levels_is_told_with_the_levels_that_name_it(lab):
+    with pytest.raises(
+        ConfigError, match=r"levels.train: .*wrong.*'landing_tasks' has no 'landng'. Did you mean 'landing'"
+    ):
+        environment_options(on("landing_levels:wrong"))
+
+
+def test_a_variation_that_gives_named_levels_another_task_asks_for_a_choice(lab):
+    levels = LevelsConfig("empty-easy", variation="landing_levels:for_landing")
+    with pytest.raises(ConfigError, match=r"levels.variation: .* task=landing_tasks:landing or task=puttputt"):
+        environment_options(RunConfig(levels=levels))
+    chosen = RunConfig(levels=levels, task=TaskConfig("landing_tasks:landing"))
+    assert environment_options(chosen)["task"].name == "landing"
+
+
+@pytest.mark.parametrize(
+    ("settings", "says"),
+    [
+        (
+            {"task": TaskConfig("landing_tasks:landed", {"max_steps": 0})},
+            r"task.options: .* is made already, .*max_steps",
+        ),
+        ({"observation": ObservationConfig("landing_tasks:looks", {"hidden": []})}, r"observation.options: .*hidden"),
+    ],
+)
+def test_options_of_what_is_made_already_end_a_plan(lab, settings, says):
+    with pytest.raises(ConfigError, match=says + r".* Name a function"):
+        check_objects([on("landing_levels:field", **settings)])
+
+
+def test_an_observation_may_name_what_the_levels_module_defines_wherever_options_are_made_first(lab):
+    state = ObservationConfig(options={"parameters": ["Draught"]})
+    config = on("landing_levels:draughty", task=TaskConfig("puttputt"), observation=state)
+    assert "landing_levels" not in sys.modules
+    assert dataclasses.asdict(config) and environment_options(config)["observation"] is not None
