@@ -16,13 +16,15 @@ from typing import Any
 from experiments.commands.signals import Stopped
 from experiments.runs.run_folder import JOURNAL
 
+PREPARATION = "preparation"  # what a run does before its first frame
+
 
 class Journal:
     """Writes the journal of a run folder; ``doing`` and ``frames`` say how far the run is."""
 
     def __init__(self, folder: Path) -> None:
         self.path = folder / JOURNAL
-        self.doing = "preparation"
+        self.doing = PREPARATION
         self.frames = 0
 
     def begin(self) -> str | None:

@@ -10,7 +10,7 @@
                           last bits (``arithmetic``: precision, threads, instruction set, limits, processor)
 ``summary.json``          the final figures; written last, so it is there if and only if the run is finished
 ``journal.jsonl``         when the run was started, stopped, went wrong (with the traceback), and finished
-``tracking.json``         how much of it was sent to MLflow
+``tracking.json``         how much of it was sent to MLflow; ``tracking_replaced.json``: that of a run which was thrown away
 ``evaluations/``          results of ``python -m experiments.evaluate``
 ``probes.parquet``        how well probes predict the factors from the representation, see :mod:`experiments.evaluation.probing`
 """
@@ -58,6 +58,7 @@ PROBES = "probes.parquet"
 VERSIONS = "versions.json"
 SUMMARY = "summary.json"
 SYNC_STATE = "tracking.json"  # how much of the run was sent to MLflow
+REPLACED = "tracking_replaced.json"  # that of the run which this one replaces, and which MLflow still has
 
 RESULTS = "results/"  # begins the names of further columns: what the task says of an episode's last state
 EPISODE_SCHEMA = pa.schema(
@@ -177,8 +178,13 @@ def _occupy(folder: Path, config: RunConfig) -> None:
 
 
 def empty(folder: Path, config: RunConfig) -> None:
-    """Removes the run in a folder, and no other files, and writes the settings of the run that begins there."""
-    names = (SUMMARY, PROBES, EPISODES, METRICS, VERSIONS, LEVELS_TRAIN, LEVELS_TEST, JOURNAL, SYNC_STATE, CONFIG)
+    """Removes the run in a folder, and no other files, and writes the settings of the run that begins there.
+
+    What MLflow has of it is removed when the new run is sent; see :mod:`experiments.tracking.mlflow_sync`.
+    """
+    if (folder / SYNC_STATE).exists():
+        (folder / SYNC_STATE).replace(folder / REPLACED)
+    names = (SUMMARY, PROBES, EPISODES, METRICS, VERSIONS, LEVELS_TRAIN, LEVELS_TEST, JOURNAL, CONFIG)
     for name in names:  # the summary first, because it says that the run is finished
         (folder / name).unlink(missing_ok=True)
     for part in (CHECKPOINTS, EVALUATIONS):

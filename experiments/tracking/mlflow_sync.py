@@ -3,7 +3,8 @@
 A run is sent in an order: the rows of ``metrics.parquet``, then files, then how the run ended. ``tracking.json`` in the run
 folder says how far that has come. So what was cut off goes on from there, by the run itself when it is resumed, or by
 ``python -m experiments.upload``. A row always has the same time: one that is sent again, because ``tracking.json`` could
-not be written, is the same point to MLflow.
+not be written, is the same point to MLflow. A run that is thrown away, so that another one is trained in its folder, stands
+in ``tracking_replaced.json`` until it is deleted in MLflow, too.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from experiments.runs.run_folder import EPISODES, SUMMARY, SYNC_STATE, runs_root, write_json
+from experiments.runs.run_folder import EPISODES, REPLACED, SUMMARY, SYNC_STATE, runs_root, write_json
 from experiments.settings import RunConfig, flat, grid_point, without_password
 from experiments.tracking.mlflow_store import calling, open_store, store_uri
 
@@ -60,6 +61,7 @@ class RunSync:
         if self.client is not None:
             return self.client
         client, experiment = open_store(self.config.tracking, runs_root(self.config))
+        self._delete_replaced(client, experiment)
         if self.state.run_id is None:
             self.write_state()  # if this process is killed before it knows the id, the run is found by this
             self.state.run_id = calling(self._find_or_create, client, experiment)
@@ -113,6 +115,17 @@ class RunSync:
         name = UNNAMEABLE.sub("_", row["name"])
         return Metric(name, row["value"], self.state.begun + int(1000 * row["seconds"]), row["frames"])
 
+    def _delete_replaced(self, client: MlflowClient, experiment: str) -> None:
+        """Deletes the run that this one replaces, if it is in this store and experiment; others stay there."""
+        replaced = read_sync_state(self.folder, REPLACED)
+        if replaced is None:
+            return
+        if (replaced.store, replaced.experiment) == (self.state.store, self.state.experiment):
+            query = f"tags.run_folder = '{self.folder}' and tags.begun = '{replaced.begun}'"
+            for earlier in calling(client.search_runs, [experiment], query):  # none where a user has deleted it
+                calling(client.delete_run, earlier.info.run_id)
+        (self.folder / REPLACED).unlink()
+
     def _find_or_create(self, client: MlflowClient, experiment: str) -> str:
         from mlflow.entities import Param, RunTag
 
@@ -147,7 +160,7 @@ def tags_of(config: RunConfig) -> dict[str, str]:
     }
 
 
-def read_sync_state(folder: Path) -> SyncState | None:
-    """How much of the run in ``folder`` was sent; None where nothing was."""
-    path = folder / SYNC_STATE
+def read_sync_state(folder: Path, name: str = SYNC_STATE) -> SyncState | None:
+    """How much of the run in ``folder`` was sent, by the file of this name; None where nothing was."""
+    path = folder / name
     return SyncState(**json.loads(path.read_text())) if path.exists() else None

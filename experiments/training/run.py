@@ -1,6 +1,7 @@
 """One run from settings to run folder: levels, training, evaluation, distances, summary."""
 
 import dataclasses
+import shutil
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -28,7 +29,7 @@ from experiments.levels.builders import (
 )
 from experiments.networks.devices import arithmetic
 from experiments.runs.executed_code import changed_parts, executed_code
-from experiments.runs.journal import Journal
+from experiments.runs.journal import PREPARATION, Journal
 from experiments.runs.own_modules import folders_of
 from experiments.runs.run_folder import (
     EPISODE_SCHEMA,
@@ -53,7 +54,7 @@ from experiments.tracking.tracker import Tracker, start_tracking
 from experiments.training.large_numbers import advice, large_numbers
 from experiments.training.training_loop import Training
 from segar.envs.torchrl_env import TorchRLEnv
-from segar.errors import RuleError
+from segar.errors import RuleError, SegarError
 from segar.levels import Levels
 
 SHOWN = {  # figures of the closing lines, and their names there
@@ -74,10 +75,21 @@ class RunResult:
     trained: bool
 
 
+@dataclass(frozen=True)
+class Prepared:
+    """What is ready to be trained, or to be trained further."""
+
+    training: Training
+    train: Levels
+    test: Levels
+    env: Any
+
+
 def run(config: RunConfig, say: Callable[[str], None] = print) -> RunResult:
     """Carries out a run, or resumes it, or finds it finished; it can be called many times in one process.
 
-    However the run ends, its folder holds a whole checkpoint, and its journal says what happened.
+    However the run ends, its folder holds a whole checkpoint, and its journal says what happened. A run that cannot begin
+    leaves no folder.
 
     Raises:
         SegarError: settings, run folder, checkpoint or tracking store cannot be used, or training cannot go on; the
@@ -88,7 +100,8 @@ def run(config: RunConfig, say: Callable[[str], None] = print) -> RunResult:
     # Sums are taken in another order by other numbers of threads, so all machines need the same.
     runtime.set_process_defaults(1 if config.determinism == "portable" else config.num_threads)
     kind = learner_class(config.algorithm)  # before a run folder is made: it may not fit
-    if not folder_path(config).exists():
+    is_new = not folder_path(config).exists()
+    if is_new:
         _check_names(config)
     # The levels' own task may lie elsewhere than the levels; settings that do not name it say nothing of its place.
     config = dataclasses.replace(config, module_path=(*config.module_path, *folders_of(task_name(config))))
@@ -114,9 +127,13 @@ def run(config: RunConfig, say: Callable[[str], None] = print) -> RunResult:
             say(f"{config.label()}: {before}")
         tracker = Tracker()
         try:
+            prepared = _prepare(config.resolved(), kind, folder, code, journal, signals, say)
             tracker = start_tracking(config, folder)
-            summary = _carry_out(config.resolved(), kind, folder, code, tracker, journal, signals, say)
+            summary = _carry_out(prepared, tracker)
         except BaseException as error:
+            if is_new and journal.doing == PREPARATION and isinstance(error, SegarError):
+                shutil.rmtree(folder)  # nothing was trained, and the error says what to mend
+                raise
             journal.end(error)
             tracker.finish("KILLED" if isinstance(error, KeyboardInterrupt | SystemExit) else "FAILED")
             raise
@@ -134,19 +151,23 @@ def _check_names(config: RunConfig) -> None:
     environment_options(config)
 
 
-def _carry_out(
+def _prepare(
     config: RunConfig,
     kind: type[Learner],
     folder: Path,
     code: Mapping[str, str] | None,  # None: not computed yet
-    tracker: Tracker,
     journal: Journal,
     signals: SignalMonitor,
     say: Callable[[str], None],
-) -> dict[str, Any]:
+) -> Prepared:
     train, test = make_levels(config.levels)
     env = _make_environment(kind, config, train)
     check_observations(config, train, test)
+    task = environment_options(config)["task"]
+    if not task.functions().reward:
+        say(
+            f"warning: the task {task.name} has no reward function: all rewards are 0, and an agent learns nothing by them"
+        )
     large = large_numbers(config, train)
     if large:
         say(advice(large, config))
@@ -160,11 +181,16 @@ def _carry_out(
     write_json(
         folder / VERSIONS, {**versions(), "code": code, "levels": hashes, **_arithmetics(config, learner, folder, say)}
     )
-    tracker.begin(training.history.rows)
-
     for line in unseen_by_distances(train, test, config.evaluation.distances):
         say(line)
+    return Prepared(training, train, test, env)
+
+
+def _carry_out(prepared: Prepared, tracker: Tracker) -> dict[str, Any]:
+    training, train, test = prepared.training, prepared.train, prepared.test
+    config, folder, learner, journal = training.config, training.folder, training.learner, training.journal
     journal.doing = "training"
+    tracker.begin(training.history.rows)
     try:
         training.train(test)
     except TrainingError:
@@ -183,7 +209,7 @@ def _carry_out(
     took = {"seconds": training.seconds, "evaluation_seconds": evaluation_seconds}
     summary = {"label": config.label(), "frames": learner.frames, **took, **final}
     write_json(folder / SUMMARY, summary)
-    env.close()
+    prepared.env.close()
     return summary
 
 

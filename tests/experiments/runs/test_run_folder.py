@@ -5,13 +5,16 @@ import errno
 import os
 import resource
 from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
 
+import segar
 from experiments.algorithms.ppo import PPO
 from experiments.levels.builders import make_levels
 from experiments.runs.executed_code import executed_code
 from experiments.runs.files import write_text
+from experiments.runs.journal import read_journal
 from experiments.runs.run_folder import (
     CHECKPOINT,
     CONFIG,
@@ -25,7 +28,7 @@ from experiments.runs.run_folder import (
     read_summary,
     use_run_folder,
 )
-from experiments.settings import CheckpointError, RunFolderError
+from experiments.settings import CheckpointError, ConfigError, RunFolderError, TaskConfig, TrackingConfig
 from experiments.training import run as run_module
 from experiments.training.run import run
 from segar.tasks.puttputt_task import puttputt
@@ -80,6 +83,42 @@ def test_a_finished_run_is_found_and_not_trained_again(config, monkeypatch):
     assert first.trained and not again.trained
     assert dict(again.summary) == dict(first.summary)
     assert "finished before, nothing to do" in said[0]
+
+
+def test_a_run_that_cannot_begin_leaves_no_folder(config, tmp_path):
+    crowded = dataclasses.replace(config.levels, test="objectsx1-easy")
+    tracked = dataclasses.replace(config, levels=crowded, root=str(tmp_path), tracking=TrackingConfig())
+    with pytest.raises(ConfigError, match="does not show the same in levels of objectsx1-easy") as caught:
+        run(tracked)
+    assert not hasattr(caught.value, "__notes__")  # which would name a journal
+    assert list(tmp_path.iterdir()) == []  # nor anything for MLflow
+
+
+def test_what_a_folder_holds_stays_where_a_run_that_goes_on_cannot(config, monkeypatch):
+    with killed_after(2, monkeypatch):
+        run(config)
+    with monkeypatch.context() as patch:
+        patch.setattr(run_module, "make_levels", nothing_to_sample)
+        with pytest.raises(ConfigError, match="no levels"):
+            run(config)
+    assert read_journal(Path(config.folder))[-1]["event"] == "failed"
+    assert run(config).trained
+
+
+def nothing_to_sample(_):
+    raise ConfigError("no levels")
+
+
+def test_a_task_without_a_reward_is_told(config):
+    said = []
+    run(dataclasses.replace(config, task=TaskConfig("tests.experiments.runs.test_run_folder:unrewarded")), said.append)
+    assert "warning: the task free has no reward function: all rewards are 0" in said[0]
+    run(dataclasses.replace(config, restart=True), said.append)
+    assert not any("reward function" in line for line in said[1:])
+
+
+def unrewarded():
+    return dataclasses.replace(segar.puttputt(), name="free", reward=())
 
 
 def test_restart_trains_a_finished_run_again(config):

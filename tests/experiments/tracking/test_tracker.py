@@ -1,6 +1,7 @@
 """MLflow: a store that many processes may start at once, and that may go away without stopping or losing anything."""
 
 import contextlib
+import dataclasses
 import json
 import os
 import resource
@@ -13,13 +14,16 @@ import time
 
 import pytest
 from filelock import FileLock
+from mlflow.entities import ViewType
 
+from experiments.runs.executed_code import executed_code
 from experiments.runs.run_folder import METRIC_SCHEMA, METRICS, SYNC_STATE, read_metrics, write_rows
 from experiments.settings import CHECKOUT, LevelsConfig, RunConfig, RunFolderError, TrackingConfig, TrackingError
 from experiments.tracking import mlflow_store, mlflow_sync
 from experiments.tracking.mlflow_store import is_remote, open_store, store_uri
 from experiments.tracking.mlflow_sync import read_sync_state
 from experiments.tracking.tracker import Tracker, start_tracking
+from experiments.training import run as run_module
 from experiments.training.run import run
 from experiments.upload import UploadConfig, upload
 from tests.experiments.short_runs import before_iteration, killed_after, short_run
@@ -100,6 +104,32 @@ def test_a_run_that_goes_on_is_the_same_run_and_sends_nothing_twice(store):
     client, one = run_in(store, store / "5")
     assert one.info.status == "FINISHED"
     assert [point.value for point in client.get_metric_history(one.info.run_id, "episode/length")] == [7.0, 8.0, 9.0]
+
+
+def replaced(config, monkeypatch, **how):
+    run(config)
+    if "stale" in how:
+        other = lambda config: {**executed_code(config), "learner": "another"}  # noqa: E731
+        monkeypatch.setattr(run_module, "executed_code", other)
+    assert run(dataclasses.replace(config, **how)).trained
+
+
+@pytest.mark.parametrize("how", [{"restart": True}, {"stale": "anew"}], ids=["restart", "anew"])
+def test_a_run_that_is_trained_again_replaces_the_earlier_one(tmp_path, monkeypatch, how):
+    config = short_run(tmp_path / "run", root=str(tmp_path), tracking=TrackingConfig())
+    replaced(config, monkeypatch, **how)
+    client, one = run_in(tmp_path, tmp_path / "run")  # the only one
+    assert one.info.status == "FINISHED"
+    deleted = client.search_runs([one.info.experiment_id], run_view_type=ViewType.DELETED_ONLY)
+    assert [run.data.tags["config_hash"] for run in deleted] == [one.data.tags["config_hash"]]
+
+
+def test_a_run_of_another_store_is_not_deleted_when_it_is_trained_again(tmp_path, monkeypatch):
+    config = short_run(tmp_path / "run", root=str(tmp_path), tracking=TrackingConfig())
+    run(config)
+    elsewhere = TrackingConfig(uri=f"sqlite:///{tmp_path}/other.db")
+    run(dataclasses.replace(config, restart=True, tracking=elsewhere))
+    assert len(runs(tmp_path)[1]) == 1
 
 
 def test_a_mark_that_was_not_written_leads_to_no_second_run_and_no_second_point(store):
