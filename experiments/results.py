@@ -1,9 +1,9 @@
 """A table of runs: ``python -m experiments.results root=FOLDER``, or ``sweep=NAME`` for those of one sweep.
 
 One line per run: the settings in which these runs differ, its state, its final figures, and what it was computed with
-where that differs. Below it, the means of runs that differ by their seeds alone, with intervals over level sets.
-``output=runs.csv`` (or ``.parquet``, or ``.md``) writes all figures to a file, and the means with their intervals into
-``runs.means.csv`` (or ``.parquet``) beside it; a file ``.md`` has both.
+where that differs. Below it, the means of runs that differ by their seeds alone, with intervals over level sets, and a
+warning where the runs were made by different code. ``output=runs.csv`` (or ``.parquet``, or ``.md``) writes all figures to
+a file, and the means with their intervals into ``runs.means.csv`` (or ``.parquet``) beside it; a file ``.md`` has both.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -19,12 +19,13 @@ from experiments.commands.hydra_app import run_simple_command
 from experiments.reproduction.plugin import SUMMARIES, find_plugin
 from experiments.runs.files import replacing, write_text
 from experiments.runs.run_folder import RESULTS, root_folder
-from experiments.runs.run_rows import FINISHED, RunRow, as_columns, named_settings, run_rows
+from experiments.runs.run_rows import FINISHED, RunRow, as_columns, mixed_code, named_settings, run_rows
 from experiments.settings import ConfigError, RunFolderError
 from segar.cli import table
 
 FORMATS = (".csv", ".parquet", ".md")  # of files that are written
 SHOWN = ("levels.train", "algorithm.name")  # settings that are printed even where all runs agree
+NAMED = 3  # runs that a warning names
 FIGURES = {  # columns that are printed, and their names there; W2 in all modes and the task's own results beside them
     "ks": "KS",
     "gap_deterministic": "gap",
@@ -73,15 +74,34 @@ def results(config: ResultsConfig, say: Callable[[str], None] = print) -> None:
     rows = as_columns(chosen)
     path = Path(config.output).expanduser().resolve() if config.output else None
     means = path.with_suffix(f".means{path.suffix}") if path is not None and path.suffix != ".md" else None
-    summary = ""
+    averaged = ""
     if any(row.state == FINISHED for row in chosen):
-        summary = find_plugin(SUMMARIES, "default").load()(rows, *([means] if means else []))
+        averaged = find_plugin(SUMMARIES, "default").load()(rows, *([means] if means else []))
+    summary = "\n\n".join(text for text in (averaged, code_warning(chosen)) if text)
+    if summary:
         say(f"\n{summary}")
     if path is not None:
         write_table(path, rows, summary)
         say(f"\n{len(rows)} runs with all figures: {path}")
-    if means is not None and summary:
+    if means is not None and averaged:
         say(f"Their means with intervals: {means}")
+
+
+def code_warning(runs: Sequence[RunRow]) -> str:
+    """Which parts of the code are not the same in all runs of one table, and in which runs; empty where all are."""
+    parts_of: dict[tuple[str, ...], list[str]] = {}
+    for part, names in mixed_code(runs).items():
+        parts_of.setdefault(tuple(names), []).append(part)
+    if not parts_of:
+        return ""
+    which = [
+        f"{', '.join(parts)} in {', '.join(names[:NAMED])}" + f" and {len(names) - NAMED} more" * (len(names) > NAMED)
+        for names, parts in parts_of.items()
+    ]
+    return (
+        f"warning: these runs were made by different code, and their means mix it. Others than in most runs are"
+        f" {'; '.join(which)}. Give the command of a sweep again with stale=anew: it trains what today's code did not make"
+    )
 
 
 def as_table(runs: Sequence[RunRow]) -> str:

@@ -6,6 +6,7 @@ calls ``charge`` among its results is ``results/charge_test_deterministic``. Set
 """
 
 import json
+from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product
@@ -14,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from experiments.runs.executed_code import combined
 from experiments.runs.journal import read_journal
 from experiments.runs.run_folder import (
     CONFIG,
@@ -39,6 +41,14 @@ UNREADABLE = "unreadable"
 # Settings that a table has even where all runs agree.
 ALWAYS = ("levels.train", "levels.count", "levels.seed", "algorithm.name", "observation.name", "seed")
 DERIVED = ("algorithm.kind", "algorithm._target_")  # settings that follow from others
+# The settings that decide a part of the executed code, by how their names begin; all runs share the other parts.
+DECIDE_CODE = {
+    "kernel": ("levels.", "task."),
+    "levels": ("levels.",),
+    "learner": ("algorithm.kind",),
+    "all": ("algorithm.kind",),  # the only part that 0.1 recorded
+}
+DECIDE_NO_CODE = ("levels.count", "levels.seed", "levels.design", "levels.test_count", "levels.test_seed")
 LAST_DISTANCES = ("w2_reference", "w2_paper", "ks")  # stand behind all other modes of W2
 FIRST = ("gap", "success_test", "success_train", "score", RESULTS, "return_test", "return_train")  # what is read first
 
@@ -54,6 +64,7 @@ class RunRow:
     figures: Mapping[str, float] = field(default_factory=dict)
     sweep: str = ""
     computed_with: str = ""  # what decided the last bits, see :func:`experiments.runs.versions.computed_with`
+    code: Mapping[str, str] = field(default_factory=dict)  # see :func:`experiments.runs.executed_code.executed_code`
 
 
 def run_rows(places: Iterable[Path], trusted: Collection[str] = ()) -> list[RunRow]:
@@ -85,9 +96,10 @@ def named_settings(rows: Sequence[RunRow]) -> list[str]:
 
 def as_columns(rows: Sequence[RunRow]) -> list[dict[str, Any]]:
     """The rows as plain data, all with the same columns: ``run``, settings, ``state``, figures, ``computed_with``,
-    ``problem``, ``folder``.
+    ``code`` (a fingerprint of the code that the run executed), ``problem``, ``folder``.
 
-    What a run does not have is None.
+    What a run does not have is None. Fingerprints of runs on other levels, of another task or algorithm differ; where
+    they should not, :func:`mixed_code` says.
     """
     names = named_settings(rows)
     figures = sorted({name for row in rows for name in row.figures}, key=_place)
@@ -98,11 +110,33 @@ def as_columns(rows: Sequence[RunRow]) -> list[dict[str, Any]]:
             "state": row.state,
             **{name: row.figures.get(name) for name in figures},
             "computed_with": row.computed_with,
+            "code": combined(row.code) if row.code else None,
             "problem": row.problem,
             "folder": str(row.folder),
         }
         for row in rows
     ]
+
+
+def mixed_code(rows: Iterable[RunRow]) -> dict[str, list[str]]:
+    """The parts of the code that are not the same in all finished runs which share them, such as ``kernel`` or
+    ``my_lab.tasks``, and of each the names of the runs in which it is another than in most.
+
+    Runs of one algorithm share the learner, runs on levels of one distribution the levels, and with one task, too, the
+    kernel. All runs share each other part that they have, such as a module of the user's own.
+    """
+    done = [row for row in rows if row.code]
+    found: dict[str, list[str]] = {}
+    for part in sorted({part for row in done for part in row.code}):
+        sharing: dict[tuple[Any, ...], list[RunRow]] = {}
+        for row in (row for row in done if part in row.code):
+            sharing.setdefault(_deciding(row, part), []).append(row)
+        for group in sharing.values():
+            ((most, _),) = Counter(row.code[part] for row in group).most_common(1)
+            other = [row.folder.name for row in group if row.code[part] != most]
+            if other:
+                found[part] = [*found.get(part, ()), *other]
+    return found
 
 
 def figures_of(summary: Mapping[str, Any]) -> dict[str, float]:
@@ -139,10 +173,19 @@ def _row(folder: Path, trusted: Collection[str]) -> RunRow:
         if state != FINISHED:
             journal = read_journal(folder)
             return RunRow(folder, state, journal[-1].get("error", "") if journal else "", settings, sweep=sweep)
-        made = computed_with(read_versions(folder)) if (folder / VERSIONS).exists() else ""
-        return RunRow(folder, state, "", settings, _figures(folder, config), sweep, made)
+        about = read_versions(folder) if (folder / VERSIONS).exists() else {}
+        code = about.get("code", {})
+        parts = {"all": code} if isinstance(code, str) else code  # 0.1 recorded no parts
+        return RunRow(folder, state, "", settings, _figures(folder, config), sweep, computed_with(about), parts)
     except (SegarError, OSError, ValueError) as error:
         return RunRow(folder, UNREADABLE, str(error))
+
+
+def _deciding(row: RunRow, part: str) -> tuple[Any, ...]:
+    """The settings of a run that decide a part of its code."""
+    begins = DECIDE_CODE.get(part, ())
+    names = (name for name in sorted(row.settings) if begins and name.startswith(begins) and name not in DECIDE_NO_CODE)
+    return tuple((name, str(row.settings[name])) for name in names)
 
 
 def _figures(folder: Path, config: RunConfig) -> dict[str, float]:

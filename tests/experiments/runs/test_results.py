@@ -3,6 +3,7 @@
 import csv
 import json
 import threading
+from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -19,7 +20,7 @@ from experiments.runs.run_folder import (
     use_run_folder,
     write_json,
 )
-from experiments.runs.run_rows import as_columns, figures_of, run_rows, state_of
+from experiments.runs.run_rows import RunRow, as_columns, figures_of, mixed_code, run_rows, state_of
 from experiments.runs.versions import computed_with
 from experiments.settings import ConfigError, EvaluationConfig, LevelsConfig, RunFolderError, TaskConfig, TrackingConfig
 from experiments.training.run import run
@@ -58,6 +59,49 @@ def test_the_table_says_of_each_run_what_it_was_computed_with_where_that_differs
     here = computed_with(read_versions(tmp_path / "a"))
     assert head.endswith("computed with")
     assert [line.rpartition("  ")[2] for line in lines] == [here, f"{here.rpartition(', ')[0]}, Another, then {here}"]
+
+
+def recorded_with(folder, **parts):
+    """Has a finished run say that it executed other parts of the code."""
+    versions = read_versions(folder)
+    write_json(folder / VERSIONS, {**versions, "code": {**versions["code"], **parts}})
+
+
+def test_runs_of_different_code_in_one_table_are_told_with_the_parts_that_differ(tmp_path):
+    for seed, name in enumerate("abc"):
+        run(short_run(tmp_path / name, seed=seed))
+        recorded_with(tmp_path / name, **{"my_lab.tasks": "as it was"})
+    said = []
+    results(ResultsConfig(root=str(tmp_path)), said.append)
+    assert not any("different code" in line for line in said)
+    recorded_with(tmp_path / "b", **{"my_lab.tasks": "edited", "kernel": "edited"})
+    results(ResultsConfig(root=str(tmp_path), output=str(tmp_path / "all.md")), said.append)
+    (warning,) = (line for line in said if "different code" in line)
+    assert "Others than in most runs are kernel, my_lab.tasks in b. " in warning
+    assert "stale=anew" in (tmp_path / "all.md").read_text()
+    assert mixed_code(run_rows([tmp_path])) == {"kernel": ["b"], "my_lab.tasks": ["b"]}
+    rows = as_columns(run_rows([tmp_path]))
+    assert rows[0]["code"] == rows[2]["code"] != rows[1]["code"]
+
+
+def made_by(name, code, **settings):
+    base = {"levels.train": "empty-easy", "task.name": "puttputt", "algorithm.kind": "ppo", "levels.seed": 0}
+    return RunRow(Path(name), "finished", settings={**base, **settings}, code=code)
+
+
+@pytest.mark.parametrize(
+    ("part", "setting", "other", "shared"),
+    [
+        ("kernel", "levels.train", "empty-hard", False), ("kernel", "task.name", "mine:task", False),
+        ("kernel", "levels.seed", 1, True), ("kernel", "algorithm.kind", "sac", True),
+        ("levels", "levels.train", "empty-hard", False), ("levels", "task.name", "mine:task", True),
+        ("learner", "algorithm.kind", "sac", False), ("learner", "levels.train", "empty-hard", True),
+        ("environment", "levels.train", "empty-hard", True), ("my_lab.tasks", "algorithm.kind", "sac", True),
+    ],
+)  # fmt: skip
+def test_a_part_of_the_code_must_be_the_same_only_in_runs_that_share_it(part, setting, other, shared):
+    rows = [made_by("a", {part: "1"}), made_by("b", {part: "2"}, **{setting: other}), made_by("c", {"textures": "3"})]
+    assert mixed_code(rows) == ({part: ["b"]} if shared else {})
 
 
 def test_distances_stand_first_exact_w2_before_all_and_own_results_beside_success(tmp_path):
