@@ -17,7 +17,7 @@ from experiments.commands import process_defaults as runtime
 from experiments.evaluation.baselines import IdleAgent
 from experiments.evaluation.episodes import Agent, action_rng, actions_of, play_episodes, play_in_modes
 from experiments.evaluation.transfers import LEVELS
-from experiments.levels.builders import distribution_of, environment_options, find_distribution
+from experiments.levels.builders import distribution_of, environment_options, find_distribution, levels_in
 from experiments.runs.executed_code import changed_parts, executed_code
 from experiments.runs.own_modules import modules_named
 from experiments.runs.run_folder import (
@@ -41,7 +41,7 @@ from experiments.settings import (
     import_object,
     without_files,
 )
-from segar.cli import load_levels, table
+from segar.cli import table
 from segar.envs import VectorEnv, play
 from segar.evaluation import QUANTITIES, Baselines, find_baselines
 from segar.levels import Levels
@@ -121,7 +121,7 @@ def find_levels(config: EvaluateConfig, folder: Path, trained: RunConfig) -> Lev
         if levels.provenance.rules:  # which a file does not hold; the run's distribution does
             levels = dataclasses.replace(levels, world=distribution_of(trained.levels, name).world)
     else:
-        levels = load_levels(str(Path(name).expanduser()), config.world)
+        levels = levels_in(Path(name).expanduser(), config.world, "levels", "world")
     if config.n is not None and config.n > len(levels):
         raise ConfigError(f"n: {name} has {len(levels)} levels, not {config.n}")
     return levels if config.n is None else levels[: config.n]

@@ -91,7 +91,27 @@ def distribution_of(config: LevelsConfig, which: str) -> Any:
         )
     if variation:
         raise ConfigError(f"{place_of_variation}: the levels of {path} are fixed and cannot be varied")
-    return LevelFile(path, load_levels(str(path), config.world))
+    return LevelFile(path, levels_in(path, config.world, place, "levels.world"))
+
+
+def levels_in(path: Path, world: str | None, place: str, setting: str) -> Levels:
+    """The levels of a file, in the world that ``module:attribute`` names, or in the one of the default rules.
+
+    Args:
+        place: the setting that names the file.
+        setting: the one that names the world.
+
+    Raises:
+        SegarError: it is no level file, or the world cannot be had, or its levels have rules of their own and no world is
+            named; the message says which setting names it.
+    """
+    levels = load_levels(str(path), world)
+    if levels.world is None and levels.provenance.rules:
+        raise ConfigError(
+            f"{place}: the levels of {path} have rules of their own ({', '.join(levels.provenance.rules)}), which a level"
+            f" file does not hold; name them: {setting}=module:attribute, of a World, a LevelDistribution or a list of rules"
+        )
+    return levels
 
 
 def pick_levels(distribution: Any, config: LevelsConfig, test: Any) -> Any:

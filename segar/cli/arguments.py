@@ -3,17 +3,20 @@
 import argparse
 import json
 import math
+import os
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from segar.errors import SegarError
+from segar.errors import LevelError, SegarError
 from segar.language import Task
-from segar.levels import LevelDistribution, Levels, family
+from segar.levels import TASK_LEVELS, LevelDistribution, Levels, families, family
 from segar.rules import World
 from segar.support import aligned, named_or_made
 from segar.tasks import make_task, task_of
 
-NAME_HELP = "a level family, or 'module:attribute': a LevelDistribution of your own or a function that makes one"
+NAME_HELP = (
+    "a level family, or 'module:attribute' or 'file.py:attribute' of a LevelDistribution or a function that makes one"
+)
 TASK_HELP = "puttputt, billiards, invisiball, or 'module:attribute'; by default what the levels name"
 WORLD_HELP = (
     "rules of your own, which level files do not hold: 'module:attribute' of a World, a LevelDistribution, a list of rules,"
@@ -50,7 +53,15 @@ def find_world(name: str) -> World:
 
 
 def load_levels(path: str, world: str | None) -> Levels:
-    """The levels in a file, in the world of that name, or in the one of the default rules."""
+    """The levels in a file, in the world of that name, or in the one of the default rules.
+
+    Raises:
+        LevelError: it is no level file; where a distribution is named instead, the message says how to sample it.
+    """
+    if (":" in path or path in (*families(), *TASK_LEVELS)) and not os.path.exists(path):
+        raise LevelError(
+            f"there is no level file {path}. If it names a distribution, sample it first: segar sample {path} -o levels.npz"
+        )
     return Levels.load(path, None if world is None else find_world(world))
 
 

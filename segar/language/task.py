@@ -12,6 +12,7 @@ from segar.language.pickling import packed, unpacked
 from segar.language.rule_definition import Rule, as_rule, value_rule
 
 Function = Callable[..., Any]
+FUNCTIONS = ("act", "reward", "terminated", "success", "death")
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,9 @@ class Task:
 
     A task has no memory beside the factors: ``act`` writes to a factor what a reward needs to know of the past.
 
+    Raises:
+        SegarError: a function is none, or ranges or numbers of steps make no sense.
+
     Attributes:
         act: rule with an ``Action`` (of several, some may go without); applied once per step before the first sub-step,
             differentials unscaled.
@@ -82,8 +86,21 @@ class Task:
     demo_actions: Callable[[Factors], np.ndarray] | None = None
 
     def __post_init__(self) -> None:
+        for name in FUNCTIONS:
+            for value in _several(getattr(self, name)):
+                if not callable(value):
+                    raise SegarError(
+                        f"task {self.name}: {name} must be a function, or a tuple of functions, not {value!r}"
+                        + (f"; leave {name}= out where there is none" if name != "act" else "")
+                    )
         if len(self.action_low) != len(self.action_high) or not self.action_low:
             raise SegarError(f"task {self.name}: action_low and action_high must have the same length, at least 1")
+        for k, (low, high) in enumerate(zip(self.action_low, self.action_high, strict=True)):
+            if not low < high:
+                raise SegarError(
+                    f"task {self.name}: action_low must be below action_high, but component {k} of the action goes from {low!r}"
+                    f" to {high!r}; leave out a component that cannot vary"
+                )
         for name in ("max_steps", "sub_steps"):
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:

@@ -194,7 +194,7 @@ def _task() -> Task:
     def never(body: Object) -> bool:
         return body[Mass] < 0
 
-    return Task("replay", push, nothing, never, never, never, action_low=(0.0,), action_high=(0.0,))
+    return Task("replay", push, nothing, never, never, never, action_low=(0.0,), action_high=(1.0,))
 
 
 CHAOTIC = {"Billiards": 200}  # sub-steps after which many-body chaos has amplified rounding errors

@@ -7,7 +7,7 @@ import pytest
 
 import segar
 from experiments.commands.hydra_app import compose
-from experiments.evaluation.evaluator import evaluate
+from experiments.evaluation.evaluator import evaluate, find_levels
 from experiments.levels.builders import distribution_of, environment_options, task_name
 from experiments.reproduction.checks import check_objects
 from experiments.runs.executed_code import executed_code
@@ -134,6 +134,18 @@ def test_a_level_file_without_its_own_task_s_code_says_which_setting_names_it(la
     assert (
         task_name(RunConfig(levels=LevelsConfig(str(lab / "balls.npz"), test=str(lab / "balls.npz")))) == "invisiball"
     )
+
+
+@pytest.mark.parametrize("which", ["train", "test"])
+def test_rules_that_a_level_file_only_names_are_asked_for_by_the_setting_that_names_them(lab, which):
+    segar.family("empty-easy").with_rules([segar.move]).sample(3).save(lab / "free.npz")
+    levels = LevelsConfig("empty-easy", test="empty-easy")
+    with pytest.raises(
+        ConfigError, match=rf"levels.{which}: .* rules of their own \(move.*levels.world=module:attribute"
+    ):
+        distribution_of(dataclasses.replace(levels, **{which: str(lab / "free.npz")}), which)
+    with pytest.raises(ConfigError, match=r"levels: .* rules of their own \(move.*: world=module:attribute"):
+        find_levels(EvaluateConfig("run", levels=str(lab / "free.npz")), lab, RunConfig())
 
 
 def test_a_wrong_task_of_the_levels_is_told_with_the_levels_that_name_it(lab):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import segar
 from segar import Ball, Charge, Circle, GolfBall, Mass, Shape, Size
-from segar.language import Label
-from segar.language.entities import Object
+from segar.language import ID, Label
+from segar.language.entities import Object, entity_name
 
 
 class Glow(segar.Scalar, default=1.0): ...
@@ -24,6 +24,14 @@ class BigLamp(Lamp):
 class LampToHit(GolfBall, Lamp): ...
 
 
+class Kite(GolfBall):
+    label: Label = "kite"
+
+
+class NamedKite(GolfBall):
+    id: ID = "kite"
+
+
 class BigLampToHit(GolfBall, BigLamp): ...
 
 
@@ -38,3 +46,7 @@ def test_an_entity_with_two_parents_has_the_factors_of_both_and_defaults_in_pyth
 def test_a_size_brings_its_circle_along_also_through_two_parents():
     assert BigLamp.declared[Shape] == BigLampToHit.declared[Shape] == Circle(0.5)
     assert Lamp.declared[Shape] == Circle(0.2)
+
+
+def test_an_entity_is_named_by_its_id_which_it_may_inherit_and_else_by_its_label():
+    assert [entity_name(one) for one in (Lamp, BigLamp, Kite, NamedKite)] == ["lamp", "lamp", "golfball", "kite"]

@@ -99,3 +99,18 @@ def _trail(env: VectorEnv) -> list[np.ndarray]:
         actions = np.random.default_rng(step).uniform(-1, 1, (env.num_envs, 2)).astype(np.float32)
         trail += [part[:1] for part in env.step(actions)[:4]]
     return trail
+
+
+@pytest.mark.parametrize("name", ["act", "reward", "terminated", "success", "death"])
+@pytest.mark.parametrize("wrong", [None, 3.0, ("no function",)])
+def test_what_is_no_function_of_a_task_is_told_with_the_argument_and_the_task(name, wrong):
+    with pytest.raises(SegarError, match=rf"task sailing: {name} must be a function, or a tuple of functions, not"):
+        dataclasses.replace(segar.puttputt(), name="sailing", **{name: wrong})
+
+
+@pytest.mark.parametrize(
+    ("low", "high"), [((-1.0, 0.5), (1.0, 0.5)), ((-1.0, 2.0), (1.0, -2.0)), ((0.0, 0.0), (1.0, float("nan")))]
+)
+def test_a_component_of_an_action_that_cannot_vary_is_told(low, high):
+    with pytest.raises(SegarError, match=r"task sailing: .* component 1 of the action goes from"):
+        dataclasses.replace(segar.puttputt(), name="sailing", action_low=low, action_high=high)
