@@ -182,9 +182,8 @@ def environment_options(config: RunConfig, num_envs: int | None = None) -> dict[
     Raises:
         ConfigError: there is no such observation or task.
     """
-    for setting, name in as_data(
-        config.levels
-    ).items():  # their modules may define a parameter that an observation names
+    # The modules of own levels may define what an observation names, such as a parameter.
+    for setting, name in as_data(config.levels).items():
         if isinstance(name, str) and OBJECT_NAME.fullmatch(name):
             import_object(name, f"levels.{setting}")
     is_own = config.task.name == OWN_TASK

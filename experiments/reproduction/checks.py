@@ -34,7 +34,7 @@ def check_objects(runs: Iterable[RunConfig]) -> None:
             if is_new(levels):
                 for which in ("train", "test"):
                     distribution_of(levels, which)
-            if is_new(run.task, run.observation):
+            if is_new(levels, run.task, run.observation):  # the task may be that of the levels
                 environment_options(run)
             for name in (algorithm.learner, getattr(algorithm, "encoder", "")):
                 if ":" in name and not name.startswith("experiments.") and is_new(name):

@@ -155,6 +155,12 @@ def test_a_wrong_task_of_the_levels_is_told_with_the_levels_that_name_it(lab):
         environment_options(on("landing_levels:wrong"))
 
 
+def test_a_plan_ends_with_a_wrong_task_of_any_of_its_levels(lab):
+    check_objects([on("landing_levels:field"), on("landing_levels:plain")])
+    with pytest.raises(ConfigError, match="'landing_tasks' has no 'landng'"):
+        check_objects([on("landing_levels:field"), on("landing_levels:wrong")])
+
+
 def test_a_variation_that_gives_named_levels_another_task_asks_for_a_choice(lab):
     levels = LevelsConfig("empty-easy", variation="landing_levels:for_landing")
     with pytest.raises(ConfigError, match=r"levels.variation: .* task=landing_tasks:landing or task=puttputt"):
@@ -182,4 +188,4 @@ def test_an_observation_may_name_what_the_levels_module_defines_wherever_options
     state = ObservationConfig(options={"parameters": ["Draught"]})
     config = on("landing_levels:draughty", task=TaskConfig("puttputt"), observation=state)
     assert "landing_levels" not in sys.modules
-    assert dataclasses.asdict(config) and environment_options(config)["observation"] is not None
+    assert environment_options(config)["observation"].parameters == ["Draught"]
