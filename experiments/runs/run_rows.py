@@ -120,23 +120,28 @@ def as_columns(rows: Sequence[RunRow]) -> list[dict[str, Any]]:
 
 def mixed_code(rows: Iterable[RunRow]) -> dict[str, list[str]]:
     """The parts of the code that are not the same in all finished runs which share them, such as ``kernel`` or
-    ``my_lab.tasks``, and of each the names of the runs in which it is another than in most.
+    ``my_lab.tasks``, and of each the names of the runs in which it is another than in most; of equally many, the runs that
+    differ in another part, too.
 
     Runs of one algorithm share the learner, runs on levels of one distribution the levels, and with one task, too, the
     kernel. All runs share each other part that they have, such as a module of the user's own.
     """
     done = [row for row in rows if row.code]
     found: dict[str, list[str]] = {}
-    for part in sorted({part for row in done for part in row.code}):
+    others: set[str] = set()
+    for part in sorted({part for row in done for part in row.code}, key=lambda part: (part in DECIDE_CODE, part)):
         sharing: dict[tuple[Any, ...], list[RunRow]] = {}
         for row in (row for row in done if part in row.code):
             sharing.setdefault(_deciding(row, part), []).append(row)
         for group in sharing.values():
-            ((most, _),) = Counter(row.code[part] for row in group).most_common(1)
+            counts = Counter(row.code[part] for row in group)
+            known = Counter(row.code[part] for row in group if row.folder.name in others)
+            most = max(counts, key=lambda value: (counts[value], -known[value]))
             other = [row.folder.name for row in group if row.code[part] != most]
+            others |= {*other}
             if other:
                 found[part] = [*found.get(part, ()), *other]
-    return found
+    return dict(sorted(found.items()))
 
 
 def figures_of(summary: Mapping[str, Any]) -> dict[str, float]:

@@ -104,6 +104,12 @@ def test_a_part_of_the_code_must_be_the_same_only_in_runs_that_share_it(part, se
     assert mixed_code(rows) == ({part: ["b"]} if shared else {})
 
 
+def test_of_two_runs_of_different_code_all_parts_name_the_same_one():
+    rows = [made_by("a", {"kernel": "2", "lab": "2"}), made_by("b", {"kernel": "1", "lab": "1"})]
+    rows += [made_by(name, {"kernel": "3", "lab": "1"}, **{"levels.train": "empty-hard"}) for name in "cd"]
+    assert mixed_code(rows) == {"kernel": ["a"], "lab": ["a"]}
+
+
 def test_distances_stand_first_exact_w2_before_all_and_own_results_beside_success(tmp_path):
     config = short_run(tmp_path / "a", evaluation=EvaluationConfig(episodes=2))
     summary = run(config).summary
