@@ -120,7 +120,8 @@ def test_each_cell_of_a_grid_has_the_task_of_its_levels(lab):
 def test_the_code_of_the_levels_task_counts_as_executed(lab):
     before = executed_code(on("landing_levels:field"))
     file = lab / "landing_tasks.py"
-    file.write_text(file.read_text().replace("[1]", "[0]"))
+    # Of another size: Python takes compiled code for current where neither the second nor the size of its source changed.
+    file.write_text(file.read_text().replace("[1]", "[ 0]"))
     sys.modules.pop("landing_tasks")
     after = executed_code(on("landing_levels:field"))
     assert {name for name in after if after[name] != before[name]} == {"kernel", "landing_tasks"}
