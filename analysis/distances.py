@@ -84,6 +84,4 @@ def count_pairs(tests: Sequence[LevelPair]) -> int:
 def _named(levels: LevelsConfig, which: str) -> str:
     """The name of a distribution with its variation. Its entity types are defined from now on, so that levels can be read."""
     distribution_of(levels, which)
-    test = which == "test"
-    varied = levels.test_variation if test and levels.test_variation is not None else levels.variation
-    return " ".join(filter(None, [levels.test_distribution if test else levels.train, varied]))
+    return " ".join(filter(None, levels.named(which)))

@@ -77,10 +77,7 @@ def make_levels(config: LevelsConfig) -> tuple[Any, Any]:
 
 def distribution_of(config: LevelsConfig, which: str) -> Any:
     """The distribution, varied as ``config`` says, of the ``"train"`` or the ``"test"`` levels; raises :class:`ConfigError`."""
-    name, variation = config.train, config.variation
-    if which == "test":
-        name = config.test_distribution
-        variation = config.variation if config.test_variation is None else config.test_variation
+    name, variation = config.named(which)
     place, place_of_variation = f"levels.{which}", "levels.variation" if which == "train" else "levels.test_variation"
     path = level_file(name, place)
     if path is None:
@@ -224,7 +221,8 @@ def task_name(config: RunConfig) -> str:
 
 def check_observations(config: RunConfig, train: Levels, test: Levels) -> None:
     """Raises :class:`ConfigError` if the agent would not observe the same numbers in the test levels as in training."""
-    seen, shown = (VectorEnv(levels, 1, seed=0, **environment_options(config)) for levels in (train, test))
+    options = environment_options(config)
+    seen, shown = (VectorEnv(levels, 1, seed=0, **options) for levels in (train, test))
     space, other = seen.single_observation_space, shown.single_observation_space
     names, others = (list(getattr(env.observation, "names", ())) for env in (seen, shown))
     if space.shape == other.shape and type(space) is type(other) and names == others:

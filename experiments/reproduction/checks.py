@@ -71,8 +71,8 @@ def check_claims(experiment: Experiment, works: Sequence[RunTask]) -> None:
     known: dict[str, set[str]] = {}
     for run in (work.run for work in works):
         cell, columns = grid_point(run), run_columns(run, "")
-        there = {**columns, "panel": cell.panel, "levels": cell.count, "seed": run.levels.seed}
-        for name, value in {**there, **varied_columns(run, varied)}.items():
+        place_columns = {"panel": cell.panel, "levels": cell.count, "seed": run.levels.seed}
+        for name, value in {**columns, **place_columns, **varied_columns(run, varied)}.items():
             known.setdefault(name, set()).add(str(value))
     labels = sorted({one.label for work in works for one in work.transfers if one.mixture is None})
     for name, stated in experiment.claims.items():

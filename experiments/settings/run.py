@@ -94,6 +94,12 @@ class LevelsConfig(Settings):
         """The distribution that test levels come from."""
         return self.test or self.train
 
+    def named(self, which: str) -> tuple[str, str]:
+        """The names of the distribution and of the variation of the ``"train"`` or the ``"test"`` levels."""
+        if which == "train":
+            return self.train, self.variation
+        return self.test_distribution, self.variation if self.test_variation is None else self.test_variation
+
 
 @dataclass(frozen=True)
 class TaskConfig(Settings):

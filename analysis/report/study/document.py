@@ -86,16 +86,8 @@ def cells(study: Study) -> Table:
         rows.append([str(row["panel"]), str(row["agent"]), str(row["levels"]), str(len(part)), str(count_of(part, "seed")),
                      *map(plain, numbers), signed(row["estimate"]), interval(Estimate.of_row(row))])  # fmt: skip
     head = (
-        *by[:2],
-        "training levels",
-        "runs",
-        "level sets",
-        "exact W2",
-        "success, training",
-        "success, test",
-        "gap",
-        "95 %",
-    )
+        *by[:2], "training levels", "runs", "level sets", "exact W2", "success, training", "success, test", "gap", "95 %",
+    )  # fmt: skip
     caption = " ".join(filter(None, ["Means over runs; the gap with its interval over level sets.", study.about_w2]))
     return Table(head, rows, 2, caption, folded=len(rows) > 30)
 
