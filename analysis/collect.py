@@ -25,6 +25,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.distances import COMMON, count_pairs, in_one_unit, own_levels, transfer_levels
+from analysis.runs import shared_levels, training_sets
 from analysis.tables import column, performance, select, write_csv
 from experiments.commands.hydra_app import run_simple_command
 from experiments.levels.mixed_levels import SEPARATOR
@@ -166,6 +167,8 @@ def for_study(plan: Mapping[str, Any], found: Collected) -> Collected:
     ``w2_exact_common``  of runs and transfers: exact W2 in one unit, if there are several pairs of distributions
     ``round_frames``     of runs: in so many frames every environment ends an episode
     ``episode/count``    in the curves: how many episodes the means are of
+    ``level_set``        of runs, where several seeds gave the same levels: the least of these seeds
+    ``levels_shared``    of runs, where level sets of a size share levels: the largest share of one that is in another
 
     Where level files of some runs are not here, ``w2_exact_common`` is left out and the reason printed.
     """
@@ -175,7 +178,8 @@ def for_study(plan: Mapping[str, Any], found: Collected) -> Collected:
         return found
     counts = [curve_rows(root / name, {"run": name}, ("episode/count",)) for name in here]
     rounds = {name: round_frames(root / name) for name in here}
-    runs = found.runs.assign(round_frames=[rounds.get(name, np.nan) for name in found.runs["run"]])
+    runs = with_level_sets(found.runs.assign(folder=[str(root / name) for name in found.runs["run"]]))
+    runs = runs.drop(columns="folder").assign(round_frames=[rounds.get(name, np.nan) for name in runs["run"]])
     found = dataclasses.replace(found, runs=runs, curves=join([found.curves, *counts]))
     try:
         own = [own_levels(root / run) for run in runs["run"]]
@@ -190,6 +194,16 @@ def for_study(plan: Mapping[str, Any], found: Collected) -> Collected:
     runs = runs.assign(**{COMMON: [next(values) for _ in own]})
     transfers = found.transfers.assign(**{COMMON: [np.nan if one is None else next(values) for one in moved]})
     return dataclasses.replace(found, runs=runs, transfers=transfers)
+
+
+def with_level_sets(runs: pd.DataFrame) -> pd.DataFrame:
+    """The rows with ``level_set`` and ``levels_shared``, where :func:`for_study` has them; ``folder`` holds the levels."""
+    seeds = runs["levels.seed"].fillna(runs["seed"]) if "levels.seed" in runs else runs["seed"]
+    sets, shares = training_sets(runs), [shared_levels(part) for _, part in runs.groupby(["family", "n"])]
+    least = pd.Series(seeds).groupby(sets).transform("min").to_numpy(np.int64)
+    if np.any(least != np.asarray(seeds)):
+        runs = runs.assign(level_set=least)
+    return runs.assign(levels_shared=max(shares)) if max(shares) > 0 else runs
 
 
 def round_frames(folder: Path) -> float:

@@ -24,6 +24,7 @@ from analysis.plotting import style
 from analysis.plotting.figures import DOT, METADATA, draw_line, new_figure, save_figure, zero_line
 from analysis.runs import (
     LEVEL_SETS,
+    about_level_sets,
     column_name,
     finished,
     names_of,
@@ -111,6 +112,7 @@ def gap_plot(
         in_cells = shown.assign(cell=_cells_of(shown))
         if count_of(shown, "group") < count_of(in_cells, "cell"):
             lines.append(f"r given all settings but seeds = {_in_words(correlation(in_cells, x, y, 'cell'))}")
+        lines += [part for text in about_level_sets(shown, by=()) for part in textwrap.wrap(text, TITLE_WIDTH)]
         axes.set_title("\n".join([*lines, *about_unit]), loc="left", fontsize=9)
         if group is not None:
             figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", title=group, ncols=4)

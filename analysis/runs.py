@@ -1,8 +1,9 @@
 """Any runs as one table, and what they say: means of runs that differ by their seeds alone, with intervals over level sets.
 
 A *block* is a level set: all runs on the training levels of one distribution that one ``levels.seed`` gives, whatever their
-number, the agent, the algorithm, or the levels that the agent is tested on. Results of a block are not independent, so that
-intervals are taken over blocks, and not over runs. Of fewer than three blocks there is no interval.
+number, the agent, the algorithm, or the levels that the agent is tested on. Seeds that give the same levels are one block.
+Results of a block are not independent, so that intervals are taken over blocks, and not over runs. Of fewer than three
+blocks there is no interval.
 """
 
 import dataclasses
@@ -14,6 +15,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from analysis.level_sets import first_of_equal, largest_share, levels_trained_on, united
 from analysis.stats.association import labels
 from analysis.stats.estimate import Estimate, mean_of_replicates
 from analysis.stats.resampling import FEWEST_BLOCKS, no_interval
@@ -37,6 +39,11 @@ MEASURED_BETWEEN = (
 SUMMARISED = ("w2_exact", "gap_deterministic", "success_train_deterministic", "success_test_deterministic")
 SHARES = ("success_", "death_")  # begin the names of figures that are shares of episodes
 LEVEL_SETS, AGENTS = "level sets", "agents"  # what an interval is over
+SHARED_LEVELS = (
+    "warning: the level sets share levels: up to {:.0%} of one are in another, because a file or a distribution has few levels."
+    " Intervals over such level sets are too short. Take a distribution with more levels, or a level file for each level set."
+)
+SAME_LEVELS = "Several levels.seed gave the same levels, such as all levels of a file: these count as one level set."
 
 
 def read_runs(*folders: str | Path, sweep: str | None = None) -> pd.DataFrame:
@@ -149,6 +156,8 @@ def notes(runs: pd.DataFrame, done: pd.DataFrame, found: pd.DataFrame) -> Iterat
     """Sentences about a summary: which runs are left out, and over what its intervals are."""
     if len(done) < len(runs):
         yield f"{len(runs) - len(done)} of {len(runs)} runs are not finished and do not count; their states stand above."
+    about_sets = list(about_level_sets(done))
+    yield from about_sets
     lacking = found[found["runs"] == 0] if len(found) else found
     for name in dict.fromkeys(lacking["figure"]):
         yield f"Some combinations have no {name}."
@@ -164,9 +173,10 @@ def notes(runs: pd.DataFrame, done: pd.DataFrame, found: pd.DataFrame) -> Iterat
         yield "An interval without width is that of units with equal results; it does not say that others would have them, too."
     if any(unit == AGENTS and n > 1 for unit, n in zip(there["unit"], there["n"], strict=True)):
         seeds = ",".join(map(str, sorted({int(seed) for seed in done["seed"]})))
+        cross = "" if SAME_LEVELS in about_sets else f" Cross the seeds: --multirun seed={seeds} levels.seed={seeds}"
         yield (
             "Runs on one level set alone (one levels.seed) differ by their agents: their intervals are over agents, and say "
-            f"nothing about other levels. Cross the seeds: --multirun seed={seeds} levels.seed={seeds}"
+            f"nothing about other levels.{cross}"
         )
     if 1 in set(there["n"]):
         yield "A mean of one run has no interval; sweep seed and levels.seed."
@@ -175,6 +185,21 @@ def notes(runs: pd.DataFrame, done: pd.DataFrame, found: pd.DataFrame) -> Iterat
             f"w2_exact has a unit for each of the {pairs} pairs of training and test distributions: compare it within a pair. "
             "analysis.gap_plot measures all pairs in one unit."
         )
+
+
+def about_level_sets(done: pd.DataFrame, by: Sequence[str] | None = None) -> Iterator[str]:
+    """Sentences about seeds that gave the same levels, or levels that are in other level sets, too.
+
+    Args:
+        done: finished runs.
+        by: columns; level sets of runs with equal values are compared. None: those of :func:`settings_varied`.
+    """
+    by = settings_varied(done) if by is None else by
+    parts = [part for _, part in _groups(done, by)]
+    if any(len(set(training_sets(part))) < len(set(_named_sets(part)[0])) for part in parts):
+        yield SAME_LEVELS
+    if (share := max(map(shared_levels, parts), default=0.0)) > 0:
+        yield SHARED_LEVELS.format(share)
 
 
 def finished(runs: pd.DataFrame) -> pd.DataFrame:
@@ -199,19 +224,38 @@ def training_sets(runs: pd.DataFrame) -> NDArray[Any]:
     """The names of the level sets that the runs were trained on, text ``[runs]``, equal for runs of one block.
 
     That is the distribution with its variation and design, and the seed of the levels. Smaller sets of a seed are parts of
-    larger ones, and test levels make no difference.
+    larger ones, and test levels make no difference. Seeds that gave the same levels of a distribution, as all levels of a
+    file, are one level set, if the table has the column ``folder`` and the folders hold the levels.
 
     Raises:
-        SegarError: no column says it.
+        SegarError: no column says it, or a level file cannot be read.
     """
+    names, among = _named_sets(runs)
+    first = first_of_equal(united(names, levels_trained_on(runs)), among)
+    return np.array([first[name] for name in names])
+
+
+def shared_levels(runs: pd.DataFrame) -> float:
+    """The largest share of a level set that lies in another level set of its distribution, 0 to 1; 0 where nothing is known.
+
+    Two sets with the same levels are one, see :func:`training_sets`. Raises :class:`SegarError` as that function.
+    """
+    names, among = _named_sets(runs)
+    return largest_share(united(names, levels_trained_on(runs)), among)
+
+
+def _named_sets(runs: pd.DataFrame) -> tuple[NDArray[Any], dict[str, str]]:
+    """The names of the level sets by their settings, text ``[runs]``, and of each its distribution, variation and design."""
     names = [name for name in TRAINED_ON if name in runs]
     seeds = [runs[name] for name in ("levels.seed", "seed") if name in runs]
     if not names and not seeds:
         raise SegarError("no column says on which level set a run was trained, such as levels.train and levels.seed")
+    taken_from = names_of(runs, names) if names else np.array([""] * len(runs))
     if seeds:  # analysis.collect leaves levels.seed empty where it is the seed of the run
         first, *rest = seeds
         names, runs = [*names, "of seed"], runs.assign(**{"of seed": first.fillna(rest[0]) if rest else first})
-    return names_of(runs, names)
+    found = names_of(runs, names)
+    return found, dict(zip(found, taken_from, strict=True))
 
 
 def names_of(table: pd.DataFrame, columns: Sequence[str]) -> NDArray[Any]:

@@ -11,12 +11,21 @@ from PIL import Image
 import segar
 from analysis.distances import count_pairs, in_one_unit, own_levels
 from analysis.gap_plot import correlation, gap_plot, main
-from analysis.runs import column_name, read_runs, summarise, summary_text, training_sets
+from analysis.runs import (
+    about_level_sets,
+    column_name,
+    read_runs,
+    shared_levels,
+    summarise,
+    summary_text,
+    training_sets,
+)
 from analysis.stats.estimate import mean_of_replicates
 from experiments.levels.builders import make_levels
 from experiments.runs.run_folder import LEVELS_TEST, LEVELS_TRAIN
 from experiments.runs.run_rows import as_columns, run_rows
 from experiments.settings import LevelsConfig, RunFolderError
+from experiments.settings.own_code import file_fingerprint
 from experiments.training.run import run
 from segar.errors import SegarError
 from segar.levels import Levels
@@ -262,3 +271,54 @@ def test_what_cannot_be_plotted_is_an_error_that_names_it(folder, tmp_path):
     ):
         gap_plot(table(), group="famly")
     assert list(tmp_path.iterdir()) == []
+
+
+def from_a_file(root, seeds, count, held=6):
+    """Runs on levels of one file that holds so many, one for each seed of the levels, with gaps of their own."""
+    root.mkdir(exist_ok=True)
+    path = root / "few.npz"
+    if not path.exists():
+        segar.family("empty-easy").sample(held, seed=held).save(path)
+    for seed in seeds:
+        levels = LevelsConfig(
+            f"{path}#{file_fingerprint(path, '')}", count=count, seed=seed, test="empty-easy", test_count=3
+        )
+        run_folder = write_run(settings(root / "runs", levels=levels))
+        for levels_of, name in zip(make_levels(levels), (LEVELS_TRAIN, LEVELS_TEST), strict=True):
+            levels_of.save(run_folder / name)
+    return read_runs(root / "runs").assign(gap_deterministic=-1.0 - 0.1 * np.arange(len(seeds)))
+
+
+def test_seeds_that_give_the_same_levels_of_a_file_are_one_level_set(tmp_path):
+    runs = from_a_file(tmp_path, (1, 2, 3), count=6)
+    assert len(set(training_sets(runs))) == 1
+    found = summarise(runs, ["gap"], by=())
+    assert list(found["level_sets"]) == [1] and list(found["unit"]) == ["agents"]
+    text = summary_text(runs.to_dict("records"))
+    assert "Several levels.seed gave the same levels" in text and "Cross the seeds" not in text
+    assert "level sets share levels" not in text
+    title = " ".join(gap_plot(runs, x="ks").axes[0].get_title(loc="left").split())
+    assert title.startswith("3 runs on 1 level set, ") and "gave the same levels" in title
+    own = runs.assign(folder="nowhere")
+    assert len(set(training_sets(own))) == 3  # without the levels, the seeds are all that is known
+
+
+def test_level_sets_that_share_a_part_of_their_levels_are_told(tmp_path):
+    runs = from_a_file(tmp_path, (0, 1, 2), count=4)
+    levels = [Levels.load(Path(folder) / LEVELS_TRAIN) for folder in runs["folder"]]
+    rows = [{one.values[k].tobytes() for k in range(4)} for one in levels]
+    share = max(len(a & b) / 4 for a in rows for b in rows if a != b)
+    assert 0 < share < 1 and shared_levels(runs) == share
+    assert f"the level sets share levels: up to {share:.0%} of one" in summary_text(runs.to_dict("records"))
+    assert "level sets share levels" in gap_plot(runs, x="ks").axes[0].get_title(loc="left")
+
+
+def test_level_sets_without_common_levels_are_told_nothing(tmp_path):
+    runs = from_a_file(tmp_path, (0,), count=2)
+    both = pd.concat([runs, from_a_file(tmp_path / "other", (1,), count=2, held=2)], ignore_index=True)
+    assert len(set(training_sets(both))) == 2
+    assert list(about_level_sets(both, by=())) == []
+    (tmp_path / "broken").mkdir()
+    (tmp_path / "broken" / LEVELS_TRAIN).write_bytes(b"nothing")
+    with pytest.raises(RunFolderError, match="cannot read the levels in"):
+        training_sets(runs.assign(folder=str(tmp_path / "broken")))

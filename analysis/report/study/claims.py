@@ -10,7 +10,7 @@ from analysis.report.claims import verdicts
 from analysis.report.claims.claim import Claim, Finding, small_difference
 from analysis.report.number_format import plain
 from analysis.report.results import PANEL, paired
-from analysis.report.study.reading import AGENT_SEED, OWN_UNITS, Study
+from analysis.report.study.reading import AGENT_SEED, LEVEL_SEED, OWN_UNITS, Study
 from analysis.runs import column_name, number_of_pairs
 from analysis.stats.estimate import Estimate
 from analysis.tables import column, keep
@@ -93,7 +93,10 @@ def differences(
     by = named(rows, "between", name)
     parts = [keep(rows, [str(one) == str(value) for one in rows[by]]) for value in (first, second)]
     shared = [name for name in PANEL if set(parts[0][name]) & set(parts[1][name])]  # none where panels are compared
-    at = [one for one in (*shared, "n", "seed", AGENT_SEED, *study.told_apart) if one != by]
+    levels = (
+        LEVEL_SEED if np.any(column(rows, LEVEL_SEED) != column(rows, "seed")) else "seed"
+    )  # several seeds may have given one level set
+    at = [one for one in (*shared, "n", levels, AGENT_SEED, *study.told_apart) if one != by]
     for value, part in zip((first, second), parts, strict=True):
         if part.empty:
             raise ConfigError(

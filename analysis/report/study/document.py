@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 
+import numpy as np
 import pandas as pd
 
 from analysis.report.claims.claim import Claim
@@ -12,7 +13,8 @@ from analysis.report.document.tables import means
 from analysis.report.number_format import estimate_text, interval, plain, signed
 from analysis.report.results import ETA, paired
 from analysis.report.study.claims import TESTED, WORDS
-from analysis.report.study.reading import SUCCESS, Study
+from analysis.report.study.reading import LEVEL_SEED, SUCCESS, Study
+from analysis.runs import SAME_LEVELS, SHARED_LEVELS
 from analysis.stats.association import labels
 from analysis.stats.estimate import Estimate
 from analysis.stats.resampling import FEWEST_BLOCKS
@@ -66,6 +68,10 @@ def repeated(runs: pd.DataFrame) -> Iterator[Block]:
             "make them shorter.",
             "warning",
         )
+    if np.any(column(runs, "seed") != column(runs, LEVEL_SEED)):
+        yield Paragraph(SAME_LEVELS, "warning")
+    if "levels_shared" in runs:
+        yield Paragraph(SHARED_LEVELS.format(column(runs, "levels_shared").max()), "warning")
     fewest = min(count_of(part, "seed") for _, part in runs.groupby("panel"))
     if fewest < FEWEST_BLOCKS:
         yield Paragraph(

@@ -23,7 +23,7 @@ from experiments.runs.trust import require_trust
 from experiments.settings import ConfigError, RunFolderError, add_module_path
 from segar.errors import did_you_mean
 
-AGENT_SEED = "seed of the agent"
+AGENT_SEED, LEVEL_SEED = "seed of the agent", "seed of the levels"
 KINDS = ("algorithm", "observation", "task", "variation", "design")  # columns that may tell agents apart
 NEEDED = ("family", "difficulty", "seed", "n", "run", "w2_exact", "gap_deterministic", "gap_ref_deterministic")
 ALL = "all agents"
@@ -50,7 +50,7 @@ class Study:
     """What a study asks, and what its tables say.
 
     ``runs`` has the columns of :func:`analysis.report.results.measured`; ``agent``, the settings that tell agents apart, in
-    words; and ``levels``, which is ``n``. ``seed`` is that of the level set.
+    words; and ``levels``, which is ``n``. ``seed`` is that of the level set: the least one of those that gave its levels.
     """
 
     asked: Mapping[str, Any]
@@ -112,7 +112,9 @@ def read_study(folder: Path) -> Study:
     results = read_results(folder, NEEDED)
     table, vary = results.runs, [str(name) for name in (asked.get("grid") or {}).get("vary", ())]
     shared = table["levels.seed"].fillna(table["seed"]) if "levels.seed" in table else table["seed"]
-    table = table.assign(**{AGENT_SEED: table["seed"], "seed": shared.astype(int)})
+    merged = table["level_set"].fillna(shared) if "level_set" in table else shared
+    seeds = {AGENT_SEED: table["seed"], LEVEL_SEED: shared.astype(int), "seed": merged.astype(int)}
+    table = table.assign(**seeds)
     told_apart = [name for name in (*KINDS, *vary) if name in table and count_of(table, name) > 1]
     table = measured(table)
     agent = [agent_name(row, told_apart) for row in table.to_dict("records")]

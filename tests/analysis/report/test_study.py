@@ -264,6 +264,25 @@ def test_more_test_levels_make_no_more_blocks_and_two_blocks_no_interval(tmp_pat
         assert np.isnan(finding.found.low) == (seeds == 2) and finding.verdict in ("undecided", "reproduced")
 
 
+@pytest.mark.parametrize(("held", "sets", "said"), [(3, 1, "gave the same levels"), (4, 3, "level sets share levels")])
+def test_seeds_that_give_all_levels_of_a_file_are_one_level_set_and_shared_levels_are_told(tmp_path, held, sets, said):
+    """The study's file names the level file beside it."""
+    segar.family("empty-easy").sample(held, seed=0).save(tmp_path / "few.npz")
+    settings = {**STUDY["settings"], "levels.test_count": 5, "levels.test": "empty-hard"}
+    vary = {"algorithm.gamma": [0.9, 0.99]}
+    grid = {"families": ["few.npz"], "counts": [3], "seeds": 2, "level_sets": 3, "vary": vary}
+    claims = {"gamma": STUDY["claims"]["gamma"]}
+    folder = made(
+        tmp_path, {**STUDY, "settings": settings, "grid": grid, "claims": claims, "transfers": []}, with_levels
+    )
+    study = read_study(folder)
+    assert len(set(study.runs["seed"])) == sets
+    found = claim_of(study, "gamma", ClaimConfig("x", "difference", "negative", between=vary)).findings[0].found
+    assert found.n == 6 and np.isfinite(found.low) == (sets == 3)  # pairs of all agents on all seeds of levels
+    report_results(folder)
+    assert said in (folder / "report.html").read_text()
+
+
 def test_a_window_of_the_learning_curve_holds_an_episode_of_every_environment():
     """Two environments: short episodes end early, and long ones all at once."""
     rows = pd.DataFrame({
