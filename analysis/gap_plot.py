@@ -3,7 +3,7 @@
 ``RUNS`` are folders that hold run folders; without any, ``runs/`` of the checkout. Each point is a run with the 95 %
 interval of its gap over episodes, or with ``--cells`` the mean of the runs that differ by their seeds alone, with its
 interval over level sets. Where runs have several pairs of training and test distributions, W2 is measured in one unit for all
-of them.
+of them. A warning says where the runs were made by different code, or where level sets share levels.
 """
 
 import argparse
@@ -38,6 +38,7 @@ from analysis.stats.correlation import NotAvailable, correlate, indicators
 from analysis.stats.estimate import Estimate
 from analysis.stats.resampling import FEWEST_BLOCKS, cluster_interval, no_interval
 from analysis.tables import Floats, column, count_of, pick, select
+from experiments.runs.run_rows import code_warning, run_rows
 from segar.errors import SegarError
 
 NORMAL = 1.96  # standard errors of a 95 % interval
@@ -113,6 +114,7 @@ def gap_plot(
         if count_of(shown, "group") < count_of(in_cells, "cell"):
             lines.append(f"r given all settings but seeds = {_in_words(correlation(in_cells, x, y, 'cell'))}")
         lines += [part for text in about_level_sets(shown, by=()) for part in textwrap.wrap(text, TITLE_WIDTH)]
+        lines += textwrap.wrap(_about_code(shown), TITLE_WIDTH)
         axes.set_title("\n".join([*lines, *about_unit]), loc="left", fontsize=9)
         if group is not None:
             figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", title=group, ncols=4)
@@ -169,6 +171,12 @@ def _with_unit(runs: pd.DataFrame, x: str, asked: str) -> tuple[pd.DataFrame, li
             why = f"there is none for all, because {error}"
     text = f"W2 has a unit for each pair of training and test distributions: compare it within a pair; {why}"
     return runs, textwrap.wrap(text, TITLE_WIDTH)
+
+
+def _about_code(runs: pd.DataFrame) -> str:
+    """The warning of :func:`experiments.runs.run_rows.code_warning`, if the table says where the runs are."""
+    places = [path for path in map(Path, runs["folder"]) if path.is_dir()] if "folder" in runs else []
+    return code_warning(run_rows(places))
 
 
 def _cells_of(runs: pd.DataFrame) -> list[str]:

@@ -19,13 +19,12 @@ from experiments.commands.hydra_app import run_simple_command
 from experiments.reproduction.plugin import SUMMARIES, find_plugin
 from experiments.runs.files import replacing, write_text
 from experiments.runs.run_folder import RESULTS, root_folder
-from experiments.runs.run_rows import FINISHED, RunRow, as_columns, mixed_code, named_settings, run_rows
+from experiments.runs.run_rows import FINISHED, RunRow, as_columns, code_warning, named_settings, run_rows
 from experiments.settings import ConfigError, RunFolderError
 from segar.cli import table
 
 FORMATS = (".csv", ".parquet", ".md")  # of files that are written
 SHOWN = ("levels.train", "algorithm.name")  # settings that are printed even where all runs agree
-NAMED = 3  # runs that a warning names
 FIGURES = {  # columns that are printed, and their names there; W2 in all modes and the task's own results beside them
     "ks": "KS",
     "gap_deterministic": "gap",
@@ -85,23 +84,6 @@ def results(config: ResultsConfig, say: Callable[[str], None] = print) -> None:
         say(f"\n{len(rows)} runs with all figures: {path}")
     if means is not None and averaged:
         say(f"Their means with intervals: {means}")
-
-
-def code_warning(runs: Sequence[RunRow]) -> str:
-    """Which parts of the code are not the same in all runs of one table, and in which runs; empty where all are."""
-    parts_of: dict[tuple[str, ...], list[str]] = {}
-    for part, names in mixed_code(runs).items():
-        parts_of.setdefault(tuple(names), []).append(part)
-    if not parts_of:
-        return ""
-    which = [
-        f"{', '.join(parts)} in {', '.join(names[:NAMED])}" + f" and {len(names) - NAMED} more" * (len(names) > NAMED)
-        for names, parts in parts_of.items()
-    ]
-    return (
-        f"warning: these runs were made by different code, and their means mix it. Others than in most runs are"
-        f" {'; '.join(which)}. Give the command of a sweep again with stale=anew: it trains what today's code did not make"
-    )
 
 
 def as_table(runs: Sequence[RunRow]) -> str:

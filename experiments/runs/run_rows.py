@@ -50,6 +50,7 @@ DECIDE_CODE = {
 }
 DECIDE_NO_CODE = ("levels.count", "levels.seed", "levels.design", "levels.test_count", "levels.test_seed")
 LAST_DISTANCES = ("w2_reference", "w2_paper", "ks")  # stand behind all other modes of W2
+NAMED = 3  # runs that a warning names
 FIRST = ("gap", "success_test", "success_train", "score", RESULTS, "return_test", "return_train")  # what is read first
 
 
@@ -142,6 +143,23 @@ def mixed_code(rows: Iterable[RunRow]) -> dict[str, list[str]]:
             if other:
                 found[part] = [*found.get(part, ()), *other]
     return dict(sorted(found.items()))
+
+
+def code_warning(runs: Sequence[RunRow]) -> str:
+    """Which parts of the code are not the same in all runs of one table, and in which runs; empty where all are."""
+    parts_of: dict[tuple[str, ...], list[str]] = {}
+    for part, names in mixed_code(runs).items():
+        parts_of.setdefault(tuple(names), []).append(part)
+    if not parts_of:
+        return ""
+    which = [
+        f"{', '.join(parts)} in {', '.join(names[:NAMED])}" + f" and {len(names) - NAMED} more" * (len(names) > NAMED)
+        for names, parts in parts_of.items()
+    ]
+    return (
+        f"warning: these runs were made by different code, and their means mix it. Others than in most runs are"
+        f" {'; '.join(which)}. Give the command of a sweep again with stale=anew: it trains what today's code did not make"
+    )
 
 
 def figures_of(summary: Mapping[str, Any]) -> dict[str, float]:

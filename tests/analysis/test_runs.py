@@ -22,8 +22,8 @@ from analysis.runs import (
 )
 from analysis.stats.estimate import mean_of_replicates
 from experiments.levels.builders import make_levels
-from experiments.runs.run_folder import LEVELS_TEST, LEVELS_TRAIN
-from experiments.runs.run_rows import as_columns, run_rows
+from experiments.runs.run_folder import LEVELS_TEST, LEVELS_TRAIN, VERSIONS, read_versions, write_json
+from experiments.runs.run_rows import as_columns, code_warning, run_rows
 from experiments.settings import LevelsConfig, RunFolderError
 from experiments.settings.own_code import file_fingerprint
 from experiments.training.run import run
@@ -322,3 +322,13 @@ def test_level_sets_without_common_levels_are_told_nothing(tmp_path):
     (tmp_path / "broken" / LEVELS_TRAIN).write_bytes(b"nothing")
     with pytest.raises(RunFolderError, match="cannot read the levels in"):
         training_sets(runs.assign(folder=str(tmp_path / "broken")))
+
+
+def test_the_plot_of_runs_of_different_code_has_the_warning_of_the_table(tmp_path):
+    runs = from_a_file(tmp_path, (0, 1, 2), count=1)
+    assert "different code" not in gap_plot(runs, x="ks").axes[0].get_title(loc="left")
+    edited = Path(runs["folder"].iloc[1])
+    write_json(edited / VERSIONS, {**read_versions(edited), "code": "f" * 16})
+    said = " ".join(gap_plot(runs, x="ks").axes[0].get_title(loc="left").split())
+    warning = code_warning(run_rows([tmp_path / "runs"]))
+    assert warning.startswith("warning: these runs were made by different code") and warning in said

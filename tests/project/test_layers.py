@@ -61,6 +61,7 @@ ORDER = [
     "analysis.stats",
     "analysis.plotting",
     "analysis.distances",
+    "analysis.level_sets",
     "analysis.runs",
     "analysis.gap_plot",
     "analysis.probes",
