@@ -107,7 +107,7 @@ def gap_plot(
             draw_line(axes, column(points, "x"), column(points, "y"), band=False)
         axes.set_xlabel(TITLES.get(x, x))
         axes.set_ylabel(TITLES.get(y, y))
-        lines = [_counts(shown, len(table) - len(both), len(points) if cells else 0), f"r = {_in_words(found)}"]
+        lines = [_counts(shown, points, len(table) - len(both), cells), f"r = {_in_words(found)}"]
         if count_of(shown, "group") > 1:
             lines.append(f"r given the groups = {_in_words(correlation(shown, x, y, 'group'))}")
         in_cells = shown.assign(cell=_cells_of(shown))
@@ -248,11 +248,13 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def _counts(runs: pd.DataFrame, left_out: int, cells: int) -> str:
+def _counts(runs: pd.DataFrame, points: pd.DataFrame, left_out: int, cells: bool) -> str:
     """What the points and their bars are, of how many runs and level sets."""
     level_sets = len(set(training_sets(runs)))
     of_runs = f"{len(runs)} run{'s' * (len(runs) != 1)} on {level_sets} level set{'s' * (level_sets != 1)}"
-    kind = f"{cells} means of {of_runs}, bars over level sets" if cells else f"{of_runs}, bars over episodes"
+    kind = f"{len(points)} means of {of_runs}" if cells else of_runs
+    if np.isfinite(column(points, "low")).any():
+        kind += f"; bars: 95 % intervals over {'level sets' if cells else 'the episodes of a run'}"
     return f"{kind}; {left_out} without these figures left out" if left_out else kind
 
 

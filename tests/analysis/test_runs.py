@@ -241,7 +241,8 @@ def test_the_table_of_several_pairs_says_that_each_has_its_unit(near_and_far):
 def test_the_plot_says_what_its_points_are_and_of_how_many_runs(cells, tmp_path):
     figure = gap_plot(table(noise=0.5), path=tmp_path / "gap.png", cells=cells)
     (axes,) = figure.axes
-    kind = "6 means of 36 runs on 6 level sets, bars over level sets" if cells else "36 runs on 6 level sets"
+    bars = "; bars: 95 % intervals over level sets"  # the invented runs have no episodes
+    kind = f"6 means of 36 runs on 6 level sets{bars}" if cells else "36 runs on 6 level sets\n"
     assert axes.get_title(loc="left").startswith(kind)
     assert "r = -0." in axes.get_title(loc="left")
     assert axes.get_xlabel() == "W2 between training and test levels"
@@ -298,7 +299,7 @@ def test_seeds_that_give_the_same_levels_of_a_file_are_one_level_set(tmp_path):
     assert "Several levels.seed gave the same levels" in text and "Cross the seeds" not in text
     assert "level sets share levels" not in text
     title = " ".join(gap_plot(runs, x="ks").axes[0].get_title(loc="left").split())
-    assert title.startswith("3 runs on 1 level set, ") and "gave the same levels" in title
+    assert title.startswith("3 runs on 1 level set; bars: 95 % intervals over the episodes of a run ") and "gave the same levels" in title
     own = runs.assign(folder="nowhere")
     assert len(set(training_sets(own))) == 3  # without the levels, the seeds are all that is known
 
