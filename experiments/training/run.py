@@ -53,6 +53,7 @@ from experiments.tracking.mlflow_sync import files_of
 from experiments.tracking.tracker import Tracker, start_tracking
 from experiments.training.large_numbers import advice, large_numbers
 from experiments.training.training_loop import Training
+from experiments.training.unseen_entities import advice_on_entities, unseen_entities
 from segar.envs.torchrl_env import TorchRLEnv
 from segar.errors import RuleError, SegarError
 from segar.levels import Levels
@@ -171,6 +172,9 @@ def _prepare(
     large = large_numbers(config, train)
     if large:
         say(advice(large, config))
+    unseen = unseen_entities(config, train, test)
+    if unseen:
+        say(advice_on_entities(unseen, config, train))
     learner = make_learner(kind, config.algorithm, env, config.scale.frames, config.seed)
     code = executed_code(config) if code is None else code
     training = Training(config, folder, learner, journal, signals, code)

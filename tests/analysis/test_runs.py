@@ -299,7 +299,10 @@ def test_seeds_that_give_the_same_levels_of_a_file_are_one_level_set(tmp_path):
     assert "Several levels.seed gave the same levels" in text and "Cross the seeds" not in text
     assert "level sets share levels" not in text
     title = " ".join(gap_plot(runs, x="ks").axes[0].get_title(loc="left").split())
-    assert title.startswith("3 runs on 1 level set; bars: 95 % intervals over the episodes of a run ") and "gave the same levels" in title
+    assert (
+        title.startswith("3 runs on 1 level set; bars: 95 % intervals over the episodes of a run ")
+        and "gave the same levels" in title
+    )
     own = runs.assign(folder="nowhere")
     assert len(set(training_sets(own))) == 3  # without the levels, the seeds are all that is known
 

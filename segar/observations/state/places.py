@@ -94,10 +94,7 @@ def _lay_out_vector(options: StateOptions, draft: _Draft, chosen: dict[int, tupl
     factors = _chosen_factors(options, draft.layout)
     for factor in options.chosen_factors or ():
         if not any(issubclass(f, factor) for kinds in chosen.values() for t in kinds for f in t.declared):
-            raise LevelError(
-                f"StateVector: none of the entities shown, {', '.join(draft.layout.slots[k].name for k in chosen)}, has"
-                f" a factor '{factor.__name__}'; leave it out, or take form='table', where it is missing"
-            )
+            raise LevelError(_without(factor, draft.layout, list(chosen)))
     for index, kinds in chosen.items():
         for factor in factors:
             if any(factor in t.declared for t in kinds):
@@ -106,6 +103,20 @@ def _lay_out_vector(options: StateOptions, draft: _Draft, chosen: dict[int, tupl
             for kind in kinds:
                 draft.add_type(index, kind)
     return 1
+
+
+def _without(factor: type[Factor], layout: Layout, chosen: list[int]) -> str:
+    """What to say of a chosen factor that none of the chosen slots has, and how it can be shown."""
+    names = layout.names
+    having = [
+        k for k, slot in enumerate(layout.slots) if any(issubclass(f, factor) for t in slot.types for f in t.declared)
+    ]
+    entities = ", ".join(names[k] for k in sorted({*chosen, *having}))
+    shown = f", show what has it with entities=[{entities}]" if having else ""
+    return (
+        f"StateVector: none of the entities shown, {', '.join(names[k] for k in chosen)}, has a factor '{factor.__name__}';"
+        f" leave it out{shown}, or take form='table', where it is missing"
+    )
 
 
 def _lay_out_table(options: StateOptions, draft: _Draft, chosen: dict[int, tuple[type[Entity], ...]]) -> int:

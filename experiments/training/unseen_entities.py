@@ -1,0 +1,88 @@
+"""Abstract entities of which a state shows nothing by default, although they differ, found before training begins."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from experiments.levels.builders import environment_options
+from experiments.settings import RunConfig
+from segar.envs import VectorEnv
+from segar.language import Factor, Position
+from segar.levels import Levels
+from segar.observations import OBSERVATIONS, StateVector
+
+NUM_ENVS, MOST_STEPS = 8, 50  # of random play, in which rules may change a factor
+Hidden = Mapping[str, list[type[Factor]]]
+Values = dict[tuple[str, type[Factor]], np.ndarray]  # of an entity's factor, [level or environment, component]
+
+
+def unseen_entities(config: RunConfig, train: Levels, test: Levels) -> dict[str, list[str]]:
+    """The abstract entities of which the agent sees nothing, and their factors that differ between levels or change in play.
+
+    An entity is abstract if it has no position. A state shows abstract entities only if its ``entities`` name them, so that
+    nothing is found where ``entities`` are chosen, nor of hidden factors, nor of named families, whose abstract entities
+    the paper's agents do not see, nor of other observations.
+
+    Returns:
+        The names of factors by the name of the entity.
+    """
+    options = environment_options(config)
+    state = options["observation"]
+    is_own = ":" in config.levels.train or ".npz" in config.levels.train
+    if not (is_own and isinstance(state, StateVector) and state.entities is None):
+        return {}
+    hidden = {
+        slot.name: [f for f in dict.fromkeys(f for kind in slot.types for f in kind.declared) if state.has_number_of(f)]
+        for slot in train.layout.slots
+        if not slot.may_have(Position)
+    }
+    hidden = {name: factors for name, factors in hidden.items() if factors}
+    if not hidden:
+        return {}
+    values = [*_at_start(train, hidden), *_at_start(test, hidden), *_in_play(train, hidden, options)]
+    found: dict[str, list[str]] = {}
+    for name, factors in hidden.items():
+        for factor in factors:
+            seen = np.concatenate([one[name, factor] for one in values if (name, factor) in one])
+            if len(np.unique(seen, axis=0)) > 1:
+                found.setdefault(name, []).append(factor.__name__)
+    return found
+
+
+def advice_on_entities(found: Mapping[str, list[str]], config: RunConfig, train: Levels) -> str:
+    """What to say of the entities that :func:`unseen_entities` found, and the setting that shows them."""
+    shown = [slot.name for slot in train.layout.slots if slot.may_have(Position) or slot.name in found]
+    names = ", ".join(f"{factor} of {name}" for name, factors in found.items() for factor in factors)
+    entities = f"entities=[{','.join(shown)}]"
+    fix = f"observation.options.{entities}" if config.observation.name in OBSERVATIONS else f"StateVector({entities})"
+    return (
+        f"warning: the agent does not see {names}, which differs between levels or changes. A state shows entities without a"
+        f" position only if they are named: {fix}"
+    )
+
+
+def _at_start(levels: Levels, hidden: Hidden) -> Iterator[Values]:
+    """The values in the levels of entities and factors that these levels have."""
+    layout = levels.layout
+    there = [
+        (name, f) for name, factors in hidden.items() for f in factors if name in layout.names and f in layout.columns
+    ]
+    columns = {f: slice(layout.columns[f], layout.columns[f] + f.width) for _, f in there}
+    yield {(name, f): levels.values[:, layout.slot_index(name), columns[f]] for name, f in there}
+
+
+def _in_play(levels: Levels, hidden: Hidden, options: Mapping[str, Any]) -> Iterator[Values]:
+    """The values in the steps of random play, whose environments and generator belong to this function."""
+    env = VectorEnv(levels, NUM_ENVS, seed=0, **options)
+    rng = np.random.default_rng(0)
+    _, info = env.reset()
+    for _ in range(min(env.task.max_steps, MOST_STEPS)):
+        actions = rng.uniform(env.action_space.low, env.action_space.high)  # type: ignore[attr-defined]
+        *_, info = env.step(actions.astype(np.float32))
+        yield {
+            (name, f): info["factors"][f.__name__].reshape(NUM_ENVS, -1, f.width)[:, levels.layout.slot_index(name)]
+            for name, factors in hidden.items()
+            for f in factors
+        }
+    env.close()

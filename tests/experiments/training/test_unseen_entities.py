@@ -1,0 +1,67 @@
+"""Entities without a position, which a state does not show by default, are told of where they matter, with the way out."""
+
+import pytest
+
+from experiments.levels.builders import environment_options, make_levels
+from experiments.settings import LevelsConfig, ObservationConfig, RunConfig, TaskConfig
+from experiments.training.run import run
+from experiments.training.unseen_entities import advice_on_entities, unseen_entities
+from segar.envs import VectorEnv
+from segar.errors import LevelError
+from segar.observations import StateVector
+from tests.experiments.short_runs import short_run, weights
+from tests.experiments.training import moons
+
+HERE = "tests.experiments.training.moons"
+WAY_OUT = {"entities": ["golfball", "goal", "moon"]}
+
+
+def found(levels, options=None, name="state", **more):
+    config = RunConfig(
+        levels=LevelsConfig(f"{HERE}:{levels}" if hasattr(moons, levels) else levels, count=3, test_count=3, **more),
+        observation=ObservationConfig(name, options or {}),
+        task=TaskConfig("puttputt"),
+    )
+    train, test = make_levels(config.levels)
+    return unseen_entities(config, train, test), config, train
+
+
+@pytest.mark.parametrize(
+    ("levels", "more"), [("different", {}), ("turning", {}), ("still", {"test": f"{HERE}:different"})]
+)
+def test_an_entity_that_differs_or_turns_is_named_with_the_setting_that_shows_it(levels, more):
+    unseen, config, train = found(levels, **more)
+    assert unseen == {"moon": ["Phase"]}
+    said = advice_on_entities(unseen, config, train)
+    assert "the agent does not see Phase of moon" in said and "\n" not in said
+    assert said.endswith("observation.options.entities=[golfball,goal,moon]")
+    assert found(levels, WAY_OUT, **more)[0] == {}
+    shown = RunConfig(levels=config.levels, observation=ObservationConfig("state", WAY_OUT), task=config.task)
+    names = VectorEnv(train, 1, **environment_options(shown)).observation.names
+    hidden = VectorEnv(train, 1, **environment_options(config)).observation.names
+    assert set(names) == {*hidden, "moon.Phase"}
+
+
+@pytest.mark.parametrize(
+    ("levels", "options", "name"),
+    [
+        ("still", {}, "state"), ("different", {"hidden": ["Phase"]}, "state"), ("different", {}, "rgb"),
+        ("different", {"entities": ["golfball"]}, "state"), ("empty-hard", {}, "state"), ("tilesx1-hard", {}, "state"),
+    ],
+)  # fmt: skip
+def test_nothing_is_said_where_nothing_differs_or_all_is_chosen_and_of_named_families(levels, options, name):
+    assert found(levels, options, name)[0] == {}
+
+
+def test_a_run_says_it_once_and_has_the_results_that_it_has_without_the_look(tmp_path, monkeypatch):
+    said, levels = [], LevelsConfig(f"{HERE}:turning", count=2, test_count=2)
+    run(short_run(tmp_path / "a", levels=levels), said.append)
+    assert sum("does not see Phase of moon" in line for line in said) == 1
+    monkeypatch.setattr("experiments.training.run.unseen_entities", lambda *given: {})
+    run(short_run(tmp_path / "b", levels=levels), said.append)
+    assert all((weights(tmp_path / "b")[name] == value).all() for name, value in weights(tmp_path / "a").items())
+
+
+def test_a_factor_that_no_entity_shown_has_comes_with_the_entities_that_have_it():
+    with pytest.raises(LevelError, match=r"has a factor 'Phase'; .* entities=\[golfball, goal, moon\]"):
+        StateVector(factors=[moons.Phase]).bind(moons.still.sample(1), 1)
