@@ -325,3 +325,14 @@ def test_wrong_options_are_named(call, message):
 def test_types_with_nothing_in_common_are_far_but_finite():
     a, b = (Levels.from_entities([[kind({Position: [0.1, 0.2]})] for _ in range(3)]) for kind in (Charger, Magnet))
     assert w2_sliced(a, b, rng=rng()).value == pytest.approx(np.sqrt(2 * 12))
+
+
+def test_the_unit_of_exact_w2_is_the_spread_of_the_two_distributions_and_not_of_the_levels_drawn(tmp_path):
+    easy, hard = (segar.family(name) for name in ("empty-easy", "empty-hard"))
+    unit = spread(easy, hard)
+    for n, seed in ((2, 0), (7, 3)):
+        a, b = easy.sample(n, seed=seed), hard.sample(n, seed=seed)
+        assert spread(a, b) == pytest.approx(unit)
+        assert w2(a, b) == pytest.approx(w2(a, b, scale=unit))
+        a.save(tmp_path / "a.npz")
+        assert spread(segar.Levels.load(tmp_path / "a.npz"), b) == pytest.approx(unit)
