@@ -38,7 +38,7 @@ from analysis.stats.correlation import NotAvailable, correlate, indicators
 from analysis.stats.estimate import Estimate
 from analysis.stats.resampling import FEWEST_BLOCKS, cluster_interval, no_interval
 from analysis.tables import Floats, column, count_of, pick, select
-from experiments.runs.run_rows import code_warning, run_rows
+from experiments.runs.run_rows import code_warning, run_rows, seen_warning
 from segar.errors import SegarError
 
 NORMAL = 1.96  # standard errors of a 95 % interval
@@ -114,7 +114,7 @@ def gap_plot(
         if count_of(shown, "group") < count_of(in_cells, "cell"):
             lines.append(f"r given all settings but seeds = {_in_words(correlation(in_cells, x, y, 'cell'))}")
         lines += [part for text in about_level_sets(shown, by=()) for part in textwrap.wrap(text, TITLE_WIDTH)]
-        lines += textwrap.wrap(_about_code(shown), TITLE_WIDTH)
+        lines += [part for text in _warnings(shown) for part in textwrap.wrap(text, TITLE_WIDTH)]
         axes.set_title("\n".join([*lines, *about_unit]), loc="left", fontsize=9)
         if group is not None:
             figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", title=group, ncols=4)
@@ -173,10 +173,11 @@ def _with_unit(runs: pd.DataFrame, x: str, asked: str) -> tuple[pd.DataFrame, li
     return runs, textwrap.wrap(text, TITLE_WIDTH)
 
 
-def _about_code(runs: pd.DataFrame) -> str:
-    """The warning of :func:`experiments.runs.run_rows.code_warning`, if the table says where the runs are."""
+def _warnings(runs: pd.DataFrame) -> list[str]:
+    """What :mod:`experiments.runs.run_rows` warns of, if the table says where the runs are."""
     places = [path for path in map(Path, runs["folder"]) if path.is_dir()] if "folder" in runs else []
-    return code_warning(run_rows(places))
+    rows = run_rows(places)
+    return [code_warning(rows), seen_warning(rows)]
 
 
 def _cells_of(runs: pd.DataFrame) -> list[str]:

@@ -19,7 +19,7 @@ from experiments.commands.hydra_app import run_simple_command
 from experiments.reproduction.plugin import SUMMARIES, find_plugin
 from experiments.runs.files import replacing, write_text
 from experiments.runs.run_folder import RESULTS, root_folder
-from experiments.runs.run_rows import FINISHED, RunRow, as_columns, code_warning, named_settings, run_rows
+from experiments.runs.run_rows import FINISHED, RunRow, as_columns, code_warning, named_settings, run_rows, seen_warning
 from experiments.settings import ConfigError, RunFolderError
 from segar.cli import table
 
@@ -76,7 +76,7 @@ def results(config: ResultsConfig, say: Callable[[str], None] = print) -> None:
     averaged = ""
     if any(row.state == FINISHED for row in chosen):
         averaged = find_plugin(SUMMARIES, "default").load()(rows, *([means] if means else []))
-    summary = "\n\n".join(text for text in (averaged, code_warning(chosen)) if text)
+    summary = "\n\n".join(text for text in (averaged, code_warning(chosen), seen_warning(chosen)) if text)
     if summary:
         say(f"\n{summary}")
     if path is not None:

@@ -20,6 +20,8 @@ from segar.evaluation import QUANTITIES
 from segar.levels import Levels
 from segar.metrics import coverage, effective_number, ks, sample_entropy, unseen_differences, w2
 
+NAMED = 3  # levels that a warning names
+
 
 class Agent(Protocol):
     """What acts: a :class:`experiments.algorithms.learner.Policy`, or an agent of :mod:`experiments.evaluation.baselines`.
@@ -139,6 +141,27 @@ def evaluation_figures(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
             means = {name: figures[f"evaluation/{name}/{quantity}/{mode}"] for name in ("train", "test")}
             figures[f"evaluation/{gap}/{mode}"] = means["test"] - means["train"]
     return figures
+
+
+def without_number(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """A line for each of the task's own results that is NaN or infinite in some episodes, with the levels where it is."""
+    found = []
+    for name in (key for key in (rows[0] if rows else ()) if key.startswith(RESULTS)):
+        wrong = [row for row in rows if not _is_finite(row[name])]
+        levels = sorted({(row["levels"], row["level"]) for row in wrong})
+        if wrong:
+            which = ", ".join(f"{where} level {k}" for where, k in levels[:NAMED]) + ", ..." * (len(levels) > NAMED)
+            found.append(
+                f"warning: the task's result '{name.removeprefix(RESULTS)}' is no finite number in {len(wrong)} of"
+                f" {len(rows)} episodes ({len(wrong) / len(rows):.0%}), and so its mean is none: {which}"
+            )
+    return found
+
+
+def _is_finite(value: Any) -> bool:
+    """Whether a result has no NaN and no infinite number; true of what is no number."""
+    array = np.asarray(value)
+    return array.dtype.kind != "f" or bool(np.isfinite(array).all())
 
 
 def distance_figures(train: Levels, test: Levels, modes: Sequence[Any]) -> dict[str, float]:

@@ -26,7 +26,7 @@ from experiments.settings import (
 from segar.cli import load_levels
 from segar.envs import VectorEnv
 from segar.errors import LevelError, SegarError, did_you_mean
-from segar.language import Order
+from segar.language import Order, code_place
 from segar.levels import LevelDistribution, Levels, family
 from segar.metrics import design, w2
 from segar.observations import OBSERVATIONS
@@ -34,6 +34,7 @@ from segar.tasks import TASKS
 
 ENVS_PER_THREAD = 128  # with fewer, waking a thread after each call of the policy costs more time than it saves
 KNOWN_TASKS = {**TASKS, "conditional_puttputt": conditional_puttputt}  # by the names that task.name takes
+RESULT_ENVS = 7  # in which results are tried; no number that arrays have by chance
 INDEPENDENT_SETS = 5  # of training levels; their mean W2 to the test levels is the unit of designs such as w2_x1.2
 
 
@@ -235,6 +236,28 @@ def check_observations(config: RunConfig, train: Levels, test: Levels) -> None:
         f" {config.levels.test_distribution} as in those of {config.levels.train} ({differs}). Test on levels with the same"
         " entities, choose the entities that a state shows, or observe pixels, which fit all levels"
     )
+
+
+def check_results(config: RunConfig, train: Levels, test: Levels) -> None:
+    """Raises :class:`ConfigError` unless each of the task's own results can be computed of the states at a reset."""
+    options = environment_options(config)
+    for levels in (train, test):
+        env = VectorEnv(levels, RESULT_ENVS, seed=0, **options)
+        _, info = env.reset()
+        for name, function in env.task.results.items():
+            result = f"the task {env.task.name}: its result '{name}', {code_place(function)},"
+            fix = (
+                "A result is a function of info['factors'], a mapping of names to arrays that lead with the environment, such"
+                " as factors['Position'][:, 0], and returns an array (num_envs, ...), a row for each environment"
+            )
+            try:
+                values = function(info["factors"])
+            except Exception as error:  # the user's code may raise anything
+                raise ConfigError(f"{result} raises {type(error).__name__}: {error}. {fix}") from error
+            shape = np.shape(values)
+            if shape[:1] != (RESULT_ENVS,):
+                raise ConfigError(f"{result} has the shape {shape} for {RESULT_ENVS} environments. {fix}")
+        env.close()
 
 
 def _find(name: str, options: Mapping[str, Any], group: str, place: str) -> Any:

@@ -17,10 +17,13 @@ import numpy as np
 
 from experiments.runs.executed_code import combined
 from experiments.runs.journal import read_journal
+from experiments.runs.level_prints import is_own, prints_in, share_of
 from experiments.runs.run_folder import (
     CONFIG,
     EPISODES,
     EVALUATIONS,
+    LEVELS_TEST,
+    LEVELS_TRAIN,
     RESULTS,
     SUMMARY,
     VERSIONS,
@@ -33,7 +36,7 @@ from experiments.runs.run_folder import (
     run_folders,
 )
 from experiments.runs.versions import computed_with
-from experiments.settings import ACTION_MODES, RunConfig, RunFolderError, flat
+from experiments.settings import ACTION_MODES, LevelsConfig, RunConfig, RunFolderError, flat
 from segar.errors import SegarError
 
 FINISHED = "finished"
@@ -66,6 +69,7 @@ class RunRow:
     sweep: str = ""
     computed_with: str = ""  # what decided the last bits, see :func:`experiments.runs.versions.computed_with`
     code: Mapping[str, str] = field(default_factory=dict)  # see :func:`experiments.runs.executed_code.executed_code`
+    seen: float = 0.0  # the share of the test levels that are among the training levels
 
 
 def run_rows(places: Iterable[Path], trusted: Collection[str] = ()) -> list[RunRow]:
@@ -162,6 +166,19 @@ def code_warning(runs: Sequence[RunRow]) -> str:
     )
 
 
+def seen_warning(runs: Sequence[RunRow]) -> str:
+    """In which runs test levels are among the training levels; empty where in none."""
+    found = [row for row in runs if row.seen]
+    if not found:
+        return ""
+    names, share = [row.folder.name for row in found], max(row.seen for row in found)
+    return (
+        f"warning: {share:.0%} of the test levels are training levels, too, in {', '.join(names[:NAMED])}"
+        + f" and {len(names) - NAMED} more" * (len(names) > NAMED)
+        + ". Such a gap says nothing of levels that an agent has not seen"
+    )
+
+
 def figures_of(summary: Mapping[str, Any]) -> dict[str, float]:
     """The numbers of a summary under the names of columns."""
     return {_column(key): value for key, value in summary.items() if isinstance(value, int | float)}
@@ -199,7 +216,8 @@ def _row(folder: Path, trusted: Collection[str]) -> RunRow:
         about = read_versions(folder) if (folder / VERSIONS).exists() else {}
         code = about.get("code", {})
         parts = {"all": code} if isinstance(code, str) else code  # 0.1 recorded no parts
-        return RunRow(folder, state, "", settings, _figures(folder, config), sweep, computed_with(about), parts)
+        figures, seen = _figures(folder, config), _seen(folder, config.levels, about)
+        return RunRow(folder, state, "", settings, figures, sweep, computed_with(about), parts, seen)
     except (SegarError, OSError, ValueError) as error:
         return RunRow(folder, UNREADABLE, str(error))
 
@@ -209,6 +227,16 @@ def _deciding(row: RunRow, part: str) -> tuple[Any, ...]:
     begins = DECIDE_CODE.get(part, ())
     names = (name for name in sorted(row.settings) if begins and name.startswith(begins) and name not in DECIDE_NO_CODE)
     return tuple((name, str(row.settings[name])) for name in names)
+
+
+def _seen(folder: Path, levels: LevelsConfig, about: Mapping[str, Any]) -> float:
+    """The share of the test levels that are training levels, from the level files where the levels are the user's own."""
+    hashes = about.get("levels", {})
+    if hashes and hashes.get("train") == hashes.get("test"):
+        return 1.0
+    if not is_own(levels.train):
+        return 0.0
+    return share_of(prints_in(folder / LEVELS_TEST), prints_in(folder / LEVELS_TRAIN))
 
 
 def _figures(folder: Path, config: RunConfig) -> dict[str, float]:

@@ -19,9 +19,11 @@ from experiments.evaluation.episodes import (
     evaluate_run,
     evaluation_figures,
     unseen_by_distances,
+    without_number,
 )
 from experiments.levels.builders import (
     check_observations,
+    check_results,
     distribution_of,
     environment_options,
     make_levels,
@@ -30,6 +32,7 @@ from experiments.levels.builders import (
 from experiments.networks.devices import arithmetic
 from experiments.runs.executed_code import changed_parts, executed_code
 from experiments.runs.journal import PREPARATION, Journal
+from experiments.runs.level_prints import prints_of, share_of
 from experiments.runs.own_modules import folders_of
 from experiments.runs.run_folder import (
     EPISODE_SCHEMA,
@@ -130,7 +133,7 @@ def run(config: RunConfig, say: Callable[[str], None] = print) -> RunResult:
         try:
             prepared = _prepare(config.resolved(), kind, folder, code, journal, signals, say)
             tracker = start_tracking(config, folder)
-            summary = _carry_out(prepared, tracker)
+            summary = _carry_out(prepared, tracker, say)
         except BaseException as error:
             if is_new and journal.doing == PREPARATION and isinstance(error, SegarError):
                 shutil.rmtree(folder)  # nothing was trained, and the error says what to mend
@@ -164,6 +167,7 @@ def _prepare(
     train, test = make_levels(config.levels)
     env = _make_environment(kind, config, train)
     check_observations(config, train, test)
+    check_results(config, train, test)
     task = environment_options(config)["task"]
     if not task.functions().reward:
         say(
@@ -185,12 +189,17 @@ def _prepare(
     write_json(
         folder / VERSIONS, {**versions(), "code": code, "levels": hashes, **_arithmetics(config, learner, folder, say)}
     )
+    if share := share_of(prints_of(test), prints_of(train)):
+        say(
+            f"warning: {share:.0%} of the test levels are training levels, too, so the gap says little or nothing of levels"
+            " that the agent has not seen; name others: levels.test=..."
+        )
     for line in unseen_by_distances(train, test, config.evaluation.distances):
         say(line)
     return Prepared(training, train, test, env)
 
 
-def _carry_out(prepared: Prepared, tracker: Tracker) -> dict[str, Any]:
+def _carry_out(prepared: Prepared, tracker: Tracker, say: Callable[[str], None]) -> dict[str, Any]:
     training, train, test = prepared.training, prepared.train, prepared.test
     config, folder, learner, journal = training.config, training.folder, training.learner, training.journal
     journal.doing = "training"
@@ -204,6 +213,8 @@ def _carry_out(prepared: Prepared, tracker: Tracker) -> dict[str, Any]:
     journal.doing = "evaluation"
     began = time.perf_counter()
     episodes = evaluate_run(learner.policy, config, train, test)
+    for line in without_number(episodes):
+        say(line)
     distances = distance_figures(train, test, config.evaluation.distances)
     final = {**evaluation_figures(episodes), **distances, **diversity_figures(train, test)}
     evaluation_seconds = time.perf_counter() - began

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from experiments.levels.builders import environment_options
+from experiments.runs.level_prints import is_own
 from experiments.settings import RunConfig
 from segar.envs import VectorEnv
 from segar.language import Factor, Position
@@ -29,8 +30,7 @@ def unseen_entities(config: RunConfig, train: Levels, test: Levels) -> dict[str,
     """
     options = environment_options(config)
     state = options["observation"]
-    is_own = ":" in config.levels.train or ".npz" in config.levels.train
-    if not (is_own and isinstance(state, StateVector) and state.entities is None):
+    if not (is_own(config.levels.train) and isinstance(state, StateVector) and state.entities is None):
         return {}
     hidden = {
         slot.name: [f for f in dict.fromkeys(f for kind in slot.types for f in kind.declared) if state.has_number_of(f)]

@@ -1,0 +1,55 @@
+"""Fingerprints of single levels, by which one sees whether two level sets hold the same levels, in whatever order."""
+
+import hashlib
+import zipfile
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from experiments.settings import RunFolderError
+from segar.levels import Levels
+
+CONTENT = ("types", "values", "shape_kind", "vertex_count", "parameters")  # of a level, beside the corners of hulls
+
+
+def is_own(name: str) -> bool:
+    """Whether a distribution is the user's own or a level file; named families never give the same level twice."""
+    return ":" in name or ".npz" in name
+
+
+def prints_of(levels: Levels) -> frozenset[bytes]:
+    """A fingerprint of each level; equal levels of equal layouts have equal ones."""
+    return _prints({name: getattr(levels, name) for name in (*CONTENT, "vertices")})
+
+
+def prints_in(path: Path) -> frozenset[bytes]:
+    """:func:`prints_of` of the levels in a file; empty where there is none. Raises :class:`RunFolderError` if it is damaged."""
+    if not path.exists():
+        return frozenset()
+    about = path.stat()
+    return _in_file(path, about.st_mtime_ns, about.st_size)
+
+
+def share_of(some: frozenset[bytes], others: frozenset[bytes]) -> float:
+    """The share of some levels that are among others, 0 to 1; 0 of none."""
+    return len(some & others) / len(some) if some else 0.0
+
+
+@cache
+def _in_file(path: Path, _time: int, _size: int) -> frozenset[bytes]:
+    # Levels.load would need the entity types, which the user's modules define.
+    try:
+        with np.load(path) as arrays:
+            return _prints(arrays)
+    except (OSError, ValueError, KeyError, IndexError, zipfile.BadZipFile) as error:
+        raise RunFolderError(f"cannot read the levels in {path}: {error}") from error
+
+
+def _prints(arrays: Mapping[str, Any]) -> frozenset[bytes]:
+    corners = np.arange(arrays["vertices"].shape[2]) < arrays["vertex_count"][..., None]
+    parts = [*(arrays[name] for name in CONTENT), np.where(corners[..., None], arrays["vertices"], 0.0)]
+    rows = (b"|".join(part[k].tobytes().rstrip(b"\0") for part in parts) for k in range(len(parts[0])))
+    return frozenset(hashlib.sha256(row).digest() for row in rows)

@@ -1,0 +1,25 @@
+"""Tasks whose own results are right, raise, have the wrong shape, or are no number on some levels."""
+
+import dataclasses
+
+import numpy as np
+
+import segar
+
+
+def wrong(factors):
+    raise KeyError("Fuel")
+
+
+def right_of_centre(factors):
+    """The place of the ball; NaN to the left."""
+    x = factors["Position"][:, 0, 0]
+    return np.where(x > 0, x, np.nan)
+
+
+def with_result(function):
+    return dataclasses.replace(segar.puttputt(), name="own", results={"mine": function})
+
+
+raising, misshapen = with_result(wrong), with_result(lambda factors: np.zeros(3))
+single, partial = with_result(lambda factors: 1.0), with_result(right_of_centre)

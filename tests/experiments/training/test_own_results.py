@@ -1,0 +1,57 @@
+"""What a task says of its own is tried before a run begins, and told where it is no number."""
+
+import numpy as np
+import pytest
+
+import segar
+from experiments.results import ResultsConfig, results
+from experiments.runs.run_folder import read_episodes
+from experiments.settings import ConfigError, LevelsConfig, TaskConfig
+from experiments.settings.own_code import file_fingerprint
+from experiments.training.run import run
+from tests.experiments.short_runs import short_run
+
+HERE = "tests.experiments.training.own_results"
+
+
+@pytest.mark.parametrize(
+    ("task", "message"),
+    [
+        (
+            "raising",
+            r"the task own: its result 'mine', wrong \(own_results.py:\d+\), raises KeyError: 'Fuel'. A result is a function",
+        ),
+        ("misshapen", r"its result 'mine', <lambda> \(own_results.py:\d+\), has the shape \(3,\) for 7 environments"),
+        ("single", r"its result 'mine', <lambda> \(own_results.py:\d+\), has the shape \(\) for 7 environments"),
+    ],
+)
+def test_a_result_that_cannot_be_computed_ends_the_run_before_anything_is_written(tmp_path, task, message):
+    with pytest.raises(ConfigError, match=message):
+        run(short_run(tmp_path / "run", task=TaskConfig(f"{HERE}:{task}")), lambda line: None)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_result_that_is_no_number_in_some_episodes_is_told_with_its_share_and_the_run_ends_well(tmp_path):
+    said = []
+    run(short_run(tmp_path / "run", task=TaskConfig(f"{HERE}:partial")), said.append)
+    values = read_episodes(tmp_path / "run").to_pandas()["results/mine"]
+    wrong, share = np.isnan(values).sum(), np.isnan(values).mean()
+    assert 0 < share <= 1
+    (line,) = (line for line in said if "no finite number" in line)
+    assert line.startswith(
+        f"warning: the task's result 'mine' is no finite number in {wrong} of {len(values)} episodes ({share:.0%})"
+    )
+
+
+def test_test_levels_that_are_training_levels_are_told_before_training_and_in_the_table(tmp_path):
+    path, said = tmp_path / "few.npz", []
+    segar.family("empty-easy").sample(4, seed=0).save(path)
+    name = f"{path}#{file_fingerprint(path, '')}"
+    for folder, test, count in (("same", name, 4), ("other", "empty-easy", 2)):
+        levels = LevelsConfig(name, count=2, test=test, test_count=count)
+        run(short_run(tmp_path / "runs" / folder, levels=levels), said.append)
+    assert sum("warning: 50% of the test levels are training levels, too, so" in line for line in said) == 1
+    said.clear()
+    results(ResultsConfig(root=str(tmp_path / "runs")), said.append)
+    (warning,) = (line for line in "\n".join(said).splitlines() if "training levels, too" in line)
+    assert warning.startswith("warning: 50% of the test levels are training levels, too, in same. ")
