@@ -1,5 +1,6 @@
 """The overrides of a command line: which runs a sweep consists of, and which override is wrong and why."""
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -26,6 +27,8 @@ SEARCH_PATH = "hydra.searchpath"
 # The setting that takes the name of an own object where a group of choices is given one.
 OWN_NAMES = {"levels": "levels.train", "task": "task.name", "observation": "observation.name"}
 ALGORITHM = "algorithm"
+# One value of a list with commas between them, which may be in quotation marks.
+VALUE = re.compile(r"""\s*'(?:[^'\\]|\\.)*'\s*|\s*"(?:[^"\\]|\\.)*"\s*|[^,]+""")
 # Further settings that may name an own object.
 OWN_SETTINGS = (
     "levels.test", "levels.design", "levels.variation", "levels.test_variation", "levels.world", "algorithm.encoder",
@@ -49,13 +52,29 @@ def _with_own_name(text: str) -> str:
     group = key.lstrip("+")
     if not equals or group not in {*OWN_NAMES, *OWN_NAMES.values(), *OWN_SETTINGS, ALGORITHM}:
         return text
-    names = [without_files(value, group) for value in values.split(",")]
-    if not all(OBJECT_NAME.fullmatch(name) or ".npz#" in name for name in names):
+    names = [without_files(unquoted(value), group) for value in VALUE.findall(values)]
+    if not names or not all(OBJECT_NAME.fullmatch(name) or ".npz#" in name for name in names):
         return text
     if group == ALGORITHM:
         return f"{key}={','.join(register_algorithm(name) for name in names)}"
-    quoted = (f"'{name}'" if ".npz#" in name else name for name in names)
-    return f"{OWN_NAMES.get(group, key)}={','.join(quoted)}"
+    texts = (quoted(name) if ".npz#" in name else name for name in names)
+    return f"{OWN_NAMES.get(group, key)}={','.join(texts)}"
+
+
+def quoted(text: str) -> str:
+    """A text as a value in Hydra's grammar, whatever characters it has."""
+    escaped = re.sub(r"(\\*)'", r"\1\1\'", text)  # a backslash means itself, unless a quotation mark follows
+    escaped += "\\" * (len(text) - len(text.rstrip("\\")))
+    return f"'{escaped}'"
+
+
+def unquoted(text: str) -> str:
+    """The text that a value stands for which may be in quotation marks."""
+    text = text.strip()
+    if text[:1] not in ("'", '"') or text[-1:] != text[:1] or len(text) < 2:
+        return text
+    mark, inner = text[0], text[1:-1]
+    return re.sub(rf"(\\+)(?={mark}|$)", lambda found: found[0][: len(found[0]) // 2], inner)
 
 
 def without_passwords(overrides: Sequence[str]) -> list[str]:

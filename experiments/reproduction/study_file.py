@@ -11,6 +11,7 @@ from typing import Any
 import yaml
 from pydantic import TypeAdapter
 
+from experiments.commands.overrides import quoted
 from experiments.reproduction.experiment_file import (
     ClaimConfig,
     ExperimentConfig,
@@ -90,8 +91,7 @@ def _as_text(value: Any) -> str:
     if value is None or isinstance(value, bool):
         return {None: "null", True: "true", False: "false"}[value]
     if isinstance(value, str):
-        escaped = value.replace("\\", "\\\\").replace("'", "\\'")
-        return value if PLAIN.fullmatch(value) else f"'{escaped}'"
+        return value if PLAIN.fullmatch(value) else quoted(value)
     if isinstance(value, Mapping):
         return "{" + ",".join(f"{key}:{_as_text(one)}" for key, one in value.items()) + "}"
     if isinstance(value, list | tuple):

@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from experiments.commands.hydra_app import compose, compose_data, initialized, parse_settings, to_plain
-from experiments.commands.overrides import single_runs, with_search_path
+from experiments.commands.overrides import VALUE, parse, quoted, single_runs, unquoted, with_search_path
 from experiments.runs.run_folder import read_config, run_folders
 from experiments.settings import CHECKOUT, KINDS, ConfigError, RunConfig, as_data, run_config
 from segar import families
@@ -261,3 +261,12 @@ def test_every_own_object_of_a_sweep_is_looked_at():
         runs = single_runs(["levels.train=my_lab.levels:a,my_lab.levels:b", "seed=1,2"])
     names = ["levels.train=my_lab.levels:a", "levels.train=my_lab.levels:b"]
     assert [run[0].replace("\\", "") for run in runs] == names  # Hydra writes a backslash before the colon
+
+
+@pytest.mark.parametrize(
+    "text", ["/a b/c.npz#12345678", "it's", "a\\'b", "ends with \\", "two\\\\in", '"said"', "x,y", "{a: b}", "a=b"]
+)
+def test_a_quoted_text_is_itself_to_hydra_and_comes_back(text):
+    (override,) = parse([f"levels.test={quoted(text)}"])
+    assert str(override.value()) == text == unquoted(quoted(text))
+    assert VALUE.findall(f"{quoted(text)},{quoted('b')}") == [quoted(text), quoted("b")]

@@ -12,7 +12,9 @@ import pytest
 import yaml
 
 import experiments.study
+import segar
 from experiments.commands.hydra_app import compose
+from experiments.levels.builders import make_levels
 from experiments.reproduce import experiment_files
 from experiments.reproduction.checks import check_objects
 from experiments.reproduction.experiment_file import experiment_at
@@ -141,6 +143,24 @@ def runs_of(tmp_path, **grid):
     data = {**GOOD, "grid": {**GOOD["grid"], **grid}}
     study = read_study(written(tmp_path, data))
     return list(grid_runs(experiment_at("mine", study.experiment, "single").grid, compose(study.overrides())))
+
+
+@pytest.mark.parametrize("where", ["mine", "it's mine, a=b [1]"])
+@pytest.mark.parametrize("absolute", [False, True])
+def test_level_files_of_settings_and_grid_are_those_beside_the_study_whatever_their_path(tmp_path, where, absolute):
+    folder = tmp_path / where
+    folder.mkdir()
+    for seed, name in enumerate(("a.npz", "b c.npz", "test.npz")):
+        segar.family("empty-easy").sample(4, seed=seed).save(folder / name)
+    names = [str(folder / name) if absolute else name for name in ("a.npz", "b c.npz", "test.npz")]
+    settings = {"observation": "state", "levels.test": names[2], "levels.test_count": 4}
+    study = read_study(written(folder, {**GOOD, "settings": settings, "grid": {"families": names[:2], "counts": [4]}}))
+    runs = list(grid_runs(experiment_at("mine", study.experiment, "single").grid, compose(study.overrides())))
+    paths = {(run.levels.train.partition("#")[0], run.levels.test.partition("#")[0]) for run in runs}
+    assert paths == {(str(folder / name), str(folder / "test.npz")) for name in ("a.npz", "b c.npz")}
+    check_objects(runs)
+    expected = segar.Levels.load(folder / "test.npz").values
+    assert all(make_levels(run.levels)[1].values[0].tobytes() == expected[0].tobytes() for run in runs)
 
 
 def test_each_seed_is_that_of_an_agent_and_of_its_level_set(tmp_path):
