@@ -1,13 +1,14 @@
 """What is checked before a plan is made, so that a wrong name ends the plan, and not its runs."""
 
 import dataclasses
+import re
 from collections.abc import Collection, Iterable, Sequence
 from typing import Any
 
 from experiments.evaluation.transfers import RunTask
 from experiments.levels.builders import check_observations, distribution_of, environment_options
 from experiments.levels.mixed_levels import check_fits, places
-from experiments.reproduction.experiment_file import Experiment, claim_config
+from experiments.reproduction.experiment_file import OF_TASK, Experiment, claim_config
 from experiments.reproduction.grid import run_columns, varied_columns
 from experiments.runs.run_folder import RESULTS
 from experiments.settings import ConfigError, LevelsConfig, RunConfig, grid_point, import_object
@@ -69,11 +70,14 @@ def check_claims(experiment: Experiment, works: Sequence[RunTask]) -> None:
     """
     varied = experiment.grid.vary if experiment.grid else {}
     known: dict[str, set[str]] = {}
-    for run in (work.run for work in works):
-        cell, columns = grid_point(run), run_columns(run, "")
+    columns_of: list[tuple[RunTask, dict[str, str]]] = []
+    for work in works:
+        run, cell = work.run, grid_point(work.run)
         place_columns = {"panel": cell.panel, "levels": cell.count, "seed": run.levels.seed}
-        for name, value in {**columns, **place_columns, **varied_columns(run, varied)}.items():
-            known.setdefault(name, set()).add(str(value))
+        columns = {**run_columns(run, ""), **place_columns, **varied_columns(run, varied)}
+        columns_of.append((work, {name: str(value) for name, value in columns.items()}))
+        for name, value in columns_of[-1][1].items():
+            known.setdefault(name, set()).add(value)
     labels = sorted({one.label for work in works for one in work.transfers if one.mixture is None})
     for name, stated in experiment.claims.items():
         claim, place = claim_config(stated, f"claims.{name}"), f"claims.{name}"
@@ -85,6 +89,7 @@ def check_claims(experiment: Experiment, works: Sequence[RunTask]) -> None:
         for key, columns in (("of", [claim.of]), ("against", [claim.against]), ("given", claim.given)):
             for column in columns:
                 check_setting(f"{place}.{key}", column, known)
+                check_result(f"{place}.{key}", column, works)
         for key, asked in (("between", claim.between), ("where", claim.where)):
             for column, values in asked.items():
                 check_setting(f"{place}.{key}", column, known)
@@ -94,6 +99,45 @@ def check_claims(experiment: Experiment, works: Sequence[RunTask]) -> None:
                             f"{place}.{key}: no run has {column}={value}; there are {', '.join(sorted(known[column]))}."
                             f"{did_you_mean(str(value), sorted(known[column]))}"
                         )
+                    there = [work for work, columns in columns_of if columns.get(column) == str(value)]
+                    if (
+                        claim.tested_on
+                        and there
+                        and not any(is_tested_on(claim.tested_on, work, works) for work in there)
+                    ):
+                        raise ConfigError(
+                            f"{place}.tested_on: no agent with {column}={value} is tested on '{claim.tested_on}': its own test"
+                            " levels are others, and it has no such transfer. Leave levels.test out, or compare other agents"
+                        )
+
+
+def is_tested_on(label: str, work: RunTask, works: Sequence[RunTask]) -> bool:
+    """Whether an agent is tested on the levels of a transfer: by a transfer, or because they are its own test levels."""
+    alike = [one for other in works for one in other.transfers if one.label == label and one.mixture is None]
+    run, panel = work.run, grid_point(work.run).panel
+    own = run.levels.test is None and run.levels.test_variation is None
+    return any(one.label == label for one in work.transfers) or any(
+        own and (one.panel, one.variation, one.observation) == (panel, run.levels.variation, run.observation)
+        for one in alike
+    )
+
+
+def check_result(place: str, column: str, works: Sequence[RunTask]) -> None:
+    """Raises :class:`ConfigError` for a column of a result that no task of the runs has."""
+    found = OF_TASK.fullmatch(re.sub(r"_(deterministic|sampled)$", "", column))
+    if found is None:
+        return
+    tasks = {repr((run.task, run.levels.train)): run for run in (work.run for work in works)}
+    results = {
+        environment_options(run)["task"].name: environment_options(run)["task"].results for run in tasks.values()
+    }
+    name = found[0].removeprefix(RESULTS).removesuffix(f"_{found[1]}")
+    known = sorted({one for those in results.values() for one in those})
+    if name not in known:
+        has = "; ".join(f"{task} has {', '.join(those) or 'none'}" for task, those in results.items())
+        raise ConfigError(
+            f"{place}: no task has a result '{name}', as {column} asks: {has}.{did_you_mean(name, known)}"
+        )
 
 
 def check_setting(place: str, column: str, known: Collection[str]) -> None:

@@ -17,10 +17,10 @@ from analysis.runs import LEVEL_SETS, column_name, number_of_pairs
 from analysis.stats.association import labels
 from analysis.stats.estimate import Estimate
 from analysis.stats.resampling import FEWEST_BLOCKS, no_interval
-from analysis.tables import count_of, pick, select
+from analysis.tables import count_of, keep, pick, select
 from experiments.reproduction.experiment_file import STUDY
 from experiments.runs.trust import require_trust
-from experiments.settings import ConfigError, RunFolderError, add_module_path
+from experiments.settings import ConfigError, RunFolderError, add_module_path, flat
 from segar.errors import did_you_mean
 
 AGENT_SEED, LEVEL_SEED = "seed of the agent", "seed of the levels"
@@ -78,14 +78,28 @@ class Study:
         return list(dict.fromkeys(self.runs["panel"]))
 
     def tested_on(self, label: str) -> pd.DataFrame:
-        """The columns of ``runs`` for the agents on the levels of a transfer; raises :class:`ConfigError`."""
+        """The columns of ``runs`` for the agents on the levels of a transfer; raises :class:`ConfigError`.
+
+        Agents whose own test levels are those of the transfer count with these.
+        """
         moved = self.evidence.results.moved
         there = select(moved, test=label) if len(moved) else moved
         if there.empty:
             known = sorted(set(map(str, moved["test"]))) if len(moved) else []
             raise ConfigError(f"tested_on: no agent was tested on '{label}'.{did_you_mean(label, known)}")
         own = ["run", *(name for name in self.runs if name not in there), "seed"]
-        return there.drop(columns=["seed"]).merge(pick(self.runs, own), on="run")
+        moved_there = there.drop(columns=["seed"]).merge(pick(self.runs, own), on="run")
+        return pd.concat([moved_there, self._there_anyway(there).assign(test=label)], ignore_index=True)
+
+    def _there_anyway(self, there: pd.DataFrame) -> pd.DataFrame:
+        """The runs whose own test levels are those of the transfer that ``there`` has."""
+        settings = flat(self.asked.get("settings") or {})
+        vary = (self.asked.get("grid") or {}).get("vary") or {}
+        if {"levels.test", "levels.test_variation"} & {*settings, *vary}:
+            return self.runs.iloc[:0]
+        where = ("family", "difficulty", "variation", "observation")
+        levels = set(labels(there, [f"test_{name}" for name in where]))
+        return keep(self.runs, [one in levels for one in labels(self.runs, where)])
 
     @property
     def agents(self) -> list[str]:

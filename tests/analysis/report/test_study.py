@@ -185,6 +185,8 @@ def test_what_is_not_testable_is_printed_with_the_reason(tmp_path, capsys):
         ({"tested_on": "nonsense"}, "claims.mine.tested_on: no agent is tested on 'nonsense'; transfers are empty-hard."),
         ({"of": "algorithm.gama"}, "claims.mine.of: runs do not differ in algorithm.gama; grid.vary has such settings"),
         ({"expected": None}, "claims.mine.expected: say what you expect: negative, positive, none"),
+        ({"of": "results/distanse_to_goal_test"},
+         "claims.mine.of: no task has a result 'distanse_to_goal', as results/distanse_to_goal_test asks: puttputt"),
         ({"on": "empty-hard"}, "name the levels of a transfer by tested_on: ...; YAML takes the key `on` for true"),
         ({True: "empty-hard"}, "name the levels of a transfer by tested_on: ...; YAML takes the key `on` for true"),
     ],
@@ -209,7 +211,7 @@ def with_levels(work):
     for place in (folder, *(transfer.folder(run) for transfer in work.transfers)):
         table = pq.read_table(place / EPISODES)
         left = pa.array(np.full(len(table), float(run.levels.count)))
-        pq.write_table(table.append_column("results/left", left), place / EPISODES)
+        pq.write_table(table.append_column("results/distance_to_goal", left), place / EPISODES)
     for transfer in work.transfers:
         levels_of(run, transfer).save(transfer.folder(run) / "levels.npz")
     return {}
@@ -220,7 +222,12 @@ SMALL = {
     "settings": {**STUDY["settings"], "levels.test_count": 5},
     "grid": {"families": ["empty-easy"], "counts": [1, 3], "seeds": 3},
     "claims": {
-        "left": {"says": "More is left.", "test": "mean", "of": "results/left_test", "expected": "positive"},
+        "left": {
+            "says": "More is left.",
+            "test": "mean",
+            "of": "results/distance_to_goal_test",
+            "expected": "positive",
+        },
         "far": {"says": "Farther is worse.", "test": "correlation", "expected": "negative"},
         "own_unit": {"says": "The same.", "test": "correlation", "against": "w2_exact", "expected": "negative"},
     },
@@ -249,7 +256,7 @@ def test_results_of_the_task_are_columns_of_claims(tmp_path):
     claim = claim_of(
         read_study(made(tmp_path, SMALL, with_levels)),
         "left",
-        ClaimConfig("x", "mean", "positive", of="results/left_test"),
+        ClaimConfig("x", "mean", "positive", of="results/distance_to_goal_test"),
     )
     assert claim.findings[0].found.estimate == pytest.approx(2.0)
 
@@ -262,6 +269,24 @@ def test_more_test_levels_make_no_more_blocks_and_two_blocks_no_interval(tmp_pat
         finding = claim_of(study, "mine", ClaimConfig("x", "correlation", "negative", against="w2_exact")).findings[0]
         assert finding.found.note == note
         assert np.isnan(finding.found.low) == (seeds == 2) and finding.verdict in ("undecided", "reproduced")
+
+
+def test_agents_that_are_tested_on_the_levels_of_a_transfer_anyway_count_with_these(tmp_path):
+    """Agents of empty-hard have no transfer to empty-hard."""
+    claim = {"test": "difference", "between": {"difficulty": ["hard", "easy"]}, "tested_on": "empty-hard"}
+    claims = {"there": {"says": "x", **claim, "expected": "positive"}}
+    study = read_study(made(tmp_path / "own", {**STUDY, "claims": claims}))
+    rows = study.tested_on("empty-hard")
+    assert sorted(rows["run"]) == sorted(study.runs["run"])
+    own = rows[rows["difficulty"] == "hard"].set_index("run")["gap"]
+    assert own.equals(study.runs[study.runs["difficulty"] == "hard"].set_index("run")["gap"].loc[own.index])
+    np.testing.assert_allclose(rows[rows["difficulty"] == "easy"]["gap"], -9.0)
+    assert claim_of(study, "there", ClaimConfig("x", expected="positive", **claim)).findings[0].found.n == 24
+    settings = {**STUDY["settings"], "levels.test": "empty-medium"}
+    with pytest.raises(
+        ConfigError, match="no agent with difficulty=hard is tested on 'empty-hard': its own test levels"
+    ):
+        made(tmp_path / "others", {**STUDY, "settings": settings, "claims": claims})
 
 
 @pytest.mark.parametrize(("held", "sets", "said"), [(3, 1, "gave the same levels"), (4, 3, "level sets share levels")])
