@@ -21,7 +21,7 @@ from analysis.stats.estimate import Estimate, mean_of_replicates
 from analysis.stats.resampling import FEWEST_BLOCKS, no_interval
 from analysis.tables import Floats, column, performance, select, write_table
 from experiments.runs.run_folder import EPISODES, read_episodes, root_folder
-from experiments.runs.run_rows import FINISHED, RunRow, as_columns, run_rows
+from experiments.runs.run_rows import FINISHED, RunRow, as_columns, in_short, run_rows
 from experiments.settings import ACTION_MODES, RunFolderError
 from segar.cli import table as text_table
 from segar.errors import SegarError, did_you_mean
@@ -131,15 +131,14 @@ def summary_text(rows: Sequence[Mapping[str, Any]], path: Path | None = None) ->
     if path is not None:
         write_table(path, summarise(runs, numeric_figures(runs), by))
     found = summarise(runs)
-    figures = list(dict.fromkeys(found["figure"]))
+    figures, shown = list(dict.fromkeys(found["figure"])), in_short(done.to_dict("records"), by)
     lines = []
     for values, part in _groups(found, by):
         cells = {row["figure"]: _with_interval(row) for row in part.to_dict("records")}
         first = part.iloc[0]
-        lines.append(
-            [*values.values(), int(first["runs"]), int(first["level_sets"]), *(cells[name] for name in figures)]
-        )
-    head = [*by, "runs", "level sets", *(name.removesuffix("_deterministic") for name in figures)]
+        counts = int(first["runs"]), int(first["level_sets"])
+        lines.append([*(values[name] for name in shown), *counts, *(cells[name] for name in figures)])
+    head = [*shown, "runs", "level sets", *(name.removesuffix("_deterministic") for name in figures)]
     return "\n".join([text_table(head, lines), *notes(runs, done, found)])
 
 

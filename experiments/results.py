@@ -19,7 +19,16 @@ from experiments.commands.hydra_app import run_simple_command
 from experiments.reproduction.plugin import SUMMARIES, find_plugin
 from experiments.runs.files import replacing, write_text
 from experiments.runs.run_folder import RESULTS, root_folder
-from experiments.runs.run_rows import FINISHED, RunRow, as_columns, code_warning, named_settings, run_rows, seen_warning
+from experiments.runs.run_rows import (
+    FINISHED,
+    RunRow,
+    as_columns,
+    code_warning,
+    in_short,
+    named_settings,
+    run_rows,
+    seen_warning,
+)
 from experiments.settings import ConfigError, RunFolderError
 from segar.cli import table
 
@@ -89,7 +98,7 @@ def results(config: ResultsConfig, say: Callable[[str], None] = print) -> None:
 def as_table(runs: Sequence[RunRow]) -> str:
     """One line per run: what tells the runs apart, their state, and the figures that people read first."""
     rows = as_columns(runs)
-    settings = [name for name in named_settings(runs) if varies(rows, name) or name in SHOWN]
+    settings = in_short(rows, [name for name in named_settings(runs) if varies(rows, name) or name in SHOWN])
     figures = {name: name for name in (rows[0] if rows else ()) if name.startswith("w2_")}
     figures |= FIGURES | {
         name: name.removesuffix("_deterministic").removeprefix(RESULTS)

@@ -66,12 +66,17 @@ def run_command(
             check_command_line(config_name)
             hydra.main(version_base="1.3", config_path=str(conf_dir()), config_name=config_name)(call)()
     except KeyboardInterrupt as stop:
-        print(f"{stop or 'stopped'}. The same command goes on from the last checkpoint", file=sys.stderr)
+        print(f"{str(stop) or 'stopped'}. The same command goes on from the last checkpoint", file=sys.stderr)
         sys.exit(128 + (stop.signal if isinstance(stop, Stopped) else signal.SIGINT))
 
 
 def check_command_line(config_name: str) -> None:
     """Raises :class:`ConfigError` for a name on the command line that no setting, choice or module has, before a run begins."""
+    arguments, rest = get_args_parser().parse_known_args()
+    if any("=" in one and not one.startswith("-") for one in rest):
+        raise ConfigError(
+            f"settings stand on one side of options such as --multirun, all of them: move {' '.join(rest)}"
+        )
     arguments = get_args_parser().parse_args()
     if arguments.help or arguments.hydra_help or arguments.shell_completion or arguments.experimental_rerun:
         return

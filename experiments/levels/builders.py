@@ -103,7 +103,10 @@ def levels_in(path: Path, world: str | None, place: str, setting: str) -> Levels
         SegarError: it is no level file, or the world cannot be had, or its levels have rules of their own and no world is
             named; the message says which setting names it.
     """
-    levels = load_levels(str(path), world)
+    try:
+        levels = load_levels(str(path), world)
+    except LevelError as error:  # which names the option of the command segar
+        raise ConfigError(f"{place}: {str(error).replace('--world ', f'{setting}=')}") from error
     if levels.world is None and levels.provenance.rules:
         raise ConfigError(
             f"{place}: the levels of {path} have rules of their own ({', '.join(levels.provenance.rules)}), which a level"

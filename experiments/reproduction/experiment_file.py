@@ -154,6 +154,10 @@ def claim_config(claim: Any, place: str) -> ClaimConfig:
     require(isinstance(claim, Mapping), place, claim, "settings of a claim, such as says and test")
     if True in claim or "on" in claim:
         raise ConfigError(f"{place}: name the levels of a transfer by tested_on: ...; YAML takes the key `on` for true")
+    if False in claim:
+        raise ConfigError(
+            f"{place}: name the column that is tested by of: ...; YAML takes the keys `off` and `no` for false"
+        )
     if {"says", "test"} <= {*claim} and "expected" not in claim:
         raise ConfigError(f"{place}.expected: say what you expect: {', '.join(SIGNS)} (none: that there is no effect)")
     return construct(ClaimConfig, claim, place)

@@ -99,6 +99,21 @@ def named_settings(rows: Sequence[RunRow]) -> list[str]:
     return list(dict.fromkeys((*ALWAYS, *varied))) if settings else []
 
 
+def in_short(rows: Sequence[Mapping[str, Any]], names: Sequence[str]) -> list[str]:
+    """The names of settings without those of algorithms that ``algorithm.name`` decides in these rows, for people to read."""
+    by_name: dict[str, dict[str, set[str]]] = {}
+    for row in rows:
+        for name in names:
+            by_name.setdefault(name, {}).setdefault(str(row.get("algorithm.name")), set()).add(str(row.get(name)))
+    several = len({str(row.get("algorithm.name")) for row in rows}) > 1
+    decided = {
+        name
+        for name in names
+        if several and name.startswith("algorithm.") and all(len(values) == 1 for values in by_name[name].values())
+    }
+    return [name for name in names if name == "algorithm.name" or name not in decided]
+
+
 def as_columns(rows: Sequence[RunRow]) -> list[dict[str, Any]]:
     """The rows as plain data, all with the same columns: ``run``, settings, ``state``, figures, ``computed_with``,
     ``code`` (a fingerprint of the code that the run executed), ``problem``, ``folder``.

@@ -8,8 +8,17 @@ from typing import Any
 import pytest
 import yaml
 
-from experiments.commands.hydra_app import compose, compose_data, initialized, parse_settings, to_plain
+from experiments.commands.config_store import register_settings
+from experiments.commands.hydra_app import (
+    check_command_line,
+    compose,
+    compose_data,
+    initialized,
+    parse_settings,
+    to_plain,
+)
 from experiments.commands.overrides import VALUE, parse, quoted, single_runs, unquoted, with_search_path
+from experiments.levels.builders import levels_in
 from experiments.runs.run_folder import read_config, run_folders
 from experiments.settings import CHECKOUT, KINDS, ConfigError, RunConfig, as_data, run_config
 from segar import families
@@ -270,3 +279,30 @@ def test_a_quoted_text_is_itself_to_hydra_and_comes_back(text):
     (override,) = parse([f"levels.test={quoted(text)}"])
     assert str(override.value()) == text == unquoted(quoted(text))
     assert VALUE.findall(f"{quoted(text)},{quoted('b')}") == [quoted(text), quoted("b")]
+
+
+def test_settings_on_both_sides_of_an_option_are_told_to_stand_on_one(monkeypatch):
+    register_settings()
+    monkeypatch.setattr("sys.argv", ["train", "levels=empty-easy", "--multirun", "seed=1,2", "levels.test=empty-hard"])
+    with pytest.raises(
+        ConfigError, match="on one side of options such as --multirun, all of them: move seed=1,2 levels.test="
+    ):
+        check_command_line("config")
+
+
+def test_a_level_file_of_types_that_are_not_defined_names_the_setting_of_its_world(tmp_path):
+    path = tmp_path / "one.npz"
+    with pytest.raises(ConfigError) as caught:
+        unknown_types(path)
+    assert "levels.world=" in str(caught.value) and "--world" not in str(caught.value)
+
+
+def unknown_types(path):
+    """Reads levels whose entity type is not defined any more."""
+    code = "\n".join([
+        "import segar", "class Skiff(segar.GolfBall):\n    pass",
+        "dist = segar.LevelDistribution(numbers=[(Skiff, 1), (segar.GoalTile, 1)],"
+        " priors=[segar.Prior(segar.Position, segar.RandomUniformLocation())])", f"dist.sample(2).save({str(path)!r})",
+    ])  # fmt: skip
+    subprocess.run([sys.executable, "-c", code], check=True)
+    levels_in(path, None, "levels.train", "levels.world")

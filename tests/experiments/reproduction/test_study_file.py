@@ -44,6 +44,7 @@ WRONG = {
     "no given": (["claims", "distance", "given"], ["pannel"], "claims.distance.given: the runs have no column 'pannel'"),
     "no sign": (["claims", "distance"], {"says": "x", "test": "mean"}, "claims.distance.expected: say what you expect"),
     "on": (["claims", "distance", True], "empty-hard", "claims.distance: name the levels of a transfer by tested_on"),
+    "off": (["claims", "distance", False], "gap", "claims.distance: name the column that is tested by of: ...; YAML takes"),
     "no result": (["claims", "distance", "of"], "results/left", "claims.distance.of: the runs have no column 'results/left'"),
     "no values": (["grid", "vary"], {"algorithm.gamma": 0.9}, "grid.vary.algorithm.gamma: 0.9 is not allowed; it must be"),
     "a name of its own": (["grid", "vary"], {"seed": [1]}, "grid.vary.seed: 'seed' is not allowed; it must be varied by"),

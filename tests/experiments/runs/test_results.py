@@ -20,7 +20,7 @@ from experiments.runs.run_folder import (
     use_run_folder,
     write_json,
 )
-from experiments.runs.run_rows import RunRow, as_columns, figures_of, mixed_code, run_rows, state_of
+from experiments.runs.run_rows import RunRow, as_columns, figures_of, in_short, mixed_code, run_rows, state_of
 from experiments.runs.versions import computed_with
 from experiments.settings import ConfigError, EvaluationConfig, LevelsConfig, RunFolderError, TaskConfig, TrackingConfig
 from experiments.training.run import run
@@ -216,3 +216,11 @@ def test_a_task_that_does_not_fit_the_levels_is_named_with_the_one_that_does(tmp
     )
     with pytest.raises(ConfigError, match=r"levels of billiards are for task=billiards, and puttputt does not fit: "):
         run(config)
+
+
+def test_settings_that_the_name_of_the_algorithm_decides_are_not_printed_beside_it():
+    names = ["levels.count", "algorithm.name", "algorithm.gamma", "algorithm.clip", "seed"]
+    rows = [{"levels.count": n, "algorithm.name": a, "algorithm.gamma": g, "algorithm.clip": {"ppo": 0.2}.get(a), "seed": 0}
+            for n in (1, 2) for a, g in (("ppo", 0.9), ("ppo", 0.99), ("sac", 0.9))]  # fmt: skip
+    assert in_short(rows, names) == ["levels.count", "algorithm.name", "algorithm.gamma", "seed"]
+    assert in_short([row for row in rows if row["algorithm.name"] == "ppo"], names) == names  # nothing tells them apart
