@@ -1,7 +1,8 @@
 """Which runs were trained on the same levels, by what is in their level files.
 
-Levels of a file, and of a distribution of the user's own, can be few. Another seed then gives the same levels again, in
-another order, or some of them. Such level sets are not independent. Levels of named families are never drawn twice.
+Levels of a file are drawn without repetition, and can be few. Another seed then gives the same levels again, in another
+order, or some of them. Such level sets are not independent. A distribution of the user's own may give the same levels for
+all seeds, too. Named families draw each level independently.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -14,16 +15,21 @@ from experiments.runs.level_prints import is_own, prints_in, share_of
 from experiments.runs.run_folder import LEVELS_TRAIN
 
 
-def levels_trained_on(runs: pd.DataFrame) -> list[frozenset[bytes]]:
+def levels_trained_on(runs: pd.DataFrame, of_files: bool = False) -> list[frozenset[bytes]]:
     """The fingerprints of the training levels of each run, from its level file.
 
     Empty where there is no such file, the table has no column ``folder``, or the levels are those of a named family.
+
+    Args:
+        of_files: only of runs whose levels were drawn from a file.
     """
     name = next((one for one in ("levels.train", "family") if one in runs), None)
     if "folder" not in runs or name is None:
         return [frozenset()] * len(runs)
     return [
-        prints_in(Path(folder) / LEVELS_TRAIN) if is_own(str(train)) else frozenset()
+        prints_in(Path(folder) / LEVELS_TRAIN)
+        if (".npz" in str(train) if of_files else is_own(str(train)))
+        else frozenset()
         for folder, train in zip(runs["folder"], runs[name], strict=True)
     ]
 

@@ -40,8 +40,8 @@ SUMMARISED = ("w2_exact", "gap_deterministic", "success_train_deterministic", "s
 SHARES = ("success_", "death_")  # begin the names of figures that are shares of episodes
 LEVEL_SETS, AGENTS = "level sets", "agents"  # what an interval is over
 SHARED_LEVELS = (
-    "warning: the level sets share levels: up to {:.0%} of one are in another, because a file or a distribution has few levels."
-    " Intervals over such level sets are too short. Take a distribution with more levels, or a level file for each level set."
+    "warning: the level sets share levels: up to {:.0%} of one are in another, because one file has few levels. Intervals"
+    " over such level sets are too short. Take a distribution, or a file with many more levels than a level set has."
 )
 SAME_LEVELS = "Several levels.seed gave the same levels, such as all levels of a file: these count as one level set."
 
@@ -235,12 +235,12 @@ def training_sets(runs: pd.DataFrame) -> NDArray[Any]:
 
 
 def shared_levels(runs: pd.DataFrame) -> float:
-    """The largest share of a level set that lies in another level set of its distribution, 0 to 1; 0 where nothing is known.
+    """The largest share of a level set that lies in another one of the same file, 0 to 1; 0 where nothing is known.
 
     Two sets with the same levels are one, see :func:`training_sets`. Raises :class:`SegarError` as that function.
     """
     names, among = _named_sets(runs)
-    return largest_share(united(names, levels_trained_on(runs)), among)
+    return largest_share(united(names, levels_trained_on(runs, of_files=True)), among)
 
 
 def _named_sets(runs: pd.DataFrame) -> tuple[NDArray[Any], dict[str, str]]:

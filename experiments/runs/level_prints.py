@@ -16,7 +16,7 @@ CONTENT = ("types", "values", "shape_kind", "vertex_count", "parameters")  # of 
 
 
 def is_own(name: str) -> bool:
-    """Whether a distribution is the user's own or a level file; named families never give the same level twice."""
+    """Whether a distribution is the user's own or a level file, and no named family."""
     return ":" in name or ".npz" in name
 
 

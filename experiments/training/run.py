@@ -32,7 +32,7 @@ from experiments.levels.builders import (
 from experiments.networks.devices import arithmetic
 from experiments.runs.executed_code import changed_parts, executed_code
 from experiments.runs.journal import PREPARATION, Journal
-from experiments.runs.level_prints import prints_of, share_of
+from experiments.runs.level_prints import is_own, prints_of, share_of
 from experiments.runs.own_modules import folders_of
 from experiments.runs.run_folder import (
     EPISODE_SCHEMA,
@@ -189,7 +189,7 @@ def _prepare(
     write_json(
         folder / VERSIONS, {**versions(), "code": code, "levels": hashes, **_arithmetics(config, learner, folder, say)}
     )
-    if share := share_of(prints_of(test), prints_of(train)):
+    if is_own(config.levels.train) and (share := share_of(prints_of(test), prints_of(train))):
         say(
             f"warning: {share:.0%} of the test levels are training levels, too, so the gap says little or nothing of levels"
             " that the agent has not seen; name others: levels.test=..."

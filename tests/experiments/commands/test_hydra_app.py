@@ -285,7 +285,7 @@ def test_settings_on_both_sides_of_an_option_are_told_to_stand_on_one(monkeypatc
     register_settings()
     monkeypatch.setattr("sys.argv", ["train", "levels=empty-easy", "--multirun", "seed=1,2", "levels.test=empty-hard"])
     with pytest.raises(
-        ConfigError, match="on one side of options such as --multirun, all of them: move seed=1,2 levels.test="
+        ConfigError, match=r"on one side of options such as --multirun, all of them: move seed=1,2 levels\.test="
     ):
         check_command_line("config")
 
