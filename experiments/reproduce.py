@@ -208,9 +208,8 @@ def carry_out(work: Work) -> dict[str, float]:
     from experiments.evaluation.transfer_evaluation import evaluate_transfer
 
     figures = train(work.run)
-    for transfer in work.transfers:
-        if not transfer.is_done(work.run):
-            evaluate_transfer(work.run, transfer)
+    for transfer in work.transfers_left():
+        evaluate_transfer(work.run, transfer)
     if work.probes is not None and work.needs_probing():
         figures = {**figures, **probe_finished(work.run, work.probes)}
     return figures
@@ -292,6 +291,8 @@ def failures(failed: Sequence[JobResult], pieces: int, finished: bool) -> str:
     lines.append("What is finished is kept: the same command does only what is missing.")
     if any("restart=true" in str(one.error) for one in failed):
         lines.append("restart=true trains all of them anew; to train one anew, delete its run folder.")
+    if any("stale=anew" in str(one.error) for one in failed):
+        lines.append("stale=anew trains anew what other code made, and nothing else.")
     return "\n".join(lines)
 
 

@@ -99,7 +99,7 @@ def resume_checkpoint(
     if differing:
         raise CheckpointError(
             f"{path} was written by other code: {', '.join(differing)} changed since. Go back to the code that wrote it, "
-            "or train anew with restart=true"
+            "or train anew with stale=anew"
         )
     _load_weights(path, learner.policy, content)
     try:

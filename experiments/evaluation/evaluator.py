@@ -1,6 +1,7 @@
 """A trained agent on any levels: what it achieves there beside a random agent and the best known return, and videos of it."""
 
 import dataclasses
+import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
@@ -17,8 +18,14 @@ from experiments.commands import process_defaults as runtime
 from experiments.evaluation.baselines import IdleAgent
 from experiments.evaluation.episodes import Agent, action_rng, actions_of, play_episodes, play_in_modes
 from experiments.evaluation.transfers import LEVELS
-from experiments.levels.builders import distribution_of, environment_options, find_distribution, levels_in
-from experiments.runs.executed_code import changed_parts, executed_code
+from experiments.levels.builders import (
+    distribution_of,
+    environment_options,
+    find_distribution,
+    levels_in,
+    task_name,
+)
+from experiments.runs.executed_code import changed_parts, differing_parts, executed_code, played_code, with_data
 from experiments.runs.own_modules import modules_named
 from experiments.runs.run_folder import (
     EPISODE_SCHEMA,
@@ -32,9 +39,11 @@ from experiments.runs.run_folder import (
     write_rows,
 )
 from experiments.runs.trust import EVERYTHING
+from experiments.runs.versions import levels_hash
 from experiments.settings import (
     ConfigError,
     EvaluateConfig,
+    LevelsConfig,
     RunConfig,
     RunFolderError,
     as_data,
@@ -82,6 +91,7 @@ def evaluate(config: EvaluateConfig, say: Callable[[str], None] = print) -> Eval
             f"note: the run was made by other code; changed since: {', '.join(changed)}. These episodes are played by today's"
         )
     levels = find_levels(config, folder, trained)
+    code = {**played_code(played(config, trained)), "levels": levels_hash(levels)}
     policy, frames = load_agent(folder, trained, levels, say)
     options = environment_options(trained)
     rows = play_levels(policy, levels, options, config)
@@ -97,7 +107,10 @@ def evaluate(config: EvaluateConfig, say: Callable[[str], None] = print) -> Eval
     if baselines is not None:
         # These names are those that readers of 0.1's files know.
         summary["anchors"] = {"random": baselines.random, "oracle": baselines.oracle}
+    summary["code"] = with_data(code)
     out = Path(config.out).expanduser().resolve() if config.out else folder / EVALUATIONS / label(config, levels)
+    if replaced := code_replaced(out, code):
+        say(f"note: an evaluation by other code lay there, and is replaced; changed since: {', '.join(replaced)}")
     write(out, levels, rows, summary)
     say(as_table(f"{folder.name} after {frames:,} frames, on {described(config, levels)}:", players, baselines))
     for line in scores_above_1(players, len(levels), config):
@@ -106,6 +119,22 @@ def evaluate(config: EvaluateConfig, say: Callable[[str], None] = print) -> Eval
         say(make_videos(out, config, policy, levels, options, rows))
     say(f"results: {out}")
     return Evaluation(rows, summary, out)
+
+
+def played(config: EvaluateConfig, trained: RunConfig) -> RunConfig:
+    """The settings of the run, with the distribution that is played in place of its own, where one is named."""
+    if config.levels in OWN or config.levels.endswith(".npz"):
+        return trained
+    name = without_files(config.levels, "levels")
+    task = dataclasses.replace(trained.task, name=task_name(trained))
+    return dataclasses.replace(trained, levels=LevelsConfig(train=name, test=name), task=task)
+
+
+def code_replaced(out: Path, code: Mapping[str, str]) -> list[str]:
+    """Names of the parts of ``code`` that were others when the evaluation in this folder was made; none where none was."""
+    path = out / SUMMARY
+    before = json.loads(path.read_text()).get("code") if path.exists() else None
+    return [] if before is None else differing_parts(before, code)
 
 
 def find_levels(config: EvaluateConfig, folder: Path, trained: RunConfig) -> Levels:
@@ -213,6 +242,7 @@ def write(out: Path, levels: Levels, rows: Sequence[Mapping[str, Any]], summary:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise RunFolderError(f"cannot make the folder {out}: {error.strerror}") from error
+    (out / SUMMARY).unlink(missing_ok=True)  # it is there if and only if it belongs to the other files
     levels.save(out / LEVELS)
     write_rows(out / EPISODES, rows, EPISODE_SCHEMA)
     write_json(out / SUMMARY, summary)

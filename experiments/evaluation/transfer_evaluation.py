@@ -8,15 +8,13 @@ import dataclasses
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-
 from experiments.evaluation.episodes import distance_figures, mean_figures, play_in_modes
 from experiments.evaluation.evaluator import load_agent, write
 from experiments.evaluation.transfers import Transfer
-from experiments.levels.builders import distribution_of, environment_options
-from experiments.levels.mixed_levels import mixed_levels
-from experiments.runs.run_folder import LEVELS_TEST, LEVELS_TRAIN, folder_path
-from experiments.settings import ACTION_MODES, LevelsConfig, RunConfig, as_data
+from experiments.levels.builders import environment_options
+from experiments.runs.executed_code import with_data
+from experiments.runs.run_folder import LEVELS_TRAIN, folder_path
+from experiments.settings import ACTION_MODES, RunConfig, as_data
 from segar.levels import Levels
 
 
@@ -26,7 +24,7 @@ def evaluate_transfer(run: RunConfig, transfer: Transfer, say: Callable[[str], N
     Raises:
         SegarError: the run has no weights, or its agent cannot observe these levels.
     """
-    folder, test = folder_path(run), levels_of(run, transfer)
+    folder, test, code = folder_path(run), transfer.levels(run), transfer.code(run)
     as_seen = dataclasses.replace(run, observation=transfer.observation)
     policy, frames = load_agent(folder, as_seen, test, say)
     rows = play_in_modes(policy, "test", test, environment_options(as_seen), run.evaluation.seed)
@@ -34,17 +32,7 @@ def evaluate_transfer(run: RunConfig, transfer: Transfer, say: Callable[[str], N
     for mode in ACTION_MODES:
         figures |= mean_figures(rows, "test", mode)
     figures |= distance_figures(Levels.load(folder / LEVELS_TRAIN), test, run.evaluation.distances)
-    summary = {"transfer": as_data(transfer), "frames": frames, **figures}
+    summary = {"transfer": as_data(transfer), "frames": frames, **figures, "code": with_data(code)}
     write(transfer.folder(run), test, rows, summary)
     say(f"{run.label()}: tested on {transfer.label}, return {figures['evaluation/test/return/deterministic']:.3f}")
     return summary
-
-
-def levels_of(run: RunConfig, transfer: Transfer) -> Levels:
-    """The levels of a transfer; raises :class:`SegarError` if they cannot be made."""
-    if transfer.mixture is None:
-        there = LevelsConfig(train=transfer.panel, test=transfer.panel, variation=transfer.variation)
-        return distribution_of(there, "test").sample(transfer.test_count, seed=transfer.test_seed, split="test")
-    train, test = (Levels.load(folder_path(run) / name) for name in (LEVELS_TRAIN, LEVELS_TEST))
-    chosen = dict.fromkeys(transfer.mixture.changed, True)
-    return mixed_levels(train[np.arange(len(test)) % len(train)], test, transfer.mixture.groups, chosen)

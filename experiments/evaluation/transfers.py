@@ -5,15 +5,31 @@ levels between those of training and those of the test. :mod:`experiments.evalua
 This module does not import torch, so that work can be planned without it.
 """
 
+import dataclasses
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+
 from experiments.evaluation.probing import ProbeConfig, is_probed
+from experiments.levels.builders import distribution_of, task_name
+from experiments.levels.mixed_levels import mixed_levels
+from experiments.runs.executed_code import differing_parts, played_code
 from experiments.runs.journal import read_journal
-from experiments.runs.run_folder import EVALUATIONS, SUMMARY, folder_path, is_finished
-from experiments.settings import ObservationConfig, RunConfig, as_data
+from experiments.runs.run_folder import (
+    EVALUATIONS,
+    LEVELS_TEST,
+    LEVELS_TRAIN,
+    SUMMARY,
+    folder_path,
+    is_finished,
+)
+from experiments.runs.versions import levels_hash
+from experiments.settings import LevelsConfig, ObservationConfig, RunConfig, as_data
 from experiments.settings.run import digest
+from segar.levels import Levels
 
 LEVELS = "levels.npz"  # in the folder of an evaluation: what was played
 
@@ -54,6 +70,43 @@ class Transfer:
         """Whether this run's agent was tested so."""
         return (self.folder(run) / SUMMARY).exists()
 
+    def levels_config(self) -> LevelsConfig:
+        """The settings of the test levels."""
+        return LevelsConfig(train=self.panel, test=self.panel, variation=self.variation)
+
+    def levels(self, run: RunConfig) -> Levels:
+        """The test levels; raises :class:`SegarError` if they cannot be made."""
+        if self.mixture is None:
+            return distribution_of(self.levels_config(), "test").sample(
+                self.test_count, seed=self.test_seed, split="test"
+            )
+        train, test = (Levels.load(folder_path(run) / name) for name in (LEVELS_TRAIN, LEVELS_TEST))
+        chosen = dict.fromkeys(self.mixture.changed, True)
+        return mixed_levels(train[np.arange(len(test)) % len(train)], test, self.mixture.groups, chosen)
+
+    def code(self, run: RunConfig) -> dict[str, str]:
+        """The code that decides what this run's agent achieves there, beside its weights, as
+        :func:`experiments.runs.executed_code.played_code`; its part ``levels`` is of all test levels."""
+        if self.mixture is not None:
+            return played_code(dataclasses.replace(run, observation=self.observation))
+        task = dataclasses.replace(run.task, name=task_name(run))
+        there = dataclasses.replace(run, levels=self.levels_config(), task=task, observation=self.observation)
+        return {**played_code(there), "levels": levels_hash(self.levels(run))}
+
+    def changed_parts(self, run: RunConfig, code: Mapping[str, str]) -> list[str]:
+        """Names of the parts of ``code``, today's, that were others when this run's agent was tested so; none where it was not.
+
+        Evaluations of earlier releases did not record their code; of these, only the levels are compared.
+        """
+        if not self.is_done(run):
+            return []
+        folder = self.folder(run)
+        before = json.loads((folder / SUMMARY).read_text()).get("code")
+        if before is not None:
+            return differing_parts(before, code)
+        same = self.mixture is not None or levels_hash(Levels.load(folder / LEVELS)) == code["levels"]
+        return [] if same else ["levels"]
+
 
 @dataclass(frozen=True)
 class RunTask:
@@ -61,6 +114,7 @@ class RunTask:
 
     ``imported``: the name by which tables of another machine hold all results; empty where they do not.
     ``changed``: the parts of the code that are others than when the run, which is finished, was made.
+    ``retested``: names of the folders of transfers that other code made, which are to be made anew.
     """
 
     run: RunConfig
@@ -68,6 +122,7 @@ class RunTask:
     probes: ProbeConfig | None = None
     imported: str = ""
     changed: tuple[str, ...] = ()
+    retested: frozenset[str] = frozenset()
 
     def is_done(self) -> bool:
         """Whether nothing is left to do."""
@@ -77,8 +132,11 @@ class RunTask:
         """Whether run folders have all of it."""
         if self.changed and self.run.stale == "anew":
             return False
-        tested = all(transfer.is_done(self.run) for transfer in self.transfers)
-        return is_finished(folder_path(self.run)) and tested and not self.needs_probing()
+        return is_finished(folder_path(self.run)) and not self.transfers_left() and not self.needs_probing()
+
+    def transfers_left(self) -> list[Transfer]:
+        """The transfers that are still to be made."""
+        return [one for one in self.transfers if not one.is_done(self.run) or one.folder_name() in self.retested]
 
     def needs_probing(self) -> bool:
         """Whether the run is to be probed, and its folder has no such probes."""

@@ -19,7 +19,16 @@ from experiments.reproduction.grid import grid_runs, setting
 from experiments.reproduction.imported_results import ImportedResults
 from experiments.runs.executed_code import changed_parts, executed_code
 from experiments.runs.journal import read_journal
-from experiments.runs.run_folder import folder_path, is_finished, read_config, read_summary, run_folders
+from experiments.runs.run_folder import (
+    CHECKPOINT,
+    EVALUATIONS,
+    VERSIONS,
+    folder_path,
+    is_finished,
+    read_config,
+    read_summary,
+    run_folders,
+)
 from experiments.settings import ConfigError, RunConfig, ScaleConfig, as_data, grid_point
 from experiments.settings.run import digest
 from segar.cli import table
@@ -60,6 +69,35 @@ class ReproductionPlan:
     members: Mapping[str, tuple[RunTask, ...]]  # of each experiment, with its transfers
     runs: tuple[RunTask, ...]  # all, each with the transfers of all experiments
     studies: tuple[StudyTask, ...]
+    other_code: str = ""  # which results other code than today's made, and what becomes of them
+
+
+@dataclass(frozen=True)
+class Changed:
+    """What other code than today's made: the labels of finished runs, of unfinished ones, and pairs of a run's label and the
+    name of a transfer's folder; each with the parts that changed."""
+
+    finished: dict[str, list[str]] = field(default_factory=dict)
+    unfinished: dict[str, list[str]] = field(default_factory=dict)
+    tested: dict[tuple[str, str], list[str]] = field(default_factory=dict)
+
+    def __bool__(self) -> bool:
+        return bool(self.finished or self.unfinished or self.tested)
+
+    def __str__(self) -> str:
+        """How many there are, what changed, and which is the first of them."""
+        kinds = {"finished runs": self.finished, "unfinished runs": self.unfinished, "transfers": self.tested}
+        counts = [f"{len(found)} {kind}" for kind, found in kinds.items() if found]
+        names = sorted({part for found in kinds.values() for parts in found.values() for part in parts})
+        places = [*self.finished, *self.unfinished, *("/".join((run, EVALUATIONS, one)) for run, one in self.tested)]
+        return (
+            f"{' and '.join(counts)} were made by other code than this; changed since: {', '.join(names)}. The first of them"
+            f" is {places[0]}"
+        )
+
+    def retested(self, label: str) -> frozenset[str]:
+        """The names of the folders of the transfers of this run."""
+        return frozenset(folder for run, folder in self.tested if run == label)
 
 
 def make_plan(
@@ -89,13 +127,16 @@ def make_plan(
     for experiment in experiments:
         check_claims(experiment, members[experiment.name])
     changed = changed_code(union.values())
-    union = {label: dataclasses.replace(work, changed=changed.get(label, ())) for label, work in union.items()}
-    stored = {label: "" if work.is_done_here() else imported.name_of(work) for label, work in union.items()}
+    stored: dict[str, str] = {}
 
     def known(work: RunTask) -> RunTask:
         label = work.run.label()
-        return dataclasses.replace(work, imported=stored[label], changed=changed.get(label, ()))
+        retested = changed.retested(label) if work.run.stale == "anew" else frozenset()
+        parts = tuple(changed.finished.get(label, ()))
+        return dataclasses.replace(work, imported=stored.get(label, ""), changed=parts, retested=retested)
 
+    union = {label: known(work) for label, work in union.items()}
+    stored |= {label: "" if work.is_done_here() else imported.name_of(work) for label, work in union.items()}
     union = {label: known(work) for label, work in union.items()}
     members = {name: tuple(map(known, works)) for name, works in members.items()}
     studies = [
@@ -103,32 +144,38 @@ def make_plan(
         for e in experiments
         if e.study
     ]
-    return ReproductionPlan(tuple(experiments), members, tuple(union.values()), tuple(studies))
+    fate = "They are made anew" if base.stale == "anew" else "Finished ones are kept as they are"
+    told = f"{changed}. {fate} (stale={base.stale})." if changed else ""
+    return ReproductionPlan(tuple(experiments), members, tuple(union.values()), tuple(studies), told)
 
 
-def changed_code(works: Collection[RunTask]) -> dict[str, tuple[str, ...]]:
-    """Of the finished runs that were made by other code than today's, the label and the parts that changed.
+def changed_code(works: Collection[RunTask]) -> Changed:
+    """The runs and their transfers that were made by other code than today's, with the parts that changed.
 
     Raises:
-        ConfigError: there are such runs, and ``stale`` does not say what to do with them.
+        ConfigError: there are such, and ``stale`` does not say what to do with them.
     """
-    found: dict[str, tuple[str, ...]] = {}
+    found = Changed()
     codes: dict[str, dict[str, str]] = {}  # by the settings that code depends on
-    for run in (work.run for work in works):
-        folder = folder_path(run)
-        if is_finished(folder):
-            levels = dataclasses.replace(run.levels, seed=0, count=1)
-            key = repr((levels, run.task, run.observation, run.algorithm))
-            codes[key] = codes.get(key) or executed_code(run)
-            if parts := changed_parts(folder, codes[key]):
-                found[run.label()] = tuple(parts)
-    refused = [run.label() for run in (work.run for work in works) if run.stale == "refuse" and run.label() in found]
-    if refused:
-        names = ", ".join(sorted({part for label in refused for part in found[label]}))
-        raise ConfigError(
-            f"{len(refused)} finished runs were made by other code than this; changed since: {names}. The first of them is"
-            f" {refused[0]}. stale=anew trains them anew, stale=keep takes their results as they are"
-        )
+    for work in works:
+        run, folder = work.run, folder_path(work.run)
+        if not (folder / VERSIONS).exists():
+            continue
+        levels = dataclasses.replace(run.levels, seed=0, count=1)
+        key = repr((levels, run.task, run.observation, run.algorithm))
+        codes[key] = codes.get(key) or executed_code(run)
+        runs = found.finished if is_finished(folder) else found.unfinished
+        is_begun = is_finished(folder) or (folder / CHECKPOINT).exists()
+        if is_begun and (parts := changed_parts(folder, codes[key])):
+            runs[run.label()] = parts
+        for one in (one for one in work.transfers if one.is_done(run)):
+            mixture = None if one.mixture is None else FactorSwap({}, ())  # what it swaps is data and no code
+            asked = repr((dataclasses.replace(one, label="", mixture=mixture), levels, run.task))
+            codes[asked] = codes.get(asked) or one.code(run)
+            if parts := one.changed_parts(run, codes[asked]):
+                found.tested[run.label(), one.folder_name()] = parts
+    if found and any(work.run.stale == "refuse" for work in works):
+        raise ConfigError(f"{found}. stale=anew trains and tests them anew, stale=keep takes finished ones as they are")
     return found
 
 
@@ -197,7 +244,7 @@ class Speeds:
         """How long the rest of a run takes, in seconds, if it runs alone."""
         run, kind = work.run, kind_of(work.run)
         evaluation = self.evaluation.get(kind, ASSUMED_EVALUATION)
-        left = sum(not transfer.is_done(run) for transfer in work.transfers) * TRANSFER_SHARE * evaluation
+        left = len(work.transfers_left()) * TRANSFER_SHARE * evaluation
         left += self.seconds_of_probes(work)
         if is_finished(folder_path(run)):
             return left
@@ -286,7 +333,7 @@ def as_text(plan: ReproductionPlan, speeds: Speeds, processes: int, scale: Scale
         f"{f' ({in_minutes(probing)})' if probing else ''}; {len(studies)} of {len(plan.studies)} studies to do; "
         f"about {in_minutes(total / processes)} with {processes} at a time (by {basis})."
     )
-    return "\n".join([table(head, rows), closing, *repetitions(plan)])
+    return "\n".join([table(head, rows), closing, *repetitions(plan), *([plan.other_code] if plan.other_code else [])])
 
 
 def repetitions(plan: ReproductionPlan) -> list[str]:

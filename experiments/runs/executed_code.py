@@ -4,6 +4,10 @@ A part is the kernel, the learner, the environment, the sampler of levels, or a 
 of a kernel is that of its text, so it changes with the rules and with nothing else. The fingerprint of Python code does
 not change with comments, docstrings, layout, or the texts of error messages. The command line, the pictures for people,
 the tracking and the report are no part of it: a run does not execute them.
+
+Beside the parts stand the user's own files, whose names have a slash: the source files that the modules reach
+(``my_lab/helpers.py``), and the data files that these have read so far (``my_lab/scale.json``). What a run has recorded of
+files is compared with what is in them now. So it does not matter which of them the process that compares has read.
 """
 
 import ast
@@ -15,10 +19,11 @@ from pathlib import Path
 
 import segar
 from experiments.levels.builders import LevelFile, distribution_of, environment_options, task_name
-from experiments.runs.own_modules import is_installed, modules_named, source_of
+from experiments.runs.own_modules import find_file, modules_named, source_of
 from experiments.runs.run_folder import VERSIONS, read_versions
 from experiments.runs.versions import levels_hash
 from experiments.settings import RunConfig, as_data
+from experiments.settings.files_read import OURS, data_read, data_to_read, file_digest, is_installed, source_name
 from segar.engine import generate
 from segar.envs import world_of
 from segar.levels import Levels
@@ -28,33 +33,44 @@ LEARNING = ("experiments.algorithms", "experiments.collection", "experiments.net
 # Rooms of the library that are executed beside the kernel. The rules, the task and the engine are in the kernel's text.
 ENVIRONMENT = ("envs", "observations", "support")
 SAMPLER = ("levels", "noise", "language")
+PARTS = (
+    "kernel",
+    "levels",
+    "learner",
+    "environment",
+    "sampler",
+    "textures",
+)  # all others are modules of the user's own
 PROBED = 8  # levels of each distribution that are looked at
 
 
 def executed_code(config: RunConfig) -> dict[str, str]:
-    """Name of each part to sixteen hexadecimal digits, for the run with these settings.
+    """Name of each part, and of each file of the user's own, to sixteen hexadecimal digits, for the run with these settings.
 
-    The parts are ``kernel``, ``levels`` (some that the distributions give, so data that they read count, too), ``learner``,
-    ``environment``, ``sampler``, ``textures`` where the observation has them, and the name of every module of the user's
-    own that a setting or the levels' task names (``my_lab.levels``), with what it reaches (:func:`modules_reached`).
+    The parts are ``kernel``, ``levels`` (some that the distributions give), ``learner``, ``environment``, ``sampler``,
+    ``textures`` where the observation has them, and the name of every module of the user's own that a setting or the levels'
+    task names (``my_lab.levels``), with what it reaches (:func:`modules_reached`).
     """
-    task = environment_options(config)["task"]
-    train, test = (probed_levels(config, split) for split in ("train", "test"))
-    parts = {
-        "kernel": _digest([generate(train.layout, world_of(train), task.functions()).text.encode()]),
-        "levels": _digest([levels_hash(train).encode(), levels_hash(test).encode()]),
-    }
     learner = config.algorithm.learner.partition(":")[0]
-    parts["learner"] = fingerprint(learner)
-    parts["environment"], parts["sampler"] = _library(ENVIRONMENT), _library(SAMPLER)
-    if "textures" in config.observation.name:
-        parts["textures"] = _library(("textures",))
-    named = (
-        name
-        for name in {*modules_named([as_data(config), task_name(config)])} - {learner}
-        if source_of(name) is not None
-    )
-    return {**parts, **{module: fingerprint(module) for module in sorted(named)}}
+    named = {*modules_named([as_data(config), task_name(config)])} - {learner}
+    parts = {**_played(config), "learner": fingerprint(learner)}
+    return _with_files(parts, named, {learner})
+
+
+def played_code(config: RunConfig) -> dict[str, str]:
+    """The part of :func:`executed_code` that an agent meets: its levels, its task and its observation, without the learner."""
+    named = {*modules_named([as_data(part) for part in (config.levels, config.task, config.observation)])}
+    return _with_files(_played(config), named | {*modules_named(task_name(config))})
+
+
+def with_data(code: Mapping[str, str]) -> dict[str, str]:
+    """``code`` with the data files that its own modules have read by now; what it says of a file already stays."""
+    return {**data_read(_sources(code)), **code}
+
+
+def data_of(code: Mapping[str, str]) -> dict[str, str]:
+    """The data files in ``code``."""
+    return {name: content for name, content in code.items() if "/" in name and not name.endswith(".py")}
 
 
 def probed_levels(config: RunConfig, split: str) -> Levels:
@@ -68,7 +84,8 @@ def combined(parts: Mapping[str, str] | str) -> str:
     """Sixteen hexadecimal digits for all parts together; those that 0.1 recorded as they are."""
     if isinstance(parts, str):
         return parts
-    return _digest(f"{name}={value}".encode() for name, value in sorted(parts.items()))
+    sources = _sources(parts)  # what is in them, the parts say
+    return _digest(f"{name}={value}".encode() for name, value in sorted(parts.items()) if name not in sources)
 
 
 def changed_parts(folder: Path, code: Mapping[str, str] | None) -> list[str]:
@@ -79,10 +96,18 @@ def changed_parts(folder: Path, code: Mapping[str, str] | None) -> list[str]:
 
 
 def differing_parts(before: Mapping[str, str] | str, now: Mapping[str, str]) -> list[str]:
-    """Names of the parts that differ; of code that 0.1 recorded, which knew no parts, ``all``."""
+    """Names of the parts that differ, and of the files recorded ``before`` in which something else is now; of code that 0.1
+    recorded, which knew no parts, ``all``.
+
+    Where source files say what changed, the modules that reach them are left out.
+    """
     if isinstance(before, str):
         return ["all"]
-    return sorted(name for name in {*before, *now} if before.get(name) != now.get(name))
+    files = sorted(name for name in before if "/" in name and before[name] != _content_now(name))
+    parts = sorted(name for name in {*before, *now} if "/" not in name and before.get(name) != now.get(name))
+    if _sources(files):
+        parts = [name for name in parts if name in PARTS]
+    return [*parts, *files]
 
 
 def fingerprint(module: str) -> str:
@@ -127,6 +152,43 @@ def _imports(module: str, path: Path) -> Iterator[str]:
             above = ".".join(package.split(".")[: len(package.split(".")) + 1 - node.level]) if node.level else ""
             source = ".".join(part for part in (above, node.module) if part)
             yield from (source, *(f"{source}.{alias.name}" for alias in node.names))
+
+
+def _played(config: RunConfig) -> dict[str, str]:
+    """The parts for levels, task and observation."""
+    task = environment_options(config)["task"]
+    train, test = (probed_levels(config, split) for split in ("train", "test"))
+    parts = {
+        "kernel": _digest([generate(train.layout, world_of(train), task.functions()).text.encode()]),
+        "levels": _digest([levels_hash(train).encode(), levels_hash(test).encode()]),
+    }
+    parts["environment"], parts["sampler"] = _library(ENVIRONMENT), _library(SAMPLER)
+    if "textures" in config.observation.name:
+        parts["textures"] = _library(("textures",))
+    return parts
+
+
+def _with_files(parts: Mapping[str, str], named: Iterable[str], others: Iterable[str] = ()) -> dict[str, str]:
+    """``parts`` with one for each module in ``named`` that has a file, the source files that these and ``others`` reach, and
+    the data files that they read."""
+    modules = sorted(name for name in named if source_of(name) is not None)
+    reached = {name: path for module in (*modules, *others) for name, path in modules_reached(module).items()}
+    own = {name: path for name, path in reached.items() if name.partition(".")[0] not in OURS}
+    sources = {source_name(name, path): _digest([_normalised(path)]) for name, path in own.items()}
+    return {**parts, **{module: fingerprint(module) for module in modules}, **sources, **data_to_read(sources)}
+
+
+def _sources(names: Iterable[str]) -> set[str]:
+    """Those of the names that are of source files."""
+    return {name for name in names if "/" in name and name.endswith(".py")}
+
+
+def _content_now(name: str) -> str:
+    """The fingerprint of what is in a file now; empty where there is none."""
+    path = find_file(name)
+    if path is None:
+        return ""
+    return _digest([_normalised(path)]) if name.endswith(".py") else file_digest(path)
 
 
 @cache

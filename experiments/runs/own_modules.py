@@ -1,15 +1,15 @@
 """The modules that the settings of a run name, and where they lie."""
 
 import importlib.util
-import sysconfig
+import sys
 from collections.abc import Iterator, Mapping
 from importlib.machinery import PathFinder
 from pathlib import Path
 from typing import Any
 
 from experiments.settings import OBJECT_NAME, TARGET
+from experiments.settings.files_read import OURS, is_installed
 
-OURS = ("segar", "experiments", "analysis")
 NO_CODE = ("tracking", "root", "folder", "module_path")  # settings that name nothing which is imported
 
 
@@ -42,9 +42,18 @@ def folders_of(settings: Any) -> tuple[str, ...]:
     return tuple(dict.fromkeys(map(str, folders)))
 
 
-def is_installed(path: Path) -> bool:
-    """Whether a file belongs to Python or to a package that was installed, rather than to a checkout or a folder of scripts."""
-    return any(path.is_relative_to(sysconfig.get_path(kind)) for kind in ("stdlib", "platstdlib", "purelib", "platlib"))
+def find_file(name: str) -> Path | None:
+    """The file that a name of :mod:`experiments.settings.files_read` means now; None where there is none.
+
+    Looked into are the folder that holds the package which the name begins with, those of Python's path, and the working one.
+    """
+    if Path(name).is_absolute():
+        return Path(name) if Path(name).is_file() else None
+    top = name.partition("/")[0]
+    spec = importlib.util.find_spec(top) if top.isidentifier() and top != "__main__" else None
+    packages = [Path(place).parent for place in (spec.submodule_search_locations or () if spec else ())]
+    outside = [Path(place) for place in sys.path if not is_installed(Path(place))]
+    return next((folder / name for folder in (*packages, *outside, Path.cwd()) if (folder / name).is_file()), None)
 
 
 def source_of(module: str) -> Path | None:

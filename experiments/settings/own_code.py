@@ -5,16 +5,15 @@ level file's name gets its content's fingerprint behind it, ``folder/levels.npz#
 where things lie, and an edited level file is another one.
 """
 
-import hashlib
 import importlib
 import re
 import sys
 from collections.abc import Iterable, Mapping
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 from experiments.settings.errors import ConfigError
+from experiments.settings.files_read import file_digest
 from segar.errors import SegarError
 from segar.support import module_in_file, named_object
 
@@ -78,15 +77,9 @@ def without_folder(name: str) -> str:
 def file_fingerprint(path: Path, place: str) -> str:
     """Eight hexadecimal digits of a file's content; raises :class:`ConfigError` if it cannot be read."""
     try:
-        about = path.stat()
-        return _fingerprint(path, about.st_mtime_ns, about.st_size)
+        return file_digest(path)[:8]
     except OSError as error:
         raise ConfigError(f"{place}: cannot read {path}: {error.strerror}") from error
-
-
-@cache
-def _fingerprint(path: Path, _time: int, _size: int) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()[:8]
 
 
 def add_module_path(folders: Iterable[str]) -> None:

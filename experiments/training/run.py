@@ -30,7 +30,7 @@ from experiments.levels.builders import (
     task_name,
 )
 from experiments.networks.devices import arithmetic
-from experiments.runs.executed_code import changed_parts, executed_code
+from experiments.runs.executed_code import changed_parts, executed_code, with_data
 from experiments.runs.journal import PREPARATION, Journal
 from experiments.runs.level_prints import is_own, prints_of, share_of
 from experiments.runs.own_modules import folders_of
@@ -180,15 +180,14 @@ def _prepare(
     if unseen:
         say(advice_on_entities(unseen, config, train))
     learner = make_learner(kind, config.algorithm, env, config.scale.frames, config.seed)
-    code = executed_code(config) if code is None else code
+    code = executed_code(config) if code is None else with_data(code)
     training = Training(config, folder, learner, journal, signals, code)
     hashes = {"train": levels_hash(train), "test": levels_hash(test)}
     training.resume(hashes, say)
     train.save(folder / LEVELS_TRAIN)
     test.save(folder / LEVELS_TEST)
-    write_json(
-        folder / VERSIONS, {**versions(), "code": code, "levels": hashes, **_arithmetics(config, learner, folder, say)}
-    )
+    arithmetics = _arithmetics(config, learner, folder, say)
+    write_json(folder / VERSIONS, {**versions(), "code": training.code, "levels": hashes, **arithmetics})
     if is_own(config.levels.train) and (share := share_of(prints_of(test), prints_of(train))):
         say(
             f"warning: {share:.0%} of the test levels are training levels, too, so the gap says little or nothing of levels"
@@ -221,6 +220,7 @@ def _carry_out(prepared: Prepared, tracker: Tracker, say: Callable[[str], None])
     training.history.log(final, learner.frames, training.seconds)
     write_rows(folder / EPISODES, episodes, EPISODE_SCHEMA)
     training.history.write(folder)
+    training.record_data()
     took = {"seconds": training.seconds, "evaluation_seconds": evaluation_seconds}
     summary = {"label": config.label(), "frames": learner.frames, **took, **final}
     write_json(folder / SUMMARY, summary)

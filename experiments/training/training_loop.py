@@ -13,8 +13,17 @@ from experiments.algorithms.learner import Learner
 from experiments.commands.signals import SignalMonitor
 from experiments.evaluation.episodes import mean_figures, play_in_modes
 from experiments.levels.builders import environment_options
+from experiments.runs.executed_code import data_of, with_data
 from experiments.runs.journal import Journal
-from experiments.runs.run_folder import METRIC_SCHEMA, METRICS, read_metrics, read_versions, write_rows
+from experiments.runs.run_folder import (
+    METRIC_SCHEMA,
+    METRICS,
+    VERSIONS,
+    read_metrics,
+    read_versions,
+    write_json,
+    write_rows,
+)
 from experiments.settings import ACTION_MODES, CheckpointError, RunConfig, TrainingError
 from experiments.training.progress import Progress
 from segar.levels import Levels
@@ -44,7 +53,7 @@ class Training:
     learner: Learner
     journal: Journal
     signals: SignalMonitor
-    code: Mapping[str, str]  # the parts of the code that the run executes
+    code: Mapping[str, str]  # the code that the run executes, and the data files that were read so far
     history: History = field(default_factory=History)
     seconds: float = 0.0  # of training, also in processes before this one
 
@@ -66,6 +75,10 @@ class Training:
                 f"the run in {self.folder} was begun on other levels than those that {self.config.levels.train} gives "
                 "now. Go back to that definition, or train anew with restart=true"
             )
+        self.code = {
+            **data_of(read_versions(self.folder)["code"]),
+            **self.code,
+        }  # what it read before it was interrupted
         self.seconds = extra["seconds"]
         frames = self.journal.frames = self.learner.frames
         self.history.rows = [row for row in read_metrics(self.folder).to_pylist() if row["frames"] <= frames]
@@ -113,7 +126,15 @@ class Training:
         """Writes metrics and checkpoint; raises :class:`RunFolderError`, and :class:`TrainingError` as :meth:`train`."""
         # Metrics first: a resumed run drops rows that are newer than its checkpoint, but cannot restore missing rows.
         self.history.write(self.folder)
+        self.record_data()
         save_checkpoint(self.folder, self.config, self.learner, {"seconds": self.seconds}, self.code)
+
+    def record_data(self) -> None:
+        """Adds the data files that own code has read since then to ``versions.json``; raises :class:`RunFolderError`."""
+        code = with_data(self.code)
+        if code != self.code:
+            self.code = code
+            write_json(self.folder / VERSIONS, {**read_versions(self.folder), "code": code})
 
     def evaluate(self, test: Levels) -> dict[str, float]:
         """Mean figures on the levels ``test``, one episode each, in both action modes."""

@@ -62,7 +62,7 @@ def test_a_checkpoint_of_other_code_is_refused_by_the_name_of_the_part(saved):
     assert f"{folder / CHECKPOINT} was written by other code: learner changed since. Go back to the code" in str(
         caught.value
     )
-    assert "or train anew with restart=true" in str(caught.value)
+    assert "or train anew with stale=anew" in str(caught.value)
 
 
 def test_a_checkpoint_of_another_configuration_is_refused(saved):

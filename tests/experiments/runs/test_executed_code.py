@@ -109,16 +109,16 @@ def test_data_that_a_distribution_reads_count(package):
     before = executed_code(config)
     (package / "width.json").write_text("0.25")
     del sys.modules["my_lab.levels"]
-    assert differing_parts(before, executed_code(config)) == ["levels"]
+    assert differing_parts(before, executed_code(config)) == ["levels", "my_lab/width.json"]
 
 
 def test_every_module_that_a_setting_names_counts(package):
     (package / "nets.py").write_text("def tiny(height, width, depth):\n    return None\n")
     named = dataclasses.replace(CONFIG, algorithm=PPOConfig(encoder="my_lab.nets:tiny"))
     before = executed_code(named)
-    assert set(before) - set(executed_code(CONFIG)) == {"my_lab.nets"}
+    assert set(before) - set(executed_code(CONFIG)) == {"my_lab.nets", "my_lab/__init__.py", "my_lab/nets.py"}
     edited(package / "nets.py", "None", "1")
-    assert differing_parts(before, executed_code(named)) == ["my_lab.nets"]
+    assert differing_parts(before, executed_code(named)) == ["my_lab/nets.py"]
 
 
 def test_the_text_of_an_error_is_no_code_that_a_run_executes(package):

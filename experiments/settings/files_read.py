@@ -1,0 +1,150 @@
+"""Which files the user's own modules read: a record that the process keeps from the first import of this module on.
+
+Python reports each opening of a file to an audit hook. The record says which files were opened for reading, by which own
+modules, with the fingerprint of what was in them. An own module is one that is not installed and none of ours. Files that a
+library opens without Python, as pyarrow and h5py do, are not seen.
+"""
+
+import hashlib
+import os
+import sys
+import sysconfig
+from collections.abc import Collection
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import segar
+
+OURS = ("segar", "experiments", "analysis")
+CODE = (".py", ".pyc", ".so", ".nbi", ".nbc", ".lock")  # suffixes of what is no data: code, kernels, locks
+SYSTEM = tuple(map(Path, ("/dev", "/etc", "/proc", "/run", "/sys", "/usr", "/var")))
+LIBRARY = Path(segar.__file__).resolve().parent
+IMPORT = "<frozen importlib._bootstrap>"  # the file of the frames in which Python imports a module
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A file that own modules read: their source files as :func:`source_name` gives them, and whether an import read it."""
+
+    path: Path
+    name: str
+    readers: frozenset[str]
+    at_import: bool
+
+
+_record: dict[Reading, str] = {}  # with the fingerprint of what was read last
+
+
+def source_name(module: str, path: Path) -> str:
+    """The name of a module's source file from the folder from which it is imported: ``my_lab/levels.py``, ``./levels.py``."""
+    parts = (*module.split("."), "__init__") if path.name == "__init__.py" else module.split(".")
+    return _with_slash("/".join(parts) + ".py")
+
+
+def data_read(readers: Collection[str]) -> dict[str, str]:
+    """The data files that these modules alone have read, to the fingerprints of what they read.
+
+    A file that lies below the folder of the module, or below the working directory, has its path from there as its name,
+    another one its absolute path.
+
+    Args:
+        readers: names of source files, see :func:`source_name`.
+    """
+    return {one.name: content for one, content in _record.items() if one.readers <= {*readers}}
+
+
+def data_to_read(readers: Collection[str]) -> dict[str, str]:
+    """As :func:`data_read`, for what begins now: what functions read has the content that they will find, and what an import
+    read has the content that the module was made from. Files that are gone, which only functions read, are left out."""
+    chosen = {one: content for one, content in _record.items() if one.readers <= {*readers}}
+    found = {one.name: file_digest(one.path) for one in chosen if not one.at_import and one.path.is_file()}
+    return found | {one.name: content for one, content in chosen.items() if one.at_import}
+
+
+def file_digest(path: Path) -> str:
+    """Sixteen hexadecimal digits of a file's content; raises :class:`OSError` if it cannot be read."""
+    about = path.stat()
+    return _digest(path, about.st_mtime_ns, about.st_size)
+
+
+def is_installed(path: Path) -> bool:
+    """Whether a file belongs to Python or to a package that was installed, rather than to a checkout or a folder of scripts."""
+    return any(path.is_relative_to(sysconfig.get_path(kind)) for kind in ("stdlib", "platstdlib", "purelib", "platlib"))
+
+
+def _note(event: str, arguments: tuple[Any, ...]) -> None:
+    """The audit hook: adds a file to the record if an own module opens it for reading."""
+    if event != "open":
+        return
+    name, _, flags = arguments
+    if not isinstance(name, str | bytes | os.PathLike) or flags & (os.O_WRONLY | os.O_RDWR):
+        return
+    text = os.fsdecode(name)
+    if text.endswith(CODE):
+        return
+    readers, at_import = _own_readers(sys._getframe(1))
+    path = Path(os.path.realpath(text)) if readers else Path()
+    if not readers or not path.is_file():
+        return
+    root = next((one for one in (*readers.values(), Path.cwd()) if path.is_relative_to(one)), None)
+    if not _is_data(path, root):
+        return
+    known = str(path) if root is None else _with_slash(path.relative_to(root).as_posix())
+    try:
+        _record[Reading(path, known, frozenset(readers), at_import)] = file_digest(path)
+    except OSError:  # the call that opens it meets the same error, and says it to its caller
+        return
+
+
+def _own_readers(frame: FrameType | None) -> tuple[dict[str, Path], bool]:
+    """The own modules on the stack, innermost first, up to ours or up to an import: the name of each source file, and the
+    folder from which the module is imported; and whether it was an import."""
+    found: dict[str, Path] = {}
+    while frame is not None:
+        file, module = frame.f_code.co_filename, frame.f_globals.get("__name__", "__main__")
+        if file == IMPORT:
+            return found, bool(found)
+        if module.partition(".")[0] in ("experiments", "analysis"):
+            break
+        root = _import_folder(module, file)
+        if root is not None:
+            found[source_name(module, Path(file))] = root
+        frame = frame.f_back
+    return found, False
+
+
+@cache
+def _import_folder(module: str, file: str) -> Path | None:
+    """The folder from which an own module is imported; None for ours, installed ones, and the program that is started."""
+    path = Path(os.path.realpath(file))
+    top = module.partition(".")[0]
+    if top in OURS or top == "__main__" or top in sys.stdlib_module_names or not file.endswith(".py"):
+        return None
+    above = module.count(".") + (path.name == "__init__.py")
+    return None if is_installed(path) or len(path.parents) <= above else path.parents[above]
+
+
+def _is_data(path: Path, root: Path | None) -> bool:
+    """Whether a file may be the user's data: none of SEGAR's or of an installed package, in no hidden folder, as caches are,
+    and, where it is not below ``root``, none of the system's."""
+    if path.is_relative_to(LIBRARY) or is_installed(path):
+        return False
+    below = path if root is None else path.relative_to(root)
+    is_hidden = any(part.startswith(".") for part in below.parts)
+    return not is_hidden and (root is not None or not any(path.is_relative_to(one) for one in SYSTEM))
+
+
+def _with_slash(name: str) -> str:
+    return name if "/" in name else f"./{name}"
+
+
+@cache
+def _digest(path: Path, _time: int, _size: int) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+
+
+# Here, and not in a function: a module of the user's may be imported, and read, by whatever reads settings.
+sys.addaudithook(_note)
