@@ -104,8 +104,9 @@ class Transfer:
         before = json.loads((folder / SUMMARY).read_text()).get("code")
         if before is not None:
             return differing_parts(before, code)
-        same = self.mixture is not None or levels_hash(Levels.load(folder / LEVELS)) == code["levels"]
-        return [] if same else ["levels"]
+        if self.mixture is not None or not (folder / LEVELS).exists():
+            return []
+        return [] if levels_hash(Levels.load(folder / LEVELS)) == code["levels"] else ["levels"]
 
 
 @dataclass(frozen=True)

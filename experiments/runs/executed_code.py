@@ -65,12 +65,17 @@ def played_code(config: RunConfig) -> dict[str, str]:
 
 def with_data(code: Mapping[str, str]) -> dict[str, str]:
     """``code`` with the data files that its own modules have read by now; what it says of a file already stays."""
-    return {**data_read(_sources(code)), **code}
+    found = (find_file(name) for name in _sources(code))
+    return {**data_read([path for path in found if path is not None]), **code}
 
 
-def data_of(code: Mapping[str, str]) -> dict[str, str]:
-    """The data files in ``code``."""
-    return {name: content for name, content in code.items() if "/" in name and not name.endswith(".py")}
+def data_of(code: Mapping[str, str] | str) -> dict[str, str]:
+    """The data files in ``code``; none in that of 0.1."""
+    return (
+        {}
+        if isinstance(code, str)
+        else {name: content for name, content in code.items() if "/" in name and not name.endswith(".py")}
+    )
 
 
 def probed_levels(config: RunConfig, split: str) -> Levels:
@@ -175,7 +180,7 @@ def _with_files(parts: Mapping[str, str], named: Iterable[str], others: Iterable
     reached = {name: path for module in (*modules, *others) for name, path in modules_reached(module).items()}
     own = {name: path for name, path in reached.items() if name.partition(".")[0] not in OURS}
     sources = {source_name(name, path): _digest([_normalised(path)]) for name, path in own.items()}
-    return {**parts, **{module: fingerprint(module) for module in modules}, **sources, **data_to_read(sources)}
+    return {**parts, **{module: fingerprint(module) for module in modules}, **sources, **data_to_read(own.values())}
 
 
 def _sources(names: Iterable[str]) -> set[str]:

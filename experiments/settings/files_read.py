@@ -27,11 +27,11 @@ IMPORT = "<frozen importlib._bootstrap>"  # the file of the frames in which Pyth
 
 @dataclass(frozen=True)
 class Reading:
-    """A file that own modules read: their source files as :func:`source_name` gives them, and whether an import read it."""
+    """A file that own modules read: its name, the source files of the modules, and whether an import read it."""
 
     path: Path
     name: str
-    readers: frozenset[str]
+    readers: frozenset[Path]
     at_import: bool
 
 
@@ -44,22 +44,22 @@ def source_name(module: str, path: Path) -> str:
     return _with_slash("/".join(parts) + ".py")
 
 
-def data_read(readers: Collection[str]) -> dict[str, str]:
+def data_read(readers: Collection[Path]) -> dict[str, str]:
     """The data files that these modules alone have read, to the fingerprints of what they read.
 
     A file that lies below the folder of the module, or below the working directory, has its path from there as its name,
     another one its absolute path.
 
     Args:
-        readers: names of source files, see :func:`source_name`.
+        readers: the source files of the modules.
     """
-    return {one.name: content for one, content in _record.items() if one.readers <= {*readers}}
+    return {one.name: content for one, content in _read_by(readers).items()}
 
 
-def data_to_read(readers: Collection[str]) -> dict[str, str]:
+def data_to_read(readers: Collection[Path]) -> dict[str, str]:
     """As :func:`data_read`, for what begins now: what functions read has the content that they will find, and what an import
     read has the content that the module was made from. Files that are gone, which only functions read, are left out."""
-    chosen = {one: content for one, content in _record.items() if one.readers <= {*readers}}
+    chosen = _read_by(readers)
     found = {one.name: file_digest(one.path) for one in chosen if not one.at_import and one.path.is_file()}
     return found | {one.name: content for one, content in chosen.items() if one.at_import}
 
@@ -99,10 +99,15 @@ def _note(event: str, arguments: tuple[Any, ...]) -> None:
         return
 
 
-def _own_readers(frame: FrameType | None) -> tuple[dict[str, Path], bool]:
-    """The own modules on the stack, innermost first, up to ours or up to an import: the name of each source file, and the
-    folder from which the module is imported; and whether it was an import."""
-    found: dict[str, Path] = {}
+def _read_by(readers: Collection[Path]) -> dict[Reading, str]:
+    chosen = {path.resolve() for path in readers}
+    return {one: content for one, content in _record.items() if one.readers <= chosen}
+
+
+def _own_readers(frame: FrameType | None) -> tuple[dict[Path, Path], bool]:
+    """The own modules on the stack, innermost first, up to ours or up to an import: the source file of each, and the folder
+    from which the module is imported; and whether it was an import."""
+    found: dict[Path, Path] = {}
     while frame is not None:
         file, module = frame.f_code.co_filename, frame.f_globals.get("__name__", "__main__")
         if file == IMPORT:
@@ -111,7 +116,7 @@ def _own_readers(frame: FrameType | None) -> tuple[dict[str, Path], bool]:
             break
         root = _import_folder(module, file)
         if root is not None:
-            found[source_name(module, Path(file))] = root
+            found[Path(os.path.realpath(file))] = root
         frame = frame.f_back
     return found, False
 

@@ -1,12 +1,15 @@
 """An agent is tested where it was not trained: other levels, other physics, another look."""
 
 import dataclasses
+import importlib
+import shutil
+import sys
 
 import pytest
 
 from experiments.evaluation.transfer_evaluation import evaluate_transfer
 from experiments.evaluation.transfers import FactorSwap, RunTask, Transfer
-from experiments.runs.run_folder import folder_path, read_summary
+from experiments.runs.run_folder import SUMMARY, folder_path, read_summary, write_json
 from experiments.settings import ConfigError, ObservationConfig, PPOConfig
 from experiments.training.run import run
 from segar.errors import LevelError
@@ -87,3 +90,66 @@ def test_the_folder_is_named_by_what_is_tested_and_not_by_who_asks():
     a, b = (Transfer(label, "empty-easy", "", STATE) for label in ("a", "b"))
     assert a.folder_name().split("-")[-1] == b.folder_name().split("-")[-1]
     assert dataclasses.replace(a, test_count=7).folder_name() != a.folder_name()
+
+
+STORM = """import json
+from pathlib import Path
+import segar
+
+LOW = json.loads((Path(__file__).parent / "low.json").read_text())
+
+
+def storm():
+    return segar.LevelDistribution(
+        numbers=[(segar.GolfBall, 1), (segar.GoalTile, 1)],
+        priors=[
+            segar.Prior(segar.Position, segar.RandomUniformLocation()),
+            segar.Prior(segar.Mass, segar.UniformNoise(LOW, 2.0), entity_type=segar.GolfBall),
+        ],
+    )
+"""
+
+
+@pytest.fixture
+def storms(tmp_path, monkeypatch):
+    """The folder of a module ``storms`` of the user's own, and of the data that it reads."""
+    (tmp_path / "storms.py").write_text(STORM)
+    (tmp_path / "low.json").write_text("1.0")
+    monkeypatch.syspath_prepend(tmp_path)
+    yield tmp_path
+    sys.modules.pop("storms", None)
+
+
+def edited(path, old, new):
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new))
+    sys.modules.pop("storms", None)
+    importlib.invalidate_caches()
+    shutil.rmtree(path.parent / "__pycache__", ignore_errors=True)
+
+
+@pytest.mark.parametrize("recorded", [True, False], ids=["today", "earlier"])
+@pytest.mark.parametrize(
+    ("file", "old", "new", "parts"),
+    [
+        ("storms.py", "2.0", "3.0", ["levels", "./storms.py"]),
+        ("low.json", "1.0", "1.5", ["levels", "./low.json"]),
+        ("storms.py", "def storm", "# Strong.\ndef storm", []),
+    ],
+    ids=["code", "data", "comment"],
+)
+def test_a_transfer_to_levels_of_edited_code_is_known_as_one_of_other_code(
+    trained, storms, file, old, new, parts, recorded
+):
+    transfer = Transfer("storm", "storms:storm", "", STATE, test_count=5)
+    summary = evaluate_transfer(trained, transfer, say=lambda line: None)
+    if not recorded:
+        del summary["code"]
+        write_json(transfer.folder(trained) / SUMMARY, summary)
+        parts = parts[:1]
+    assert not transfer.changed_parts(trained, transfer.code(trained))
+    edited(storms / file, old, new)
+    assert transfer.changed_parts(trained, transfer.code(trained)) == parts
+    evaluate_transfer(trained, transfer, say=lambda line: None)
+    assert not transfer.changed_parts(trained, transfer.code(trained))

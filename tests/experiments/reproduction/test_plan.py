@@ -8,7 +8,8 @@ import pytest
 
 from experiments.reproduction.experiment_file import experiment_at
 from experiments.reproduction.plan import as_text, in_minutes, make_plan, measure_speeds
-from experiments.runs.run_folder import JOURNAL, SUMMARY, folder_path, write_json
+from experiments.runs.executed_code import executed_code
+from experiments.runs.run_folder import CHECKPOINT, JOURNAL, SUMMARY, folder_path, write_json
 from experiments.settings import ConfigError, ScaleConfig
 from tests.synthetic_runs import settings, write_run
 
@@ -18,8 +19,8 @@ HARDER = {**MAIN, "title": "Harder", "transfers": [{"difficulty": "harder"}, {"v
 AGAIN = {**MAIN, "title": "Again", "transfers": [{"variation": "gravity_40"}]}
 
 
-def plan_of(root, **files):
-    base = settings(root, seed=1, scale=SCALE)
+def plan_of(root, stale="refuse", **files):
+    base = settings(root, seed=1, scale=SCALE, stale=stale)
     return make_plan([experiment_at(name, data, "quick") for name, data in files.items()], base, root / "results")
 
 
@@ -102,6 +103,39 @@ def test_done_are_runs_whose_transfers_are_finished_too(tmp_path):
         transfer.folder(work.run).mkdir(parents=True)
         write_json(transfer.folder(work.run) / SUMMARY, {})
     assert work.is_done()
+
+
+def test_transfers_of_other_code_are_refused_kept_or_made_anew_without_their_runs(tmp_path):
+    files = {"harder": {**HARDER, "grid": {"counts": [1], "difficulties": ["easy"]}}}
+    (work,) = plan_of(tmp_path, **files).runs
+    write_run(work.run, code=executed_code(work.run))
+    for transfer in work.transfers:
+        transfer.folder(work.run).mkdir(parents=True)
+        write_json(transfer.folder(work.run) / SUMMARY, {"code": transfer.code(work.run)})
+    assert plan_of(tmp_path, **files).runs[0].is_done()
+    first = work.transfers[0]
+    other = {**first.code(work.run), "levels": "another"}
+    write_json(first.folder(work.run) / SUMMARY, {"code": other})
+    told = (
+        f"1 transfers were made by other code than this; changed since: levels. The first of them is {work.run.label()}"
+    )
+    with pytest.raises(ConfigError, match=f"^{told}/evaluations/{first.folder_name()}. stale=anew"):
+        plan_of(tmp_path, **files)
+    kept, anew = (plan_of(tmp_path, stale=stale, **files) for stale in ("keep", "anew"))
+    assert kept.runs[0].is_done() and f"{told}/evaluations/" in kept.other_code and "are kept" in kept.other_code
+    assert not anew.runs[0].is_done() and "made anew" in anew.other_code
+    assert (anew.runs[0].transfers_left(), anew.runs[0].frames_left()) == ([first], 0)
+
+
+def test_an_unfinished_run_of_other_code_is_refused_before_others_are_trained(tmp_path):
+    work = plan_of(tmp_path, main=MAIN).runs[0]
+    folder = write_run(work.run, code={**executed_code(work.run), "kernel": "another"})
+    (folder / SUMMARY).unlink()
+    plan_of(tmp_path, main=MAIN)  # nothing is trained yet
+    (folder / CHECKPOINT).parent.mkdir()
+    (folder / CHECKPOINT).touch()
+    with pytest.raises(ConfigError, match="1 unfinished runs were made by other code than this; changed since: kernel"):
+        plan_of(tmp_path, main=MAIN)
 
 
 def test_a_run_that_was_cut_off_has_fewer_frames_left(tmp_path):

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.places import ROOT
+
 STUDY = Path(__file__).parents[2] / "data" / "wind_study"
 SETTINGS = (
     "algorithm=mine", "levels.train=windlab.levels:windy", "task.name=windlab.tasks:slow_task",
@@ -16,15 +18,18 @@ SETTINGS = (
 )  # fmt: skip
 # What is edited, in which file, from what, to what, and the parts that a refusal names.
 RELATED = {
-    "rule": ("windlab/physics.py", "gust, 0.0", "gust, 0.1", "kernel, windlab.levels"),
-    "constant of a rule": ("windlab/physics.py", "GAIN = 2.0", "GAIN = 3.0", "kernel, windlab.levels"),
-    "law": ("windlab/levels.py", "UniformNoise(0.8, MASS)", "GaussianNoise(0.9, 0.01)", "levels, windlab.levels"),
-    "prior of a parameter": ("windlab/levels.py", "(0.0, 0.4)", "(0.0, 0.5)", "levels, windlab.levels"),
-    "task function": ("windlab/tasks.py", "-0.5 *", "-0.6 *", "kernel, windlab.tasks"),
-    "observation": ("windlab/seen.py", '["golfball", "goal"]', '["golfball"]', "windlab.seen"),
-    "learner": ("windlab/learn.py", "factor = 1.0", "factor = 2.0", "learner"),
-    "imported helper": ("windlab/helper.py", "0.5", "0.6", "kernel, windlab.levels"),
-    "data": ("windlab/mass.json", "1.2", "1.3", "levels"),
+    "rule": ("windlab/physics.py", "gust, 0.0", "gust, 0.1", "kernel, windlab/physics.py"),
+    "constant of a rule": ("windlab/physics.py", "GAIN = 2.0", "GAIN = 3.0", "kernel, windlab/physics.py"),
+    "law": ("windlab/levels.py", "UniformNoise(0.8, MASS)", "GaussianNoise(0.9, 0.01)", "levels, windlab/levels.py"),
+    "prior of a parameter": ("windlab/levels.py", "(0.0, 0.4)", "(0.0, 0.5)", "levels, windlab/levels.py"),
+    "task function": ("windlab/tasks.py", "-0.5 *", "-0.6 *", "kernel, windlab/tasks.py"),
+    "observation": ("windlab/seen.py", '["golfball", "goal"]', '["golfball"]', "windlab/seen.py"),
+    "learner": ("windlab/learn.py", "factor = 1.0", "factor = 2.0", "learner, windlab/learn.py"),
+    "imported helper": ("windlab/helper.py", "0.5", "0.6", "kernel, windlab/helper.py"),
+    "data read at import": ("windlab/mass.json", "1.2", "1.3", "levels, windlab/mass.json"),
+    "data of an observation": ("windlab/scale.json", "2.0", "2.5", "windlab/scale.json"),
+    "data of a result": ("windlab/weight.json", "3.0", "4.0", "windlab/weight.json"),
+    "data of seldom levels": ("windlab/seldom.json", "0.2", "0.1", "windlab/seldom.json"),
 }
 UNRELATED = {
     "comment": ("windlab/physics.py", "GAIN = 2.0", "# strong\nGAIN = 2.0  # enough"),
@@ -33,20 +38,25 @@ UNRELATED = {
     "docstring of a function in a function": ("windlab/tasks.py", "Less for a ball", "Little for a ball"),
     "docstring of a learner": ("windlab/learn.py", "The learner.", "It learns."),
     "order of imports": (
-        "windlab/levels.py", "import json\nfrom pathlib import Path\n\nimport segar\nfrom windlab.physics import Gust, wind",
-        "import segar\nfrom windlab.physics import wind, Gust\nfrom pathlib import Path\nimport json",
+        "windlab/levels.py",
+        "import json\nfrom pathlib import Path\n\nimport numpy as np\n\nimport segar\nfrom windlab.physics import Gust, wind",
+        "import segar\nimport numpy as np\nfrom windlab.physics import wind, Gust\nfrom pathlib import Path\nimport json",
     ),
     "line breaks": ("windlab/seen.py", '["golfball", "goal"]', '[\n        "golfball",\n        "goal",\n    ]'),
     "quotation marks": ("windlab/seen.py", '["golfball", "goal"]', "['golfball', 'goal']"),
     "blank lines": ("windlab/tasks.py", "def slow_task", "\n\n\ndef slow_task"),
+    "data that nobody reads": ("windlab/unread.json", "1.0", "2.0"),
     "comment in YAML": ("conf/algorithm/mine.yaml", "num_steps: 16", "num_steps: 16  # few"),
 }  # fmt: skip
 
 
-def train(folder: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "experiments.train", "--config-dir", "conf", *SETTINGS]
-    environment = {**os.environ, "PYTHONPATH": str(folder)}
-    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
+def train(folder: Path, *more: str) -> subprocess.CompletedProcess[str]:
+    return command(folder, "experiments.train", "--config-dir", "conf", *SETTINGS, *more)
+
+
+def command(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(folder), str(ROOT)])}
+    return subprocess.run([sys.executable, "-m", *words], cwd=folder, env=environment, capture_output=True, text=True)
 
 
 def edit(folder: Path, file: str, old: str, new: str) -> None:
@@ -86,6 +96,31 @@ def test_an_edit_that_changes_nothing_is_not_noticed(study, file, old, new):
     done = train(study)
     assert done.returncode == 0, done.stderr
     assert "finished before, nothing to do; " in done.stdout
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("data", [("scale", "2.0", "2.5"), ("weight", "3.0", "4.0"), ("seldom", "0.2", "0.1")])
+def test_an_interrupted_run_does_not_go_on_with_other_data(study, data):
+    folder = next((study / "runs").glob("*/summary.json"))
+    folder.unlink()  # as a run that was interrupted at its end
+    edit(study, f"windlab/{data[0]}.json", *data[1:])
+    done = train(study)
+    assert done.returncode == 1
+    assert f"was written by other code: windlab/{data[0]}.json changed since" in done.stderr
+    assert "train anew with stale=anew" in done.stderr
+    assert train(study, "stale=anew").returncode == 0
+
+
+@pytest.mark.slow
+def test_an_evaluation_says_which_data_are_others_and_what_it_replaces(study):
+    run = next((study / "runs").glob("*/summary.json")).parent
+    asked = (f"run={run}", "levels=test", "scores=false", "videos=none")
+    assert "other code" not in command(study, "experiments.evaluate", *asked).stdout
+    edit(study, "windlab/weight.json", "3.0", "4.0")
+    told = command(study, "experiments.evaluate", *asked).stdout
+    assert "note: the run was made by other code; changed since: windlab/weight.json" in told
+    assert "note: an evaluation by other code lay there, and is replaced; changed since: windlab/weight.json" in told
+    assert "is replaced" not in command(study, "experiments.evaluate", *asked).stdout
 
 
 @pytest.mark.slow

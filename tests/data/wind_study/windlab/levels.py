@@ -3,10 +3,22 @@
 import json
 from pathlib import Path
 
+import numpy as np
+
 import segar
 from windlab.physics import Gust, wind
 
-MASS = json.loads((Path(__file__).parent / "mass.json").read_text())
+HERE = Path(__file__).parent
+MASS = json.loads((HERE / "mass.json").read_text())
+
+
+class Seldom(segar.UniformNoise):
+    """A law with seldom values that a file holds."""
+
+    def sample(self, rng, size=None):
+        """The values, of which one of thousands is the file's."""
+        found = super().sample(rng, size)
+        return np.where(found > 0.3999, json.loads((HERE / "seldom.json").read_text()), found)
 
 
 def windy():
@@ -17,6 +29,6 @@ def windy():
             segar.Prior(segar.Position, segar.RandomUniformLocation()),
             segar.Prior(segar.Mass, segar.UniformNoise(0.8, MASS), entity_type=segar.GolfBall),
         ],
-        parameters={Gust: segar.UniformNoise(0.0, 0.4)},
+        parameters={Gust: Seldom(0.0, 0.4)},
         world=segar.World(rules=[*segar.DEFAULT_RULES, wind]),
     )

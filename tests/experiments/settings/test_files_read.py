@@ -1,0 +1,109 @@
+"""The record of the data files that a user's own modules read."""
+
+import importlib
+import sys
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+
+from experiments.settings.files_read import data_read, data_to_read, file_digest, source_name
+
+READER = "from pathlib import Path\nHERE = Path(__file__).parent\n\n\ndef read(name):\n    return (HERE / name).read_text()\n"
+LEVELS = "from some_lab.reader import read\nWIDTH = read('width.json')\n\n\ndef late():\n    return read('late.json')\n"
+
+
+@pytest.fixture
+def lab(tmp_path_factory, monkeypatch):
+    """The folder of a package whose module ``levels`` reads one file when it is imported and another one when it is called."""
+    folder = tmp_path_factory.mktemp("lab") / "some_lab"
+    folder.mkdir()
+    (folder / "__init__.py").touch()
+    (folder / "reader.py").write_text(READER)
+    (folder / "levels.py").write_text(LEVELS)
+    for name in ("width", "late", "other"):
+        (folder / f"{name}.json").write_text("1")
+    monkeypatch.syspath_prepend(folder.parent)
+    yield folder
+    for name in [name for name in sys.modules if name.partition(".")[0] == "some_lab"]:
+        del sys.modules[name]
+
+
+def read_by(lab, *modules):
+    return data_read([lab / f"{name}.py" for name in modules or ("levels", "reader")])
+
+
+def called(function, *arguments):
+    """Calls a function as a run does: with no own module beneath it that the run does not reach, such as this one."""
+    with ThreadPoolExecutor(1) as pool:
+        return pool.submit(function, *arguments).result()
+
+
+def test_what_modules_read_when_they_are_imported_and_called_is_recorded_with_its_content(lab):
+    levels = importlib.import_module("some_lab.levels")
+    assert read_by(lab) == {"some_lab/width.json": file_digest(lab / "width.json")}
+    called(levels.late)
+    assert read_by(lab) == {f"some_lab/{name}.json": file_digest(lab / "late.json") for name in ("width", "late")}
+
+
+def test_files_belong_to_all_modules_that_had_them_read(lab):
+    called(importlib.import_module("some_lab.levels").late)
+    called(importlib.import_module("some_lab.reader").read, "other.json")
+    assert {*read_by(lab)} == {"some_lab/width.json", "some_lab/late.json", "some_lab/other.json"}
+    assert {*read_by(lab, "reader")} == {"some_lab/other.json"}
+    assert not read_by(lab, "levels")
+
+
+def test_what_begins_after_an_edit_reads_anew_what_functions_read_and_not_what_imports_read(lab):
+    called(importlib.import_module("some_lab.levels").late)
+    before = read_by(lab)
+    for name in ("width", "late"):
+        (lab / f"{name}.json").write_text("22")
+    assert read_by(lab) == before
+    assert data_to_read([lab / "levels.py", lab / "reader.py"]) == {
+        **before,
+        "some_lab/late.json": file_digest(lab / "late.json"),
+    }
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "open(HERE / 'made.txt', 'w').close()",
+        "(HERE / 'absent.txt').exists()",
+        "(HERE / '.cache.json').write_text('1'), (HERE / '.cache.json').read_text()",
+        "__import__('segar').family('empty-easy').sample(1)",
+        "Path('/proc/self/status').read_text()",
+        "import email.mime.text",
+    ],
+)
+def test_what_is_written_hidden_a_librarys_or_the_systems_is_no_data(lab, code):
+    (lab / "levels.py").write_text(f"from pathlib import Path\nHERE = Path(__file__).parent\n{code}\n")
+    importlib.import_module("some_lab.levels")
+    assert not read_by(lab)
+
+
+def test_data_that_a_library_opens_for_own_code_count(lab):
+    code = "import numpy as np\nfrom pathlib import Path\nPLACE = Path(__file__).parent / 'x.npy'\n"
+    (lab / "levels.py").write_text(f"{code}np.save(PLACE, np.ones(3))\nX = np.load(PLACE)\n")
+    importlib.import_module("some_lab.levels")
+    assert {*read_by(lab)} == {"some_lab/x.npy"}
+
+
+def test_data_far_from_the_module_have_the_working_directory_or_the_whole_path_in_their_name(
+    lab, tmp_path, monkeypatch
+):
+    far, work = tmp_path / "far.json", tmp_path / "work"
+    far.write_text("1")
+    work.mkdir()
+    (work / "near.json").write_text("1")
+    monkeypatch.chdir(work)
+    reader = importlib.import_module("some_lab.reader")
+    for path in (far, work / "near.json"):
+        called(reader.read, path)
+    assert {*read_by(lab)} == {str(far), "./near.json"}
+
+
+def test_source_files_are_named_from_the_folder_that_they_are_imported_from(lab):
+    assert source_name("some_lab.levels", lab / "levels.py") == "some_lab/levels.py"
+    assert source_name("some_lab", lab / "__init__.py") == "some_lab/__init__.py"
+    assert source_name("alone", lab / "alone.py") == "./alone.py"
