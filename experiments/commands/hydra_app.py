@@ -49,6 +49,7 @@ def run_command(
         settings: defaults beyond those of a :class:`RunConfig`, known to Hydra as ``base_<config_name>``.
     """
     register_settings(config_name, settings)
+    failed: list[str] = []  # messages of the runs of a sweep; Hydra shows the first
 
     def call(config: DictConfig) -> Any:
         with errors_as_messages():
@@ -57,7 +58,8 @@ def run_command(
             except SegarError as error:
                 if HydraConfig.get().mode is not RunMode.MULTIRUN or wants_full_error():
                     raise
-                # Hydra goes on with the other runs, says which of them went wrong, and prints the message.
+                # Hydra goes on with the other runs, says which of them went wrong first, and prints its message.
+                failed.append(error_message(error))
                 raise CompactHydraException(f"error: {error_message(error)}") from None
 
     try:
@@ -65,6 +67,10 @@ def run_command(
             sys.argv[1:] = without_passwords(with_own_names(sys.argv[1:]))
             check_command_line(config_name)
             hydra.main(version_base="1.3", config_path=str(conf_dir()), config_name=config_name)(call)()
+    except SystemExit:
+        if len(failed) > 1:
+            print("\n".join([f"{len(failed)} runs of the sweep went wrong. The others:", *failed[1:]]), file=sys.stderr)
+        raise
     except KeyboardInterrupt as stop:
         print(f"{str(stop) or 'stopped'}. The same command goes on from the last checkpoint", file=sys.stderr)
         sys.exit(128 + (stop.signal if isinstance(stop, Stopped) else signal.SIGINT))

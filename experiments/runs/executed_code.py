@@ -71,11 +71,9 @@ def with_data(code: Mapping[str, str]) -> dict[str, str]:
 
 def data_of(code: Mapping[str, str] | str) -> dict[str, str]:
     """The data files in ``code``; none in that of 0.1."""
-    return (
-        {}
-        if isinstance(code, str)
-        else {name: content for name, content in code.items() if "/" in name and not name.endswith(".py")}
-    )
+    if isinstance(code, str):
+        return {}
+    return {name: content for name, content in code.items() if "/" in name and name not in _sources(code)}
 
 
 def probed_levels(config: RunConfig, split: str) -> Levels:

@@ -78,10 +78,11 @@ def test_a_sweep_over_seeds_runs_side_by_side(tmp_path, elsewhere):
     assert [path.name for path in elsewhere.iterdir()] == ["multirun"]  # which git ignores
 
 
-def test_a_sweep_with_a_wrong_run_finishes_the_others_and_names_it(tmp_path, elsewhere):
-    done = command(elsewhere, "--multirun", *TINY, "levels.count=0,1", f"root={tmp_path / 'runs'}", "tracking=none")
+def test_a_sweep_with_wrong_runs_finishes_the_others_and_names_all(tmp_path, elsewhere):
+    done = command(elsewhere, "--multirun", *TINY, "levels.count=0,-1,1", f"root={tmp_path / 'runs'}", "tracking=none")
     assert done.returncode != 0
     assert "error: levels.count: 0 is not allowed; it must be at least 1" in done.stderr
+    assert "2 runs of the sweep went wrong. The others:\nlevels.count: -1 is not allowed" in done.stderr
     assert "Traceback" not in done.stderr
     (folder,) = (tmp_path / "runs").iterdir()
     assert read_config(folder).levels.count == 1

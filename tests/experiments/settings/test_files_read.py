@@ -6,6 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
+import segar
 from experiments.settings.files_read import data_read, data_to_read, file_digest, source_name
 
 READER = "from pathlib import Path\nHERE = Path(__file__).parent\n\n\ndef read(name):\n    return (HERE / name).read_text()\n"
@@ -80,6 +81,15 @@ def test_what_is_written_hidden_a_librarys_or_the_systems_is_no_data(lab, code):
     (lab / "levels.py").write_text(f"from pathlib import Path\nHERE = Path(__file__).parent\n{code}\n")
     importlib.import_module("some_lab.levels")
     assert not read_by(lab)
+
+
+def test_levels_that_own_code_loads_are_data(lab):
+    segar.family("empty-easy").sample(2).save(lab / "kept.npz")
+    (lab / "levels.py").write_text(
+        "from pathlib import Path\nimport segar\nX = segar.Levels.load(Path(__file__).parent / 'kept.npz')\n"
+    )
+    importlib.import_module("some_lab.levels")
+    assert read_by(lab) == {"some_lab/kept.npz": file_digest(lab / "kept.npz")}
 
 
 def test_data_that_a_library_opens_for_own_code_count(lab):
