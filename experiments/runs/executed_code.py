@@ -12,6 +12,7 @@ files is compared with what is in them now. So it does not matter which of them 
 
 import ast
 import hashlib
+import re
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
@@ -177,6 +178,8 @@ def _with_files(parts: Mapping[str, str], named: Iterable[str], others: Iterable
     modules = sorted(name for name in named if source_of(name) is not None)
     reached = {name: path for module in (*modules, *others) for name, path in modules_reached(module).items()}
     own = {name: path for name, path in reached.items() if name.partition(".")[0] not in OURS}
+    packages = {name[: dot.start()] for name in own for dot in re.finditer(r"\.", name)}  # Python executes these, too
+    own |= {name: path for name in packages if (path := source_of(name)) is not None}
     sources = {source_name(name, path): _digest([_normalised(path)]) for name, path in own.items()}
     return {**parts, **{module: fingerprint(module) for module in modules}, **sources, **data_to_read(own.values())}
 

@@ -6,12 +6,13 @@
                           ``previous.pt``: the one before it
 ``episodes.parquet``      one row per evaluation episode, see :data:`EPISODE_SCHEMA`
 ``metrics.parquet``       one row per figure and time, see :data:`METRIC_SCHEMA`
-``versions.json``         libraries, commit, fingerprint of the code, content hashes of the level sets, and what decided the
-                          last bits (``arithmetic``: precision, threads, instruction set, limits, processor)
+``versions.json``         libraries, commit, fingerprints of the code and of the data files that own code read, content
+                          hashes of the level sets, and what decided the last bits (``arithmetic``: precision, threads,
+                          instruction set, limits, processor)
 ``summary.json``          the final figures; written last, so it is there if and only if the run is finished
 ``journal.jsonl``         when the run was started, stopped, went wrong (with the traceback), and finished
 ``tracking.json``         how much of it was sent to MLflow; ``tracking_replaced.json``: that of a run which was thrown away
-``evaluations/``          results of ``python -m experiments.evaluate``
+``evaluations/``          results of ``python -m experiments.evaluate``, and of transfers, each with its code
 ``probes.parquet``        how well probes predict the factors from the representation, see :mod:`experiments.evaluation.probing`
 """
 

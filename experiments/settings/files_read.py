@@ -148,7 +148,8 @@ def _with_slash(name: str) -> str:
 
 @cache
 def _digest(path: Path, _time: int, _size: int) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()[:16]
 
 
 # Here, and not in a function: a module of the user's may be imported, and read, by whatever reads settings.

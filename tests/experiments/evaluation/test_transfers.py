@@ -9,7 +9,8 @@ import pytest
 
 from experiments.evaluation.transfer_evaluation import evaluate_transfer
 from experiments.evaluation.transfers import FactorSwap, RunTask, Transfer
-from experiments.runs.run_folder import SUMMARY, folder_path, read_summary, write_json
+from experiments.reproduce import carry_out
+from experiments.runs.run_folder import CHECKPOINT, SUMMARY, folder_path, read_summary, write_json
 from experiments.settings import ConfigError, ObservationConfig, PPOConfig
 from experiments.training.run import run
 from segar.errors import LevelError
@@ -151,5 +152,12 @@ def test_a_transfer_to_levels_of_edited_code_is_known_as_one_of_other_code(
     assert not transfer.changed_parts(trained, transfer.code(trained))
     edited(storms / file, old, new)
     assert transfer.changed_parts(trained, transfer.code(trained)) == parts
-    evaluate_transfer(trained, transfer, say=lambda line: None)
+    anew = RunTask(
+        dataclasses.replace(trained, stale="anew"), (transfer,), retested=frozenset([transfer.folder_name()])
+    )
+    weights = (folder_path(trained) / CHECKPOINT).stat()
+    carry_out(anew)
+    assert (folder_path(trained) / CHECKPOINT).stat() == weights
     assert not transfer.changed_parts(trained, transfer.code(trained))
+    if parts:
+        assert read_summary(transfer.folder(trained))["w2/exact"] != summary["w2/exact"]

@@ -116,7 +116,7 @@ def test_every_module_that_a_setting_names_counts(package):
     (package / "nets.py").write_text("def tiny(height, width, depth):\n    return None\n")
     named = dataclasses.replace(CONFIG, algorithm=PPOConfig(encoder="my_lab.nets:tiny"))
     before = executed_code(named)
-    assert set(before) - set(executed_code(CONFIG)) == {"my_lab.nets", "my_lab/nets.py"}
+    assert set(before) - set(executed_code(CONFIG)) == {"my_lab.nets", "my_lab/__init__.py", "my_lab/nets.py"}
     edited(package / "nets.py", "None", "1")
     assert differing_parts(before, executed_code(named)) == ["my_lab/nets.py"]
 
