@@ -34,14 +34,8 @@ LEARNING = ("experiments.algorithms", "experiments.collection", "experiments.net
 # Rooms of the library that are executed beside the kernel. The rules, the task and the engine are in the kernel's text.
 ENVIRONMENT = ("envs", "observations", "support")
 SAMPLER = ("levels", "noise", "language")
-PARTS = (
-    "kernel",
-    "levels",
-    "learner",
-    "environment",
-    "sampler",
-    "textures",
-)  # all others are modules of the user's own
+# All others are modules of the user's own.
+PARTS = ("kernel", "levels", "learner", "environment", "sampler", "textures")
 PROBED = 8  # levels of each distribution that are looked at
 
 
@@ -70,11 +64,16 @@ def with_data(code: Mapping[str, str]) -> dict[str, str]:
     return {**data_read([path for path in found if path is not None]), **code}
 
 
+def without_sources(code: Mapping[str, str]) -> dict[str, str]:
+    """``code`` without the source files, whose content the parts for modules have, too."""
+    return {name: content for name, content in code.items() if name not in _sources(code)}
+
+
 def data_of(code: Mapping[str, str] | str) -> dict[str, str]:
     """The data files in ``code``; none in that of 0.1."""
     if isinstance(code, str):
         return {}
-    return {name: content for name, content in code.items() if "/" in name and name not in _sources(code)}
+    return {name: content for name, content in without_sources(code).items() if "/" in name}
 
 
 def probed_levels(config: RunConfig, split: str) -> Levels:
@@ -88,8 +87,7 @@ def combined(parts: Mapping[str, str] | str) -> str:
     """Sixteen hexadecimal digits for all parts together; those that 0.1 recorded as they are."""
     if isinstance(parts, str):
         return parts
-    sources = _sources(parts)  # what is in them, the parts say
-    return _digest(f"{name}={value}".encode() for name, value in sorted(parts.items()) if name not in sources)
+    return _digest(f"{name}={value}".encode() for name, value in sorted(without_sources(parts).items()))
 
 
 def changed_parts(folder: Path, code: Mapping[str, str] | None) -> list[str]:

@@ -75,10 +75,8 @@ class Training:
                 f"the run in {self.folder} was begun on other levels than those that {self.config.levels.train} gives "
                 "now. Go back to that definition, or train anew with restart=true"
             )
-        self.code = {
-            **data_of(read_versions(self.folder)["code"]),
-            **self.code,
-        }  # what it read before it was interrupted
+        before = data_of(read_versions(self.folder)["code"])  # what the run read until it was interrupted
+        self.code = {**before, **self.code}
         self.seconds = extra["seconds"]
         frames = self.journal.frames = self.learner.frames
         self.history.rows = [row for row in read_metrics(self.folder).to_pylist() if row["frames"] <= frames]
