@@ -66,7 +66,8 @@ def with_data(code: Mapping[str, str]) -> dict[str, str]:
 
 def without_sources(code: Mapping[str, str]) -> dict[str, str]:
     """``code`` without the source files, whose content the parts for modules have, too."""
-    return {name: content for name, content in code.items() if name not in _sources(code)}
+    sources = _sources(code)
+    return {name: content for name, content in code.items() if name not in sources}
 
 
 def data_of(code: Mapping[str, str] | str) -> dict[str, str]:
