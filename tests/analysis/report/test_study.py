@@ -17,7 +17,6 @@ from analysis.report.study.figures import in_rounds, success
 from analysis.stats.estimate import Estimate
 from experiments.commands.config_store import register_settings
 from experiments.commands.hydra_app import compose_data, initialized
-from experiments.evaluation.transfer_evaluation import levels_of
 from experiments.levels.builders import make_levels
 from experiments.reproduce import SETTINGS, with_sweep_tag, write_plan
 from experiments.reproduction.experiment_file import ClaimConfig
@@ -213,7 +212,7 @@ def with_levels(work):
         left = pa.array(np.full(len(table), float(run.levels.count)))
         pq.write_table(table.append_column("results/distance_to_goal", left), place / EPISODES)
     for transfer in work.transfers:
-        levels_of(run, transfer).save(transfer.folder(run) / "levels.npz")
+        transfer.levels(run).save(transfer.folder(run) / "levels.npz")
     return {}
 
 
