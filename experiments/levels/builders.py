@@ -13,6 +13,7 @@ from experiments.levels.variations import vary
 from experiments.settings import (
     DEFAULT_TASK,
     DESIGNS,
+    MATCHED_DESIGNS,
     OBJECT_NAME,
     OWN_TASK,
     TARGET_DESIGN,
@@ -28,7 +29,7 @@ from segar.envs import VectorEnv
 from segar.errors import LevelError, SegarError, did_you_mean
 from segar.language import Order, code_place
 from segar.levels import LevelDistribution, Levels, family
-from segar.metrics import design, w2
+from segar.metrics import design, matched_set, w2
 from segar.observations import OBSERVATIONS
 from segar.tasks import TASKS
 
@@ -121,6 +122,8 @@ def pick_levels(distribution: Any, config: LevelsConfig, test: Any) -> Any:
         return levels_at_target(distribution, config, test)
     if config.design == "iid":  # a user's own distribution need not be a LevelDistribution for this design
         return distribution.sample(config.count, seed=config.seed, split="train")
+    if config.design in MATCHED_DESIGNS:
+        return matched_set(distribution, config.count, test=test, seed=config.seed, **MATCHED_DESIGNS[config.design])
     if config.design not in DESIGNS:
         return own_design(distribution, config, test)
     nuisance = [Order] if config.design == "nuisance_only" else []

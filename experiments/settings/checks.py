@@ -16,6 +16,14 @@ from experiments.settings.own_code import OBJECT_NAME
 from segar.errors import did_you_mean
 
 DESIGNS = ("iid", "clustered", "covering", "nuisance_only")  # kinds of segar.design that need no test levels
+# Training sets that are like independent ones or unlike them in distance, and in coverage: in standard deviations of the
+# measures of segar.metrics.matched_set.
+MATCHED_DESIGNS: Mapping[str, Mapping[str, Any]] = {
+    "matched": {"w2": 0.0, "radius": 0.0, "effective_number": 0.0},
+    "matched_far": {"w2": 3.0, "radius": 0.0, "effective_number": 0.0},
+    "matched_sparse": {"w2": 0.0, "radius": 3.0, "effective_number": -2.0},
+    "matched_far_sparse": {"w2": 3.0, "radius": 3.0, "effective_number": -2.0},
+}
 TARGET_DESIGN = re.compile(r"w2_(x?)(\d+(?:\.\d+)?)")  # the kind target of segar.design, in the mode exact
 SEEDS = 2**63  # how many different seeds all generators take
 
@@ -36,8 +44,8 @@ def require_known(place: str, name: str, names: Iterable[str]) -> None:
 
 
 def require_design(place: str, name: str) -> None:
-    """Raises :class:`ConfigError` unless ``name`` is in DESIGNS, says a W2 between training and test levels, or is the
-    ``module:function`` of a design of the user's own.
+    """Raises :class:`ConfigError` unless ``name`` is in DESIGNS or MATCHED_DESIGNS, says a W2 between training and test
+    levels, or is the ``module:function`` of a design of the user's own.
 
     ``w2_4.2`` is that distance; ``w2_x1.2`` is 1.2 times the mean distance of independent sets of as many levels.
     """
@@ -49,7 +57,7 @@ def require_design(place: str, name: str) -> None:
             f"{place}: '{name}' says no distance; w2_4.2 does, and w2_x1.2, 1.2 times that of independent sets"
         )
     if target is None:
-        require_known(place, name, DESIGNS)
+        require_known(place, name, (*DESIGNS, *MATCHED_DESIGNS))
     else:
         require(float(target[2]) > 0, place, name, "a distance above 0")
 

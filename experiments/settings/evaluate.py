@@ -24,7 +24,7 @@ class EvaluateConfig(Settings):
     world: str | None = None  # rules for a level file that was saved with rules of its own, as module:attribute
     episodes: Count = 1  # on each level, by the sampled policy
     modes: Modes = ACTION_MODES
-    scores: bool = True  # normalised between the random agent (0) and the best known return (1), found by a planner
+    scores: bool = True  # 0 is the better of idle and random play on each level, 1 the best known return, of a planner
     planner_samples: Samples = 64  # candidates per level and round of its search, which takes 0.1 s per level
     planner_iterations: Count = 5  # rounds of its search; more of both make scores above 1 less likely
     videos: Videos = "mp4"  # of the best, the median and the worst level; or gif, or none

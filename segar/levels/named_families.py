@@ -1,4 +1,9 @@
-"""The named level distributions: 21 families of PuttPutt levels with the constants of 2022, and the tasks' own levels.
+"""The named level distributions: 30 families of PuttPutt levels, and the tasks' own levels.
+
+21 families have the constants of 2022. In those of them with tiles the goal burns, too, because the prior on the heat of
+tiles reaches it, so that agents learn to stay away from it. The other nine are their twins, in which the goal is cold, no
+tile is a hole, which ends an episode without a penalty, and tiles are smaller: the priors of 2022 on their size reach their
+shape in no family (decision 0003), and where ball, goal and tiles lie anywhere, tiles of the old size hide where the goal is.
 
 The tasks' own levels are those of PuttPutt as the paper prints them, PuttPutt with one thing in the middle, Billiards
 (ten balls in a rack, a pocket in each corner, the cue ball anywhere below) and Invisiball (chargers between the ball and
@@ -55,9 +60,11 @@ from segar.noise import (
 )
 
 DIFFICULTIES = ("easy", "medium", "hard")
-TASKS = ("empty", "objectsx1", "objectsx2", "objectsx3", "tilesx1", "tilesx2", "tilesx3")
+TASKS_OF_2022 = ("empty", "objectsx1", "objectsx2", "objectsx3", "tilesx1", "tilesx2", "tilesx3")
+TASKS = (*TASKS_OF_2022, "hazardtilesx1", "hazardtilesx2", "hazardtilesx3")
 OBJECTS = ThingFactory([Charger, Magnet, Bumper, Damper, Ball])
 TILES = ThingFactory([SandTile, MagmaTile, Hole, FireTile])
+HAZARDS = ThingFactory([SandTile, MagmaTile, FireTile])
 
 # Where ball, goal and the other things start.
 LOCATIONS = {
@@ -68,7 +75,9 @@ LOCATIONS = {
 SMALL_SIZE = GaussianNoise(0.2, 0.01, clip=(0.1, 0.3))
 # The size of a tile that a prior draws reaches only the W2 metric, never the shape (decision 0003).
 TILE_SIZE = GaussianNoise(1.0, 0.01, clip=(0.5, 1.5))
-TILE_SIZES = {("tiles", "hard"): SMALL_SIZE, ("objects", "hard"): 0.3}
+TILE_SIZES = {("tiles", "hard"): SMALL_SIZE, ("hazardtiles", "hard"): SMALL_SIZE, ("objects", "hard"): 0.3}
+HULL = 0.3
+HULLS = {("hazardtiles", "easy"): 0.2, ("hazardtiles", "medium"): 0.2, ("hazardtiles", "hard"): 0.1}
 
 PLUS_OR_MINUS_ONE = GaussianMixtureNoise(means=[-1.0, 1.0], stds=[0.1, 0.1])
 
@@ -164,7 +173,7 @@ TASK_LEVELS = tuple(TASK_CONFIGS)
 
 
 def families() -> tuple[str, ...]:
-    """Names of the 21 families: task x difficulty."""
+    """Names of the 30 families: task x difficulty."""
     return tuple(f"{task}-{difficulty}" for task in TASKS for difficulty in DIFFICULTIES)
 
 
@@ -188,19 +197,24 @@ def family(name: str) -> LevelDistribution:
     kind, _, count = task.partition("x")
     numbers: list = [(GolfBall, 1), (GoalTile, 1)]
     if kind != "empty":
-        numbers.append((OBJECTS if kind == "objects" else TILES, int(count)))
-    extra = {"empty": (), "objects": _object_priors(difficulty), "tiles": _tile_priors(difficulty)}[kind]
+        numbers.append(({"objects": OBJECTS, "tiles": TILES, "hazardtiles": HAZARDS}[kind], int(count)))
+    extra = {
+        "empty": (),
+        "objects": _object_priors(difficulty),
+        "tiles": _tile_priors(difficulty),
+        "hazardtiles": [*_tile_priors(difficulty), Prior(Heat, 0.0, entity_type=GoalTile)],
+    }[kind]
     return LevelDistribution(numbers, [*_common_priors(kind, difficulty), *extra], name=name)
 
 
 def _common_priors(kind: str, difficulty: str) -> list[Prior]:
     ball, goal, others = LOCATIONS[difficulty]
-    crowd = {"empty": (), "objects": (Object,), "tiles": (Tile,)}[kind]
+    crowd = {"empty": (), "objects": (Object,)}.get(kind, (Tile,))
     return [
         *(Prior(Position, others, entity_type=thing) for thing in crowd),
         Prior(Position, ball, entity_type=GolfBall),
         Prior(Position, goal, entity_type=GoalTile),
-        Prior(Shape, RandomConvexHull(0.3), entity_type=Tile),
+        Prior(Shape, RandomConvexHull(HULLS.get((kind, difficulty), HULL)), entity_type=Tile),
         Prior(Shape, Circle(0.4), entity_type=GoalTile),
         Prior(Size, TILE_SIZES.get((kind, difficulty), TILE_SIZE), entity_type=Tile),
     ]

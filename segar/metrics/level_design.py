@@ -74,7 +74,7 @@ def design(
     """
     checks.require_distribution("design", dist)
     _check_kind(kind, nuisance, test, target, tolerance)
-    size = _pool_size(n, None if kind == "iid" else pool)
+    size = pool_size(n, None if kind == "iid" else pool)
     if kind == "iid":
         return dist.sample(n, seed=seed, split=split)
     levels = dist.sample(size, seed=seed, split=split)
@@ -90,7 +90,7 @@ def design(
     return _at_target(levels, n, test, target, 0.01 * target if tolerance is None else tolerance, mode, rng)
 
 
-def _pool_size(n: int, pool: int | None) -> int:
+def pool_size(n: int, pool: int | None) -> int:
     """How many levels ``n`` are picked from."""
     if isinstance(n, bool) or not isinstance(n, (int, np.integer)) or n < 1:
         raise LevelError(f"design: the number of levels must be a whole number above 0, not {n!r}")

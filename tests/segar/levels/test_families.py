@@ -52,8 +52,8 @@ def test_the_content_hash_of_a_named_distribution_is_that_of_version_0_1(name, c
     assert family(name).hash == content_hash
 
 
-def test_there_are_21_families():
-    assert len(segar.families()) == len(set(segar.families())) == 21
+def test_there_are_30_families():
+    assert len(segar.families()) == len(set(segar.families())) == 30
     assert "objectsx3-hard" in segar.families() and "empty-easy" in segar.families()
 
 
@@ -61,7 +61,8 @@ def test_there_are_21_families():
 def test_ball_first_goal_second_then_the_others_then_the_floor(name):
     names = family(name).layout.names
     task = name.split("-")[0]
-    others = [] if task == "empty" else [f"{task[:-3]}{k + 1}" for k in range(int(task[-1]))]
+    kind = task[:-3].removeprefix("hazard")
+    others = [] if task == "empty" else [f"{kind}{k + 1}" for k in range(int(task[-1]))]
     assert names == ("golfball", "goal", *others, "global_friction")
 
 
@@ -96,12 +97,17 @@ def test_the_world_parameters_are_the_defaults(name):
         assert (levels.parameters[:, levels.layout.parameters.index(parameter)] == value).all()
 
 
+KINDS = {
+    "objects": (Charger, Magnet, Bumper, Damper, Ball),
+    "tiles": (SandTile, MagmaTile, Hole, FireTile),
+    "hazardtiles": (SandTile, MagmaTile, FireTile),
+}
+
+
 @pytest.mark.parametrize("name", [f for f in segar.families() if not f.startswith("empty")])
 def test_the_others_are_of_all_types_equally_often(name):
     levels = family(name).sample(2000)
-    kinds = (
-        (Charger, Magnet, Bumper, Damper, Ball) if name.startswith("objects") else (SandTile, MagmaTile, Hole, FireTile)
-    )
+    kinds = KINDS[name.partition("x")[0]]
     for slot in range(2, len(levels.layout.slots) - 1):
         share = [(levels.types[:, slot] == levels.layout.types.index(kind)).mean() for kind in kinds]
         assert sum(share) == pytest.approx(1.0) and np.abs(np.array(share) - 1 / len(kinds)).max() < 0.045
@@ -185,3 +191,13 @@ def test_the_listing_of_the_paper_is_a_family():
 def test_a_misspelt_family_gets_the_nearest_name(wrong, right):
     with pytest.raises(LevelError, match=rf"there is no level family '{wrong}'. Did you mean '{right}'\?"):
         family(wrong)
+
+
+@pytest.mark.parametrize("name", [f for f in segar.families() if f.startswith("hazardtiles")])
+def test_hazard_tiles_burn_and_their_goal_does_not(name):
+    levels = family(name).sample(200)
+    assert (drawn(levels, 1, Heat) == 0).all()
+    tiles = np.stack([drawn(levels, slot, Heat) for slot in range(2, len(levels.layout.slots) - 1)])
+    assert (tiles >= 0.4).all()
+    twin = family(name.removeprefix("hazard")).sample(200)
+    assert (drawn(twin, 1, Heat) >= 0.4).all()
