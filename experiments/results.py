@@ -40,6 +40,7 @@ FIGURES = {  # columns that are printed, and their names there; W2 in all modes 
     "success_train_deterministic": "train success",
     "success_test_deterministic": "test success",
     "score_deterministic": "score",
+    "regret_deterministic": "regret",
     "return_train_deterministic": "train return",
     "return_test_deterministic": "test return",
 }

@@ -2,8 +2,9 @@
 
 The random, the idle, the scripted and the planning player need no training.
 
-``anchors.csv`` has for each panel and player the mean full return, its standard error over levels, success and steps. A
-normalised score is (return - random) / (oracle - random).
+``anchors.csv`` has for each panel and player the mean full return, its standard error over levels, and success. The row
+``floor`` is of the better of idle and random play on each level, of the larger return and of the larger success. A
+normalised score is (return - floor) / (oracle - floor), and the regret is oracle - return.
 """
 
 from itertools import product
@@ -21,7 +22,7 @@ from segar.hardness import Hardness, hardness
 from segar.levels import DIFFICULTIES, Levels, family
 from segar.tasks import Task
 
-FAMILIES = ("empty", "objectsx1", "tilesx1")
+FAMILIES = ("empty", "objectsx1", "tilesx1", "hazardtilesx1")
 PLAYS = 20  # random episodes per level
 SAMPLES, ITERATIONS = 64, 5  # of the planner, per level
 
@@ -33,13 +34,16 @@ def run(output: Path = Path("anchors"), levels: int = 100) -> None:
 
 
 def players(kind: str, difficulty: str, count: int) -> list[dict[str, Any]]:
-    """One row per player on ``count`` test levels of a panel."""
+    """One row per player, and the row ``floor``, on ``count`` test levels of a panel."""
     levels = family(f"{kind}-{difficulty}").sample(count, seed=0, split="test")
     found = hardness_of(levels)
     idle = play_episodes(IdleAgent(), levels, np.arange(count), {}, rng=None, seed=0)
+    alone = np.array([r["return"] for r in idle]), np.array([r["success"] for r in idle], float)
+    chance = found.random_return, found.random_success
     episodes = {
-        "idle": ([r["return"] for r in idle], [r["success"] for r in idle]),
-        "random": (found.random_return, found.random_success),
+        "idle": alone,
+        "random": chance,
+        "floor": tuple(np.maximum(*both) for both in zip(alone, chance, strict=True)),
         "oracle": (found.oracle.returns, found.oracle.solved),
     }
     if found.scripted is not None:

@@ -1,4 +1,4 @@
-"""A trained agent on any levels: what it achieves there beside a random agent and the best known return, and videos of it."""
+"""A trained agent on any levels: what it achieves there beside players without training, and videos of it."""
 
 import dataclasses
 import json
@@ -96,8 +96,8 @@ def evaluate(config: EvaluateConfig, say: Callable[[str], None] = print) -> Eval
     options = environment_options(trained)
     rows = play_levels(policy, levels, options, config)
     baselines = find_baselines(
-        levels, options["task"], rng=np.random.default_rng(config.seed), samples=config.planner_samples,
-        iterations=config.planner_iterations, num_threads=config.num_threads,
+        levels, options["task"], rng=np.random.default_rng(config.seed), seed=config.seed,
+        samples=config.planner_samples, iterations=config.planner_iterations, num_threads=config.num_threads,
     ) if config.scores else None  # fmt: skip
     idle = play_episodes(IdleAgent(), levels, np.arange(len(levels)), options, rng=None, seed=config.seed)
     players = {mode: figures([row for row in rows if row["action_mode"] == mode], baselines) for mode in config.modes}
@@ -106,7 +106,7 @@ def evaluate(config: EvaluateConfig, say: Callable[[str], None] = print) -> Eval
     summary["changed_code"] = changed  # parts of the code that are others than when the agent was trained
     if baselines is not None:
         # These names are those that readers of 0.1's files know.
-        summary["anchors"] = {"random": baselines.random, "oracle": baselines.oracle}
+        summary["anchors"] = {name: float(getattr(baselines, name).mean()) for name in ("random", "floor", "oracle")}
     summary["code"] = with_data(code)
     out = Path(config.out).expanduser().resolve() if config.out else folder / EVALUATIONS / label(config, levels)
     if replaced := code_replaced(out, code):
@@ -204,8 +204,8 @@ def play_levels(
 
 
 def figures(rows: Sequence[Mapping[str, Any]], baselines: Baselines | None) -> dict[str, float]:
-    """Means over episodes, the standard error of the mean return over levels, the normalised score, and on how many levels
-    the mean return is above the best known one."""
+    """Means over episodes, the standard error of the mean return over levels, the normalised score, the regret, and on how
+    many levels the mean return is above the best known one."""
     means = {name: float(np.mean([row[name] for row in rows])) for name in QUANTITIES}
     by_level = mean_returns(rows)
     of_levels = list(by_level.values())
@@ -213,8 +213,13 @@ def figures(rows: Sequence[Mapping[str, Any]], baselines: Baselines | None) -> d
     found = {**means, "return_error": error}
     if baselines is None:
         return found
-    above = sum(value > baselines.best_known[level] for level, value in by_level.items())
-    return {**found, "score": float(baselines.normalised(means["return"])), "above_best_known": int(above)}
+    above = sum(value > baselines.oracle[level] for level, value in by_level.items())
+    return {
+        **found,
+        "score": float(baselines.normalised(means["return"])),
+        "regret": float(baselines.regret(means["return"])),
+        "above_best_known": int(above),
+    }
 
 
 def scores_above_1(players: Mapping[str, Mapping[str, float]], levels: int, config: EvaluateConfig) -> list[str]:
@@ -343,11 +348,13 @@ def described(config: EvaluateConfig, levels: Levels) -> str:
 
 
 def as_table(title: str, players: Mapping[str, Mapping[str, float]], baselines: Baselines | None) -> str:
-    """One line per player: mean return and its error, success, death, score."""
-    shown = ("return", "return_error", "success", "death", *(("score",) if baselines is not None else ()))
+    """One line per player: mean return and its error, success, death, score, regret."""
+    shown = ("return", "return_error", "success", "death", *(("score", "regret") if baselines is not None else ()))
     rows = [[name, *(player[key] for key in shown)] for name, player in players.items()]
     if baselines is not None:
-        ends = {"random": (baselines.random, 0.0), "best known": (baselines.oracle, 1.0)}
-        rows += [[name, value, None, None, None, score] for name, (value, score) in ends.items()]
+        ends = {"random": baselines.random, "floor": baselines.floor, "best known": baselines.oracle}
+        for name, returns in ends.items():
+            value = float(returns.mean())
+            rows.append([name, value, None, None, None, baselines.normalised(value), baselines.regret(value)])
     head = ["", "return", "± error", *shown[2:]]
     return f"{title}\n{table(head, rows)}"

@@ -54,7 +54,8 @@ DECIDE_CODE = {
 DECIDE_NO_CODE = ("levels.count", "levels.seed", "levels.design", "levels.test_count", "levels.test_seed")
 LAST_DISTANCES = ("w2_reference", "w2_paper", "ks")  # stand behind all other modes of W2
 NAMED = 3  # runs that a warning names
-FIRST = ("gap", "success_test", "success_train", "score", RESULTS, "return_test", "return_train")  # what is read first
+# What is read first.
+FIRST = ("gap", "success_test", "success_train", "score", "regret", RESULTS, "return_test", "return_train")
 
 
 @dataclass(frozen=True)
@@ -255,7 +256,7 @@ def _seen(folder: Path, levels: LevelsConfig, about: Mapping[str, Any]) -> float
 
 
 def _figures(folder: Path, config: RunConfig) -> dict[str, float]:
-    """The figures of a finished run: those of its summary, results that older summaries lack, and a score if there is one."""
+    """The figures of a finished run: those of its summary, results that older summaries lack, and score and regret if found."""
     summary = read_summary(folder)
     if not any(f"/{RESULTS}" in key for key in summary) and (folder / EPISODES).exists():
         episodes = read_episodes(folder).to_pylist()
@@ -267,8 +268,11 @@ def _figures(folder: Path, config: RunConfig) -> dict[str, float]:
 def _score(path: Path) -> dict[str, float]:
     """What ``experiments.evaluate levels=test`` found on the run's own test levels, if asked, by the code of the run."""
     found = json.loads(path.read_text()) if path.exists() else {}
-    players = {} if found.get("changed_code") else found.get("players", {})
-    return {f"score_{mode}": players[mode]["score"] for mode in ACTION_MODES if "score" in players.get(mode, {})}
+    # Evaluations of 0.1 have no floor: their scores are on another scale, on which random play has 0.
+    usable = "floor" in found.get("anchors", {}) and not found.get("changed_code")
+    players = found["players"] if usable else {}
+    names = [(name, mode) for name in ("score", "regret") for mode in ACTION_MODES if mode in players]
+    return {f"{name}_{mode}": players[mode][name] for name, mode in names}
 
 
 def _column(key: str) -> str:

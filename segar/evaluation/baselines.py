@@ -1,8 +1,9 @@
-"""Baselines of returns: a random agent, an idle one, and the best known, which a planner finds.
+"""Baselines of returns on each level: random play, an idle agent, and the best known return, which a planner finds.
 
-A normalised score is 0 where an agent's return is that of the uniformly random agent on the same levels, and 1 where it
-is that of the planner of :mod:`segar.hardness`, which knows the levels. The score of an idle agent can lie below 0. A score
-above 1 is possible: the planner is a search, and its plan is the best one that is known, not an optimum.
+A normalised score is 0 where an agent's mean return is that of the better of idle and random play on each level, and 1
+where it is that of the planner of :mod:`segar.hardness`, which knows the levels. An idle agent never scores
+above 0, and a random one only by chance. A score above 1 is possible: the planner is a search, and its plan is the best
+one that is known, not an optimum. The regret is what an agent's mean return lacks of the planner's.
 """
 
 from dataclasses import dataclass
@@ -10,8 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from segar.envs import VectorEnv
+from segar.envs import Act, TimeStep, VectorEnv
 from segar.errors import SegarError
+from segar.evaluation.episodes import play_episodes
 from segar.hardness import make_starts, plan, random_episodes
 from segar.language import Task
 from segar.levels import Levels
@@ -20,30 +22,36 @@ RANDOM_PLAYS = 20  # random episodes per level
 SAMPLES, ITERATIONS = 64, 5  # of the search, per level
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Baselines:
-    """Full returns on a level set.
+    """Full returns on each level of a set, all float64 ``[level]``.
 
     Attributes:
         random: mean return of a uniformly random agent.
-        best_known: return of the planner's best episode on each level, float64 ``[level]``.
+        idle: return of an agent that does nothing.
+        oracle: return of the planner's best episode.
     """
 
-    random: float
-    best_known: np.ndarray
+    random: np.ndarray
+    idle: np.ndarray
+    oracle: np.ndarray
 
     @property
-    def oracle(self) -> float:
-        """The mean best known return."""
-        return float(self.best_known.mean())
+    def floor(self) -> np.ndarray:
+        """The better of idle and random play on each level, float64 ``[level]``."""
+        return np.maximum(self.random, self.idle)
 
     def normalised(self, value: Any) -> Any:
-        """The score of a mean return on the same levels: 0 for the random agent's, 1 for the best known; float or array.
+        """The score of a mean return on the same levels: 0 for the mean floor, 1 for the planner's mean; float or array.
 
-        NaN where the best known return is no better than chance, as on levels that nobody can influence.
+        NaN where the planner's mean is no better than the floor's, as on levels that nobody can influence.
         """
-        span = self.oracle - self.random
-        return (np.asarray(value, float) - self.random) / (span if span > 0 else np.nan)
+        low, span = self.floor.mean(), self.oracle.mean() - self.floor.mean()
+        return (np.asarray(value, float) - low) / (span if span > 0 else np.nan)
+
+    def regret(self, value: Any) -> Any:
+        """The planner's mean return less a mean return on the same levels, in units of return; float or array."""
+        return self.oracle.mean() - np.asarray(value, float)
 
 
 def find_baselines(
@@ -51,16 +59,18 @@ def find_baselines(
     task: Task | None = None,
     *,
     rng: np.random.Generator,
+    seed: int = 0,
     plays: int = RANDOM_PLAYS,
     samples: int = SAMPLES,
     iterations: int = ITERATIONS,
     num_threads: int = 1,
 ) -> Baselines:
-    """The baselines of a level set, each level counted equally; about 0.1 s per level with the default search.
+    """The baselines of a level set; about 0.1 s per level with the default search.
 
     Args:
         task: what is played; the task of the levels where it is None.
         rng: of the random agent and of the search.
+        seed: of the randomness in rules, for the idle agent and the search.
         plays: random episodes per level.
         samples, iterations: of the search; see :func:`segar.hardness.plan`.
 
@@ -69,9 +79,10 @@ def find_baselines(
     """
     if plays < 1:
         raise SegarError(f"baselines need at least 1 random play per level, not {plays}")
-    _, returns = random_episodes(make_starts(levels, task, num_threads=num_threads), plays, rng)
-    best = plan(levels, task, rng=rng, samples=samples, iterations=iterations, num_threads=num_threads)
-    return Baselines(random=float(returns.mean()), best_known=best.returns)
+    _, returns = random_episodes(make_starts(levels, task, seed, num_threads), plays, rng)
+    idle = play_episodes(levels, np.arange(len(levels)), _idle, seed=seed, task=task, num_threads=num_threads)
+    best = plan(levels, task, rng=rng, samples=samples, iterations=iterations, seed=seed, num_threads=num_threads)
+    return Baselines(returns.mean(axis=1), idle.returns, best.returns)
 
 
 def idle_actions(env: VectorEnv) -> np.ndarray:
@@ -80,3 +91,13 @@ def idle_actions(env: VectorEnv) -> np.ndarray:
     task, n = env.task, env.num_envs
     nothing = np.clip(np.zeros((n, len(task.action_low)), np.float32), task.action_low, task.action_high)
     return env.in_action_space(nothing)
+
+
+def _idle(env: VectorEnv) -> Act:
+    """What :func:`segar.envs.play` asks for actions, of an agent that does nothing."""
+
+    def act(now: TimeStep) -> np.ndarray:
+        return nothing
+
+    nothing = idle_actions(env)
+    return act

@@ -6,9 +6,9 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from segar.envs import Act, TimeStep, VectorEnv
+from segar.envs import Act, VectorEnv
 from segar.errors import SegarError
-from segar.evaluation.baselines import Baselines, find_baselines, idle_actions
+from segar.evaluation.baselines import Baselines, find_baselines
 from segar.evaluation.episodes import QUANTITIES, PlayedEpisodes, play_episodes
 from segar.levels import Levels
 from segar.metrics import w2
@@ -47,14 +47,13 @@ class LevelSetResult:
     Attributes:
         episodes: all that were played, level by level in rounds.
         levels: how many there are.
-        baselines: mean returns of the random agent and the best known ones; ``idle``: of an agent that does nothing. None where
-            no scores were asked for.
+        baselines: returns of random play, of an idle agent and of the planner on each level; None where no scores were
+            asked for.
     """
 
     episodes: PlayedEpisodes
     levels: int
     baselines: Baselines | None = None
-    idle: float | None = None
 
     def of_levels(self, quantity: str) -> np.ndarray:
         """The mean of one of :data:`segar.evaluation.QUANTITIES` on each level, float64 ``(levels,)``."""
@@ -65,15 +64,26 @@ class LevelSetResult:
         of_levels = self.of_levels(quantity)
         return _interval(of_levels.mean(), [of_levels])
 
-    def score(self, returns: float | None = None) -> float:
-        """The normalised score of a mean return, by default the policy's: 0 for the random agent's, 1 for the best known.
+    def score(self) -> float:
+        """The normalised score: 0 for the better of idle and random play on each level, 1 for the planner.
 
         Raises:
             SegarError: no scores were asked for.
         """
+        return float(self._known_baselines().normalised(self.mean().value))
+
+    def regret(self) -> float:
+        """What the mean return lacks of the planner's, in units of return.
+
+        Raises:
+            SegarError: no scores were asked for.
+        """
+        return float(self._known_baselines().regret(self.mean().value))
+
+    def _known_baselines(self) -> Baselines:
         if self.baselines is None:
             raise SegarError("there are no scores: call evaluate_policy(..., scores=True)")
-        return float(self.baselines.normalised(self.mean().value if returns is None else returns))
+        return self.baselines
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,21 +114,22 @@ class Evaluation:
         for name, result in (("train", self.train), ("test", self.test)):
             for quantity in QUANTITIES:
                 found |= _ends(f"{name}/{quantity}", result.mean(quantity))
-            if result.baselines is not None and result.idle is not None:
-                found |= {f"{name}/random": result.baselines.random, f"{name}/oracle": result.baselines.oracle}
-                found |= {f"{name}/idle": result.idle, f"{name}/score": result.score()}
+            if result.baselines is not None:
+                for player in ("random", "idle", "floor", "oracle"):
+                    found[f"{name}/{player}"] = float(getattr(result.baselines, player).mean())
+                found |= {f"{name}/score": result.score(), f"{name}/regret": result.regret()}
         found |= _ends("gap", self.gap()) | _ends("gap_ref", self.gap("return_ref"))
         return found | {f"w2/{mode}": value for mode, value in self.w2.items()}
 
     def __str__(self) -> str:
         rows = [["", "levels", "episodes", "return [95 %]", "success", "death", "length"]]
         scored = self.train.baselines is not None and self.test.baselines is not None
-        rows[0] += ["score", "idle's"] if scored else []
+        rows[0] += ["score", "regret"] if scored else []
         for name, result in (("train", self.train), ("test", self.test)):
             shown = [f"{result.mean(key).value:.3f}" for key in ("success", "death")]
             row = [name, str(result.levels), str(len(result.episodes)), str(result.mean()), *shown]
             row += [f"{result.mean('length').value:.1f}"]
-            rows.append(row + ([f"{result.score():.3f}", f"{result.score(result.idle):.3f}"] if scored else []))
+            rows.append(row + ([f"{result.score():.3f}", f"{result.regret():.4g}"] if scored else []))
         lines = [aligned(rows), f"gap (test - train)  {self.gap()}"]
         lines += [f"W2 ({mode})  {value:.4g}" for mode, value in self.w2.items()]
         return "\n".join(lines)
@@ -150,7 +161,8 @@ def evaluate_policy(
             its actions is its own affair.
         episodes: on each level.
         seed: of the environments, for tasks whose physics is random, and of the agents behind the scores.
-        scores: also find what a random agent, an idle one and the planner achieve, about 0.1 s per level.
+        scores: also find what a random agent, an idle one and the planner achieve, about 0.1 s per level; see
+            :class:`segar.evaluation.Baselines`.
         distances: modes of :func:`segar.metrics.w2` between the level sets to measure, e.g. ``("exact",)``.
         options: of :class:`segar.envs.VectorEnv`: ``observation``, ``task``, ``num_threads``, ``unit_actions``, ``world``
             and so on, as in training.
@@ -194,14 +206,14 @@ def _result(
     if not scores:
         return LevelSetResult(played, len(levels))
     env = VectorEnv(levels, 1, seed=seed, **options)
-    idle = play_episodes(levels, np.arange(len(levels)), _idle, seed=seed, **options)
     baselines = find_baselines(
         replace(levels, world=env.simulator.world),
         env.task,
         rng=np.random.default_rng(seed),
+        seed=seed,
         num_threads=options.get("num_threads", 1),
     )
-    return LevelSetResult(played, len(levels), baselines, float(idle.returns.mean()))
+    return LevelSetResult(played, len(levels), baselines)
 
 
 def _act_of(policy: Policy, env: VectorEnv) -> Act:
@@ -210,14 +222,6 @@ def _act_of(policy: Policy, env: VectorEnv) -> Act:
     if begin is not None:
         begin(env)
     return lambda now: policy(now.observation)
-
-
-def _idle(env: VectorEnv) -> Act:
-    def act(now: TimeStep) -> np.ndarray:
-        return nothing
-
-    nothing = idle_actions(env)
-    return act
 
 
 def _interval(value: float, groups: Sequence[np.ndarray]) -> Interval:

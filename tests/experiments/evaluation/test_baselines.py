@@ -55,20 +55,58 @@ def test_an_idle_agent_does_not_move():
     np.testing.assert_array_equal(before, after)
 
 
-def test_the_random_agent_scores_0_and_the_best_known_return_1():
-    baselines = find_baselines(LEVELS, rng=np.random.default_rng(0), plays=50, samples=32, iterations=3)
-    assert baselines.normalised(baselines.random) == 0.0
-    assert baselines.normalised(baselines.oracle) == 1.0
-    by_evaluation, _ = mean_return(RandomAgent())
-    assert baselines.normalised(by_evaluation) == pytest.approx(0.0, abs=0.15)
+@pytest.fixture(scope="module")
+def baselines():
+    return find_baselines(LEVELS, rng=np.random.default_rng(0), plays=50, samples=32, iterations=3)
+
+
+def test_the_better_of_idle_and_random_play_scores_0_and_the_planner_1(baselines):
+    assert baselines.normalised(baselines.floor.mean()) == 0.0
+    assert baselines.normalised(baselines.oracle.mean()) == 1.0
+    assert baselines.regret(baselines.oracle.mean()) == 0.0
     script, _ = mean_return(ScriptedAgent())
     assert 0.9 < baselines.normalised(script) <= 1.0
 
 
-def test_scores_are_normalised_entry_by_entry_and_are_nan_where_nothing_can_be_won():
-    ends = Baselines(-10.0, np.array([-1.5, -0.5]))
+def test_the_baselines_are_what_the_agents_reach_in_evaluation(baselines):
+    idle = play_episodes(IdleAgent(), LEVELS, np.arange(12), {}, rng=None, seed=0)
+    assert baselines.idle.tolist() == [row["return"] for row in idle]
+    by_evaluation, _ = mean_return(RandomAgent())
+    scale = baselines.oracle.mean() - baselines.random.mean()
+    assert (by_evaluation - baselines.random.mean()) / scale == pytest.approx(0.0, abs=0.15)
+
+
+def test_neither_standing_still_nor_acting_at_random_scores_above_0(baselines):
+    assert (baselines.floor >= baselines.idle).all() and (baselines.floor >= baselines.random).all()
+    assert baselines.floor.mean() >= max(baselines.idle.mean(), baselines.random.mean())
+    assert baselines.normalised(baselines.idle.mean()) <= 0 and baselines.normalised(baselines.random.mean()) <= 0
+    # Each is better on some of these levels, so the floor is above the better of both means.
+    assert baselines.normalised(max(baselines.idle.mean(), baselines.random.mean())) < 0
+
+
+def test_scores_and_regrets_are_linear_and_nan_where_nothing_can_be_won():
+    ends = Baselines(random=np.array([-10.0, -14.0]), idle=np.array([-12.0, -10.0]), oracle=np.array([-1.5, -0.5]))
     np.testing.assert_allclose(ends.normalised([-10.0, -5.5, -1.0, -19.0]), [0.0, 0.5, 1.0, -1.0])
-    assert np.isnan(Baselines(-2.0, np.array([-2.0])).normalised(-3.0))
+    np.testing.assert_allclose(ends.regret([-10.0, -1.0, 0.0]), [9.0, 0.0, -1.0])
+    a, b, share = -7.0, -2.0, 0.3
+    for scale in (ends.normalised, ends.regret):
+        assert scale(share * a + (1 - share) * b) == pytest.approx(share * scale(a) + (1 - share) * scale(b))
+    same = np.array([-2.0])
+    assert np.isnan(Baselines(random=same, idle=same - 1, oracle=same).normalised(-3.0))
+
+
+@segar.rule
+def gusts(a: segar.Acceleration) -> segar.Aggregate[segar.Acceleration]:
+    """Chance in the rules, which also moves who does nothing."""
+    return segar.Aggregate[segar.Acceleration](a, (segar.random.normal(0.0, 5.0), segar.random.normal(0.0, 5.0)))
+
+
+def test_where_rules_have_chance_the_idle_agent_meets_the_draws_of_the_seed():
+    levels = segar.family("empty-hard").with_rules([*segar.DEFAULT_RULES, gusts]).sample(3, seed=0)
+    idle = [row["return"] for row in play_episodes(IdleAgent(), levels, np.arange(3), {}, rng=None, seed=7)]
+    search = {"plays": 1, "samples": 8, "iterations": 1}
+    same, other = (find_baselines(levels, rng=np.random.default_rng(0), seed=seed, **search).idle for seed in (7, 8))
+    assert same.tolist() == idle and not np.array_equal(same, other)
 
 
 def test_an_oracle_refuses_levels_that_its_plan_is_not_for():

@@ -63,7 +63,7 @@ def test_any_levels_can_be_played_and_everything_is_written(trained, tmp_path):
     assert np.array_equal(levels.values, wanted.values, equal_nan=True)
     assert json.loads((found.folder / "summary.json").read_text()) == found.summary
     assert "run after 256 frames, on 5 levels of empty-medium (split test, seed 3):" in said[0]
-    for name in ("deterministic", "sampled", "no-op", "random", "best known"):
+    for name in ("deterministic", "sampled", "no-op", "random", "floor", "best known", "regret"):
         assert name in said[0]
 
 
@@ -73,11 +73,14 @@ def test_scores_lie_between_chance_and_the_oracle_on_the_same_levels(trained):
     baselines = find_baselines(levels, rng=np.random.default_rng(1))
     for player in found.summary["players"].values():
         assert player["score"] == pytest.approx(baselines.normalised(player["return"]))
-    assert found.summary["anchors"]["oracle"] > found.summary["anchors"]["random"]
+        assert player["regret"] == pytest.approx(baselines.regret(player["return"]))
+    anchors = found.summary["anchors"]
+    assert anchors["oracle"] > anchors["floor"] >= max(anchors["random"], found.summary["players"]["no-op"]["return"])
+    assert found.summary["players"]["no-op"]["score"] <= 0
     for name, player in found.summary["players"].items():
         of_mode = [row for row in found.episodes if row["action_mode"] == name]
         if of_mode:
-            beaten = sum(value > baselines.best_known[level] for level, value in mean_returns(of_mode).items())
+            beaten = sum(value > baselines.oracle[level] for level, value in mean_returns(of_mode).items())
             assert player["above_best_known"] == beaten
 
 
@@ -85,7 +88,8 @@ def test_a_score_above_1_is_told_with_the_levels_and_the_settings_of_a_larger_se
     # A planner that is stopped at the random agent's return plus a little is beaten by everything that is better.
     def too_small(levels, task, *, samples, iterations, **others):
         asked.append((samples, iterations))
-        return Baselines(-1000.0, np.full(len(levels), -999.0))
+        low = np.full(len(levels), -1000.0)
+        return Baselines(random=low, idle=low, oracle=low + 1)
 
     asked, said = [], []
     monkeypatch.setattr("experiments.evaluation.evaluator.find_baselines", too_small)
@@ -238,4 +242,18 @@ def test_code_that_changed_since_training_is_told_and_kept_out_of_the_table_of_r
     assert "changed since: kernel" in said[0]
     assert found.summary["changed_code"] == ["kernel"]
     (row,) = run_rows([tmp_path / "runs"])
-    assert not any(name.startswith("score") for name in row.figures)
+    assert not any(name.startswith(("score", "regret")) for name in row.figures)
+
+
+def test_the_table_of_runs_has_scores_and_regrets_but_none_on_the_scale_of_0_1(trained, tmp_path):
+    folder = shutil.copytree(trained, tmp_path / "runs" / "one")
+    found = evaluate(EvaluateConfig(run=str(folder), videos="none", planner_samples=8, planner_iterations=1))
+    (row,) = run_rows([tmp_path / "runs"])
+    for mode in ("deterministic", "sampled"):
+        for name in ("score", "regret"):
+            assert row.figures[f"{name}_{mode}"] == found.summary["players"][mode][name]
+    summary = json.loads((found.folder / "summary.json").read_text())
+    del summary["anchors"]["floor"]
+    (found.folder / "summary.json").write_text(json.dumps(summary))
+    (row,) = run_rows([tmp_path / "runs"])
+    assert not any(name.startswith(("score", "regret")) for name in row.figures)

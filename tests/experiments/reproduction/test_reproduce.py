@@ -234,7 +234,7 @@ def test_the_command_that_opens_the_pages_is_quoted_for_the_shell(tmp_path):
     [
         (["scale=smoke"], 4, "rgb_stack2", "ppo_fast", 4_096),
         (["scale=quick"], 45, "rgb_stack2", "ppo_fast", 80_000),
-        (["scale=standard"], 135, "rgb_stack2", "ppo_fast", 250_000),
+        (["scale=standard"], 360, "rgb_stack2", "ppo_fast", 250_000),
         (["scale=paper"], 225, "textures", "ppo", 1_000_000),
         (["scale=paper", "observation=state", "scale.seeds=1"], 45, "state", "ppo", 1_000_000),
     ],

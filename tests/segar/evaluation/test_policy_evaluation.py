@@ -74,12 +74,15 @@ def test_scores_are_those_of_the_baselines():
     found = segar.evaluate_policy(Linear(), TRAIN[:3], TEST[:3], scores=True, max_steps=20)
     task = dataclasses.replace(segar.puttputt(), max_steps=20)
     baselines = find_baselines(TEST[:3], task, rng=np.random.default_rng(0))
-    assert found.test.baselines.random == baselines.random
-    np.testing.assert_array_equal(found.test.baselines.best_known, baselines.best_known)
-    assert found.test.score() == baselines.normalised(found.test.mean().value)
+    for player in ("random", "idle", "floor", "oracle"):
+        np.testing.assert_array_equal(getattr(found.test.baselines, player), getattr(baselines, player))
+        assert found.figures()[f"test/{player}"] == getattr(baselines, player).mean()
+    reached = found.test.mean().value
+    assert found.test.score() == found.figures()["test/score"] == baselines.normalised(reached)
+    assert found.test.regret() == found.figures()["test/regret"] == baselines.regret(reached)
     idle = play_episodes(IdleAgent(), TEST[:3], np.arange(3), {"max_steps": 20}, rng=None, seed=0)
-    assert found.test.idle == np.mean([row["return"] for row in idle])
-    assert {"test/score", "test/idle", "test/random", "test/oracle"} <= {*found.figures()} and "score" in str(found)
+    assert baselines.idle.tolist() == [row["return"] for row in idle]
+    assert "score" in str(found) and "regret" in str(found)
 
 
 def test_a_policy_with_begin_sees_the_environments_before_it_acts():
@@ -172,9 +175,10 @@ def test_what_makes_no_sense_is_refused(changes, message):
         segar.evaluate_policy(arguments.pop("policy"), arguments.pop("train"), arguments.pop("test"), **arguments)
 
 
-def test_scores_that_were_not_asked_for_are_refused():
+@pytest.mark.parametrize("name", ["score", "regret"])
+def test_scores_that_were_not_asked_for_are_refused(name):
     with pytest.raises(segar.SegarError, match=r"evaluate_policy\(..., scores=True\)"):
-        evaluation_of([-1.0, -2.0], [-3.0]).train.score()
+        getattr(evaluation_of([-1.0, -2.0], [-3.0]).train, name)()
 
 
 def test_it_loads_no_torch():
