@@ -36,7 +36,7 @@ from analysis.runs import (
 )
 from analysis.stats.correlation import NotAvailable, correlate, indicators
 from analysis.stats.estimate import Estimate
-from analysis.stats.resampling import FEWEST_BLOCKS, cluster_interval, no_interval
+from analysis.stats.resampling import FEWEST_BLOCKS, cluster_jackknife, no_interval
 from analysis.tables import Floats, column, count_of, pick, select
 from experiments.runs.run_rows import code_warning, run_rows, seen_warning
 from segar.errors import SegarError
@@ -127,9 +127,9 @@ def gap_plot(
 def correlation(runs: pd.DataFrame, x: str, y: str, given: str | None = None) -> Estimate:
     """Pearson's r of two columns, given the groups of a third one, with the 95 % interval and p over level sets.
 
-    All runs that were trained on a level set stay together, whatever they are tested on. Fewer than 20 level sets are left
-    out one at a time (jackknife), more are resampled (bootstrap), and fewer than 3 have no interval. ``n`` counts level sets.
-    ``note`` says how the interval was made, or why there is none.
+    All runs that were trained on a level set stay together, whatever they are tested on: level sets are left out one at a
+    time (jackknife), and fewer than 3 have no interval. ``n`` counts level sets. ``note`` says how the interval was made, or
+    why there is none.
     """
     x, y = column_name(runs, x), column_name(runs, y)
     groups = None if given is None else indicators([str(value) for value in runs[given]])
@@ -137,14 +137,12 @@ def correlation(runs: pd.DataFrame, x: str, y: str, given: str | None = None) ->
     whole = correlate(values[:, 0], values[:, 1], groups)
     if isinstance(whole, NotAvailable):
         return Estimate.missing(0, whole.reason)
-    rng = np.random.default_rng(0)
     blocks = pd.DataFrame({"block": training_sets(runs)})
-    found, way = cluster_interval(
-        blocks, _pearson, ["block"], rng, values=values, correlation=True, fewest=FEWEST_BLOCKS
-    )
-    if not way:
-        return no_interval(found.estimate, found.n, LEVEL_SETS)
-    return dataclasses.replace(found, note=found.note or f"{found.n} level sets, {way}")
+    count = count_of(blocks, "block")
+    if count < FEWEST_BLOCKS:
+        return no_interval(_pearson(values), count, LEVEL_SETS)
+    found = cluster_jackknife(blocks, _pearson, ["block"], values=values, correlation=True)
+    return dataclasses.replace(found, note=found.note or f"{found.n} level sets, left out one at a time")
 
 
 def _pearson(values: Floats) -> float:

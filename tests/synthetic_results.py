@@ -130,6 +130,9 @@ def everything(rng: np.random.Generator, **main: Any) -> dict[str, pd.DataFrame]
     parts.append(run_rows(rng, "appendix_sac", algorithm="drq", observation="textures", **short))
     for design in ("iid", "clustered", "covering", "nuisance_only"):
         parts.append(run_rows(rng, "fixed_n diversity", design=design, seeds=2, counts=(10,), **two))
+    for design in ("matched", "matched_far", "matched_sparse", "matched_far_sparse"):
+        one = {"families": ("empty",), "difficulties": ("medium",), "seeds": 3, "counts": (10, 50)}
+        parts.append(run_rows(rng, "matched_sets", design=design, **one))
     for task in range(4):
         parts.append(
             run_rows(rng, "hardness", task=f"conditional_puttputt(conditions={task})", observation="state", **short)
@@ -146,6 +149,29 @@ def everything(rng: np.random.Generator, **main: Any) -> dict[str, pd.DataFrame]
     ]
     tables = {"runs": runs, "transfers": pd.concat(moved, ignore_index=True), "curves": curve_rows(runs)}
     return tables | {"probes": probe_rows(rng, runs)}
+
+
+def player_rows(floor: float = -10.0, oracle: float = 0.0) -> pd.DataFrame:
+    """Players without training that reach the same in every panel."""
+    returns = {"idle": floor - 2.0, "random": floor - 1.0, "floor": floor, "oracle": oracle}
+    places = product(FAMILIES, DIFFICULTIES, returns.items())
+    rows = [
+        {
+            "family": family,
+            "difficulty": difficulty,
+            "player": player,
+            "return": value,
+            "success": float(value == oracle),
+        }
+        for family, difficulty, (player, value) in places
+    ]
+    return pd.DataFrame(rows)
+
+
+def write_players(folder: Path, players: pd.DataFrame) -> None:
+    """The table of the study ``anchors`` in a results folder."""
+    (folder / "studies" / "anchors").mkdir(parents=True)
+    players.to_csv(folder / "studies" / "anchors" / "anchors.csv", index=False)
 
 
 def write_results(folder: Path, tables: dict[str, pd.DataFrame]) -> Path:

@@ -15,6 +15,7 @@ from matplotlib.lines import Line2D
 from PIL import Image
 
 from analysis.plotting import style
+from analysis.plotting.names import family_name
 from analysis.stats.correlation import NotAvailable, fit_line
 from analysis.tables import column, select
 from experiments.runs.files import write_bytes
@@ -25,6 +26,7 @@ METADATA: dict[str, dict[str, Any]] = {
     ".svg": {"Date": None, "Creator": None},
 }
 DOT: dict[str, Any] = {"edgecolors": "white", "linewidths": 0.6}  # what all scattered dots look like
+LINE_POINTS = 6  # fewer have no line: through three points there is nearly always a good one
 COLOURS_OF_PNG = 128  # a palette makes files a third as large, and line art does not show it
 
 
@@ -74,9 +76,9 @@ def zero_line(axes: Axes) -> None:
 
 
 def draw_line(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str = "#333333", band: bool = True) -> None:
-    """The least-squares line, with the 95 % band of its height; nothing where there is no line."""
+    """The least-squares line, with the 95 % band of its height; nothing where there is no line, or fewer than six points."""
     line = fit_line(x, y)
-    if isinstance(line, NotAvailable):
+    if isinstance(line, NotAvailable) or len(x) < LINE_POINTS:
         return
     at = np.linspace(x.min(), x.max(), 100)
     limits = axes.get_ylim()
@@ -91,6 +93,6 @@ def legend_of(table: pd.DataFrame) -> list[Line2D]:
     """Legend entries: a dot per family, a grey marker per difficulty."""
     dot = {"linestyle": "none", "markersize": 7}
     colours, markers = style.colours(table["family"]), style.markers(table["difficulty"])
-    families = [Line2D([], [], marker="o", color=colour, label=name, **dot) for name, colour in colours.items()]
+    families = [Line2D([], [], marker="o", color=c, label=family_name(name), **dot) for name, c in colours.items()]
     grey = [Line2D([], [], marker=mark, color="#777777", label=name, **dot) for name, mark in markers.items()]
     return families + grey

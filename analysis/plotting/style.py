@@ -10,7 +10,7 @@ PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0
 # For what has an order: light to dark, and unlike the families' colours.
 SEQUENCE = ("#EFB03A", "#CC4778", "#5B02A3", "#2A788E", "#7AD151", "#777777", "#000000")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
-KNOWN = {"easy": 0, "medium": 1, "hard": 2, "empty": 0, "objectsx1": 1, "tilesx1": 2}
+KNOWN = {"easy": 0, "medium": 1, "hard": 2, "empty": 0, "objectsx1": 1, "tilesx1": 2, "hazardtilesx1": 3}
 
 LINE_WIDTH = 1.5
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from analysis.report.claims import verdicts
-from analysis.report.claims.claim import CLAIMS, CORRECTED, PAPER, Claim, claims_table
+from analysis.report.claims.claim import CLAIMS, METRIC_2022, METRIC_OURS, Claim, claims_table
 from analysis.report.claims.evidence import GIVEN, Evidence
 from analysis.report.claims.reading import read_claims
 from analysis.report.document.blocks import Picture
@@ -90,13 +90,12 @@ def main(config: ReportConfig) -> None:
         for path in made.files:
             print(path)
         return
-    for settings in (PAPER, CORRECTED):
+    for settings in (METRIC_2022, METRIC_OURS):
         counted = Counter(claim.verdict(settings) for claim in made.claims)
         print(f"{settings}: " + ", ".join(f"{count} {name}" for name, count in sorted(counted.items()) if name))
     if len(results.main):
-        print(
-            f"gap against W2 of 2022, pooled: {estimate_text(made.evidence.association('reference', 'gap_2022', 'pooled'))}"
-        )
+        found = made.evidence.of_main("reference", "gap_2022", "pooled")
+        print(f"gap against W2 of 2022, pooled, runs that learned: {estimate_text(found)}")
     print(f"report: {made.folder / PAGE}")
 
 
@@ -173,7 +172,7 @@ def headline_numbers(report: Report) -> dict[str, float]:
     """Runs, verdicts and the correlations of the main grid, as MLflow metrics."""
     evidence = report.evidence
     numbers = {"runs": float(len(evidence.results.runs))}
-    for settings in (PAPER, CORRECTED):
+    for settings in (METRIC_2022, METRIC_OURS):
         for name in verdicts.VERDICTS:
             count = sum(claim.verdict(settings) == name for claim in report.claims)
             numbers[f"claims {settings}/{name}"] = float(count)

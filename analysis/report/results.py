@@ -1,17 +1,20 @@
 """The tables of a results folder, which are all that a report is made from."""
 
+import dataclasses
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from analysis.collect import CURVES, MISSING
 from analysis.plotting import style
+from analysis.report.rules import GATE_MARGIN
 from analysis.stats.association import labels
 from analysis.tables import column, keep, select
 from experiments.reproduction.experiment_file import PLAN
@@ -25,7 +28,8 @@ PANEL = ("family", "difficulty")
 BLOCK = (*PANEL, "seed")  # runs that share their nested training levels
 HARDER = {"easy": "medium", "medium": "hard"}
 REQUIRED = ("experiments", *BLOCK, "n", "algorithm", "observation", "design", "variation", "run", "frames", "w2_reference",
-          "w2_exact", "gap_deterministic", "gap_ref_deterministic", "gap_sampled", "gap_se_deterministic")  # fmt: skip
+          "w2_exact", "gap_deterministic", "gap_ref_deterministic", "gap_sampled", "gap_se_deterministic",
+          "success_train_deterministic", "success_test_deterministic")  # fmt: skip
 ETA = "eta_test_deterministic"
 TEST_COLUMNS = ("test_family", "test_difficulty", "test_variation", "test_observation", "test_changed", "test_groups")
 FRAME, STACK, MEMORY = "one frame", "four frames", "one frame, a memory"
@@ -50,9 +54,52 @@ class Results:
         return measured(keep(self.runs, [bool(wanted & set(str(names).split())) for names in self.runs["experiments"]]))
 
     @cached_property
+    def players(self) -> pd.DataFrame:
+        """What four players without training reach on the test levels of each panel: ``panel``, ``player`` (idle, random,
+        script, oracle; floor, the better of idle and random on each level), ``return``, ``success``. Empty if not measured."""
+        table = self.studies.get("anchors", {}).get("anchors", pd.DataFrame())
+        return with_panel(table) if len(table) else table
+
+    def player(self, name: str, value: str) -> dict[str, float]:
+        """The ``return`` or ``success`` of a player, by panel."""
+        rows = select(self.players, player=name) if len(self.players) else self.players
+        return dict(zip(rows["panel"], column(rows, value), strict=True)) if len(rows) else {}
+
+    @cached_property
+    def learned(self) -> np.ndarray:
+        """Whether each run learned its training levels, bool ``[runs]``: its success there is above that of idle and of
+        random play in its panel by the gate's margin. Where these were not measured, 0 stands for them."""
+        idle, chance = (self.player(name, "success") for name in ("idle", "random"))
+        least = [max(idle.get(panel, 0.0), chance.get(panel, 0.0)) for panel in with_panel(self.runs)["panel"]]
+        return column(self.runs, "success_train_deterministic") >= np.array(least) + GATE_MARGIN
+
+    @cached_property
+    def gated(self) -> "Results":
+        """The same tables without the runs that did not learn their training levels."""
+        return self.only(self.learned)
+
+    def only(self, mask: Any) -> "Results":
+        """The same tables with the runs for which ``mask`` is true, and what belongs to them."""
+        runs = keep(self.runs, mask)
+        names = list(runs["run"])
+        parts = {
+            name: keep(table, table["run"].isin(names)) if len(table) else table
+            for name, table in (("transfers", self.transfers), ("probes", self.probes), ("curves", self.curves))
+        }
+        return dataclasses.replace(self, runs=runs, **parts)
+
+    @cached_property
     def main(self) -> pd.DataFrame:
         """The main grid, one row per run: panels, numbers of levels, seeds."""
         return self.of("figure_3a", "figure_3b", "figure_5b")
+
+    def with_training_sets(self, runs: pd.DataFrame) -> pd.DataFrame:
+        """The runs with the measures of their training sets, from the studies that have a table ``training_sets``; as they are
+        without one."""
+        parts = [tables["training_sets"] for tables in self.studies.values() if "training_sets" in tables]
+        if not parts:
+            return runs
+        return runs.merge(pd.concat(parts), on=["family", "difficulty", "n", "seed", "design"], how="left")
 
     @cached_property
     def panels(self) -> list[str]:
@@ -168,12 +215,15 @@ def scale_of(folder: Path) -> str:
 
 def measured(table: pd.DataFrame) -> pd.DataFrame:
     """The rows whose gap is known, with these names: ``gap`` and ``gap_se`` (full returns, deterministic actions),
-    ``gap_2022`` (returns without their last reward, as in 2022), ``panel``, ``log_n`` and ``cell``."""
+    ``gap_2022`` (returns without their last reward, as in 2022), ``gap_success``, ``panel``, ``log_n``, ``levels`` (n as a
+    word, for a factor) and ``cell``."""
     named = table.assign(
         gap=table["gap_deterministic"],
         gap_se=table["gap_se_deterministic"],
         gap_2022=table["gap_ref_deterministic"],
+        gap_success=table["success_test_deterministic"] - table["success_train_deterministic"],
         log_n=np.log(table["n"].to_numpy(np.float64)),
+        levels=table["n"].astype(str),
         cell=labels(table, [*PANEL, "n"]),
     )
     return keep(with_panel(named), np.isfinite(column(named, "gap")))

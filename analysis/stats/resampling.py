@@ -8,48 +8,15 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from analysis.stats.association import covariate_matrix, labels, require
-from analysis.stats.correlation import indicators, residuals
+from analysis.stats.association import labels, require
+from analysis.stats.correlation import residuals
 from analysis.stats.estimate import Estimate, student_p
-from analysis.tables import Floats, Ints, keep
+from analysis.tables import Floats, Ints, column, keep
 from segar.errors import SegarError
 
 RESAMPLES = 2000
-FEW_BLOCKS = 20  # below, intervals of a bootstrap are too short: docs/decisions/0012-few-blocks.md
 FEWEST_BLOCKS = 3  # that an interval should be of: docs/decisions/0012-few-blocks.md
 Statistic = Callable[[Any], float]
-
-
-def cluster_interval(
-    table: pd.DataFrame,
-    statistic: Statistic,
-    clusters: Sequence[str],
-    rng: np.random.Generator,
-    *,
-    values: Floats,
-    correlation: bool = False,
-    resamples: int = RESAMPLES,
-    fewest: int = 2,
-) -> tuple[Estimate, str]:
-    """A statistic with an interval over whole clusters of rows, by the way that fits how many there are, and that way.
-
-    Fewer than :data:`FEW_BLOCKS` clusters are "left out one at a time" (:func:`cluster_jackknife`), more are "resampled"
-    (:func:`cluster_bootstrap`). Less than ``fewest`` have no interval and no p, which ``note`` says, and the way is "". ``n``
-    counts clusters.
-
-    Args:
-        statistic, clusters, values: as of :func:`cluster_bootstrap`.
-        rng, resamples: of the bootstrap.
-        correlation: as of :func:`cluster_jackknife`.
-        fewest: clusters that an interval is given of, at least 2.
-    """
-    count = len(set(labels(table, clusters)))
-    if count < fewest:
-        return no_interval(statistic(values), count), ""
-    if count < FEW_BLOCKS:
-        found = cluster_jackknife(table, statistic, clusters, values=values, correlation=correlation)
-        return found, "left out one at a time"
-    return cluster_bootstrap(table, statistic, clusters, rng, values=values, resamples=resamples), "resampled"
 
 
 def no_interval(value: float, count: int, blocks: str = "blocks") -> Estimate:
@@ -155,6 +122,56 @@ def numbered(table: pd.DataFrame, clusters: Sequence[str], what: str) -> tuple[I
     return place, len(names)
 
 
+def permutation_of_blocks(
+    table: pd.DataFrame,
+    x: str,
+    y: str,
+    given: Floats,
+    rng: np.random.Generator,
+    *,
+    within: Sequence[str] = ("family", "difficulty"),
+    block: str = "seed",
+    at: str = "n",
+    resamples: int = RESAMPLES,
+) -> Estimate:
+    """Correlation of ``x`` and ``y`` given covariates, with the p of permuting whole blocks of x within panels.
+
+    What the covariates leave of x is dealt to other blocks of the same panel, all rows of a block together and each to the
+    row with the same ``at`` (Freedman and Lane 1983). So runs of one seed, whose training levels are nested over n, stay
+    together. A row whose partner is missing gets 0, the mean. (hits + 1) / (resamples + 1), two-sided; no interval.
+
+    Args:
+        given: [rows, covariates], with a constant among them.
+        within, block, at: columns that name the panel, the block in it, and the row in the block.
+
+    Raises:
+        SegarError: a column is missing, no panel has two blocks, or nothing varies.
+    """
+    require(table, x, y, *within, block, at)
+    a, b = column(table, x), column(table, y)
+    left, right = residuals(a, given), residuals(b, given)
+    if min(np.linalg.norm(left), np.linalg.norm(right)) < 1e-9 * max(np.linalg.norm(a), np.linalg.norm(b), 1e-300):
+        raise SegarError(f"{x} or {y} does not vary given the covariates: there is nothing to permute")
+    panels = np.unique(labels(table, within), return_inverse=True)[1]
+    blocks = np.unique(labels(table, (*within, block)), return_inverse=True)[1]
+    places = np.unique(labels(table, (at,)), return_inverse=True)[1]
+    grid = np.zeros((blocks.max() + 1, places.max() + 1))
+    grid[blocks, places] = left
+    blocks_of = [np.unique(blocks[panels == k]) for k in range(panels.max() + 1)]
+    if max(map(len, blocks_of)) < 2:
+        raise SegarError("each panel has one block: there is nothing to permute")
+    hat, observed, hits = np.linalg.pinv(given), cosine(left, right), 0
+    source = np.arange(len(grid))
+    for _ in range(resamples):
+        for mine in blocks_of:
+            source[mine] = rng.permutation(mine)
+        dealt = grid[source[blocks], places]
+        dealt -= given @ (hat @ dealt)
+        hits += abs(cosine(dealt, right)) >= abs(observed) - 1e-12
+    p = (hits + 1) / (resamples + 1)
+    return Estimate(observed, np.nan, np.nan, len(table), p, note="a permutation gives no interval")
+
+
 def to_normal(r: Any) -> Floats:
     """Fisher's transform of correlations, finite at -1 and 1, too."""
     return np.arctanh(np.clip(r, -1 + 1e-12, 1 - 1e-12))
@@ -166,60 +183,6 @@ def sign_p(drawn: Floats) -> float:
         return float("nan")
     side = min((drawn <= 0).mean(), (drawn >= 0).mean())
     return float(min(1.0, max(2 * side, 1 / len(drawn))))
-
-
-def permutation_within(
-    table: pd.DataFrame,
-    x: str,
-    y: str,
-    rng: np.random.Generator,
-    *,
-    within: Sequence[str] = ("family", "difficulty"),
-    given: Sequence[str] = (),
-    log: bool = True,
-    resamples: int = RESAMPLES,
-    method: str = "pearson",
-) -> Estimate:
-    """Correlation of ``x`` and ``y`` given the panel, with the p of permuting x among the runs of each panel.
-
-    Differences between panels, and any distribution of errors, leave this p valid; it is exact where the runs of a panel
-    can be exchanged if there is no association. Training sets of one seed are nested in n, which ``given`` can take
-    out: the residuals of x on panel and covariates are permuted then (Freedman and Lane 1983), which is approximate.
-    (hits + 1) / (resamples + 1), two-sided. The interval is nan: a permutation gives none.
-
-    Args:
-        within: columns that make up the panel; none of them: all runs can be exchanged.
-        given: covariates, their logarithms if ``log``.
-        method: "pearson" or "spearman" (of ranks over all runs).
-
-    Raises:
-        SegarError: a column is missing, nothing varies within panels, or the method is unknown.
-    """
-    require(table, x, y, *within, *given)
-    if method not in ("pearson", "spearman"):
-        raise SegarError(f"method must be 'pearson' or 'spearman', not '{method}'")
-    a, b = (table[name].to_numpy(np.float64) for name in (x, y))
-    if method == "spearman":
-        a, b = stats.rankdata(a), stats.rankdata(b)
-    names, place = np.unique(labels(table, within), return_inverse=True)
-    design = np.column_stack([np.ones(len(table)), indicators([str(names[k]) for k in place])])
-    if given:
-        design = np.column_stack([design, covariate_matrix(table, given, log)])
-    left, right = residuals(a, design), residuals(b, design)
-    if min(np.linalg.norm(left), np.linalg.norm(right)) < 1e-9 * max(np.linalg.norm(a), np.linalg.norm(b), 1e-300):
-        raise SegarError(f"{x} or {y} does not vary within panels: there is nothing to permute")
-    hat = np.linalg.pinv(design)
-    observed = cosine(left, right)
-    rows_of = [np.flatnonzero(place == k) for k in range(len(names))]
-    hits = 0
-    for _ in range(resamples):
-        dealt = np.empty_like(left)
-        for rows in rows_of:
-            dealt[rows] = left[rng.permutation(rows)]
-        dealt -= design @ (hat @ dealt)
-        hits += abs(cosine(dealt, right)) >= abs(observed) - 1e-12
-    p = (hits + 1) / (resamples + 1)
-    return Estimate(observed, np.nan, np.nan, len(table), p, note="a permutation gives no interval")
 
 
 def cosine(a: Floats, b: Floats) -> float:

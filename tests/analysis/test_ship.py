@@ -16,7 +16,9 @@ def test_a_full_scale_fits_and_says_the_same(tmp_path):
     source = write_results(tmp_path / "standard-1234", tables)
     (source / "missing.csv").write_text("run,reason\nempty-hard-n1,not begun\n")
     (source / "studies" / "anchors").mkdir(parents=True)
-    (source / "studies" / "anchors" / "anchors.csv").write_text("family,return\nempty,-0.123456789\n")
+    (source / "studies" / "anchors" / "anchors.csv").write_text(
+        "family,difficulty,player,return,success\nempty,easy,oracle,-0.123456789,1\n"
+    )
     size = ship(ShipConfig(str(source), str(tmp_path / "standard")))
     assert size < ENOUGH
     before, after = (Evidence(read_results(folder)) for folder in (source, tmp_path / "standard"))
@@ -24,7 +26,7 @@ def test_a_full_scale_fits_and_says_the_same(tmp_path):
     one, other = (e.association("exact", "gap", "given panel and log n") for e in (before, after))
     assert other.estimate == pytest.approx(one.estimate, abs=1e-5)
     assert after.results.curves.groupby(["run", "name"]).size().max() <= CURVE_POINTS
-    assert (tmp_path / "standard" / "studies" / "anchors" / "anchors.csv").read_text().endswith("-0.123457\n")
+    assert (tmp_path / "standard" / "studies" / "anchors" / "anchors.csv").read_text().endswith("-0.123457,1\n")
     assert not (tmp_path / "standard" / "levels.parquet").exists()
 
 

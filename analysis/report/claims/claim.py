@@ -1,4 +1,4 @@
-"""A claim: the paper's statement in our words, its findings, and what follows. Also the helpers that make findings."""
+"""A claim: a statement, its findings, and what follows. Also the helpers that make findings."""
 
 from __future__ import annotations
 
@@ -10,50 +10,76 @@ import pandas as pd
 
 from analysis.report.claims import verdicts
 from analysis.report.claims.evidence import Evidence
+from analysis.report.rules import MARGINS
 from analysis.stats.association import holm
 from analysis.stats.estimate import Estimate
 from analysis.tables import column
 
-PAPER, CORRECTED = "as in the paper", "corrected"
-CLAIMS = "claims.csv"  # in the folder of a report
+CLAIMS = "claims.csv"  # of claims_table
+METRIC_2022, METRIC_OURS = "2022 metric", "our metric"  # of distances and returns
+LEARNED, ALL_RUNS = "runs that learned", "all runs"
+OF_PAPER, OF_OURS = "paper", "ours"  # who makes the claim
 
 
 @dataclass(frozen=True)
 class Finding:
     """One test of a claim."""
 
-    settings: str  # PAPER or CORRECTED
+    settings: str  # METRIC_2022 or METRIC_OURS
     test: str  # what was measured, in words
     measure: str  # what the estimate is, e.g. "Pearson r"
     found: Estimate
-    verdict: str
+    margin: float  # effects smaller than this do not matter
+    sign: int  # of the claimed effect; 0 where none is claimed
+    runs: str = LEARNED  # LEARNED leads; ALL_RUNS is the same test with the runs that did not learn, too
+    survives: bool = True  # whether the specifications of the same test agree, where there are any
+
+    @property
+    def verdict(self) -> str:
+        """The verdict on this test by itself."""
+        if self.sign:
+            verdict = verdicts.of_effect(self.found, self.sign, self.margin)
+        else:
+            verdict = verdicts.of_absence(self.found, self.margin)
+        return verdicts.UNDECIDED if verdict == verdicts.SUPPORTED and not self.survives else verdict
+
+    @property
+    def power(self) -> float:
+        """How probable it is that this design finds an effect as large as the margin."""
+        return verdicts.power_at_margin(self.found, self.margin, is_correlation(self.measure))
 
     def row(self) -> dict[str, object]:
         """The finding as a row of ``claims.csv``."""
-        return self.found.row(settings=self.settings, test=self.test, measure=self.measure, verdict=self.verdict)
+        said = {"settings": self.settings, "runs": self.runs, "test": self.test, "measure": self.measure}
+        return self.found.row(**said, margin=self.margin, power=self.power, verdict=self.verdict)
 
 
 @dataclass(frozen=True)
 class Claim:
-    """A statement of the paper, and what the tables say of it."""
+    """A statement of the paper, or a question that we add, and what the tables say of it."""
 
     name: str
     statement: str  # in our words
     where: str  # in the paper
     findings: Sequence[Finding] = ()
     follows: str = ""
-    needs: str = ""  # where it is not testable: what would make it so
+    needs: str = ""  # where it cannot be tested: what would make it so
     note: str = ""
+    of: str = OF_PAPER
 
-    def verdict(self, settings: str = PAPER) -> str:
+    def verdict(self, settings: str = METRIC_2022, runs: str = LEARNED) -> str:
         """The verdict in these settings; empty where the claim has no test in them, but has in others."""
         if self.findings and not self.has(settings):
             return ""
-        return verdicts.combined(one.verdict for one in self.findings if one.settings == settings)
+        return verdicts.combined(one.verdict for one in self.tests(settings, runs))
 
     def has(self, settings: str) -> bool:
         """Whether there is any test in these settings."""
         return any(one.settings == settings for one in self.findings)
+
+    def tests(self, settings: str, runs: str = LEARNED) -> list[Finding]:
+        """The findings in these settings, with these runs."""
+        return [one for one in self.findings if one.settings == settings and one.runs == runs]
 
     def with_words(self, follows: str = "", needs: str = "") -> Claim:
         """The claim with what follows from its findings, or with what it would take to test it."""
@@ -61,43 +87,53 @@ class Claim:
 
 
 def claims_table(claims: Sequence[Claim]) -> pd.DataFrame:
-    """:data:`CLAIMS`: one row per test; a claim without tests has one row that says what it needs."""
+    """``claims.csv``: one row per test; a claim without tests has one row that says what it needs."""
     rows = []
     for claim in claims:
-        head = {"claim": claim.name, "where": claim.where, "statement": claim.statement}
-        tail = {"of_claim": claim.verdict(PAPER), "of_claim_corrected": claim.verdict(CORRECTED), "needs": claim.needs}
-        tail["follows"] = claim.follows
+        head = {"claim": claim.name, "of": claim.of, "where": claim.where, "statement": claim.statement}
+        of_claim = {
+            f"of_claim_{name}{suffix}": claim.verdict(settings, runs)
+            for settings, name in ((METRIC_2022, "2022"), (METRIC_OURS, "ours"))
+            for runs, suffix in ((LEARNED, ""), (ALL_RUNS, "_all_runs"))
+        }
+        tail = {**of_claim, "needs": claim.needs, "follows": claim.follows}
         rows += [{**head, **one.row(), **tail} for one in claim.findings]
         if not claim.findings:
             rows.append({**head, "verdict": verdicts.NOT_TESTABLE, **tail})
-    columns = ["claim", "where", "statement", "settings", "test", "measure", "estimate", "low", "high", "n", "p",
-               "verdict", "note", "of_claim", "of_claim_corrected", "follows", "needs"]  # fmt: skip
+    columns = ["claim", "of", "where", "statement", "settings", "runs", "test", "measure", "estimate", "low", "high", "n",
+               "p", "margin", "power", "verdict", "note", "of_claim_2022", "of_claim_ours", "of_claim_2022_all_runs",
+               "of_claim_ours_all_runs", "follows", "needs"]  # fmt: skip
     return pd.DataFrame(rows, columns=columns)
 
 
-def effect(settings: str, test: str, measure: str, found: Estimate, sign: int) -> Finding:
-    """A finding about a correlation of a claimed sign."""
-    return Finding(settings, test, measure, found, verdicts.of_effect(found, sign))
+def is_correlation(measure: str) -> bool:
+    """Whether an estimate of this measure is a correlation."""
+    return measure.endswith("Pearson r")
+
+
+def correlation(settings: str, test: str, found: Estimate, sign: int, given: object = ()) -> Finding:
+    """A finding about a correlation, which is claimed to have a sign, or with 0 not to be there."""
+    return Finding(settings, test, "partial Pearson r" if given else "Pearson r", found, MARGINS["correlation"], sign)
 
 
 def mean_difference(
-    evidence: Evidence, settings: str, test: str, differences: pd.DataFrame, sign: int
+    evidence: Evidence, settings: str, test: str, differences: pd.DataFrame, sign: int, margin: float = 0.0
 ) -> Iterator[Finding]:
-    """A finding about the mean of the column ``difference``, whose claimed sign is given; none where there are no rows."""
+    """A finding about the mean of the column ``difference``, whose claimed sign is given (0: none is claimed).
+
+    Nothing where there are no rows. ``margin``: by default a fifth of a standard deviation of the differences.
+    """
     if len(differences):
-        found = evidence.mean(f"{settings} {test}", differences)
-        verdict = verdicts.of_effect(found, sign, small_difference(differences))
-        yield Finding(settings, test, "mean difference", found, verdict)
+        smallest = margin or small_difference(differences)
+        yield Finding(settings, test, "mean difference", evidence.mean(differences), smallest, sign)
 
 
 def small_difference(differences: pd.DataFrame) -> float:
-    """The difference that would matter: a fifth of the standard deviation of the paired differences."""
-    return verdicts.SMALL_D * float(column(differences, "difference").std(ddof=1)) if len(differences) > 1 else 0.0
+    """The difference of returns that would matter: a fifth of the standard deviation of the paired differences."""
+    return MARGINS["deviations"] * float(column(differences, "difference").std(ddof=1)) if len(differences) > 1 else 0.0
 
 
-def with_holm(settings: str, found: Mapping[str, Estimate]) -> Mapping[str, Estimate]:
-    """The estimates of one claim's tests, by name; in the corrected reading with Holm's p-values."""
-    if settings != CORRECTED:
-        return found
+def with_holm(found: Mapping[str, Estimate]) -> Mapping[str, Estimate]:
+    """The estimates of the tests of one claim of an effect, by name, with Holm's p-values, which can only weaken it."""
     p = holm([one.p for one in found.values()])
     return {name: dataclasses.replace(one, p=float(q)) for (name, one), q in zip(found.items(), p, strict=True)}

@@ -2,46 +2,67 @@
 
 import dataclasses
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
+from itertools import product
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from scipy.stats import rankdata
 
+from analysis.plotting.names import family_name
 from analysis.report.results import BLOCK, ETA, PANEL, Results, measured
-from analysis.stats.association import associations, covariate_matrix
+from analysis.report.rules import LEAST_BLOCKS
+from analysis.stats.association import associations, covariate_matrix, kept, labels
 from analysis.stats.attribution import full_factorial, shapley_of_pairs
 from analysis.stats.correlation import NotAvailable, correlate, explained, indicators, residuals
 from analysis.stats.estimate import Estimate
 from analysis.stats.mixed import mixed_model
-from analysis.stats.power import power_of_design
 from analysis.stats.prediction import left_out
-from analysis.stats.resampling import cluster_interval, cosine, permutation_within
+from analysis.stats.resampling import cluster_jackknife, cosine, no_interval, permutation_of_blocks
 from analysis.tables import column, count_of, keep, pick, select
 from experiments.levels.mixed_levels import REST, SEPARATOR
 from segar.errors import SegarError
 
-BLOCKS, PERMUTATION = "(panel, seed) blocks", "permutation"  # within panels, or within cells
-SEED = 2022  # of all bootstraps and permutations
+BLOCKS, PERMUTATION = "(panel, seed) blocks", "permutation"  # of whole blocks within panels
+SEED = 2022  # of all permutations
 RESAMPLES = 1000
-PAPER_R = -0.597  # what p = 1.47e-5 means for 45 points
 DISTANCES = {"reference": "W2 of 2022", "exact": "exact W2", "paper": "W2 of Algorithm 1"}
-GAPS = {"gap": "full returns", "gap_2022": "returns of 2022", "gap_sampled": "full returns, sampled actions"}
+GAPS = {"gap": "full returns", "gap_2022": "returns of 2022", "gap_success": "success"}
 OUTLIERS = {
-    "all runs": "kept",
     "without points of |z| ≥ 3, the paper's rule": "removed: points",
     "without |z| ≥ 3 in what panels leave": "removed: residuals",
 }
 GIVEN_CELL = "given cell"
-GIVEN = {"pooled": (), "given panel": ("panel",), "given panel and log n": ("panel", "log_n"), GIVEN_CELL: ("cell",)}
+GIVEN = {"pooled": (), "given panel": ("panel",), "given panel and n": ("panel", "levels"), GIVEN_CELL: ("cell",)}
 
 
 class Evidence:
-    """Statistics of a results folder, by name; the same name always draws the same random numbers."""
+    """Statistics of the runs that learned their training levels, or of all runs.
 
-    def __init__(self, results: Results):
-        self.results = results
+    Args:
+        results: the tables.
+        gated: leave out the runs below the gate (``analysis/report/rules.yaml``).
+    """
+
+    least_blocks = LEAST_BLOCKS  # that an interval is given of
+    blocks = "blocks"  # what they are called
+
+    def __init__(self, results: Results, gated: bool = True):
+        self.all_results = results
+        self.results = results.gated if gated else results
+
+    @cached_property
+    def ungated(self) -> "Evidence":
+        """The same with all runs."""
+        return Evidence(self.all_results, gated=False)
+
+    def without(self, family: str) -> "Evidence":
+        """The same without the runs of a family."""
+        found = Evidence(self.all_results)
+        found.results = self.results.only(self.results.runs["family"] != family)
+        return found
 
     @property
     def main(self) -> pd.DataFrame:
@@ -77,55 +98,61 @@ class Evidence:
         return dataclasses.replace(found, p=float(row["p_holm"])) if corrected else found
 
     def by_blocks(
-        self, name: str, table: pd.DataFrame, values: np.ndarray, statistic: Callable[[np.ndarray], float],
+        self, table: pd.DataFrame, values: np.ndarray, statistic: Callable[[np.ndarray], float],
         clusters: Sequence[str] = BLOCK, correlation: bool = False,
     ) -> Estimate:  # fmt: skip
-        """A statistic of ``values`` [rows, columns], with the interval and p of
-        :func:`analysis.stats.resampling.cluster_interval`, for which clusters of the table's rows stay together."""
+        """A statistic of ``values`` [rows, columns], with the interval and p of leaving out one block of the table's rows at a
+        time; no interval where there are fewer blocks than the rules ask for."""
         if table.empty:
             return Estimate.missing(0, "no such runs")
-        found, way = cluster_interval(
-            table, statistic, clusters, self.rng(name), values=values, correlation=correlation, resamples=RESAMPLES
-        )
-        return dataclasses.replace(
-            found, note=found.note or f"{len(table)} rows in {found.n} blocks, {way}", n=len(table)
-        )
+        blocks = len(set(labels(table, clusters)))
+        if blocks < self.least_blocks:
+            return dataclasses.replace(no_interval(statistic(values), blocks, self.blocks), n=len(table))
+        found = cluster_jackknife(table, statistic, clusters, values=values, correlation=correlation)
+        return dataclasses.replace(found, note=found.note or f"{len(table)} rows in {blocks} blocks", n=len(table))
 
-    def correlation(self, name: str, table: pd.DataFrame, x: str, y: str, given: Sequence[str] = ()) -> Estimate:
-        """Pearson's r of two columns given others, with the interval and p of (panel, seed) blocks."""
+    def correlation(
+        self, table: pd.DataFrame, x: str, y: str, given: Sequence[str] = (), ranks: bool = False,
+        clusters: Sequence[str] = BLOCK,
+    ) -> Estimate:  # fmt: skip
+        """Pearson's r of two columns given others, or Spearman's ρ of their ``ranks``, with the interval and p of blocks."""
         whole = pearson(table, x, y, given)
         if not np.isfinite(whole.estimate):
             return whole
-        values = np.column_stack([column(table, x), column(table, y), design(table, given)])
-        return self.by_blocks(name, table, values, partial, correlation=True)
+        both = np.column_stack([column(table, x), column(table, y)])
+        values = np.column_stack([rankdata(both, axis=0) if ranks else both, design(table, given)])
+        return self.by_blocks(table, values, partial, clusters, correlation=True)
 
-    def permutation(self, name: str, table: pd.DataFrame, x: str, y: str, test: str = "given panel") -> Estimate:
-        """:func:`analysis.stats.resampling.permutation_within`, given what a test in :data:`GIVEN` gives; where nothing can
-        be permuted, none and the reason."""
-        given = ("n",) if "log_n" in GIVEN[test] else ()
-        within = ("cell",) if test == GIVEN_CELL else ("panel",)
+    def permutation(self, name: str, table: pd.DataFrame, x: str, y: str, given: Sequence[str]) -> Estimate:
+        """:func:`analysis.stats.resampling.permutation_of_blocks` within panels; where nothing can be permuted, none and the
+        reason. The same ``name`` always draws the same permutations."""
+        rng = np.random.default_rng([SEED, zlib.crc32(name.encode())])
         try:
-            return permutation_within(table, x, y, self.rng(name), within=within, given=given, resamples=RESAMPLES)
+            return permutation_of_blocks(table, x, y, design(table, given), rng, resamples=RESAMPLES)
         except SegarError as error:
             return Estimate.missing(len(table), str(error))
 
-    def mean(self, name: str, table: pd.DataFrame, value: str = "difference") -> Estimate:
-        """The mean of a column, such as paired differences, with the interval and p of (panel, seed) blocks."""
-        return self.by_blocks(name, table, column(table, value), lambda values: float(values.mean()))
+    def mean(self, table: pd.DataFrame, value: str = "difference") -> Estimate:
+        """The mean of a column, such as paired differences, with the interval and p of blocks."""
+        return self.by_blocks(table, column(table, value), lambda values: float(values.mean()))
 
     @cached_property
     def resampled(self) -> pd.DataFrame:
         """Correlations of gap and W2 in the main grid, by what is given: with intervals of blocks and a permutation."""
         rows = []
-        for mode in self.modes:
-            for test, given in GIVEN.items():
-                for gap in ("gap", "gap_2022"):
-                    base: dict[str, Any] = {"w2": mode, "gap": gap, "test": test}
-                    what = (f"{mode} {gap} {test}", self.main, f"w2_{mode}", gap)
-                    rows.append(self.correlation(*what, given).row(**base, way=BLOCKS))
-                    if given:
-                        rows.append(self.permutation(*what, test).row(**base, way=PERMUTATION))
+        for mode, (test, given), gap in product(self.modes, GIVEN.items(), ("gap", "gap_2022")):
+            base: dict[str, Any] = {"w2": mode, "gap": gap, "test": test}
+            found = self.correlation(self.main, f"w2_{mode}", gap, given, clusters=clusters_given(given))
+            rows.append(found.row(**base, way=BLOCKS))
+            if given:
+                what = (f"{mode} {gap} {test}", self.main, f"w2_{mode}", gap, given)
+                rows.append(self.permutation(*what).row(**base, way=PERMUTATION))
         return pd.DataFrame(rows)
+
+    def of_main(self, mode: str, gap: str, test: str) -> Estimate:
+        """The row of :attr:`resampled` with the interval of blocks."""
+        rows = select(self.resampled, w2=mode, gap=gap, test=test, way=BLOCKS) if self.modes else pd.DataFrame()
+        return Estimate.of_row(rows.iloc[0].to_dict()) if len(rows) else Estimate.missing(0, "no such runs")
 
     @cached_property
     def mixed(self) -> pd.DataFrame:
@@ -147,21 +174,31 @@ class Evidence:
 
     @cached_property
     def sensitivity(self) -> pd.DataFrame:
-        """The headline and its corrected partial form, when choices of the analysis change."""
+        """The headline and its partial form, when choices of the analysis change: which runs count, and how."""
         rows = []
-        for mode, gap, test in (("reference", "gap_2022", "pooled"), ("exact", "gap", "given panel and log n")):
+        for mode, gap, test in (("reference", "gap_2022", "pooled"), ("exact", "gap", "given panel and n")):
             base = {"w2": mode, "gap": gap, "test": test}
-            for change, rule in OUTLIERS.items():
-                rows.append(self.association(mode, gap, test, outliers=rule).row(change=change, **base))
-            rank = self.association(mode, gap, test, method="spearman")
-            rows.append(rank.row(change="Spearman's ρ in place of r", **base))
-            many = keep(self.main, self.main["n"] > 1)
-            if len(many):
-                found = pearson(many, f"w2_{mode}", gap, GIVEN[test])
-                rows.append(found.row(change="without the runs with one training level", **base))
-            sampled = self.association(mode, "gap_sampled", test)
-            rows.append(sampled.row(change="sampled actions, full returns", **{**base, "gap": "gap_sampled"}))
+            for change, evidence, table, ranks in self.changes(f"w2_{mode}", gap):
+                if len(table):
+                    given = GIVEN[test]
+                    found = evidence.correlation(table, f"w2_{mode}", gap, given, ranks, clusters_given(given))
+                    rows.append(found.row(change=change, **base))
         return pd.DataFrame(rows)
+
+    def changes(self, x: str, y: str) -> Iterator[tuple[str, "Evidence", pd.DataFrame, bool]]:
+        """Each change of the analysis in words, with the evidence and the runs of it, and whether it takes ranks."""
+        yield "as judged: runs that learned", self, self.main, False
+        yield "all runs", self.ungated, self.ungated.main, False
+        for family in dict.fromkeys(self.main["family"]):
+            yield f"without {family_name(family)}", self, keep(self.main, self.main["family"] != family), False
+        yield "without runs with one training level", self, keep(self.main, self.main["n"] > 1), False
+        for change, rule in OUTLIERS.items():
+            rows = kept(self.main, x, y, labels(self.main, PANEL), rule) if len(self.main) else []
+            yield change, self, keep(self.main, rows), False
+        yield "Spearman's ρ in place of r", self, self.main, True
+        if y == "gap":
+            sampled = self.main.assign(gap=self.main["gap_sampled"])
+            yield "sampled actions", self, sampled, False
 
     @cached_property
     def explained(self) -> pd.DataFrame:
@@ -208,19 +245,10 @@ class Evidence:
             parts += [{**of_run, "group": name, "part": float(found[name])} for name in groups]
         return pd.DataFrame(parts)
 
-    @cached_property
-    def power(self) -> pd.DataFrame:
-        """How often this design would find the paper's effect, if it is as large as the paper's p-value implies.
 
-        No row where W2 does not vary, as with a single run.
-        """
-        if len(np.unique(column(self.main, "w2_reference"))) < 2:
-            return pd.DataFrame({"test": [], "estimate": [], "n": []})
-        return power_of_design(self.main, "w2_reference", self.rng("power"), pooled_r=PAPER_R, alphas=(0.05,))
-
-    def rng(self, name: str) -> np.random.Generator:
-        """A generator of its own for everything that is drawn, so that leaving a figure out changes no number."""
-        return np.random.default_rng([SEED, zlib.crc32(name.encode())])
+def clusters_given(given: Sequence[str]) -> Sequence[str]:
+    """The columns that make up a block of the main grid: a panel where nothing is given, because panels are compared then."""
+    return BLOCK if given else PANEL
 
 
 def partial(values: np.ndarray) -> float:

@@ -5,17 +5,17 @@ from typing import Any
 
 import pandas as pd
 
-from analysis.report.claims import verdicts
-from analysis.report.claims.claim import CORRECTED, PAPER, Finding, effect, mean_difference, small_difference, with_holm
-from analysis.report.claims.evidence import Evidence, pearson
+from analysis.plotting.names import algorithm_name
+from analysis.report.claims.claim import METRIC_2022, METRIC_OURS, Finding, correlation, mean_difference, with_holm
+from analysis.report.claims.evidence import Evidence, clusters_given
 from analysis.report.results import FRAME, MEMORY, STACK, Results, paired
+from analysis.report.rules import MARGINS
 from analysis.tables import keep, pick, select
 
-R = "Pearson r"
 # The accuracy of the critic as in 2022, and with its marginal, its alignment and its held-out pairs put right.
-PROBES = {PAPER: "paper", CORRECTED: "jsd"}
-GAPS = {PAPER: "gap_2022", CORRECTED: "gap"}
-WORDS = {PAPER: "accuracy and returns of 2022", CORRECTED: "corrected accuracy, full returns"}
+PROBES = {METRIC_2022: "paper", METRIC_OURS: "jsd"}
+GAPS = {METRIC_2022: "gap_2022", METRIC_OURS: "gap"}
+WORDS = {METRIC_2022: "accuracy and returns of 2022", METRIC_OURS: "corrected accuracy, full returns"}
 LEVELS = ("train", "test")
 ACCURACIES = ("accuracy_train", "accuracy_test")
 SAME = ("family", "difficulty", "n", "seed")
@@ -43,58 +43,63 @@ def train_above_test(evidence: Evidence, probed: pd.DataFrame) -> Iterator[Findi
 
 def relation_to_gap(evidence: Evidence, probed: pd.DataFrame) -> Iterator[Finding]:
     """Figure 4b: gap against accuracy."""
-    for settings, given in ((PAPER, ()), (CORRECTED, ("panel", "log_n"))):
+    for settings, given in ((METRIC_2022, ()), (METRIC_OURS, ("panel", "levels"))):
         part = select(probed, probe=PROBES[settings])
-        found = {levels: pearson(part, f"accuracy_{levels}", GAPS[settings], given) for levels in LEVELS if len(part)}
-        for levels, one in with_holm(settings, found).items():
-            words = f"accuracy on {levels} levels, {WORDS[settings]}" + (", given panel and log n" if given else "")
-            yield Finding(settings, words, f"partial {R}" if given else R, one, verdicts.of_absence(one))
+        for levels in LEVELS if len(part) else ():
+            found = evidence.correlation(
+                part, f"accuracy_{levels}", GAPS[settings], given, clusters=clusters_given(given)
+            )
+            words = f"accuracy on {levels} levels, {WORDS[settings]}" + (", given panel and n" if given else "")
+            yield correlation(settings, words, found, 0, given)
 
 
 def gap_beside_ppo(evidence: Evidence, runs: pd.DataFrame) -> Iterator[Finding]:
     """Figure 5a's caption: the gap of each self-supervised algorithm beside that of PPO."""
-    for settings, against, more in ((PAPER, "base", ""), (CORRECTED, "control", " with as many gradient steps")):
-        for algorithm, differences in beside_ppo(runs, GAPS[settings], against).items():
-            words = f"gap of {algorithm} less that of PPO{more}"
-            yield from mean_difference(evidence, settings, words, differences, sign=1)
+    for algorithm, differences in beside_ppo(runs, "gap_2022", "base").items():
+        words = f"gap of {algorithm_name(algorithm)} less that of PPO, returns of 2022"
+        yield from mean_difference(evidence, METRIC_2022, words, differences, sign=1)
+    for algorithm, differences in beside_ppo(runs, "gap_success", "control").items():
+        words = f"gap in success of {algorithm_name(algorithm)} less that of PPO with as many gradient steps"
+        yield from mean_difference(evidence, METRIC_OURS, words, differences, 1, MARGINS["success"])
 
 
-def return_beside_ppo(evidence: Evidence, runs: pd.DataFrame) -> Iterator[Finding]:
-    """Figure 5a's paragraph on evaluation: the return of each self-supervised algorithm beside that of PPO."""
+def success_beside_ppo(evidence: Evidence, runs: pd.DataFrame) -> Iterator[Finding]:
+    """Figure 5a's paragraph on evaluation: what each self-supervised algorithm reaches on test levels beside PPO."""
     for algorithm, differences in beside_ppo(runs, "eta_test_deterministic", "base").items():
-        found = evidence.mean(f"5a-similar {algorithm}", differences)
-        verdict = verdicts.of_absence(found, small_difference(differences))
-        yield Finding(PAPER, f"return on test levels of {algorithm} less PPO", "mean difference", found, verdict)
+        words = f"return on test levels of {algorithm_name(algorithm)} less PPO"
+        yield from mean_difference(evidence, METRIC_2022, words, differences, sign=0)
+    for algorithm, differences in beside_ppo(runs, "success_test_deterministic", "base").items():
+        words = f"success on test levels of {algorithm_name(algorithm)} less PPO"
+        yield from mean_difference(evidence, METRIC_OURS, words, differences, 0, MARGINS["success"])
 
 
 def trends_of_auxiliary(evidence: Evidence, probed: pd.DataFrame) -> Iterator[Finding]:
     """Figure 5a: gap against accuracy, per algorithm."""
     for settings, probe in PROBES.items():
-        found = {}
         for algorithm in auxiliary(probed):
             part = select(probed, probe=probe, algorithm=algorithm)
             for levels in LEVELS if len(part) else ():
-                words = f"{algorithm}, accuracy on {levels} levels, {WORDS[settings]}"
-                found[words] = pearson(part, f"accuracy_{levels}", GAPS[settings])
-        for words, one in with_holm(settings, found).items():
-            yield Finding(settings, words, R, one, verdicts.of_insignificance(one))
+                words = f"{algorithm_name(algorithm)}, accuracy on {levels} levels, {WORDS[settings]}"
+                found = evidence.correlation(part, f"accuracy_{levels}", GAPS[settings])
+                yield correlation(settings, words, found, 0)
 
 
 def mass_shown_beside_hidden(evidence: Evidence, runs: pd.DataFrame) -> Iterator[Finding]:
     """Appendix: agents that see the mass beside agents that do not."""
     for past in (FRAME, STACK, MEMORY):
         part = select(runs, past=past)
-        differences = beside(part, "gap", part["mass"] == "shown", part["mass"] == "hidden")
-        yield from mean_difference(evidence, CORRECTED, f"gap with the mass shown less hidden, {past}", differences, 1)
+        differences = beside(part, "gap_success", part["mass"] == "shown", part["mass"] == "hidden")
+        words = f"gap in success with the mass shown less hidden, {past}"
+        yield from mean_difference(evidence, METRIC_OURS, words, differences, 1, MARGINS["success"])
 
 
 def trend_by_mass(evidence: Evidence, probed: pd.DataFrame) -> Iterator[Finding]:
     """Appendix: the trend of gap against accuracy, with the mass shown and hidden."""
-    for mass, sign in (("shown", 1), ("hidden", -1)):
-        part = select(probed, probe=PROBES[CORRECTED], mass=mass)
-        if len(part):
-            words = f"gap against accuracy on training levels, mass {mass}"
-            yield effect(CORRECTED, words, R, pearson(part, "accuracy_train", "gap"), sign)
+    parts = {mass: select(probed, probe=PROBES[METRIC_OURS], mass=mass) for mass in ("shown", "hidden")}
+    found = {mass: evidence.correlation(part, "accuracy_train", "gap") for mass, part in parts.items() if len(part)}
+    for mass, one in with_holm(found).items():
+        words = f"gap against accuracy on training levels, mass {mass}"
+        yield correlation(METRIC_OURS, words, one, 1 if mass == "shown" else -1)
 
 
 def accuracies(results: Results, runs: pd.DataFrame) -> pd.DataFrame:
@@ -117,12 +122,16 @@ def auxiliary(table: pd.DataFrame) -> list[str]:
     return sorted({str(name) for name in table["algorithm"] if str(name).startswith(("curl", "spr"))})
 
 
+def is_plain_ppo(algorithm: str) -> bool:
+    """Whether it is PPO without a self-supervised loss and without more gradient steps."""
+    return algorithm.startswith("ppo") and not algorithm.endswith("_epochs")
+
+
 def beside_ppo(table: pd.DataFrame, value: str, against: str) -> dict[str, pd.DataFrame]:
     """For each self-supervised algorithm, its ``difference`` to PPO in the same cells: to PPO alone ("base"),
     or to PPO with as many gradient steps ("control"); an algorithm without a partner is left out."""
     name = table["algorithm"].astype(str)
-    control = name.str.endswith("_epochs")
-    partner = control if against == "control" else name.str.startswith("ppo") & ~control
+    partner = name.str.endswith("_epochs") if against == "control" else name.map(is_plain_ppo)
     found = {algorithm: beside(table, value, name == algorithm, partner) for algorithm in auxiliary(table)}
     return {algorithm: rows for algorithm, rows in found.items() if len(rows)}
 

@@ -1,5 +1,6 @@
 """Reads the claims: the words of each from ``statements.yaml``, its findings from its test."""
 
+import dataclasses
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from pathlib import Path
@@ -8,9 +9,10 @@ from typing import Any
 import pandas as pd
 import yaml
 
-from analysis.report.claims import gap, information, learning, verdicts
-from analysis.report.claims.claim import CORRECTED, PAPER, Claim, Finding
+from analysis.report.claims import gap, information, learning
+from analysis.report.claims.claim import ALL_RUNS, METRIC_2022, METRIC_OURS, OF_PAPER, Claim, Finding
 from analysis.report.claims.evidence import GIVEN_CELL, Evidence
+from analysis.report.claims.specifications import specifications, survives
 
 Rows = Callable[[Evidence], pd.DataFrame]
 Test = Callable[[Evidence, pd.DataFrame], Iterable[Finding]]
@@ -22,6 +24,8 @@ ROWS: Mapping[str, Rows] = {
     "main grid": lambda evidence: evidence.main,
     "several seeds": gap.several_seeds,
     "one number of levels": gap.one_number_of_levels,
+    "matched sets": gap.matched_sets,
+    "the paper's agent": lambda evidence: evidence.results.of("paper_agent"),
     "harder levels": lambda evidence: evidence.results.harder,
     "probes": lambda evidence: information.accuracies(evidence.results, evidence.main),
     "self-supervised agents": lambda evidence: evidence.results.of("figure_5a"),
@@ -34,23 +38,26 @@ ROWS: Mapping[str, Rows] = {
 
 # The test of each claim of statements.yaml: its findings, from the evidence and the rows of its evidence.
 TESTS: Mapping[str, Test] = {
-    "3a": gap.pooled,
-    "3a-panel": partial(gap.controlled, test="given panel"),
-    "3a-n": partial(gap.controlled, test="given panel and log n"),
-    "3a-cell": partial(gap.controlled, test=GIVEN_CELL),
+    "3a": partial(gap.in_main_grid, test="pooled"),
+    "3a-panel": partial(gap.in_main_grid, test="given panel"),
+    "3a-n": partial(gap.in_main_grid, test="given panel and n"),
+    "3a-cell": partial(gap.in_main_grid, test=GIVEN_CELL),
+    "3a-agent": gap.of_papers_agent,
     "fixed-n": gap.at_one_number,
-    "3b-trend": partial(gap.in_panels, judge=gap.of_worse_gap, difficulties=("medium", "hard")),
-    "3b-easy": partial(gap.in_panels, judge=verdicts.of_absence, difficulties=("easy",)),
+    "matched-w2": gap.far_beside_near,
+    "matched-coverage": gap.sparse_beside_dense,
+    "3b-trend": partial(gap.in_panels, sign=gap.WORSE, difficulties=("medium", "hard")),
+    "3b-easy": partial(gap.in_panels, sign=0, difficulties=("easy",)),
     "3b-empty": gap.in_empty,
-    "3b-weak": partial(gap.in_panels, judge=gap.of_weak_trend, families=("objectsx1", "tilesx1")),
+    "3b-weak": partial(gap.in_panels, sign=0, families=("objectsx1", "tilesx1")),
     "4a-larger": gap.larger_on_harder_levels,
     "4a-shift": gap.cost_of_shift,
     "4a-trend": gap.trend_to_hard,
-    "4a-all": gap.within_pairs_of_panels,
+    "4a-all": gap.each_pair_of_panels,
     "4b-train": information.train_above_test,
     "4b-none": information.relation_to_gap,
     "5a-gap": information.gap_beside_ppo,
-    "5a-similar": information.return_beside_ppo,
+    "5a-similar": information.success_beside_ppo,
     "5a-trends": information.trends_of_auxiliary,
     "5b-diversity": learning.diversity_above_panel,
     "5b-easy": learning.easier_tasks_first,
@@ -65,16 +72,29 @@ NUMBERS: Mapping[str, Callable[[Evidence, pd.DataFrame], Mapping[str, str]]] = {
 
 
 def read_claims(evidence: Evidence) -> list[Claim]:
-    """All claims of the paper with their findings, in the order of ``statements.yaml``."""
-    return [read_claim(name, evidence) for name in STATEMENTS["claims"]]
+    """All claims with their findings, in the order of ``statements.yaml``."""
+    table = specifications(evidence)
+    return [read_claim(name, evidence, survives(table, name)) for name in STATEMENTS["claims"]]
 
 
-def read_claim(name: str, evidence: Evidence) -> Claim:
-    """The claim with its findings, and what follows from its verdicts; or what it takes to test it."""
+def read_claim(name: str, evidence: Evidence, survives: bool = True) -> Claim:
+    """The claim with its findings, and what follows from its verdicts; or what it takes to test it.
+
+    Args:
+        survives: whether the claim's specifications agree with it.
+    """
     words, needs = STATEMENTS["claims"][name], STATEMENTS["evidence"]
     rows = ROWS[words["evidence"]](evidence)
-    findings = tuple(TESTS[name](evidence, rows)) if len(rows) else ()
-    claim = Claim(name, words["says"], words["where"], findings, note=words.get("note", ""))
+    leading = (dataclasses.replace(one, survives=survives) for one in findings_of(name, evidence))
+    of_all = (dataclasses.replace(one, runs=ALL_RUNS) for one in findings_of(name, evidence.ungated))
+    claim = Claim(
+        name,
+        words["says"],
+        words["where"],
+        (*leading, *of_all),
+        note=words.get("note", ""),
+        of=words.get("of", OF_PAPER),
+    )
     follows = consequence(claim, words)
     if not follows:
         lacks = words.get("else_needs", words["evidence"]) if len(rows) else words["evidence"]
@@ -82,9 +102,15 @@ def read_claim(name: str, evidence: Evidence) -> Claim:
     return claim.with_words(follows=follows.format(**NUMBERS[name](evidence, rows)) if name in NUMBERS else follows)
 
 
+def findings_of(name: str, evidence: Evidence) -> list[Finding]:
+    """The findings of a claim's test; none where the runs that it is about are missing."""
+    rows = ROWS[STATEMENTS["claims"][name]["evidence"]](evidence)
+    return list(TESTS[name](evidence, rows)) if len(rows) else []
+
+
 def consequence(claim: Claim, words: Mapping[str, str]) -> str:
     """The sentences for the claim's verdicts: one where both readings agree, else one for each; "" where there is none."""
-    read = {settings: claim.verdict(settings) for settings in (PAPER, CORRECTED) if claim.has(settings)}
+    read = {settings: claim.verdict(settings) for settings in (METRIC_2022, METRIC_OURS) if claim.has(settings)}
     sentences = {settings: words.get(verdict.replace(" ", "_"), "") for settings, verdict in read.items()}
     if len(set(read.values())) > 1:
         return " ".join(f"{settings.capitalize()}: {text}" for settings, text in sentences.items() if text)

@@ -1,69 +1,45 @@
-"""When a claim counts as reproduced: rules that are the same for all claims and scales, and depend on no result.
+"""Verdicts: what an estimate says about a claim, by the rules in ``analysis/report/rules.yaml``.
 
-*An effect is claimed* (a correlation or a difference of a sign):
-
-- **reproduced**: it has that sign, and p < 0.05 (two-sided);
-- **not reproduced**: it has the other sign with p < 0.05, or its 95 % interval leaves out every effect of the claimed sign
-  that would matter (a correlation of 0.3, a difference of a fifth of a standard deviation);
-- **undecided**: neither. Nothing was found, and an effect that matters is not ruled out: there are too few runs.
-
-*It is claimed that there is nothing*:
-
-- **reproduced**: the whole interval lies within what does not matter;
-- **not reproduced**: p < 0.05, and the interval reaches beyond what does not matter;
-- **undecided**: neither. Finding nothing is not finding that there is nothing.
-
-*It is claimed that nothing is significant* (at 0.05, or "weakly at best": at 0.01): **reproduced** where p is at least that,
-**not reproduced** where it is below. That says how few the runs are as much as how weak the effect is.
-
-*No number can be had*, because the runs are not there or nothing varies: **not testable**.
-
-A claim about several panels is reproduced if it is in each, not reproduced if it fails in any, undecided otherwise. Where
-any of several tests could decide (panels, families, sets of levels), p-values are corrected by Holm in the corrected
-reading, and not in the paper's, which did not correct.
-
-Runs of a panel and a seed share levels, so they stay together as a *block*: intervals and p-values of blocks are those of a
-bootstrap of whole blocks, or where there are fewer than 20, of Student's law and the jackknife that leaves out one at a time.
+The rules are the same for all claims and scales, and depend on no result.
 """
 
 import math
 from collections.abc import Iterable
 
+from scipy import stats
+
+from analysis.report.rules import ALPHA
 from analysis.stats.estimate import Estimate
+from analysis.stats.resampling import to_normal
 
-REPRODUCED, NOT_REPRODUCED, UNDECIDED, NOT_TESTABLE = "reproduced", "not reproduced", "undecided", "not testable"
-VERDICTS = (REPRODUCED, NOT_REPRODUCED, UNDECIDED, NOT_TESTABLE)
-
-ALPHA = 0.05
-SMALL_R = 0.3  # a correlation below this does not matter; Cohen's "medium", and what 45 independent points can rule out
-SMALL_D = 0.2  # a difference below this many standard deviations does not matter; Cohen's "small"
-WEAK = 0.01  # a p-value above this is "weakly significant at best"
+SUPPORTED, NOT_SUPPORTED, UNDECIDED, NOT_TESTABLE = "supported", "not supported", "undecided", "cannot be tested"
+VERDICTS = (SUPPORTED, NOT_SUPPORTED, UNDECIDED, NOT_TESTABLE)
 
 
-def of_effect(found: Estimate, sign: int, margin: float = SMALL_R) -> str:
+def of_effect(found: Estimate, sign: int, margin: float) -> str:
     """The verdict on a claimed effect of that ``sign``; effects smaller than ``margin`` do not matter."""
-    if not math.isfinite(found.estimate):
+    if not is_known(found):
         return NOT_TESTABLE
-    if is_significant(found):
-        return REPRODUCED if found.estimate * sign > 0 else NOT_REPRODUCED
-    best = found.high if sign > 0 else -found.low
-    return NOT_REPRODUCED if math.isfinite(best) and best < margin else UNDECIDED
+    if is_significant(found) and found.estimate * sign < 0:
+        return NOT_SUPPORTED
+    if is_significant(found) and found.estimate * sign >= margin:
+        return SUPPORTED
+    largest = found.high if sign > 0 else -found.low
+    return NOT_SUPPORTED if largest < margin else UNDECIDED
 
 
-def of_absence(found: Estimate, margin: float = SMALL_R) -> str:
+def of_absence(found: Estimate, margin: float) -> str:
     """The verdict on the claim that there is no effect, but for one smaller than ``margin``."""
-    if not math.isfinite(found.estimate):
+    if not is_known(found):
         return NOT_TESTABLE
     if -margin < found.low and found.high < margin:
-        return REPRODUCED
-    return NOT_REPRODUCED if is_significant(found) else UNDECIDED
+        return SUPPORTED
+    return NOT_SUPPORTED if is_significant(found) and abs(found.estimate) > margin else UNDECIDED
 
 
-def of_insignificance(found: Estimate, alpha: float = ALPHA) -> str:
-    """The verdict on the claim that p is at least ``alpha``."""
-    if not math.isfinite(found.p):
-        return NOT_TESTABLE
-    return REPRODUCED if found.p >= alpha else NOT_REPRODUCED
+def is_known(found: Estimate) -> bool:
+    """Whether there is an estimate with an interval."""
+    return all(math.isfinite(value) for value in (found.estimate, found.low, found.high))
 
 
 def is_significant(found: Estimate) -> bool:
@@ -74,10 +50,27 @@ def is_significant(found: Estimate) -> bool:
 
 
 def combined(verdicts: Iterable[str]) -> str:
-    """The verdict on a claim about several panels, from those on each."""
+    """The verdict on a claim with several tests, from those on each."""
     each = list(verdicts)
     if not each or all(one == NOT_TESTABLE for one in each):
         return NOT_TESTABLE
-    if NOT_REPRODUCED in each:
-        return NOT_REPRODUCED
-    return REPRODUCED if all(one == REPRODUCED for one in each) else UNDECIDED
+    if NOT_SUPPORTED in each:
+        return NOT_SUPPORTED
+    return SUPPORTED if all(one == SUPPORTED for one in each) else UNDECIDED
+
+
+def power_at_margin(found: Estimate, margin: float, correlation: bool) -> float:
+    """How probable p < 0.05 is for an effect as large as ``margin``, from the width of the interval; NaN without one.
+
+    Correlations are taken in Fisher's transform. The error is that of the estimate at hand, so this is the power of the
+    design, and not that of the result.
+    """
+    if not is_known(found):
+        return float("nan")
+    low, high, size = (float(v) for v in (to_normal([found.low, found.high, margin]) if correlation
+                                          else (found.low, found.high, margin)))  # fmt: skip
+    quantile = float(stats.norm.ppf(1 - ALPHA / 2))
+    error = (high - low) / (2 * quantile)
+    return (
+        1.0 if error == 0 else float(stats.norm.sf(quantile - size / error) + stats.norm.cdf(-quantile - size / error))
+    )

@@ -4,13 +4,17 @@ from collections.abc import Callable, Sequence
 
 import pandas as pd
 
+from analysis.plotting.names import algorithm_name, design_name, family_name, panel_name
 from analysis.report.captions import TABLES
 from analysis.report.claims.evidence import Evidence, pearson
 from analysis.report.claims.information import beside
-from analysis.report.document.blocks import Block, Heading, Paragraph, Table
-from analysis.report.document.tables import means, means_table
-from analysis.report.number_format import estimate_text, plain, signed
+from analysis.report.claims.prediction import matched_predictions
+from analysis.report.claims.scores import CELLS, COMPARED, IMPROVEMENT, IQM, REGRET, SUCCESS, comparison, scored
+from analysis.report.document.blocks import Block, Bullets, Heading, Paragraph, Table
+from analysis.report.document.tables import means, means_table, row_of
+from analysis.report.number_format import estimate_text, interval, p_value, plain, signed
 from analysis.report.results import with_panel
+from analysis.stats.estimate import Estimate
 from analysis.tables import column, count_of, keep, select
 
 Drawer = Callable[[str], list[Block]]
@@ -29,8 +33,59 @@ def designs(evidence: Evidence) -> list[Block]:
     runs = evidence.results.of("fixed_n")
     if count_of(runs, "design") < 2:
         return []
-    found = means(evidence, runs, ["design"], "gap", "fixed_n")
+    found = means(evidence, runs.assign(design=[design_name(one) for one in runs["design"]]), ["design"], "gap")
     return [means_table(found, {"design": "design"}, "gap", TABLES["gap"])]
+
+
+def compared(evidence: Evidence) -> list[Block]:
+    """Normalised scores of the algorithms of each experiment that compares some, or why there are none."""
+    results = evidence.all_results
+    said = [f"{title}: {runs_compared(evidence, experiment)}." for experiment, title in COMPARED.items()]
+    table = comparison(results)
+    if table.empty:
+        return [Bullets(said)]
+    rows = []
+    for experiment, algorithm in dict.fromkeys(zip(table["experiment"], table["algorithm"], strict=True)):
+        part = select(table, experiment=experiment, algorithm=algorithm)
+        iqm, success, regret, improvement = (row_of(part, measure=one) for one in (IQM, SUCCESS, REGRET, IMPROVEMENT))
+        rows.append([
+            COMPARED[experiment], algorithm_name(algorithm), f"{iqm.n}",
+            *(text for one in (iqm, success, regret, improvement) for text in (plain(one.estimate), interval(one))),
+            p_value(improvement.p),
+        ])  # fmt: skip
+    head = ("experiment", "algorithm", "runs", "IQM of scores", "95 %", "success", "95 %", "regret", "95 %",
+            "P(score above PPO's)", "95 %", "p")  # fmt: skip
+    return [Bullets(said), Table(head, rows, 2, TABLES["scores"])]
+
+
+def runs_compared(evidence: Evidence, experiment: str) -> str:
+    """How many runs of each algorithm are compared, and how many are left out; or why there are none."""
+    runs = scored(evidence.all_results, experiment)
+    if isinstance(runs, str):
+        return runs
+    algorithms, seeds, cells = (len(runs.groupby(list(by))) for by in (("algorithm",), ("seed",), CELLS))
+    text = f"{algorithms} algorithms with {len(runs) // algorithms} runs each, of {seeds} seeds in {cells} cells"
+    lost = len(evidence.all_results.of(experiment)) - len(runs)
+    return text + (f"; {lost} runs of seeds that lack others are left out" if lost else "")
+
+
+def matched(evidence: Evidence) -> list[Block]:
+    """The mean gap of each kind of matched set, and how well each measure predicts the gap of sets that it did not see."""
+    runs = evidence.results.of("matched_sets")
+    if count_of(runs, "design") < 2:
+        return []
+    named = runs.assign(sets=[design_name(one) for one in runs["design"]])
+    parts = [means_table(means(evidence, named, ["sets"], "gap_success"), {"sets": "training sets"}, "gap in success",
+                         TABLES["gap"])]  # fmt: skip
+    return [*parts, predictions(evidence, runs)]
+
+
+def predictions(evidence: Evidence, runs: pd.DataFrame) -> Table:
+    """R² out of sample of the gap in success, from family, n and each measure of the training set."""
+    found = matched_predictions(evidence, runs)
+    rows = [[str(r["measure"]), plain(r["estimate"]), interval(Estimate.of_row(r)), f"{r['n']:.0f}"]
+            for r in found.to_dict("records")]  # fmt: skip
+    return Table(("measure", "R² out of sample, beyond family and n", "95 %", "runs"), rows, 1, TABLES["prediction"])
 
 
 def physics(evidence: Evidence) -> list[Block]:
@@ -38,7 +93,7 @@ def physics(evidence: Evidence) -> list[Block]:
     part = evidence.results.other_physics
     if part.empty:
         return []
-    found = means(evidence, part, ["trained", "test_variation"], "difference", "rules")
+    found = means(evidence, part, ["trained", "test_variation"], "difference")
     row = min(found.to_dict("records"), key=lambda one: one["estimate"])
     text = (
         f"The largest loss is in `{row['test_variation']}`, of agents trained in {row['trained']}: the return is "
@@ -54,7 +109,7 @@ def looks(evidence: Evidence) -> list[Block]:
     part = evidence.results.other_looks
     if part.empty:
         return []
-    found = means(evidence, part, ["trained", "shift"], "difference", "visual")
+    found = means(evidence, part, ["trained", "shift"], "difference")
     return [means_table(found, {"trained": "trained in", "shift": "tested in"}, "difference", TABLES["shift"])]
 
 
@@ -64,16 +119,17 @@ def attributed(evidence: Evidence) -> list[Block]:
     if table.empty:
         return []
     shown = table.assign(levels=table["n"].astype(str))
-    found = means(evidence, shown, ["family", "levels", "group"], "part", "attribution")
+    found = means(evidence, shown, ["family", "levels", "group"], "part")
     sentences = []
     for family in dict.fromkeys(found["family"]):
         first = min(select(shown, family=family)["levels"], key=int)
         parts = select(found, family=family, levels=first)
         row = max(parts.to_dict("records"), key=lambda one: abs(one["estimate"]))
         whole = float(column(parts, "estimate").sum())
+        levels = f"{first} training level{'s' if int(first) > 1 else ''}"
+        part = f"`{row['group']}`, {signed(row['estimate'])} [{signed(row['low'])}, {signed(row['high'])}]"
         sentences.append(
-            f"In {family} with {first} training level{'s' if int(first) > 1 else ''} the gap is {signed(whole)}; its largest "
-            f"part is that of `{row['group']}`, {signed(row['estimate'])} [{signed(row['low'])}, {signed(row['high'])}]."
+            f"In {family_name(family)} with {levels} the gap is {signed(whole)}. Its largest part is that of {part}."
         )
     head = {"family": "family", "levels": "training levels", "group": "factors"}
     return [Paragraph(" ".join(sentences)), means_table(found, head, "part", TABLES["attribution"])]
@@ -81,14 +137,14 @@ def attributed(evidence: Evidence) -> list[Block]:
 
 def true_factors(evidence: Evidence) -> list[Block]:
     """The success of agents that see factors less that of agents that see pixels."""
-    seen, main = evidence.results.of("upper_bound"), evidence.main
+    seen, main = evidence.all_results.of("upper_bound"), evidence.ungated.main
     if seen.empty or main.empty:
         return []
     both = pd.concat([main.assign(sees="pixels"), seen.assign(sees="factors")], ignore_index=True)
     paired = beside(both, "success_test_deterministic", both["sees"] == "factors", both["sees"] == "pixels")
     if paired.empty:
         return []
-    found = evidence.mean("upper_bound", paired)
+    found = evidence.mean(paired)
     return [
         Paragraph(f"Success on test levels with factors less that with pixels: {estimate_text(found, 'difference')}.")
     ]
@@ -130,18 +186,17 @@ def baselines(evidence: Evidence) -> list[Block]:
     table = evidence.results.studies.get("anchors", {}).get("anchors", pd.DataFrame())
     if table.empty:
         return [Paragraph("It was not run (`experiments=[anchors]`).")]
-    players = [p for p in ("idle", "random", "script", "oracle") if p in set(table["player"])]
+    players = [p for p in ("idle", "random", "floor", "script", "oracle") if p in set(table["player"])]
     rows = []
     for panel, part in with_panel(table).groupby("panel", sort=False):
         found = {r["player"]: [plain(r["return"], 1), plain(r["success"])] for r in part.to_dict("records")}
-        rows.append([str(panel), *(cell for player in players for cell in found.get(player, ["", ""]))])
+        rows.append([panel_name(panel), *(cell for player in players for cell in found.get(player, ["", ""]))])
     head = ["panel", *(text for player in players for text in (f"{player}, return", "success"))]
-    return [Table(head, rows, 1, "Full returns and success on test levels. Data: `studies/anchors/anchors.csv`.")]
+    return [Table(head, rows, 1, TABLES["players"])]
 
 
 # Title, figure if any, and tables if any.
 EXPERIMENTS: Sequence[tuple[str, str, Callable[[Evidence], list[Block]] | None]] = (
-    ("W2 at one number of levels", "fixed_n", designs),
     ("Diversity of the training set", "diversity", None),
     ("Other physics", "rules", physics),
     ("Other textures", "visual", looks),

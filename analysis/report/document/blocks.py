@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from analysis.report.claims.claim import CORRECTED, PAPER, Claim
-from analysis.report.number_format import NONE, interval, p_value, signed
+from analysis.report.claims.claim import METRIC_2022, METRIC_OURS, Claim
+from analysis.report.number_format import NONE, interval, p_value, plain, signed
 
 PIECE = re.compile(r"`([^`]+)`|\*\*([^*]+)\*\*")
 
@@ -81,8 +81,16 @@ class Document:
     title: str
     subtitle: str
     blocks: Sequence[Block]
-    readings: Sequence[str] = (PAPER, CORRECTED)  # in which claims are tested, as findings name them
+    readings: Sequence[str] = (METRIC_2022, METRIC_OURS)  # in which claims are tested, as findings name them
     words: Mapping[str, str] = field(default_factory=dict)  # for verdicts, where others are better
+
+    @property
+    def opening(self) -> list[Block]:
+        """What stands before the section with the first box of a claim."""
+        first = next((k for k, block in enumerate(self.blocks) if isinstance(block, Verdict)), len(self.blocks))
+        while first and not isinstance(self.blocks[first - 1], Heading):
+            first -= 1
+        return list(self.blocks[: max(first - 1, 0)])
 
     @property
     def sections(self) -> list[Heading]:
@@ -104,12 +112,13 @@ def pieces(text: str) -> list[tuple[str, str]]:
 
 
 def finding_rows(claim: Claim) -> list[list[str]]:
-    """The tests of a claim as cells: settings, test, effect, 95 % interval, n, p, verdict."""
+    """The tests of a claim as cells, in the order of :data:`FINDING_HEAD`."""
     return [
-        [one.settings, one.test, one.measure, signed(one.found.estimate), interval(one.found),
-         f"{one.found.n:.0f}" if one.found.n else NONE, p_value(one.found.p), one.verdict]
+        [one.settings, one.runs, one.test, one.measure, signed(one.found.estimate), interval(one.found),
+         f"{one.found.n:.0f}" if one.found.n else NONE, p_value(one.found.p), plain(one.margin), plain(one.power), one.verdict]
         for one in claim.findings
     ]  # fmt: skip
 
 
-FINDING_HEAD = ("settings", "test", "effect is", "effect", "95 %", "n", "p", "verdict")
+FINDING_HEAD = ("settings", "runs", "test", "effect is", "effect", "95 %", "n", "p", "margin", "power", "verdict")
+WORDS_OF_FINDING = (0, 1, 2, 3, len(FINDING_HEAD) - 1)  # columns of words

@@ -1,4 +1,4 @@
-"""The report's files: the page, the PDF, and each figure with its data."""
+"""The report's files: the page, the PDF, its findings as Markdown, and each figure with its data."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -8,20 +8,22 @@ from analysis.plotting.figures import save_figure
 from analysis.report import captions
 from analysis.report.document.blocks import Block, Document, Paragraph, Picture
 from analysis.report.document.html import page
+from analysis.report.document.markdown import markdown
 from analysis.report.document.pdf import sheets
 from analysis.report.figures.drawing import Drawn
 from analysis.tables import write_csv
 from experiments.runs.files import write_bytes, write_text
 
-PAGE, SHEETS = "report.html", "report.pdf"
+PAGE, SHEETS, FINDINGS = "report.html", "report.pdf", "findings.md"
 SUFFIXES = (".svg", ".png")  # of figures
 
 
 def write_document(document: Document, folder: Path) -> list[Path]:
-    """Writes the page and the PDF into the folder; returns their paths."""
+    """Writes the page, the PDF and the findings into the folder; returns their paths."""
     write_text(folder / PAGE, page(document))
     write_bytes(folder / SHEETS, sheets(document))
-    return [folder / PAGE, folder / SHEETS]
+    write_text(folder / FINDINGS, markdown(document.title, document.opening))
+    return [folder / PAGE, folder / SHEETS, folder / FINDINGS]
 
 
 def write_picture(draw: Callable[[], Drawn | str], folder: Path, name: str, command: str) -> Picture | str:

@@ -7,7 +7,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from analysis.report.document.blocks import FINDING_HEAD, Document, Picture, finding_rows, pieces
 
-MARKS = {"reproduced": "✓", "not reproduced": "✗", "undecided": "?", "not testable": "–"}
+MARKS = {"supported": "✓", "not supported": "✗", "undecided": "?", "cannot be tested": "–"}
 
 
 def page(document: Document) -> str:

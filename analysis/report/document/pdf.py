@@ -1,7 +1,8 @@
 """The report as a PDF, by fpdf2, in the fonts that matplotlib brings along: no system library, no browser."""
 
 import datetime
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import matplotlib
@@ -10,26 +11,30 @@ from fpdf.enums import XPos, YPos
 from fpdf.fonts import FontFace
 
 from analysis.report.document import blocks
-from analysis.report.document.blocks import FINDING_HEAD, Document, finding_rows, pieces
+from analysis.report.document.blocks import FINDING_HEAD, WORDS_OF_FINDING, Document, finding_rows, pieces
 from analysis.report.document.html import MARKS
 
 FONT, MONO = "DejaVu Sans", "DejaVu Sans Mono"
 FACES = {(FONT, ""): "DejaVuSans.ttf", (FONT, "B"): "DejaVuSans-Bold.ttf", (MONO, ""): "DejaVuSansMono.ttf"}
 BODY, SMALL, CELLS = 9.0, 7.5, 6.5  # [pt]
 MARGIN = 16.0  # [mm]
+ENDLESS = (210.0, 1e5)  # a sheet as wide as A4 on which no page ends [mm]
+HIGHEST = 140.0  # a figure is no higher [mm]
 LEADING = 1.4  # of the font size
 INK, SOFT, RULE, TINT = (27, 31, 36), (89, 99, 110), (200, 206, 212), (245, 247, 249)
-COLOURS = {"reproduced": (0, 114, 178), "not reproduced": (179, 71, 0), "undecided": (138, 97, 0), "not testable": SOFT}
+COLOURS = {
+    "supported": (0, 114, 178), "not supported": (179, 71, 0), "undecided": (138, 97, 0), "cannot be tested": SOFT,
+}  # fmt: skip
 # The same report gives the same bytes, whenever it is made.
 MADE = datetime.datetime(2022, 1, 1, tzinfo=datetime.UTC)
 POINT = 25.4 / 72  # [mm]
 
 
 class Sheet(FPDF):
-    """A4 with page numbers, in our fonts."""
+    """Sheets with page numbers, in our fonts; A4 unless another ``format`` is named."""
 
-    def __init__(self, title: str):
-        super().__init__(format="A4")
+    def __init__(self, title: str, format: str | tuple[float, float] = "A4"):
+        super().__init__(format=format)
         fonts = Path(matplotlib.get_data_path()) / "fonts" / "ttf"
         for (family, face), file in FACES.items():
             self.add_font(family, face, fonts / file)  # type: ignore[arg-type]
@@ -41,6 +46,11 @@ class Sheet(FPDF):
         self.set_producer("SEGAR")
         self.add_page()
 
+    def close_fonts(self) -> None:
+        """Closes the files of its fonts, as :meth:`output` does."""
+        for font in self.fonts.values():
+            font.close()  # type: ignore[union-attr]
+
     def footer(self) -> None:
         """The page number."""
         self.set_y(-MARGIN + 4)
@@ -51,33 +61,76 @@ class Sheet(FPDF):
 
 def sheets(document: Document) -> bytes:
     """The document as the bytes of a PDF file."""
-    pdf = Sheet(document.title)
-    line(pdf, document.title, 17, bold=True)
-    rich(pdf, document.subtitle, BODY, SOFT)
-    for block in document.blocks:
-        match block:
-            case blocks.Heading():
-                heading(pdf, block)
-            case blocks.Paragraph():
-                rich(pdf, block.text, BODY + (0.5 if block.kind == "lead" else 0), bold=block.kind == "warning")
-            case blocks.Bullets():
-                for item in block.items:
-                    rich(pdf, f"•  {item}", BODY, indent=3)
-            case blocks.Table():
-                if block.caption:
-                    rich(pdf, block.caption, SMALL, SOFT)
-                cells(pdf, block.head, block.rows, range(block.left))
-            case blocks.Picture():
-                picture(pdf, block)
-            case blocks.Verdict():
-                claim(pdf, block, document)
+    endless, first, pdf = Sheet(document.title, ENDLESS), Sheet(document.title), Sheet(document.title)
+    heights = draw(endless, document, {}, {})
+    draw(first, document, {}, heights)
+    pages = {entry.name: entry.page_number for entry in first._outline}  # that the contents name
+    draw(pdf, document, pages, heights)
+    for tried in (endless, first):
+        tried.close_fonts()
     return bytes(pdf.output())
 
 
+def draw(pdf: Sheet, document: Document, pages: Mapping[str, int], heights: Mapping[int, float]) -> dict[int, float]:
+    """Draws the document and returns the height [mm] of each block under its headings, by its place.
+
+    A block whose height is known begins on a new page where the rest of this one is too short for it; a table that is longer
+    than a page goes on under its head. ``pages`` are those of the sections that the contents name.
+    """
+    line(pdf, document.title, 17, bold=True)
+    rich(pdf, document.subtitle, BODY, SOFT)
+    contents(pdf, document, pages)
+    found: dict[int, float] = {}
+    waiting: list[blocks.Heading] = []  # until the block is known that they have to stay with
+    for place, block in enumerate(document.blocks):
+        if isinstance(block, blocks.Heading):
+            waiting.append(block)
+            continue
+        if pdf.get_y() + heights.get(place, 0.0) > pdf.page_break_trigger:
+            pdf.add_page()
+        top = pdf.get_y()
+        draw_block(pdf, waiting, block, document)
+        found[place] = pdf.get_y() - top
+        waiting = []
+    return found
+
+
+def draw_block(pdf: Sheet, headings: Sequence[blocks.Heading], block: blocks.Block, document: Document) -> None:
+    """A block under its headings."""
+    for one in headings:
+        heading(pdf, one)
+    match block:
+        case blocks.Paragraph():
+            rich(pdf, block.text, BODY + (0.5 if block.kind == "lead" else 0), bold=block.kind == "warning")
+        case blocks.Bullets():
+            for item in block.items:
+                rich(pdf, f"•  {item}", BODY, indent=3)
+        case blocks.Table():
+            if block.caption:
+                rich(pdf, block.caption, SMALL, SOFT)
+            cells(pdf, block.head, block.rows, range(block.left))
+        case blocks.Picture():
+            picture(pdf, block)
+        case blocks.Verdict():
+            claim(pdf, block, document)
+
+
+def contents(pdf: Sheet, document: Document, pages: Mapping[str, int]) -> None:
+    """The sections with their pages, in two columns."""
+    names = [block.text for block in document.blocks if isinstance(block, blocks.Heading) and block.level == 2]
+    pdf.set_font(FONT, size=SMALL)
+    pdf.set_text_color(*SOFT)
+    half, height, top = -(-len(names) // 2), SMALL * POINT * LEADING, pdf.get_y()
+    for k, name in enumerate(names):
+        link = pdf.add_link(page=pages[name]) if name in pages else ""
+        pdf.set_xy(MARGIN + (k // half) * pdf.epw / 2, top + (k % half) * height)
+        pdf.cell(pdf.epw / 2 - 14, height, name, link=link)
+        pdf.cell(8, height, str(pages.get(name, "")), align="R", link=link)
+    pdf.set_xy(MARGIN, top + half * height + 2)
+
+
 def heading(pdf: Sheet, block: blocks.Heading) -> None:
-    """A heading that is not left alone at the end of a page."""
-    if pdf.get_y() > pdf.h - 55:
-        pdf.add_page()
+    """A heading, which the outline of the file names, too."""
     pdf.ln(4 if block.level == 2 else 2)
     pdf.start_section(block.text, level=block.level - 2)
     line(pdf, block.text, 13 if block.level == 2 else 10.5, bold=True)
@@ -95,15 +148,21 @@ def rich(
     pdf: Sheet, text: str, size: float, colour: tuple[int, int, int] = INK, indent: float = 0.0, bold: bool = False
 ) -> None:
     """A paragraph with its code and its strong words."""
+    height = size * POINT * LEADING
     pdf.set_left_margin(MARGIN + indent)
     pdf.set_x(MARGIN + indent)
     for kind, words in pieces(text):
         face = "B" if (bold or kind == "strong") and kind != "code" else ""
         pdf.set_font(MONO if kind == "code" else FONT, face, size - (0.5 if kind == "code" else 0))
         pdf.set_text_color(*colour)
-        pdf.write(size * POINT * LEADING, words)
+        for word in re.findall(r"\S+\s*|\s+", words):
+            # fpdf2 would cut a word that changes its font at the end of a line.
+            end = pdf.get_x() + pdf.get_string_width(word.rstrip()) + 2 * pdf.c_margin
+            if end > pdf.w - pdf.r_margin and pdf.get_x() > pdf.l_margin:
+                pdf.ln(height)
+            pdf.write(height, word)
     pdf.set_left_margin(MARGIN)
-    pdf.ln(size * POINT * LEADING + 1.2)
+    pdf.ln(height + 1.2)
 
 
 def cells(pdf: Sheet, head: Sequence[str], rows: Sequence[Sequence[str]], words: Sequence[int] | range) -> None:
@@ -111,24 +170,29 @@ def cells(pdf: Sheet, head: Sequence[str], rows: Sequence[Sequence[str]], words:
     pdf.set_font(FONT, size=CELLS)
     pdf.set_text_color(*INK)
     pdf.set_draw_color(*RULE)
-    widths = widths_of(pdf, head, rows)
+    shown = [[as_shown(cell) for cell in row] for row in (head, *rows)]
+    widths = widths_of(pdf, shown)
     align = ["LEFT" if k in words else "RIGHT" for k in range(len(head))]
     with pdf.table(
         col_widths=widths, width=int(sum(widths)), text_align=align, line_height=CELLS * POINT * 1.35, padding=0.6,
         align="LEFT", borders_layout="HORIZONTAL_LINES", headings_style=FontFace(emphasis="BOLD", fill_color=TINT),
     ) as table:  # fmt: skip
-        for row in (head, *rows):
-            drawn = table.row()
-            for cell in row:
+        for row, texts in zip((head, *rows), shown, strict=True):
+            line_of = table.row()
+            for cell, text in zip(row, texts, strict=True):
                 colour = COLOURS.get(cell)
-                shown = f"{MARKS[cell]} {cell}" if cell in MARKS else cell.replace("`", "").replace("**", "")
-                drawn.cell(shown, style=FontFace(color=colour) if colour else None)
+                line_of.cell(text, style=FontFace(color=colour) if colour else None)
     pdf.ln(2.5)
 
 
-def widths_of(pdf: Sheet, head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[float]:
+def as_shown(cell: str) -> str:
+    """The text of a cell; a verdict with its mark."""
+    return f"{MARKS[cell]} {cell}" if cell in MARKS else cell.replace("`", "").replace("**", "")
+
+
+def widths_of(pdf: Sheet, rows: Sequence[Sequence[str]]) -> list[float]:
     """Widths of columns [mm]: what the longest cell needs; where that is too much, long columns give way."""
-    needed = [max(pdf.get_string_width(str(row[k])) * 1.12 for row in (head, *rows)) + 2.4 for k in range(len(head))]
+    needed = [max(pdf.get_string_width(text) for text in texts) * 1.12 + 2.4 for texts in zip(*rows, strict=True)]
     left, cap = pdf.epw, pdf.epw
     for count, width in zip(range(len(needed), 0, -1), sorted(needed), strict=True):
         cap = left / count
@@ -139,14 +203,12 @@ def widths_of(pdf: Sheet, head: Sequence[str], rows: Sequence[Sequence[str]]) ->
 
 
 def picture(pdf: Sheet, block: blocks.Picture) -> None:
-    """A figure across the page, with its caption on the same page."""
+    """A figure across the page, or lower than :data:`HIGHEST`, with its caption on the same page."""
     from PIL import Image
 
     with Image.open(block.png) as image:
         ratio = image.height / image.width
-    width = min(pdf.epw, 210 / ratio if ratio > 0.8 else pdf.epw)
-    if pdf.get_y() + width * ratio + 22 > pdf.h - MARGIN:
-        pdf.add_page()
+    width = min(pdf.epw, HIGHEST / ratio)
     pdf.image(block.png, w=width, alt_text=block.caption)
     pdf.ln(1)
     rich(pdf, f"{block.caption} Data: `figures/{block.name}.csv`. Drawn again by `{block.command}`", SMALL, SOFT)
@@ -156,8 +218,6 @@ def picture(pdf: Sheet, block: blocks.Picture) -> None:
 def claim(pdf: Sheet, block: blocks.Verdict, document: blocks.Document) -> None:
     """A claim: statement, verdicts, what follows, tests."""
     one = block.claim
-    if pdf.get_y() > pdf.h - 60:
-        pdf.add_page()
     pdf.set_draw_color(*RULE)
     pdf.line(MARGIN, pdf.get_y(), pdf.w - MARGIN, pdf.get_y())
     pdf.ln(1.5)
@@ -179,4 +239,4 @@ def claim(pdf: Sheet, block: blocks.Verdict, document: blocks.Document) -> None:
         if text:
             rich(pdf, text, BODY)
     if one.findings:
-        cells(pdf, FINDING_HEAD, finding_rows(one), (0, 1, 2, len(FINDING_HEAD) - 1))
+        cells(pdf, FINDING_HEAD, finding_rows(one), WORDS_OF_FINDING)

@@ -1,25 +1,55 @@
 """The report's text: which claims, tables and figures stand where, and the sentences between them."""
 
-import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
+import numpy as np
 import pandas as pd
 
+from analysis.plotting.names import algorithm_name, family_name
 from analysis.report.captions import TABLES
 from analysis.report.claims import verdicts
-from analysis.report.claims.claim import CORRECTED, PAPER, Claim
-from analysis.report.claims.evidence import PAPER_R, Evidence
+from analysis.report.claims.claim import ALL_RUNS, LEARNED, METRIC_2022, METRIC_OURS, OF_PAPER, Claim, Finding
+from analysis.report.claims.evidence import Evidence
 from analysis.report.document import beyond, tables
 from analysis.report.document.blocks import Block, Bullets, Document, Heading, Paragraph, Picture, Table, Verdict
 from analysis.report.document.files import as_block
 from analysis.report.number_format import estimate_text, listed, plain
-from analysis.stats.power import critical_r
-from analysis.tables import column, count_of, mean_by, select
+from analysis.report.rules import RULES, SHA256, WRITTEN
+from analysis.tables import column, count_of, select
 
 PAPER_FRAMES, PAPER_TEST_LEVELS = 1_000_000, 500
-IN_SHORT = ("3a", "3a-n", "3a-cell", "fixed-n", "3b-trend", "4a-larger", "4b-none", "5a-gap", "A-mass")
-LEARNED = 0.5  # success on training levels below which an agent did not learn its task
+SUCCESS = "success_test_deterministic"
+GLOSSARY = (
+    "**Level**: one start of the task. **Training levels**: the n levels that an agent practises on. **Test levels**: others "
+    "from the same distribution, 300 per panel unless said otherwise.",
+    "**Family** and **difficulty**: what is in a level, and how far apart things start. **Panel**: a family and a difficulty. "
+    "**Cell**: a panel and a number n of training levels.",
+    "**Seed**: of the training levels and of the agent. **Block**: all runs of one panel and one seed; their training levels "
+    "are nested, so they stay together in every interval.",
+    "**Gap**: mean return on test levels less that on training levels; negative means worse on test levels. **Success**: the "
+    "share of levels that an agent solves. **Regret**: the best known return less the agent's.",
+    "**Score**: the mean return on a scale on which the better of idle and random play on each level has 0, and the planner "
+    "1. **IQM**: the mean of the middle half of the scores of all runs.",
+    "**W2**: the Wasserstein-2 distance between training and test levels. **Covering radius**: the largest distance of a test "
+    "level to the nearest training level. **Effective number**: how many unlike levels a training set is worth.",
+    "**2022 metric**: the W2 of the code of 2022, and returns without the last reward of each episode. **Our metric**: exact "
+    "W2 in standard deviations, and full returns.",
+    "**Runs that learned**: those above the gate. The verdicts are about them; a second row has all runs.",
+)
+# What the paper and its code of 2022 did, beside this main grid: setting, the paper's, ours as a function of the runs.
+SETTINGS_OF_PAPER = (
+    ("agent", "PPO, learning rate 1e-4, one epoch"),
+    ("encoder", "IMPALA CNN on one frame of textures"),
+    ("gamma", "0.999"),
+    ("reward", "-d² and -100 on death, as it is"),
+    ("frames", "1,000,000"),
+    ("training levels", "1, 10, 50, 100, 200"),
+    ("test levels", "100 (text), 500 (code)"),
+    ("seeds", "1"),
+    ("episodes per evaluation", "10"),
+)
 
 
 def document(evidence: Evidence, claims: Sequence[Claim], figures: Mapping[str, Picture | str]) -> Document:
@@ -35,15 +65,23 @@ def document(evidence: Evidence, claims: Sequence[Claim], figures: Mapping[str, 
     def section(title: str, level: int, figure: str, *names: str) -> list[Block]:
         return [Heading(title, level), *drawn(figure), *boxes(*names)]
 
+    there = len(evidence.ungated.main) > 0
     blocks: list[Block] = [
-        *opening(evidence),
+        *answer(evidence, by_name),
+        *drawn("task"),
+        *what_is_missing(evidence),
+        Heading("Words"),
+        Bullets(GLOSSARY),
         *summary(claims),
-        *what_was_run(evidence),
-        *limits(evidence),
-        *section("The main grid: gap against W2", 2, "figure_3a", "3a", "3a-panel", "3a-n", "3a-cell", "fixed-n"),
-        *(estimates(evidence, drawn) if len(evidence.main) else ()),
-        *section("Each panel by itself", 3, "figure_3b", "3b-trend", "3b-easy", "3b-empty", "3b-weak"),
-        *(panels_and_cells(evidence, drawn) if len(evidence.main) else ()),
+        *who_counts(evidence, there),
+        *section("The main grid: gap against W2", 2, "figure_3a", "3a", "3a-panel", "3a-n", "3a-cell", "3a-agent"),
+        *([Heading("What survives other choices", 3), *drawn("specification_curves")] if there else []),
+        *section("W2, coverage or diversity?", 2, "matched_sets", "matched-w2", "matched-coverage"),
+        *beyond.matched(evidence),
+        *section("Ten levels, picked in several ways", 3, "fixed_n", "fixed-n"),
+        *beyond.designs(evidence),
+        *section("Each panel by itself", 2, "figure_3b", "3b-trend", "3b-easy", "3b-empty", "3b-weak"),
+        *(panels_and_cells(evidence, drawn) if there else ()),
         *section("Out of distribution", 2, "figure_4a", "4a-larger", "4a-shift", "4a-trend", "4a-all"),
         *section("What representations know", 2, "figure_4b", "4b-train", "4b-none"),
         *section("Self-supervised losses", 3, "figure_5a", "5a-gap", "5a-similar", "5a-trends"),
@@ -52,40 +90,87 @@ def document(evidence: Evidence, claims: Sequence[Claim], figures: Mapping[str, 
         *boxes("A-mass", "A-flip"),
         *section("Learning", 2, "figure_5b", "5b-diversity", "5b-easy"),
         *section("SAC", 3, "appendix_sac", "A-sac-easy", "A-sac-hard"),
+        *section("Scores of algorithms", 3, "performance_profiles"),
+        *beyond.compared(evidence),
         *section("KS and W2", 3, "appendix_measures", "A-ks"),
         *beyond.blocks(evidence, drawn),
-        *how_verdicts_are_decided(),
+        *(estimates(evidence, drawn) if there else ()),
+        *whose_settings(evidence, there),
+        *how_verdicts_are_decided(evidence),
+        *written_before(),
+        *what_was_run(evidence),
     ]
-    scale = evidence.results.scale
+    title = "Does the distance between training and test levels predict the generalization gap?"
+    scale = evidence.all_results.scale
     subtitle = f"The Sandbox Environment for Generalizable Agent Research (SEGAR): its experiments at scale `{scale}`"
-    return Document("What holds of the paper's claims", subtitle, blocks)
+    return Document(title, subtitle, blocks)
 
 
-def opening(evidence: Evidence) -> list[Block]:
-    """The runs of this report, and a warning about missing ones."""
-    results = evidence.results
-    main, runs = results.main, results.runs
-    text = f"{len(runs)} runs, none of them of the main grid"
-    if len(main):
-        text = (
-            f"{len(main)} runs of the main grid ({listed(main['algorithm'])} on {listed(main['observation'])}, "
-            f"{frames_of(main)} frames, seed{'s' if count_of(main, 'seed') > 1 else ''} {listed(main['seed'])})"
+def answer(evidence: Evidence, claims: Mapping[str, Claim]) -> list[Block]:
+    """The answer in five lines, each from the tests of a claim."""
+    lines = []
+    first, second = (leading(claims[name], METRIC_OURS) for name in ("3a", "3a-n"))
+    if first is not None:
+        lines.append(
+            f"Over all runs that learned, gap and W2 are correlated by {number(first)}. The paper's headline, that the gap is "
+            f"worse where training and test levels are farther apart, is {claims['3a'].verdict(METRIC_OURS)}."
         )
-        others, tests = len(runs) - len(main), len(results.transfers)
-        text += f", {others} more runs" if others else ""
-        text += f", and {tests} tests of their agents elsewhere" if tests else ""
-    text += (
-        ". "
-        "The gap is the mean return on test levels less that on training levels; negative means worse on test levels. "
-        "Every claim is read twice: with the settings of the paper and its code of 2022, and with what is wrong in "
-        "them corrected."
-    )
-    return [Paragraph(text, "lead"), *what_is_missing(evidence)]
+    if second is not None:
+        lines.append(
+            f"W2 falls as the number n of training levels grows. Given panel and n, {number(second)} remains: that W2 matters "
+            f"beyond n is {claims['3a-n'].verdict(METRIC_OURS)}."
+        )
+    lines.append(headline(claims))
+    everything, main = evidence.ungated.main, evidence.main
+    if len(everything):
+        lost = len(everything) - len(main)
+        which = Counter(everything["family"]) - Counter(main["family"])
+        part = ", ".join(f"{count} of {family_name(family)}" for family, count in which.items())
+        text = f"{lost} of {len(everything)} runs did not learn their training levels ({part}) and are left out."
+        lines.append(text if lost else f"All {len(everything)} runs learned their training levels.")
+    agent = leading(claims["3a-agent"], METRIC_2022)
+    if agent is not None:
+        lines.append(f"With the paper's own agent: {number(agent)} ({claims['3a-agent'].verdict(METRIC_2022)}).")
+    if not lines:
+        lines.append("These runs have no main grid, so they do not answer this question.")
+    return [Heading("In five lines"), Bullets(lines)]
+
+
+def headline(claims: Mapping[str, Claim]) -> str:
+    """What the matched sets say of distance and coverage, in one sentence."""
+    measures = {"matched-w2": "farther in W2", "matched-coverage": "worse in coverage and diversity"}
+    found = {name: leading(claims[name], METRIC_OURS) for name in measures}
+    parts = [
+        f"those that are {measures[name]} differ in their gap in success by {number(one)} ({claims[name].verdict(METRIC_OURS)})"
+        for name, one in found.items()
+        if one is not None
+    ]
+    if not parts:
+        return "Whether it is W2 or coverage that matters was not run at this scale (`experiments=[matched_sets]`)."
+    named = {"matched-w2": "W2", "matched-coverage": "Coverage"}
+    stands = [named[name] for name in measures if claims[name].verdict(METRIC_OURS) == verdicts.SUPPORTED]
+    said = {
+        0: "Neither W2 nor coverage is shown to predict the gap by itself",
+        2: "W2 and coverage each predict the gap",
+    }
+    what = said.get(len(stands), f"{stands[0] if stands else ''} predicts the gap, and the other is not shown to")
+    return f"{what}. Of training sets that are equal in all else, {', and '.join(parts)}."
+
+
+def leading(claim: Claim, settings: str) -> Finding | None:
+    """The first test of a claim that has a number, with the runs that learned; None where there is none."""
+    return next((one for one in claim.tests(settings, LEARNED) if np.isfinite(one.found.estimate)), None)
+
+
+def number(one: Finding) -> str:
+    """An estimate with its interval and what it rests on."""
+    name = "r" if one.measure.endswith("Pearson r") else "difference"
+    return estimate_text(one.found, name)
 
 
 def what_is_missing(evidence: Evidence) -> list[Block]:
     """A warning about what was planned and is not in the tables; nothing where all is."""
-    missing = evidence.results.missing_runs()
+    missing = evidence.all_results.missing_runs()
     if not missing:
         return []
     shown = ", ".join(missing[:8]) + (" and others" if len(missing) > 8 else "")
@@ -101,38 +186,60 @@ def frames_of(table: pd.DataFrame) -> str:
 
 
 def summary(claims: Sequence[Claim]) -> list[Block]:
-    """The main claims in sentences, and all claims with their verdicts in one table."""
-    tested = [claim for claim in claims if claim.findings]
-    counted = {s: Counter(claim.verdict(s) for claim in tested if claim.verdict(s)) for s in (PAPER, CORRECTED)}
-    sentences = [f"{len(tested)} of {len(claims)} claims can be tested with these runs."]
-    for settings, found in counted.items():
-        parts = ", ".join(f"{found[name]} {name}" for name in verdicts.VERDICTS if found[name])
-        sentences.append(f"{settings.capitalize()}: {parts or 'none'}.")
-    short = [f"**{c.name}** {c.statement} {reading(c)} {c.follows}" for c in tested if c.name in IN_SHORT]
+    """The verdicts: the paper's claims, then the questions that we add."""
+    blocks: list[Block] = [Heading("Verdicts")]
+    parts = {
+        "What the paper says": [claim for claim in claims if claim.of == OF_PAPER],
+        "Questions that we add": [claim for claim in claims if claim.of != OF_PAPER],
+    }
+    for title, some in parts.items():
+        tested = [claim for claim in some if any(verdict_known(claim, s) for s in (METRIC_2022, METRIC_OURS))]
+        sentences = [f"{len(tested)} of {len(some)} can be tested with these runs."]
+        for settings in (METRIC_2022, METRIC_OURS):
+            found = Counter(claim.verdict(settings) for claim in some if claim.findings and claim.verdict(settings))
+            said = ", ".join(f"{found[name]} {name}" for name in verdicts.VERDICTS if found[name])
+            sentences.append(f"With {'the ' if settings == METRIC_2022 else ''}{settings}: {said or 'none'}.")
+        blocks += [Heading(title, 3), Paragraph(" ".join(sentences)), verdict_table(some)]
+    return blocks
+
+
+def verdict_known(claim: Claim, settings: str) -> bool:
+    """Whether the claim has a verdict in these settings that is one."""
+    return claim.verdict(settings) not in ("", verdicts.NOT_TESTABLE)
+
+
+def verdict_table(claims: Sequence[Claim]) -> Table:
+    """One row per claim: verdicts with the runs that learned, and with all."""
     rows = []
     for claim in claims:
-        first = {s: next((one for one in claim.findings if one.settings == s), None) for s in (PAPER, CORRECTED)}
-        several = sum(one.settings == CORRECTED for one in claim.findings) > 1
-        number = first[CORRECTED] or first[PAPER]
-        name = "r" if number is not None and number.measure.endswith("Pearson r") else "difference"
-        shown = "" if number is None or several else estimate_text(number.found, name)
-        corrected = claim.verdict(CORRECTED) if claim.findings else ""
-        rows.append([claim.name, claim.verdict(PAPER), corrected, claim.statement, shown])
-    head = ("claim", PAPER, CORRECTED, "the paper says, in our words", "corrected, in numbers")
-    return [
-        Heading("Verdicts"),
-        Paragraph(" ".join(sentences)),
-        Bullets(short),
-        Table(head, rows, 5, TABLES["verdicts"]),
-    ]
+        some = claim.tests(METRIC_OURS) or claim.tests(METRIC_2022)
+        one = some[0] if len(some) == 1 and np.isfinite(some[0].found.estimate) else None
+        ours = claim.verdict(METRIC_OURS) if claim.findings else ""
+        everything = claim.verdict(METRIC_OURS if claim.has(METRIC_OURS) else METRIC_2022, ALL_RUNS)
+        rows.append([
+            claim.name, claim.verdict(METRIC_2022), ours, everything, claim.statement, number(one) if one else ""
+        ])  # fmt: skip
+    head = (
+        "",
+        METRIC_2022,
+        METRIC_OURS,
+        f"{METRIC_OURS}, all runs",
+        "statement, in our words",
+        f"{METRIC_OURS}, in numbers",
+    )
+    return Table(head, rows, 6, TABLES["verdicts"])
 
 
-def reading(claim: Claim) -> str:
-    """The verdicts on a claim in a sentence."""
-    parts = [f"{claim.verdict(s)} {'as in the paper' if s == PAPER else 'when corrected'}" for s in (PAPER, CORRECTED)
-             if claim.verdict(s)]  # fmt: skip
-    text = ", ".join(parts)
-    return f"{text[:1].upper()}{text[1:]}."
+def who_counts(evidence: Evidence, there: bool) -> list[Block]:
+    """The gate, and how many runs of each panel are above it."""
+    if not there:
+        return []
+    text = [Heading("Which runs count"), Paragraph(" ".join(str(RULES["gate"]["leading"]).split()))]
+    if evidence.all_results.players.empty:
+        text.append(
+            Paragraph("Idle and random play were not measured (`experiments=[anchors]`); 0 stands for them.", "warning")
+        )
+    return [*text, tables.gate_table(evidence)]
 
 
 def masses(evidence: Evidence) -> list[Block]:
@@ -140,15 +247,94 @@ def masses(evidence: Evidence) -> list[Block]:
     table = evidence.results.masses
     if table.empty:
         return []
-    named = table.assign(levels=table["n"])
-    found = tables.means(evidence, named, ["past", "mass", "levels"], "success_test_deterministic", "masses")
+    found = tables.means(evidence, table, ["past", "mass", "levels"], SUCCESS)
     head = {"past": "the agent has", "mass": "mass", "levels": "training levels"}
     return [tables.means_table(found, head, "success", TABLES["masses"], plain)]
 
 
+def estimates(evidence: Evidence, drawn: Callable[[str], list[Block]]) -> list[Block]:
+    """All correlations of the main grid, and what they rest on."""
+    return [
+        Heading("All correlations of the main grid"),
+        *drawn("estimates"),
+        tables.main_table(evidence),
+        tables.sensitivity_table(evidence),
+        tables.explained_table(evidence),
+        Paragraph(confound(evidence)),
+        tables.mixed_table(evidence),
+        tables.predictor_table(evidence),
+    ]
+
+
+def panels_and_cells(evidence: Evidence, drawn: Callable[[str], list[Block]]) -> list[Block]:
+    """The main grid by panels, by numbers of levels, and by cells."""
+    return [
+        tables.panel_table(evidence),
+        Heading("How many levels close the gap", 3),
+        *drawn("train_and_test"),
+        Heading("All cells", 3),
+        tables.cell_table(evidence.ungated.main),
+    ]
+
+
+def confound(evidence: Evidence) -> str:
+    """A sentence on what the table of R² means."""
+    part = select(evidence.explained, of="both")
+    if part.empty:
+        return "No run learned its training levels."
+    both = dict(zip(part["w2"], column(part, "r2"), strict=True))
+    mode = "exact" if "exact" in both else evidence.modes[0]
+    return (
+        f"Panel and log n explain {per_cent(both[mode])} of the variance of the logarithm of the "
+        f"{tables.DISTANCES[mode]}: a correlation over the main grid cannot tell W2 from how many levels were "
+        "sampled, and where. The partial correlation given both rests on the few per cent that are left."
+    )
+
+
+def per_cent(share: float) -> str:
+    """``93 %``."""
+    return f"{100 * share:.0f} %"
+
+
+def whose_settings(evidence: Evidence, there: bool) -> list[Block]:
+    """The paper's setting beside ours."""
+    if not there:
+        return []
+    main = evidence.ungated.main
+    ours = {
+        "agent": ", ".join(algorithm_name(name) for name in sorted(set(main["algorithm"])))
+        + f" ({listed(main['algorithm'])})",
+        "encoder": f"{encoder_of(main)} ({listed(main['observation'])})",
+        "gamma": "0.9" if set(main["algorithm"]) == {"ppo_fast"} else "see conf/algorithm",
+        "reward": "the same, learned from its square root"
+        if set(main["algorithm"]) == {"ppo_fast"}
+        else "see conf/algorithm",
+        "frames": frames_of(main),
+        "training levels": listed(main["n"]),
+        "test levels": listed(main["test_levels"]) if "test_levels" in main else "",
+        "seeds": f"{count_of(main, 'seed')}",
+        "episodes per evaluation": "100 or more on training levels, one on each test level",
+    }
+    rows = [[name, paper, ours[name]] for name, paper in SETTINGS_OF_PAPER]
+    note = (
+        "Distances, returns and statistics of the 2022 metric are the paper's; agents are not, but for the block with the "
+        "paper's own agent (claim 3a-agent)."
+    )
+    head = ("setting", "paper and code of 2022", "this main grid")
+    return [Heading("What is whose"), Table(head, rows, 3, TABLES["settings"]), Paragraph(note)]
+
+
+def encoder_of(main: pd.DataFrame) -> str:
+    """What the agents of a table see, in words."""
+    looks = set(map(str, main["observation"]))
+    if looks == {"rgb_stack2"}:
+        return "keypoints on two frames in solid colours"
+    return "IMPALA CNN on one frame of textures" if looks == {"textures"} else "several"
+
+
 def what_was_run(evidence: Evidence) -> list[Block]:
     """Runs per experiment, with frames, seeds and hours; versions."""
-    runs = evidence.results.runs
+    runs = evidence.all_results.runs
     named = runs.assign(experiment=runs["experiments"].str.split()).explode("experiment")
     rows = []
     for name, part in named.groupby("experiment", sort=True):
@@ -162,10 +348,11 @@ def what_was_run(evidence: Evidence) -> list[Block]:
     sentences = []
     if "hours" in runs:
         hours = plain(float(column(runs, "hours").sum()), 1)
-        sentences.append(f"All runs together took {hours} hours of training and evaluation.")
+        sentences.append(f"All {len(runs)} runs together took {hours} hours of training and evaluation.")
     if "test_levels" in runs:
-        levels = listed(runs["test_levels"])
-        sentences.append(f"Agents were tested on {levels} test levels each, which all seeds of a panel share.")
+        sentences.append(
+            f"Agents were tested on {listed(runs['test_levels'])} test levels each, which all seeds of a panel share."
+        )
     return [Heading("What was run"), shown, Paragraph(" ".join(sentences)), *versions(named)]
 
 
@@ -191,103 +378,27 @@ def versions(named: pd.DataFrame) -> list[Block]:
     return [*libraries, Table(("fingerprint", "commits", "experiments", "runs"), rows, 3, caption)]
 
 
-def limits(evidence: Evidence) -> list[Block]:
-    """The limits of a scale: frames, algorithms, test levels, seeds, power."""
-    main = evidence.main
-    if main.empty:
-        return []
-    items = []
-    frames = int(column(main, "frames").max())
-    if frames < PAPER_FRAMES:
-        items.append(f"Agents saw {frames:,} frames; the paper's saw {PAPER_FRAMES:,}.")
-    algorithms, observations = set(main["algorithm"]), set(main["observation"])
-    if algorithms != {"ppo"} or observations != {"textures"}:
-        items.append(
-            f"The agents are {listed(algorithms)} on {listed(observations)}, chosen to learn within this budget; the "
-            "paper's are `ppo` on `textures`, which learn little in so few frames."
-        )
-    tested = int(column(main, "test_levels").max()) if "test_levels" in main else PAPER_TEST_LEVELS
-    if tested < PAPER_TEST_LEVELS:
-        items.append(f"{tested} test levels per panel; the code of 2022 has {PAPER_TEST_LEVELS}.")
-    seeds, points = count_of(main, "seed"), max(Counter(main["panel"]).values())
-    items.append(
-        f"{seeds} seed{'s' if seeds > 1 else ''}: a panel has at most {points} points, which reach p < 0.05 only where |r| "
-        f"is above {critical_r(points):.3f}." if points > 2 else f"A panel has {points} points, too few for a correlation."
-    )  # fmt: skip
-    success = "success_train_deterministic"
-    learned = mean_by(main, ["panel"], [success]).set_index("panel")[success].to_dict()
-    low = [f"{panel} ({plain(learned[panel])})" for panel in evidence.results.panels if learned[panel] < LEARNED]
-    if low:
-        items.append(
-            f"Agents did not learn to solve their own training levels in {', '.join(low)}: gaps there are about how "
-            "agents fail."
-        )
-    power = dict(zip(evidence.power["test"], column(evidence.power, "estimate"), strict=True))
-    tests = {"pooled": "pooled", "given panel and log n": "given panel and log n", "within": "in a single panel"}
-    found = [f"{words} in {per_cent(power[test])}" for test, words in tests.items() if test in power]
-    if found:
-        items.append(
-            f"If the paper's effect is as large as its p-value implies (r = {plain(PAPER_R)}), this design finds it in "
-            f"so many cases: {', '.join(found)}."
-        )
-    items.append(
-        "Runs share test levels, and training sets of a seed are nested in n: p-values that take runs for independent "
-        "are too small."
+def how_verdicts_are_decided(evidence: Evidence) -> list[Block]:
+    """The rules, as their file states them."""
+    judged, known = RULES["verdicts"], RULES["evidence"]
+    items = [f"**{name.capitalize()}**: {sentence(judged[name])}" for name in judged]
+    items += [f"**{name.capitalize()}**: {sentence(known[name])}" for name in ("block", "interval", "power")]
+    items.append(f"**Least**: {evidence.least_blocks} {evidence.blocks}. With fewer, a claim cannot be tested.")
+    margins: Mapping[str, Any] = RULES["margins"]
+    items.append("**Margins**: " + ", ".join(f"{name} {value:g}" for name, value in margins.items()) + ".")
+    return [Heading("How verdicts are decided"), Bullets(items)]
+
+
+def written_before() -> list[Block]:
+    """When the rules were written, the hash of their file, and the one test of each claim that they name."""
+    text = (
+        f"These rules were written on {WRITTEN}, in `analysis/report/rules.yaml` (SHA-256 `{SHA256[:16]}`). "
+        f"{sentence(RULES['seen'])}"
     )
-    return [Heading("Limits of this scale"), Bullets(items)]
+    primary = [f"**{name}**: {sentence(words)}" for name, words in RULES["primary"].items()]
+    return [Paragraph(text), Heading("The primary tests", 3), Bullets(primary)]
 
 
-def estimates(evidence: Evidence, drawn: Callable[[str], list[Block]]) -> list[Block]:
-    """All correlations of the main grid, and what they rest on."""
-    return [
-        Heading("Pooled, partial, and one number of levels", 3),
-        *drawn("estimates"),
-        tables.main_table(evidence),
-        tables.explained_table(evidence),
-        Paragraph(confound(evidence)),
-        tables.mixed_table(evidence),
-        tables.predictor_table(evidence),
-        tables.sensitivity_table(evidence),
-        tables.power_table(evidence),
-    ]
-
-
-def panels_and_cells(evidence: Evidence, drawn: Callable[[str], list[Block]]) -> list[Block]:
-    """The main grid by panels, by numbers of levels, and by cells."""
-    return [
-        tables.panel_table(evidence),
-        Heading("How many levels close the gap", 3),
-        *drawn("train_and_test"),
-        Heading("All cells", 3),
-        tables.cell_table(evidence.main),
-    ]
-
-
-def confound(evidence: Evidence) -> str:
-    """A sentence on what the table of R² means."""
-    part = select(evidence.explained, of="both")
-    both = dict(zip(part["w2"], column(part, "r2"), strict=True))
-    mode = "exact" if "exact" in both else evidence.modes[0]
-    return (
-        f"Panel and log n explain {per_cent(both[mode])} of the variance of the logarithm of the "
-        f"{tables.DISTANCES[mode]}: a correlation over the main grid cannot tell W2 from how many levels were "
-        "sampled, and where. The partial correlation given both rests on the few per cent that are left."
-    )
-
-
-def per_cent(share: float) -> str:
-    """``93 %``."""
-    return f"{100 * share:.0f} %"
-
-
-def how_verdicts_are_decided() -> list[Block]:
-    """The rules, as their module states them."""
-    blocks: list[Block] = [Heading("How verdicts are decided")]
-    text = (verdicts.__doc__ or "").replace("*An", "An").strip()
-    for part in re.split(r"\n\s*\n", text):
-        lines = re.sub(r"\n\s+", " ", part.strip())
-        if lines.startswith("- "):
-            blocks.append(Bullets([one.removeprefix("- ").replace("\n", " ") for one in re.split(r"\n(?=- )", lines)]))
-        else:
-            blocks.append(Paragraph(re.sub(r"(?<!\*)\*(?!\*)", "", lines.replace("\n", " "))))
-    return blocks
+def sentence(text: object) -> str:
+    """A text of the rules in one line."""
+    return " ".join(str(text).split())

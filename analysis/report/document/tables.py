@@ -1,18 +1,25 @@
 """The tables of statistics: as CSV files with all digits that mean something, and as the report prints them."""
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 import pandas as pd
 
+from analysis.plotting.names import panel_name
 from analysis.report.captions import TABLES
-from analysis.report.claims.evidence import BLOCKS, DISTANCES, GAPS, GIVEN, PERMUTATION, Evidence
+from analysis.report.claims.claim import METRIC_2022, METRIC_OURS
+from analysis.report.claims.evidence import DISTANCES, GAPS, GIVEN, PERMUTATION, Evidence
+from analysis.report.claims.prediction import matched_predictions
+from analysis.report.claims.scores import comparison
+from analysis.report.claims.specifications import specifications
 from analysis.report.document.blocks import Table
 from analysis.report.number_format import interval, p_value, plain, signed
 from analysis.report.results import PANEL
 from analysis.stats.estimate import Estimate
-from analysis.tables import mean_by, select
+from analysis.tables import column, count_of, mean_by, select
 
+LEARNED_FROM = "success_train_deterministic"  # what the gate looks at
 CELL_COLUMNS = {
     "w2_reference": 3, "w2_exact": 3, "eta_train_deterministic": 2, "eta_test_deterministic": 2, "gap": 2, "gap_se": 2,
     "gap_2022": 2, "success_train_deterministic": 2, "success_test_deterministic": 2, "death_test_deterministic": 2,
@@ -25,15 +32,19 @@ def statistics(evidence: Evidence) -> dict[str, pd.DataFrame]:
     """All tables of statistics, by the name of their CSV file."""
     if evidence.main.empty:
         return {}
+    matched = evidence.results.of("matched_sets")
+    compared = comparison(evidence.all_results)
     return {
+        **({"predictions": matched_predictions(evidence, matched)} if count_of(matched, "design") > 1 else {}),
+        **({"scores": compared} if len(compared) else {}),
         "associations": evidence.associations,
         "resampled": evidence.resampled,
         "mixed_models": evidence.mixed,
         "sensitivity": evidence.sensitivity,
         "explained": evidence.explained,
         "predictors": evidence.predictors,
-        "power": evidence.power,
-        "cells": cells(evidence.main),
+        "specifications": specifications(evidence),
+        "cells": cells(evidence.ungated.main),
     }
 
 
@@ -62,37 +73,32 @@ def cell(value: float, name: str) -> str:
 
 
 def main_table(evidence: Evidence) -> Table:
-    """Pooled and partial correlations with three kinds of interval and p."""
+    """Pooled and partial correlations, with the interval of blocks and the p of a permutation."""
     rows = []
     for mode in evidence.modes:
         for gap in ("gap_2022", "gap"):
             for test in GIVEN:
-                one = evidence.association(mode, gap, test)
-                rank = evidence.association(mode, gap, test, method="spearman")
-                block = row_of(evidence.resampled, w2=mode, gap=gap, test=test, way=BLOCKS)
+                one = evidence.of_main(mode, gap, test)
                 shuffled = row_of(evidence.resampled, w2=mode, gap=gap, test=test, way=PERMUTATION)
                 rows.append([
-                    DISTANCES[mode], GAPS[gap], test, signed(one.estimate), interval(one), p_value(one.p), interval(block),
-                    p_value(block.p), p_value(shuffled.p), signed(rank.estimate), f"{one.n:.0f}",
+                    DISTANCES[mode], GAPS[gap], test, signed(one.estimate), interval(one), p_value(one.p),
+                    p_value(shuffled.p), f"{one.n:.0f}",
                 ])  # fmt: skip
-    head = ("distance", "returns", "test", "r", "95 %", "p", "95 %, blocks", "p, blocks", "p, permuted", "Spearman ρ",
-            "n")  # fmt: skip
+    head = ("distance", "returns", "test", "r", "95 %", "p", "p, permuted", "runs")
     return Table(head, rows, 3, TABLES["main"])
 
 
 def panel_table(evidence: Evidence) -> Table:
-    """Each panel by itself, in the paper's settings and corrected."""
+    """Each panel by itself, in both metrics."""
     rows = []
     for panel in evidence.results.panels:
-        paper = evidence.association("reference", "gap_2022", "within", panel)
-        exact = evidence.association("exact", "gap", "within", panel)
-        rank = evidence.association("exact", "gap", "within", panel, method="spearman")
-        held = evidence.association("exact", "gap", "within", panel, corrected=True)
+        part = select(evidence.main, panel=panel)
+        paper, ours = (evidence.correlation(part, x, y) for x, y in (("w2_reference", "gap_2022"), ("w2_exact", "gap")))
         rows.append([
-            panel, f"{exact.n:.0f}", signed(paper.estimate), interval(paper), p_value(paper.p), signed(exact.estimate),
-            interval(exact), p_value(exact.p), p_value(held.p), signed(rank.estimate), p_value(rank.p),
+            panel_name(panel), f"{len(part)}", f"{count_of(part, 'seed')}", signed(paper.estimate), interval(paper),
+            p_value(paper.p), signed(ours.estimate), interval(ours), p_value(ours.p),
         ])  # fmt: skip
-    head = ("panel", "n", "r, as in the paper", "95 %", "p", "r, corrected", "95 %", "p", "p, Holm", "Spearman ρ", "p")
+    head = ("panel", "runs", "seeds", f"r, {METRIC_2022}", "95 %", "p", f"r, {METRIC_OURS}", "95 %", "p")
     return Table(head, rows, 1, TABLES["panel"])
 
 
@@ -133,17 +139,26 @@ def predictor_table(evidence: Evidence) -> Table:
     return Table(("predictors", "adjusted R²", "R² on a new panel"), rows, 1, TABLES["predictor"])
 
 
-def power_table(evidence: Evidence) -> Table:
-    """The power of this design."""
-    rows = [[r["test"], plain(r["estimate"]), f"{r['n']:.0f}"] for r in evidence.power.to_dict("records")]
-    return Table(("test", "power at p < 0.05", "runs"), rows, 1, TABLES["power"])
+def gate_table(evidence: Evidence) -> Table:
+    """How many runs of each panel learned, and what idle and random play reach there."""
+    everything = evidence.ungated.main
+    idle, chance = (evidence.all_results.player(name, "success") for name in ("idle", "random"))
+    counted = Counter(evidence.main["panel"])
+    rows = [
+        [panel_name(panel), f"{counted[panel]}", f"{len(part)}", plain(float(column(part, LEARNED_FROM).mean())),
+         plain(idle.get(panel, np.nan)), plain(chance.get(panel, np.nan))]
+        for panel in evidence.ungated.results.panels
+        for part in (select(everything, panel=panel),)
+    ]  # fmt: skip
+    head = ("panel", "runs that learned", "runs", "success on training levels", "idle play", "random play")
+    return Table(head, rows, 1, TABLES["gate"])
 
 
-def means(evidence: Evidence, table: pd.DataFrame, group: Sequence[str], column: str, name: str) -> pd.DataFrame:
+def means(evidence: Evidence, table: pd.DataFrame, group: Sequence[str], value: str) -> pd.DataFrame:
     """Mean of a column per group, with the interval of (panel, seed) blocks."""
     rows = []
     for key, part in table.groupby(list(group), sort=True):
-        found = evidence.mean(f"{name} {key}", part, column)
+        found = evidence.mean(part, value)
         rows.append(found.row(**dict(zip(group, key if isinstance(key, tuple) else (key,), strict=True))))
     return pd.DataFrame(rows)
 

@@ -1,15 +1,18 @@
 """The figures about information and learning: 4b, 5a, 5b, SAC, mass and frame stack."""
 
+import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from analysis.plotting import style
 from analysis.plotting.figures import DOT, draw_line, new_figure
+from analysis.plotting.names import algorithm_name, panel_name
 from analysis.report.captions import FIGURES
-from analysis.report.claims.claim import CORRECTED, PAPER
-from analysis.report.claims.evidence import Evidence, pearson
+from analysis.report.claims.claim import METRIC_2022, METRIC_OURS
+from analysis.report.claims.evidence import Evidence
 from analysis.report.claims.information import ACCURACIES, GAPS, PROBES, accuracies, auxiliary
+from analysis.report.claims.scores import COMPARED, LEAST_SEEDS, profiles
 from analysis.report.figures.drawing import (
     CELL,
     GAP,
@@ -24,6 +27,7 @@ from analysis.report.number_format import estimate_text
 from analysis.report.results import FRAME, MEMORY, STACK, panels_of, with_panel
 from analysis.tables import binned, column, count_of, mean_by, pick, select
 
+THRESHOLDS = np.linspace(-0.5, 1.0, 61)  # of scores, in performance profiles
 NO_PROBES = "the agents were not probed (`probes.parquet`)"
 
 
@@ -34,33 +38,35 @@ def figure_4b(evidence: Evidence) -> Drawn | str:
         return NO_PROBES
     table = pick(probed, [*CELL, "probe", *ACCURACIES, "gap", "gap_2022"])
     figure = new_figure(9, 4.2)
-    for axes, settings in zip(figure.subplots(1, 2), (PAPER, CORRECTED), strict=True):
-        draw_accuracy(axes, select(table, probe=PROBES[settings]), GAPS[settings], settings)
+    for axes, settings in zip(figure.subplots(1, 2), (METRIC_2022, METRIC_OURS), strict=True):
+        draw_accuracy(evidence, axes, select(table, probe=PROBES[settings]), GAPS[settings], settings)
     return Drawn(figure, table)
 
 
-def draw_accuracy(axes: Axes, table: pd.DataFrame, gap: str, title: str) -> None:
-    """Two point sets, training and test levels, a line each."""
+def draw_accuracy(evidence: Evidence, axes: Axes, table: pd.DataFrame, gap: str, title: str) -> None:
+    """Two point sets, training and test levels, a line each where there are blocks enough."""
     axes.axvline(0.5, color="#999999", linewidth=0.9, linestyle="--")
-    for levels, colour, marker in zip(("train", "test"), style.PALETTE, style.MARKERS, strict=False):
+    found = {levels: evidence.correlation(table, f"accuracy_{levels}", gap) for levels in ("train", "test")}
+    for levels, colour, marker in zip(found, style.PALETTE, style.MARKERS, strict=False):
         x, y = column(table, f"accuracy_{levels}"), column(table, gap)
-        label = f"{levels}: {estimate_text(pearson(table, f'accuracy_{levels}', gap))}"
+        label = f"{levels}: {estimate_text(found[levels])}"
         axes.scatter(x, y, s=32, color=colour, marker=marker, label=label, **DOT)
     # After all points, because lines keep to the limits that the points made.
-    for levels, colour in zip(("train", "test"), style.PALETTE, strict=False):
-        draw_line(axes, column(table, f"accuracy_{levels}"), column(table, gap), colour, band=False)
+    for levels, colour in zip(found, style.PALETTE, strict=False):
+        if np.isfinite(found[levels].low):
+            draw_line(axes, column(table, f"accuracy_{levels}"), column(table, gap), colour, band=False)
     axes.set_title(title)
     axes.set_xlabel("accuracy of the critic")
     axes.set_ylabel(GAP)
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), fontsize=8.5)
 
 
-def accuracy_grid(parts: list[list[tuple[str, pd.DataFrame, str]]], width: float) -> Figure:
+def accuracy_grid(evidence: Evidence, parts: list[list[tuple[str, pd.DataFrame, str]]], width: float) -> Figure:
     """Rows of axes, each of a title, its runs and the column of the gap; ``width`` in inches is that of one axes."""
     figure = new_figure(width * len(parts[0]), 3.7 * len(parts))
     for row, drawn in zip(figure.subplots(len(parts), len(parts[0]), squeeze=False), parts, strict=True):
         for axes, (title, table, gap) in zip(row, drawn, strict=True):
-            draw_accuracy(axes, table, gap, title)
+            draw_accuracy(evidence, axes, table, gap, title)
     return figure
 
 
@@ -73,21 +79,25 @@ def figure_5a(evidence: Evidence) -> Drawn | str:
     algorithms = sorted(set(runs["algorithm"]))
     if probed.empty:
         table = pick(runs, [*CELL, "algorithm", "gap"])
-        return Drawn(dots(table, "algorithm", "gap", SHORT_GAP), table, FIGURES["figure_5a_without_probes"])
+        named = table.assign(algorithm=[algorithm_name(name) for name in table["algorithm"]])
+        return Drawn(dots(named, "algorithm", "gap", SHORT_GAP), table, FIGURES["figure_5a_without_probes"])
     table = pick(probed, [*CELL, "algorithm", "probe", *ACCURACIES, "gap", "gap_2022"])
     parts = [
-        [(f"{name}, {key}", select(table, probe=PROBES[key], algorithm=name), GAPS[key]) for name in algorithms]
-        for key in (PAPER, CORRECTED)
+        [
+            (f"{algorithm_name(name)}\n{key}", select(table, probe=PROBES[key], algorithm=name), GAPS[key])
+            for name in algorithms
+        ]
+        for key in (METRIC_2022, METRIC_OURS)
     ]
-    return Drawn(accuracy_grid(parts, 3.6), table)
+    return Drawn(accuracy_grid(evidence, parts, 3.6), table)
 
 
 def figure_5b(evidence: Evidence) -> Drawn | str:
     """Training curves of the main grid."""
-    if evidence.results.curves.empty or evidence.main.empty:
+    if evidence.results.curves.empty or evidence.ungated.main.empty:
         return "the curves are not among the tables (`curves.parquet`)"
-    curves = evidence.results.curves
-    chosen = select(curves, name="episode/return").merge(pick(evidence.main, ["run", *CELL]), on="run")
+    curves = evidence.all_results.curves
+    chosen = select(curves, name="episode/return").merge(pick(evidence.ungated.main, ["run", *CELL]), on="run")
     if chosen.empty:
         return "the curves have no returns of training episodes"
     chosen = chosen.assign(frames=binned(column(chosen, "frames")))
@@ -99,7 +109,7 @@ def figure_5b(evidence: Evidence) -> Drawn | str:
     for row, difficulty in zip(grid, difficulties, strict=True):
         for axes, family in zip(row, families, strict=True):
             draw_curves(axes, select(table, family=family, difficulty=difficulty), colours, 1.3)
-            axes.set_title(f"{family}, {difficulty}")
+            axes.set_title(panel_name(f"{family}-{difficulty}"))
         row[0].set_ylabel("training return")
     for axes in grid[-1]:
         axes.set_xlabel("thousand frames")
@@ -109,23 +119,50 @@ def figure_5b(evidence: Evidence) -> Drawn | str:
 
 def appendix_sac(evidence: Evidence) -> Drawn | str:
     """Test return of SAC against frames."""
-    runs, curves = evidence.results.of("appendix_sac"), evidence.results.curves
+    runs, curves = evidence.all_results.of("appendix_sac"), evidence.all_results.curves
     if runs.empty or curves.empty:
         return "SAC was not run, or its curves are not among the tables (`experiments=[appendix_sac]`)"
-    chosen = select(curves, name="evaluation/test/return/deterministic").merge(pick(runs, ["run", *CELL]), on="run")
+    chosen = select(curves, name="evaluation/test/return/deterministic").merge(
+        pick(runs, ["run", "algorithm", *CELL]), on="run"
+    )
     if chosen.empty:
         return "the curves have no returns of SAC on test levels"
-    table = mean_by(chosen, ["family", "difficulty", "n", "frames"], ["value"])
+    table = mean_by(chosen, ["algorithm", "family", "difficulty", "n", "frames"], ["value"])
     named = with_panel(table)
     panels = panels_of(named)
     colours = dict(zip(sorted(set(table["n"])), style.SEQUENCE, strict=False))
     figure, grid = figure_of_panels(len(panels), 3.4, 2.7, 0.4)
     for axes, panel in zip(grid, panels, strict=False):
-        draw_curves(axes, select(named, panel=panel), colours, style.LINE_WIDTH)
-        axes.set_title(panel)
+        for algorithm, line in zip(sorted(set(named["algorithm"])), ("-", ":"), strict=False):
+            part = select(named, panel=panel, algorithm=algorithm)
+            draw_curves(axes, part, colours, style.LINE_WIDTH, line, algorithm_name(algorithm))
+        axes.set_title(panel_name(panel))
         axes.set_xlabel("thousand frames")
         axes.set_ylabel("return on test levels")
-    legend_below(figure, grid[0], 8, "training levels")
+    legend_below(figure, grid[0], 4, "algorithm, training levels")
+    return Drawn(figure, table)
+
+
+def performance_profiles(evidence: Evidence) -> Drawn | str:
+    """The share of runs that score above each threshold, per algorithm."""
+    table = profiles(evidence.all_results, THRESHOLDS)
+    if table.empty:
+        return f"no experiment has scores of several algorithms with {LEAST_SEEDS} seeds or more"
+    experiments = list(dict.fromkeys(table["experiment"]))
+    colours = style.colours(table["algorithm"])
+    figure = new_figure(4.6 * len(experiments), 3.6)
+    grid = figure.subplots(1, len(experiments), sharey=True, squeeze=False)[0]
+    for axes, experiment in zip(grid, experiments, strict=True):
+        part = select(table, experiment=experiment)
+        for algorithm in sorted(set(part["algorithm"])):
+            one, colour = select(part, algorithm=algorithm), colours[algorithm]
+            x = column(one, "threshold")
+            axes.plot(x, column(one, "estimate"), color=colour, label=algorithm_name(algorithm))
+            axes.fill_between(x, column(one, "low"), column(one, "high"), color=colour, alpha=0.15, linewidth=0)
+        axes.set_title(COMPARED[experiment])
+        axes.set_xlabel("score on test levels")
+        axes.legend(loc="lower left", fontsize=8.5)
+    grid[0].set_ylabel("share of runs above it")
     return Drawn(figure, table)
 
 
@@ -140,10 +177,10 @@ def appendix_mass(evidence: Evidence) -> Drawn | str:
         table = pick(named, [*CELL, "sees", "w2_exact", "gap", "success_test_deterministic"])
         return Drawn(dots(table, "sees", "gap", SHORT_GAP), table, FIGURES["appendix_mass_without_probes"])
     columns = [*CELL, "past", "mass", "w2_exact", *ACCURACIES, "gap", "success_test_deterministic"]
-    table = pick(select(probed, probe=PROBES[CORRECTED]), columns)
+    table = pick(select(probed, probe=PROBES[METRIC_OURS]), columns)
     pasts = [past for past in (FRAME, STACK, MEMORY) if past in set(table["past"])]
     parts = [
-        [(f"{past}, mass {mass}", select(table, past=past, mass=mass), GAPS[CORRECTED]) for past in pasts]
+        [(f"{past}, mass {mass}", select(table, past=past, mass=mass), GAPS[METRIC_OURS]) for past in pasts]
         for mass in ("shown", "hidden")
     ]
-    return Drawn(accuracy_grid(parts, 3.8), table)
+    return Drawn(accuracy_grid(evidence, parts, 3.8), table)

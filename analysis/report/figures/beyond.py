@@ -8,7 +8,8 @@ from matplotlib.axes import Axes
 
 from analysis.plotting import style
 from analysis.plotting.figures import DOT, draw_points, legend_of, new_figure, zero_line
-from analysis.report.claims.evidence import Evidence, pearson
+from analysis.plotting.names import design_name, family_name
+from analysis.report.claims.evidence import Evidence
 from analysis.report.figures.drawing import (
     CELL,
     GAP,
@@ -21,10 +22,12 @@ from analysis.report.figures.drawing import (
 )
 from analysis.report.number_format import estimate_text
 from analysis.report.results import PANEL
+from analysis.stats.estimate import mean_of_replicates
 from analysis.tables import column, count_of, keep, mean_by, pick, select
 
 SUCCESS = "success_test_deterministic"
 COST = "return there − on own test levels"
+DESIGN_ORDER = ("matched", "matched_far", "matched_sparse", "matched_far_sparse")
 
 
 def fixed_n(evidence: Evidence) -> Drawn | str:
@@ -40,9 +43,9 @@ def fixed_n(evidence: Evidence) -> Drawn | str:
         zero_line(axes)
         for design in sorted(set(table["design"])):
             part = select(table, design=design)
-            look = {"color": colours[design], "marker": markers[design], "label": design, **DOT}
+            look = {"color": colours[design], "marker": markers[design], "label": design_name(design), **DOT}
             axes.scatter(column(part, x), column(part, "gap"), s=34, **look)
-        found = pearson(runs, x, "gap", ("panel", "n"))
+        found = evidence.correlation(runs, x, "gap", ("panel", "levels"))
         axes.set_title(f"given panel: {estimate_text(found)}", loc="left", fontsize=9.5)
         axes.set_xlabel(f"{label}, training to test levels")
     figure.axes[0].set_ylabel(GAP)
@@ -61,8 +64,8 @@ def diversity(evidence: Evidence) -> Drawn | str:
     figure = new_figure(3.8 * len(names), 3.9)
     for axes, (x, label) in zip(figure.subplots(1, len(names), squeeze=False)[0], names.items(), strict=True):
         draw_points(axes, table, x, SUCCESS)
-        found = pearson(runs, x, SUCCESS, ("panel", "log_n"))
-        axes.set_title(f"given panel and log n:\n{estimate_text(found)}", loc="left", fontsize=9.5)
+        found = evidence.correlation(runs, x, SUCCESS, ("panel", "levels"))
+        axes.set_title(f"given panel and n:\n{estimate_text(found)}", loc="left", fontsize=9.5)
         axes.set_xlabel(label)
     figure.axes[0].set_ylabel("success on test levels")
     figure.legend(handles=legend_of(table), loc="outside lower center", ncols=6)
@@ -98,9 +101,9 @@ def visual(evidence: Evidence) -> Drawn | str:
 
 
 def hardness(evidence: Evidence) -> Drawn | str:
-    """Success against the number of conditions on the reward: agents, chance, script and planner."""
+    """Success against the number of conditions on the reward: agents with intervals over runs, chance, script and planner."""
     study = evidence.results.studies.get("hardness_of_levels", {}).get("hardness", pd.DataFrame())
-    runs = evidence.results.of("hardness")
+    runs = evidence.all_results.of("hardness")
     if study.empty and runs.empty:
         return "it was not run (`experiments=[hardness, hardness_of_levels]`)"
     parts = []
@@ -110,8 +113,11 @@ def hardness(evidence: Evidence) -> Drawn | str:
     if len(runs):
         number = runs["task"].str.extract(r"(?:conditions=|conditions_)(\d+)")[0]
         agents = runs.assign(conditions=number.fillna("0").astype(float), success=runs[SUCCESS])
-        grouped = mean_by(agents, ["conditions"], ["success"])
-        parts.append(grouped.assign(player="agents", low=np.nan, high=np.nan))
+        means = [
+            mean_of_replicates(column(one, "success")).row(conditions=n) for n, one in agents.groupby("conditions")
+        ]
+        grouped = pd.DataFrame(means).rename(columns={"estimate": "success"}).assign(player="agents")
+        parts.append(grouped.assign(low=grouped["low"].clip(0, 1), high=grouped["high"].clip(0, 1)))
     table = pd.concat(parts, ignore_index=True)
     figure = new_figure(5.6, 3.8)
     axes = figure.subplots()
@@ -130,7 +136,7 @@ def hardness(evidence: Evidence) -> Drawn | str:
 
 def upper_bound(evidence: Evidence) -> Drawn | str:
     """Agents that see the true factors beside those that see pixels."""
-    seen, main = evidence.results.of("upper_bound"), evidence.main
+    seen, main = evidence.all_results.of("upper_bound"), evidence.ungated.main
     if seen.empty or main.empty:
         return "it was not run (`experiments=[upper_bound]`)"
     both = pd.concat([main.assign(sees="pixels"), seen.assign(sees="factors")], ignore_index=True)
@@ -194,7 +200,7 @@ def w2_study(evidence: Evidence) -> Drawn | str:
         for panel in sorted(set(part["train"])):
             family, _, difficulty = panel.partition("-")
             mine = select(part, train=panel).sort_values("n")
-            look = {"color": style.colours(["empty", "objectsx1", "tilesx1"])[family],
+            look = {"color": style.colours(["empty", "objectsx1", "tilesx1", "hazardtilesx1"])[family],
                     "marker": style.markers(["easy", "medium", "hard"])[difficulty]}  # fmt: skip
             one.errorbar(column(mine, "n"), column(mine, "mean"), yerr=column(mine, "sd"), markersize=4.5,
                          linewidth=1.1, elinewidth=0.8, **look)  # fmt: skip
@@ -206,4 +212,28 @@ def w2_study(evidence: Evidence) -> Drawn | str:
         one.set_title("W2 of 2022 (crosses: measured then)" if mode == "reference" else "exact W2")
     places = pd.DataFrame([panel.split("-") for panel in dict.fromkeys(inside["train"])], columns=list(PANEL))
     figure.legend(handles=legend_of(places), loc="outside lower center", ncols=6, handletextpad=0.2)
+    return Drawn(figure, table)
+
+
+def matched_sets(evidence: Evidence) -> Drawn | str:
+    """The designed study: gap in success of the four kinds of training sets."""
+    runs = evidence.results.of("matched_sets")
+    if count_of(runs, "design") < 2:
+        return "it was not run (`experiments=[matched_sets]`)"
+    table = pick(runs, [*CELL, "design", "w2_exact", "radius", "effective_number", "gap_success", "gap"])
+    order = [name for name in DESIGN_ORDER if name in set(table["design"])]
+    places = sorted(set(zip(table["family"], table["n"], strict=True)), key=lambda p: (style.KNOWN.get(p[0], 9), p[1]))
+    figure = new_figure(2.5 * len(places) + 0.5, 3.9)
+    for axes, (family, n) in zip(figure.subplots(1, len(places), sharey=True, squeeze=False)[0], places, strict=True):
+        zero_line(axes)
+        for at, design in enumerate(order):
+            part = select(table, family=family, n=n, design=design)
+            y = column(part, "gap_success")
+            axes.scatter(at + np.linspace(-0.18, 0.18, len(y)), y, s=18, color=style.PALETTE[at], alpha=0.6, **DOT)
+            found = mean_of_replicates(y, sides=2)
+            bars = np.nan_to_num(np.array([[found.estimate - found.low], [found.high - found.estimate]]))
+            axes.errorbar(at, found.estimate, yerr=bars, fmt="_", color="#000000", capsize=4, markersize=18)
+        axes.set_xticks(range(len(order)), [design_name(name) for name in order], rotation=35, ha="right", fontsize=8)
+        axes.set_title(f"{family_name(family)}, n = {n}")
+    figure.axes[0].set_ylabel("gap in success (test − training)")
     return Drawn(figure, table)

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 from analysis.plotting import style
 from analysis.plotting.figures import new_figure, zero_line
+from analysis.plotting.names import family_name, panel_name
 from analysis.report.results import panels_of, with_panel
 from analysis.tables import column, mean_by, select
 
@@ -40,7 +41,7 @@ def figure_of_families(table: pd.DataFrame, y_label: str, draw: Callable[[Axes, 
         part = select(table, family=family)
         draw(one, part)
         log_axis(one, sorted(set(part["n"])))
-        one.set_title(family)
+        one.set_title(family_name(family))
         one.set_xlabel("training levels")
     axes[0].set_ylabel(y_label)
     return figure
@@ -64,11 +65,14 @@ def log_axis(axes: Axes, counts: Sequence[int]) -> None:
     axes.minorticks_off()
 
 
-def draw_curves(axes: Axes, curves: pd.DataFrame, colours: Mapping[int, str], width: float) -> None:
-    """A line of ``value`` against ``frames`` for each number of training levels."""
+def draw_curves(
+    axes: Axes, curves: pd.DataFrame, colours: Mapping[int, str], width: float, line: str = "-", name: str = ""
+) -> None:
+    """A line of ``value`` against ``frames`` for each number of training levels; ``name`` stands before it in legends."""
     for n, colour in colours.items():
         part = select(curves, n=n)
-        axes.plot(column(part, "frames") / 1000, column(part, "value"), color=colour, label=str(n), linewidth=width)
+        axes.plot(column(part, "frames") / 1000, column(part, "value"), color=colour, linestyle=line, linewidth=width,
+                  label=f"{name}, {n}" if name else str(n))  # fmt: skip
 
 
 def figure_of_panels(count: int, width: float, height: float, below: float) -> tuple[Figure, np.ndarray]:
@@ -91,9 +95,12 @@ def dots(table: pd.DataFrame, group: str, y: str, label: str, trained: str = "")
     """One axes per panel, and per value of the column ``trained``: a dot per run, groups side by side, a bar at their mean."""
     named = with_panel(table)
     panels = panels_of(named)
+    titles = {panel: panel_name(panel) for panel in panels}
     if trained:
         named = named.assign(panel=named["panel"] + ", trained in " + named[trained].astype(str))
-        panels = [one for panel in panels for one in sorted(set(named["panel"])) if one.startswith(f"{panel},")]
+        places = {one: panel for panel in panels for one in sorted(set(named["panel"])) if one.startswith(f"{panel},")}
+        titles = {one: f"{panel_name(panel)}{one.removeprefix(panel)}" for one, panel in places.items()}
+        panels = list(places)
     groups = sorted(set(map(str, table[group])))
     counts = sorted(set(table["n"]))
     colours = dict(zip(counts, style.SEQUENCE, strict=False))
@@ -116,7 +123,7 @@ def dots(table: pd.DataFrame, group: str, y: str, label: str, trained: str = "")
         zero_line(axes)
         axes.set_xticks(range(len(groups)), groups, rotation=30, ha="right", fontsize=8.5)
         axes.set_xlim(-0.6, len(groups) - 0.4)
-        axes.set_title(panel)
+        axes.set_title(titles[panel])
     for axes in grid[:: across(len(panels))]:
         axes.set_ylabel(label)
     legend_below(figure, grid[0], 6)

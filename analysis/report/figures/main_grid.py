@@ -1,5 +1,8 @@
 """The figures about the gap and W2: 3a, 3b, 4a, all estimates, and success against the number of levels."""
 
+from collections import Counter
+from typing import Any
+
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -7,61 +10,86 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from analysis.plotting import style
-from analysis.plotting.figures import DOT, draw_line, draw_points, legend_of, new_figure, zero_line
-from analysis.report.claims.evidence import BLOCKS, DISTANCES, GIVEN, Evidence, design, pearson
+from analysis.plotting.figures import DOT, LINE_POINTS, draw_line, draw_points, legend_of, new_figure, zero_line
+from analysis.plotting.names import family_name
+from analysis.report.claims.claim import METRIC_2022, METRIC_OURS
+from analysis.report.claims.evidence import BLOCKS, DISTANCES, GIVEN, GIVEN_CELL, Evidence
+from analysis.report.claims.specifications import specifications
 from analysis.report.figures.drawing import CELL, GAP, GAP_2022, Drawn, error_bars, figure_of_families, legend_below
 from analysis.report.number_format import estimate_text
-from analysis.stats.correlation import residuals
+from analysis.stats.correlation import NotAvailable, fit_line
 from analysis.tables import column, keep, mean_by, pick, select
 
 NO_MAIN_GRID = "there are no runs of the main grid"
-LEFT = "gap, what is left"
 W2_2022, W2_EXACT = "W2 of 2022, training to test levels", "exact W2, training to test levels"
+METRICS = (
+    ("w2_reference", "gap_2022", W2_2022, METRIC_2022, GAP_2022),
+    ("w2_exact", "gap", W2_EXACT, METRIC_OURS, GAP),
+)
+NOT_LEARNED: dict[str, Any] = {"facecolors": "none", "edgecolors": "#999999", "linewidths": 0.9}
 
 
 def figure_3a(evidence: Evidence) -> Drawn | str:
-    """The headline: as in the paper, corrected, and what is left given panel and log n."""
-    main = evidence.main
+    """The headline: gap against W2, a row per metric, an axes per family; the line is that of all runs that learned."""
+    main = evidence.ungated.main
     if main.empty:
         return NO_MAIN_GRID
-    left_x, left_y = (left_of(main, name) for name in ("w2_exact", "gap"))
-    table = pick(main, [*CELL, "w2_reference", "gap_2022", "w2_exact", "gap", "gap_se"]).assign(
-        w2_exact_left=left_x, gap_left=left_y
-    )
-    figure = new_figure(11.4, 4.4)
-    axes = figure.subplots(1, 3)
-    exact = evidence.association("exact", "gap", "pooled")
-    given = evidence.association("exact", "gap", "given panel and log n")
-    paper = evidence.association("reference", "gap_2022", "pooled")
-    sets = (
-        ("as in the paper", paper, "w2_reference", "gap_2022", "", W2_2022, GAP_2022),
-        ("corrected", exact, "w2_exact", "gap", "gap_se", W2_EXACT, GAP),
-        ("corrected, given panel and log n", given, "w2_exact_left", "gap_left", "", "exact W2, what is left", LEFT),
-    )
-    for one, (title, found, x, y, error, x_label, y_label) in zip(axes, sets, strict=True):
-        zero_line(one)
-        draw_points(one, table, x, y, error)
-        draw_line(one, column(table, x), column(table, y))
-        one.set_title(f"{title}\n{estimate_text(found)}", loc="left", fontsize=9.5, linespacing=1.4)
-        one.set_xlabel(x_label)
-        one.set_ylabel(y_label)
-    figure.legend(handles=legend_of(table), loc="outside lower center", ncols=6, handletextpad=0.2)
+    learned = main["run"].isin(list(evidence.main["run"]))
+    names = [*CELL, "w2_reference", "gap_2022", "w2_exact", "gap", "gap_se"]
+    table = pick(main, names).assign(learned=learned)
+    families = style.ordered(main["family"])
+    figure = new_figure(2.9 * len(families) + 0.6, 7.2)
+    parts = list(np.ravel(figure.subfigures(2, 1)))  # type: ignore[arg-type]
+    kept = select(table, learned=True)
+    for part, (x, y, x_label, metric, y_label) in zip(parts, METRICS, strict=True):
+        found = evidence.of_main(x.removeprefix("w2_"), y, "pooled")
+        part.suptitle(f"{metric}, all runs that learned: {estimate_text(found)}", x=0.01, ha="left", fontsize=10)
+        row = part.subplots(1, len(families), squeeze=False)[0]
+        for axes, family in zip(row, families, strict=True):
+            draw_family(axes, select(table, family=family), x, y)
+            draw_pooled_line(axes, column(kept, x), column(kept, y))
+            axes.set_title(family_name(family))
+            axes.set_xlabel(x_label, fontsize=8.5)
+        row[0].set_ylabel(y_label, fontsize=9)
+    handles = [*legend_of(select(table, learned=True)), not_learned_entry()]
+    figure.legend(handles=handles, loc="outside lower center", ncols=4, handletextpad=0.2)
     return Drawn(figure, table)
 
 
-def left_of(table: pd.DataFrame, name: str) -> np.ndarray:
-    """What least squares on panel and log n leaves of a column."""
-    return residuals(column(table, name), design(table, ("panel", "log_n")))
+def draw_family(axes: Axes, table: pd.DataFrame, x: str, y: str) -> None:
+    """The runs of a family; hollow where they did not learn."""
+    zero_line(axes)
+    draw_points(axes, select(table, learned=True), x, y, "gap_se" if y == "gap" else "")
+    failed = select(table, learned=False)
+    axes.scatter(column(failed, x), column(failed, y), s=30, zorder=2, **NOT_LEARNED)
+    axes.margins(0.08)
+
+
+def draw_pooled_line(axes: Axes, x: np.ndarray, y: np.ndarray) -> None:
+    """The line through the runs of all families, as far as this axes reaches."""
+    line = fit_line(x, y) if len(x) >= LINE_POINTS else NotAvailable("too few")
+    if isinstance(line, NotAvailable):
+        return
+    limits = axes.get_xlim(), axes.get_ylim()
+    at = np.array(limits[0])
+    axes.plot(at, line.at(at), color="#333333", linewidth=style.LINE_WIDTH, zorder=1.5)
+    axes.set_xlim(*limits[0])
+    axes.set_ylim(*limits[1])
+
+
+def not_learned_entry() -> Line2D:
+    """The legend's entry of runs below the gate."""
+    look = {"linestyle": "none", "marker": "o", "markerfacecolor": "none", "markersize": 6}
+    return Line2D([], [], color="#999999", label="did not learn its training levels", **look)
 
 
 def figure_3b(evidence: Evidence) -> Drawn | str:
-    """The same points by family, a line per difficulty."""
+    """The same runs, a line per difficulty."""
     main = evidence.main
     if main.empty:
         return NO_MAIN_GRID
     table = pick(main, [*CELL, "w2_reference", "gap_2022", "w2_exact", "gap"])
-    figure = by_family(table, "difficulty")
-    return Drawn(figure, table)
+    return Drawn(by_family(evidence, table, "difficulty"), table)
 
 
 def figure_4a(evidence: Evidence) -> Drawn | str:
@@ -71,37 +99,34 @@ def figure_4a(evidence: Evidence) -> Drawn | str:
         return "no agent was tested on harder levels"
     pairs = [f"{a} to {b}" for a, b in zip(harder["difficulty"], harder["test_difficulty"], strict=True)]
     table = pick(harder, [*CELL, "w2_reference", "gap_2022", "w2_exact", "gap"]).assign(pair=pairs)
-    figure = by_family(table, "pair")
-    return Drawn(figure, table)
+    return Drawn(by_family(evidence, table, "pair"), table)
 
 
-def by_family(table: pd.DataFrame, group: str) -> Figure:
-    """Two rows (paper's settings, corrected), a column per family, a line per value of ``group``."""
+def by_family(evidence: Evidence, table: pd.DataFrame, group: str) -> Figure:
+    """A row per metric, a column per family, a line per value of ``group``."""
     families = style.ordered(table["family"])
-    rows = (("w2_reference", "gap_2022", W2_2022, "as in the paper\n" + GAP_2022),
-            ("w2_exact", "gap", W2_EXACT, "corrected\n" + GAP))  # fmt: skip
-    figure = new_figure(3.7 * len(families) + 0.3, 7.6)
+    figure = new_figure(3.6 * len(families) + 0.3, 8.2)
     grid = figure.subplots(2, len(families), squeeze=False)
-    for axes_row, (x, y, x_label, y_label) in zip(grid, rows, strict=True):
+    for axes_row, (x, y, x_label, metric, y_label) in zip(grid, METRICS, strict=True):
         for axes, family in zip(axes_row, families, strict=True):
-            axes.set_title(family)
+            axes.set_title(family_name(family))
             axes.set_xlabel(x_label)
-            draw_groups(axes, select(table, family=family), x, y, group)
-        axes_row[0].set_ylabel(y_label)
+            draw_groups(evidence, axes, select(table, family=family), x, y, group)
+        axes_row[0].set_ylabel(f"{metric}\n{y_label}")
     return figure
 
 
-def draw_groups(axes: Axes, table: pd.DataFrame, x: str, y: str, group: str) -> None:
-    """Points and a line per group, with r and p in the legend."""
+def draw_groups(evidence: Evidence, axes: Axes, table: pd.DataFrame, x: str, y: str, group: str) -> None:
+    """Points and a line per group that has blocks enough, with r and the p of blocks in the legend."""
     zero_line(axes)
     colours, markers = style.shades(table[group]), style.markers(table[group])
-    for name in style.ordered(table[group]):
+    found = {name: evidence.correlation(select(table, **{group: name}), x, y) for name in style.ordered(table[group])}
+    for name, one in found.items():
         part = select(table, **{group: name})
-        found = pearson(part, x, y)
         look = {"marker": markers[name], "color": colours[name], **DOT}
-        axes.scatter(column(part, x), column(part, y), s=36, zorder=3, label=f"{name}: {estimate_text(found)}", **look)
+        axes.scatter(column(part, x), column(part, y), s=36, zorder=3, label=f"{name}: {estimate_text(one)}", **look)
     axes.margins(y=0.1)
-    for name in style.ordered(table[group]):  # lines keep to the limits that all points made
+    for name in (name for name, one in found.items() if np.isfinite(one.low)):  # lines keep to the limits of all points
         part = select(table, **{group: name})
         draw_line(axes, column(part, x), column(part, y), colours[name], band=False)
     axes.locator_params(axis="x", nbins=6)
@@ -128,7 +153,7 @@ def estimates(evidence: Evidence) -> Drawn | str:
             bars = error_bars(part, "estimate")
             one.errorbar(column(part, "estimate"), at, xerr=bars, label=DISTANCES[mode], **look)
         one.set_yticks(range(len(tests)), tests)
-        one.set_xlim(-1.02, 0.62)
+        one.set_xlim(-1.02, 1.02)
         one.set_title(title)
         one.set_xlabel("correlation of gap and W2")
     axes[0].invert_yaxis()
@@ -138,7 +163,7 @@ def estimates(evidence: Evidence) -> Drawn | str:
 
 def train_and_test(evidence: Evidence) -> Drawn | str:
     """Success on training and on test levels against the number of levels."""
-    main = evidence.main
+    main = evidence.ungated.main
     if main.empty:
         return NO_MAIN_GRID
     kinds = {"success_train_deterministic": "training levels", "success_test_deterministic": "test levels"}
@@ -162,3 +187,36 @@ def draw_success(axes: Axes, table: pd.DataFrame) -> None:
         axes.plot(n, column(means, "success_test_deterministic"), color=colours[name], marker=markers[name])
         axes.plot(n, column(means, "success_train_deterministic"), color=colours[name], linestyle=":")
     axes.set_ylim(-0.03, 1.03)
+
+
+def specification_curves(evidence: Evidence) -> Drawn | str:
+    """The correlations of three claims in all specifications, in order, with their intervals."""
+    table = specifications(evidence)
+    if table.empty:
+        return "nothing varies in these runs"
+    claims = {"3a-n": "given panel and n", "3a-cell": "given cell", "4b-none": "given panel and n"}
+    claims = {name: words for name, words in claims.items() if name in set(table["claim"])}
+    colours = style.colours(sorted(set(table["outcome"])))
+    longest = max(Counter(table["claim"]).values())
+    figure = new_figure(4.4 * len(claims), 1.2 + 0.17 * longest)
+    for axes, (name, words) in zip(figure.subplots(1, len(claims), squeeze=False)[0], claims.items(), strict=True):
+        part = select(table, claim=name).sort_values("estimate", ignore_index=True)
+        axes.axvline(0, color="#999999", linewidth=0.8)
+        for at, row in enumerate(part.to_dict("records")):
+            ends = np.array([[row["estimate"] - row["low"]], [row["high"] - row["estimate"]]])
+            axes.errorbar(
+                row["estimate"], at, xerr=ends, fmt="o", color=colours[row["outcome"]], capsize=2, markersize=4
+            )
+        choices = [
+            ", ".join(dict.fromkeys((row["measure"], row["number of levels"]))) for row in part.to_dict("records")
+        ]
+        shown = [one.removesuffix(f", {GIVEN_CELL}") for one in choices]
+        axes.set_yticks(range(len(part)), shown, fontsize=7)
+        axes.set_ylim(-0.7, len(part) - 0.3)
+        axes.set_xlim(-1.02, 1.02)
+        axes.set_xlabel("partial r")
+        axes.set_title(f"{name}: {words}", loc="left", fontsize=9)
+    handles = [Line2D([], [], marker="o", linestyle="none", color=c, label=f"gap in {name}" if name != "regret" else
+                      "regret (sign turned)") for name, c in colours.items()]  # fmt: skip
+    figure.legend(handles=handles, loc="outside lower center", ncols=3)
+    return Drawn(figure, table)

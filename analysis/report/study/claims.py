@@ -10,6 +10,7 @@ from analysis.report.claims import verdicts
 from analysis.report.claims.claim import Claim, Finding, small_difference
 from analysis.report.number_format import plain
 from analysis.report.results import PANEL, paired
+from analysis.report.rules import MARGINS
 from analysis.report.study.reading import AGENT_SEED, LEVEL_SEED, OWN_UNITS, Study
 from analysis.runs import column_name, number_of_pairs
 from analysis.stats.estimate import Estimate
@@ -19,7 +20,7 @@ from experiments.settings import ConfigError, import_object
 from segar.errors import SegarError
 
 TESTED = "tested"  # how these claims are read: in one way
-WORDS = {verdicts.REPRODUCED: "holds", verdicts.NOT_REPRODUCED: "does not hold"}  # for claims that nobody made before
+WORDS = {verdicts.SUPPORTED: "holds", verdicts.NOT_SUPPORTED: "does not hold"}  # for claims that nobody made before
 
 
 def claim_or_reason(study: Study, name: str, asked: Mapping[str, Any]) -> Claim:
@@ -39,7 +40,6 @@ def claim_of(study: Study, name: str, claim: ClaimConfig) -> Claim:
     if claim.tested_on:
         words += f", on {claim.tested_on}"
     sign = SIGNS[claim.expected]
-    verdict = verdicts.of_effect(found, sign, margin) if sign else verdicts.of_absence(found, margin)
     expected = f"Expected: {claim.expected}; effects below {plain(margin, 3)} do not matter."
     several = number_of_pairs(study.runs) > 1 and "w2_exact" in (claim.of, claim.against, *claim.given)
     expected = " ".join(filter(None, [expected, f"{OWN_UNITS} `w2` has one for all." if several else "", found.note]))
@@ -47,7 +47,7 @@ def claim_of(study: Study, name: str, claim: ClaimConfig) -> Claim:
         return Claim(
             name, claim.says, words, needs=f"other runs ({found.note or 'nothing can be computed from these'})"
         )
-    return Claim(name, claim.says, words, (Finding(TESTED, words, measure, found, verdict),), note=expected)
+    return Claim(name, claim.says, words, (Finding(TESTED, words, measure, found, margin, sign),), note=expected)
 
 
 def tested(study: Study, name: str, claim: ClaimConfig) -> tuple[str, str, Estimate, float]:
@@ -65,13 +65,13 @@ def tested(study: Study, name: str, claim: ClaimConfig) -> tuple[str, str, Estim
         against, given = named(rows, "against", claim.against), [named(rows, "given", one) for one in claim.given]
         rows = keep(rows, np.isfinite(column(rows, of)) & np.isfinite(column(rows, against)))
         words = f"{of} against {against}" + (f", given {', '.join(given)}" if given else "")
-        found = study.evidence.correlation(name, rows, against, of, given)
-        return words, "partial Pearson r" if given else "Pearson r", found, claim.margin or verdicts.SMALL_R
+        found = study.evidence.correlation(rows, against, of, given)
+        return words, "partial Pearson r" if given else "Pearson r", found, claim.margin or MARGINS["correlation"]
     words, rows = f"mean of {of}", keep(rows, np.isfinite(column(rows, of))).assign(difference=rows[of])
     if claim.test == "difference":
         words, rows = differences(study, rows, of, claim.between)
     margin = claim.margin or small_difference(rows)
-    return words, "mean difference" if claim.between else "mean", study.evidence.mean(name, rows), margin
+    return words, "mean difference" if claim.between else "mean", study.evidence.mean(rows), margin
 
 
 def chosen(runs: pd.DataFrame, where: Mapping[str, Any]) -> pd.DataFrame:

@@ -29,8 +29,8 @@ def document(study: Study, claims: Sequence[Claim], pictures: Mapping[str, Pictu
     blocks += [Heading("Success"), drawn["success"], cells(study), *other_levels(study)]
     blocks += [Heading("Learning"), drawn["curves"], *what_was_run(study.evidence)]
     if claims:
-        head, *rules = how_verdicts_are_decided()
-        blocks += [head, Paragraph("A claim **holds** where these rules say reproduced."), *rules]
+        head, *rules = how_verdicts_are_decided(study.evidence)
+        blocks += [head, Paragraph("A claim **holds** where these rules say supported."), *rules]
     return Document(str(study.asked["title"]), f"The study `{study.asked['name']}`", blocks, (TESTED,), WORDS)
 
 
@@ -84,7 +84,7 @@ def repeated(runs: pd.DataFrame) -> Iterator[Block]:
 def cells(study: Study) -> Table:
     """A row for each panel, kind of agent and number of levels."""
     by = ["panel", "agent", "levels"]
-    found = {name: means(study.evidence, study.runs, by, name, name) for name in (study.w2, "gap", *SUCCESS)}
+    found = {name: means(study.evidence, study.runs, by, name) for name in (study.w2, "gap", *SUCCESS)}
     rows = []
     for at, row in enumerate(found["gap"].to_dict("records")):
         part = select(study.runs, **{name: row[name] for name in by})
@@ -107,8 +107,8 @@ def other_levels(study: Study) -> list[Block]:
     there = paired(moved, study.runs, ETA, ["run"]).drop(columns=["seed"]).merge(known, on="run")
     there = there.assign(levels=there["n"])
     by = ["panel", "agent", "test", "levels"]
-    found = means(study.evidence, there, by, "difference", "transfer")
-    shares = means(study.evidence, there, by, SUCCESS[1], "transfer success")
+    found = means(study.evidence, there, by, "difference")
+    shares = means(study.evidence, there, by, SUCCESS[1])
     rows = [
         [*(str(row[name]) for name in by), plain(float(share)), signed(row["estimate"]), interval(Estimate.of_row(row))]
         for row, share in zip(found.to_dict("records"), column(shares, "estimate"), strict=True)

@@ -61,9 +61,7 @@ def by_number(study: Study, values: Sequence[str], label: str, caption: str) -> 
     The first of the values is filled and solid, the second hollow and dotted. Intervals of shares end at 0 and 1.
     """
     shares = values[0] in SUCCESS
-    parts = [
-        means(study.evidence, study.runs, ["panel", "agent", "levels"], one, one).assign(figure=one) for one in values
-    ]
+    parts = [means(study.evidence, study.runs, ["panel", "agent", "levels"], one).assign(figure=one) for one in values]
     table = pd.concat(parts)
     if shares:
         table = table.assign(low=table["low"].clip(0, 1), high=table["high"].clip(0, 1))

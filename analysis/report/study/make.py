@@ -12,6 +12,8 @@ from analysis.report.study.figures import FIGURES
 from analysis.report.study.reading import Study, read_study
 from analysis.tables import write_csv
 
+PAPERS = ("of", "settings", "runs", "where", "follows")  # columns of claims that only the paper's report fills
+
 
 def make_study_report(folder: Path, out: Path) -> tuple[Study, list[Claim]]:
     """Reads the tables in ``folder``, and writes claims, figures and report into ``out``; returns the study and its claims.
@@ -24,7 +26,8 @@ def make_study_report(folder: Path, out: Path) -> tuple[Study, list[Claim]]:
     study, command = read_study(folder), f"python -m analysis.report results={shlex.quote(str(folder))}"
     claims = [claim_or_reason(study, name, one) for name, one in study.asked.get("claims", {}).items()]
     pictures = {name: write_picture(partial(draw, study), out, name, command) for name, draw in FIGURES.items()}
-    table = claims_table(claims).drop(columns=["settings", "of_claim", "of_claim_corrected", "where", "follows"])
+    table = claims_table(claims)
+    table = table.drop(columns=[one for one in table if one.startswith("of_claim") or one in PAPERS])
     for claim in claims:
         if claim.needs:
             print(f"{claim.name} cannot be tested; it needs {claim.needs}.")

@@ -1,22 +1,19 @@
 """What a study asks, and its runs: read from the tables of a results folder."""
 
-import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 import yaml
 
 from analysis.distances import COMMON
 from analysis.report.claims.evidence import Evidence
-from analysis.report.results import BLOCK, measured, read_results
+from analysis.report.results import Results, measured, read_results
 from analysis.runs import LEVEL_SETS, column_name, number_of_pairs
 from analysis.stats.association import labels
-from analysis.stats.estimate import Estimate
-from analysis.stats.resampling import FEWEST_BLOCKS, no_interval
+from analysis.stats.resampling import FEWEST_BLOCKS
 from analysis.tables import count_of, keep, pick, select
 from experiments.reproduction.experiment_file import STUDY
 from experiments.runs.trust import require_trust
@@ -32,17 +29,12 @@ SUCCESS = ("success_train_deterministic", "success_test_deterministic")
 
 
 class StudyEvidence(Evidence):
-    """The statistics of the paper's report, but without intervals of fewer than three level sets."""
+    """The statistics of the paper's report, with all runs, and with intervals of three level sets or more."""
 
-    def by_blocks(
-        self, name: str, table: pd.DataFrame, values: np.ndarray, statistic: Callable[[np.ndarray], float],
-        clusters: Sequence[str] = BLOCK, correlation: bool = False,
-    ) -> Estimate:  # fmt: skip
-        """As of :class:`Evidence`; of few level sets the statistic alone, and how many there are."""
-        count = len(set(labels(table, clusters)))
-        if 0 < count < FEWEST_BLOCKS:
-            return dataclasses.replace(no_interval(statistic(values), count, LEVEL_SETS), n=len(table))
-        return super().by_blocks(name, table, values, statistic, clusters, correlation)
+    least_blocks, blocks = FEWEST_BLOCKS, LEVEL_SETS
+
+    def __init__(self, results: Results):
+        super().__init__(results, gated=False)
 
 
 @dataclass(frozen=True)

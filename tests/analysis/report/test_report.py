@@ -74,7 +74,9 @@ def test_the_shipped_tables_give_the_shipped_numbers(again):
     shipped, made = again
     names = {str(path.relative_to(made.folder)) for path in made.files}
     there = [path for folder in ("figures", "statistics") for path in (shipped / folder).iterdir()]
-    assert names == {"report.html", "report.pdf", "claims.csv"} | {str(path.relative_to(shipped)) for path in there}
+    assert names == {"report.html", "report.pdf", "findings.md", "claims.csv"} | {
+        str(path.relative_to(shipped)) for path in there
+    }
     for name in sorted(name for name in names if name.endswith(".csv")):
         assert (made.folder / name).read_text() == (shipped / name).read_text(), name
 
@@ -83,6 +85,7 @@ def test_the_shipped_tables_give_the_shipped_page(again):
     shipped, made = again
     page, expected = ((folder / "report.html").read_text() for folder in (made.folder, shipped))
     assert PICTURE.sub("", page) == PICTURE.sub("", expected)
+    assert (made.folder / "findings.md").read_text() == (shipped / "findings.md").read_text()
 
 
 def test_a_page_needs_nothing_else_and_names_no_place_of_this_machine(again):
@@ -113,10 +116,13 @@ def test_all_experiments_find_their_place(tmp_path, undrawn):
     folder = write_results(tmp_path / "standard-1234", everything(np.random.default_rng(0), seeds=1))
     report = make_report(ReportConfig(str(folder)))
     drawn = {path.stem for path in report.files if path.suffix == ".svg"}
-    assert drawn == set(FIGURES) - {"w2_study", "appendix_measures"}  # studies, of which there are no tables here
+    # There are no tables of studies here, so no floor and no scores, either.
+    assert drawn == set(FIGURES) - {"w2_study", "appendix_measures", "performance_profiles"}
     page = (folder / "report.html").read_text()
     assert "its experiments at scale <code>standard</code>" in page
     assert "No figure: the study of distances was not run" in page
+    assert "Self-supervised losses: the floor and the oracle were not measured in empty-easy" in page
+    assert "SAC and PPO: several algorithms were not run" in page
 
 
 def test_each_group_of_factors_gets_its_part_of_the_gap(tmp_path):

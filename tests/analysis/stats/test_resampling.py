@@ -5,12 +5,12 @@ import pandas as pd
 import pytest
 from scipy import stats
 
+from analysis.stats.correlation import indicators
 from analysis.stats.resampling import (
-    FEW_BLOCKS,
     cluster_bootstrap,
-    cluster_interval,
     cluster_jackknife,
-    permutation_within,
+    no_interval,
+    permutation_of_blocks,
 )
 from segar.errors import SegarError
 from tests.analysis.grids import grid
@@ -115,62 +115,59 @@ def test_what_leaving_out_one_cluster_takes_away_has_no_interval():
         cluster_jackknife(clustered(0, clusters=1), mean_of_y, ("c",))
 
 
-def test_few_clusters_are_left_out_one_at_a_time_and_many_are_resampled():
-    few, many = clustered(4, clusters=FEW_BLOCKS - 1), clustered(4, clusters=FEW_BLOCKS)
-    for table, way in ((few, "left out one at a time"), (many, "resampled")):
-        found, told = cluster_interval(table, np.mean, ("c",), rng(), values=table["y"].to_numpy(), resamples=100)
-        assert told == way
-        one = cluster_jackknife(table, mean_of_y, ("c",))
-        other = cluster_bootstrap(table, mean_of_y, ("c",), rng(), resamples=100)
-        assert found.row() == pytest.approx((one if table is few else other).row())
-
-
 @pytest.mark.parametrize(("clusters", "note"), [(1, "one block has no interval"), (2, "2 blocks: no interval")])
-def test_fewer_clusters_than_are_asked_for_have_a_statistic_and_no_interval(clusters, note):
-    table = clustered(4, clusters=clusters)
-    found, way = cluster_interval(table, np.mean, ("c",), rng(), values=table["y"].to_numpy(), fewest=3)
-    assert (found.estimate, found.n, way) == (pytest.approx(table["y"].mean()), clusters, "")
-    assert np.isnan([found.low, found.high, found.p]).all() and found.note == note
+def test_a_number_of_few_blocks_has_no_interval_and_says_how_many(clusters, note):
+    found = no_interval(1.5, clusters)
+    assert (found.estimate, found.n, found.note) == (1.5, clusters, note)
+    assert np.isnan([found.low, found.high, found.p]).all()
 
 
-@pytest.mark.parametrize(("clusters", "fewest"), [(2, 2), (3, 3)])
-def test_as_many_clusters_as_are_asked_for_have_an_interval(clusters, fewest):
-    table = clustered(4, clusters=clusters)
-    found, _ = cluster_interval(table, np.mean, ("c",), rng(), values=table["y"].to_numpy(), fewest=fewest)
-    assert found.low < found.estimate < found.high
+def given_panel(table, *more):
+    """A constant, the panels, and more columns."""
+    panels = indicators(list(table["family"] + table["difficulty"]))
+    return np.column_stack([np.ones(len(table)), panels, *(np.log(table[name]) for name in more)])
 
 
 @pytest.mark.parametrize("given", [(), ("n",)])
-def test_permutation_within_panels_keeps_its_size_whatever_panels_do(given):
-    """The gap has no law that a t-test knows, and panels differ; 5 % of tests say p < 0.05 all the same."""
+def test_permutation_of_blocks_keeps_its_size_whatever_panels_and_blocks_do(given):
+    """The gap has no law that a t-test knows, panels differ, and the runs of a block share what blocks do not; 5 % of tests
+    say p < 0.05 all the same."""
     p = []
     for seed in range(200):
-        table = grid(rng(seed), slope=0.0, noise=0.0, panel_sd=3.0)
-        table["gap"] += rng(1000 + seed).standard_exponential(len(table)) ** 2
-        p.append(permutation_within(table, "w2", "gap", rng(seed), given=given, resamples=99).p)
+        table = grid(rng(seed), slope=0.0, noise=0.0, panel_sd=3.0, seeds=4)
+        blocks = table.groupby(["family", "difficulty", "seed"]).ngroup()
+        shared = rng(2000 + seed).normal(size=(2, 1 + blocks.max()))
+        table["gap"] += rng(1000 + seed).standard_exponential(len(table)) ** 2 + 3 * shared[0][blocks]
+        table["w2"] += shared[1][blocks]
+        p.append(permutation_of_blocks(table, "w2", "gap", given_panel(table, *given), rng(seed), resamples=99).p)
     assert np.mean(np.array(p) <= 0.05) == pytest.approx(0.05, abs=0.045)
     assert stats.kstest(p, "uniform").statistic < 0.12
 
 
 def test_permutation_finds_what_is_there():
-    found = permutation_within(grid(rng(1), seeds=3), "w2", "gap", rng(2), resamples=499)
-    assert found.estimate < -0.4 and found.p <= 0.01 and found.n == 135
+    table = grid(rng(1), seeds=3)
+    found = permutation_of_blocks(table, "w2", "gap", given_panel(table), rng(2), resamples=499)
+    assert found.estimate < -0.4 and found.p <= 0.03 and found.n == 135
 
 
-def test_without_panels_it_is_scipys_permutation_test():
+def test_with_blocks_of_one_row_in_one_panel_it_is_scipys_permutation_test():
     table = grid(rng(4)).iloc[:12].assign(w2=lambda t: t["gap"] + 2 * rng(5).normal(size=12))
+    table = table.assign(family="empty", difficulty="easy", n=1, seed=range(12))
     a, b = table["w2"].to_numpy(), table["gap"].to_numpy()
     expected = stats.permutation_test(
         (a,), lambda x: stats.pearsonr(x, b).statistic, permutation_type="pairings", n_resamples=999, rng=rng(6)
     )
-    found = permutation_within(table, "w2", "gap", rng(7), within=(), resamples=999)
+    found = permutation_of_blocks(table, "w2", "gap", np.ones((12, 1)), rng(7), resamples=999)
     assert found.estimate == pytest.approx(expected.statistic)
     assert found.p == pytest.approx(expected.pvalue, abs=0.05)
 
 
 def test_nothing_to_permute_says_so():
-    table = grid(rng(0), scatter=0.0).assign(
+    table = grid(rng(0), scatter=0.0, seeds=2).assign(
         w2=lambda t: t["family"].map({"empty": 1.0, "objectsx1": 2.0, "tilesx1": 3.0})
     )
-    with pytest.raises(SegarError, match="does not vary within panels"):
-        permutation_within(table, "w2", "gap", rng())
+    with pytest.raises(SegarError, match="does not vary given the covariates"):
+        permutation_of_blocks(table, "w2", "gap", given_panel(table), rng())
+    one = grid(rng(0), seeds=1)
+    with pytest.raises(SegarError, match="one block"):
+        permutation_of_blocks(one, "w2", "gap", given_panel(one), rng())

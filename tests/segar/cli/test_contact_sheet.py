@@ -26,10 +26,10 @@ def small_sheet():
 
 def test_the_sheet_shows_every_family_and_task(small_sheet):
     assert small_sheet.dtype == np.uint8
-    # Eight rows of three pictures: all hold more than floor and paper, and no two are the same.
+    # Eleven rows of three pictures: all hold more than floor and paper, and no two are the same.
     floor = (small_sheet == (72, 72, 72)).all(axis=2)
     rows, columns = (np.flatnonzero(floor.any(axis=axis)) for axis in (1, 0))
-    assert (np.diff(rows) > 1).sum() == 7 and (np.diff(columns) > 1).sum() == 2
+    assert (np.diff(rows) > 1).sum() == 10 and (np.diff(columns) > 1).sum() == 2
 
 
 def test_the_same_seed_draws_the_same_sheet(small_sheet):

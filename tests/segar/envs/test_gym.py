@@ -19,7 +19,7 @@ make = gymnasium.make
 def test_all_families_and_tasks_are_registered_in_both_observations() -> None:
     expected = {f"Segar-{f}-{o}{r}-v0" for f in segar.families() for o in ("rgb", "state") for r in ("", "-linear")}
     expected |= {f"Segar-{t}-{o}-v0" for t in ("puttputt", "billiards", "invisiball") for o in ("rgb", "state")}
-    assert len(segar.families()) == 21 and expected == set(IDS)
+    assert len(segar.families()) == 30 and expected == set(IDS)
 
 
 @pytest.mark.parametrize("observation", ["rgb", "state"])

@@ -1,0 +1,53 @@
+"""Names that a reader knows, for families, algorithms and designs as tables name them."""
+
+FAMILIES = {
+    "empty": "Empty",
+    "objectsx1": "Objects",
+    "tilesx1": "Tiles of 2022",
+    "hazardtilesx1": "Hazard tiles",
+}
+ALGORITHMS = {
+    "ppo": "PPO of the paper",
+    "ppo_fast": "PPO",
+    "ppo_fast_five_epochs": "PPO, more gradient steps",
+    "ppo_two_epochs": "PPO, more gradient steps",
+    "ppo_recurrent": "PPO with a memory",
+    "curl_fast": "PPO with CURL",
+    "curl": "PPO with CURL",
+    "spr_fast": "PPO with SPR",
+    "spr": "PPO with SPR",
+    "drq": "SAC with shifts (DrQ)",
+    "drq_2022": "SAC with shifts (DrQ), as in 2022",
+    "sac": "SAC",
+}
+DESIGNS = {
+    "iid": "independent",
+    "clustered": "near together",
+    "covering": "far apart",
+    "nuisance_only": "one level ten times",
+    "matched": "like independent sets",
+    "matched_far": "farther in W2",
+    "matched_sparse": "worse coverage",
+    "matched_far_sparse": "both",
+}
+
+
+def family_name(name: object) -> str:
+    """The family in words; its own name where there are none."""
+    return FAMILIES.get(str(name), str(name))
+
+
+def panel_name(panel: object) -> str:
+    """A panel in words, such as ``Hazard tiles, hard``."""
+    family, _, difficulty = str(panel).partition("-")
+    return ", ".join(filter(None, (family_name(family), difficulty)))
+
+
+def algorithm_name(name: object) -> str:
+    """The algorithm in words; its own name where there are none."""
+    return ALGORITHMS.get(str(name), str(name))
+
+
+def design_name(name: object) -> str:
+    """The design of training sets in words; its own name where there are none."""
+    return DESIGNS.get(str(name), str(name))

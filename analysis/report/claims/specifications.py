@@ -1,0 +1,92 @@
+"""Specification curves: a test of a claim in every combination of reasonable choices (Simonsohn, Simmons and Nelson 2020)."""
+
+from collections.abc import Iterator, Mapping
+from itertools import product
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from analysis.report.claims.evidence import GIVEN_CELL, Evidence
+from analysis.report.claims.information import LEVELS, PROBES, accuracies
+from analysis.report.claims.verdicts import is_known, is_significant
+from analysis.report.rules import MARGINS
+from analysis.stats.estimate import Estimate
+from analysis.tables import column, keep, select
+
+SHARE = 0.8  # of the specifications that must agree
+# Each choice in words, with the column that stands for it; a column that the tables do not have is left out.
+FORMS = {"n as a factor": "levels", "log n": "log_n", "1/sqrt n": "inverse_root_n"}
+DISTANCES = {
+    "exact W2": "w2_exact",
+    "W2 of positions": "w2_position",
+    "exact W2 without its floor": "w2_debiased",
+    "W2 of 2022": "w2_reference",
+}
+OUTCOMES = {"return": "gap", "success": "gap_success", "regret": "less_regret"}
+SIGNS: Mapping[str, int] = {"3a-n": -1, "3a-cell": -1, "4b-none": 0}  # of the claims that have specifications
+
+
+def specifications(evidence: Evidence) -> pd.DataFrame:
+    """One row per specification: ``claim``, the choices ``number of levels``, ``measure``, ``outcome``, and the estimate."""
+    rows = [
+        found.row(claim=claim, **choices)
+        for claim, choices, found in (*of_distances(evidence), *of_accuracies(evidence))
+        if is_known(found)
+    ]
+    return pd.DataFrame(rows)
+
+
+def of_distances(evidence: Evidence) -> Iterator[tuple[str, dict[str, str], Estimate]]:
+    """The specifications of 3a-n and 3a-cell."""
+    main = prepared(evidence, evidence.main)
+    for (distance, x), (outcome, y) in product(there(DISTANCES, main), there(OUTCOMES, main)):
+        rows = keep(main, np.isfinite(column(main, x)) & np.isfinite(column(main, y)))
+        for form, n in FORMS.items():
+            choices = {"number of levels": form, "measure": distance, "outcome": outcome}
+            yield "3a-n", choices, evidence.correlation(rows, x, y, ("panel", n))
+        choices = {"number of levels": GIVEN_CELL, "measure": distance, "outcome": outcome}
+        yield "3a-cell", choices, evidence.correlation(rows, x, y, ("cell",))
+
+
+def of_accuracies(evidence: Evidence) -> Iterator[tuple[str, dict[str, str], Estimate]]:
+    """The specifications of 4b-none."""
+    probed = prepared(evidence, accuracies(evidence.results, evidence.main))
+    for probe, levels, (outcome, y) in product(PROBES.values(), LEVELS, there(OUTCOMES, probed)):
+        rows = select(probed, probe=probe)
+        for form, n in FORMS.items():
+            measure = f"{'accuracy of 2022' if probe == 'paper' else 'corrected accuracy'} on {levels} levels"
+            choices = {"number of levels": form, "measure": measure, "outcome": outcome}
+            yield "4b-none", choices, evidence.correlation(rows, f"accuracy_{levels}", y, ("panel", n))
+
+
+def prepared(evidence: Evidence, runs: pd.DataFrame) -> pd.DataFrame:
+    """The runs with the columns of all choices that the tables allow: ``inverse_root_n``; ``less_regret``, which is the
+    return on test levels less the best known one there, so that it falls like a gap; and measures of training sets."""
+    if runs.empty:
+        return runs
+    best = evidence.results.player("oracle", "return")
+    known = np.array([best.get(panel, np.nan) for panel in runs["panel"]])
+    more: dict[str, Any] = {"inverse_root_n": 1 / np.sqrt(column(runs, "n"))}
+    if np.isfinite(known).all():
+        more["less_regret"] = column(runs, "eta_test_deterministic") - known
+    return evidence.results.with_training_sets(runs.assign(**more))
+
+
+def there(choices: Mapping[str, str], runs: pd.DataFrame) -> list[tuple[str, str]]:
+    """The choices whose column the table has."""
+    return [(words, name) for words, name in choices.items() if name in runs and len(runs)]
+
+
+def survives(table: pd.DataFrame, claim: str) -> bool:
+    """Whether the specifications of a claim agree with it, by the rules; a claim without any is not held back."""
+    rows = select(table, claim=claim).to_dict("records") if len(table) else []
+    if claim not in SIGNS or not rows:
+        return True
+    found, sign = [Estimate.of_row({str(k): v for k, v in row.items()}) for row in rows], SIGNS[claim]
+    if sign:
+        one_way = all(one.estimate * sign > 0 for one in found)
+        return one_way and float(np.mean([is_significant(one) for one in found])) >= SHARE
+    margin = MARGINS["correlation"]
+    small = np.mean([-margin < one.low and one.high < margin for one in found])
+    return bool(small >= SHARE and not any(one.low > margin or one.high < -margin for one in found))
