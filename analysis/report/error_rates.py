@@ -148,7 +148,8 @@ def judge(found: Estimate, sign: int, margin: float) -> str:
 def row(claim: str, sign: int, noise: str, planted: str, runs: int, said: Sequence[str]) -> dict[str, Any]:
     """The shares of verdicts, and the Wilson interval of the share that is supported."""
     counted = Counter(said)
-    low, high = np.round(proportion_confint(counted[SUPPORTED], len(said), method="wilson"), 12)
+    ends: Any = proportion_confint(counted[SUPPORTED], len(said), method="wilson")
+    low, high = (round(float(end), 12) for end in ends)
     shares = {name: counted[name] / len(said) for name in (SUPPORTED, NOT_SUPPORTED, UNDECIDED)}
     head = {"claim": claim, "claimed": "an effect" if sign else "absence", "noise": noise, "planted": planted}
     return {**head, **shares, "low": low, "high": high, "runs": runs, "simulations": len(said)}
