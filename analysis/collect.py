@@ -55,6 +55,7 @@ from segar.errors import SegarError
 LEVELS, CURVES = "levels.parquet", "curves.parquet"
 FILES = {"runs": RUNS, "transfers": TRANSFERS, "levels": LEVELS, "curves": CURVES, "probes": PROBES}  # of all tables
 PROBE_DIGITS = {"estimate": 3, "low": 3, "high": 3, "entropy": 3, "p": 4}  # after the point, in the table of probes
+MOST_MISSING = 20  # runs and tests that are named one by one
 TABLES, MISSING = "tables", "missing.csv"
 OWN = "own"  # the test set that a run has by itself
 # The figures over time that reports draw.
@@ -93,13 +94,26 @@ def collect(config: CollectConfig) -> Collected:
     print(f"{len(found.runs)} runs and {len(found.transfers)} transfers are in {folder / RUNS} and {TRANSFERS}.")
     if not found.probes.empty:
         print(f"What the probes say of {found.probes['run'].nunique()} runs is in {PROBES}.")
-    for run, reason in pairs(found.missing, "run", "reason"):
-        print(f"  missing: {run}: {reason}")
+    print_missing(plan, found.missing, folder / MISSING)
     if config.tracking and plan["tracking"]["name"] != "none":
         from analysis.experiment_runs import show_experiments
 
         show_experiments(folder, plan, found.runs)
     return found
+
+
+def print_missing(plan: Mapping[str, Any], missing: pd.DataFrame, file: Path) -> None:
+    """Prints how much of each experiment is missing, and each single run or test if there are few."""
+    if len(missing) <= MOST_MISSING:
+        for run, reason in pairs(missing, "run", "reason"):
+            print(f"  missing: {run}: {reason}")
+        return
+    runs = set(missing["run"])
+    for one in plan["experiments"]:
+        lacking = sum(run["folder"] in runs for run in one["runs"])
+        if lacking:
+            print(f"  missing: {lacking} of {len(one['runs'])} runs of {one['name']}, or tests of them")
+    print(f"  Each is named in {file}.")
 
 
 def collect_tables(results: Path) -> None:
@@ -108,13 +122,18 @@ def collect_tables(results: Path) -> None:
 
 
 def read_plan(folder: Path) -> dict[str, Any]:
-    """The plan that a results folder holds; raises :class:`RunFolderError` if it holds none."""
+    """The plan that a results folder holds, in which a run that is taken from imported tables has the name that it has
+    there; raises :class:`RunFolderError` if it holds none."""
     try:
-        return json.loads((folder / PLAN).read_text())
+        plan = json.loads((folder / PLAN).read_text())
     except (OSError, ValueError) as error:
         raise RunFolderError(
             f"{folder} holds no {PLAN} that can be read: {error}. Name a folder that experiments.reproduce made: results=..."
         ) from error
+    for run in (run for one in plan["experiments"] for run in one["runs"] if run.get("elsewhere")):
+        run["imported"] = run["whole"] or not is_finished(Path(plan["runs"]) / run["folder"])
+        run["folder"] = run["elsewhere"] if run["imported"] else run["folder"]
+    return plan
 
 
 def read_runs(plan: Mapping[str, Any]) -> Collected:
@@ -122,11 +141,15 @@ def read_runs(plan: Mapping[str, Any]) -> Collected:
     root = Path(plan["runs"])
     varied = sorted({name for one in plan["experiments"] for name in one.get("vary", ())})
     runs, transfers, missing = [], [], []
-    imported = {run["folder"] for one in plan["experiments"] for run in one["runs"] if run.get("elsewhere")}
+    imported = {run["folder"] for one in plan["experiments"] for run in one["runs"] if run.get("imported")}
     tables = imported_rows(plan, imported)
+    tested, asked = (set(pairs(join(tables[name]), "run", key)) for name, key in (("transfers", "transfer"), ("probes", "run")))
     for name, (experiments, wanted, probed) in sorted(runs_of(plan).items()):
         folder = root / name
         if name in imported:
+            lacking = [one for one in wanted if (name, one) not in tested]
+            lacking += ["probes"] if probed and (name, name) not in asked else []
+            missing += [{"run": name, "reason": f"the imported tables lack {one}"} for one in lacking]
             continue
         if not is_finished(folder):
             missing.append({"run": name, "reason": "not finished" if folder.exists() else "not begun"})

@@ -113,7 +113,8 @@ class Transfer:
 class RunTask:
     """A run, the transfers of its agent, and what its probes measure.
 
-    ``imported``: the name by which tables of another machine hold all results; empty where they do not.
+    ``imported``: the name by which tables of another machine hold the run; empty where they do not.
+    ``whole``: whether they hold all results of it.
     ``changed``: the parts of the code that are others than when the run, which is finished, was made.
     ``retested``: names of the folders of transfers that other code made, which are to be made anew.
     """
@@ -122,12 +123,13 @@ class RunTask:
     transfers: tuple[Transfer, ...] = field(default=())
     probes: ProbeConfig | None = None
     imported: str = ""
+    whole: bool = False
     changed: tuple[str, ...] = ()
     retested: frozenset[str] = frozenset()
 
     def is_done(self) -> bool:
         """Whether nothing is left to do."""
-        return bool(self.imported) or self.is_done_here()
+        return self.whole or self.is_done_here()
 
     def is_done_here(self) -> bool:
         """Whether run folders have all of it."""
@@ -141,12 +143,12 @@ class RunTask:
 
     def needs_probing(self) -> bool:
         """Whether the run is to be probed, and its folder has no such probes."""
-        return not self.imported and self.probes is not None and not is_probed(self.run, self.probes)
+        return not self.whole and self.probes is not None and not is_probed(self.run, self.probes)
 
     def frames_left(self) -> int:
         """Frames that are still to be trained; the journal says how many an interrupted run has."""
         folder = folder_path(self.run)
-        if self.imported or is_finished(folder):
+        if self.whole or is_finished(folder):
             return 0
         done = max((entry.get("frames", 0) for entry in read_journal(folder)), default=0) if folder.exists() else 0
         return max(self.run.scale.frames - done, 0)

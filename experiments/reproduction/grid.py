@@ -27,11 +27,13 @@ def grid_runs(grid: GridConfig, base: RunConfig) -> Iterable[RunConfig]:
     """A run for every combination of the grid, seed after seed.
 
     Each seed is that of an agent and of its level set, so that no two agents of a kind share one, unless ``level_sets`` says
-    how many level sets there are; then each of them has all agents.
+    how many level sets there are; then each of them has all agents. Where level sets are not ``nested``, the seeds go on from
+    one number of levels to the next.
     """
     scale = base.scale
     seeds = range(base.seed, base.seed + grid.seeds) if grid.seeds else paper_seeds(base)
     sets = range(base.seed, base.seed + (grid.level_sets or 0))
+    counts = grid.counts or scale.counts
     names, values = list(grid.vary), product(*grid.vary.values())
     panels = list(panels_of(grid.families or scale.families, grid.difficulties or scale.difficulties))
     places = product(
@@ -43,11 +45,13 @@ def grid_runs(grid: GridConfig, base: RunConfig) -> Iterable[RunConfig]:
         grid.variations,
         grid.designs,
         panels,
-        grid.counts or scale.counts,
+        enumerate(counts),
     )
     frames = grid.frames or scale.frames
     interval = base.evaluation.interval if grid.interval is None else grid.interval
-    for (seed, level_set), varied, algorithm, observation, task, variation, design, (family, difficulty), n in places:
+    for (seed, level_set), varied, algorithm, observation, task, variation, design, (family, difficulty), (k, n) in places:
+        before = 0 if grid.nested else k
+        seed, level_set = seed + before * len(seeds), level_set + before * (grid.level_sets or len(seeds))
         cell = config_at(base, GridPoint(family, difficulty, n, seed))
         run = dataclasses.replace(
             cell,

@@ -32,16 +32,15 @@ class ImportedResults:
     transfers: frozenset[tuple[str, str]] = frozenset()
     probed: frozenset[str] = frozenset()
 
-    def name_of(self, work: RunTask) -> str:
-        """The name by which the tables hold all results of this task; empty where they lack some.
+    def name_of(self, run: RunConfig) -> str:
+        """The name by which the tables hold this run; empty where they do not. Tables of release 0.1 have its names."""
+        return next((name for name in names_of(run) if name in self.runs), "")
 
-        With a part of the results, the rest would still need the weights. Tables of release 0.1 have its names.
-        """
-        for name in names_of(work.run):
-            tested = all((name, one.folder_name()) in self.transfers for one in work.transfers)
-            if name in self.runs and tested and (work.probes is None or name in self.probed):
-                return name
-        return ""
+    def has_all(self, work: RunTask) -> bool:
+        """Whether the tables hold all results of this task. Where they lack some, these need the weights."""
+        name = self.name_of(work.run)
+        tested = all((name, one.folder_name()) in self.transfers for one in work.transfers)
+        return bool(name) and tested and (work.probes is None or name in self.probed)
 
 
 def names_of(run: RunConfig) -> list[str]:

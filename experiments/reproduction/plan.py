@@ -127,16 +127,19 @@ def make_plan(
     for experiment in experiments:
         check_claims(experiment, members[experiment.name])
     changed = changed_code(union.values())
-    stored: dict[str, str] = {}
+    stored: dict[str, tuple[str, bool]] = {}
 
     def known(work: RunTask) -> RunTask:
         label = work.run.label()
         retested = changed.retested(label) if work.run.stale == "anew" else frozenset()
         parts = tuple(changed.finished.get(label, ()))
-        return dataclasses.replace(work, imported=stored.get(label, ""), changed=parts, retested=retested)
+        name, whole = stored.get(label, ("", False))
+        return dataclasses.replace(work, imported=name, whole=whole, changed=parts, retested=retested)
 
     union = {label: known(work) for label, work in union.items()}
-    stored |= {label: "" if work.is_done_here() else imported.name_of(work) for label, work in union.items()}
+    here = {label for label, work in union.items() if work.is_done_here()}
+    elsewhere = {label: work for label, work in union.items() if label not in here}
+    stored |= {label: (imported.name_of(work.run), imported.has_all(work)) for label, work in elsewhere.items()}
     union = {label: known(work) for label, work in union.items()}
     members = {name: tuple(map(known, works)) for name, works in members.items()}
     studies = [
@@ -381,10 +384,11 @@ def as_data_of(plan: ReproductionPlan) -> list[dict[str, Any]]:
             "vary": list(experiment.grid.vary) if experiment.grid else [],
             "runs": [
                 {
-                    "folder": work.imported or folder_path(work.run).name,
+                    "folder": folder_path(work.run).name,
                     "transfers": [one.folder_name() for one in work.transfers],
                     "probes": work.probes is not None,
-                    "elsewhere": bool(work.imported),
+                    "elsewhere": work.imported,
+                    "whole": work.whole,
                 }
                 for work in plan.members[experiment.name]
             ],

@@ -64,12 +64,23 @@ def test_shipped_tables_are_tables_from_elsewhere(there, tmp_path):
     assert list(joined.transfers["transfer"]) == list(whole.transfers["transfer"])
 
 
-def test_a_run_whose_tables_are_not_whole_is_made_here(there, tmp_path):
-    other, _, whole = there
+def test_a_run_whose_tables_are_not_whole_is_made_here_and_its_rows_are_kept_until_then(there, tmp_path):
+    other, of_others, whole = there
+    shutil.copytree(folder_path(of_others.runs[0].run), tmp_path / "kept")
     whole.transfers.iloc[1:].to_parquet(other.folder / "transfers.parquet")
     whole.probes[whole.probes["n"] == 1].to_parquet(other.folder / "probes.parquet")
-    _, plan = planned_with(tmp_path / "here", other.folder)
+    config, plan = planned_with(tmp_path / "here", other.folder)
     assert [work.is_done() for work in plan.runs] == [False, False, True, True]
+    joined = collect(CollectConfig(str(config.folder), tracking=False))
+    pd.testing.assert_frame_equal(joined.runs, whole.runs)
+    lost = whole.transfers.iloc[0]
+    assert f"the imported tables lack {lost['transfer']}" in list(joined.missing["reason"])
+    assert "the imported tables lack probes" in list(joined.missing["reason"])
+    first = plan.runs[0].run.label()
+    shutil.copytree(tmp_path / "kept", tmp_path / "here" / first)
+    joined = collect(CollectConfig(str(config.folder), tracking=False))
+    assert first not in list(joined.missing["run"])
+    assert joined.runs.shape == whole.runs.shape
 
 
 def test_what_experiments_need_a_run_is_a_matter_of_the_plan(there, tmp_path):
