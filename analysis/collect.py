@@ -143,7 +143,9 @@ def read_runs(plan: Mapping[str, Any]) -> Collected:
     runs, transfers, missing = [], [], []
     imported = {run["folder"] for one in plan["experiments"] for run in one["runs"] if run.get("imported")}
     tables = imported_rows(plan, imported)
-    tested, asked = (set(pairs(join(tables[name]), "run", key)) for name, key in (("transfers", "transfer"), ("probes", "run")))
+    tested, asked = (
+        set(pairs(join(tables[name]), "run", key)) for name, key in (("transfers", "transfer"), ("probes", "run"))
+    )
     for name, (experiments, wanted, probed) in sorted(runs_of(plan).items()):
         folder = root / name
         if name in imported:

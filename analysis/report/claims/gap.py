@@ -14,7 +14,7 @@ from analysis.report.claims.claim import (
     with_holm,
 )
 from analysis.report.claims.evidence import GIVEN, Evidence
-from analysis.report.results import PANEL, paired
+from analysis.report.results import paired
 from analysis.report.rules import MARGINS
 from analysis.tables import count_of, keep, select
 

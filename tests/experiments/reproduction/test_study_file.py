@@ -183,7 +183,12 @@ def test_level_sets_cross_agents_and_the_plan_says_that_they_are_shared(tmp_path
 
 def test_level_sets_that_are_not_nested_have_seeds_of_their_own(tmp_path):
     runs = runs_of(tmp_path, counts=[3, 5], nested=False)
-    assert {(run.levels.count, run.seed, run.levels.seed) for run in runs} == {(3, 0, 0), (3, 1, 1), (5, 2, 2), (5, 3, 3)}
+    assert {(run.levels.count, run.seed, run.levels.seed) for run in runs} == {
+        (3, 0, 0),
+        (3, 1, 1),
+        (5, 2, 2),
+        (5, 3, 3),
+    }
     crossed = runs_of(tmp_path, counts=[3, 5], nested=False, level_sets=3)
     sets = {n: {run.levels.seed for run in crossed if run.levels.count == n} for n in (3, 5)}
     assert sets == {3: {0, 1, 2}, 5: {3, 4, 5}}
