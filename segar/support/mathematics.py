@@ -273,34 +273,20 @@ def _reduced(x):
 def _sine_at(quarter, r, low):
     """sin(r + low + quarter pi / 2) for r in [-pi / 4, pi / 4]."""
     z = r * r
-    even, even_rest = _sine(r, z, low)
-    odd, odd_rest = _cosine(r, z, low)
-    value = _chosen(odd + odd_rest, even + even_rest, -(quarter & 1))
-    return _float(_bits(value) ^ ((quarter & 2) << 62))
-
-
-@_fast
-def _sine(r, z, low):
-    """sin(r + low) in two parts, where z = r^2."""
+    z2 = z * z
+    z4 = z2 * z2
     a = _float(_bits(r) & SHORT)
-    cube = (a * SIN_START) * (a * a)  # exact
-    start = r + cube
-    z2 = z * z
-    p = ((SIN_0 + z * SIN_1) + z2 * (SIN_2 + z * SIN_3)) + (z2 * z2) * ((SIN_4 + z * SIN_5) + z2 * SIN_6)
-    rest = (SIN_START * (r - a)) * (z + a * (r + a)) + (low - low * (0.5 * z))
-    return start, ((r - start) + cube) + ((r * z) * p + rest)
-
-
-@_fast
-def _cosine(r, z, low):
-    """cos(r + low) in two parts, where z = r^2."""
-    a = _upper(r)
-    half = 0.5 * a
-    half_square = half * a  # exact
-    start = 1.0 - half_square
-    z2 = z * z
-    p = ((COS_0 + z * COS_1) + z2 * (COS_2 + z * COS_3)) + (z2 * z2) * (COS_4 + z * COS_5)
-    return start, ((1.0 - start) - half_square) + (z2 * p - ((r - a) * (half + 0.5 * r) + r * low))
+    behind, half = r - a, 0.5 * a
+    # Of 1 - z / 2 and of r - 5 z r / 32 the parts with a are exact.
+    half_square, cube = half * a, (a * SIN_START) * (a * a)
+    flat, steep = 1.0 - half_square, r + cube
+    p = ((COS_0 + z * COS_1) + z2 * (COS_2 + z * COS_3)) + z4 * (COS_4 + z * COS_5)
+    cosine = flat + (((1.0 - flat) - half_square) + (z2 * p - (behind * (half + 0.5 * r) + r * low)))
+    p = ((SIN_0 + z * SIN_1) + z2 * (SIN_2 + z * SIN_3)) + z4 * ((SIN_4 + z * SIN_5) + z2 * SIN_6)
+    rest = (SIN_START * behind) * (z + a * (r + a)) + low * flat
+    sine = steep + (((r - steep) + cube) + ((r * z) * p + rest))
+    value = _chosen(cosine, sine, -(quarter & 1))
+    return _float(_bits(value) ^ ((quarter & 2) << 62))
 
 
 @_fast
