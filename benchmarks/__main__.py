@@ -7,6 +7,7 @@ import argparse
 from benchmarks.drawing import drawing
 from benchmarks.environments import environments, resets, single, startup
 from benchmarks.frameworks import frameworks
+from benchmarks.mathematics import speed
 from benchmarks.measure import print_parts
 from benchmarks.scaling import bodies, threads
 from benchmarks.yardsticks import against_pymunk, handwritten
@@ -23,6 +24,7 @@ PARTS = {
     "frameworks": frameworks,
     "resets": resets,
     "startup": startup,
+    "mathematics": speed,
 }
 
 

@@ -15,7 +15,7 @@ from functools import partialmethod
 from typing import Any
 
 from segar.errors import RuleError
-from segar.language.values import Arithmetic, Number, Source, VectorValue, python_function
+from segar.language.values import Arithmetic, Number, Source, VectorValue, literal_power, python_function
 
 _interned: weakref.WeakValueDictionary[Any, Symbol] = weakref.WeakValueDictionary()
 _deciders: list[Callable[[Symbol], bool]] = []  # the last one decides what a condition is on the path being traced
@@ -62,12 +62,8 @@ class Symbol(Arithmetic):
         return _deciders[-1](condition)
 
     def __pow__(self, exponent: Any) -> Any:
-        if isinstance(exponent, (int, float)):
-            if exponent == 2:
-                return self * self
-            if exponent == 0.5:
-                return self.sqrt()
-        return self._apply("pow", self, exponent)
+        power = literal_power(self, exponent)
+        return self._apply("pow", self, exponent) if power is None else power
 
     def __rpow__(self, base: Any) -> Any:
         return self._apply("pow", base, self)
@@ -86,6 +82,7 @@ class Symbol(Arithmetic):
     log = partialmethod(_call, "log")
     sin = partialmethod(_call, "sin")
     cos = partialmethod(_call, "cos")
+    tan = partialmethod(_call, "tan")
     tanh = partialmethod(_call, "tanh")
 
     def arctan2(self, other: Any) -> Any:
@@ -93,6 +90,12 @@ class Symbol(Arithmetic):
 
     def __rarctan2__(self, other: Any) -> Any:
         return self._apply("arctan2", other, self)
+
+    def hypot(self, other: Any) -> Any:
+        return self._apply("hypot", self, other)
+
+    def __rhypot__(self, other: Any) -> Any:
+        return self._apply("hypot", other, self)
 
     def select(self, yes: Any, no: Any) -> Symbol:
         condition = self if self.is_truth else self != 0.0
@@ -140,7 +143,8 @@ class Symbol(Arithmetic):
     def __float__(self) -> float:
         raise RuleError(
             "a factor's value is not known while the rule is compiled, so float(), int(), math.* and numpy cannot use"
-            " it; use arithmetic, or segar.language.sqrt, exp, log, sin, cos, tanh, arctan2, minimum, maximum, where"
+            " it; use arithmetic, or segar.language.sqrt, exp, log, sin, cos, tan, tanh, arctan2, hypot, minimum, maximum,"
+            " where"
         )
 
     __int__ = __index__ = __complex__ = __float__  # type: ignore[assignment]

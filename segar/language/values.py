@@ -14,6 +14,7 @@ from functools import cache
 from typing import Any
 
 from segar.errors import RuleError
+from segar.support import mathematics
 
 
 @dataclass(frozen=True)
@@ -87,15 +88,8 @@ class Number(Arithmetic, float):
     def __pow__(self, other: Any, modulo: Any = None) -> Any:
         if not _is_number(other):
             return NotImplemented
-        if other == 2:
-            return self * self
-        if other == 0.5:
-            return self.sqrt()
-        try:
-            power = float(self) ** float(other)
-        except (ZeroDivisionError, OverflowError):
-            power = math.inf
-        return Number(math.nan if isinstance(power, complex) else power)
+        power = literal_power(self, other)
+        return Number(mathematics.pow(float(self), float(other))) if power is None else power
 
     def __rpow__(self, other: Any, modulo: Any = None) -> Any:
         return Number(other) ** self if _is_number(other) else NotImplemented
@@ -113,27 +107,28 @@ class Number(Arithmetic, float):
         return Number(math.sqrt(self) if self >= 0 else math.nan)
 
     def exp(self) -> Number:
-        try:
-            return Number(math.exp(self))
-        except OverflowError:
-            return Number(math.inf)
+        return Number(mathematics.exp(float(self)))
 
     def log(self) -> Number:
-        if self > 0:
-            return Number(math.log(self))
-        return Number(-math.inf if self == 0 else math.nan)
+        return Number(mathematics.log(float(self)))
 
     def sin(self) -> Number:
-        return Number(math.sin(self) if math.isfinite(self) else math.nan)
+        return Number(mathematics.sin(float(self)))
 
     def cos(self) -> Number:
-        return Number(math.cos(self) if math.isfinite(self) else math.nan)
+        return Number(mathematics.cos(float(self)))
+
+    def tan(self) -> Number:
+        return Number(mathematics.tan(float(self)))
 
     def tanh(self) -> Number:
-        return Number(math.tanh(self))
+        return Number(mathematics.tanh(float(self)))
 
     def arctan2(self, other: Any) -> Number:
-        return Number(math.atan2(self, other))
+        return Number(mathematics.arctan2(float(self), float(other)))
+
+    def hypot(self, other: Any) -> Number:
+        return Number(mathematics.hypot(float(self), float(other)))
 
     def __repr__(self) -> str:
         return float.__repr__(self)
@@ -238,6 +233,11 @@ def cos(x: Any) -> Any:
     return _as_scalar(x).cos()
 
 
+def tan(x: Any) -> Any:
+    """Tangent of an angle in radians."""
+    return _as_scalar(x).tan()
+
+
 def tanh(x: Any) -> Any:
     """Hyperbolic tangent."""
     return _as_scalar(x).tanh()
@@ -246,6 +246,27 @@ def tanh(x: Any) -> Any:
 def arctan2(y: Any, x: Any) -> Any:
     """Angle in radians of the point (x, y), in [-pi, pi]."""
     return x.__rarctan2__(y) if hasattr(x, "__rarctan2__") else _as_scalar(y).arctan2(x)
+
+
+def hypot(x: Any, y: Any) -> Any:
+    """Length of the vector (x, y), without overflow within."""
+    return y.__rhypot__(x) if hasattr(y, "__rhypot__") else _as_scalar(x).hypot(y)
+
+
+def literal_power(x: Any, exponent: Any) -> Any:
+    """x to the power of 2, 1, 0.5 or -1 where a rule's source has this number: a product, a root, a quotient; else None.
+
+    A :class:`Number` was computed, in a kernel during a step, and has no such rule.
+    """
+    if isinstance(exponent, Number) or not _is_number(exponent):
+        return None
+    if exponent == 2:
+        return x * x
+    if exponent == 1:
+        return +x
+    if exponent == 0.5:
+        return x.sqrt()
+    return 1.0 / x if exponent == -1 else None
 
 
 def where(condition: Any, yes: Any, no: Any) -> Any:

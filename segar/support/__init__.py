@@ -1,8 +1,10 @@
-"""Small tools that every room may use: whole-file writes, optional packages, threads, counter-based random numbers.
+"""Small tools that every room may use: whole-file writes, optional packages, threads, counter-based random numbers,
+elementary functions.
 
 The room imports ``errors`` alone. Others use the names that are imported here.
 """
 
+from segar.support import mathematics
 from segar.support.compiled import cached, keep_beside
 from segar.support.counter_kernel import GOLDEN, SPACING, keyed_uniform, mix, normal, uniform
 from segar.support.counter_rng import LOW_WORD, SPARE_BITS, WORD, LevelGenerator, philox, stream_key

@@ -8,6 +8,7 @@ import math
 import numpy as np
 
 from segar.support.compiled import cached
+from segar.support.mathematics import cos, log
 
 GOLDEN = 0x9E3779B97F4A7C15
 SPACING = 2.0**-53
@@ -47,5 +48,5 @@ def uniform(bits):
 @cached(**_options)
 def normal(bits):
     """A number from N(0, 1) from a well mixed uint64, by the transform of Box and Muller."""
-    radius = math.sqrt(-2.0 * math.log(1.0 - uniform(bits)))
-    return radius * math.cos(2.0 * math.pi * uniform(mix(bits)))
+    radius = math.sqrt(-2.0 * log(1.0 - uniform(bits)))
+    return radius * cos(2.0 * math.pi * uniform(mix(bits)))

@@ -14,15 +14,21 @@ import math
 import numpy as np
 
 from segar.support.compiled import cached
+
+# isort: off
 from segar.support.mathematics_tables import (
-    ATAN_0, ATAN_1, ATAN_2, ATAN_3, ATAN_4, ATAN_5, ATAN_6, ATAN_TABLE, COS_0, COS_1, COS_2, COS_3, COS_4, COS_5, EXP_0,
-    EXP_1, EXP_2, EXP_3, EXP_INVERSE, EXP_STEP_HIGH, EXP_STEP_LOW, EXP_TABLE, LN2_HIGH, LN2_LOW, LOG_0, LOG_1, LOG_2,
-    LOG_3, LOG_4, LOG_TABLE, PI_2_A, PI_2_B, PI_2_C, PI_2_HIGH, PI_2_LOW, POW_0, POW_1, POW_2, POW_3, POW_4, POW_5, SIN_0, SIN_1, SIN_2, SIN_3, SIN_4, SIN_5, SIN_6, SIN_START,
-    TANH_0, TANH_1, TANH_2, TANH_3, TANH_4, TANH_5, TANH_6, TANH_7, TAN_ABOVE_1, TAN_ABOVE_2, TAN_ABOVE_3, TAN_ABOVE_4, TAN_BELOW_2,
-    TAN_BELOW_3, TAN_BELOW_4, TWO_OVER_PI, TWO_OVER_PI_LIMBS,
+    ATAN_0, ATAN_1, ATAN_2, ATAN_3, ATAN_4, ATAN_5, ATAN_6, ATAN_TABLE, COS_0, COS_1, COS_2, COS_3, COS_4, COS_5,
+    EXP_0, EXP_1, EXP_2, EXP_3, EXP_INVERSE, EXP_STEP_HIGH, EXP_STEP_LOW, EXP_TABLE, LN2_HIGH, LN2_LOW, LOG_0, LOG_1,
+    LOG_2, LOG_3, LOG_4, LOG_TABLE, PI_2_A, PI_2_B, PI_2_C, PI_2_HIGH, PI_2_LOW, POW_0, POW_1, POW_2, POW_3, POW_4,
+    POW_5, SIN_0, SIN_1, SIN_2, SIN_3, SIN_4, SIN_5, SIN_6, SIN_START, TANH_0, TANH_1, TANH_2, TANH_3, TANH_4, TANH_5,
+    TANH_6, TANH_7, TAN_ABOVE_1, TAN_ABOVE_2, TAN_ABOVE_3, TAN_ABOVE_4, TAN_BELOW_2, TAN_BELOW_3, TAN_BELOW_4,
+    TWO_OVER_PI, TWO_OVER_PI_LIMBS,
 )  # fmt: skip
+# isort: on
 
 __all__ = ["arctan2", "cos", "exp", "hypot", "log", "pow", "sin", "tan", "tanh"]
+
+CONSTANTS = "feb2e267"  # of the constants' file, so that kernels which contain them are others if they change
 
 _options = {"nogil": True, "error_model": "numpy", "_nrt": False}
 _fast = cached(**_options, forceinline=True)  # what usual arguments take; small, and part of the caller
@@ -35,7 +41,7 @@ UPPER = np.int64(-(2**27))  # mask of 26 significant bits, whose products are ex
 SHORT = np.int64(-(2**37))  # mask of 16 significant bits, whose cubes are exact
 ROUND = 1.5 * 2.0**52  # added and subtracted, it rounds to a whole number, which the lowest bits of the sum hold
 
-EXP_LIMIT = 708.0  # up to here the result and its parts are normal
+EXP_LIMIT = 690.0  # up to here the result and the smallest of its parts are normal
 LOG_FIRST = 0x3FE6A80000000000  # bits of the first number of the first cell of the table
 SMALL_ANGLE = 2.0**-28  # below, sin x = tan x = x
 LARGE_ANGLE = 2.0**17  # from here on the multiples of the parts of pi / 2 would not be exact
@@ -138,7 +144,9 @@ def _scaled_log(bits, k, y):
     half = 0.5 * a
     square = half * a  # exact
     value = high - square
-    rest = (r2 * r2) * ((POW_1 + r * POW_2) + r2 * ((POW_3 + r * POW_4) + r2 * POW_5)) + (r2 * third - (r - a) * (half + 0.5 * r))
+    rest = (r2 * r2) * ((POW_1 + r * POW_2) + r2 * ((POW_3 + r * POW_4) + r2 * POW_5)) + (
+        r2 * third - (r - a) * (half + 0.5 * r)
+    )
     lower = (value - upper) + ((low + ((high - value) - square)) + rest)
     return y_upper * upper, y * lower + (y - y_upper) * upper
 
@@ -201,7 +209,9 @@ def _pow_of_rare(x, y):
         return np.inf if (size > 1.0) == (y > 0.0) else 0.0
     if x < 0.0 and not whole:
         return np.nan
-    high, low = _scaled_log(_bits(size), 0, y) if _is_normal(_bits(size)) else _scaled_log(_bits(size * 2.0**54), -54, y)
+    high, low = (
+        _scaled_log(_bits(size), 0, y) if _is_normal(_bits(size)) else _scaled_log(_bits(size * 2.0**54), -54, y)
+    )
     if high > 710.0:
         return sign * np.inf
     if high < -746.0:

@@ -7,12 +7,13 @@ from typing import Any
 
 from segar.engine.compiler.spec import Group
 from segar.language import Symbol, make
+from segar.support import mathematics
 
-BINARY = {"add": "+", "sub": "-", "mul": "*", "div": "/", "pow": "**", "lt": "<", "le": "<=", "eq": "==", "ne": "!="}
+BINARY = {"add": "+", "sub": "-", "mul": "*", "div": "/", "lt": "<", "le": "<=", "eq": "==", "ne": "!="}
 BINARY |= {"and": "and", "or": "or"}
 UNARY = {"neg": "-", "not": "not "}
-CALLS = {name: f"np.{name}" for name in ("exp", "log", "sin", "cos", "tanh", "sign")}
-CALLS |= {"sqrt": "math.sqrt", "arctan2": "math.atan2", "abs": "abs"}
+CALLS = {"sqrt": "math.sqrt", "abs": "abs", "sign": "np.sign"}  # exact everywhere
+MATHEMATICS = frozenset(mathematics.__all__)  # the other functions, which the module imports where it calls them
 
 
 class Writer:
@@ -20,13 +21,15 @@ class Writer:
 
     Args:
         atom: the source of a leaf symbol (load, parameter, draw, relation, action, wall).
+        called: collects the names of :mod:`segar.support.mathematics` that the source calls.
     """
 
-    def __init__(self, atom: Callable[[Symbol], str]) -> None:
+    def __init__(self, atom: Callable[[Symbol], str], called: set[str]) -> None:
         self.lines: list[str] = []
         self.indent = 0
         self.groups: dict[str, Any] = {}  # the group that each loop variable runs over
         self._atom = atom
+        self._called = called
         self._scopes: list[dict[Symbol, str]] = [{}]
         self._count = 0
 
@@ -77,8 +80,10 @@ class Writer:
         op, args = symbol.op, symbol.args
         if op in BINARY:
             return f"{self.value(args[0])} {BINARY[op]} {self.value(args[1])}"
-        if op in CALLS:
-            return f"{CALLS[op]}({', '.join(self.value(a) for a in args)})"
+        if op in CALLS or op in MATHEMATICS:
+            if op in MATHEMATICS:
+                self._called.add(op)
+            return f"{CALLS.get(op, op)}({', '.join(self.value(a) for a in args)})"
         if op in UNARY:
             return f"{UNARY[op]}{self.value(args[0])}"
         if op == "select":

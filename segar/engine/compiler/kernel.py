@@ -28,7 +28,7 @@ from segar.engine.compiler.task_functions import task_functions
 from segar.engine.runtime import device, device_contacts, gather, ledger, plain_ledger, plain_sheet, sheet
 from segar.errors import RuleError
 from segar.language import ACT, FIND_RATES, SUB_STEP, Layout, Operation, Rule, Stage, TaskFunctions
-from segar.support import is_plain, keyed_uniform
+from segar.support import is_plain, keyed_uniform, mathematics
 
 THREAD_ARGUMENTS = ("ledger", "owns", "sheet")
 """How threads share the parts of a call, whether this thread owns the call, and where observations are written."""
@@ -78,7 +78,7 @@ def generate(layout: Layout, world: language.WorldRules, task: language.TaskFunc
     """
     builder = _Builder(layout, world, task, is_plain())
     functions = builder.functions()
-    text = "\n".join([builder.header(), _device_text(), functions])
+    text = "\n".join([builder.header(), _device_text(), functions])  # the header imports what the functions call
     # Bodies in order; behind them near walls and pairs, or partners while rules are applied.
     bodies = len(builder.bodies)
     length = bodies + max(_room(bodies), builder.list_length)
@@ -139,7 +139,7 @@ from numba import njit
 {_import(gather, "gather_range")}
 {_import(shares, "dismiss, finish_part, make_ledger, open_ledger, take_part")}
 {_import(writes, "make_sheet, sheet_with, table_on")}
-{_import(sys.modules[keyed_uniform.__module__], "keyed_uniform")}
+{_import(sys.modules[keyed_uniform.__module__], "keyed_uniform")}{self._mathematics()}
 
 X = {columns.get(language.Position, 0)}
 VX = {columns.get(language.Velocity, 0)}
@@ -157,6 +157,11 @@ MANY_BODIES = {len(colliders) > MANY_BODIES}
 ROOM = {_room(len(colliders))}
 CONTACT_MOVES = {self._contacts_move()}
 '''
+
+    def _mathematics(self) -> str:
+        """The line that imports the elementary functions which the rules call, if they call any."""
+        names = ", ".join(sorted(self.source.called))
+        return f"\n{_import(mathematics, names)}" if names else ""
 
     def functions(self) -> str:
         """The functions that the rules and the task became, and the entry that calls them."""

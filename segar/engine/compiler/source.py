@@ -26,6 +26,8 @@ class Source:
 
     layout: Layout
     matcher: Matcher = field(init=False)
+    called: set[str] = field(init=False, default_factory=set)
+    """Names of :mod:`segar.support.mathematics` that the functions so far call."""
 
     def __post_init__(self) -> None:
         self.matcher = Matcher(self.layout)
@@ -33,7 +35,7 @@ class Source:
     @contextmanager
     def function(self, header: str, inline: bool = False) -> Iterator[Writer]:
         """A writer inside ``def header:``."""
-        writer = Writer(lambda s: self._atom(writer, s))
+        writer = Writer(lambda s: self._atom(writer, s), self.called)
         writer.line(INLINE_DECORATOR if inline else DECORATOR)
         with writer.block(f"def {header}:"):
             yield writer

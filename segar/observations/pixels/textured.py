@@ -18,7 +18,7 @@ from segar.observations.composed.composed import recall_array
 from segar.observations.copying import KERNEL_OPTIONS
 from segar.observations.pixels.drawing import LUMA, Channels, Drawing, canvas_for, check_frame, frame_space
 from segar.observations.pixels.solid_colours import OUTLINES
-from segar.support import GOLDEN, mix, normal, stream_key, uniform
+from segar.support import GOLDEN, mathematics, mix, normal, stream_key, uniform
 from segar.textures import NOISE_CLIP, TextureSet, name_of_input, type_inputs
 
 REDRAWN = ("episode", "level", "never")
@@ -281,7 +281,7 @@ def weave(env, entity, loom, model, features, raw, texels):
             for k in range(len(raw)):
                 raw[k] += f * loom.weights[model, i, k]
     for k in range(len(raw)):
-        y = math.tanh(raw[k]) if loom.bends else min(max(raw[k], -1.0), 1.0)
+        y = mathematics.tanh(raw[k]) if loom.bends else min(max(raw[k], -1.0), 1.0)
         raw[k] = np.floor(255.0 * (y + 1.0) / 2.0)
     period, planes = texels.shape[3], texels.shape[2]
     for row in range(period):

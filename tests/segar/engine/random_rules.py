@@ -225,6 +225,8 @@ class Author:
                 lambda s: segar.language.values.exp(tanh(x(s))) + segar.language.values.log(abs(y(s))),
                 lambda s: segar.language.values.sin(x(s)) * segar.language.values.cos(y(s)),
                 lambda s: segar.language.values.arctan2(x(s), y(s)),
+                lambda s: segar.language.values.tan(x(s)) - segar.language.values.hypot(x(s), y(s)),
+                lambda s: abs(x(s)) ** y(s),
                 lambda s: minimum(x(s), y(s)),
                 lambda s: maximum(x(s), 0.1) + 1,
                 lambda s: where(test(s), x(s), y(s)),

@@ -165,7 +165,7 @@ def uncompiled(world: World, layout: Any, task: Any = None) -> Simulator:
 def _plain_module(text: str) -> types.ModuleType:
     # numpy's scalars divide as numba's error_model="numpy" does; Python's own numbers and math.sqrt would raise.
     text = text.replace("from numba import njit", "def njit(**_): return lambda function: function")
-    text = text.replace("math.sqrt", "np.sqrt").replace("math.atan2", "np.arctan2")
+    text = text.replace("math.sqrt", "np.sqrt")
     module = types.ModuleType("plain_kernel")
     exec(compile(text, "plain_kernel.py", "exec"), module.__dict__)
     module.advance = np.errstate(all="ignore")(module.advance)  # type: ignore[attr-defined]

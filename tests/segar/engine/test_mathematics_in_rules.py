@@ -1,0 +1,59 @@
+"""Elementary functions in rules: kernels and the interpreter compute the same bits, and kernels import what they call."""
+
+from __future__ import annotations
+
+from typing import Tuple
+
+import numpy as np
+import pytest
+
+import segar
+from segar.engine.compiler.kernel import generate
+from segar.engine.simulator import Simulator
+from segar.language import Number, arctan2, cos, exp, hypot, log, make, sin, tan, tanh
+from segar.reference import Interpreter
+from tests.segar.engine.worlds import start
+
+LEVELS = segar.family("empty-hard").sample(20, seed=0)
+FUNCTIONS = "arctan2, cos, exp, hypot, log, pow, sin, tan, tanh"
+
+
+@segar.rule
+def mix(own: Tuple[segar.Position, segar.Charge]) -> segar.SetFactor[segar.Charge]:
+    """Every function and every kind of power."""
+    x, old = own
+    total = exp(-hypot(x.x, x.y)) + sin(3.0 * x.x) * cos(7.0 * x.y) + tan(x.x) * tanh(x.y) + arctan2(x.y, x.x)
+    total += log(2.0 + x.x) + abs(x.y) ** 1.7 + (2.0 + x.x) ** -1 + x.x**2 + abs(x.x) ** 0.5 + x.y**1 + 2.0**x.y
+    return segar.SetFactor[segar.Charge](old, total + abs(x.x) ** (1.0 + abs(x.y)) + segar.random.normal(0.0, 0.1))
+
+
+def test_a_kernel_and_the_interpreter_compute_the_same_bits():
+    world, state = segar.World((mix,)), start(LEVELS)
+    Simulator(world, LEVELS.layout).step(state, LEVELS, 1)
+    interpreter = Interpreter(world, LEVELS.layout)
+    for e in range(len(LEVELS)):
+        expected = interpreter.step(LEVELS, e, key=int(state.key[e])).values
+        np.testing.assert_array_equal(state.values[e], expected)
+    ball, column = LEVELS.layout.names.index("golfball"), LEVELS.layout.columns[segar.Charge]
+    assert len(np.unique(state.values[:, ball, column])) == len(LEVELS)
+
+
+@pytest.mark.parametrize(("rules", "names"), [((), None), ((mix,), FUNCTIONS)])
+def test_a_kernel_imports_only_the_functions_that_it_calls(rules, names):
+    world = segar.World((*segar.DEFAULT_RULES, *rules))
+    text = generate(LEVELS.layout, world, segar.puttputt().functions()).text
+    lines = [line.split("  # ")[0] for line in text.splitlines() if "segar.support.mathematics" in line]
+    assert lines == ([] if names is None else [f"from segar.support.mathematics import {names}"])
+
+
+@pytest.mark.parametrize("exponent", [2, 2.0, 1, 0.5, -1, -1.0])
+def test_literal_exponents_become_products_roots_and_quotients(exponent):
+    assert (make("action", 0) ** exponent).op != "pow"
+    assert float(Number(3.7) ** exponent) == pytest.approx(3.7**exponent, rel=1e-15)
+
+
+def test_other_exponents_are_powers_in_the_kernel_and_in_the_interpreter():
+    assert all((make("action", 0) ** exponent).op == "pow" for exponent in (3, -2, 1.5, make("action", 1)))
+    # A factor whose value happens to be two is no literal: the kernel calls pow there, and so does the interpreter.
+    values = np.random.default_rng(0).uniform(0.0, 10.0, 2000)
+    assert any(Number(x) ** Number(0.5) != Number(x).sqrt() for x in values)
