@@ -1,0 +1,83 @@
+"""The portable network of a trained policy: plain data that :class:`segar.policies.NetworkPolicy` plays."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from torch import nn
+
+from experiments.algorithms.drq import DrQPolicy
+from experiments.algorithms.ppo import PPOPolicy
+from experiments.algorithms.recurrent_ppo import RecurrentPolicy
+from experiments.algorithms.sac import GaussianActor, SACPolicy
+from experiments.networks.portable import WAY_OUT, Layers
+from experiments.settings import ConfigError
+from segar.errors import SegarError
+from segar.language import Task
+from segar.policies import Network
+
+Outputs = tuple[int, int, tuple[float, float]]  # the layers of mean and log_std, and the range of log_std
+
+
+def network_of(policy: nn.Module, observation_shape: tuple[int, ...], task: Task) -> Network:
+    """The network by which a policy of one of the built-in algorithms acts, with the task's range of actions.
+
+    It computes in float32, also where the policy's CNN computes in bfloat16.
+
+    Args:
+        observation_shape: of what the policy observes.
+
+    Raises:
+        ConfigError: the policy, or a part of it, has no portable form.
+    """
+    make = POLICIES.get(type(policy))
+    if make is None:
+        raise ConfigError(
+            f"portable: the policy is a {type(policy).__module__}.{type(policy).__qualname__}, and only those of the built-in"
+            f" algorithms have a portable form. {WAY_OUT}"
+        )
+    layers = Layers()
+    mean, log_std, log_std_range = make(layers, policy)
+    try:
+        return Network(
+            observation_shape, tuple(layers.made), mean, log_std, log_std_range, tuple(task.action_low), tuple(task.action_high)
+        )  # fmt: skip
+    except SegarError as error:
+        raise ConfigError(f"portable: the policy's network has no portable form: {error}. {WAY_OUT}") from error
+
+
+def _ppo(layers: Layers, policy: PPOPolicy) -> Outputs:
+    actor = policy.actor
+    return _heads(layers, layers.add_encoder(actor.encoder, "actor.encoder"), actor, "actor.")
+
+
+def _recurrent(layers: Layers, policy: RecurrentPolicy) -> Outputs:
+    hidden = layers.add_core(policy.cells, layers.add_encoder(policy.encoder, "encoder"))
+    return _heads(layers, hidden, policy, "")
+
+
+def _sac(layers: Layers, policy: SACPolicy) -> Outputs:
+    actor = policy.actor
+    return _heads(layers, layers.add_encoder(actor.trunk, "actor.trunk"), actor, "actor.")
+
+
+def _drq(layers: Layers, policy: DrQPolicy) -> Outputs:
+    projection, actor = policy.actor
+    assert isinstance(actor, GaussianActor)
+    x = layers.add_module(projection, layers.add_encoder(policy.encoder, "encoder"), "actor.0")
+    return _heads(layers, layers.add_module(actor.trunk, x, "actor.1.trunk"), actor, "actor.1.")
+
+
+def _heads(layers: Layers, hidden: int, policy: Any, place: str) -> Outputs:
+    """The two heads of a policy, which read the same layer."""
+    mean, log_std = (
+        layers.add_module(getattr(policy, name), hidden, f"{place}{name}") for name in ("mean", "log_std")
+    )
+    return mean, log_std, policy.log_std_range
+
+
+POLICIES: Mapping[type[nn.Module], Callable[[Layers, Any], Outputs]] = {
+    PPOPolicy: _ppo,
+    RecurrentPolicy: _recurrent,
+    SACPolicy: _sac,
+    DrQPolicy: _drq,
+}

@@ -1,0 +1,171 @@
+"""From modules of torch to the layers of :class:`segar.policies.Network`.
+
+Only the modules that stand here have such layers. They are looked up by their exact class, because a sub-class may
+compute something else.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from torch import Tensor, nn
+
+from experiments.networks.encoders import MLP, FrameEncoder, ResidualBlock, StackEncoder
+from experiments.networks.frame_conv import FrameConv
+from experiments.networks.keypoints import MOVED, Keypoints
+from experiments.settings import ConfigError
+from segar.policies import Layer
+
+WAY_OUT = "Evaluate it without portable=true, which plays by torch"
+
+
+class Layers:
+    """Layers that are made one after the other, from an observation on."""
+
+    def __init__(self) -> None:
+        self.made: list[Layer] = []
+
+    def add(self, kind: str, *reads: int, options: Mapping[str, float] | None = None, **arrays: np.ndarray) -> int:
+        """Append a layer; returns its number."""
+        weights = {name: np.ascontiguousarray(array, np.float32) for name, array in arrays.items()}
+        self.made.append(Layer(kind, reads, options or {}, weights))
+        return len(self.made) - 1
+
+    def add_module(self, module: nn.Module, source: int, place: str) -> int:
+        """Append what a module computes of the output of layer ``source``; returns the number of the layer that gives it.
+
+        Raises:
+            ConfigError: it has no portable form; the message names it by its ``place`` in the policy.
+        """
+        add = MODULES.get(type(module))
+        if add is None:
+            raise ConfigError(
+                f"portable: '{place}' of the policy is a {type(module).__module__}.{type(module).__qualname__}, which has no"
+                f" portable form. {WAY_OUT}, or build the network of {', '.join(sorted(kind.__name__ for kind in MODULES))}"
+            )
+        return add(self, module, source, place)
+
+    def add_encoder(self, encoder: nn.Module, place: str) -> int:
+        """Append the observation and an encoder that reads it; returns the number of the layer that gives phi."""
+        if type(encoder) is MLP:
+            return self.add_module(encoder, self._observation(), place)
+        if type(encoder) is FrameEncoder:
+            scale = 1.0 if encoder.scale is None else encoder.scale
+            return self.add_module(encoder.trunk, self._observation(scale), f"{place}.trunk")
+        if type(encoder) is StackEncoder:
+            return self.add_module(encoder.trunk, self._observation(stack=encoder.trunk.stack), f"{place}.trunk")
+        raise ConfigError(f"portable: '{place}' is a {type(encoder).__name__}, which has no portable form. {WAY_OUT}")
+
+    def add_core(self, cells: nn.Module, source: int) -> int:
+        """Append one GRU or LSTM of torch, of a single layer."""
+        kind = {nn.GRU: "gru", nn.LSTM: "lstm"}[type(cells)]  # type: ignore[index]
+        names = {"weight_input": "weight_ih_l0", "weight_memory": "weight_hh_l0"}
+        names |= {"bias_input": "bias_ih_l0", "bias_memory": "bias_hh_l0"}
+        return self.add(kind, source, **{name: _array(getattr(cells, theirs)).T for name, theirs in names.items()})
+
+    def _observation(self, scale: float = 1.0, stack: int = 1) -> int:
+        return self.add("observation", options={"scale": scale, "stack": stack})
+
+
+def _array(tensor: Any) -> np.ndarray:
+    """A weight as an array."""
+    assert isinstance(tensor, Tensor)
+    return tensor.detach().cpu().numpy()
+
+
+def _sequential(layers: Layers, module: Any, source: int, place: str) -> int:
+    for name, part in module.named_children():
+        source = layers.add_module(part, source, f"{place}.{name}")
+    return source
+
+
+def _mlp(layers: Layers, module: MLP, source: int, place: str) -> int:
+    return layers.add_module(module.layers, source, f"{place}.layers")
+
+
+def _linear(layers: Layers, module: nn.Linear, source: int, place: str) -> int:
+    weight = _array(module.weight)
+    bias = np.zeros(len(weight)) if module.bias is None else _array(module.bias)
+    return layers.add("dense", source, weight=weight.T, bias=bias)
+
+
+def _convolution(layers: Layers, module: nn.Conv2d, source: int, place: str) -> int:
+    weight = module.divided_weight if isinstance(module, FrameConv) else module.weight
+    return _add_convolution(layers, module, source, place, _array(weight), module.bias)
+
+
+def _add_convolution(
+    layers: Layers, module: nn.Conv2d, source: int, place: str, weight: np.ndarray, bias: Any
+) -> int:
+    """A convolution with these weights, torch's ``[output, input, row, column]``."""
+    stride, padding = (_one_number(getattr(module, name), f"{place}: {name}") for name in ("stride", "padding"))
+    usual = {"dilation": (1, 1), "groups": 1, "padding_mode": "zeros"}
+    for name, value in usual.items():
+        if getattr(module, name) != value:
+            raise ConfigError(
+                f"portable: '{place}' has {name} {getattr(module, name)!r}, which has no portable form. {WAY_OUT}"
+            )
+    biases = np.zeros(len(weight)) if bias is None else _array(bias)
+    options = {"stride": stride, "padding": padding}
+    return layers.add("convolution", source, options=options, weight=weight.transpose(2, 3, 1, 0), bias=biases)
+
+
+def _one_number(value: Any, what: str) -> int:
+    """The number that stands for both sides of a window."""
+    sides = {value} if isinstance(value, int) else {*value}
+    if len(sides) != 1 or not isinstance(value, int | tuple):
+        raise ConfigError(f"portable: {what} {value!r} differs between sides, which has no portable form. {WAY_OUT}")
+    return sides.pop()
+
+
+def _max_pool(layers: Layers, module: nn.MaxPool2d, source: int, place: str) -> int:
+    names = {"kernel": "kernel_size", "stride": "stride", "padding": "padding"}
+    options = {name: _one_number(getattr(module, theirs), f"{place}: {theirs}") for name, theirs in names.items()}
+    return layers.add("max_pool", source, options=options)
+
+
+def _layer_norm(layers: Layers, module: nn.LayerNorm, source: int, place: str) -> int:
+    options = {"epsilon": module.eps}
+    return layers.add("layer_norm", source, options=options, weight=_array(module.weight), bias=_array(module.bias))
+
+
+def _residual_block(layers: Layers, module: ResidualBlock, source: int, place: str) -> int:
+    x = layers.add_module(module.entry, source, f"{place}.entry")
+    x = layers.add_module(module.pool, x, f"{place}.pool")
+    for name, residual in module.residuals.named_children():
+        x = layers.add("add", x, layers.add_module(residual, x, f"{place}.residuals.{name}"))
+    return x
+
+
+def _keypoints(layers: Layers, module: Keypoints, source: int, place: str) -> int:
+    x = layers.add("relu", layers.add_module(module.first, source, f"{place}.first"))
+    sharpness = _array(module.sharpness)
+    weight = _array(module.second.weight) * sharpness[:, None, None, None]
+    x = _add_convolution(layers, module.second, x, f"{place}.second", weight, module.second.bias * module.sharpness)  # type: ignore[operator]
+    x = layers.add("soft_argmax", x, places=_array(module.places)[:, :2])
+    return layers.add_module(module.dense, layers.add("movements", x, options={"factor": MOVED}), f"{place}.dense")
+
+
+def _plain(kind: str) -> Callable[[Layers, Any, int, str], int]:
+    return lambda layers, module, source, place: layers.add(kind, source)
+
+
+def _nothing(layers: Layers, module: Any, source: int, place: str) -> int:
+    return source
+
+
+MODULES: Mapping[type[nn.Module], Callable[[Layers, Any, int, str], int]] = {
+    nn.Sequential: _sequential,
+    MLP: _mlp,
+    nn.Linear: _linear,
+    nn.Conv2d: _convolution,
+    FrameConv: _convolution,
+    nn.MaxPool2d: _max_pool,
+    nn.ReLU: _plain("relu"),
+    nn.Tanh: _plain("tanh"),
+    nn.Flatten: _plain("flatten"),
+    nn.Identity: _nothing,
+    nn.LayerNorm: _layer_norm,
+    ResidualBlock: _residual_block,
+    Keypoints: _keypoints,
+}
