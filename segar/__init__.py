@@ -6,7 +6,7 @@ is compiled from the rules, and measured. See README.md for a first run.
 Here stand the names that most programs need. All others stand in the rooms: ``segar.language`` (factors, entities,
 parameters, shapes, relations, effects, mathematics of rules), ``segar.rules``, ``segar.noise``, ``segar.levels``,
 ``segar.tasks``, ``segar.observations``, ``segar.envs``, ``segar.metrics``, ``segar.textures``, ``segar.rendering``,
-``segar.hardness``, ``segar.evaluation``, ``segar.datasets`` and ``segar.errors``.
+``segar.hardness``, ``segar.policies``, ``segar.evaluation``, ``segar.datasets`` and ``segar.errors``.
 """
 
 from typing import Any, Tuple  # noqa: UP035 - the paper's rules are written with Tuple

@@ -1,8 +1,10 @@
-"""The portable network of a trained policy: plain data that :class:`segar.policies.NetworkPolicy` plays."""
+"""The portable network of a trained policy, and an agent that plays by it instead of by torch."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
 
+import numpy as np
+import torch
 from torch import nn
 
 from experiments.algorithms.drq import DrQPolicy
@@ -11,9 +13,10 @@ from experiments.algorithms.recurrent_ppo import RecurrentPolicy
 from experiments.algorithms.sac import GaussianActor, SACPolicy
 from experiments.networks.portable import WAY_OUT, Layers
 from experiments.settings import ConfigError
+from segar.envs import VectorEnv
 from segar.errors import SegarError
 from segar.language import Task
-from segar.policies import Network
+from segar.policies import Network, NetworkPolicy
 
 Outputs = tuple[int, int, tuple[float, float]]  # the layers of mean and log_std, and the range of log_std
 
@@ -43,6 +46,30 @@ def network_of(policy: nn.Module, observation_shape: tuple[int, ...], task: Task
         )  # fmt: skip
     except SegarError as error:
         raise ConfigError(f"portable: the policy's network has no portable form: {error}. {WAY_OUT}") from error
+
+
+class PortableAgent:
+    """Plays by a network, with actions that are the same bits on every processor; see :class:`segar.policies.NetworkPolicy`.
+
+    Args:
+        num_threads: threads over the batch.
+    """
+
+    def __init__(self, network: Network, num_threads: int) -> None:
+        self.without_noise, self.sampled = (
+            NetworkPolicy(network, sampled=sampled, unit_actions=True, num_threads=num_threads)
+            for sampled in (False, True)
+        )
+
+    def begin(self, env: VectorEnv) -> None:
+        """Episodes start in ``env``."""
+        self.without_noise.begin(env)
+        self.sampled.begin(env)
+
+    def act(self, observation: np.ndarray, *, rng: torch.Generator | None) -> np.ndarray:
+        """Actions float32 [n, actions]; deterministic where ``rng`` is None. Draws of sampled actions depend on the episodes
+        that :meth:`begin` saw start, and not on ``rng``."""
+        return (self.without_noise if rng is None else self.sampled)(observation)
 
 
 def _ppo(layers: Layers, policy: PPOPolicy) -> Outputs:

@@ -13,6 +13,7 @@ import torch
 
 from experiments.algorithms.checkpoint import load_newest_policy
 from experiments.algorithms.learner import Policy
+from experiments.algorithms.portable import PortableAgent, network_of
 from experiments.collection.collector import observation_shape
 from experiments.commands import process_defaults as runtime
 from experiments.evaluation.baselines import IdleAgent
@@ -54,8 +55,10 @@ from segar.cli import table
 from segar.envs import VectorEnv, play
 from segar.evaluation import QUANTITIES, Baselines, find_baselines
 from segar.levels import Levels
+from segar.policies import Network
 from segar.rendering import View, write_video
 
+NETWORK = "network.npz"  # that played, where it is portable
 COUNT = 100  # levels of a distribution, where the number is not given
 VIEW = View(size=384)  # of videos
 OWN = {"train": LEVELS_TRAIN, "test": LEVELS_TEST}  # the run's own level sets
@@ -92,8 +95,12 @@ def evaluate(config: EvaluateConfig, say: Callable[[str], None] = print) -> Eval
         )
     levels = find_levels(config, folder, trained)
     code = {**played_code(played(config, trained)), "levels": levels_hash(levels)}
+    policy: Agent
     policy, frames = load_agent(folder, trained, levels, say)
-    options = environment_options(trained)
+    options, network = environment_options(trained), None
+    if config.portable:
+        network = network_of(policy, shape_in(levels, trained), options["task"])
+        policy = PortableAgent(network, config.num_threads)
     rows = play_levels(policy, levels, options, config)
     baselines = find_baselines(
         levels, options["task"], rng=np.random.default_rng(config.seed), seed=config.seed,
@@ -103,6 +110,7 @@ def evaluate(config: EvaluateConfig, say: Callable[[str], None] = print) -> Eval
     players = {mode: figures([row for row in rows if row["action_mode"] == mode], baselines) for mode in config.modes}
     players["no-op"] = figures(idle, baselines)
     summary = {"run": str(folder), "frames": frames, "levels": origin(config, levels), "players": players}
+    summary["portable"] = config.portable
     summary["changed_code"] = changed  # parts of the code that are others than when the agent was trained
     if baselines is not None:
         # These names are those that readers of 0.1's files know.
@@ -111,7 +119,7 @@ def evaluate(config: EvaluateConfig, say: Callable[[str], None] = print) -> Eval
     out = Path(config.out).expanduser().resolve() if config.out else folder / EVALUATIONS / label(config, levels)
     if replaced := code_replaced(out, code):
         say(f"note: an evaluation by other code lay there, and is replaced; changed since: {', '.join(replaced)}")
-    write(out, levels, rows, summary)
+    write(out, levels, rows, summary, network)
     say(as_table(f"{folder.name} after {frames:,} frames, on {described(config, levels)}:", players, baselines))
     for line in scores_above_1(players, len(levels), config):
         say(line)
@@ -241,14 +249,24 @@ def mean_returns(rows: Sequence[Mapping[str, Any]]) -> dict[int, float]:
     return {level: float(np.mean(values)) for level, values in returns.items()}
 
 
-def write(out: Path, levels: Levels, rows: Sequence[Mapping[str, Any]], summary: Mapping[str, Any]) -> None:
-    """Writes levels, episodes and summary; raises :class:`SegarError` if that is impossible."""
+def write(
+    out: Path,
+    levels: Levels,
+    rows: Sequence[Mapping[str, Any]],
+    summary: Mapping[str, Any],
+    network: Network | None = None,
+) -> None:
+    """Writes levels, episodes, summary, and the network that played where it is portable; raises :class:`SegarError` if that is
+    impossible."""
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise RunFolderError(f"cannot make the folder {out}: {error.strerror}") from error
     (out / SUMMARY).unlink(missing_ok=True)  # it is there if and only if it belongs to the other files
     levels.save(out / LEVELS)
+    (out / NETWORK).unlink(missing_ok=True)  # of an evaluation that is replaced
+    if network is not None:
+        network.save(out / NETWORK)
     write_rows(out / EPISODES, rows, EPISODE_SCHEMA)
     write_json(out / SUMMARY, summary)
 
@@ -336,15 +354,17 @@ def label(config: EvaluateConfig, levels: Levels) -> str:
         name = f"{Path(asked).stem}-n{len(levels)}"
     else:
         name = f"{without_files(asked, 'levels')}-{made.split}-n{len(levels)}-s{made.seed}"
+    name += "-portable" if config.portable else ""
     return "".join(c if c.isalnum() or c in "_-." else "_" for c in name)
 
 
 def described(config: EvaluateConfig, levels: Levels) -> str:
-    """Which levels they are, for people."""
+    """Which levels they are, and whether torch computes the actions, for people."""
+    how = " (portable)" if config.portable else ""
     if config.levels in OWN:
-        return f"its own {len(levels)} {config.levels} levels"
+        return f"its own {len(levels)} {config.levels} levels{how}"
     more = "" if config.levels.endswith(".npz") else f" (split {config.split}, seed {config.seed})"
-    return f"{len(levels)} levels of {config.levels}{more}"
+    return f"{len(levels)} levels of {config.levels}{more}{how}"
 
 
 def as_table(title: str, players: Mapping[str, Mapping[str, float]], baselines: Baselines | None) -> str:

@@ -274,7 +274,7 @@ def _plain_cnn(height: int, width: int, depth: int, channels: tuple[int, int, in
 
 
 def _residual_cnn(height: int, width: int, depth: int, channels: tuple[int, ...]) -> nn.Sequential:
-    blocks = [ResidualBlock(a, b) for a, b in pairwise((depth, *channels))]
+    blocks = [_ResidualBlock(a, b) for a, b in pairwise((depth, *channels))]
     blocks[0].entry = FrameConv(depth, channels[0], 3, padding=1)
     return _with_dense(nn.Sequential(*blocks, nn.ReLU()), height, width, depth)
 
@@ -286,7 +286,7 @@ def _with_dense(convolutions: nn.Sequential, height: int, width: int, depth: int
     return nn.Sequential(convolutions, nn.Flatten(), dense, nn.ReLU())
 
 
-class ResidualBlock(nn.Module):
+class _ResidualBlock(nn.Module):
     def __init__(self, inputs: int, outputs: int) -> None:
         super().__init__()
         self.entry = nn.Conv2d(inputs, outputs, 3, padding=1)

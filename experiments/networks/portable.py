@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from torch import Tensor, nn
 
-from experiments.networks.encoders import MLP, FrameEncoder, ResidualBlock, StackEncoder
+from experiments.networks.encoders import MLP, FrameEncoder, StackEncoder, _ResidualBlock
 from experiments.networks.frame_conv import FrameConv
 from experiments.networks.keypoints import MOVED, Keypoints
 from experiments.settings import ConfigError
@@ -90,14 +90,14 @@ def _linear(layers: Layers, module: nn.Linear, source: int, place: str) -> int:
 
 
 def _convolution(layers: Layers, module: nn.Conv2d, source: int, place: str) -> int:
-    weight = module.divided_weight if isinstance(module, FrameConv) else module.weight
-    return _add_convolution(layers, module, source, place, _array(weight), module.bias)
+    weight = _array(module.divided_weight if isinstance(module, FrameConv) else module.weight)
+    return _add_convolution(layers, module, source, place, weight, None if module.bias is None else _array(module.bias))
 
 
 def _add_convolution(
-    layers: Layers, module: nn.Conv2d, source: int, place: str, weight: np.ndarray, bias: Any
+    layers: Layers, module: nn.Conv2d, source: int, place: str, weight: np.ndarray, bias: np.ndarray | None
 ) -> int:
-    """A convolution with these weights, torch's ``[output, input, row, column]``."""
+    """A convolution with these weights, torch's ``[output, input, row, column]``, and biases; none where they are None."""
     stride, padding = (_one_number(getattr(module, name), f"{place}: {name}") for name in ("stride", "padding"))
     usual = {"dilation": (1, 1), "groups": 1, "padding_mode": "zeros"}
     for name, value in usual.items():
@@ -105,17 +105,20 @@ def _add_convolution(
             raise ConfigError(
                 f"portable: '{place}' has {name} {getattr(module, name)!r}, which has no portable form. {WAY_OUT}"
             )
-    biases = np.zeros(len(weight)) if bias is None else _array(bias)
+    bias = np.zeros(len(weight)) if bias is None else bias
     options = {"stride": stride, "padding": padding}
-    return layers.add("convolution", source, options=options, weight=weight.transpose(2, 3, 1, 0), bias=biases)
+    return layers.add("convolution", source, options=options, weight=weight.transpose(2, 3, 1, 0), bias=bias)
 
 
 def _one_number(value: Any, what: str) -> int:
     """The number that stands for both sides of a window."""
-    sides = {value} if isinstance(value, int) else {*value}
-    if len(sides) != 1 or not isinstance(value, int | tuple):
-        raise ConfigError(f"portable: {what} {value!r} differs between sides, which has no portable form. {WAY_OUT}")
-    return sides.pop()
+    if isinstance(value, tuple) and len({*value}) == 1:
+        value = value[0]
+    if not isinstance(value, int):
+        raise ConfigError(
+            f"portable: '{what}' is {value!r}, and must be one number for both sides to have a portable form. {WAY_OUT}"
+        )
+    return value
 
 
 def _max_pool(layers: Layers, module: nn.MaxPool2d, source: int, place: str) -> int:
@@ -129,7 +132,7 @@ def _layer_norm(layers: Layers, module: nn.LayerNorm, source: int, place: str) -
     return layers.add("layer_norm", source, options=options, weight=_array(module.weight), bias=_array(module.bias))
 
 
-def _residual_block(layers: Layers, module: ResidualBlock, source: int, place: str) -> int:
+def _residual_block(layers: Layers, module: _ResidualBlock, source: int, place: str) -> int:
     x = layers.add_module(module.entry, source, f"{place}.entry")
     x = layers.add_module(module.pool, x, f"{place}.pool")
     for name, residual in module.residuals.named_children():
@@ -140,10 +143,18 @@ def _residual_block(layers: Layers, module: ResidualBlock, source: int, place: s
 def _keypoints(layers: Layers, module: Keypoints, source: int, place: str) -> int:
     x = layers.add("relu", layers.add_module(module.first, source, f"{place}.first"))
     sharpness = _array(module.sharpness)
-    weight = _array(module.second.weight) * sharpness[:, None, None, None]
-    x = _add_convolution(layers, module.second, x, f"{place}.second", weight, module.second.bias * module.sharpness)  # type: ignore[operator]
-    x = layers.add("soft_argmax", x, places=_array(module.places)[:, :2])
+    weight, bias = _array(module.second.weight) * sharpness[:, None, None, None], _array(module.second.bias) * sharpness
+    x = _add_convolution(layers, module.second, x, f"{place}.second", weight, bias)
+    x = layers.add("soft_argmax", x, places=_places(module))
     return layers.add_module(module.dense, layers.add("movements", x, options={"factor": MOVED}), f"{place}.dense")
+
+
+def _places(module: Keypoints) -> np.ndarray:
+    """x and y of each cell of the map [cells, 2]. Torch's ``linspace`` gives other bits on other processors."""
+    down = _array(module.places)[:, 1]
+    columns = int((down == down[0]).sum())
+    y, x = np.meshgrid(*(np.linspace(-1, 1, count) for count in (len(down) // columns, columns)), indexing="ij")
+    return np.stack([x.ravel(), y.ravel()], 1)
 
 
 def _plain(kind: str) -> Callable[[Layers, Any, int, str], int]:
@@ -166,6 +177,6 @@ MODULES: Mapping[type[nn.Module], Callable[[Layers, Any, int, str], int]] = {
     nn.Flatten: _plain("flatten"),
     nn.Identity: _nothing,
     nn.LayerNorm: _layer_norm,
-    ResidualBlock: _residual_block,
+    _ResidualBlock: _residual_block,
     Keypoints: _keypoints,
 }

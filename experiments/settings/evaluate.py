@@ -30,4 +30,5 @@ class EvaluateConfig(Settings):
     videos: Videos = "mp4"  # of the best, the median and the worst level; or gif, or none
     out: str | None = None  # folder of the results; None: evaluations/ of the run folder, named by the levels
     num_threads: Count = 1
+    portable: bool = False  # play by compiled functions, with the same bits on every processor, instead of by torch
     trust: bool = False  # import the modules that a run folder of somebody else's names

@@ -37,23 +37,24 @@ TINY = 1e-30  # keeps a soft-argmax finite where no cell responds
 
 
 @cached(**_options)
-def forward(table, places, floats, observations, memory, scratch, sums, first, count):
+def forward(table, places, floats, observations, memory, scratch, width, sums, first, count):
     """Fill ``scratch`` with the activations of ``count`` environments from ``first`` on, and move their memory on by a step.
 
     Args:
         table: int64 ``[operation, column]``; places: int64; floats: float32; see :class:`segar.policies.plan.Plan`.
         observations: uint8 or float32 ``[environment, number]``.
         memory: float32 ``[environment, number]``.
-        scratch: float32 ``[at least count, width]``; sums: float32 ``[ROWS * TILE]``.
+        scratch: float32, at least ``count`` rows of ``width`` numbers, one after the other.
+        sums: float32 ``[ROWS * TILE]``, scratch, too.
     """
     for i in range(len(table)):
         row = table[i]
         operation = row[OPERATION]
         if operation == SUM_PRODUCTS:
-            sum_products(row, places, floats, scratch, sums, count)
+            sum_products(row, places, floats, scratch, width, sums, count)
             continue
         for e in range(count):
-            x = scratch[e]
+            x = scratch[e * width : (e + 1) * width]
             if operation == OBSERVE:
                 observe(row, floats, observations[first + e], x)
             elif operation == RECALL:
@@ -83,7 +84,7 @@ def forward(table, places, floats, observations, memory, scratch, sums, first, c
 
 
 @cached(**_options)
-def act(scratch, mean, log_std, lowest, highest, center, half_range, keys, steps, sampled, actions, first, count):
+def act(scratch, width, mean, log_std, lowest, highest, center, half_range, keys, steps, sampled, actions, first, count):
     """Write the actions of ``count`` environments from ``first`` on, float32 ``[environment, component]``.
 
     The policy is the distribution of tanh(u), with u normal of this mean and of standard deviation exp(log_std); log_std
@@ -96,9 +97,9 @@ def act(scratch, mean, log_std, lowest, highest, center, half_range, keys, steps
     """
     for e in range(count):
         for a in range(actions.shape[1]):
-            u = scratch[e, mean + a]
+            u = scratch[e * width + mean + a]
             if sampled:
-                bounded = min(max(np.float64(scratch[e, log_std + a]), lowest), highest)
+                bounded = min(max(np.float64(scratch[e * width + log_std + a]), lowest), highest)
                 key, step = keys[first + e], steps[first + e]
                 u = np.float32(u + np.float32(exp(bounded)) * np.float32(normal(key, step, a)))
             action = np.float32(tanh(np.float64(u)))
@@ -114,7 +115,7 @@ def normal(key, step, component):
 
 
 @cached(**_options)
-def sum_products(row, places, floats, scratch, sums, count):
+def sum_products(row, places, floats, scratch, width, sums, count):
     """A dense layer, or a convolution: the bias, plus the products of weights and of what lies in a window of the input.
 
     A window is ``KERNEL`` pieces, each of ``KERNEL * CHANNELS`` numbers that lie side by side. Weights are stored in tiles
@@ -124,7 +125,6 @@ def sum_products(row, places, floats, scratch, sums, count):
     windows = row[IMAGES] * row[OUT_HEIGHT] * row[OUT_WIDTH]
     pieces, length, apart = row[KERNEL], row[KERNEL] * row[CHANNELS], row[WIDTH] * row[CHANNELS]
     first_place, tile_size = row[PLACES], TILE * (1 + pieces * length)
-    wide, numbers = scratch.shape[1], scratch.reshape(-1)
     for tile in range((outputs + TILE - 1) // TILE):
         weights = row[FLOATS] + tile * tile_size
         bias = floats[weights : weights + TILE]
@@ -136,20 +136,20 @@ def sum_products(row, places, floats, scratch, sums, count):
             e1, p1 = divided(min(window + 1, last), windows)
             e2, p2 = divided(min(window + 2, last), windows)
             e3, p3 = divided(min(window + 3, last), windows)
-            i0 = e0 * wide + source + places[first_place + p0]
-            i1 = e1 * wide + source + places[first_place + p1]
-            i2 = e2 * wide + source + places[first_place + p2]
-            i3 = e3 * wide + source + places[first_place + p3]
+            i0 = e0 * width + source + places[first_place + p0]
+            i1 = e1 * width + source + places[first_place + p1]
+            i2 = e2 * width + source + places[first_place + p2]
+            i3 = e3 * width + source + places[first_place + p3]
             for c in range(TILE):
                 sums[c] = sums[TILE + c] = sums[2 * TILE + c] = sums[3 * TILE + c] = bias[c]
             for piece in range(pieces):
                 at, skip = weights + TILE * (1 + piece * length), piece * apart
-                add_products(numbers, i0 + skip, i1 + skip, i2 + skip, i3 + skip, length, floats, at, sums)
+                add_products(scratch, i0 + skip, i1 + skip, i2 + skip, i3 + skip, length, floats, at, sums)
             to = target + tile * TILE
-            copy(sums, 0, scratch[e0], to + p0 * outputs, kept)
-            copy(sums, TILE, scratch[e1], to + p1 * outputs, kept)
-            copy(sums, 2 * TILE, scratch[e2], to + p2 * outputs, kept)
-            copy(sums, 3 * TILE, scratch[e3], to + p3 * outputs, kept)
+            copy(sums, 0, scratch, e0 * width + to + p0 * outputs, kept)
+            copy(sums, TILE, scratch, e1 * width + to + p1 * outputs, kept)
+            copy(sums, 2 * TILE, scratch, e2 * width + to + p2 * outputs, kept)
+            copy(sums, 3 * TILE, scratch, e3 * width + to + p3 * outputs, kept)
 
 
 @cached(**_options)

@@ -159,6 +159,8 @@ def _shapes(observation_shape: Sequence[int], layers: Sequence[Layer]) -> tuple[
         )
     *pixels, depth = observation_shape
     observation = Shape(1, *(pixels or (1, 1)), depth)
+    if not layers:
+        raise SegarError("a network must have layers, and has none")
     shapes: list[Shape] = []
     for i, layer in enumerate(layers):
         if (layer.kind == "observation") != (i == 0):

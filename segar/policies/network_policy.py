@@ -121,12 +121,12 @@ class NetworkPolicy:
         try:
             scratch, sums = self._scratch.pop()
         except IndexError:
-            scratch, sums = np.empty((self._block, plan.width), np.float32), np.empty(ROWS * TILE, np.float32)
+            scratch, sums = np.empty(self._block * plan.width, np.float32), np.empty(ROWS * TILE, np.float32)
         for first in range(start * self._block, min(stop * self._block, len(rows)), self._block):
             count = min(self._block, len(rows) - first)
-            forward(plan.table, plan.places, plan.floats, rows, self._memory, scratch, sums, first, count)
+            forward(plan.table, plan.places, plan.floats, rows, self._memory, scratch, plan.width, sums, first, count)
             act(
-                scratch, mean, log_std, *network.log_std_range, self._center, self._half_range, self._keys, self._steps,
+                scratch, plan.width, mean, log_std, *network.log_std_range, self._center, self._half_range, self._keys, self._steps,
                 self.sampled, actions, first, count,
             )  # fmt: skip
         self._scratch.append((scratch, sums))

@@ -30,6 +30,7 @@ ORDER = [
     "segar.rendering",
     "segar.envs",
     "segar.hardness",
+    "segar.policies",
     "segar.evaluation",
     "segar.datasets",
     "segar.cli",
@@ -91,7 +92,7 @@ OPTIONAL = {
     "segar.rendering.painter",
     "segar.rendering.window",
 }
-MOST_ROOMS = {"segar": 19, "experiments": 21}
+MOST_ROOMS = {"segar": 20, "experiments": 21}
 PACKAGES = ("segar", "experiments", "analysis")
 
 

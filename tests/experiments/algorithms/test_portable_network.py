@@ -1,0 +1,140 @@
+"""Portable networks act as torch's do, whatever the architecture; what has no portable form is refused by name."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import torch
+from torch import nn
+
+from experiments.algorithms.drq import DrQ
+from experiments.algorithms.portable import PortableAgent, network_of
+from experiments.algorithms.ppo import PPO, PPOPolicy
+from experiments.algorithms.recurrent_ppo import RecurrentPPO
+from experiments.algorithms.sac import SAC
+from experiments.networks.encoders import initialize
+from experiments.settings import ConfigError, DrQConfig, PPOConfig, RecurrentPPOConfig, SACConfig
+from experiments.settings.algorithms import CNNS
+from segar.policies import NetworkPolicy
+from segar.policies.kernels import normal
+from segar.tasks import puttputt
+from tests.segar.policies.networks import KEYS, environments
+
+TOLERANCE = 1e-5  # of actions
+FRAMES, STACKS, VECTORS = (64, 64, 3), (64, 64, 6), (23,)
+FLOAT32 = {"precision": "fp32"}
+# cnn_2022 gives 4096 numbers, which the projection of DrQ reads and PPO's heads do not.
+PPO_CNNS = [name for name in CNNS if name != "cnn_2022"]
+CASES = {
+    "states": (PPO, PPOConfig(), VECTORS),
+    "states, linear heads": (PPO, PPOConfig(widths=(30, 7), head_width=0, shared=False), VECTORS),
+    **{f"{name}, frames": (PPO, PPOConfig(encoder=name, **FLOAT32), FRAMES) for name in PPO_CNNS},
+    **{f"{name}, stacks": (PPO, PPOConfig(encoder=name, **FLOAT32), STACKS) for name in PPO_CNNS},
+    "odd frames": (PPO, PPOConfig(encoder="impala", **FLOAT32), (37, 51, 4)),
+    "gru": (RecurrentPPO, RecurrentPPOConfig(encoder="small", core_width=37, **FLOAT32), FRAMES),
+    "lstm": (RecurrentPPO, RecurrentPPOConfig(core="lstm"), VECTORS),
+    "sac": (SAC, SACConfig(), VECTORS),
+    "drq": (DrQ, DrQConfig(**FLOAT32), STACKS),
+    "drq of 2022": (DrQ, DrQConfig(encoder="cnn_2022", **FLOAT32), FRAMES),
+}
+
+
+def random_policy(algorithm, config, shape, seed=1):
+    """A policy with random weights and biases."""
+    policy = algorithm.make_policy(config, shape, 2)
+    rng = torch.Generator().manual_seed(seed)
+    initialize(policy, rng)
+    for weights in policy.parameters():
+        if weights.dim() == 1:
+            nn.init.normal_(weights, 0.0, 0.2, generator=rng)
+    return policy
+
+
+def observations(shape, n, seed):
+    rng = np.random.default_rng(seed)
+    if len(shape) == 3:  # a disc of some colour on ground of another
+        at, radius = rng.uniform(10, 40, (2, n, 1, 1)), rng.uniform(5, 20, (n, 1, 1))
+        y, x = np.indices(shape[:2])
+        inside = (y - at[0]) ** 2 + (x - at[1]) ** 2 < radius**2
+        colours = rng.integers(0, 256, (2, n, 1, 1, shape[2]))
+        return np.where(inside[..., None], *colours).astype(np.uint8)
+    return rng.normal(size=(n, *shape)).astype(np.float32)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_actions_are_those_of_torch(case):
+    algorithm, config, shape = CASES[case]
+    policy = random_policy(algorithm, config, shape)
+    network = network_of(policy, shape, puttputt())
+    agent, env = PortableAgent(network, num_threads=1), environments(KEYS[:6], network)
+    for one in (policy, agent):
+        if hasattr(one, "begin"):
+            one.begin(env)
+    acted = []
+    for step in range(4):
+        seen = observations(shape, 6, step)
+        acted.append(agent.act(seen, rng=None))
+        np.testing.assert_allclose(acted[-1], policy.act(seen, rng=None), atol=TOLERANCE, rtol=0)
+    assert np.std(acted, axis=(0, 1)).min() > 10 * TOLERANCE  # the agents see what they are shown
+
+
+@pytest.mark.parametrize("case", ["states", "gru", "sac", "drq"])
+def test_sampled_actions_have_the_mean_and_the_scale_of_torch(case):
+    algorithm, config, shape = CASES[case]
+    policy = random_policy(algorithm, config, shape)
+    network = network_of(policy, shape, puttputt())
+    same, many = observations(shape, 1, 0), np.zeros(400, np.int64)
+    sampled = NetworkPolicy(network, sampled=True)
+    env = environments(KEYS[: len(many)], network)
+    sampled.begin(env)
+    acted = sampled(same[many])  # in many environments, in which the same is seen
+    with torch.no_grad():
+        if case == "gru":
+            policy.begin(environments(KEYS[:1], network))
+            loc, scale, *_ = policy.step(torch.from_numpy(same), policy.acting)
+        else:
+            loc, scale, *_ = policy(torch.from_numpy(same))
+    noise = np.array([[normal(key, 0, component) for component in range(2)] for key in KEYS[: len(many)]])
+    np.testing.assert_allclose(acted, np.tanh(loc.numpy() + scale.numpy() * noise), atol=TOLERANCE, rtol=0)
+
+
+def test_the_range_of_the_task_stands_in_the_network():
+    task = dataclasses.replace(puttputt(), action_low=(-3.0, 0.0), action_high=(3.0, 1.0))
+    network = network_of(random_policy(*CASES["sac"]), VECTORS, task)
+    assert (network.action_low, network.action_high) == ((-3.0, 0.0), (3.0, 1.0))
+
+
+class Doubled(nn.Module):
+    """A layer of somebody's own."""
+
+    def forward(self, x):
+        return 2 * x
+
+
+def with_part(part):
+    policy = random_policy(*CASES["small, frames"])
+    policy.actor.encoder.trunk[0][2] = part
+    return policy
+
+
+@pytest.mark.parametrize(
+    ("part", "message"),
+    [
+        (Doubled(), r"'actor.encoder.trunk.0.2' of the policy is a .*Doubled, which has no portable form. Evaluate it without"),
+        (nn.Conv2d(16, 32, 4, (2, 1)), r"'actor.encoder.trunk.0.2: stride' is \(2, 1\), and must be one number for both sides"),
+        (nn.Conv2d(16, 32, 4, 2, groups=2), "'actor.encoder.trunk.0.2' has groups 2"),
+        (nn.Conv2d(16, 32, 4, padding="same"), "'actor.encoder.trunk.0.2: padding' is 'same'"),
+        (nn.Conv2d(16, 32, 3, 2), r"has no portable form: layer \d+ \(dense\): .* do not fit"),
+    ],
+)  # fmt: skip
+def test_a_part_without_a_portable_form_is_named_with_the_way_out(part, message):
+    with pytest.raises(ConfigError, match=message):
+        network_of(with_part(part), FRAMES, puttputt())
+
+
+def test_a_policy_of_somebodys_own_is_refused():
+    class Mine(PPOPolicy):
+        pass
+
+    with pytest.raises(ConfigError, match=r"the policy is a .*Mine, and only those of the built-in algorithms"):
+        network_of(Mine(PPOConfig(), VECTORS, 2), VECTORS, puttputt())

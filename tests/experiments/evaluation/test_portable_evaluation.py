@@ -1,0 +1,165 @@
+"""Evaluation by portable networks: what torch's agents do, with results that are the same bits on every processor."""
+
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+import segar
+from experiments.algorithms.portable import PortableAgent, network_of
+from experiments.commands.kernels import LIMITS
+from experiments.evaluation.episodes import play_episodes
+from experiments.evaluation.evaluator import evaluate, load_agent, shape_in
+from experiments.levels.builders import environment_options
+from experiments.runs.run_folder import read_config
+from experiments.settings import (
+    CHECKOUT,
+    ConfigError,
+    DrQConfig,
+    EvaluateConfig,
+    EvaluationConfig,
+    LevelsConfig,
+    ObservationConfig,
+    PPOConfig,
+    RecurrentPPOConfig,
+    RunConfig,
+    SACConfig,
+    ScaleConfig,
+    TrackingConfig,
+)
+from experiments.training.run import run
+from segar.envs import VectorEnv
+from segar.evaluation import evaluate_policy
+from segar.policies import Network, NetworkPolicy
+from tests.experiments.short_runs import short_run
+
+QUICK = {"scores": False, "videos": "none"}
+ROLLOUT = {"num_envs": 8, "num_steps": 16, "minibatches": 2, "widths": (32,), "head_width": 16, "precision": "fp32"}
+REPLAY = {"num_envs": 2, "num_steps": 16, "warmup": 32, "batch_size": 32, "capacity": 500}
+STATE, FRAMES, STACKS = ObservationConfig("state"), ObservationConfig("rgb"), ObservationConfig("rgb_stack2")
+RUNS = {
+    "ppo": (PPOConfig(**ROLLOUT), STATE),
+    "nature": (PPOConfig(**ROLLOUT, encoder="nature"), FRAMES),
+    "keypoints": (PPOConfig(**ROLLOUT, encoder="keypoints"), STACKS),
+    "gru": (RecurrentPPOConfig(**ROLLOUT, core_width=16, encoder="small"), FRAMES),
+    "lstm": (RecurrentPPOConfig(**ROLLOUT, core_width=16, core="lstm"), STATE),
+    "sac": (SACConfig(**REPLAY), STATE),
+    "drq": (DrQConfig(**REPLAY, precision="fp32"), STACKS),
+}
+# What a processor of fifteen years ago would choose, and numba's plainest.
+LIMITED = {
+    "ATEN_CPU_CAPABILITY": "default",
+    "ONEDNN_MAX_CPU_ISA": "SSE41",
+    "NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL AVX512_SPR",
+    "NUMBA_CPU_NAME": "generic",
+}
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory):
+    """The folders of short runs."""
+    root = tmp_path_factory.mktemp("runs")
+    folders = {}
+    for name, (algorithm, observation) in RUNS.items():
+        config = RunConfig(
+            levels=LevelsConfig("objectsx1-easy", count=3, test_count=4),
+            observation=observation,
+            algorithm=algorithm,
+            scale=ScaleConfig(frames=256 if isinstance(algorithm, PPOConfig) else 96),
+            evaluation=EvaluationConfig(episodes=3, distances=()),
+            tracking=TrackingConfig(name="none"),
+            folder=str(root / name),
+            progress=False,
+        )
+        folders[name] = run(config, say=lambda line: None).folder
+    return folders
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_a_trained_agent_acts_as_by_torch(name, trained):
+    config = read_config(trained[name])
+    levels = segar.family("objectsx1-easy").sample(4, seed=3, split="test")
+    policy, _ = load_agent(trained[name], config, levels, print)
+    options = environment_options(config)
+    agent = PortableAgent(network_of(policy, shape_in(levels, config), options["task"]), num_threads=1)
+    env = VectorEnv(levels, 4, seed=0, **options)
+    observation, _ = env.reset()
+    for one in (policy, agent):
+        if hasattr(one, "begin"):
+            one.begin(env)
+    for _ in range(30):
+        action = agent.act(observation, rng=None)
+        np.testing.assert_allclose(action, policy.act(observation, rng=None), atol=1e-5, rtol=0)
+        observation, *_ = env.step(action)
+
+
+def test_a_portable_evaluation_says_so_and_leaves_the_network_that_played(trained):
+    said = []
+    by_torch = evaluate(EvaluateConfig(str(trained["ppo"]), **QUICK), lambda line: None)
+    found = evaluate(EvaluateConfig(str(trained["ppo"]), portable=True, **QUICK), said.append)
+    assert found.folder.name == "test-n4-portable" != by_torch.folder.name
+    assert "on its own 4 test levels (portable):" in said[0]
+    assert (found.summary["portable"], by_torch.summary["portable"]) == (True, False)
+    written = json.loads((found.folder / "summary.json").read_text())
+    assert written["portable"] is True and written["players"].keys() == {"deterministic", "sampled", "no-op"}
+    assert pq.read_table(found.folder / "episodes.parquet").num_rows == 8
+    near = pytest.approx(by_torch.summary["players"]["deterministic"]["return"], abs=0.05)
+    assert found.summary["players"]["deterministic"]["return"] == near
+    network = Network.load(found.folder / "network.npz")
+    levels = segar.Levels.load(found.folder / "levels.npz")
+    alone = evaluate_policy(NetworkPolicy(network, unit_actions=True), levels, levels, unit_actions=True)
+    returns = [row["return"] for row in found.episodes if row["action_mode"] == "deterministic"]
+    assert alone.test.of_levels("return").tolist() == returns
+    again = EvaluateConfig(str(trained["ppo"]), out=str(found.folder), **QUICK)
+    assert not (evaluate(again, lambda line: None).folder / "network.npz").exists()
+
+
+def test_threads_and_batches_change_nothing(trained, monkeypatch):
+    from segar.evaluation import episodes
+
+    config = EvaluateConfig(str(trained["keypoints"]), portable=True, n=4, **QUICK)
+    whole = evaluate(config, lambda line: None).episodes
+    threads = EvaluateConfig(str(trained["keypoints"]), portable=True, n=4, num_threads=2, **QUICK)
+    assert evaluate(threads, lambda line: None).episodes == whole
+    policy = PortableAgent(Network.load(trained["keypoints"] / "evaluations" / "test-n4-portable" / "network.npz"), 1)
+    levels = segar.Levels.load(trained["keypoints"] / "levels_test.npz")
+    options = environment_options(read_config(trained["keypoints"]))
+    monkeypatch.setattr(episodes, "BATCH", 3)
+    rows = play_episodes(policy, levels, np.arange(4), options, rng=None, seed=0)
+    assert [row["return"] for row in rows] == [row["return"] for row in whole if row["action_mode"] == "deterministic"]
+
+
+def hashes(trained, name, folder, **limits):
+    environment = {key: value for key, value in os.environ.items() if key not in LIMITS}
+    environment |= {**limits, "PYTHONPATH": str(CHECKOUT), "NUMBA_CACHE_DIR": str(folder), "SEGAR_CACHE_DIR": str(folder)}
+    command = [sys.executable, "-m", "tests.experiments.evaluation.portable_evaluation", name, *map(str, trained.values())]
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, cwd=CHECKOUT)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+@pytest.mark.slow
+def test_results_are_the_same_bits_under_two_limits_of_the_instruction_set(trained, tmp_path):
+    host = hashes(trained, "host", tmp_path / "host")
+    assert host == hashes(trained, "limited", tmp_path / "limited", **LIMITED)
+    assert len({*host.values()}) == len(RUNS)
+
+
+def test_an_encoder_of_somebodys_own_that_cannot_be_portable_is_refused_before_anything_is_written(
+    tmp_path, monkeypatch
+):
+    (tmp_path / "nets.py").write_text(
+        "from torch import nn\n\nclass Twice(nn.Module):\n    def forward(self, x):\n        return 2 * x\n\n"
+        "def tiny(height, width, depth):\n"
+        "    return nn.Sequential(nn.Conv2d(depth, 4, 16, 16), Twice(), nn.Flatten(), nn.Linear(64, 256))\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    algorithm = PPOConfig(**ROLLOUT, encoder="nets:tiny")
+    folder = run(short_run(tmp_path / "run", algorithm=algorithm, observation=FRAMES)).folder
+    with pytest.raises(ConfigError, match=r"'actor.encoder.trunk.1' of the policy is a nets.Twice"):
+        evaluate(EvaluateConfig(str(folder), portable=True, **QUICK))
+    assert not (folder / "evaluations").exists()
