@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 import torch
-from torch import nn
 
 from experiments.algorithms.drq import DrQPolicy
 from experiments.algorithms.ppo import PPOPolicy
@@ -21,7 +20,7 @@ from segar.policies import Network, NetworkPolicy
 Outputs = tuple[int, int, tuple[float, float]]  # the layers of mean and log_std, and the range of log_std
 
 
-def network_of(policy: nn.Module, observation_shape: tuple[int, ...], task: Task) -> Network:
+def network_of(policy: object, observation_shape: tuple[int, ...], task: Task) -> Network:
     """The network by which a policy of one of the built-in algorithms acts, with the task's range of actions.
 
     It computes in float32, also where the policy's CNN computes in bfloat16.
@@ -35,21 +34,19 @@ def network_of(policy: nn.Module, observation_shape: tuple[int, ...], task: Task
     make = POLICIES.get(type(policy))
     if make is None:
         raise ConfigError(
-            f"portable: the policy is a {type(policy).__module__}.{type(policy).__qualname__}, and only those of the built-in"
-            f" algorithms have a portable form. {WAY_OUT}"
+            f"portable: the policy is a {type(policy).__module__}.{type(policy).__qualname__}, and only those of the"
+            f" built-in algorithms have a portable form. {WAY_OUT}"
         )
     layers = Layers()
-    mean, log_std, log_std_range = make(layers, policy)
+    outputs = make(layers, policy)
     try:
-        return Network(
-            observation_shape, tuple(layers.made), mean, log_std, log_std_range, tuple(task.action_low), tuple(task.action_high)
-        )  # fmt: skip
+        return Network(observation_shape, tuple(layers.made), *outputs, tuple(task.action_low), tuple(task.action_high))
     except SegarError as error:
         raise ConfigError(f"portable: the policy's network has no portable form: {error}. {WAY_OUT}") from error
 
 
 class PortableAgent:
-    """Plays by a network, with actions that are the same bits on every processor; see :class:`segar.policies.NetworkPolicy`.
+    """Plays by a network, with the same bits on every processor; see :class:`segar.policies.NetworkPolicy`.
 
     Args:
         num_threads: threads over the batch.
@@ -67,8 +64,8 @@ class PortableAgent:
         self.sampled.begin(env)
 
     def act(self, observation: np.ndarray, *, rng: torch.Generator | None) -> np.ndarray:
-        """Actions float32 [n, actions]; deterministic where ``rng`` is None. Draws of sampled actions depend on the episodes
-        that :meth:`begin` saw start, and not on ``rng``."""
+        """Actions float32 [n, actions]; deterministic where ``rng`` is None. Draws of sampled actions depend on the
+        episodes that :meth:`begin` saw start, and not on ``rng``."""
         return (self.without_noise if rng is None else self.sampled)(observation)
 
 
@@ -96,13 +93,11 @@ def _drq(layers: Layers, policy: DrQPolicy) -> Outputs:
 
 def _heads(layers: Layers, hidden: int, policy: Any, place: str) -> Outputs:
     """The two heads of a policy, which read the same layer."""
-    mean, log_std = (
-        layers.add_module(getattr(policy, name), hidden, f"{place}{name}") for name in ("mean", "log_std")
-    )
+    mean, log_std = (layers.add_module(getattr(policy, name), hidden, f"{place}{name}") for name in ("mean", "log_std"))
     return mean, log_std, policy.log_std_range
 
 
-POLICIES: Mapping[type[nn.Module], Callable[[Layers, Any], Outputs]] = {
+POLICIES: Mapping[type, Callable[[Layers, Any], Outputs]] = {
     PPOPolicy: _ppo,
     RecurrentPolicy: _recurrent,
     SACPolicy: _sac,

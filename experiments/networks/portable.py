@@ -32,7 +32,7 @@ class Layers:
         return len(self.made) - 1
 
     def add_module(self, module: nn.Module, source: int, place: str) -> int:
-        """Append what a module computes of the output of layer ``source``; returns the number of the layer that gives it.
+        """Append what a module computes of the output of layer ``source``; returns the number of its last layer.
 
         Raises:
             ConfigError: it has no portable form; the message names it by its ``place`` in the policy.
@@ -40,9 +40,12 @@ class Layers:
         add = MODULES.get(type(module))
         if add is None:
             raise ConfigError(
-                f"portable: '{place}' of the policy is a {type(module).__module__}.{type(module).__qualname__}, which has no"
-                f" portable form. {WAY_OUT}, or build the network of {', '.join(sorted(kind.__name__ for kind in MODULES))}"
+                f"portable: '{place}' of the policy is a {type(module).__module__}.{type(module).__qualname__}, which"
+                f" has no portable form. {WAY_OUT}, or build the network of"
+                f" {', '.join(sorted(kind.__name__ for kind in MODULES if not kind.__name__.startswith('_')))}"
             )
+        hooks = {"forward hooks": [*module._forward_hooks.values(), *module._forward_pre_hooks.values()]}
+        _require(place, hooks, {"forward hooks": []})
         return add(self, module, source, place)
 
     def add_encoder(self, encoder: nn.Module, place: str) -> int:
@@ -59,9 +62,14 @@ class Layers:
     def add_core(self, cells: nn.Module, source: int) -> int:
         """Append one GRU or LSTM of torch, of a single layer."""
         kind = {nn.GRU: "gru", nn.LSTM: "lstm"}[type(cells)]  # type: ignore[index]
-        names = {"weight_input": "weight_ih_l0", "weight_memory": "weight_hh_l0"}
-        names |= {"bias_input": "bias_ih_l0", "bias_memory": "bias_hh_l0"}
-        return self.add(kind, source, **{name: _array(getattr(cells, theirs)).T for name, theirs in names.items()})
+        return self.add(
+            kind,
+            source,
+            weight_input=_array(cells.weight_ih_l0).T,
+            bias_input=_array(cells.bias_ih_l0),
+            weight_memory=_array(cells.weight_hh_l0).T,
+            bias_memory=_array(cells.bias_hh_l0),
+        )
 
     def _observation(self, scale: float = 1.0, stack: int = 1) -> int:
         return self.add("observation", options={"scale": scale, "stack": stack})
@@ -74,7 +82,7 @@ def _array(tensor: Any) -> np.ndarray:
 
 
 def _sequential(layers: Layers, module: Any, source: int, place: str) -> int:
-    for name, part in module.named_children():
+    for name, part in enumerate(module):  # also one that stands there twice
         source = layers.add_module(part, source, f"{place}.{name}")
     return source
 
@@ -97,17 +105,19 @@ def _convolution(layers: Layers, module: nn.Conv2d, source: int, place: str) -> 
 def _add_convolution(
     layers: Layers, module: nn.Conv2d, source: int, place: str, weight: np.ndarray, bias: np.ndarray | None
 ) -> int:
-    """A convolution with these weights, torch's ``[output, input, row, column]``, and biases; none where they are None."""
+    """A convolution with these weights, torch's ``[output, input, row, column]``, and biases, if any."""
     stride, padding = (_one_number(getattr(module, name), f"{place}: {name}") for name in ("stride", "padding"))
-    usual = {"dilation": (1, 1), "groups": 1, "padding_mode": "zeros"}
-    for name, value in usual.items():
-        if getattr(module, name) != value:
-            raise ConfigError(
-                f"portable: '{place}' has {name} {getattr(module, name)!r}, which has no portable form. {WAY_OUT}"
-            )
+    _require(place, vars(module), {"dilation": (1, 1), "groups": 1, "padding_mode": "zeros"})
     bias = np.zeros(len(weight)) if bias is None else bias
     options = {"stride": stride, "padding": padding}
     return layers.add("convolution", source, options=options, weight=weight.transpose(2, 3, 1, 0), bias=bias)
+
+
+def _require(place: str, found: Mapping[str, Any], usual: Mapping[str, Any]) -> None:
+    """Raises :class:`ConfigError` unless the settings of a module are those that have a portable form."""
+    for name, value in usual.items():
+        if found[name] != value:
+            raise ConfigError(f"portable: '{place}' has {name} {found[name]!r}, which has no portable form. {WAY_OUT}")
 
 
 def _one_number(value: Any, what: str) -> int:
@@ -122,20 +132,31 @@ def _one_number(value: Any, what: str) -> int:
 
 
 def _max_pool(layers: Layers, module: nn.MaxPool2d, source: int, place: str) -> int:
+    _require(place, vars(module), {"dilation": 1, "ceil_mode": False, "return_indices": False})
     names = {"kernel": "kernel_size", "stride": "stride", "padding": "padding"}
     options = {name: _one_number(getattr(module, theirs), f"{place}: {theirs}") for name, theirs in names.items()}
     return layers.add("max_pool", source, options=options)
 
 
 def _layer_norm(layers: Layers, module: nn.LayerNorm, source: int, place: str) -> int:
-    options = {"epsilon": module.eps}
-    return layers.add("layer_norm", source, options=options, weight=_array(module.weight), bias=_array(module.bias))
+    width = module.normalized_shape[-1]
+    _require(place, vars(module), {"normalized_shape": (width,)})
+    weight, bias = (
+        np.full(width, missing) if given is None else _array(given)
+        for given, missing in ((module.weight, 1.0), (module.bias, 0.0))
+    )
+    return layers.add("layer_norm", source, options={"epsilon": module.eps}, weight=weight, bias=bias)
+
+
+def _flatten(layers: Layers, module: nn.Flatten, source: int, place: str) -> int:
+    _require(place, vars(module), {"start_dim": 1, "end_dim": -1})
+    return layers.add("flatten", source)
 
 
 def _residual_block(layers: Layers, module: _ResidualBlock, source: int, place: str) -> int:
     x = layers.add_module(module.entry, source, f"{place}.entry")
     x = layers.add_module(module.pool, x, f"{place}.pool")
-    for name, residual in module.residuals.named_children():
+    for name, residual in enumerate(module.residuals):
         x = layers.add("add", x, layers.add_module(residual, x, f"{place}.residuals.{name}"))
     return x
 
@@ -174,7 +195,7 @@ MODULES: Mapping[type[nn.Module], Callable[[Layers, Any, int, str], int]] = {
     nn.MaxPool2d: _max_pool,
     nn.ReLU: _plain("relu"),
     nn.Tanh: _plain("tanh"),
-    nn.Flatten: _plain("flatten"),
+    nn.Flatten: _flatten,
     nn.Identity: _nothing,
     nn.LayerNorm: _layer_norm,
     _ResidualBlock: _residual_block,

@@ -1,10 +1,11 @@
 """The compiled forward pass of a network: rows of a table of whole numbers, computed one after the other.
 
-What follows holds for every function here, and makes the results equal to the bit on all processors. Products and sums
-of layers are of float32, and each output's sum runs over its inputs in one order: the bias first, then rows, columns and
-channels as they come. Only outputs that do not depend on each other are computed side by side, so the number of lanes
-that a processor has changes nothing, nor does the number of environments. The order of other sums stands in their loops.
-Nothing is contracted or reordered, and elementary functions are those of :mod:`segar.policies.mathematics`.
+What follows holds for every function here, and makes the results equal to the bit on all processors. Products and
+sums of layers are of float32, and each output's sum runs over its inputs in one order: the bias first, then rows,
+columns and channels as they come. Only outputs that do not depend on each other are computed side by side, so the number
+of lanes that a processor has changes nothing, nor does the number of environments. The order of other sums stands in
+their loops. Nothing is contracted or reordered, and elementary functions are those of
+:mod:`segar.policies.mathematics`.
 
 All activations of an environment lie in one row of ``scratch``, at offsets that the table holds, as ``[image, height,
 width, channel]``. The functions take arrays and whole numbers, allocate nothing, and need no interpreter.
@@ -22,12 +23,13 @@ _options = {"nogil": True, "error_model": "numpy", "_nrt": False}
 # Columns of the table: which operation it is, where in a row of the scratch its inputs and its outputs begin, their
 # sizes, and where its weights begin in ``floats``, and the places of its windows in ``places``.
 (
-    OPERATION, SOURCE, OTHER, TARGET, IMAGES, HEIGHT, WIDTH, CHANNELS, OUT_HEIGHT, OUT_WIDTH, OUT_CHANNELS, KERNEL, STRIDE,
-    PADDING, FLOATS, PLACES, COLUMNS,
-) = range(17)  # fmt: skip
+    OPERATION, SOURCE, OTHER, TARGET, IMAGES, HEIGHT, WIDTH, CHANNELS, OUT_HEIGHT, OUT_WIDTH, OUT_CHANNELS, KERNEL,
+    STRIDE, PADDING, FLOATS, PLACES,
+) = range(16)  # fmt: skip
 
 (
-    OBSERVE, RECALL, PAD, SUM_PRODUCTS, MAX_POOL, RELU, TANH, ADD, FLATTEN, LAYER_NORM, SOFT_ARGMAX, MOVEMENTS, GRU, LSTM,
+    OBSERVE, RECALL, PAD, SUM_PRODUCTS, MAX_POOL, RELU, TANH, ADD, FLATTEN, LAYER_NORM, SOFT_ARGMAX, MOVEMENTS, GRU,
+    LSTM,
 ) = range(14)  # fmt: skip
 
 TILE = 16  # outputs whose sums are computed side by side
@@ -38,7 +40,7 @@ TINY = 1e-30  # keeps a soft-argmax finite where no cell responds
 
 @cached(**_options)
 def forward(table, places, floats, observations, memory, scratch, width, sums, first, count):
-    """Fill ``scratch`` with the activations of ``count`` environments from ``first`` on, and move their memory on by a step.
+    """Fill ``scratch`` with the activations of ``count`` environments from ``first`` on, and step their memory.
 
     Args:
         table: int64 ``[operation, column]``; places: int64; floats: float32; see :class:`segar.policies.plan.Plan`.
@@ -84,12 +86,14 @@ def forward(table, places, floats, observations, memory, scratch, width, sums, f
 
 
 @cached(**_options)
-def act(scratch, width, mean, log_std, lowest, highest, center, half_range, keys, steps, sampled, actions, first, count):
+def act(
+    scratch, width, mean, log_std, lowest, highest, center, half_range, keys, steps, sampled, actions, first, count
+):
     """Write the actions of ``count`` environments from ``first`` on, float32 ``[environment, component]``.
 
-    The policy is the distribution of tanh(u), with u normal of this mean and of standard deviation exp(log_std); log_std
-    is held between ``lowest`` and ``highest``. The action without noise is tanh(mean). The noise of a component depends
-    on the episode's key (uint64), the step (int64) and the component alone.
+    The policy is the distribution of tanh(u), with u normal of this mean and of standard deviation exp(log_std);
+    log_std is held between ``lowest`` and ``highest``. The action without noise is tanh(mean). The noise of a component
+    depends on the episode's key (uint64), the step (int64) and the component alone.
 
     Args:
         mean, log_std: offsets in a row of ``scratch``.
@@ -116,10 +120,10 @@ def normal(key, step, component):
 
 @cached(**_options)
 def sum_products(row, places, floats, scratch, width, sums, count):
-    """A dense layer, or a convolution: the bias, plus the products of weights and of what lies in a window of the input.
+    """A dense layer, or a convolution: the bias, plus the products of weights and of what a window of the input holds.
 
-    A window is ``KERNEL`` pieces, each of ``KERNEL * CHANNELS`` numbers that lie side by side. Weights are stored in tiles
-    of ``TILE`` outputs: their biases, and then by input and output.
+    A window is ``KERNEL`` pieces, each of ``KERNEL * CHANNELS`` numbers that lie side by side. Weights are stored in
+    tiles of ``TILE`` outputs: their biases, and then by input and output.
     """
     source, target, outputs = row[SOURCE], row[TARGET], row[OUT_CHANNELS]
     windows = row[IMAGES] * row[OUT_HEIGHT] * row[OUT_WIDTH]
@@ -200,7 +204,7 @@ def add_products(x, i0, i1, i2, i3, length, floats, at, sums):
 
 @cached(**_options)
 def observe(row, floats, observation, x):
-    """An observation ``[height, width, image, channel]`` as numbers ``[image, height, width, channel]``, times a scale."""
+    """An observation ``[height, width, image, channel]``, times a scale, as ``[image, height, width, channel]``."""
     images, pixels, channels = row[IMAGES], row[HEIGHT] * row[WIDTH], row[CHANNELS]
     scale, gives = floats[row[FLOATS]], x[row[TARGET] : row[TARGET] + size_of(row)]
     if images == 1:

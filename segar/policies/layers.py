@@ -1,4 +1,4 @@
-"""Layers of networks as plain data: of which kind they are, which layers they read, and their weights; and their shapes."""
+"""Layers of networks as plain data: their kinds, the layers that they read, their weights, and their shapes."""
 
 from __future__ import annotations
 
@@ -46,9 +46,9 @@ class Layer:
         kind: a name in :data:`KINDS`.
         reads: numbers of the layers whose outputs it reads; each is smaller than its own.
         options: its numbers, such as the stride of a convolution.
-        arrays: its weights by name, float32. Outputs are the last axis: ``weight`` is ``[inputs, outputs]`` of a dense layer,
-            and ``[kernel, kernel, inputs, outputs]`` of a convolution. Gates of a GRU lie in the order reset, update, new,
-            those of an LSTM in the order input, forget, cell, output.
+        arrays: its weights by name, float32. Outputs are the last axis: ``weight`` is ``[inputs, outputs]`` of a dense
+            layer, and ``[kernel, kernel, inputs, outputs]`` of a convolution. Gates of a GRU lie in the order reset,
+            update, new, those of an LSTM in the order input, forget, cell, output.
     """
 
     kind: str
@@ -94,7 +94,8 @@ def output_shape(layer: Layer, given: Sequence[Shape]) -> Shape:
     for name, array in layer.arrays.items():
         if array.dtype != np.float32 or array.ndim != kind.arrays[name] or not np.isfinite(array).all():
             raise SegarError(
-                f"'{name}' must be float32 with {kind.arrays[name]} axes and finite, not {array.dtype} of shape {array.shape}"
+                f"'{name}' must be float32 with {kind.arrays[name]} axes and finite, not {array.dtype} of shape"
+                f" {array.shape}"
             )
     shape = kind.shape(layer, given)
     if shape.size > MOST_NUMBERS:
@@ -137,7 +138,8 @@ def _convolution(layer: Layer, given: Sequence[Shape]) -> Shape:
     kernel, across, inputs, outputs = weight.shape
     if kernel != across or inputs != shape.channels or bias.shape != (outputs,) or not outputs:
         raise SegarError(
-            f"weights {list(weight.shape)} and biases {list(bias.shape)} do not fit {shape.channels} channels and square windows"
+            f"weights {list(weight.shape)} and biases {list(bias.shape)} do not fit square windows of"
+            f" {shape.channels} channels"
         )
     return _windows(shape, kernel, layer)._replace(channels=outputs)
 
@@ -187,7 +189,9 @@ def _core(gates: int) -> Callable[[Layer, Sequence[Shape]], Shape]:
         of_input = _outputs(layer.arrays["weight_input"], layer.arrays["bias_input"], _vector(given[0]))
         of_memory = _outputs(layer.arrays["weight_memory"], layer.arrays["bias_memory"], width)
         if of_input != gates * width or of_memory != gates * width:
-            raise SegarError(f"a {layer.kind} of width {width} has {gates * width} gates, not {of_input} and {of_memory}")
+            raise SegarError(
+                f"a {layer.kind} of width {width} has {gates * width} gates, not {of_input} and {of_memory}"
+            )
         return Shape(1, 1, 1, width)
 
     return shape

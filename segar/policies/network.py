@@ -94,7 +94,7 @@ class Network:
         return np.dtype(np.uint8 if len(self.observation_shape) == 3 else np.float32)
 
     def plan(self, sampled: bool) -> Plan:
-        """What the compiled forward pass reads; its outputs are the mean and, where actions are sampled, ``log_std``."""
+        """What the compiled forward pass reads; it gives the mean and, where actions are sampled, ``log_std``."""
         return make_plan(self.layers, self.shapes, (self.mean, self.log_std) if sampled else (self.mean,))
 
     def save(self, path: str | PathLike[str]) -> None:
@@ -116,8 +116,8 @@ class Network:
         """The network in a file that ``save`` wrote. Nothing in the file is run or unpickled.
 
         Raises:
-            SegarError: the file is no network, is incomplete, its layers do not fit each other, or it was written by a newer
-                version.
+            SegarError: the file is no network, is incomplete, its layers do not fit each other, or it was written by a
+                newer version.
         """
         path = Path(path)
 
@@ -131,7 +131,12 @@ class Network:
 
         arrays, described = FORMAT.read(path, forms)
         layers = tuple(
-            Layer(one["kind"], tuple(one["reads"]), one["options"], {name: arrays[_key(i, name)] for name in one["arrays"]})
+            Layer(
+                one["kind"],
+                tuple(one["reads"]),
+                one["options"],
+                {name: arrays[_key(i, name)] for name in one["arrays"]},
+            )
             for i, one in enumerate(described["layers"])
         )
         try:
@@ -157,8 +162,9 @@ def _shapes(observation_shape: Sequence[int], layers: Sequence[Layer]) -> tuple[
         raise SegarError(
             f"observations must be vectors [d] or frames [height, width, depth], not {list(observation_shape)}"
         )
-    *pixels, depth = observation_shape
-    observation = Shape(1, *(pixels or (1, 1)), depth)
+    *sides, depth = observation_shape
+    height, width = sides or (1, 1)
+    observation = Shape(1, height, width, depth)
     if not layers:
         raise SegarError("a network must have layers, and has none")
     shapes: list[Shape] = []

@@ -29,15 +29,15 @@ class Environments(Protocol):
 class NetworkPolicy:
     """Actions for observations, by a network; what :func:`segar.evaluate_policy` plays.
 
-    The actions of an environment do not depend on the other environments of a batch, on the number of threads, or on the
-    processor. A policy that samples draws by the key of the running episode, which the seed of the environment decides,
-    and by the step.
+    The actions of an environment do not depend on the other environments of a batch, on the number of threads, or on
+    the processor. A policy that samples draws by the key of the running episode, which the seed of the environment
+    decides, and by the step.
 
     Args:
         network: what computes.
         sampled: whether actions are drawn from the policy's distribution; otherwise they are those without noise.
-        unit_actions: whether actions lie in [-1, 1], as the option of :class:`segar.envs.VectorEnv` says; otherwise in the
-            network's range of actions.
+        unit_actions: whether actions lie in [-1, 1], as the option of :class:`segar.envs.VectorEnv` says; otherwise in
+            the network's range of actions.
         num_threads: threads over the batch.
     """
 
@@ -65,8 +65,8 @@ class NetworkPolicy:
         space = env.single_action_space
         if space.shape != self._low.shape or (space.low != self._low).any() or (space.high != self._high).any():
             raise SegarError(
-                f"the policy acts from {self._low.tolist()} to {self._high.tolist()}, and the environment takes actions from"
-                f" {space.low.tolist()} to {space.high.tolist()}. Where the environment has unit_actions=True, say"
+                f"the policy acts from {self._low.tolist()} to {self._high.tolist()}, and the environment takes actions"
+                f" from {space.low.tolist()} to {space.high.tolist()}. Where the environment has unit_actions=True, say"
                 " NetworkPolicy(..., unit_actions=True), too"
             )
         self._start(env.num_envs)
@@ -77,8 +77,8 @@ class NetworkPolicy:
         """Actions float32 ``(n, components)`` of the next step, for observations ``(n, ...)``.
 
         Raises:
-            SegarError: observations have another shape or dtype than the network reads, or are not of the environments in
-                which episodes began.
+            SegarError: observations have another shape or dtype than the network reads, or are not of the environments
+                in which episodes began.
         """
         rows = self._checked(observations)
         n = len(rows)
@@ -104,13 +104,14 @@ class NetworkPolicy:
                 else type(observations).__name__
             )
             raise SegarError(
-                f"the network reads observations {dtype} of shape (n, {', '.join(map(str, shape))}), not {given}. Play it in"
-                " an environment with the observation that it was trained on"
+                f"the network reads observations {dtype} of shape (n, {', '.join(map(str, shape))}), not {given}. Play"
+                " it in an environment with the observation that it was trained on"
             )
         if self._remembers and len(observations) != len(self._keys):
             raise SegarError(
-                f"the policy {'samples' if self.sampled else 'has a memory'}: call begin(env) where episodes start, and then"
-                f" give it the observations of all of its {len(self._keys)} environments, not of {len(observations)}"
+                f"the policy {'samples' if self.sampled else 'has a memory'}: call begin(env) where episodes start, and"
+                f" then give it the observations of all of its {len(self._keys)} environments, not of"
+                f" {len(observations)}"
             )
         return np.ascontiguousarray(observations).reshape(len(observations), -1)
 
@@ -126,7 +127,7 @@ class NetworkPolicy:
             count = min(self._block, len(rows) - first)
             forward(plan.table, plan.places, plan.floats, rows, self._memory, scratch, plan.width, sums, first, count)
             act(
-                scratch, plan.width, mean, log_std, *network.log_std_range, self._center, self._half_range, self._keys, self._steps,
-                self.sampled, actions, first, count,
+                scratch, plan.width, mean, log_std, *network.log_std_range, self._center, self._half_range, self._keys,
+                self._steps, self.sampled, actions, first, count,
             )  # fmt: skip
         self._scratch.append((scratch, sums))

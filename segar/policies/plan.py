@@ -1,4 +1,4 @@
-"""From layers to what the compiled forward pass reads: a table of operations, their weights, and places in one scratch row."""
+"""From layers to what the compiled forward pass reads: a table of operations, their weights, and places in scratch."""
 
 from __future__ import annotations
 
@@ -87,13 +87,18 @@ class _Program:
         self.places += places
 
     def add_products(
-        self, weight: np.ndarray, bias: np.ndarray, given: Shape, gives: Shape, target: Tensor, source: Tensor, stride: int
+        self,
+        weight: np.ndarray,
+        bias: np.ndarray,
+        given: Shape,
+        gives: Shape,
+        target: Tensor,
+        source: Tensor,
+        stride: int,
     ) -> None:
         """Append a sum of products; ``weight`` is ``[kernel, kernel, input, output]``."""
-        numbers = (len(weight), stride, 0)
-        self.add(
-            k.SUM_PRODUCTS, given, gives, target, source, None, numbers, [_tiles(weight, bias)], _windows(given, gives, stride)
-        )  # fmt: skip
+        numbers, floats = (len(weight), stride, 0), [_tiles(weight, bias)]
+        self.add(k.SUM_PRODUCTS, given, gives, target, source, None, numbers, floats, _windows(given, gives, stride))
 
 
 def _needed(layers: Sequence[Layer], outputs: Sequence[int]) -> set[int]:
@@ -125,7 +130,7 @@ def _add_layer(program: _Program, i: int, layer: Layer, given: Sequence[Shape], 
         case "relu" | "tanh" | "flatten":
             program.add(ELEMENTWISE[layer.kind], given[0], gives, i, reads[0])
         case "add":
-            program.add(k.ADD, given[0], gives, i, *reads)
+            program.add(k.ADD, given[0], gives, i, reads[0], reads[1])
         case "layer_norm":
             floats = [float(options["epsilon"]), arrays["weight"], arrays["bias"]]
             program.add(k.LAYER_NORM, given[0], gives, i, reads[0], floats=floats)
@@ -173,7 +178,7 @@ def _windows(given: Shape, gives: Shape, stride: int) -> list[int]:
 
 
 def _offsets(program: _Program, outputs: Sequence[int]) -> tuple[dict[Tensor, int], int]:
-    """Where each tensor lies in a row of the scratch, and the row's width; tensors that are not needed any more make room."""
+    """Where each tensor lies in a row of the scratch, and the row's width; what is not needed any more makes room."""
     last = {tensor: step for step, tensors in enumerate(program.tensors) for tensor in tensors if tensor is not None}
     last |= dict.fromkeys(outputs, len(program.tensors))
     offsets: dict[Tensor, int] = {}

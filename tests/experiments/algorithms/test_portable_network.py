@@ -12,7 +12,7 @@ from experiments.algorithms.portable import PortableAgent, network_of
 from experiments.algorithms.ppo import PPO, PPOPolicy
 from experiments.algorithms.recurrent_ppo import RecurrentPPO
 from experiments.algorithms.sac import SAC
-from experiments.networks.encoders import initialize
+from experiments.networks.encoders import FrameEncoder, initialize
 from experiments.settings import ConfigError, DrQConfig, PPOConfig, RecurrentPPOConfig, SACConfig
 from experiments.settings.algorithms import CNNS
 from segar.policies import NetworkPolicy
@@ -111,6 +111,12 @@ class Doubled(nn.Module):
         return 2 * x
 
 
+def hooked():
+    layer = nn.Conv2d(16, 32, 4, 2)
+    layer.register_forward_hook(lambda module, given, gives: 2 * gives)
+    return layer
+
+
 def with_part(part):
     policy = random_policy(*CASES["small, frames"])
     policy.actor.encoder.trunk[0][2] = part
@@ -124,12 +130,37 @@ def with_part(part):
         (nn.Conv2d(16, 32, 4, (2, 1)), r"'actor.encoder.trunk.0.2: stride' is \(2, 1\), and must be one number for both sides"),
         (nn.Conv2d(16, 32, 4, 2, groups=2), "'actor.encoder.trunk.0.2' has groups 2"),
         (nn.Conv2d(16, 32, 4, padding="same"), "'actor.encoder.trunk.0.2: padding' is 'same'"),
+        (nn.MaxPool2d(2, ceil_mode=True), "'actor.encoder.trunk.0.2' has ceil_mode True"),
+        (nn.Flatten(2), "'actor.encoder.trunk.0.2' has start_dim 2"),
+        (hooked(), "'actor.encoder.trunk.0.2' has forward hooks"),
         (nn.Conv2d(16, 32, 3, 2), r"has no portable form: layer \d+ \(dense\): .* do not fit"),
     ],
 )  # fmt: skip
 def test_a_part_without_a_portable_form_is_named_with_the_way_out(part, message):
     with pytest.raises(ConfigError, match=message):
         network_of(with_part(part), FRAMES, puttputt())
+
+
+def test_a_network_of_somebodys_own_is_portable_if_its_layers_are():
+    """One layer stands there twice, others have settings that the built-in networks never have."""
+    squash = nn.Tanh()
+    trunk = nn.Sequential(
+        nn.Conv2d(3, 5, 7, 3, padding=2, bias=False),
+        squash,
+        nn.MaxPool2d(3, 2),
+        squash,
+        nn.Flatten(),
+        nn.Linear(5 * 10 * 10, 40, bias=False),
+        nn.LayerNorm(40, eps=1e-3, elementwise_affine=False),
+        squash,
+        nn.Linear(40, 256),
+    )
+    policy = random_policy(*CASES["small, frames"])
+    policy.actor.encoder = FrameEncoder(trunk, "fp32")
+    seen = observations(FRAMES, 6, 0)
+    acted = NetworkPolicy(network_of(policy, FRAMES, puttputt()))(seen)
+    np.testing.assert_allclose(acted, policy.act(seen, rng=None), atol=TOLERANCE, rtol=0)
+    assert acted.std(0).min() > 10 * TOLERANCE
 
 
 def test_a_policy_of_somebodys_own_is_refused():

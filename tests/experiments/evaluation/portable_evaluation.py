@@ -13,7 +13,9 @@ def main() -> None:
     found = {}
     for folder in sys.argv[2:]:
         out = f"{folder}/evaluations/{sys.argv[1]}"
-        done = evaluate(EvaluateConfig(folder, portable=True, scores=False, videos="none", out=out), say=lambda line: None)
+        done = evaluate(
+            EvaluateConfig(folder, portable=True, scores=False, videos="none", out=out), say=lambda line: None
+        )
         text = json.dumps([done.episodes, done.summary["players"], done.summary["portable"]])
         found[folder] = hashlib.sha256(text.encode()).hexdigest()
     print(json.dumps(found))

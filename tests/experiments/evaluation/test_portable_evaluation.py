@@ -135,8 +135,19 @@ def test_threads_and_batches_change_nothing(trained, monkeypatch):
 
 def hashes(trained, name, folder, **limits):
     environment = {key: value for key, value in os.environ.items() if key not in LIMITS}
-    environment |= {**limits, "PYTHONPATH": str(CHECKOUT), "NUMBA_CACHE_DIR": str(folder), "SEGAR_CACHE_DIR": str(folder)}
-    command = [sys.executable, "-m", "tests.experiments.evaluation.portable_evaluation", name, *map(str, trained.values())]
+    environment |= {
+        **limits,
+        "PYTHONPATH": str(CHECKOUT),
+        "NUMBA_CACHE_DIR": str(folder),
+        "SEGAR_CACHE_DIR": str(folder),
+    }
+    command = [
+        sys.executable,
+        "-m",
+        "tests.experiments.evaluation.portable_evaluation",
+        name,
+        *map(str, trained.values()),
+    ]
     done = subprocess.run(command, capture_output=True, text=True, env=environment, cwd=CHECKOUT)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout.splitlines()[-1])

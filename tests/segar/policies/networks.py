@@ -124,7 +124,9 @@ def main() -> None:
     declared = {line.split("@")[1].split("(")[0] for line in text.splitlines() if line.startswith("declare")}
     arithmetic = {word for line in text.splitlines() for word in line.split() if " = f" in line and word in FLAGS}
     vectors = sum(" x float>" in line and " = fmul" in line for line in text.splitlines())
-    json.dump({"hashes": found, "declared": sorted(declared), "flags": sorted(arithmetic), "vectors": vectors}, sys.stdout)
+    json.dump(
+        {"hashes": found, "declared": sorted(declared), "flags": sorted(arithmetic), "vectors": vectors}, sys.stdout
+    )
 
 
 FLAGS = {"fast", "reassoc", "contract", "nnan", "ninf", "nsz", "arcp", "afn"}
