@@ -9,6 +9,7 @@ from benchmarks.environments import environments, resets, single, startup
 from benchmarks.frameworks import frameworks
 from benchmarks.mathematics import speed
 from benchmarks.measure import print_parts
+from benchmarks.networks import networks
 from benchmarks.scaling import bodies, threads
 from benchmarks.yardsticks import against_pymunk, handwritten
 
@@ -23,6 +24,7 @@ PARTS = {
     "single": single,
     "frameworks": frameworks,
     "resets": resets,
+    "networks": networks,
     "startup": startup,
     "mathematics": speed,
 }

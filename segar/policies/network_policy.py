@@ -31,7 +31,8 @@ class NetworkPolicy:
 
     The actions of an environment do not depend on the other environments of a batch, on the number of threads, or on
     the processor. A policy that samples draws by the key of the running episode, which the seed of the environment
-    decides, and by the step.
+    decides, and by the step. What a network remembers is emptied by :meth:`begin`, and not where an environment starts
+    another episode by itself.
 
     Args:
         network: what computes.
