@@ -27,7 +27,7 @@ class Layers:
 
     def add(self, kind: str, *reads: int, options: Mapping[str, float] | None = None, **arrays: np.ndarray) -> int:
         """Append a layer; returns its number."""
-        weights = {name: np.ascontiguousarray(array, np.float32) for name, array in arrays.items()}
+        weights = {name: np.array(array, np.float32, order="C") for name, array in arrays.items()}
         self.made.append(Layer(kind, reads, options or {}, weights))
         return len(self.made) - 1
 
