@@ -5,7 +5,7 @@ sums of layers are of float32, and each output's sum runs over its inputs in one
 columns and channels as they come. Only outputs that do not depend on each other are computed side by side, so the number
 of lanes that a processor has changes nothing, nor does the number of environments. The order of other sums stands in
 their loops. Nothing is contracted or reordered, and elementary functions are those of
-:mod:`segar.policies.mathematics`.
+:mod:`segar.support.mathematics`.
 
 All activations of an environment lie in one row of ``scratch``, at offsets that the table holds, as ``[image, height,
 width, channel]``. The functions take arrays and whole numbers, allocate nothing, and need no interpreter.
@@ -15,8 +15,7 @@ import math
 
 import numpy as np
 
-from segar.policies.mathematics import cos, exp, log, tanh
-from segar.support import cached, keyed_uniform
+from segar.support import cached, keyed_uniform, mathematics
 
 _options = {"nogil": True, "error_model": "numpy", "_nrt": False}
 
@@ -105,8 +104,8 @@ def act(
             if sampled:
                 bounded = min(max(np.float64(scratch[e * width + log_std + a]), lowest), highest)
                 key, step = keys[first + e], steps[first + e]
-                u = np.float32(u + np.float32(exp(bounded)) * np.float32(normal(key, step, a)))
-            action = np.float32(tanh(np.float64(u)))
+                u = np.float32(u + np.float32(mathematics.exp(bounded)) * np.float32(normal(key, step, a)))
+            action = np.float32(mathematics.tanh(np.float64(u)))
             actions[first + e, a] = center[a] + half_range[a] * action
         steps[first + e] += 1
 
@@ -114,8 +113,8 @@ def act(
 @cached(**_options)
 def normal(key, step, component):
     """A number from N(0, 1), by the transform of Box and Muller of two uniform ones."""
-    radius = math.sqrt(-2.0 * log(1.0 - keyed_uniform(key, step, SITE, component, 0, 0)))
-    return radius * cos(2.0 * math.pi * keyed_uniform(key, step, SITE, component, 1, 0))
+    radius = math.sqrt(-2.0 * mathematics.log(1.0 - keyed_uniform(key, step, SITE, component, 0, 0)))
+    return radius * mathematics.cos(2.0 * math.pi * keyed_uniform(key, step, SITE, component, 1, 0))
 
 
 @cached(**_options)
@@ -268,7 +267,7 @@ def relu(row, x):
 def squash(row, x):
     """The hyperbolic tangents."""
     for c in range(size_of(row)):
-        x[row[TARGET] + c] = np.float32(tanh(np.float64(x[row[SOURCE] + c])))
+        x[row[TARGET] + c] = np.float32(mathematics.tanh(np.float64(x[row[SOURCE] + c])))
 
 
 @cached(**_options)
@@ -328,7 +327,7 @@ def soft_argmax(row, floats, x):
         for c in range(channels):
             total, across, down = 0.0, 0.0, 0.0
             for cell in range(cells):
-                weight = exp(np.float64(x[source + cell * channels + c]) - np.float64(highest))
+                weight = mathematics.exp(np.float64(x[source + cell * channels + c]) - np.float64(highest))
                 total += weight
                 across += weight * np.float64(floats[row[FLOATS] + 2 * cell])
                 down += weight * np.float64(floats[row[FLOATS] + 2 * cell + 1])
@@ -355,7 +354,7 @@ def gru(row, memory, x):
         reset = sigmoid(x[given + c] + x[known + c])
         update = sigmoid(x[given + width + c] + x[known + width + c])
         fresh = x[given + 2 * width + c] + reset * x[known + 2 * width + c]
-        fresh = np.float32(tanh(np.float64(fresh)))
+        fresh = np.float32(mathematics.tanh(np.float64(fresh)))
         memory[c] = (np.float32(1.0) - update) * fresh + update * memory[c]
         x[row[TARGET] + c] = memory[c]
 
@@ -367,14 +366,14 @@ def lstm(row, memory, x):
     for c in range(width):
         enter = sigmoid(x[given + c] + x[known + c])
         stay = sigmoid(x[given + width + c] + x[known + width + c])
-        fresh = np.float32(tanh(np.float64(x[given + 2 * width + c] + x[known + 2 * width + c])))
+        fresh = np.float32(mathematics.tanh(np.float64(x[given + 2 * width + c] + x[known + 2 * width + c])))
         leave = sigmoid(x[given + 3 * width + c] + x[known + 3 * width + c])
         memory[width + c] = stay * memory[width + c] + enter * fresh
-        memory[c] = leave * np.float32(tanh(np.float64(memory[width + c])))
+        memory[c] = leave * np.float32(mathematics.tanh(np.float64(memory[width + c])))
         x[row[TARGET] + c] = memory[c]
 
 
 @cached(**_options)
 def sigmoid(x):
     """The logistic function, float32."""
-    return np.float32(1.0 / (1.0 + exp(-np.float64(x))))
+    return np.float32(1.0 / (1.0 + mathematics.exp(-np.float64(x))))
