@@ -11,6 +11,7 @@ from benchmarks.mathematics import speed
 from benchmarks.measure import print_parts
 from benchmarks.networks import networks
 from benchmarks.scaling import bodies, threads
+from benchmarks.targets import targets
 from benchmarks.yardsticks import against_pymunk, handwritten
 
 REPEATS = 7
@@ -26,6 +27,7 @@ PARTS = {
     "resets": resets,
     "networks": networks,
     "startup": startup,
+    "targets": targets,
     "mathematics": speed,
 }
 

@@ -31,11 +31,12 @@ from torchrl.objectives.value.functional import generalized_advantage_estimate
 
 from experiments.collection.async_collector import AsyncCollector
 from experiments.collection.collector import Collected, Collector, Rollout, action_size, observation_shape
+from experiments.collection.device_collector import DeviceCollector
 from experiments.collection.rewards import ReturnScale, learner_reward
 from experiments.networks.devices import usable_device
 from experiments.networks.encoders import FrameEncoder, initialize, make_encoder
 from experiments.networks.policies import Actor, SquashedNormal, actions_of, make_head, representation_of
-from experiments.settings import PPOConfig, TrainingError
+from experiments.settings import ConfigError, PPOConfig, TrainingError
 from segar.envs import VectorEnv
 from segar.levels import Levels
 
@@ -60,7 +61,9 @@ class PPO:
         self.policy: Any = self.make_policy(config, observation_shape(env), action_size(env))
         self.policy.initialize(self.rng)
         self.policy.to(self.device)
-        collector = AsyncCollector if config.overlap else Collector
+        if env.runs_on_gpu and config.overlap:
+            raise ConfigError("algorithm.overlap: environments on a GPU do not collect ahead; set it to false")
+        collector = DeviceCollector if env.runs_on_gpu else AsyncCollector if config.overlap else Collector
         self.collector: Any = collector(env, self.policy, config.num_steps, self.device)
         self.loss = self.make_loss()
         self.figures = compiled(self.losses) if config.compile else self.losses

@@ -15,11 +15,13 @@ from experiments.collection.collector import (
     mean_figures,
     observation_shape,
 )
+from experiments.collection.device_collector import DeviceCollector
 from experiments.collection.environment_state import as_tensors, from_tensors
 from experiments.collection.replay import Replay
 from experiments.collection.rewards import ReturnScale, learner_reward
 
 __all__ = [
-    "AsyncCollector", "Collected", "Collector", "Replay", "ReturnScale", "Rollout", "StepPolicy", "action_size",
-    "as_tensors", "figures_at_end", "from_tensors", "learner_reward", "mean_figures", "observation_shape",
+    "AsyncCollector", "Collected", "Collector", "DeviceCollector", "Replay", "ReturnScale", "Rollout", "StepPolicy",
+    "action_size", "as_tensors", "figures_at_end", "from_tensors", "learner_reward", "mean_figures",
+    "observation_shape",
 ]  # fmt: skip

@@ -1,4 +1,5 @@
-"""``segar families``, ``segar compile``, ``segar kernel``: names, kernels ahead of time, and what they are made of."""
+"""``segar families``, ``segar compile``, ``segar kernel``: names, kernels ahead of time and for other targets, and what they
+are made of."""
 
 import inspect
 import re
@@ -11,10 +12,11 @@ import numpy as np
 
 from segar import engine
 from segar.cli.arguments import NAME_HELP, TASK_HELP, find_distribution, task_named
-from segar.envs import REWARDS, VectorEnv, world_of
+from segar.envs import REWARDS, VectorEnv, build_environment, world_of
 from segar.language import Rule, Task
 from segar.levels import TASK_LEVELS, Levels, families
 from segar.observations import OBSERVATIONS
+from segar.support import replacing
 from segar.tasks import puttputt, task_of
 
 NO_LINES = "  (matches nothing here)"
@@ -30,13 +32,25 @@ def add_commands(commands: Any) -> None:
     warming.add_argument("--task", help=TASK_HELP)
     warming.set_defaults(run=lambda chosen: compile_kernels(chosen.names, chosen.task))
 
-    kernel = commands.add_parser("kernel", help="look at the kernel of a world")
-    showing = kernel.add_subparsers(required=True, metavar="command").add_parser(
-        "show", help="print the generated source, and where the rules in it are written"
-    )
+    kernel = commands.add_parser("kernel", help="look at the kernel of a world, or build it for another target")
+    actions = kernel.add_subparsers(required=True, metavar="command")
+    showing = actions.add_parser("show", help="print the generated source, and where the rules in it are written")
     showing.add_argument("name", metavar="family", help=NAME_HELP)
     showing.add_argument("--task", help=TASK_HELP)
     showing.set_defaults(run=lambda chosen: print(kernel_text(chosen.name, chosen.task)))
+
+    building = actions.add_parser("build", help="write a module for another target, which plays with equal bits")
+    building.add_argument("name", metavar="family", help=NAME_HELP)
+    building.add_argument(
+        "--target", required=True, choices=engine.TARGETS,
+        help="wasm: a WebAssembly module that imports nothing; native: an object file for C; ptx: text for NVIDIA GPUs",
+    )  # fmt: skip
+    building.add_argument("-o", "--output", required=True, help="the file")
+    building.add_argument("--task", help=TASK_HELP)
+    building.add_argument(
+        "--observation", default="state", choices=sorted(OBSERVATIONS), help="what agents see (default: state)"
+    )
+    building.set_defaults(run=lambda chosen: build_target(**{k: v for k, v in vars(chosen).items() if k in _BUILD}))
 
 
 def compile_kernels(names: Sequence[str] = (), task: str | None = None) -> None:
@@ -60,6 +74,24 @@ def compile_kernels(names: Sequence[str] = (), task: str | None = None) -> None:
         print(f"{path.stem}  {what:<19}  {its_task.name:<16}  {', '.join(sharing[path])}", flush=True)
     print(f"{'observations':<18}  ready in {_compile_observations(*next(iter(first.values()))):.1f} s")
     print(f"{engine.cache_folder()}: {len(first)} kernels, {compiled} of them new, {time.perf_counter() - start:.0f} s")
+
+
+_BUILD = ("name", "target", "output", "task", "observation")
+
+
+def build_target(name: str, target: str, output: str, task: str | None = None, observation: str = "state") -> None:
+    """Write the module of a target that plays these levels with this observation, and print what it exports.
+
+    Raises:
+        SegarError: a name is unknown, the world cannot be built for the target, or the file cannot be written.
+    """
+    levels = find_distribution(name).sample(1)
+    env = VectorEnv(levels, 1, observation=observation, task=task_named(task, levels), seed=0)
+    kernel = build_environment(env, target)
+    with replacing(Path(output), "the kernel") as beside:
+        beside.write_bytes(kernel.code)
+    exports = ", ".join(one["name"] for one in kernel.description["exports"])
+    print(f"{output}: {len(kernel.code):,} bytes, exports {exports}")
 
 
 def kernel_text(name: str, task: str | None = None) -> str:

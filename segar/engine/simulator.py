@@ -91,9 +91,20 @@ class Simulator:
         if np.count_nonzero(call.errors):
             errors = call.errors.copy()
             call.errors[:] = 0
-            if (errors[:, 0] == CONFLICT).any():
-                self._raise_conflict(errors)
-            self._raise_not_finite(errors[:, 0], state, levels, result)
+            self.raise_errors(errors, state, levels, result)
+
+    def raise_errors(self, errors: np.ndarray, state: State, levels: Levels, result: StepResult) -> None:
+        """Say what is wrong after a step, as :meth:`act` does.
+
+        Args:
+            errors: int64 ``(num_envs, 5)``, not all 0, as a kernel wrote them.
+
+        Raises:
+            ConflictError, RuleError: see :meth:`act`.
+        """
+        if (errors[:, 0] == CONFLICT).any():
+            self._raise_conflict(errors)
+        self._raise_not_finite(errors[:, 0], state, levels, result)
 
     def _raise_not_finite(self, found: np.ndarray, state: State, levels: Levels, result: StepResult) -> None:
         env, others = int(np.flatnonzero(found)[0]), np.count_nonzero(found) - 1

@@ -7,12 +7,13 @@ from segar.envs.gym_env import Env
 from segar.envs.playing import Act, StepSource, TimeStep, play
 from segar.envs.registration import REWARDS, register_all
 from segar.envs.snapshots import Snapshot
+from segar.envs.target_calls import EnvironmentCalls, build_environment, environment_calls
 from segar.envs.vector import VectorEnv, world_of
 from segar.support import need
 
 __all__ = [
-    "REWARDS", "Act", "Env", "SB3VecEnv", "Snapshot", "StepSource", "TimeStep", "TorchRLEnv", "VectorEnv", "play",
-    "register_all", "world_of",
+    "REWARDS", "Act", "Env", "EnvironmentCalls", "SB3VecEnv", "Snapshot", "StepSource", "TimeStep", "TorchRLEnv",
+    "VectorEnv", "build_environment", "environment_calls", "play", "register_all", "world_of",
 ]  # fmt: skip
 
 

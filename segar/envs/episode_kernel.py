@@ -53,10 +53,36 @@ def count_step(reward, terminated, max_steps, returns, lengths, truncated, ended
     """Count one step and mark episodes whose time is up; list the environments whose episode ended, return how many."""
     n = 0
     for e in range(len(reward)):
-        lengths[e] += 1
-        returns[e] += reward[e]
-        truncated[e] = lengths[e] >= max_steps and not terminated[e]
-        if truncated[e] or terminated[e]:
+        if count_one(e, reward, terminated, max_steps, returns, lengths, truncated):
             ended[n] = e
             n += 1
     return n
+
+
+@cached(**_options)
+def count_rows(rows, reward, terminated, max_steps, returns, lengths, truncated, ended):
+    """:func:`count_step` of the environments ``rows``; ``ended``, bool ``[N]``, says which episodes ended."""
+    for r in range(len(rows)):
+        ended[rows[r]] = count_one(rows[r], reward, terminated, max_steps, returns, lengths, truncated)
+
+
+@cached(**_options)
+def count_one(e, reward, terminated, max_steps, returns, lengths, truncated):
+    """Count one step of an environment; return whether its episode ended."""
+    lengths[e] += 1
+    returns[e] += reward[e]
+    truncated[e] = lengths[e] >= max_steps and not terminated[e]
+    return truncated[e] or terminated[e]
+
+
+ACTION_NOT_FINITE = 4
+"""What the first of an environment's five errors says where its action was not finite; see the compiler's ``kernel`` module."""
+
+
+@cached(**_options)
+def check_actions(rows, actions, errors):
+    """Note in ``errors``, int64 ``[N, 5]``, which of the environments ``rows`` have actions that are not finite."""
+    for r in range(len(rows)):
+        for c in range(actions.shape[1]):
+            if errors[rows[r], 0] == 0 and not abs(actions[rows[r], c]) < np.inf:
+                errors[rows[r], 0] = ACTION_NOT_FINITE

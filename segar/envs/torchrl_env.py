@@ -1,4 +1,4 @@
-"""TorchRL's interface: a batched ``EnvBase`` over :class:`segar.envs.VectorEnv`. No other file of segar imports torch."""
+"""TorchRL's interface: a batched ``EnvBase`` over :class:`segar.envs.VectorEnv`."""
 
 from typing import Any
 
@@ -36,7 +36,8 @@ class TorchRLEnv(EnvBase):
     ``"success"``, ``"death"``; all of these ``[num_envs, 1]``. Nothing is reset by a step, so that a finished
     episode's last observation stays readable; ``reset`` honours TorchRL's ``"_reset"`` mask, and takes
     ``levels=`` (int array ``[num_envs]``) to choose the levels that start. Tensors share the memory of the engine's
-    arrays, which later steps do not overwrite. Actions: float32 ``[num_envs, 2]`` in [-1, 1].
+    arrays, which later steps do not overwrite. Actions: float32 ``[num_envs, 2]`` in [-1, 1]. With
+    ``device="cuda"`` all tensors lie on that GPU, where the episodes run.
 
     Arguments are those of :class:`segar.envs.VectorEnv`, which also says what it raises; and :class:`SegarError` if a part
     of the observation is named like another entry. ``observation_key`` is the key of an observation of one array, else None.
@@ -49,10 +50,11 @@ class TorchRLEnv(EnvBase):
     def __init__(
         self, levels: Levels, num_envs: int, *, observation: ObservationLike = "state", **options: Any
     ) -> None:
-        super().__init__(device="cpu", batch_size=torch.Size([num_envs]))
-        self.vector_env = VectorEnv(
+        vector_env = VectorEnv(
             levels, num_envs, observation=observation, autoreset_mode=AutoresetMode.DISABLED, copy=True, **options
         )
+        super().__init__(device=vector_env.device, batch_size=torch.Size([num_envs]))
+        self.vector_env = vector_env
         space = self.vector_env.single_observation_space
         self.observation_key = _key_of(space) if isinstance(space, spaces.Box) else None
         seen = _named(space)
@@ -62,25 +64,27 @@ class TorchRLEnv(EnvBase):
             {key: _spec(part, num_envs) for key, part in seen.items()}
             | {key: _column(num_envs, t) for key, t in EPISODE_KEYS.items()},
             shape=self.batch_size,
-        )
-        self.action_spec = _bounded(self.vector_env.action_space, torch.float32)
-        self.reward_spec = _column(num_envs, torch.float32)
+        ).to(self.device)
+        self.action_spec = _bounded(self.vector_env.action_space, torch.float32).to(self.device)
+        self.reward_spec = _column(num_envs, torch.float32).to(self.device)
         self.done_spec = Composite(
             {key: _column(num_envs, torch.bool) for key in ("done", "terminated", "truncated")}, shape=self.batch_size
-        )
+        ).to(self.device)
         self._next_seed: int | None = None
 
     def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
-        action = tensordict.get("action").detach().numpy()
+        action = tensordict.get("action").detach()
+        action = action if self.vector_env.runs_on_gpu else action.numpy()
         observation, reward, terminated, truncated, info = self.vector_env.step(action)
         return self._tensordict(observation, info, terminated=terminated, truncated=truncated, reward=reward)
 
     def _reset(self, tensordict: TensorDictBase | None = None, *, levels: Any = None, **_: Any) -> TensorDictBase:
         options: dict[str, Any] = {}
         if levels is not None:
-            options["levels"] = np.asarray(levels)
+            options["levels"] = levels.cpu().numpy() if isinstance(levels, torch.Tensor) else np.asarray(levels)
         if tensordict is not None and "_reset" in tensordict.keys():
-            options["reset_mask"] = tensordict.get("_reset").reshape(self.num_envs).numpy()
+            mask = tensordict.get("_reset").reshape(self.num_envs)
+            options["reset_mask"] = mask if self.vector_env.runs_on_gpu else mask.numpy()
         seed, self._next_seed = self._next_seed, None
         observation, info = self.vector_env.reset(seed=seed, options=options)
         after = self._tensordict(observation, info)
@@ -99,21 +103,26 @@ class TorchRLEnv(EnvBase):
         never = np.zeros(self.num_envs, dtype=bool)
         info = {"level": snapshot.state.level, "return": snapshot.returns, "length": snapshot.lengths}
         info = {key: value.copy() for key, value in info.items()} | {"success": never, "death": never}
-        return self._tensordict(observation, info)
+        return self._tensordict(
+            observation, {key: torch.from_numpy(part).to(self.device) for key, part in info.items()}
+        )
 
     def _set_seed(self, seed: int | None) -> None:
         self._next_seed = seed
 
     def _tensordict(self, observation: Any, info: dict[str, Any], **outcome: np.ndarray) -> TensorDict:
         """The entries of a step that ends ``terminated`` or ``truncated`` with a ``reward``, or of a reset without these."""
-        columns = {key: np.zeros(self.num_envs, bool) for key in ("terminated", "truncated")} | outcome
+        given = {key: _tensor(column, self.num_envs) for key, column in outcome.items()}
+        never = {
+            key: torch.zeros(self.num_envs, dtype=torch.bool, device=self.device) for key in ("terminated", "truncated")
+        }
+        columns = never | given | {key: _tensor(info[key], self.num_envs) for key in EPISODE_KEYS}
         columns["done"] = columns["terminated"] | columns["truncated"]
-        columns |= {key: info[key] for key in EPISODE_KEYS}
         if "reward" in outcome:
-            columns["reward"] = outcome["reward"].astype(np.float32)
+            columns["reward"] = columns["reward"].to(torch.float32)
         entries = {key: _tensor(part, self.num_envs) for key, part in _named(observation).items()}
-        entries |= {key: torch.from_numpy(column)[:, None] for key, column in columns.items()}
-        return TensorDict._new_unsafe(entries, batch_size=self.batch_size)
+        entries |= {key: column[:, None] for key, column in columns.items()}
+        return TensorDict._new_unsafe(entries, batch_size=self.batch_size, device=self.device)
 
     @property
     def num_envs(self) -> int:
@@ -133,8 +142,8 @@ def _named(observation: Any) -> dict[str, Any]:
     return {"observation" if isinstance(observation, (tuple, spaces.Tuple)) else _key_of(observation): observation}
 
 
-def _key_of(array: np.ndarray | spaces.Box) -> str:
-    return "pixels" if array.dtype == np.uint8 else "observation"
+def _key_of(array: np.ndarray | torch.Tensor | spaces.Box) -> str:
+    return "pixels" if array.dtype in (np.uint8, torch.uint8) else "observation"
 
 
 def _parts(observation: Any) -> dict[str, Any]:
@@ -156,8 +165,8 @@ def _spec(space: spaces.Space, num_envs: int) -> Any:
 
 
 def _tensor(part: Any, num_envs: int) -> Any:
-    if isinstance(part, np.ndarray):
-        return torch.from_numpy(part)
+    if isinstance(part, (np.ndarray, torch.Tensor)):
+        return torch.as_tensor(part)
     return TensorDict({key: _tensor(p, num_envs) for key, p in _parts(part).items()}, batch_size=[num_envs])
 
 

@@ -4,7 +4,7 @@ import weakref
 from collections.abc import Mapping
 from dataclasses import replace
 from types import NoneType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import numpy as np
@@ -30,8 +30,11 @@ from segar.levels import Levels, check_levels
 from segar.observations import ObservationLike, copy_rows, for_task, hooks_of, leaves, make_observation, simulator_reads
 from segar.rendering import RENDER_MODES, Camera, View, offered_modes, steps_per_second
 from segar.rules import World
-from segar.support import Team
+from segar.support import Team, need
 from segar.tasks import task_of
+
+if TYPE_CHECKING:
+    from segar.envs.device_episodes import DeviceEpisodes
 
 KEPT_IN_PICKLES = (
     *("observation_space", "single_observation_space", "action_space", "single_action_space"),  # and their generators
@@ -74,6 +77,9 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         render_mode: None, 'rgb_array' (:meth:`render` gives a frame of each environment, drawn for people) or 'human'
             (a window shows them).
         view: a :class:`segar.rendering.View`: size of the frames, labels, hints.
+        device: where episodes run: 'cpu', or an NVIDIA GPU, 'cuda' or 'cuda:1'. There, actions are torch tensors, and so is all
+            that ``reset`` and ``step`` return; ``info`` has no ``factors`` and no ``results``, ``final_obs`` and ``final_info``
+            come with every step under ``SAME_STEP``, and what is wrong with a step may be said some steps later.
 
     Raises:
         SegarError: an option is unknown or out of range. LevelError: the levels do not fit their layout, or hold a number
@@ -103,6 +109,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         world: World | None = None,
         render_mode: str | None = None,
         view: View | None = None,
+        device: Any = "cpu",
     ) -> None:
         self._arguments = {name: value for name, value in locals().items() if name not in ("self", "__class__")}
         instance("levels", levels, Levels, "segar.Levels, as segar.family('empty-hard').sample(100) makes them")
@@ -163,6 +170,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         if render_mode is not None:
             self._camera = Camera(levels, self.simulator.world, self.task, num_envs, render_mode, view)
         self.metadata["render_fps"] = steps_per_second(levels, self.task)
+        self._episodes = None if str(device) == "cpu" else self._episodes_on(device)
+        self.device: Any = "cpu" if self._episodes is None else self._episodes.device
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict]:
         """Start new episodes; return observations and info.
@@ -177,6 +186,11 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         """
         instance("reset: options", options, (Mapping, NoneType), "a mapping such as {'levels': [...]}, or None")
         options = dict(options or {})
+        where = None
+        if self._episodes is not None and options.get("reset_mask") is not None:
+            where = self._episodes.mask_of(options.pop("reset_mask"))
+            if not self._started and not bool(where.all()):
+                raise SegarError("the first reset must start all environments")
         mask = self._checked_option(options, "reset_mask", np.bool_)
         chosen = self._checked_option(options, "levels", np.int64)
         if options:
@@ -191,6 +205,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         if not self._started and not mask.all():
             raise SegarError("the first reset must start all environments")
         self._started = True
+        if self._episodes is not None:
+            return self._episodes.reset(seed, where, chosen)
         self._detach_factors()
         self._start_episodes(np.flatnonzero(mask), chosen)
         observations = self._observe_all()
@@ -210,6 +226,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             ActionError: wrong shape, or not finite. ConflictError: rules contradict each other in some state.
             RuleError: a number of a state, or a reward, is not finite after the step.
         """
+        if self._episodes is not None:
+            return self._step_on_device(self._episodes, actions)
         actions = self._checked_actions(actions)
         self._detach_factors()
         observations = self._step_states(actions)
@@ -222,6 +240,11 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self._start_episodes(ended)
         self._write_observations(observations, ended)
         return observations, reward, terminated, truncated, {**self._info(success, death), **final}
+
+    @property
+    def runs_on_gpu(self) -> bool:
+        """Whether episodes run on a GPU, whose number ``device`` says; then actions and results are torch tensors."""
+        return self._episodes is not None
 
     def in_action_space(self, actions: np.ndarray) -> np.ndarray:
         """Actions of the task's range ``[..., action size]`` as the action space has them (``unit_actions``), float32."""
@@ -247,6 +270,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
 
     def state(self) -> Snapshot:
         """A copy of everything that decides how the episodes go on, and of the past that observations show."""
+        if self._episodes is not None and self._started:
+            self._episodes.pull()
         return replace(self._now.copy(), memory=self._hooks.memory())
 
     def restore(self, snapshot: Snapshot) -> Any:
@@ -268,6 +293,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self._now = replace(snapshot, memory={}).copy()
         self._started = True
         self.observation.begin(self._now.state.values, self._now.state.level, everywhere)
+        if self._episodes is not None:
+            self._episodes.push(self._now)
         return self._observe_all()
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -300,6 +327,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         if factor not in layout.columns:
             layout.factor(factor.__name__)
         chosen = self._checked_option({"where": where}, "where", np.bool_, "intervene: where")
+        if self._episodes is not None:
+            self._episodes.pull()
         mask = np.ones(self.num_envs, np.bool_) if chosen is None else chosen
         part = self._now.state.values[:, slot, layout.columns[factor] : layout.columns[factor] + factor.width]
         if np.isnan(part[mask]).any():
@@ -307,7 +336,32 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self._detach_factors()
         part[mask] = factor.check(value)
         self.observation.begin(self._now.state.values, self._now.state.level, mask)
+        if self._episodes is not None:
+            self._episodes.push(self._now)
         return self._observe_all()
+
+    def _episodes_on(self, device: Any) -> "DeviceEpisodes":
+        """The episodes on a GPU."""
+        if self.render_mode is not None:
+            raise SegarError(
+                f"render_mode='{self.render_mode}' draws on the processor: use device='cpu', or restore env.state() in an"
+                " environment there"
+            )
+        need(f"device='{device}'", "torch")
+        from segar.envs.device_episodes import DeviceEpisodes, open_gpu
+
+        gpu = open_gpu(device)
+        return DeviceEpisodes(gpu, self.simulator, self.levels, self.observation, self._now, self.copy)
+
+    def _step_on_device(self, episodes: "DeviceEpisodes", actions: Any) -> tuple[Any, ...]:
+        """:meth:`step` on a GPU."""
+        if not self._started:
+            raise SegarError("call reset() before step()")
+        actions = episodes.actions_of(actions)
+        if self._maps_actions:
+            actions = episodes.scaled(actions, self._center, self._half_range)
+        same_step = self.autoreset_mode is AutoresetMode.SAME_STEP
+        return episodes.step(actions, same_step, self.task.max_steps, self.task.sub_steps)
 
     def _step_states(self, actions: np.ndarray) -> Any:
         """Step all states by the actions; return the observations of the states that follow."""
@@ -349,6 +403,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
 
     def _observe_all(self) -> Any:
         """The observations of all present states."""
+        if self._episodes is not None:
+            return self._episodes.observe()
         observations = self._buffers.output()
         self._write_observations(observations, self._rows)
         return observations
@@ -436,6 +492,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             options.pop(name, None)
             return None
         given, kinds = options.pop(name), "iu" if dtype is np.int64 else "b"
+        if self._episodes is not None and hasattr(given, "cpu"):  # a tensor on the GPU
+            given = given.cpu()
         what = called or f"reset: option '{name}'"
         right = f"{what} must be {np.dtype(dtype)} of shape ({self.num_envs},), not"
         try:

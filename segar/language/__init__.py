@@ -93,9 +93,9 @@ __all__ = [
     "Signature", "SingleFactors", "SingleResults", "Slot", "Source", "Square", "Stage", "Symbol", "Task",
     "TaskFunctions", "Tree", "Triangle", "VectorValue", "Wall", "WallDamping", "WallView", "WorldRules", "arctan2",
     "as_relation", "as_rule", "build_argument", "code_place", "contains", "cos", "default_task", "effects_of",
-    "evaluate", "exp", "holds", "hypot", "is_equal", "is_on", "leaves_of", "log", "make", "maximum", "minimum", "moves",
-    "name_slots", "number_leaf", "overlaps", "read_signature", "relation", "rule", "set_default_task", "sin", "sqrt",
-    "symbolic_arguments", "symbols_of", "tan", "tanh", "trace", "value_rule", "walk", "where",
+    "evaluate", "exp", "holds", "hypot", "is_equal", "is_on", "leaves_of", "log", "make", "maximum", "minimum",
+    "moves", "name_slots", "number_leaf", "overlaps", "read_signature", "relation", "rule", "set_default_task", "sin",
+    "sqrt", "symbolic_arguments", "symbols_of", "tan", "tanh", "trace", "value_rule", "walk", "where",
 ]  # fmt: skip
 __all__ += entities.__all__
 __all__ += factors.__all__

@@ -14,6 +14,7 @@ from segar.observations.protocol import (
     BoundObservation,
     Observation,
     ObservationLike,
+    RunsOnTargets,
     empty_batch,
     for_task,
     hooks_of,
@@ -28,7 +29,8 @@ from segar.observations.state.state_vector import AllObjects, AllState, AllTiles
 
 __all__ = [
     "COLOURS", "OBSERVATIONS", "RGB", "SHIPPED", "AllObjects", "AllState", "AllTiles", "Arrays", "BoundObservation",
-    "Colour", "Multi", "ObjectState", "Observation", "ObservationLike", "OneOf", "Pixels", "PreviousActions", "Stack",
-    "StateVector", "TexturedPixels", "TileState", "colour_of", "copy_rows", "copy_squares", "empty_batch", "for_task",
-    "hooks_of", "leaves", "make_observation", "map_leaves", "own_arrays", "simulator_reads",
+    "Colour", "Multi", "ObjectState", "Observation", "ObservationLike", "OneOf", "Pixels", "PreviousActions",
+    "RunsOnTargets", "Stack", "StateVector", "TexturedPixels", "TileState", "colour_of", "copy_rows", "copy_squares",
+    "empty_batch", "for_task", "hooks_of", "leaves", "make_observation", "map_leaves", "own_arrays",
+    "simulator_reads",
 ]  # fmt: skip

@@ -28,7 +28,7 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.vector.utils import create_empty_array
 
-from segar.engine import Reads
+from segar.engine import Call, Reads
 from segar.language import Factor, Task
 from segar.levels import Levels
 
@@ -135,6 +135,19 @@ class Observation(Protocol):
         """Whether the observation may change with the values of this factor, of the entities that it shows.
 
         Where this is false, two states that differ in this factor alone give equal observations.
+        """
+        ...
+
+
+@runtime_checkable
+class RunsOnTargets(Protocol):
+    """A bound observation that is made by compiled functions alone, so that it can be made on other targets, too."""
+
+    def calls(self, when: str, in_rows: bool = False) -> Sequence[Call]:
+        """The calls that do what the method of this name does, one after the other: ``start``, ``begin`` or ``write``.
+
+        Args:
+            in_rows: whether calls that draw frames have the rows of frames as things, for targets with thousands of threads.
         """
         ...
 

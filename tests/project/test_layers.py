@@ -86,6 +86,8 @@ STRANGERS = [
 ]
 # Modules that need a large or optional package: their rooms' faces do not load them, so they are imported by themselves.
 OPTIONAL = {
+    "segar.engine.cuda.driver",
+    "segar.envs.device_episodes",
     "segar.envs.sb3_env",
     "segar.envs.torchrl_env",
     "segar.rendering.marks",

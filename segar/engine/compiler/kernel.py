@@ -10,6 +10,7 @@ import hashlib
 import inspect
 import sys
 import textwrap
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from types import ModuleType
 
@@ -25,9 +26,9 @@ from segar.engine.compiler.source import DECORATOR, ENTRY_DECORATOR, STATE, Sour
 from segar.engine.compiler.spec import Group
 from segar.engine.compiler.stages import StageWriter
 from segar.engine.compiler.task_functions import task_functions
-from segar.engine.runtime import device, device_contacts, gather, ledger, plain_ledger, plain_sheet, sheet
+from segar.engine.runtime import device, device_contacts, gather, ledger, plain_ledger, plain_sheet, scratch, sheet
 from segar.errors import RuleError
-from segar.language import ACT, FIND_RATES, SUB_STEP, Layout, Operation, Rule, Stage, TaskFunctions
+from segar.language import ACT, FIND_RATES, SUB_STEP, Layout, Operation, Rule, Stage
 from segar.support import is_plain, keyed_uniform, mathematics
 
 THREAD_ARGUMENTS = ("ledger", "owns", "sheet")
@@ -42,6 +43,12 @@ ARGUMENTS = (
     *("W", "U", "A", "L"),  # scratch of one thread; see STATE
 )
 """Names of the other arguments, in order; the simulator gives each of them by its name."""
+
+RANGE_ARGUMENTS = (
+    *("start", "stop", "sub_steps", "with_task", "actions", "errors"),
+    *(name for name in ARGUMENTS if name.startswith(("state_", "level_", "result_"))),
+)
+"""Names of the arguments of ``advance_range``, which steps environments ``start`` to ``stop - 1``."""
 
 
 CONFLICT, STATE_NOT_FINITE, REWARD_NOT_FINITE = 1, 2, 3
@@ -76,12 +83,49 @@ def generate(layout: Layout, world: language.WorldRules, task: language.TaskFunc
         RuleError: a rule or the task needs a parameter, an entity or a factor that the layout cannot serve.
         ConflictError: two rules always contradict each other.
     """
-    builder = _Builder(layout, world, task, is_plain())
+    plain = is_plain()
+    builder = _Builder(layout, world, task, plain)
     functions = builder.functions()
-    text = "\n".join([builder.header(), _device_text(), functions])  # the header imports what the functions call
-    # Bodies in order; behind them near walls and pairs, or partners while rules are applied.
-    bodies = len(builder.bodies)
-    length = bodies + max(_room(bodies), builder.list_length)
+    shares, writes = (plain_ledger, plain_sheet) if plain else (ledger, sheet)
+    imports = [
+        _import(gather, "gather_range"),
+        _import(shares, "dismiss, finish_part, make_ledger, open_ledger, take_part"),
+        _import(writes, "make_sheet, sheet_with, table_on"),
+    ]
+    entry = entry_source(builder.environment("state_values[e]"))
+    text = "\n".join([builder.header(imports), _device_text(), "\n\n\n".join([functions, entry])])
+    return KernelSource(text, builder.source.matcher.masks(), tuple(builder.rules), builder.length_of_lists())
+
+
+def generate_range(
+    layout: Layout, world: language.WorldRules, task: language.TaskFunctions, copies: bool = False
+) -> KernelSource:
+    """The kernel without threads, for other targets than this processor: ``advance_range(start, stop, ...)``.
+
+    Args:
+        copies: whether an environment's state is copied into memory of its own for the step, and back.
+
+    Raises:
+        RuleError, ConflictError: see :func:`generate`.
+    """
+    builder = _Builder(layout, world, task, plain=False)
+    functions = builder.functions()
+    shape = len(layout.slots), layout.width
+    length = builder.length_of_lists()
+    entry = _RANGE.format(
+        decorator=DECORATOR,
+        arguments=textwrap.fill(", ".join(RANGE_ARGUMENTS), 108, subsequent_indent=" " * 4),
+        shape=f"{shape[0]}, {shape[1]}",
+        entities=shape[0],
+        actions=len(task.action_low),
+        length=length,
+        copy=f"V = local_floats({shape[0]}, {shape[1]})" if copies else "",
+        load="copy_numbers(V, state_values[e])" if copies else "",
+        environment=textwrap.indent(builder.environment("V" if copies else "state_values[e]"), " " * 8),
+        store="copy_numbers(state_values[e], V)" if copies else "",
+    )
+    imports = [_import(scratch, "copy_numbers, local_floats, local_integers")]
+    text = "\n".join([builder.header(imports), _device_text(), "\n\n\n".join([functions, entry])])
     return KernelSource(text, builder.source.matcher.masks(), tuple(builder.rules), length)
 
 
@@ -116,7 +160,20 @@ class _Builder:
         """Slots whose entities may collide."""
         return self._slots(COLLIDES)[0]
 
-    def header(self) -> str:
+    def length_of_lists(self) -> int:
+        """Entries of ``L``: bodies in order; behind them near walls and pairs, or partners while rules are applied."""
+        bodies = len(self.bodies)
+        return bodies + max(_room(bodies), self.list_length)
+
+    def environment(self, values: str) -> str:
+        """The lines that take an environment through a step; see :func:`environment_source`."""
+        sorts = len(self.bodies) > MANY_BODIES
+        may_touch = (
+            "any_touch(V, W, U, bits, kind, hull_radius, L)" if sorts else "may_touch(V, bits, kind, hull_radius)"
+        )
+        return environment_source(self.layout.parameters.index(language.Framerate), may_touch, values)
+
+    def header(self, imports: Sequence[str]) -> str:
         columns = self.layout.columns
         floors, floor_bits = self._slots(language.Pattern((language.Floor, language.Position)))
         colliders, collider_bits = self._slots(COLLIDES)
@@ -124,7 +181,7 @@ class _Builder:
         slots = ", ".join(
             f"{s.name}: {'|'.join(t.__name__ for t in s.types)}{'?' if s.optional else ''}" for s in self.layout.slots
         )
-        shares, writes = (plain_ledger, plain_sheet) if self.plain else (ledger, sheet)
+        lines = "\n".join([*imports, _import(sys.modules[keyed_uniform.__module__], "keyed_uniform")])
         return f'''"""Generated by SEGAR from the rules of one world; do not edit.
 
 slots: {slots}
@@ -136,10 +193,7 @@ import math
 import numpy as np
 from numba import njit
 
-{_import(gather, "gather_range")}
-{_import(shares, "dismiss, finish_part, make_ledger, open_ledger, take_part")}
-{_import(writes, "make_sheet, sheet_with, table_on")}
-{_import(sys.modules[keyed_uniform.__module__], "keyed_uniform")}{self._mathematics()}
+{lines}{self._mathematics()}
 
 X = {columns.get(language.Position, 0)}
 VX = {columns.get(language.Velocity, 0)}
@@ -164,12 +218,8 @@ CONTACT_MOVES = {self._contacts_move()}
         return f"\n{_import(mathematics, names)}" if names else ""
 
     def functions(self) -> str:
-        """The functions that the rules and the task became, and the entry that calls them."""
+        """The functions that the rules and the task became, and the range of actions."""
         contacts = Contacts(self.source, self.world, self.rules)
-        sorts = len(self.bodies) > MANY_BODIES
-        may_touch = (
-            "any_touch(V, W, U, bits, kind, hull_radius, L)" if sorts else "may_touch(V, bits, kind, hull_radius)"
-        )
         parts = [
             contacts.solid(),
             contacts.movable(),
@@ -185,7 +235,7 @@ CONTACT_MOVES = {self._contacts_move()}
             contacts.may_touch(),
             finite_test(self.source, self.rules),
             *task_functions(self.source, self.task, len(self.rules)),
-            entry_source(self.task, self.layout.parameters.index(language.Framerate), may_touch),
+            f"ACTION_LOW = np.array({list(self.task.action_low)})\nACTION_HIGH = np.array({list(self.task.action_high)})",
         ]
         return "\n\n\n".join(parts)
 
@@ -255,19 +305,26 @@ def _import(module: ModuleType, names: str) -> str:
     return f"from {module.__name__} import {names}  # {version}"
 
 
-def entry_source(task: TaskFunctions, framerate: int, may_touch: str) -> str:
-    """The entry function ``advance``.
+def entry_source(environment: str) -> str:
+    """The entry function ``advance``, in which environments take a step as :func:`environment_source` says."""
+    return _ENTRY.format(
+        decorator=ENTRY_DECORATOR,
+        arguments=textwrap.fill(", ".join((*THREAD_ARGUMENTS, *ARGUMENTS)), 108, subsequent_indent=" " * 12),
+        environment=textwrap.indent(environment, " " * 12),
+    )
+
+
+def environment_source(framerate: int, may_touch: str, values: str) -> str:
+    """The lines that take environment ``e`` through a step.
 
     Args:
         framerate: column of the framerate among the world parameters.
         may_touch: source of the test whether any contact is possible.
+        values: source of the environment's state.
     """
-    sub_step = "\n".join(" " * 16 + line for stage in SUB_STEP for line in stage_source(stage, may_touch))
-    return _ENTRY.format(
-        decorator=ENTRY_DECORATOR,
-        arguments=textwrap.fill(", ".join((*THREAD_ARGUMENTS, *ARGUMENTS)), 108, subsequent_indent=" " * 12),
-        low=list(task.action_low),
-        high=list(task.action_high),
+    sub_step = "\n".join(" " * 4 + line for stage in SUB_STEP for line in stage_source(stage, may_touch))
+    return _ENVIRONMENT.format(
+        values=values,
         framerate=framerate,
         state=STATE,
         act=stage_call(ACT),
@@ -300,11 +357,36 @@ def stage_call(stage: Stage) -> str:
             return f"apply_{stage.name}({STATE}, dt)"
 
 
-_ENTRY = '''ACTION_LOW = np.array({low})
-ACTION_HIGH = np.array({high})
+# Environment e takes a step.
+_ENVIRONMENT = """V, key, tick, err, at = {values}, state_key[e], state_tick[e], errors[e], state_level[e]
+bits, kind, count = level_bits[at], level_kind[at], level_count[at]
+vertex, hull_radius, P = level_vertex[at], level_hull_radius[at], level_parameters[at]
+dt = 1.0 / P[{framerate}]
+if with_task:
+    for c in range(len(ACTION_LOW)):
+        A[c] = min(max(np.float64(actions[e, c]), ACTION_LOW[c]), ACTION_HIGH[c])
+    {act}
+ended = False
+for _ in range(sub_steps):
+{sub_step}
+    tick += 1
+    if with_task:
+        ended = terminated_of({state})
+        if ended:
+            break
+state_tick[e] = tick
+if err[0] == 0 and not is_finite(V, bits):
+    err[0] = {state_not_finite}
+if with_task:
+    result_terminated[e] = ended
+    reward = reward_of({state})
+    if err[0] == 0 and not abs(reward) < np.inf:
+        err[0] = {reward_not_finite}
+    result_reward[e] = reward
+    result_success[e] = success_of({state})
+    result_death[e] = death_of({state})"""
 
-
-{decorator}
+_ENTRY = '''{decorator}
 def advance({arguments}):
     """Take environments through a step: those of each part that this thread takes from the ledger."""
     for a in range(len(COLLIDERS)):
@@ -315,35 +397,27 @@ def advance({arguments}):
     while part >= 0:
         start, stop = part * part_length, min((part + 1) * part_length, len(state_level))
         for e in range(start, stop):
-            V, key, tick, err, at = state_values[e], state_key[e], state_tick[e], errors[e], state_level[e]
-            bits, kind, count = level_bits[at], level_kind[at], level_count[at]
-            vertex, hull_radius, P = level_vertex[at], level_hull_radius[at], level_parameters[at]
-            dt = 1.0 / P[{framerate}]
-            if with_task:
-                for c in range(len(ACTION_LOW)):
-                    A[c] = min(max(np.float64(actions[e, c]), ACTION_LOW[c]), ACTION_HIGH[c])
-                {act}
-            ended = False
-            for _ in range(sub_steps):
-{sub_step}
-                tick += 1
-                if with_task:
-                    ended = terminated_of({state})
-                    if ended:
-                        break
-            state_tick[e] = tick
-            if err[0] == 0 and not is_finite(V, bits):
-                err[0] = {state_not_finite}
-            if with_task:
-                result_terminated[e] = ended
-                reward = reward_of({state})
-                if err[0] == 0 and not abs(reward) < np.inf:
-                    err[0] = {reward_not_finite}
-                result_reward[e] = reward
-                result_success[e] = success_of({state})
-                result_death[e] = death_of({state})
+{environment}
         if places > 0:
             gather_range(state_values, state_level, rows, start, stop, reads, table_on(sheet, len(state_level), places))
         finish_part(ledger)
         part = take_part(ledger, owns)
+'''
+
+
+# Steps a range of environments, in scratch of its own; of ``U``, only the rates of bodies that move are ever written.
+_RANGE = '''{decorator}
+def advance_range(
+    {arguments}
+):
+    """Take environments start to stop - 1 through a step."""
+    W, U, A, L = local_floats({shape}), local_floats({entities}, 2), local_floats(1, {actions})[0], local_integers({length})
+    U[:] = 0.0
+    {copy}
+    for a in range(len(COLLIDERS)):
+        L[ORDER_AT + a] = COLLIDERS[a]
+    for e in range(start, stop):
+        {load}
+{environment}
+        {store}
 '''

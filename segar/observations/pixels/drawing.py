@@ -14,6 +14,7 @@ import numpy as np
 from numba import njit
 
 from segar import language
+from segar.engine import Call, Given, Rows, Scratch, call_of
 from segar.errors import SegarError, must_be
 from segar.language import ARENA, CIRCLE, HULL, Entity, Factor, Layout, Mobile, Order, Position, Size, Visible
 from segar.levels import Levels
@@ -103,7 +104,7 @@ class Drawing:
         self._floors = pictures.reshape(len(floors), -1)
         self._backgrounds = np.zeros((num_envs, self._floors.shape[1]), np.uint8)
         self._canvas, self._geometry = canvas, frame_geometry(levels, canvas.resolution)
-        self._entities = entities
+        self._entities, self._width = entities, levels.layout.width
 
     def paint(self, values: np.ndarray, level: np.ndarray, rows: np.ndarray) -> None:
         """Paint floors and tiles of environments ``rows`` (int64)."""
@@ -126,6 +127,40 @@ class Drawing:
             np.empty(self._entities, np.int64),
         )  # fmt: skip
 
+    @property
+    def states(self) -> tuple[Given, Given]:
+        """The arguments ``values`` and ``level`` of calls."""
+        return Given("float64", ("envs", self._entities, self._width)), Given("int64", ("envs",))
+
+    def calls(self, when: str, in_rows: bool = False) -> list[Call]:
+        """What :meth:`paint` does to ``begin`` and :meth:`draw` to ``write``, for other targets.
+
+        ``frames`` is uint8, the frames of all environments one after the other.
+
+        Args:
+            in_rows: whether the things of a call are the rows of frames (``frame_rows``, from top to bottom, of one
+                environment after the other), and not environments.
+        """
+        values, level = self.states
+        rows, chosen = Rows("frame_rows") if in_rows else Rows(), Scratch(int, self._entities)
+        common = [rows, self._geometry, self._canvas, self.texels]
+        if when == "begin":
+            arguments = [values, level, *common, self.floor, self._floors, self._backgrounds, chosen]
+            name, function = ("paint_rows", paint_rows) if in_rows else ("paint_backgrounds", paint_backgrounds)
+            return [call_of(name, function, arguments, SIZES)]
+        frames, size = Given("uint8", ("bytes",)), self._floors.shape[1]
+        arguments = [values, level, *common, self._backgrounds, frames, size, chosen]
+        name, function = ("draw_rows", draw_rows) if in_rows else ("draw_frames", draw_frames)
+        return [call_of(name, function, arguments, SIZES)] if when == "write" else []
+
+
+SIZES: dict[str, tuple[str | None, ...]] = {
+    **{f"geometry_{name}": ("levels", None) for name in ("types", "kinds", "vertex_counts")},
+    **{f"geometry_{name}": ("levels", None, "corners", None) for name in ("vertices", "edges")},
+    **{"texels": ("envs", None, None, None, None), "floor": ("envs",), "backgrounds": ("envs", None)},
+    **{"types": ("levels", None), "blends": ("envs", None)},
+}
+"""Names of the sizes of what kernels of frames are called with."""
 
 # Entries of ``FrameGeometry.columns[type]``: the column of each factor that the kernel reads; -1 where a type lacks it.
 POSITION, SIZE, VISIBLE, ORDER, MOBILE = range(5)
@@ -215,9 +250,9 @@ def paint_backgrounds(values, level, rows, geometry, canvas, texels, floor, floo
         env = rows[r]
         size = backgrounds.shape[1]
         copy_bytes(backgrounds, env * size, floors, floor[env] * size, size)
-        n = sort_by_order(values, env, level[env], geometry, True, chosen)
-        for k in range(n - 1, -1, -1):
-            stamp(values, env, level[env], chosen[k], geometry, canvas, True, texels, backgrounds, env * size)
+        stamp_tiles(
+            values, env, level[env], geometry, canvas, texels, backgrounds, env * size, 0, canvas.resolution - 1, chosen
+        )
 
 
 @njit(**KERNEL_OPTIONS)
@@ -227,9 +262,53 @@ def draw_frames(values, level, rows, geometry, canvas, texels, backgrounds, fram
         env = rows[r]
         size = backgrounds.shape[1]
         copy_bytes(frames, env * stride, backgrounds, env * size, size)
-        n = sort_by_order(values, env, level[env], geometry, False, chosen)
-        for k in range(n):
-            stamp(values, env, level[env], chosen[k], geometry, canvas, False, texels, frames, env * stride)
+        stamp_objects(
+            values, env, level[env], geometry, canvas, texels, frames, env * stride, 0, canvas.resolution - 1, chosen
+        )
+
+
+@njit(**KERNEL_OPTIONS)
+def paint_rows(values, level, frame_rows, geometry, canvas, texels, floor, floors, backgrounds, chosen):
+    """:func:`paint_backgrounds` of single rows: row ``k % resolution`` of environment ``k // resolution`` for each k."""
+    for r in range(len(frame_rows)):
+        env, row = frame_rows[r] // canvas.resolution, frame_rows[r] % canvas.resolution
+        size = backgrounds.shape[1]
+        copy_row(backgrounds, env * size, floors, floor[env] * size, row, canvas)
+        stamp_tiles(values, env, level[env], geometry, canvas, texels, backgrounds, env * size, row, row, chosen)
+
+
+@njit(**KERNEL_OPTIONS)
+def draw_rows(values, level, frame_rows, geometry, canvas, texels, backgrounds, frames, stride, chosen):
+    """:func:`draw_frames` of single rows: row ``k % resolution`` of environment ``k // resolution`` for each k."""
+    for r in range(len(frame_rows)):
+        env, row = frame_rows[r] // canvas.resolution, frame_rows[r] % canvas.resolution
+        copy_row(frames, env * stride, backgrounds, env * backgrounds.shape[1], row, canvas)
+        stamp_objects(values, env, level[env], geometry, canvas, texels, frames, env * stride, row, row, chosen)
+
+
+@njit(**KERNEL_OPTIONS)
+def copy_row(frames, begin, source, source_begin, row, canvas):
+    """Copy a row of the frame at byte ``source_begin`` to the frame at byte ``begin``."""
+    length = canvas.resolution * canvas.texel
+    for plane in range(canvas.planes):
+        at = (plane * canvas.resolution + row) * length
+        copy_bytes(frames, begin + at, source, source_begin + at, length)
+
+
+@njit(**KERNEL_OPTIONS)
+def stamp_tiles(values, env, level, geometry, canvas, texels, frames, begin, upper, lower, chosen):
+    """Draw the rows ``upper`` to ``lower`` of all tiles into the frame at byte ``begin``."""
+    n = sort_by_order(values, env, level, geometry, True, chosen)
+    for k in range(n - 1, -1, -1):
+        stamp(values, env, level, chosen[k], geometry, canvas, True, texels, frames, begin, upper, lower)
+
+
+@njit(**KERNEL_OPTIONS)
+def stamp_objects(values, env, level, geometry, canvas, texels, frames, begin, upper, lower, chosen):
+    """Draw the rows ``upper`` to ``lower`` of all objects into the frame at byte ``begin``."""
+    n = sort_by_order(values, env, level, geometry, False, chosen)
+    for k in range(n):
+        stamp(values, env, level, chosen[k], geometry, canvas, False, texels, frames, begin, upper, lower)
 
 
 # Below, arrays are passed whole with indices: a view of one row costs more than what is done with it.
@@ -262,9 +341,9 @@ def order_of(values, env, level, entity, geometry):
 
 
 @njit(**KERNEL_OPTIONS)
-def stamp(values, env, level, entity, geometry, canvas, is_tile, texels, frames, begin):
-    """Draw one entity, if it has a finite place, into the frame at byte ``begin``; tiles always have an outline, others if
-    they are mobile."""
+def stamp(values, env, level, entity, geometry, canvas, is_tile, texels, frames, begin, upper, lower):
+    """Draw the rows ``upper`` to ``lower`` of one entity, if it has a finite place, into the frame at byte ``begin``; tiles
+    always have an outline, others if they are mobile."""
     kind = geometry.types[level, entity]
     x = values[env, entity, geometry.columns[kind, POSITION]]
     y = values[env, entity, geometry.columns[kind, POSITION] + 1]
@@ -276,19 +355,19 @@ def stamp(values, env, level, entity, geometry, canvas, is_tile, texels, frames,
     if geometry.kinds[level, entity] == CIRCLE:
         diameter = values[env, entity, geometry.columns[kind, SIZE]]
         if diameter >= 0.0:
-            stamp_disc(env, entity, x, y, diameter / 2, outlined, geometry, canvas, texels, frames, begin)
+            stamp_disc(env, entity, x, y, diameter / 2, outlined, geometry, canvas, texels, frames, begin, upper, lower)
     elif geometry.kinds[level, entity] == HULL:
-        stamp_hull(env, level, entity, x, y, outlined, geometry, canvas, texels, frames, begin)
+        stamp_hull(env, level, entity, x, y, outlined, geometry, canvas, texels, frames, begin, upper, lower)
 
 
 @njit(**KERNEL_OPTIONS)
-def stamp_disc(env, entity, x, y, radius, outlined, geometry, canvas, texels, frames, begin):
+def stamp_disc(env, entity, x, y, radius, outlined, geometry, canvas, texels, frames, begin, upper, lower):
     cx, cy = column_at(x, canvas), canvas.resolution - column_at(y, canvas)
     r = int(np.rint(min(radius * canvas.scale, float(canvas.resolution))))
-    first_row = max(cy - r, 0)
+    first_row = max(cy - r, upper)
     period = texels.shape[3]
     r0 = (first_row - cy) % period
-    for row in range(first_row, min(cy + r, canvas.resolution - 1) + 1):
+    for row in range(first_row, min(cy + r, lower) + 1):
         outer = geometry.spans[r, abs(row - cy), 0]
         inner = geometry.spans[r, abs(row - cy), 1] if outlined else outer
         a, b, c, d = cx - outer, cx + outer, cx - inner, cx + inner
@@ -328,7 +407,7 @@ def stamp_row(env, entity, row, first, last, inner_first, inner_last, cx, r0, ca
 
 
 @njit(**KERNEL_OPTIONS)
-def stamp_hull(env, level, entity, x, y, outlined, geometry, canvas, texels, frames, begin):
+def stamp_hull(env, level, entity, x, y, outlined, geometry, canvas, texels, frames, begin, upper, lower):
     """Fill the pixels whose world point lies in a convex polygon; those within one pixel of an edge are its outline."""
     left, right, bottom, top = np.inf, -np.inf, np.inf, -np.inf
     for k in range(geometry.vertex_counts[level, entity]):
@@ -342,7 +421,7 @@ def stamp_hull(env, level, entity, x, y, outlined, geometry, canvas, texels, fra
     first_row = int(min(max(np.ceil(resolution - (y + top + canvas.walls) * scale), 0.0), edge))
     last_row = int(min(max(np.floor(resolution - (y + bottom + canvas.walls) * scale), -1.0), edge - 1.0))
     cx, cy = column_at(x, canvas), resolution - column_at(y, canvas)
-    for row in range(first_row, last_row + 1):
+    for row in range(max(first_row, upper), min(last_row, lower) + 1):
         py = (resolution - row) / scale - canvas.walls - y
         a, b = hull_span(level, entity, x, py, 0.0, first, last, geometry, canvas)
         if a > b:

@@ -10,11 +10,12 @@ import numpy as np
 from numba import njit
 
 from segar import language
+from segar.engine import Call, Rows, call_of
 from segar.errors import FactorError
 from segar.levels import Levels
 from segar.observations.copying import KERNEL_OPTIONS
 from segar.observations.pixels import drawing
-from segar.observations.pixels.drawing import LUMA, Channels, Drawing, column_of
+from segar.observations.pixels.drawing import LUMA, SIZES, Channels, Drawing, column_of
 
 RGB = tuple[int, int, int]
 
@@ -147,7 +148,6 @@ class BoundPixels:
     def begin(self, values: np.ndarray, level: np.ndarray, mask: np.ndarray) -> None:
         """Paint the backgrounds of the environments where ``mask`` is true from their states and levels."""
         rows = np.flatnonzero(mask)
-        self._blends[rows] = np.nan
         tint_things(values, level, rows, True, *self._tints)
         self._drawing.paint(values, level, rows)
 
@@ -157,12 +157,22 @@ class BoundPixels:
             tint_things(values, level, rows, False, *self._tints)
         self._drawing.draw(values, level, out, rows)
 
+    def calls(self, when: str, in_rows: bool = False) -> list[Call]:
+        """What ``begin`` and ``write`` do, for other targets; see :class:`segar.observations.protocol.RunsOnTargets`."""
+        values, level = self._drawing.states
+        found = []
+        if when == "begin" or (when == "write" and self._may_change):
+            arguments = [values, level, Rows(), when == "begin", *self._tints]
+            found.append(call_of(f"tint_to_{when}", tint_things, arguments, SIZES))
+        return found + self._drawing.calls(when, in_rows)
+
 
 @njit(**KERNEL_OPTIONS)
 def tint_things(values, level, rows, tiles_too, types, is_floor, columns, tints, luma, blends, texels):
-    """Colour the things of environments ``rows`` whose blend is another one than ``blends[env, entity]`` says.
+    """Colour the things of environments ``rows``: all, or those whose blend is another one than ``blends[env, entity]``.
 
     Args:
+        tiles_too: whether all things are coloured; otherwise objects whose blend has changed.
         columns: int64 ``[type]``, column of the factor that blends; -1 for none.
         tints: float64 ``[type, 3, 3]``: low colour, high colour, and the span of the factor in the third row.
         luma: int64 ``[3]``: weights of red, green and blue in grey, in thousandths; all 0 for RGB frames.
@@ -179,7 +189,7 @@ def tint_things(values, level, rows, tiles_too, types, is_floor, columns, tints,
             if columns[kind] >= 0:
                 low, high = tints[kind, 2, 0], tints[kind, 2, 1]
                 blend = min(max((values[env, entity, columns[kind]] - low) / (high - low), 0.0), 1.0)
-            if blend != blends[env, entity]:
+            if tiles_too or blend != blends[env, entity]:
                 blends[env, entity] = blend
                 fill(env, entity, kind, blend, tints, luma, texels)
 

@@ -11,6 +11,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numba import njit
 
+from segar.engine import Call, Given, Rows, Scratch, call_of
 from segar.errors import SegarError, did_you_mean, must_be
 from segar.language import Factor, Floor
 from segar.levels import Levels
@@ -122,18 +123,15 @@ class BoundTexturedPixels:
         self._key, self._level_keys = _keys_of(levels, pixels.seed)
         self._noise = np.zeros((num_envs, entities, inputs.draws))
         self._features = np.zeros((num_envs, entities, len(textures.inputs)))
+        self._redrawn = REDRAWN.index(pixels.noise), REDRAWN.index(pixels.model)
         self._recalled = False
 
     def start(self, key: np.ndarray, level: np.ndarray, mask: np.ndarray) -> None:
         """Draw the noise and the models of the environments where ``mask`` is true."""
-        rows = np.flatnonzero(mask)
-        keys = {
-            "episode": key[rows] ^ self._key,
-            "level": self._level_keys[level[rows]],
-            "never": np.full(len(rows), self._key),
-        }
-        draw_noise(keys[self._options.noise], rows, self._noise)
-        draw_models(keys[self._options.model], rows, len(self._loom.bias), self._drawing.floor)
+        rows, models = np.flatnonzero(mask), len(self._loom.bias)
+        draw_looks(
+            key, level, rows, self._key, self._level_keys, *self._redrawn, models, self._noise, self._drawing.floor
+        )
 
     def begin(self, values: np.ndarray, level: np.ndarray, mask: np.ndarray) -> None:
         """Make the patterns of the environments where ``mask`` is true, and paint their backgrounds."""
@@ -163,6 +161,25 @@ class BoundTexturedPixels:
         """Make the next patterns from these features instead of the state's."""
         if recall_array(memory, "features", self._features):
             self._recalled = True
+
+    def calls(self, when: str, in_rows: bool = False) -> list[Call]:
+        """What ``start``, ``begin`` and ``write`` do, for other targets; see :class:`segar.observations.RunsOnTargets`."""
+        values, level = self._drawing.states
+        looms, raw = (self._loom, self._drawing.floor), Scratch(float, self._loom.bias.shape[1])
+        if when == "start":
+            made = (len(self._loom.bias), self._noise, self._drawing.floor)
+            arguments = [Given("uint64", ("envs",)), level, Rows(), self._key, self._level_keys, *self._redrawn, *made]
+            return [call_of("draw_looks", draw_looks, arguments, LOOM_SIZES)]
+        found = []
+        if when == "begin":
+            arguments = [values, level, Rows(), self._loom, self._noise, self._features]
+            found.append(call_of("read_features", read_features, arguments, LOOM_SIZES))
+            arguments = [level, Rows(), *looms, self._features, raw, self._drawing.texels]
+            found.append(call_of("weave_things", weave_things, arguments, LOOM_SIZES))
+        elif self._options.follow:
+            arguments = [values, level, Rows(), *looms, self._noise, self._features, raw, self._drawing.texels]
+            found.append(call_of("follow_changes", follow_changes, arguments, LOOM_SIZES))
+        return found + self._drawing.calls(when, in_rows)
 
     def _scratch(self) -> np.ndarray:
         return np.empty(self._loom.bias.shape[1])
@@ -200,23 +217,41 @@ class Loom(NamedTuple):
     """int64 ``[3]``, weights of red, green and blue in grey, in thousandths; all 0 for RGB frames."""
 
 
+LOOM_SIZES: dict[str, tuple[str | None, ...]] = {
+    **{"loom_types": ("levels", None), "level_keys": ("levels",), "model": ("envs",), "noise": ("envs", None, None)},
+    **{"features": ("envs", None, None), "texels": ("envs", None, None, None, None)},
+}
+"""Names of the sizes of what kernels of patterns are called with."""
+
+
 @njit(**KERNEL_OPTIONS)
-def draw_noise(key, rows, noise):
-    """Fill ``noise[rows]``, float64 ``[env, entity, draw]``, from N(0, 1), clipped; each by its key, entity and number."""
+def draw_looks(key, level, rows, own, level_keys, noise_by, model_by, models, noise, model):
+    """Draw noise and models of environments ``rows``.
+
+    Args:
+        key: uint64 ``[env]``, of the episodes; ``level_keys``: uint64 ``[level]``; ``own``: the key of the seed.
+        noise_by, model_by: by which of ``REDRAWN`` they are drawn.
+        models: how many there are.
+        noise: float64 ``[env, entity, draw]``, from N(0, 1), clipped; each by its key, entity and number.
+        model: int64 ``[env]``, numbers below ``models``, each by its key.
+    """
     for r in range(len(rows)):
         env = rows[r]
+        of_noise = key_of(noise_by, env, key, level, own, level_keys)
         for entity in range(noise.shape[1]):
-            bits = mix(key[r] + np.uint64(entity + 1) * np.uint64(GOLDEN))
+            bits = mix(of_noise + np.uint64(entity + 1) * np.uint64(GOLDEN))
             for draw in range(noise.shape[2]):
                 bits = mix(bits + np.uint64(GOLDEN))
                 noise[env, entity, draw] = min(max(normal(bits), -NOISE_CLIP), NOISE_CLIP)
+        model[env] = np.int64(uniform(mix(key_of(model_by, env, key, level, own, level_keys))) * models)
 
 
 @njit(**KERNEL_OPTIONS)
-def draw_models(key, rows, count, model):
-    """Fill ``model[rows]`` with whole numbers below ``count``, each by its key."""
-    for r in range(len(rows)):
-        model[rows[r]] = np.int64(uniform(mix(key[r])) * count)
+def key_of(redrawn, env, key, level, own, level_keys):
+    """The key of a draw that is made anew by this entry of ``REDRAWN``."""
+    if redrawn == 0:
+        return key[env] ^ np.uint64(own)
+    return level_keys[level[env]] if redrawn == 1 else np.uint64(own)
 
 
 @njit(**KERNEL_OPTIONS)

@@ -12,7 +12,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from segar.engine import Reads, gather
+from segar.engine import Call, Given, Reads, Rows, call_of, gather
 from segar.language import (
     Acceleration,
     Alive,
@@ -95,6 +95,7 @@ class BoundStateVector:
         self._places = lay_out(state, levels.layout)
         self.names = self._places.names
         self._shift, self._scale = shift_and_scale(state, self._places, levels)
+        self._width = levels.layout.width
         self._types, self._missing, self._mask = levels.types, float(state.missing), state.mask
         self._parameters = np.ascontiguousarray(levels.parameters)
         self.reads: Reads | None = None
@@ -122,6 +123,40 @@ class BoundStateVector:
             values, level, rows, self._types, places.reads, places.type_reads, self._parameters, places.parameter_reads,
             places.seen, self._shift, self._scale, self._missing, FACTOR_LIMIT, state.reshape(len(state), -1), mask,
         )  # fmt: skip
+
+    def calls(self, when: str, in_rows: bool = False) -> list[Call]:
+        """What ``write`` does, for other targets; see :class:`segar.observations.RunsOnTargets`.
+
+        Where the mask stands among the numbers, ``mask`` is ``out``.
+        """
+        if when != "write":
+            return []
+        places, length = self._places, int(np.prod(self._places.shape))
+        values, level = Given("float64", ("envs", self._types.shape[1], self._width)), Given("int64", ("envs",))
+        table = Given("float32", ("envs", length))
+        arguments = [
+            *(
+                values,
+                level,
+                Rows(),
+                self._types,
+                places.reads,
+                places.type_reads,
+                self._parameters,
+                places.parameter_reads,
+            ),
+            *(
+                places.seen,
+                self._shift,
+                self._scale,
+                self._missing,
+                FACTOR_LIMIT,
+                table,
+                None if self._mask is None else table,
+            ),
+        ]
+        sizes = {"types": ("levels", None), "parameters": ("levels", None)}
+        return [call_of("gather_state", gather, arguments, sizes)]
 
 
 OBJECT_FACTORS = (Charge, Mass, Magnetism, StoredEnergy, Position, Velocity, Acceleration, Alive, Done)

@@ -1,0 +1,1 @@
+"""Kernels for other targets than this processor with threads: WebAssembly, object files."""

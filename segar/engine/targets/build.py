@@ -1,0 +1,104 @@
+"""Kernels for other targets as files. Numba's IR, which takes long, is kept by its content beside the native kernels."""
+
+import hashlib
+import json
+import sys
+import zlib
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from segar.engine.compiler.kernel_cache import FOLDER, private_cache_folder
+from segar.engine.targets.entry import Entry
+from segar.engine.targets.native import native_object
+from segar.engine.targets.numba_ir import intermediate_code
+from segar.engine.targets.ptx import ptx_module
+from segar.engine.targets.wasm import STACK, wasm_module
+from segar.errors import SegarError, must_be
+from segar.support import replacing
+
+SUFFIXES = {"native": ".o", "wasm": ".wasm", "ptx": ".ptx"}  # of the files that a target has
+TARGETS = tuple(SUFFIXES)
+CHECKSUM = 32  # bytes of SHA-256 at the begin of a file in the cache
+
+
+@dataclass(frozen=True)
+class TargetKernel:
+    """A module for another target.
+
+    Attributes:
+        target: one of :data:`TARGETS`.
+        code: the bytes of the file.
+        description: plain data: ``exports``, each with its arguments in order, and what :func:`build_kernel` was told.
+    """
+
+    target: str
+    code: bytes
+    description: Mapping[str, Any]
+
+
+def build_kernel(entries: Sequence[Entry], target: str, about: Mapping[str, Any] | None = None) -> TargetKernel:
+    """The module of a target that exports these entries; the first time of a world takes some ten seconds.
+
+    Args:
+        target: "native" (an object file), "wasm", "ptx" (text for NVIDIA GPUs).
+        about: what the description says beside the exports; plain data.
+
+    Raises:
+        SegarError: the target is unknown; something is called that it does not have; the cache cannot be written.
+    """
+    if target not in TARGETS:
+        raise SegarError(f"target {must_be(target, TARGETS)}")
+    description = {**(about or {}), "segar": 1, "target": target, "exports": [one.described() for one in entries]}
+    found = kept_intermediate_code(entries)
+    if target == "wasm":
+        code = wasm_module(entries, found, description, STACK + max(one.scratch for one in entries))
+    elif target == "ptx":
+        code = ptx_module(entries, found, description).encode()
+    else:
+        code = native_object(entries, found)
+    return TargetKernel(target, code, description)
+
+
+def kept_intermediate_code(entries: Sequence[Entry]) -> list[dict[str, Any]]:
+    """:func:`intermediate_code` of each entry, made once per machine and then read from the cache."""
+    folder = private_cache_folder()
+    request = [json.dumps([asdict(one), versions()], sort_keys=True) for one in entries]
+    paths = [folder / f"t_{hashlib.sha256(one.encode()).hexdigest()[:16]}.ir" for one in request]
+    found = [read_checked(path) for path in paths]
+    new = [k for k, one in enumerate(found) if one is None]
+    if new:
+        names = ", ".join(entries[k].name for k in new)
+        print(f"segar: compiling {names} for other targets (first time, about 10 s)", file=sys.stderr, flush=True)
+    for k, one in zip(new, intermediate_code([entries[k] for k in new]) if new else (), strict=True):
+        found[k] = one
+        content = zlib.compress(json.dumps(one).encode())
+        with replacing(paths[k], "the kernel", advice=f"set {FOLDER} to a folder that can be written") as beside:
+            beside.write_bytes(hashlib.sha256(content).digest() + content)
+    return [one for one in found if one is not None]
+
+
+def read_checked(path: Path) -> dict[str, Any] | None:
+    """What a file of the cache holds; None where it is not there or is not as it was written."""
+    try:
+        content = path.read_bytes()
+    except OSError:
+        return None
+    whole = hashlib.sha256(content[CHECKSUM:]).digest() == content[:CHECKSUM]
+    return json.loads(zlib.decompress(content[CHECKSUM:])) if whole else None
+
+
+@cache
+def versions() -> list[str]:
+    """What decides the code beside the entries: numba, llvmlite, and the source of this package that is compiled."""
+    import llvmlite
+    import numba
+
+    package = hashlib.sha256()
+    here = Path(__file__).parent
+    later = {path for path in here.glob("*.py") if path.name not in ("entry.py", "numba_ir.py")}
+    for path in sorted(set(here.parents[1].rglob("*.py")) - later):
+        package.update(path.read_bytes())
+    return [numba.__version__, llvmlite.__version__, package.hexdigest()]

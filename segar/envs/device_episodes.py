@@ -1,0 +1,355 @@
+"""Episodes on an NVIDIA GPU: all that changes lies in torch tensors there, and kernels that the driver compiled change it.
+
+A step starts kernels on torch's current stream and copies nothing to the processor, nor does it wait. The kernels are those
+of the processor, compiled for the GPU, so that episodes are the same to the bit.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+import torch
+from gymnasium import spaces
+
+from segar.engine import BY_NUMBER, Call, Simulator, State, StepResult, build_kernel, for_threads, step_entry
+from segar.engine.cuda.driver import Device, Driver, Kernel
+from segar.envs.episode_calls import check_call, count_call, start_call
+from segar.envs.episode_kernel import ACTION_NOT_FINITE
+from segar.envs.snapshots import EPISODE_ARRAYS, STATE_ARRAYS, Snapshot
+from segar.errors import ActionError, ConflictError, LevelError, RuleError, SegarError
+from segar.levels import Levels
+from segar.observations import BoundObservation, RunsOnTargets
+
+STEPS_BETWEEN_CHECKS = 64  # a check waits for the GPU
+COUNTS = {"level": "level", "length": "lengths", "contacts": "contacts", "unresolved_contacts": "unresolved_contacts"}
+"""Entries of info that are int64, and the arrays of a snapshot that hold them."""
+
+
+@dataclass(frozen=True)
+class GPU:
+    """Where kernels run, and where torch keeps the tensors for them: both are the same GPU."""
+
+    device: Device
+    tensors: torch.device
+
+    def stream(self) -> int:
+        """CUDA's handle of torch's current stream."""
+        return torch.cuda.current_stream(self.tensors).cuda_stream if self.tensors.type == "cuda" else 0
+
+
+def open_gpu(device: Any) -> GPU:
+    """The GPU of a name such as 'cuda' or 'cuda:1', or of torch's device.
+
+    Raises:
+        SegarError: it is no such name; torch is built without CUDA; there is no driver, no such GPU, or the driver is too old.
+    """
+    try:
+        named = torch.device(device)
+    except (RuntimeError, TypeError):
+        named = None
+    if named is None or named.type != "cuda":
+        raise SegarError(f"device must be 'cpu', 'cuda', or 'cuda:1' and so on for one of several GPUs, not {device!r}")
+    if not torch.backends.cuda.is_built():
+        raise SegarError(
+            f"device='{named}' needs a torch that is built with CUDA, and this one ({torch.__version__}) is not; install"
+            " another build of torch (pytorch.org says how), or use device='cpu'"
+        )
+    driver = Driver()
+    opened = driver.device(named.index or 0)
+    if not torch.cuda.is_available():
+        raise SegarError(
+            f"device='{named}': the driver is there, but torch {torch.__version__} cannot use it; torch.cuda.init() says why"
+        )
+    return GPU(opened, torch.device("cuda", opened.ordinal))
+
+
+class DeviceEpisodes:
+    """The episodes of a batch of environments on a GPU.
+
+    Args:
+        observation: what is observed; made by compiled functions alone.
+        now: the states on the processor, which :meth:`pull` brings up to date and :meth:`push` takes over.
+        copy: whether tensors that a step returns are the caller's to keep.
+
+    Raises:
+        SegarError: the observation has no compiled form for a GPU; a rule calls what a GPU does not have; the GPU lacks
+            memory.
+    """
+
+    def __init__(
+        self, gpu: GPU, simulator: Simulator, levels: Levels, observation: BoundObservation, now: Snapshot, copy: bool
+    ) -> None:
+        if not isinstance(observation, RunsOnTargets):
+            raise SegarError(
+                f"the observation {type(observation).__name__} has no compiled form for a GPU, which a state, 'rgb' and"
+                " 'textures' have; choose one of these, or device='cpu'"
+            )
+        self.device = gpu.tensors
+        self._gpu, self._simulator, self._levels, self._now, self._copy = gpu, simulator, levels, now, copy
+        self._space, self._num_envs = observation.space, len(now)
+        self._step, _ = step_entry(simulator.world, levels.layout, simulator.task, BY_NUMBER)
+        self._start = tuple(
+            self._threads(call)
+            for call in (start_call(levels), *observation.calls("start", True), *observation.calls("begin", True))
+        )
+        self._write = tuple(self._threads(call) for call in observation.calls("write", True))
+        self._count = self._threads(count_call())
+        self._check = self._threads(check_call(len(simulator.task.action_low)))
+        calls = (*self._start, *self._write, self._count, self._check)
+        code = build_kernel((self._step, *dict.fromkeys(call.entry for call in calls)), "ptx").code.decode()
+        self._kernels: dict[str, Kernel] = gpu.device.kernels(code)
+        self._steps = 0  # since the last check
+        self._range: tuple[torch.Tensor, torch.Tensor] | None = None
+        try:
+            self._allocate(calls)
+        except torch.OutOfMemoryError as cause:
+            raise SegarError(f"{gpu.tensors} has too little memory for {len(now)} environments; take fewer") from cause
+
+    def _threads(self, call: Call) -> Call:
+        """The call with a thread per thing, which is an environment or a row of its frame."""
+        return for_threads(call, self._space.shape[1] if call.entry.things == "frame_rows" else 1)  # type: ignore[index]
+
+    def _allocate(self, calls: Iterable[Call]) -> None:
+        """Copy everything to the GPU."""
+        count = self._num_envs
+        levels = self._simulator._arrays_of(self._levels)
+        self._sizes = {"envs": count, "rows": count, "levels": len(levels.bits), "corners": levels.vertex.shape[2]}
+        self._level_arrays = {f"level_{name}": self._tensor(array) for name, array in vars(levels).items()}
+        self._fixed: dict[int, tuple[np.ndarray, torch.Tensor, bool]] = {}
+        for call in calls:
+            for argument in call.entry.arguments:
+                if argument.name in call.arrays:
+                    array = call.arrays[argument.name]
+                    changes = bool(argument.shape) and argument.shape[0] == "envs"
+                    if id(array) not in self._fixed:
+                        self._fixed[id(array)] = array, self._tensor(array), changes
+        self._tensors: dict[str, torch.Tensor] = {}
+        for name, array in self._arrays().items():
+            if name == "values":  # number after number: neighbours in the batch are neighbours in memory
+                self._tensors[name] = self._tensor(array.transpose(2, 1, 0)).permute(2, 1, 0)
+            else:
+                self._tensors[name] = self._tensor(array)
+        self._tensors["errors"] = self._new((5,), torch.int64, zero=True)
+        self._tensors["rows"] = torch.arange(count, device=self.device)
+        self._everywhere = torch.ones(count, dtype=torch.bool, device=self.device)
+        self._anywhere = torch.full((count,), -1, dtype=torch.int64, device=self.device)
+        for call in calls:
+            if call.entry.things == "frame_rows":
+                self._sizes["frame_rows"] = count * call.entry.per_environment
+                self._tensors["frame_rows"] = torch.arange(self._sizes["frame_rows"], device=self.device)
+        self._kept: tuple[Any, dict[str, torch.Tensor]] | None = None
+
+    def _arrays(self) -> dict[str, np.ndarray]:
+        """The arrays of episodes on the processor."""
+        arrays = {name: getattr(self._now.state, name) for name in STATE_ARRAYS}
+        return arrays | {name: getattr(self._now, name) for name in EPISODE_ARRAYS}
+
+    def _tensor(self, array: np.ndarray) -> torch.Tensor:
+        """A copy on the GPU."""
+        return torch.from_numpy(np.array(array, order="C")).to(self.device)
+
+    def _new(self, shape: tuple[int, ...], dtype: torch.dtype, zero: bool = False) -> torch.Tensor:
+        make = torch.zeros if zero else torch.empty
+        return make((self._num_envs, *shape), dtype=dtype, device=self.device)
+
+    def reset(
+        self, seed: int | None, where: torch.Tensor | None, chosen: np.ndarray | None
+    ) -> tuple[Any, dict[str, Any]]:
+        """Start episodes where ``where`` (bool ``(num_envs,)``, all if None) is true; return observations and info.
+
+        Args:
+            seed: starts the sequence of episodes anew; where it is None the sequence goes on.
+            chosen: int64 ``(num_envs,)``, levels; drawn uniformly where it is None.
+        """
+        if seed is not None:
+            self._tensors["episodes"].zero_()
+        levels = None if chosen is None else self._tensor(chosen)
+        self._start_episodes(self._everywhere if where is None else where, levels)
+        never = self._new((), torch.bool, zero=True)
+        return self.observe(), self._info(never, never.clone())
+
+    def step(self, actions: torch.Tensor, same_step: bool, max_steps: int, sub_steps: int) -> tuple[Any, ...]:
+        """Observations, reward, terminated, truncated and info after a step by actions, float32 ``(num_envs, action size)``.
+
+        Args:
+            same_step: whether episodes that end are followed by new ones in this step.
+        """
+        seen, outcome = self._outputs()
+        given: dict[str, Any] = {"actions": actions, "sub_steps": sub_steps, "with_task": True, "max_steps": max_steps}
+        given |= {f"result_{field.name}": outcome[field.name] for field in fields(StepResult)}
+        given |= outcome | {"meant": self._everywhere}
+        self._launch(self._check, given)
+        self._launch(Call(self._step, {}), given)
+        self._launch_all(self._write, given | self._named(seen))
+        self._launch(self._count, given)
+        reward, terminated, truncated = outcome["reward"], outcome["terminated"], outcome["truncated"]
+        success, death, ended = outcome["success"], outcome["death"], outcome["ended"]
+        final: dict[str, Any] = {}
+        if same_step:
+            final = {"final_obs": _map(lambda part: _where(ended, part), seen), "_final_obs": ended}
+            last = self._info(success & ended, death & ended)
+            final |= {
+                "final_info": {name: _where(ended, part) for name, part in last.items()},
+                "_final_info": ended.clone(),
+            }
+            success, death = success & ~ended, death & ~ended
+            self._start_episodes(ended, None)
+            self._launch_all(self._write, {"meant": ended} | self._named(seen))
+        info = {**self._info(success, death), **final}
+        self._steps += 1
+        if self._steps == STEPS_BETWEEN_CHECKS:
+            self.check()
+        return seen, reward, terminated, truncated, info
+
+    def observe(self) -> Any:
+        """The observations of the present states."""
+        seen, _ = self._outputs()
+        self._launch_all(self._write, {"meant": self._everywhere} | self._named(seen))
+        return seen
+
+    def actions_of(self, actions: Any) -> torch.Tensor:
+        """The actions as a tensor on the GPU, float32 ``(num_envs, action size)``; whether they are finite is seen there."""
+        shape = (self._num_envs, len(self._simulator.task.action_low))
+        try:
+            tensor = torch.as_tensor(actions, device=self.device)
+        except (TypeError, ValueError, RuntimeError) as cause:
+            raise ActionError(f"actions must be numbers of shape {shape}: {cause}") from cause
+        if tuple(tensor.shape) != shape or tensor.dtype == torch.bool or tensor.is_complex():
+            raise ActionError(
+                f"actions must be real numbers of shape {shape}, not {tensor.dtype} of shape {tuple(tensor.shape)}"
+            )
+        return tensor.detach().to(torch.float32).contiguous()
+
+    def mask_of(self, mask: Any) -> torch.Tensor:
+        """A mask of environments as a tensor on the GPU."""
+        tensor = torch.as_tensor(mask, device=self.device)
+        if tensor.dtype != torch.bool or tuple(tensor.shape) != (self._num_envs,):
+            raise LevelError(
+                f"reset: option 'reset_mask' must be bool of shape ({self._num_envs},), not {tensor.dtype} of shape"
+                f" {tuple(tensor.shape)}"
+            )
+        return tensor.contiguous()
+
+    def scaled(self, actions: torch.Tensor, center: np.ndarray, half_range: np.ndarray) -> torch.Tensor:
+        """Actions from [-1, 1] in the task's range, rounded as on the processor."""
+        if self._range is None:
+            self._range = self._tensor(center), self._tensor(half_range)
+        return self._range[0] + self._range[1] * actions.clip(-1, 1)
+
+    def check(self) -> None:
+        """Wait for the GPU, and say what was wrong in one of the steps since the last check.
+
+        Raises:
+            ActionError: an action was not finite. ConflictError, RuleError: see :meth:`segar.engine.Simulator.act`.
+        """
+        steps, self._steps = self._steps, 0
+        errors = self._tensors["errors"]
+        if not bool(errors.any()):
+            return
+        found = errors.cpu().numpy().copy()
+        errors.zero_()
+        note = f" (on {self.device} this is seen up to {steps} steps later)"
+        wrong = np.flatnonzero(found[:, 0] == ACTION_NOT_FINITE)
+        if len(wrong):
+            raise ActionError(f"the action of environment {wrong[0]} was not finite; give finite float32 numbers{note}")
+        state = State(**{name: self._tensors[name].cpu().numpy() for name in STATE_ARRAYS})
+        try:
+            self._simulator.raise_errors(found, state, self._levels, StepResult.empty(self._num_envs))
+        except (ConflictError, RuleError) as error:
+            raise type(error)(f"{error}{note}") from None
+
+    def pull(self) -> None:
+        """Copy the episodes, and what observations remember, to the arrays on the processor."""
+        self.check()
+        for name, array in self._arrays().items():
+            array[...] = self._tensors[name].cpu().numpy()
+        for array, tensor, changes in self._fixed.values():
+            if changes:
+                array[...] = tensor.cpu().numpy()
+
+    def push(self, now: Snapshot) -> None:
+        """Take over episodes, and what observations remember, from the arrays on the processor."""
+        self._now = now
+        for name, array in self._arrays().items():
+            self._tensors[name].copy_(torch.from_numpy(np.array(array)))
+        for array, tensor, changes in self._fixed.values():
+            if changes:
+                tensor.copy_(torch.from_numpy(np.array(array)))
+
+    def _start_episodes(self, where: torch.Tensor, chosen: torch.Tensor | None) -> None:
+        given = {"meant": where, "seed": self._now.seed, "chosen": self._anywhere if chosen is None else chosen}
+        self._launch_all(self._start, given)
+
+    def _info(self, success: torch.Tensor, death: torch.Tensor) -> dict[str, torch.Tensor]:
+        """The info about all running episodes."""
+        counts = {name: self._tensors[array].clone() for name, array in COUNTS.items()}
+        return {**counts, "return": self._tensors["returns"].clone(), "success": success, "death": death}
+
+    def _outputs(self) -> tuple[Any, dict[str, torch.Tensor]]:
+        """Tensors for observations, and for what comes of a step."""
+        if self._kept is not None:
+            return self._kept
+        seen = _map_space(lambda box: self._new(box.shape, torch.from_numpy(np.empty(0, box.dtype)).dtype), self._space)
+        flags = ("terminated", "success", "death", "truncated", "ended")
+        outcome = {"reward": self._new((), torch.float64), **{name: self._new((), torch.bool) for name in flags}}
+        if not self._copy:
+            self._kept = seen, outcome
+        return seen, outcome
+
+    def _named(self, seen: Any) -> dict[str, Any]:
+        """The tensors of an observation by the arguments of calls that write them."""
+        if isinstance(seen, dict):
+            return {"out": seen["state"], "mask": seen["mask"]}
+        return {"out": seen, "mask": seen, "frames": seen}
+
+    def _launch_all(self, calls: Iterable[Call], given: Mapping[str, Any]) -> None:
+        for call in calls:
+            self._launch(call, given)
+
+    def _launch(self, call: Call, given: Mapping[str, Any]) -> None:
+        """Start the kernel of a call."""
+        entry, words = call.entry, []
+        sizes = dict(self._sizes)
+        for argument in entry.arguments:
+            value = self._value(call, argument.name, given)
+            if isinstance(value, torch.Tensor):
+                words.append(value.data_ptr())
+                if argument.name in call.arrays or argument.name == "frames":
+                    shape = (value.numel(),) if argument.name == "frames" else value.shape
+                    sizes |= {
+                        name: size
+                        for name, size in zip(argument.shape or (), shape, strict=True)
+                        if isinstance(name, str)
+                    }
+            else:
+                words.append(int(value))
+        things = sizes[entry.things]
+        self._kernels[entry.name].launch(
+            things, [0, things, *(sizes[name] for name in entry.sizes), *words], self._gpu.stream()
+        )
+
+    def _value(self, call: Call, name: str, given: Mapping[str, Any]) -> Any:
+        """What an argument is."""
+        if name in call.arrays:
+            return self._fixed[id(call.arrays[name])][1]
+        if name in given:
+            return given[name]
+        if name in self._level_arrays:
+            return self._level_arrays[name]
+        return self._tensors[{"unresolved": "unresolved_contacts"}.get(name, name.removeprefix("state_"))]
+
+
+def _where(mask: torch.Tensor, part: torch.Tensor) -> torch.Tensor:
+    """The tensor where the mask is true, and 0 elsewhere."""
+    return torch.where(
+        mask.reshape(-1, *[1] * (part.dim() - 1)), part, torch.zeros((), dtype=part.dtype, device=part.device)
+    )
+
+
+def _map(function: Any, tree: Any) -> Any:
+    return {name: function(part) for name, part in tree.items()} if isinstance(tree, dict) else function(tree)
+
+
+def _map_space(function: Any, space: spaces.Space) -> Any:
+    return {name: function(part) for name, part in space.items()} if isinstance(space, spaces.Dict) else function(space)

@@ -1,0 +1,30 @@
+"""The bookkeeping of episodes as calls of compiled functions, for other targets than this processor."""
+
+import numpy as np
+
+from segar.engine import Call, Given, Rows, call_of
+from segar.envs.episode_kernel import check_actions, count_rows, start_episodes
+from segar.levels import Levels
+
+_ENVS = ("envs",)
+_NUMBER, _SUM, _FLAG = Given("int64", _ENVS), Given("float64", _ENVS), Given("bool", _ENVS)
+
+
+def start_call(levels: Levels) -> Call:
+    """Start episodes; the caller gives ``seed`` and ``chosen`` beside the states, as :func:`start_episodes` has them."""
+    values = Given("float64", (*_ENVS, *levels.values.shape[1:]))
+    batch = [values, _NUMBER, Given("uint64", _ENVS), *[_NUMBER] * 3, _SUM, *[_NUMBER] * 2]
+    given = [Rows(), Given("uint64", None), _NUMBER, np.ascontiguousarray(levels.values), *batch]
+    return call_of("start_episodes", start_episodes, given, {"level_values": ("levels", None, None)})
+
+
+def count_call() -> Call:
+    """Count a step; see :func:`count_rows`."""
+    given = [Rows(), _SUM, _FLAG, Given("int64", None), _SUM, _NUMBER, _FLAG, _FLAG]
+    return call_of("count_rows", count_rows, given, {})
+
+
+def check_call(action_size: int) -> Call:
+    """Note actions that are not finite; see :func:`check_actions`."""
+    given = [Rows(), Given("float32", (*_ENVS, action_size)), Given("int64", (*_ENVS, 5))]
+    return call_of("check_actions", check_actions, given, {})

@@ -1,0 +1,69 @@
+"""What environments do as calls of compiled functions, for other targets than this processor."""
+
+from dataclasses import dataclass
+
+from segar.engine import (
+    BY_ENTITY,
+    Call,
+    Entry,
+    TargetKernel,
+    build_kernel,
+    described_world,
+    step_entry,
+)
+from segar.envs.episode_calls import start_call
+from segar.envs.vector import VectorEnv
+from segar.errors import SegarError
+from segar.observations import RunsOnTargets
+
+
+@dataclass(frozen=True)
+class EnvironmentCalls:
+    """The calls of an environment, in the order in which they are made.
+
+    Attributes:
+        step: the entry of a step; its arrays are those of :func:`segar.engine.step_entry`.
+        start: start episodes on levels, and what their observations need.
+        write: write the observations of the present states.
+    """
+
+    step: Entry
+    start: tuple[Call, ...]
+    write: tuple[Call, ...]
+
+    @property
+    def entries(self) -> tuple[Entry, ...]:
+        """All entries, each once."""
+        return (self.step, *dict.fromkeys(call.entry for call in (*self.start, *self.write)))
+
+
+def environment_calls(env: VectorEnv, order: str = BY_ENTITY) -> EnvironmentCalls:
+    """What an environment does, as calls; with these, another target plays the same episodes to the bit.
+
+    Args:
+        order: see :func:`segar.engine.step_entry`. Other entries than the step have states by entity.
+
+    Raises:
+        SegarError: its observation is not made by compiled functions alone.
+    """
+    observation, levels = env.observation, env.levels
+    if not isinstance(observation, RunsOnTargets):
+        raise SegarError(
+            f"the observation {type(observation).__name__} has no compiled form for other targets, which a state, 'rgb' and "
+            "'textures' have; give it a method calls(when) as in segar.observations.protocol.RunsOnTargets"
+        )
+    step, _ = step_entry(env.simulator.world, levels.layout, env.task, order)
+    begin = (*observation.calls("start"), *observation.calls("begin"))
+    return EnvironmentCalls(step, (start_call(levels), *begin), tuple(observation.calls("write")))
+
+
+def build_environment(env: VectorEnv, target: str) -> TargetKernel:
+    """The module of a target with all that an environment does; see :func:`segar.engine.build_kernel`.
+
+    Its description also says which entities, factors and parameters there are, and what the task's actions are.
+
+    Raises:
+        SegarError: the target, or something for it, does not exist; the message names it.
+    """
+    calls = environment_calls(env)
+    return build_kernel(calls.entries, target, described_world(env.levels.layout, env.task))
