@@ -54,7 +54,7 @@ def environment(name: str, observation: str, count: int = 20) -> VectorEnv:
 @pytest.mark.parametrize(
     "target, name, observation",
     [
-        ("wasm", "objectsx3-hard", "textures"),
+        pytest.param("wasm", "objectsx3-hard", "textures", marks=pytest.mark.slow),
         ("wasm", "billiards", "rgb"),
         ("native", "tilesx2-medium", "state_normalised"),
     ],
