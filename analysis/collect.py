@@ -39,10 +39,11 @@ from experiments.runs.run_folder import (
     EPISODES,
     EVALUATIONS,
     PROBES,
-    SUMMARY,
     is_finished,
+    of_another_agent,
     read_config,
     read_episodes,
+    read_evaluation,
     read_metrics,
     read_summary,
     read_versions,
@@ -171,11 +172,13 @@ def read_runs(plan: Mapping[str, Any]) -> Collected:
             missing.append({"run": name, "reason": "probes are not finished"})
         for transfer in wanted:
             there = folder / EVALUATIONS / transfer
-            if not (there / SUMMARY).exists():
-                missing.append({"run": name, "reason": f"{transfer} is not finished"})
+            tested = read_evaluation(there)
+            lacks = " is not finished" if tested is None else of_another_agent(folder, tested)
+            if tested is None or lacks:
+                missing.append({"run": name, "reason": transfer + lacks})
                 continue
             played = pd.read_parquet(there / EPISODES)
-            row = transfer_row(json.loads((there / SUMMARY).read_text()), played, episodes, place, transfer)
+            row = transfer_row(tested, played, episodes, place, transfer)
             transfers.append(row)
             tables["levels"].append(level_rows(played, {**place, "test": row["test"]}))
     tables["runs"].append(pd.DataFrame(runs))

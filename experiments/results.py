@@ -27,6 +27,7 @@ from experiments.runs.run_rows import (
     in_short,
     named_settings,
     run_rows,
+    score_warnings,
     seen_warning,
 )
 from experiments.settings import ConfigError, RunFolderError
@@ -86,7 +87,8 @@ def results(config: ResultsConfig, say: Callable[[str], None] = print) -> None:
     averaged = ""
     if any(row.state == FINISHED for row in chosen):
         averaged = find_plugin(SUMMARIES, "default").load()(rows, *([means] if means else []))
-    summary = "\n\n".join(text for text in (averaged, code_warning(chosen), seen_warning(chosen)) if text)
+    warnings = (code_warning(chosen), seen_warning(chosen), *score_warnings(chosen))
+    summary = "\n\n".join(text for text in (averaged, *warnings) if text)
     if summary:
         say(f"\n{summary}")
     if path is not None:

@@ -115,6 +115,8 @@ def evaluate(config: EvaluateConfig, say: Callable[[str], None] = print) -> Eval
     if baselines is not None:
         # These names are those that readers of 0.1's files know.
         summary["anchors"] = {name: float(getattr(baselines, name).mean()) for name in ("random", "floor", "oracle")}
+        sizes = ("planner_samples", "planner_iterations")
+        summary["planner"] = {name: getattr(config, name) for name in sizes}
     summary["code"] = with_data(code)
     out = Path(config.out).expanduser().resolve() if config.out else folder / EVALUATIONS / label(config, levels)
     if replaced := code_replaced(out, code):

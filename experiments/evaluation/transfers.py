@@ -6,7 +6,6 @@ This module does not import torch, so that work can be planned without it.
 """
 
 import dataclasses
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -22,9 +21,10 @@ from experiments.runs.run_folder import (
     EVALUATIONS,
     LEVELS_TEST,
     LEVELS_TRAIN,
-    SUMMARY,
     folder_path,
     is_finished,
+    of_another_agent,
+    read_evaluation,
 )
 from experiments.runs.versions import levels_hash
 from experiments.settings import LevelsConfig, ObservationConfig, RunConfig, as_data
@@ -67,8 +67,9 @@ class Transfer:
         return folder_path(run) / EVALUATIONS / self.folder_name()
 
     def is_done(self, run: RunConfig) -> bool:
-        """Whether this run's agent was tested so."""
-        return (self.folder(run) / SUMMARY).exists()
+        """Whether this run's agent was tested so, with the weights that it has now."""
+        found = read_evaluation(self.folder(run))
+        return found is not None and not of_another_agent(folder_path(run), found)
 
     def levels_config(self) -> LevelsConfig:
         """The settings of the test levels."""
@@ -101,7 +102,7 @@ class Transfer:
         if not self.is_done(run):
             return []
         folder = self.folder(run)
-        before = json.loads((folder / SUMMARY).read_text()).get("code")
+        before = (read_evaluation(folder) or {}).get("code")
         if before is not None:
             return differing_parts(before, code)
         if self.mixture is not None or not (folder / LEVELS).exists():

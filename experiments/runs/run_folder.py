@@ -12,7 +12,8 @@
 ``summary.json``          the final figures; written last, so it is there if and only if the run is finished
 ``journal.jsonl``         when the run was started, stopped, went wrong (with the traceback), and finished
 ``tracking.json``         how much of it was sent to MLflow; ``tracking_replaced.json``: that of a run which was thrown away
-``evaluations/``          results of ``python -m experiments.evaluate``, and of transfers, each with its code
+``evaluations/``          results of ``python -m experiments.evaluate``, and of transfers, each with its code and with the
+                          ``frames`` of the weights that it is of
 ``probes.parquet``        how well probes predict the factors from the representation, see :mod:`experiments.evaluation.probing`
 """
 
@@ -250,6 +251,21 @@ def read_summary(folder: Path) -> dict[str, Any]:
     if not path.exists():
         raise RunFolderError(f"the run in {folder} is not finished: there is no {SUMMARY}")
     return json.loads(path.read_text())
+
+
+def read_evaluation(place: Path) -> dict[str, Any] | None:
+    """The summary of an evaluation, whose folder is in ``evaluations/`` of a run; None where there is none."""
+    path = Path(place) / SUMMARY
+    return json.loads(path.read_text()) if path.exists() else None
+
+
+def of_another_agent(folder: Path, evaluation: Mapping[str, Any]) -> str:
+    """What to say behind the name of an evaluation of other weights than a finished run has, such as those that it had while
+    it was unfinished; empty where it is of the run's weights, and for unfinished runs."""
+    if not is_finished(folder):
+        return ""
+    frames, own = evaluation.get("frames"), read_summary(folder)["frames"]
+    return "" if frames in (None, own) else f" is of the agent after {frames:,} frames, and the run has {own:,}"
 
 
 def read_versions(folder: Path) -> dict[str, Any]:

@@ -5,7 +5,6 @@ The names of columns follow from those of the figures: ``evaluation/test/success
 calls ``charge`` among its results is ``results/charge_test_deterministic``. Settings have their dotted names.
 """
 
-import json
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -25,12 +24,13 @@ from experiments.runs.run_folder import (
     LEVELS_TEST,
     LEVELS_TRAIN,
     RESULTS,
-    SUMMARY,
     VERSIONS,
     is_finished,
     is_locked,
+    of_another_agent,
     read_config,
     read_episodes,
+    read_evaluation,
     read_summary,
     read_versions,
     run_folders,
@@ -71,6 +71,8 @@ class RunRow:
     computed_with: str = ""  # what decided the last bits, see :func:`experiments.runs.versions.computed_with`
     code: Mapping[str, str] = field(default_factory=dict)  # as executed_code of this room, without source files
     seen: float = 0.0  # the share of the test levels that are among the training levels
+    unscored: str = ""  # why score and regret of its evaluation are left out
+    planner: str = ""  # the search behind its score, as settings of experiments.evaluate; empty where that is not known
 
 
 def run_rows(places: Iterable[Path], trusted: Collection[str] = ()) -> list[RunRow]:
@@ -195,6 +197,26 @@ def seen_warning(runs: Sequence[RunRow]) -> str:
     )
 
 
+def score_warnings(runs: Sequence[RunRow]) -> list[str]:
+    """A line where scores are left out because they are of other weights, and one where several searches found the best known
+    return; none where all scores can be compared."""
+    found = []
+    if left_out := [row for row in runs if row.unscored]:
+        more = f" and of {len(left_out) - NAMED} more" * (len(left_out) > NAMED)
+        each = "; ".join(f"that of {row.folder.name}{row.unscored}" for row in left_out[:NAMED])
+        found.append(
+            f"warning: score and regret are left out where the evaluation is of other weights than the run's: {each}{more}."
+            " Evaluate again: python -m experiments.evaluate run=FOLDER levels=test"
+        )
+    sizes = sorted({row.planner for row in runs if row.planner})
+    if len(sizes) > 1:
+        found.append(
+            f"warning: score and regret are measured by searches of several sizes: {'; '.join(sizes)}. A larger search finds a"
+            " better best known return, so that these scores do not compare; evaluate all runs with the same"
+        )
+    return found
+
+
 def figures_of(summary: Mapping[str, Any]) -> dict[str, float]:
     """The numbers of a summary under the names of columns."""
     return {_column(key): value for key, value in summary.items() if isinstance(value, int | float)}
@@ -232,8 +254,11 @@ def _row(folder: Path, trusted: Collection[str]) -> RunRow:
         about = read_versions(folder) if (folder / VERSIONS).exists() else {}
         code = about.get("code", {})
         parts = {"all": code} if isinstance(code, str) else without_sources(code)  # 0.1 recorded no parts
-        figures, seen = _figures(folder, config), _seen(folder, config.levels, about)
-        return RunRow(folder, state, "", settings, figures, sweep, computed_with(about), parts, seen)
+        figures, seen = _figures(folder), _seen(folder, config.levels, about)
+        scores, unscored, planner = _score(folder, config)
+        return RunRow(
+            folder, state, "", settings, figures | scores, sweep, computed_with(about), parts, seen, unscored, planner
+        )
     except (SegarError, OSError, ValueError) as error:
         return RunRow(folder, UNREADABLE, str(error))
 
@@ -255,24 +280,29 @@ def _seen(folder: Path, levels: LevelsConfig, about: Mapping[str, Any]) -> float
     return share_of(prints_in(folder / LEVELS_TEST), prints_in(folder / LEVELS_TRAIN))
 
 
-def _figures(folder: Path, config: RunConfig) -> dict[str, float]:
-    """The figures of a finished run: those of its summary, results that older summaries lack, and score and regret if found."""
+def _figures(folder: Path) -> dict[str, float]:
+    """The figures of a finished run: those of its summary, and results that older summaries lack."""
     summary = read_summary(folder)
     if not any(f"/{RESULTS}" in key for key in summary) and (folder / EPISODES).exists():
         episodes = read_episodes(folder).to_pylist()
         for levels, mode in product(("train", "test"), ACTION_MODES):
             summary |= result_figures(episodes, levels, mode)
-    return figures_of(summary) | _score(folder / EVALUATIONS / f"test-n{config.levels.test_count}" / SUMMARY)
+    return figures_of(summary)
 
 
-def _score(path: Path) -> dict[str, float]:
-    """What ``experiments.evaluate levels=test`` found on the run's own test levels, if asked, by the code of the run."""
-    found = json.loads(path.read_text()) if path.exists() else {}
+def _score(folder: Path, config: RunConfig) -> tuple[dict[str, float], str, str]:
+    """What ``experiments.evaluate levels=test`` found of a finished run on its own test levels, if asked, by the code of the
+    run: score and regret; why these are left out where they are of other weights; and the planner's search."""
+    found = read_evaluation(folder / EVALUATIONS / f"test-n{config.levels.test_count}") or {}
     # Evaluations of 0.1 have no floor: their scores are on another scale, on which random play has 0.
-    usable = "floor" in found.get("anchors", {}) and not found.get("changed_code")
-    players = found["players"] if usable else {}
+    if "floor" not in found.get("anchors", {}) or found.get("changed_code"):
+        return {}, "", ""
+    if unscored := of_another_agent(folder, found):
+        return {}, unscored, ""
+    players = found["players"]
     names = [(name, mode) for name in ("score", "regret") for mode in ACTION_MODES if mode in players]
-    return {f"{name}_{mode}": players[mode][name] for name, mode in names}
+    planner = " ".join(f"{name}={value}" for name, value in found.get("planner", {}).items())
+    return {f"{name}_{mode}": players[mode][name] for name, mode in names}, "", planner
 
 
 def _column(key: str) -> str:

@@ -159,6 +159,18 @@ def test_what_is_missing_is_named(tmp_path, capfd):
     assert len(pd.read_csv(config.folder / "missing.csv")) == 5
 
 
+def test_a_transfer_of_other_weights_than_the_runs_is_missing(tmp_path):
+    config, plan = planned(tmp_path)
+    write_all(plan)
+    work = next(one for one in plan.runs if one.transfers)
+    place = work.transfers[0].folder(work.run) / SUMMARY
+    write_json(place, {**json.loads(place.read_text()), "frames": 7})
+    found = collect(CollectConfig(str(config.folder), tracking=False))
+    (row,) = found.missing.to_dict("records")
+    assert row["run"] == work.run.label() not in set(found.transfers["run"])
+    assert "is of the agent after 7 frames, and the run has" in row["reason"]
+
+
 def test_a_folder_without_a_plan_is_refused(tmp_path):
     with pytest.raises(RunFolderError, match="holds no plan"):
         collect(CollectConfig(str(tmp_path)))

@@ -15,7 +15,7 @@ import segar
 from experiments.commands.hydra_app import run_simple_command
 from experiments.evaluation.evaluator import choose_levels, evaluate, label, mean_returns
 from experiments.runs.run_folder import CHECKPOINT, PREVIOUS, read_episodes, read_summary
-from experiments.runs.run_rows import run_rows
+from experiments.runs.run_rows import run_rows, score_warnings
 from experiments.settings import (
     CHECKOUT,
     CheckpointError,
@@ -26,7 +26,7 @@ from experiments.settings import (
 )
 from experiments.training.run import run
 from segar.evaluation import Baselines, find_baselines
-from tests.experiments.short_runs import short_run
+from tests.experiments.short_runs import killed_after, short_run
 
 QUICK = {"scores": False, "videos": "none"}
 
@@ -257,3 +257,28 @@ def test_the_table_of_runs_has_scores_and_regrets_but_none_on_the_scale_of_0_1(t
     (found.folder / "summary.json").write_text(json.dumps(summary))
     (row,) = run_rows([tmp_path / "runs"])
     assert not any(name.startswith(("score", "regret")) for name in row.figures)
+
+
+def test_an_evaluation_of_an_unfinished_agent_is_not_that_of_the_finished_one(tmp_path, monkeypatch):
+    config, small = short_run(tmp_path / "one"), {"videos": "none", "planner_samples": 8, "planner_iterations": 1}
+    with killed_after(2, monkeypatch):
+        run(config)
+    assert evaluate(EvaluateConfig(config.folder, **small)).summary["frames"] == 128
+    run(config)
+    (row,) = rows = run_rows([tmp_path])
+    assert not any(name.startswith(("score", "regret")) for name in row.figures)
+    (warning,) = score_warnings(rows)
+    assert "that of one is of the agent after 128 frames, and the run has 256" in warning
+    evaluate(EvaluateConfig(config.folder, **small))
+    (row,) = rows = run_rows([tmp_path])
+    assert "score_deterministic" in row.figures and score_warnings(rows) == []
+
+
+def test_scores_by_searches_of_several_sizes_are_told_in_one_table(trained, tmp_path):
+    for name, samples in (("one", 8), ("other", 12)):
+        folder = shutil.copytree(trained, tmp_path / "runs" / name)
+        evaluate(EvaluateConfig(str(folder), videos="none", planner_samples=samples, planner_iterations=1))
+    rows = run_rows([tmp_path / "runs"])
+    (warning,) = score_warnings(rows)
+    assert "planner_samples=12 planner_iterations=1; planner_samples=8 planner_iterations=1" in warning
+    assert score_warnings(rows[:1]) == []

@@ -2,6 +2,7 @@
 
 import dataclasses
 import importlib
+import json
 import shutil
 import sys
 
@@ -40,6 +41,15 @@ def test_what_comes_of_it_lies_in_the_run_folder(trained):
     assert {"w2/exact", "ks", "evaluation/test/return/sampled", "evaluation/test/success/deterministic"} <= {*summary}
     assert transfer.folder(trained).parent.parent == folder_path(trained)
     assert (transfer.folder(trained) / "episodes.parquet").exists()
+
+
+def test_a_transfer_of_other_weights_than_the_runs_is_to_be_made_anew(trained):
+    transfer = Transfer("other weights", "empty-medium", "", STATE, test_count=2)
+    evaluate_transfer(trained, transfer, say=lambda line: None)
+    path = transfer.folder(trained) / "summary.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), "frames": 64}))
+    assert not transfer.is_done(trained)
+    assert RunTask(trained, (transfer,)).transfers_left() == [transfer]
 
 
 def test_the_same_levels_give_what_the_run_itself_gave(trained):
