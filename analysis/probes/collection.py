@@ -13,8 +13,8 @@ from analysis.tables import Floats, Ints
 from experiments.algorithms.learner import Policy
 from experiments.evaluation.baselines import RandomAgent
 from experiments.evaluation.episodes import Agent, action_rng, actions_of
-from experiments.evaluation.evaluator import OWN, load_agent
-from experiments.levels.builders import distribution_of, environment_options
+from experiments.evaluation.evaluator import OWN, load_agent, options_of
+from experiments.levels.builders import distribution_of
 from experiments.runs.run_folder import read_config
 from segar.envs import VectorEnv, play
 from segar.errors import LevelError
@@ -56,7 +56,7 @@ def collect_run(
             raise LevelError(f"levels must be 'train', 'test' or a level set, not '{levels}'")
         levels = dataclasses.replace(Levels.load(folder / OWN[levels]), world=distribution.world)
     policy, _ = load_agent(folder, trained, levels, lambda line: None)
-    options = environment_options(trained)
+    options = options_of(folder, trained)
     columns = varying_columns(distribution, {"task": options["task"]})
     found = collect(
         policy, levels, columns, options, frames=frames, num_envs=num_envs, rng=action_rng(mode, seed), seed=seed

@@ -38,7 +38,7 @@ class Agent(Protocol):
 def evaluate_run(policy: Agent, config: RunConfig, train: Levels, test: Levels) -> list[dict[str, Any]]:
     """Episodes on all training levels (each equally often, ``evaluation.episodes`` in all at least) and on each test
     level once, with deterministic and with sampled actions; rows as in ``run_folder.EPISODE_SCHEMA``."""
-    options, seed = environment_options(config), config.evaluation.seed
+    options, seed = environment_options(config, train=train), config.evaluation.seed
     rounds = -(-config.evaluation.episodes // len(train))
     return [
         *play_in_modes(policy, "train", train, options, seed, rounds=rounds),

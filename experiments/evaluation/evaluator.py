@@ -97,7 +97,7 @@ def evaluate(config: EvaluateConfig, say: Callable[[str], None] = print) -> Eval
     code = {**played_code(played(config, trained)), "levels": levels_hash(levels)}
     policy: Agent
     policy, frames = load_agent(folder, trained, levels, say)
-    options, network = environment_options(trained), None
+    options, network = options_of(folder, trained), None
     if config.portable:
         network = network_of(policy, shape_in(levels, trained), options["task"])
         policy = PortableAgent(network, config.num_threads)
@@ -173,8 +173,9 @@ def load_agent(folder: Path, trained: RunConfig, levels: Levels, say: Callable[[
         ConfigError: what it would observe in these levels is not what it was trained to observe.
         CheckpointError: there are no weights, or they are damaged.
     """
-    shape = shape_in(levels, trained)
-    known = shape_in(Levels.load(folder / LEVELS_TRAIN), trained) if (folder / LEVELS_TRAIN).exists() else shape
+    options, train = options_of(folder, trained), training_levels(folder)
+    shape = shape_in(levels, trained, options)
+    known = shape if train is None else shape_in(train, trained, options)
     if shape != known:
         raise ConfigError(
             f"levels: the agent of {folder.name} observes arrays of shape {known}; in these levels "
@@ -193,11 +194,22 @@ def new_policy(trained: RunConfig, observation_shape: tuple[int, ...]) -> Any:
     )
 
 
-def shape_in(levels: Levels, trained: RunConfig) -> tuple[int, ...]:
+def options_of(folder: Path, trained: RunConfig) -> dict[str, Any]:
+    """Options of the environments in which a run's agent plays any levels: it observes them as it did in training."""
+    return environment_options(trained, train=training_levels(folder))
+
+
+def training_levels(folder: Path) -> Levels | None:
+    """The levels that the run's agent was trained on; None where it has none yet."""
+    path = folder / LEVELS_TRAIN
+    return Levels.load(path) if path.exists() else None
+
+
+def shape_in(levels: Levels, trained: RunConfig, options: Mapping[str, Any]) -> tuple[int, ...]:
     """The shape of what the run's agent observes in these levels."""
     if levels.provenance.rules and levels.world is None:
         levels = dataclasses.replace(levels, world=distribution_of(trained.levels, "train").world)
-    return observation_shape(VectorEnv(levels, 1, seed=0, **environment_options(trained)))
+    return observation_shape(VectorEnv(levels, 1, seed=0, **options))
 
 
 def play_levels(

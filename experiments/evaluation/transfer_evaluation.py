@@ -9,9 +9,8 @@ from collections.abc import Callable
 from typing import Any
 
 from experiments.evaluation.episodes import distance_figures, mean_figures, play_in_modes
-from experiments.evaluation.evaluator import load_agent, write
+from experiments.evaluation.evaluator import load_agent, options_of, write
 from experiments.evaluation.transfers import Transfer
-from experiments.levels.builders import environment_options
 from experiments.runs.executed_code import with_data
 from experiments.runs.run_folder import LEVELS_TRAIN, folder_path
 from experiments.settings import ACTION_MODES, RunConfig, as_data
@@ -27,7 +26,7 @@ def evaluate_transfer(run: RunConfig, transfer: Transfer, say: Callable[[str], N
     folder, test, code = folder_path(run), transfer.levels(run), transfer.code(run)
     as_seen = dataclasses.replace(run, observation=transfer.observation)
     policy, frames = load_agent(folder, as_seen, test, say)
-    rows = play_in_modes(policy, "test", test, environment_options(as_seen), run.evaluation.seed)
+    rows = play_in_modes(policy, "test", test, options_of(folder, as_seen), run.evaluation.seed)
     figures: dict[str, float] = {}
     for mode in ACTION_MODES:
         figures |= mean_figures(rows, "test", mode)

@@ -30,7 +30,7 @@ from segar.errors import LevelError, SegarError, did_you_mean
 from segar.language import Order, code_place
 from segar.levels import LevelDistribution, Levels, family
 from segar.metrics import design, matched_set, w2
-from segar.observations import OBSERVATIONS
+from segar.observations import OBSERVATIONS, trained_on
 from segar.tasks import TASKS
 
 ENVS_PER_THREAD = 128  # with fewer, waking a thread after each call of the policy costs more time than it saves
@@ -177,11 +177,15 @@ def find_distribution(name: str, place: str) -> Any:
         raise ConfigError(f"{place}: {error}") from error
 
 
-def environment_options(config: RunConfig, num_envs: int | None = None) -> dict[str, Any]:
-    """Keyword arguments of ``VectorEnv`` and ``TorchRLEnv`` that the configuration states.
+def environment_options(
+    config: RunConfig, num_envs: int | None = None, train: Levels | None = None
+) -> dict[str, Any]:
+    """Keyword arguments of ``VectorEnv`` and ``TorchRLEnv`` that the configuration states, for any levels.
 
     Args:
         num_envs: how many environments a policy steps at a time; few of them are stepped by fewer threads.
+        train: the levels that the agent is trained on, whatever levels it plays: what it observes may depend on them.
+            None where nothing is played, or training levels are.
 
     Raises:
         ConfigError: there is no such observation or task.
@@ -194,8 +198,9 @@ def environment_options(config: RunConfig, num_envs: int | None = None) -> dict[
     place = f"levels.train: the task that {config.levels.train} names" if is_own else "task.name"
     task = _find(task_name(config), config.task.options, "task", place)
     most = config.num_threads if num_envs is None else max(num_envs // ENVS_PER_THREAD, 1)
+    seen = _find(config.observation.name, config.observation.options, "observation", "observation.name")
     return {
-        "observation": _find(config.observation.name, config.observation.options, "observation", "observation.name"),
+        "observation": seen if train is None else trained_on(seen, train),
         "task": task,
         "num_threads": min(config.num_threads, most),
         "unit_actions": True,  # which policies give, whatever the range of the task
@@ -228,7 +233,7 @@ def task_name(config: RunConfig) -> str:
 
 def check_observations(config: RunConfig, train: Levels, test: Levels) -> None:
     """Raises :class:`ConfigError` if the agent would not observe the same numbers in the test levels as in training."""
-    options = environment_options(config)
+    options = environment_options(config, train=train)
     seen, shown = (VectorEnv(levels, 1, seed=0, **options) for levels in (train, test))
     space, other = seen.single_observation_space, shown.single_observation_space
     names, others = (list(getattr(env.observation, "names", ())) for env in (seen, shown))
@@ -246,7 +251,7 @@ def check_observations(config: RunConfig, train: Levels, test: Levels) -> None:
 
 def check_results(config: RunConfig, train: Levels, test: Levels) -> None:
     """Raises :class:`ConfigError` unless each of the task's own results can be computed of the states at a reset."""
-    options = environment_options(config)
+    options = environment_options(config, train=train)
     for levels in (train, test):
         env = VectorEnv(levels, RESULT_ENVS, seed=0, **options)
         _, info = env.reset()

@@ -181,7 +181,7 @@ def _prepare(
         say(advice_on_entities(unseen, config, train))
     learner = make_learner(kind, config.algorithm, env, config.scale.frames, config.seed)
     code = executed_code(config) if code is None else with_data(code)
-    training = Training(config, folder, learner, journal, signals, code)
+    training = Training(config, folder, learner, journal, signals, train, code)
     hashes = {"train": levels_hash(train), "test": levels_hash(test)}
     training.resume(hashes, say)
     train.save(folder / LEVELS_TRAIN)
@@ -246,7 +246,7 @@ def _make_environment(kind: type[Learner], config: RunConfig, train: Levels) -> 
     make_env = getattr(kind, "make_env", TorchRLEnv)
     try:
         num_envs = config.algorithm.num_envs
-        return make_env(train, num_envs, seed=config.seed, **environment_options(config, num_envs))
+        return make_env(train, num_envs, seed=config.seed, **environment_options(config, num_envs, train))
     except RuleError as error:
         if train.task in (None, task_name(config)):
             raise

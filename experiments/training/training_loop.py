@@ -53,6 +53,7 @@ class Training:
     learner: Learner
     journal: Journal
     signals: SignalMonitor
+    levels: Levels  # of training
     code: Mapping[str, str]  # the code that the run executes, and the data files that were read so far
     history: History = field(default_factory=History)
     seconds: float = 0.0  # of training, also in processes before this one
@@ -136,7 +137,7 @@ class Training:
 
     def evaluate(self, test: Levels) -> dict[str, float]:
         """Mean figures on the levels ``test``, one episode each, in both action modes."""
-        options, seed = environment_options(self.config), self.config.evaluation.seed
+        options, seed = environment_options(self.config, train=self.levels), self.config.evaluation.seed
         rows = play_in_modes(self.learner.policy, "test", test, options, seed)
         figures: dict[str, float] = {}
         for mode in ACTION_MODES:

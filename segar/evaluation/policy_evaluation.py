@@ -12,6 +12,7 @@ from segar.evaluation.baselines import Baselines, find_baselines
 from segar.evaluation.episodes import QUANTITIES, PlayedEpisodes, play_episodes
 from segar.levels import Levels
 from segar.metrics import w2
+from segar.observations import trained_on
 from segar.support import aligned
 
 CONFIDENCE = 0.95
@@ -165,7 +166,7 @@ def evaluate_policy(
             :class:`segar.evaluation.Baselines`.
         distances: modes of :func:`segar.metrics.w2` between the level sets to measure, e.g. ``("exact",)``.
         options: of :class:`segar.envs.VectorEnv`: ``observation``, ``task``, ``num_threads``, ``unit_actions``, ``world``
-            and so on, as in training.
+            and so on, as in training. An observation that is normalised has the units of ``train`` on both sets.
 
     Raises:
         SegarError: an argument is out of range, or the policy would observe arrays of different shapes in the two sets.
@@ -182,6 +183,7 @@ def evaluate_policy(
     for name, levels in sets.items():
         if not isinstance(levels, Levels):
             raise SegarError(f"evaluate_policy: {name} must be a level set (segar.Levels), not {levels!r}")
+    options["observation"] = trained_on(options.get("observation", "state"), train)  # a test has the units of training
     _require_one_space(sets, options)
     found = {name: _result(policy, levels, episodes, seed, scores, options) for name, levels in sets.items()}
     return Evaluation(**found, w2={mode: float(w2(train, test, mode=mode)) for mode in distances})

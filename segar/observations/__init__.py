@@ -4,7 +4,7 @@ The room imports the levels, the engine and the textures. Other rooms use the na
 """
 
 from segar.observations.composed.actions import PreviousActions
-from segar.observations.composed.multi import Multi, OneOf, make_observation
+from segar.observations.composed.multi import Multi, OneOf, make_observation, trained_on
 from segar.observations.composed.stack import Stack
 from segar.observations.copying import copy_rows, copy_squares
 from segar.observations.pixels.solid_colours import COLOURS, RGB, Colour, Pixels, colour_of
@@ -32,5 +32,5 @@ __all__ = [
     "Colour", "Multi", "ObjectState", "Observation", "ObservationLike", "OneOf", "Pixels", "PreviousActions",
     "RunsOnTargets", "Stack", "StateVector", "TexturedPixels", "TileState", "colour_of", "copy_rows", "copy_squares",
     "empty_batch", "for_task", "hooks_of", "leaves", "make_observation", "map_leaves", "own_arrays",
-    "simulator_reads",
+    "simulator_reads", "trained_on",
 ]  # fmt: skip

@@ -178,6 +178,15 @@ class KnowsTask(Protocol):
 
 
 @runtime_checkable
+class KnowsTraining(Protocol):
+    """An observation that depends on the levels that an agent is trained on, also where it is tested on others."""
+
+    def trained_on(self, levels: Levels) -> Observation:
+        """The observation of an agent that is trained on these levels, wherever it is bound; itself where it knows them."""
+        ...
+
+
+@runtime_checkable
 class Composed(Protocol):
     """An observation that is made of others."""
 

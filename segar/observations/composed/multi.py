@@ -44,6 +44,20 @@ def make_observation(observation: ObservationLike) -> Observation:
     return cast("Observation", observation)
 
 
+def trained_on(observation: ObservationLike, levels: Levels) -> Observation:
+    """The observation of an agent that is trained on these levels, for environments on any levels.
+
+    Test levels of another distribution are then shown in the units of training, as a trained agent needs them: see
+    ``normalise`` of :class:`segar.observations.StateVector`. Observations that do not depend on training stay as they are.
+
+    Raises:
+        SegarError: no observation is called so, or it is none.
+    """
+    made = make_observation(observation)
+    adapt = getattr(made, "trained_on", None)
+    return made if adapt is None else adapt(levels)
+
+
 @dataclass(frozen=True)
 class Multi:
     """A tuple of observations, or a dict of them by name; its space is Gymnasium's ``Tuple`` or ``Dict``.
@@ -80,6 +94,12 @@ class Multi:
         if isinstance(self.parts, Mapping):
             return Multi({name: for_task(part, task) for name, part in self.parts.items()})
         return Multi([for_task(part, task) for part in self.parts])
+
+    def trained_on(self, levels: Levels) -> Multi:
+        """Each of the members of an agent that is trained on these levels."""
+        if isinstance(self.parts, Mapping):
+            return Multi({name: trained_on(part, levels) for name, part in self.parts.items()})
+        return Multi([trained_on(part, levels) for part in self.parts])
 
     def bind(self, levels: Levels, num_envs: int) -> BoundMulti:
         """The observations at work."""
@@ -187,6 +207,10 @@ class OneOf:
     def for_task(self, task: Task) -> OneOf:
         """Each of the members in environments of this task."""
         return replace(self, family=[for_task(member, task) for member in self.family])
+
+    def trained_on(self, levels: Levels) -> OneOf:
+        """Each of the members of an agent that is trained on these levels."""
+        return replace(self, family=[trained_on(member, levels) for member in self.family])
 
     def bind(self, levels: Levels, num_envs: int) -> BoundOneOf:
         """The observations at work; raises :class:`SegarError` if their spaces differ."""

@@ -13,7 +13,7 @@ from segar.errors import SegarError
 from segar.language import Factor, Task
 from segar.levels import Levels
 from segar.observations.composed.composed import BoundComposed, recall_array
-from segar.observations.composed.multi import make_observation
+from segar.observations.composed.multi import make_observation, trained_on
 from segar.observations.copying import copy_rows
 from segar.observations.protocol import BoundObservation, DrawsPlanes, Observation, for_task
 from segar.support import is_plain
@@ -104,6 +104,10 @@ class Stack:
     def for_task(self, task: Task) -> Stack:
         """The stack in environments of this task."""
         return replace(self, observation=for_task(self.observation, task))
+
+    def trained_on(self, levels: Levels) -> Stack:
+        """The stack of an agent that is trained on these levels."""
+        return replace(self, observation=trained_on(self.observation, levels))
 
     def bind(self, levels: Levels, num_envs: int) -> BoundStack:
         """The stack at work; raises :class:`SegarError` if what is stacked is not one array."""

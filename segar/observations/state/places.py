@@ -1,8 +1,8 @@
 """Which number of a state observation is what: slots by their names and types, factors, types, masks; and its unit.
 
 Numbers may be divided by constants, factor by factor. Others may be measured in units of the prior: from its mean, divided
-by its spread. The prior is the distribution that the levels come from. Equal numbers of training and test levels of one
-distribution thus mean equal states. A number that several types may supply has the mean and the spread of their mixture in
+by its spread. The prior is the distribution of the levels that the agent is trained on, also where it is tested on others.
+Equal numbers of training and test levels thus mean equal states. A number that several types may supply has the mean and the spread of their mixture in
 equal parts. A vector has one spread, the root mean square of its components', so that directions stay comparable. A number
 that the prior does not vary keeps its unit and is measured from its constant. Size keeps its unit [m] and its zero, since
 outlines of hulls do not follow it.
@@ -279,13 +279,15 @@ def shift_and_scale(
     """
     if not (options.normalise or options.scales):
         return None, None
-    moments = source_moments(levels) if options.normalise else {}
+    known_by = levels if options.measured_on is None else options.measured_on
+    moments = source_moments(known_by) if options.normalise else {}
     if options.normalise and not moments:
         raise LevelError(
             "StateVector(normalise=True) measures by the prior, and these levels know none: they were made by hand, or saved"
             " by an earlier version. Sample them from a LevelDistribution, or leave normalise out"
         )
-    owners = [levels.layout.slots[slot].types if slot != EMPTY else () for slot in places.reads[:, 0]]
+    types = {slot.name: slot.types for layout in (levels.layout, known_by.layout) for slot in layout.slots}
+    owners = [types[levels.layout.slots[slot].name] if slot != EMPTY else () for slot in places.reads[:, 0]]
     of_entities = [(*read, kinds) for read, kinds in zip(places.read_factors, owners, strict=True)]
     numbers = [*of_entities, *((parameter, 0, (Parameter,)) for parameter in places.parameters)]
     shift, scale = np.zeros(len(numbers)), np.ones(len(numbers))

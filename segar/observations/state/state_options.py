@@ -20,6 +20,7 @@ from segar.language import (
     Visible,
     concrete_factors,
 )
+from segar.levels import Levels
 
 
 def factors_of(
@@ -82,6 +83,7 @@ class StateOptions:
     sees_invisible: bool = True
     parameters: Sequence[str | type[Parameter]] = ()
     scale: Mapping[str | type[Factor], float] = field(default_factory=dict)
+    measured_on: Levels | None = None
 
     def __post_init__(self) -> None:
         for option, known in (("form", FORMS), ("mask", MASKS)):
@@ -99,6 +101,10 @@ class StateOptions:
             raise SegarError(
                 "StateVector: world parameters belong to no row of a table; show them beside it, as in"
                 " {'table': StateVector(form='table'), 'world': StateVector(entities=[], parameters=[...])}"
+            )
+        if self.measured_on is not None and not isinstance(self.measured_on, Levels):
+            raise SegarError(
+                f"StateVector: measured_on must be a level set, segar.Levels, not {self.measured_on!r}; a run gives its own"
             )
         _ = self.chosen_factors, self.hidden_factors, self.chosen_parameters, self.scales  # raise for what is no factor
 

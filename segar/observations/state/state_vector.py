@@ -6,7 +6,7 @@ rows that no thing fills were zero.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import gymnasium
@@ -63,17 +63,24 @@ class StateVector(StateOptions):
         mask: how it is marked which numbers are not missing: None for not at all; "numbers" for one number each (1 if
             it is there) after all numbers of the vector or of the row; "dict" for observations ``{"state", "mask"}``
             of equal shapes.
-        normalise: whether numbers are measured from the prior's mean in units of its spread; see
-            :mod:`segar.observations.state.places`.
+        normalise: whether numbers are measured from the prior's mean in units of its spread, both estimated from 2,000
+            levels; see :mod:`segar.observations.state.places`. The prior is that of ``measured_on``.
         sees_invisible: whether things are shown that are not Visible; otherwise their numbers are missing.
         parameters: world parameters or their names, sub-classes included, that are shown after all else, as the level
             has them; of a vector only.
         scale: factor or parameter, or its name, to a constant that its numbers are divided by, such as ``{Hits: 200}``
             for a counter; sub-classes included, the nearest class counts. It takes the place of ``normalise`` there.
+        measured_on: levels whose distribution is the prior of ``normalise``: those that the agent is trained on, as
+            :meth:`trained_on` gives them. Where it is None, the levels that are shown.
 
     Raises:
         SegarError: an option is unknown, or a factor is no factor or has no number.
     """
+
+    def trained_on(self, levels: Levels) -> StateVector:
+        """The observation of an agent that is trained on these levels: normalised by their distribution on all levels."""
+        is_known = not self.normalise or self.measured_on is not None
+        return self if is_known else replace(self, measured_on=levels[:1])  # one level knows its distribution
 
     def bind(self, levels: Levels, num_envs: int) -> BoundStateVector:
         """The observation at work on these levels.

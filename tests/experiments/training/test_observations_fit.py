@@ -2,9 +2,23 @@
 
 import pytest
 
+from analysis.probes.collection import collect_run
+from experiments.evaluation.evaluator import evaluate
+from experiments.evaluation.transfer_evaluation import evaluate_transfer
+from experiments.evaluation.transfers import Transfer
 from experiments.levels.builders import check_observations, make_levels
-from experiments.settings import ConfigError, LevelsConfig, ObservationConfig, RunConfig, add_module_path
+from experiments.settings import (
+    ConfigError,
+    EvaluateConfig,
+    EvaluationConfig,
+    LevelsConfig,
+    ObservationConfig,
+    RunConfig,
+    add_module_path,
+)
 from experiments.training.run import run
+from segar.levels import source_moments
+from segar.observations.state import places
 from tests.experiments.short_runs import short_run
 
 FEW = {"count": 2, "test_count": 2}
@@ -76,3 +90,21 @@ def test_levels_may_define_the_parameter_that_is_observed(tmp_path):
 def test_test_levels_are_the_training_ones_where_none_are_named():
     config = RunConfig(levels=LevelsConfig(train="empty-easy", **FEW))
     check_observations(config, *make_levels(config.levels))
+
+
+def test_an_agent_is_tested_in_the_units_that_it_was_trained_in(tmp_path, monkeypatch):
+    measured = []
+
+    def noted(levels):
+        measured.append(levels.provenance.name)
+        return source_moments(levels)
+
+    monkeypatch.setattr(places, "source_moments", noted)
+    hard = LevelsConfig(train="empty-easy", test="empty-hard", count=2, test_count=3)
+    seen = ObservationConfig("state_normalised")
+    config = short_run(tmp_path / "run", levels=hard, observation=seen, evaluation=EvaluationConfig(2, interval=64))
+    folder = run(config).folder
+    evaluate(EvaluateConfig(str(folder), levels="empty-medium", n=2, scores=False, videos="none"))
+    evaluate_transfer(config, Transfer("harder", "empty-hard", "", seen, test_count=2), lambda line: None)
+    collect_run(folder, frames=10, num_envs=2)
+    assert len(measured) > 10 and {*measured} == {"empty-easy"}

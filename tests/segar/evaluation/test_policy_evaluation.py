@@ -191,3 +191,17 @@ def test_it_loads_no_torch():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+
+
+def test_both_sets_are_observed_in_the_units_of_training():
+    train, test = (segar.family(name).sample(4, seed=0) for name in ("empty-easy", "empty-hard"))
+    state = segar.observations.StateVector(normalise=True)
+    seen = {}
+
+    def idle(observations):
+        seen.setdefault(len(seen), observations.copy())
+        return np.zeros((len(observations), 2), np.float32)
+
+    segar.evaluate_policy(idle, train[:1], test, observation=state, max_steps=1)
+    env = segar.envs.VectorEnv(test, 4, observation=state.trained_on(train), seed=0)
+    np.testing.assert_array_equal(seen[1], env.reset(options={"levels": np.arange(4)})[0])

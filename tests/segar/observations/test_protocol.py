@@ -18,6 +18,7 @@ from segar.observations.protocol import (
     EpisodeHook,
     HasMemory,
     KnowsTask,
+    KnowsTraining,
     Observation,
     OwnsBuffers,
     StepHook,
@@ -112,13 +113,13 @@ def test_hooks_that_a_wrapper_forwards_are_called():
 
 
 BUILT_IN = {
-    "state": (StateVector(), {WrittenBySimulator}, set()),
+    "state": (StateVector(), {WrittenBySimulator}, {KnowsTraining}),
     "rgb": (Pixels(), set(), {DrawsPlanes}),
     "textures": (TexturedPixels(), {EpisodeHook, HasMemory}, {DrawsPlanes}),
     "actions": (PreviousActions(), {EpisodeHook, StepHook, HasMemory}, {KnowsTask}),
-    "stack": (Stack("rgb", 2), {EpisodeHook, StepHook, HasMemory, OwnsBuffers}, {KnowsTask, Composed}),
-    "tuple": (Multi(("rgb", "state")), {EpisodeHook, StepHook, HasMemory, OwnsBuffers}, {KnowsTask, Composed}),
-    "one of several": (OneOf(["rgb"]), {EpisodeHook, StepHook, HasMemory}, {KnowsTask, Composed}),
+    "stack": (Stack("rgb", 2), {EpisodeHook, StepHook, HasMemory, OwnsBuffers}, {KnowsTask, KnowsTraining, Composed}),
+    "tuple": (Multi(("rgb", "state")), {EpisodeHook, StepHook, HasMemory, OwnsBuffers}, {KnowsTask, KnowsTraining, Composed}),
+    "one of several": (OneOf(["rgb"]), {EpisodeHook, StepHook, HasMemory}, {KnowsTask, KnowsTraining, Composed}),
 }
 
 
@@ -129,7 +130,7 @@ def test_built_in_observations_have_the_protocols_that_they_are_documented_with(
     assert {
         p for p in (EpisodeHook, StepHook, HasMemory, OwnsBuffers, WrittenBySimulator) if isinstance(bound, p)
     } == of_bound
-    assert {p for p in (DrawsPlanes, KnowsTask, Composed) if isinstance(observation, p)} == of_description
+    assert {p for p in (DrawsPlanes, KnowsTask, KnowsTraining, Composed) if isinstance(observation, p)} == of_description
 
 
 def test_the_simulator_writes_what_write_would():

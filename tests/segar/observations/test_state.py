@@ -166,6 +166,52 @@ def test_equal_states_look_equal_in_training_and_test_levels_and_from_a_file(tmp
     np.testing.assert_array_equal(observe(normalised, levels[2]), from_file[2:3])
 
 
+def heavier(by):
+    """Levels of golf balls whose mass is uniform, ``by`` more than elsewhere."""
+    ball = (GolfBall, 1)
+    return segar.LevelDistribution(
+        numbers=[ball, (GoalTile, 1)],
+        priors=[
+            segar.Prior(Position, segar.RandomUniformLocation()),
+            segar.Prior(Mass, segar.UniformNoise(1 + by, 2 + by), entity_type=GolfBall),
+        ],
+    )
+
+
+MASS = StateVector(entities=["golfball"], factors=[Mass], normalise=True)
+
+
+@pytest.mark.parametrize(
+    ("described", "read"),
+    [
+        (MASS, lambda seen: seen),
+        (segar.observations.Stack(MASS, 2), lambda seen: seen[:, :1]),
+        ({"mass": MASS, "all": "state"}, lambda seen: seen["mass"]),
+        ((MASS,), lambda seen: seen[0]),
+        (segar.observations.OneOf([MASS, MASS]), lambda seen: seen),
+    ],
+)
+def test_a_shift_of_the_test_distribution_is_seen_in_the_units_of_training(described, read):
+    train, test = (heavier(by).sample(50, seed=0) for by in (0.0, 3.0))
+    described = segar.observations.make_observation(described)
+    assert abs(float(read(observe(described, test)).mean())) < 1, "in its own units, the shift is not to be seen"
+    trained = segar.observations.trained_on(described, train)
+    seen, there = (read(observe(trained, levels))[:, 0] for levels in (train, test))
+    np.testing.assert_array_equal(seen, read(observe(described, train))[:, 0])
+    mass, more = (levels.values[:, 0, levels.layout.columns[Mass]] for levels in (train, test))
+    np.testing.assert_allclose(there - seen, (more - mass) * 12**0.5, rtol=0.05)  # 1/√12: the spread over one unit
+    again = segar.observations.trained_on(trained, test)
+    np.testing.assert_array_equal(read(observe(again, test))[:, 0], there)
+
+
+def test_levels_by_hand_have_the_units_of_training():
+    train, by_hand = heavier(0.0).sample(3, seed=0), segar.Levels.from_entities([[GolfBall({Mass: 1.5}), GoalTile()]])
+    seen = observe(MASS.trained_on(train), by_hand)
+    assert abs(float(seen[0, 0])) < 0.2
+    with pytest.raises(segar.errors.SegarError, match="measured_on must be a level set"):
+        StateVector(normalise=True, measured_on=heavier(0.0))
+
+
 def test_levels_that_know_no_prior_are_not_normalised():
     by_hand = segar.Levels.from_entities([[GolfBall(), GoalTile()]])
     with pytest.raises(
