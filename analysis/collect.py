@@ -183,7 +183,7 @@ def read_runs(plan: Mapping[str, Any]) -> Collected:
             tables["levels"].append(level_rows(played, {**place, "test": row["test"]}))
     tables["runs"].append(pd.DataFrame(runs))
     tables["transfers"].append(pd.DataFrame(transfers))
-    joined = {name: join(parts) for name, parts in tables.items()}
+    joined = {name: with_level_seeds(join(parts)) for name, parts in tables.items()}
     for name in ("runs", "transfers"):
         joined[name] = sort_rows(joined[name])
     return Collected(**joined, missing=pd.DataFrame(missing, columns=["run", "reason"]))
@@ -279,6 +279,13 @@ def join(parts: Sequence[pd.DataFrame]) -> pd.DataFrame:
     """One table with the rows of all, sorted by run; empty where there are no rows."""
     there = [part for part in parts if len(part)]
     return pd.concat(there).sort_values("run", kind="stable", ignore_index=True) if there else pd.DataFrame()
+
+
+def with_level_seeds(table: pd.DataFrame) -> pd.DataFrame:
+    """The table with ``levels.seed`` in all rows, where any row has it: it is the seed of the run where nothing else is said."""
+    if "levels.seed" not in table:
+        return table
+    return table.assign(**{"levels.seed": table["levels.seed"].fillna(table["seed"]).astype(np.int64)})
 
 
 def runs_of(plan: Mapping[str, Any]) -> dict[str, tuple[list[str], list[str], bool]]:

@@ -116,7 +116,7 @@ class RunTask:
 
     ``imported``: the name by which tables of another machine hold the run; empty where they do not.
     ``whole``: whether they hold all results of it.
-    ``changed``: the parts of the code that are others than when the run, which is finished, was made.
+    ``changed``: the parts of the code that are others than when the run, finished or not, was made.
     ``retested``: names of the folders of transfers that other code made, which are to be made anew.
     """
 
@@ -134,21 +134,31 @@ class RunTask:
 
     def is_done_here(self) -> bool:
         """Whether run folders have all of it."""
-        if self.changed and self.run.stale == "anew":
+        if self.is_anew():
             return False
         return is_finished(folder_path(self.run)) and not self.transfers_left() and not self.needs_probing()
 
+    def is_anew(self) -> bool:
+        """Whether the run is trained anew, whatever its folder holds."""
+        return self.run.restart or (bool(self.changed) and self.run.stale == "anew")
+
     def transfers_left(self) -> list[Transfer]:
-        """The transfers that are still to be made."""
+        """The transfers that are still to be made; all where the run is trained anew."""
+        if self.is_anew():
+            return list(self.transfers)
         return [one for one in self.transfers if not one.is_done(self.run) or one.folder_name() in self.retested]
 
     def needs_probing(self) -> bool:
-        """Whether the run is to be probed, and its folder has no such probes."""
-        return not self.whole and self.probes is not None and not is_probed(self.run, self.probes)
+        """Whether the run is to be probed, and its folder has no such probes, or is made anew."""
+        if self.whole or self.probes is None:
+            return False
+        return self.is_anew() or not is_probed(self.run, self.probes)
 
     def frames_left(self) -> int:
         """Frames that are still to be trained; the journal says how many an interrupted run has."""
         folder = folder_path(self.run)
+        if self.is_anew() and not self.whole:
+            return self.run.scale.frames
         if self.whole or is_finished(folder):
             return 0
         done = max((entry.get("frames", 0) for entry in read_journal(folder)), default=0) if folder.exists() else 0

@@ -2,14 +2,21 @@
 
 import dataclasses
 import re
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 from experiments.evaluation.transfers import RunTask
 from experiments.levels.builders import check_observations, distribution_of, environment_options
 from experiments.levels.mixed_levels import check_fits, places
-from experiments.reproduction.experiment_file import OF_TASK, Experiment, claim_config
-from experiments.reproduction.grid import run_columns, varied_columns
+from experiments.reproduction.experiment_file import OF_TASK, ClaimConfig, Experiment, claim_config
+from experiments.reproduction.grid import (
+    AGENT_SEED,
+    NUMBERS_OF_LEVELS,
+    kind_columns,
+    run_columns,
+    to_be_equal,
+    varied_columns,
+)
 from experiments.runs.run_folder import RESULTS
 from experiments.settings import ConfigError, LevelsConfig, RunConfig, grid_point, import_object
 from segar.errors import LevelError, SegarError, did_you_mean
@@ -76,6 +83,7 @@ def check_claims(experiment: Experiment, works: Sequence[RunTask]) -> None:
         place_columns = {"panel": cell.panel, "levels": cell.count, "seed": run.levels.seed}
         columns = {**run_columns(run, ""), **place_columns, **varied_columns(run, varied)}
         columns_of.append((work, {name: str(value) for name, value in columns.items()}))
+        columns_of[-1][1][AGENT_SEED] = str(run.seed)
         for name, value in columns_of[-1][1].items():
             known.setdefault(name, set()).add(value)
     labels = sorted({one.label for work in works for one in work.transfers if one.mixture is None})
@@ -86,6 +94,8 @@ def check_claims(experiment: Experiment, works: Sequence[RunTask]) -> None:
             raise ConfigError(
                 f"{place}.tested_on: no agent is tested on '{claim.tested_on}'; {there}.{did_you_mean(claim.tested_on, labels)}"
             )
+        if ":" in claim.test:
+            import_object(claim.test, f"{place}.test")
         for key, columns in (("of", [claim.of]), ("against", [claim.against]), ("given", claim.given)):
             for column in columns:
                 check_setting(f"{place}.{key}", column, known)
@@ -109,6 +119,39 @@ def check_claims(experiment: Experiment, works: Sequence[RunTask]) -> None:
                             f"{place}.tested_on: no agent with {column}={value} is tested on '{claim.tested_on}': its own test"
                             " levels are others, and it has no such transfer. Leave levels.test out, or compare other agents"
                         )
+        if claim.test == "difference":
+            check_pairs(place, claim, [columns for work, columns in columns_of if counts(claim, work, columns, works)])
+
+
+def counts(claim: ClaimConfig, work: RunTask, columns: Mapping[str, str], works: Sequence[RunTask]) -> bool:
+    """Whether a run, which has these columns, is one that a claim is about."""
+    for name, value in claim.where.items():
+        values = value if isinstance(value, list | tuple) else [value]
+        if name in columns and columns[name] not in map(str, values):
+            return False
+    return not claim.tested_on or is_tested_on(claim.tested_on, work, works)
+
+
+def check_pairs(place: str, claim: ClaimConfig, runs: Sequence[Mapping[str, str]]) -> None:
+    """Raises :class:`ConfigError` if the claim compares two values of a column, and no two of these runs, each with its columns,
+    differ in it alone, as :func:`analysis.report.study.claims.differences` pairs them."""
+    ((by, (first, second)),) = claim.between.items()
+    if not runs or by not in runs[0]:  # what only results say, such as a column of figures
+        return
+    parts = [[run for run in runs if run[by] == str(value)] for value in (first, second)]
+    for value, part in zip((first, second), parts, strict=True):
+        if not part:
+            raise ConfigError(f"{place}.between: no run that counts has {by}={value}")
+    shared = [name for name in ("family", "difficulty") if {one[name] for one in parts[0]} & {one[name] for one in parts[1]}]
+    size = [] if by in NUMBERS_OF_LEVELS else ["n"]
+    kinds = to_be_equal(dict.fromkeys([*kind_columns(runs[0]), *(name for name in runs[0] if "." in name)]), by)
+    at = [name for name in (*shared, *size, "seed", AGENT_SEED, *kinds) if name != by]
+    places = [{tuple(run[name] for name in at) for run in part} for part in parts]
+    if not places[0] & places[1]:
+        raise ConfigError(
+            f"{place}.between: no two runs are equal but for {by}={first} and {second}, so that it cannot be tested: runs are"
+            f" compared that have the same {', '.join(at)}"
+        )
 
 
 def is_tested_on(label: str, work: RunTask, works: Sequence[RunTask]) -> bool:

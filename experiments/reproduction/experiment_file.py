@@ -227,6 +227,8 @@ class ClaimConfig:
         require(
             self.test != "difference" or bool(self.between), "between", {}, "a column with two values, for a difference"
         )
+        is_other = self.test != "correlation" or self.of not in (self.against, *self.given)
+        require(is_other, "of", self.of, "another column than those that it is correlated with, or that are given")
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """The runs of an experiment's grid: every combination of what it names, as settings, and as columns of a table."""
 
 import dataclasses
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from functools import cache
 from itertools import product
 from typing import Any
@@ -21,6 +21,12 @@ from experiments.settings import (
     paper_seeds,
     run_config,
 )
+
+
+KINDS = ("algorithm", "observation", "task", "variation", "design")  # columns that may tell agents apart
+NUMBERS_OF_LEVELS = ("n", "levels", "log_n", "cell")  # columns that say how many training levels there are
+AGENT_SEED, LEVEL_SEED = "seed of the agent", "seed of the levels"  # columns of a study's runs
+KIND = ".kind"  # ends the names of columns without the settings that a grid varies
 
 
 def grid_runs(grid: GridConfig, base: RunConfig) -> Iterable[RunConfig]:
@@ -91,12 +97,17 @@ def run_columns(config: RunConfig, name: str) -> dict[str, Any]:
         "n": cell.count,
         "algorithm": config.algorithm.name,
         "observation": name_with_options(config.observation.name, config.observation.options),
-        "task": name_with_options(config.task.name.rpartition(":")[2], config.task.options),
+        "task": name_with_options(task_column(config), config.task.options),
         "variation": levels.variation,
         "design": levels.design,
         "seed": cell.seed,
         "run": name,
     }
+
+
+def task_column(config: RunConfig) -> str:
+    """The task's name in tables, without its module."""
+    return config.task.name.rpartition(":")[2]
 
 
 def name_with_options(name: str, options: Mapping[str, Any]) -> str:
@@ -106,9 +117,31 @@ def name_with_options(name: str, options: Mapping[str, Any]) -> str:
 
 
 def varied_columns(config: RunConfig, varied: Iterable[str]) -> dict[str, str]:
-    """The settings that a grid varies, by their dotted names, as tables of results have them."""
-    stated = flat(config.identity())
-    return {name: str(stated.get(name)) for name in varied}
+    """The settings that a grid varies, by their dotted names, as tables of results have them.
+
+    Where the grid varies settings of the observation or of the task, ``observation.kind`` or ``task.kind`` is what remains of
+    it without these: the columns ``observation`` and ``task`` contain their options.
+    """
+    stated, varied = flat(config.identity()), list(varied)
+    found = {name: str(stated.get(name)) for name in varied}
+    parts = (("observation", config.observation, config.observation.name), ("task", config.task, task_column(config)))
+    for group, part, whole in parts:
+        if any(name.startswith(f"{group}.") for name in varied):
+            others = {key: one for key, one in flat(part.options).items() if f"{group}.options.{key}" not in varied}
+            name = "" if f"{group}.name" in varied else whole
+            found[group + KIND] = name_with_options(name, others)
+    return found
+
+
+def to_be_equal(names: Iterable[str], by: str) -> list[str]:
+    """Of columns that tell kinds of agents apart, those in which two runs are equal that differ in the column ``by`` alone: not
+    itself, nor what it contains, such as ``observation.options.gain`` where whole observations are compared."""
+    return [one for one in names if by != "agent" and one != by and not one.startswith(f"{by}.")]
+
+
+def kind_columns(known: Collection[str]) -> list[str]:
+    """The columns of :data:`KINDS`, of which a table has ``known``; ``observation.kind`` in place of ``observation``."""
+    return [f"{name}{KIND}" if f"{name}{KIND}" in known else name for name in KINDS if name in known]
 
 
 @cache

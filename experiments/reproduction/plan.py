@@ -132,7 +132,7 @@ def make_plan(
     def known(work: RunTask) -> RunTask:
         label = work.run.label()
         retested = changed.retested(label) if work.run.stale == "anew" else frozenset()
-        parts = tuple(changed.finished.get(label, ()))
+        parts = tuple({**changed.unfinished, **changed.finished}.get(label, ()))
         name, whole = stored.get(label, ("", False))
         return dataclasses.replace(work, imported=name, whole=whole, changed=parts, retested=retested)
 
@@ -249,7 +249,7 @@ class Speeds:
         evaluation = self.evaluation.get(kind, ASSUMED_EVALUATION)
         left = len(work.transfers_left()) * TRANSFER_SHARE * evaluation
         left += self.seconds_of_probes(work)
-        if is_finished(folder_path(run)):
+        if is_finished(folder_path(run)) and not work.is_anew():
             return left
         return left + evaluation + work.frames_left() / self.frames.get(kind, assumed_speed(run))
 
@@ -341,14 +341,16 @@ def as_text(plan: ReproductionPlan, speeds: Speeds, processes: int, scale: Scale
 
 def repetitions(plan: ReproductionPlan) -> list[str]:
     """A sentence about agents that share a level set, if there are any."""
-    agents: dict[str, set[int]] = {}
+    agents: dict[tuple[str, ...], set[int]] = {}
     for run in (work.run for work in plan.runs):
-        agents.setdefault(digest({**run.identity(), "seed": ""}), set()).add(run.seed)
-    shared = [len(seeds) for seeds in agents.values() if len(seeds) > 1]
+        levels = run.levels  # the sets of a seed contain each other, and are one
+        level_set = (levels.train, levels.variation, levels.design, str(levels.seed))
+        agents.setdefault((*level_set, digest({**run.identity(), "seed": ""})), set()).add(run.seed)
+    shared = {key: len(seeds) for key, seeds in agents.items() if len(seeds) > 1}
     if not shared:
         return []
     return [
-        f"{len(shared)} level sets are each trained on by {max(shared)} agents of a kind: intervals are over level sets, so "
+        f"{len({key[:-1] for key in shared})} level sets are each trained on by {max(shared.values())} agents of a kind: intervals are over level sets, so "
         "more agents on one set make them no shorter; more level sets do (grid.seeds without grid.level_sets)."
     ]
 

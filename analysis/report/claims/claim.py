@@ -66,12 +66,13 @@ class Claim:
     needs: str = ""  # where it cannot be tested: what would make it so
     note: str = ""
     of: str = OF_PAPER
+    runs: str = LEARNED  # which runs its verdict is about
 
-    def verdict(self, settings: str = METRIC_2022, runs: str = LEARNED) -> str:
+    def verdict(self, settings: str = METRIC_2022, runs: str = "") -> str:
         """The verdict in these settings; empty where the claim has no test in them, but has in others."""
         if self.findings and not self.has(settings):
             return ""
-        return verdicts.combined(one.verdict for one in self.tests(settings, runs))
+        return verdicts.combined(one.verdict for one in self.tests(settings, runs or self.runs))
 
     def has(self, settings: str) -> bool:
         """Whether there is any test in these settings."""

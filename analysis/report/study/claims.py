@@ -7,15 +7,16 @@ import numpy as np
 import pandas as pd
 
 from analysis.report.claims import verdicts
-from analysis.report.claims.claim import Claim, Finding, small_difference
+from analysis.report.claims.claim import ALL_RUNS, Claim, Finding, small_difference
 from analysis.report.number_format import plain
 from analysis.report.results import PANEL, paired
 from analysis.report.rules import MARGINS
-from analysis.report.study.reading import AGENT_SEED, LEVEL_SEED, OWN_UNITS, Study
+from analysis.report.study.reading import OWN_UNITS, Study
 from analysis.runs import column_name, number_of_pairs
 from analysis.stats.estimate import Estimate
 from analysis.tables import column, keep
 from experiments.reproduction.experiment_file import SIGNS, ClaimConfig, claim_config
+from experiments.reproduction.grid import AGENT_SEED, LEVEL_SEED, NUMBERS_OF_LEVELS, to_be_equal
 from experiments.settings import ConfigError, import_object
 from segar.errors import SegarError
 
@@ -47,7 +48,8 @@ def claim_of(study: Study, name: str, claim: ClaimConfig) -> Claim:
         return Claim(
             name, claim.says, words, needs=f"other runs ({found.note or 'nothing can be computed from these'})"
         )
-    return Claim(name, claim.says, words, (Finding(TESTED, words, measure, found, margin, sign),), note=expected)
+    finding = Finding(TESTED, words, measure, found, margin, sign, ALL_RUNS)  # a study has no gate
+    return Claim(name, claim.says, words, (finding,), note=expected, runs=ALL_RUNS)
 
 
 def tested(study: Study, name: str, claim: ClaimConfig) -> tuple[str, str, Estimate, float]:
@@ -64,6 +66,8 @@ def tested(study: Study, name: str, claim: ClaimConfig) -> tuple[str, str, Estim
     if claim.test == "correlation":
         against, given = named(rows, "against", claim.against), [named(rows, "given", one) for one in claim.given]
         rows = keep(rows, np.isfinite(column(rows, of)) & np.isfinite(column(rows, against)))
+        if {of, against} & {*given} or np.array_equal(column(rows, of), column(rows, against), equal_nan=True):
+            raise ConfigError(f"of: {of}, against: {against}, given: {given}: a column has no correlation with itself")
         words = f"{of} against {against}" + (f", given {', '.join(given)}" if given else "")
         found = study.evidence.correlation(rows, against, of, given)
         return words, "partial Pearson r" if given else "Pearson r", found, claim.margin or MARGINS["correlation"]
@@ -96,7 +100,8 @@ def differences(
     levels = (
         LEVEL_SEED if np.any(column(rows, LEVEL_SEED) != column(rows, "seed")) else "seed"
     )  # several seeds may have given one level set
-    at = [one for one in (*shared, "n", levels, AGENT_SEED, *study.told_apart) if one != by]
+    size = [] if by in NUMBERS_OF_LEVELS else ["n"]
+    at = [one for one in (*shared, *size, levels, AGENT_SEED) if one != by] + to_be_equal(study.told_apart, by)
     for value, part in zip((first, second), parts, strict=True):
         if part.empty:
             raise ConfigError(

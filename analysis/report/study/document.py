@@ -13,12 +13,13 @@ from analysis.report.document.tables import means
 from analysis.report.number_format import estimate_text, interval, plain, signed
 from analysis.report.results import ETA, paired
 from analysis.report.study.claims import TESTED, WORDS
-from analysis.report.study.reading import LEVEL_SEED, SUCCESS, Study
+from analysis.report.study.reading import SUCCESS, Study
 from analysis.runs import SAME_LEVELS, SHARED_LEVELS
 from analysis.stats.association import labels
 from analysis.stats.estimate import Estimate
 from analysis.stats.resampling import FEWEST_BLOCKS
 from analysis.tables import column, count_of, pick, select
+from experiments.reproduction.grid import LEVEL_SEED
 
 
 def document(study: Study, claims: Sequence[Claim], pictures: Mapping[str, Picture | str]) -> Document:

@@ -16,12 +16,11 @@ from analysis.stats.association import labels
 from analysis.stats.resampling import FEWEST_BLOCKS
 from analysis.tables import count_of, keep, pick, select
 from experiments.reproduction.experiment_file import STUDY
+from experiments.reproduction.grid import AGENT_SEED, KIND, KINDS, LEVEL_SEED, kind_columns
 from experiments.runs.trust import require_trust
 from experiments.settings import ConfigError, RunFolderError, add_module_path, flat
 from segar.errors import did_you_mean
 
-AGENT_SEED, LEVEL_SEED = "seed of the agent", "seed of the levels"
-KINDS = ("algorithm", "observation", "task", "variation", "design")  # columns that may tell agents apart
 NEEDED = ("family", "difficulty", "seed", "n", "run", "w2_exact", "gap_deterministic", "gap_ref_deterministic")
 ALL = "all agents"
 OWN_UNITS = "w2_exact has a unit for each pair of training and test distributions: compare it within a pair."
@@ -121,7 +120,8 @@ def read_study(folder: Path) -> Study:
     merged = table["level_set"].fillna(shared) if "level_set" in table else shared
     seeds = {AGENT_SEED: table["seed"], LEVEL_SEED: shared.astype(int), "seed": merged.astype(int)}
     table = table.assign(**seeds)
-    told_apart = [name for name in (*KINDS, *vary) if name in table and count_of(table, name) > 1]
+    known = [name for name in table if table[name].notna().all()]  # tables of earlier releases have no kinds
+    told_apart = [name for name in (*kind_columns(known), *vary) if name in table and count_of(table, name) > 1]
     table = measured(table)
     agent = [agent_name(row, told_apart) for row in table.to_dict("records")]
     return Study(asked, StudyEvidence(results), table.assign(agent=agent, levels=table["n"]), told_apart)
@@ -129,5 +129,5 @@ def read_study(folder: Path) -> Study:
 
 def agent_name(row: Mapping[Any, Any], told_apart: Sequence[str]) -> str:
     """What tells a kind of agents apart, such as ``curl, gamma=0.9``."""
-    words = (str(row[name]) if name in KINDS else f"{name.rpartition('.')[2]}={row[name]}" for name in told_apart)
+    words = (str(row[name]) if name.removesuffix(KIND) in KINDS else f"{name.rpartition('.')[2]}={row[name]}" for name in told_apart)
     return ", ".join(filter(None, words)) or ("default" if told_apart else ALL)

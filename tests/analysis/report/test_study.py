@@ -13,7 +13,7 @@ import segar
 from analysis.collect import collect_tables
 from analysis.report.make import report_results
 from analysis.report.study import claim_of, claim_or_reason, read_study
-from analysis.report.study.figures import in_rounds, success
+from analysis.report.study.figures import in_rounds, of_all_runs, success
 from analysis.stats.estimate import Estimate
 from experiments.commands.config_store import register_settings
 from experiments.commands.hydra_app import compose_data, initialized
@@ -190,6 +190,7 @@ def test_what_is_not_testable_is_printed_with_the_reason(tmp_path, capsys):
         ({"of": "results/distanse_to_goal_test"},
          "claims.mine.of: no task has a result 'distanse_to_goal', as results/distanse_to_goal_test asks: puttputt"),
         ({"on": "empty-hard"}, "name the levels of a transfer by tested_on: ...; YAML takes the key `on` for true"),
+        ({"test": "nowhere_to_be:found"}, "claims.mine.test: 'nowhere_to_be:found' cannot be imported"),
         ({True: "empty-hard"}, "name the levels of a transfer by tested_on: ...; YAML takes the key `on` for true"),
     ],
 )  # fmt: skip
@@ -320,6 +321,84 @@ def test_a_window_of_the_learning_curve_holds_an_episode_of_every_environment():
     assert list(found["frames"]) == [30.0, 50.0]  # the first 10 frames are no whole window
     assert list(found["value"]) == pytest.approx([-(1 + 10) / 3, -(2 + 10) / 4])
     assert list(in_rounds(rows, 100.0)["value"]) == pytest.approx([np.average(rows["value"], weights=rows["episodes"])])
+
+
+def test_the_runs_of_a_curve_have_the_same_windows_and_points_of_all_of_them():
+    """The second run ends no episode in its last frames, and the third none in its first."""
+    times = {"a": [10, 20, 30, 40], "b": [10, 20, 30], "c": [30, 40]}
+    rows = pd.DataFrame([
+        {"run": run, "panel": "p", "n": 1, "frames": one, "value": -1.0, "episodes": 1}
+        for run, frames in times.items() for one in frames
+    ])  # fmt: skip
+    found = in_rounds(rows, 20.0)
+    assert {run: list(part["frames"]) for run, part in found.groupby("run")} == {
+        "a": [20.0, 40.0], "b": [20.0, 40.0], "c": [40.0],
+    }  # fmt: skip
+    assert set(of_all_runs(found)["frames"]) == {40.0}
+    other = found.assign(panel="q")
+    assert len(of_all_runs(pd.concat([found, other], ignore_index=True))) == 6, "curves of other panels count by themselves"
+
+
+OPTIONS = {"title": "x", "settings": STUDY["settings"], "claims": {}}
+
+
+@pytest.mark.parametrize(
+    ("group", "option", "values", "agents"),
+    [
+        ("observation", "hidden", [[], ["Mass"]], ["state, hidden=['Mass']", "state, hidden=[]"]),
+        ("task", "max_steps", [10, 20], ["max_steps=10", "max_steps=20"]),
+    ],
+)
+@pytest.mark.parametrize("whole", [False, True])
+def test_values_of_an_option_are_compared_by_their_own_name_and_by_the_whole(tmp_path, group, option, values, agents, whole):
+    name = f"{group}.options.{option}"
+    grid = {"families": ["empty-easy"], "counts": [1, 10], "seeds": 3, "vary": {name: values}}
+    folder = made(tmp_path, {**OPTIONS, "grid": grid})
+    study = read_study(folder)
+    assert len(study.agents) == 2 and all(one.endswith(two.split(", ")[-1]) for one, two in zip(study.agents, agents))
+    between = {group: sorted(set(study.runs[group]))} if whole else {name: values}
+    claim = ClaimConfig("x", "difference", "none", between=between)
+    assert claim_of(study, "mine", claim).findings[0].found.n == 6
+    stated = {"mine": {"says": "x", "test": "difference", "expected": "none", "between": between}}
+    made(tmp_path / "again", {**OPTIONS, "grid": grid, "claims": stated})
+
+
+def test_a_claim_of_pairs_that_no_runs_make_ends_the_plan(tmp_path):
+    between = {"n": [10, 1]}
+    claims = {"size": {"says": "x", "test": "difference", "expected": "none", "between": between}}
+    grid = {"families": ["empty-easy"], "counts": [1, 10], "seeds": 3}
+    made(tmp_path / "nested", {**OPTIONS, "grid": grid, "claims": claims})
+    with pytest.raises(ConfigError, match="claims.size.between: no two runs are equal but for n=10 and 1"):
+        made(tmp_path / "apart", {**OPTIONS, "grid": {**grid, "nested": False}, "claims": claims})
+    claims["size"]["where"] = {"n": 10}
+    with pytest.raises(ConfigError, match="claims.size.between: no run that counts has n=1"):
+        made(tmp_path / "where", {**OPTIONS, "grid": grid, "claims": claims})
+
+
+def test_numbers_of_levels_are_compared_by_each_of_their_names(folder):
+    for name in ("n", "levels"):
+        claim = ClaimConfig("x", "difference", "none", between={name: [10, 1]})
+        assert claim_of(read_study(folder), "mine", claim).findings[0].found.n == 24
+
+
+def test_a_study_has_no_gate_and_says_so(folder):
+    claim = claim_of(read_study(folder), "mine", ClaimConfig("x", "mean", "negative"))
+    assert claim.findings[0].runs == "all runs" and claim.verdict("tested") == "supported"
+
+
+def test_a_column_is_not_correlated_with_itself(folder):
+    with pytest.raises(ConfigError, match="it must be another column than those that it is correlated with"):
+        ClaimConfig("x", "correlation", "none", of="n", given=("n",))
+    for claim in ({"against": "gap_deterministic"}, {"given": ("w2_exact",)}):
+        with pytest.raises(ConfigError, match="a column has no correlation with itself"):
+            claim_of(read_study(folder), "mine", ClaimConfig("x", "correlation", "none", **claim))
+
+
+def test_crossed_level_sets_have_a_seed_in_every_row(tmp_path):
+    grid = {"families": ["empty-easy"], "counts": [1], "seeds": 2, "level_sets": 2}
+    folder = made(tmp_path, {**OPTIONS, "grid": grid})
+    table = pd.read_parquet(folder / "runs.parquet")
+    assert sorted(zip(table["seed"], table["levels.seed"], strict=True)) == [(1, 1), (1, 2), (2, 1), (2, 2)]
 
 
 def test_success_has_a_line_for_training_and_one_for_test_levels_inside_the_axes(folder):

@@ -7,7 +7,7 @@ import socket
 import pytest
 
 from experiments.reproduction.experiment_file import experiment_at
-from experiments.reproduction.plan import as_text, in_minutes, make_plan, measure_speeds
+from experiments.reproduction.plan import Speeds, as_text, in_minutes, make_plan, measure_speeds
 from experiments.runs.executed_code import executed_code
 from experiments.runs.run_folder import CHECKPOINT, JOURNAL, SUMMARY, folder_path, write_json
 from experiments.settings import ConfigError, ScaleConfig
@@ -125,6 +125,28 @@ def test_transfers_of_other_code_are_refused_kept_or_made_anew_without_their_run
     assert kept.runs[0].is_done() and f"{told}/evaluations/" in kept.other_code and "are kept" in kept.other_code
     assert not anew.runs[0].is_done() and "made anew" in anew.other_code
     assert (anew.runs[0].transfers_left(), anew.runs[0].frames_left()) == ([first], 0)
+
+
+@pytest.mark.parametrize("whole", [True, False])
+def test_a_plan_counts_the_frames_of_runs_that_are_made_anew(tmp_path, whole):
+    files = {"harder": {**HARDER, "grid": {"counts": [1], "difficulties": ["easy"]}}}
+    (work,) = plan_of(tmp_path, **files).runs
+    folder = write_run(work.run, code={**executed_code(work.run), "kernel": "another"})
+    if not whole:
+        (folder / SUMMARY).unlink()
+        (folder / CHECKPOINT).parent.mkdir()
+        (folder / CHECKPOINT).touch()
+    anew = plan_of(tmp_path, stale="anew", **files)
+    (work,) = anew.runs
+    speeds = Speeds({}, {}, 0)
+    assert work.frames_left() == 1000 and work.transfers_left() == list(work.transfers)
+    assert speeds.seconds(work) == speeds.seconds(dataclasses.replace(work, changed=(), run=unmade(work.run, tmp_path)))
+    assert "1 to do with 1,000 frames" in as_text(anew, speeds, 1, SCALE)
+
+
+def unmade(run, root):
+    """The same run, where nothing is made yet."""
+    return dataclasses.replace(run, root=str(root / "elsewhere"))
 
 
 def test_an_unfinished_run_of_other_code_is_refused_before_others_are_trained(tmp_path):

@@ -178,7 +178,7 @@ def test_level_sets_cross_agents_and_the_plan_says_that_they_are_shared(tmp_path
     experiment = experiment_at("mine", data, "single")
     base = compose([f"root={tmp_path}/runs", "observation=state"])
     text = as_text(make_plan([experiment], base, tmp_path / "results"), measure_speeds(tmp_path), 1, base.scale)
-    assert "12 level sets are each trained on by 2 agents of a kind" in text
+    assert "6 level sets are each trained on by 2 agents of a kind" in text
 
 
 def test_level_sets_that_are_not_nested_have_seeds_of_their_own(tmp_path):
