@@ -9,14 +9,13 @@ import numpy as np
 import scipy
 
 from segar.errors import UnseenDifferenceWarning
-from segar.language import Alive, Done, Entity, Factor, Parameter, Visible
+from segar.language import Entity, Factor, Order, Parameter, Tile
 from segar.levels import LevelDistribution, Levels, checks, entity_types, moments
-from segar.metrics.points import all_parameters
+from segar.metrics.points import IRRELEVANT, Spread, all_parameters, relevant_factors
 from segar.rules import World
 
-FLAGS: tuple[type[Factor], ...] = (Visible, Alive, Done)
-"""The factors among ``segar.metrics.points.IRRELEVANT`` that an episode may depend on; the rest follow from others, concern
-drawing, or no rule reads them."""
+LEFT_OUT = tuple(factor for factor in IRRELEVANT if factor is not Order)
+"""The factors that the mode ``exact`` leaves out and of which the numbers count; of Order, which of two tiles lies on top."""
 
 SIGNIFICANT = 1e-3  # two-sample test below which values speak against one distribution
 # Differences of a mean, and of a spread, in spreads: beyond what a sample of 2000 levels makes by chance.
@@ -32,7 +31,8 @@ def unseen_differences(
 
     No distance sees rules and contacts. The modes ``reference`` and ``paper`` of :func:`segar.metrics.w2` do not see world
     parameters, and ``reference`` takes entity types that have the same factors for one. The mode ``exact``, KS and all
-    other distances see these, and leave out whether things are visible, alive or done at the start.
+    other distances see these, and leave out what things have at the start of Visible, Alive, Done, Acceleration, Drag and
+    Density, and by their Order, which of two tiles lies on top of the other.
 
     Whether numbers differ is decided by mean and spread of the distributions that the levels come from, and by a
     two-sample test of the levels at hand. Rules differ if one set has a rule that the other lacks; levels from a file know
@@ -61,9 +61,11 @@ def unseen_differences(
         found += [
             f"factor {factor.__name__} of {kind.__name__}: {_ranges(sets, kind, factor)}; modes 'reference' and 'paper' see it"
             for kind in present[0]
-            for factor in FLAGS
+            for factor in LEFT_OUT
             if kind in present[1] and factor in kind.declared and _differ(sets, kind, factor)
         ]
+        tiles = [kind for kind in present[0] if issubclass(kind, Tile) and Order in kind.declared]
+        found += _piles(sets, [kind for kind in tiles if kind in present[1]])
     if mode == "reference":
         found += _merged_types(sets)
     return (*found, *_rules(*sets))
@@ -75,9 +77,13 @@ def warn_of_unseen(
     b: Levels | LevelDistribution,
     mode: str = "exact",
     factors: Sequence[type[Factor]] | None = None,
+    scale: Spread | None = None,
 ) -> tuple[str, ...]:
-    """The :func:`unseen_differences`, after one warning that names them; none where the caller chose the ``factors``."""
+    """The :func:`unseen_differences`, after one warning that names them; none where the caller chose the ``factors``. Where the
+    caller chose the ``scale``, also what differs and has no weight because it has no spread there."""
     found = unseen_differences(a, b, mode) if factors is None else ()
+    if scale is not None and mode == "exact":
+        found += _without_weight([_levels(one) for one in (a, b)], scale, factors)
     if found:
         of_mode = f" in mode '{mode}'" if mode != "exact" else ""
         warnings.warn(
@@ -104,15 +110,68 @@ def _levels(one: Levels | LevelDistribution) -> Levels:
     return one
 
 
+def _without_weight(
+    sets: Sequence[Levels], scale: Spread, factors: Sequence[type[Factor]] | None
+) -> tuple[str, ...]:
+    """The factors and world parameters in which the sets differ, and that have no spread in ``scale``."""
+    present = [entity_types(one) for one in sets]
+    owned = [(kind, f) for kind in present[0] if kind in present[1] for f in relevant_factors(kind, factors)]
+    owned += [(Parameter, p) for p in all_parameters(*sets) if factors is None or p in factors]
+    return tuple(
+        f"{'parameter' if owner is Parameter else 'factor'} {factor.__name__}"
+        f"{'' if owner is Parameter else f' of {owner.__name__}'}: {_ranges(sets, owner, factor)}; it has no spread in the"
+        " given scale, and so no weight"
+        for owner, factor in owned
+        if not scale.get((owner, factor), 0.0) > 0.0 and _differ(sets, owner, factor)
+    )
+
+
+def _piles(sets: Sequence[Levels], kinds: Sequence[type[Entity]]) -> list[str]:
+    """The pairs of kinds of tiles of which another one lies on top in each set; the topmost tile carries things."""
+    sources = [levels.provenance.distribution for levels in sets]
+    if sources[0] and sources[0] == sources[1]:
+        return []
+    found = []
+    for k, kind in enumerate(kinds):
+        for other in kinds[k + 1 :]:
+            x, y = (_above(levels, kind, other) for levels in sets)
+            if not (len(x) and len(y)):
+                continue
+            apart = x.max() < y.min() or y.max() < x.min()
+            if apart or scipy.stats.mannwhitneyu(x, y).pvalue < SIGNIFICANT:
+                found.append(
+                    f"factor Order: {kind.__name__} lies above {other.__name__} in {x.mean():.0%} against {y.mean():.0%} of"
+                    " their pairs; modes 'reference' and 'paper' see the numbers"
+                )
+    return found
+
+
+def _above(levels: Levels, kind: type[Entity], other: type[Entity]) -> np.ndarray:
+    """In how many pairs of a level's tiles of two kinds the one of ``kind`` lies above, a tie counted half, as a share of
+    them, float64 ``[level]``; levels without such a pair are left out."""
+    types, order = levels.layout.types, levels.values[..., levels.layout.columns[Order]]
+    one, two = (levels.types == types.index(which) for which in (kind, other))
+    first, second = one.any(axis=0), two.any(axis=0)  # slots that hold such a tile in some level
+    pairs = one[:, first, None] & two[:, None, second]
+    difference = order[:, first, None] - order[:, None, second]  # the lowest order lies on top
+    above = np.where(pairs, (difference < 0) + 0.5 * (difference == 0), 0.0).sum(axis=(1, 2))
+    number = pairs.sum(axis=(1, 2))
+    return above[number > 0] / number[number > 0]
+
+
 def _values(levels: Levels, owner: type, factor: type[Factor]) -> np.ndarray:
-    """The numbers of a factor of one entity type, or of a world parameter, float64 ``[number]``."""
+    """The numbers of a factor of one entity type, or of a world parameter, float64 ``[number, component]``."""
     if owner is Parameter:
-        return moments.gather_parameters(levels, [factor]).points[:, 0]  # type: ignore[list-item]
-    return moments.gather_state(levels, owner, [factor]).points[:, 0]
+        return moments.gather_parameters(levels, [factor]).points  # type: ignore[list-item]
+    return moments.gather_state(levels, owner, [factor]).points
 
 
 def _differ(sets: Sequence[Levels], owner: type, factor: type[Factor]) -> bool:
-    x, y = (_values(levels, owner, factor) for levels in sets)
+    return any(_component_differs(sets, owner, factor, k) for k in range(factor.width))
+
+
+def _component_differs(sets: Sequence[Levels], owner: type, factor: type[Factor], k: int) -> bool:
+    x, y = (_values(levels, owner, factor)[:, k] for levels in sets)
     if len(np.unique(np.concatenate([x, y]))) == 1:
         return False
     method = "exact" if max(len(x), len(y)) <= 1000 else "asymp"
@@ -122,21 +181,25 @@ def _differ(sets: Sequence[Levels], owner: type, factor: type[Factor]) -> bool:
     if sources[0] and sources[0] == sources[1]:
         return False
     (mean_x, spread_x), (mean_y, spread_y) = (
-        _mean_and_spread(levels, values, owner, factor) for levels, values in zip(sets, (x, y), strict=True)
+        _mean_and_spread(levels, values, owner, factor, k) for levels, values in zip(sets, (x, y), strict=True)
     )
     return max(abs(mean_x - mean_y), abs(spread_x - spread_y)) > MATERIAL * max(spread_x, spread_y)
 
 
-def _mean_and_spread(levels: Levels, values: np.ndarray, owner: type, factor: type[Factor]) -> tuple[float, float]:
+def _mean_and_spread(
+    levels: Levels, values: np.ndarray, owner: type, factor: type[Factor], k: int
+) -> tuple[float, float]:
     """Mean and spread under the distribution that the levels come from; of the values where none is known."""
     known = moments.source_moments(levels).get((owner, factor))
     if known is None:
         return float(values.mean()), float(values.std())
-    return float(known[0][0]), float(np.sqrt(known[1][0]))
+    return float(known[0][k]), float(np.sqrt(known[1][k]))
 
 
 def _ranges(sets: Sequence[Levels], owner: type, factor: type[Factor]) -> str:
-    ends = [(values.min(), values.max()) for values in (_values(levels, owner, factor) for levels in sets)]
+    """The ranges of the numbers in both sets; of a vector, of its first component that differs."""
+    k = next((k for k in range(factor.width) if _component_differs(sets, owner, factor, k)), 0)
+    ends = [(values.min(), values.max()) for values in (_values(levels, owner, factor)[:, k] for levels in sets)]
     return " against ".join(f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}" for low, high in ends)
 
 

@@ -27,7 +27,8 @@ class Decomposition:
     Attributes:
         value: the distance, as :func:`segar.metrics.w2` returns it.
         parts: (entity type, factor) to its share of ``value`` squared; (entity type, None) is the price of entities
-            without counterpart, and (``Parameter``, parameter) what a world parameter adds. They sum to the square.
+            that are not matched: those without counterpart, and both of a pair that is farther apart than sqrt(2)
+            ``mismatch``, whose factors then have no part; and (``Parameter``, parameter) what a world parameter adds. They sum to the square.
         by_level_a, by_level_b: share of the square that each level has in it, float64 ``[n]`` and ``[m]``; each sums to
             the square.
         unseen: in what the sets differ that the distance does not see; see :func:`segar.metrics.unseen_differences`.
@@ -46,7 +47,7 @@ class Decomposition:
 
     @property
     def by_factor(self) -> dict[str, float]:
-        """Factor's name (``"unmatched"`` for entities without counterpart) to its share of the square, largest first."""
+        """Factor's name (``"unmatched"`` for entities that are not matched) to its share of the square, largest first."""
         return _sums((_factor(factor), part) for (_, factor), part in self.parts.items())
 
     @property
@@ -70,7 +71,7 @@ def decompose(
     Arguments and errors are those of :func:`segar.metrics.w2`. The distance is that of the paper's Algorithm 1.
     """
     units, types = Units.checked("decompose", (a, b), scale, factors), entity_types(a, b)
-    unseen = warn_of_unseen("decompose", a, b, "exact", factors)
+    unseen = warn_of_unseen("decompose", a, b, "exact", factors, scale)
     costs = exact_costs(a, b, types, units, mismatch)
     plan = plan_of(costs)
     i, j = np.nonzero(plan > NEGLIGIBLE)
@@ -221,7 +222,7 @@ def w2_debiased(
     unit = (spread(a, b) if scale is None else scale) if mode == "exact" else None
     options = {"mode": mode, "mismatch": mismatch, "scale": unit, "factors": factors}
     value = _distance("w2_debiased", a, b, options)
-    unseen = warn_of_unseen("w2_debiased", a, b, mode, factors)
+    unseen = warn_of_unseen("w2_debiased", a, b, mode, factors, scale)
     of_a, of_b = (checks.require_distribution("w2_debiased", levels.distribution) for levels in (a, b))
     n, m = len(a), len(b)
     pairs = ((of_a, n), (of_a, m)), ((of_b, n), (of_b, m)), ((of_a, n), (of_b, m))

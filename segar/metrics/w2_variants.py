@@ -90,7 +90,7 @@ def w2_sliced(
     if projections < 2:
         raise LevelError(f"w2_sliced needs at least 2 projections, not {projections}")
     x, y = embed(a, b, scale=scale, mismatch=mismatch, factors=factors)
-    unseen = warn_of_unseen("w2_sliced", a, b, "exact", factors)
+    unseen = warn_of_unseen("w2_sliced", a, b, "exact", factors, scale)
     dimension = x.shape[1]
     if dimension == 0:
         return SlicedW2(0.0, 0.0, 0, unseen)
@@ -127,7 +127,7 @@ def w2_entropic(
     if not 0 < regularisation < np.inf:
         raise LevelError(f"w2_entropic: the regularisation must be a positive number, not {regularisation!r}")
     cost = cost_function("w2_entropic", a, b, mode, mismatch, scale, factors)
-    unseen = warn_of_unseen("w2_entropic", a, b, mode, factors)
+    unseen = warn_of_unseen("w2_entropic", a, b, mode, factors, scale)
     between = cost(a, b)
     epsilon = regularisation * float(between.mean())
     if epsilon == 0.0:
@@ -222,7 +222,7 @@ def w2_unbalanced(
     if not 0 < reach < np.inf:
         raise LevelError(f"w2_unbalanced: reach must be a positive number, not {reach!r}")
     cost = cost_function("w2_unbalanced", a, b, mode, mismatch, scale, factors)(a, b)
-    unseen = warn_of_unseen("w2_unbalanced", a, b, mode, factors)
+    unseen = warn_of_unseen("w2_unbalanced", a, b, mode, factors, scale)
     if divergence == "kl":
         plan = _kl_plan(cost, reach)
         square = float((plan * cost).sum())
@@ -252,7 +252,7 @@ def w2_partial(
     if not 0 < mass <= 1:
         raise LevelError(f"w2_partial: mass must lie in (0, 1], not {mass!r}")
     cost = cost_function("w2_partial", a, b, mode, mismatch, scale, factors)(a, b)
-    unseen = warn_of_unseen("w2_partial", a, b, mode, factors)
+    unseen = warn_of_unseen("w2_partial", a, b, mode, factors, scale)
     if mass == 1:
         plan = plan_of(cost)
     else:

@@ -75,7 +75,9 @@ def w2(
     ``exact``: the sum over entity types of the best partial matching of their entities, of which each matched pair costs
         the squared Euclidean distance of its relevant factors in units of their spread, and each entity left over costs
         ``mismatch`` squared (:func:`segar.metrics.transport.matching_costs`). So counts may differ, and two entities of
-        different types cost two mismatches. Read from the states that episodes start in, world parameters included;
+        different types cost two mismatches. Two entities of one type never cost more than two mismatches squared: farther
+        than sqrt(2) ``mismatch``, by default 4.9 standard deviations, they are left over both, so that the distance stops
+        growing. Read from the states that episodes start in, world parameters included;
         flags, render order and derived factors are left out (``segar.metrics.points.IRRELEVANT``); along a factor with a
         ``period`` the shorter way round counts. It is a metric for a fixed ``scale``, hence among sets that carry one
         distribution.
@@ -96,7 +98,7 @@ def w2(
         mismatch: price of an entity, or type, without counterpart. ``exact``: in standard deviations, default sqrt(12).
             Otherwise in the unscaled units of the vectors, default 100.
         scale: ``exact`` only: the units, from :func:`segar.metrics.spread`; default ``spread(a, b)``. A factor whose
-            spread is 0 or missing has no weight.
+            spread is 0 or missing has no weight; a warning names it if the sets differ in it.
         factors: ``exact`` only: count these factors and no others, e.g. ``[Position]``.
 
     Raises:
@@ -104,12 +106,13 @@ def w2(
 
     Warns:
         UnseenDifferenceWarning: the sets differ in something that the mode leaves out (world parameters in ``reference`` and
-            ``paper``) or that no mode sees (rules); once, with their names. See :func:`segar.metrics.unseen_differences`.
+            ``paper``; flags and the order of tiles in ``exact``), that has no weight in ``scale``, or that no mode sees
+            (rules); once, with their names. See :func:`segar.metrics.unseen_differences`.
 
     Source: the paper's Algorithm 1; Peyré and Cuturi 2019, section 2.
     """
     cost = cost_function("w2", a, b, mode, mismatch, scale, factors)
-    warn_of_unseen("w2", a, b, mode, factors)
+    warn_of_unseen("w2", a, b, mode, factors, scale)
     return float(np.sqrt(emd(cost(a, b))))
 
 
@@ -134,7 +137,7 @@ def w2_report(
     if resamples < 2:
         raise LevelError(f"w2_report needs at least 2 resamples, not {resamples}")
     cost = cost_function("w2_report", a, b, mode, mismatch, scale, factors)
-    unseen = warn_of_unseen("w2_report", a, b, mode, factors)
+    unseen = warn_of_unseen("w2_report", a, b, mode, factors, scale)
     between = cost(a, b)
     value = float(np.sqrt(emd(between)))
     n, m = between.shape

@@ -13,8 +13,8 @@ import segar
 from segar import Ball, GoalTile, GolfBall, Gravity, Mass, Position, Prior
 from segar.cli import main
 from segar.errors import UnseenDifferenceWarning
-from segar.language import Visible
-from segar.metrics import unseen_differences, w2, w2_report
+from segar.language import Density, Drag, Order, SandTile, Tile, Visible
+from segar.metrics import decompose, spread, unseen_differences, w2, w2_report
 
 RNG = np.random.default_rng
 
@@ -202,3 +202,57 @@ def test_the_command_says_what_its_distance_does_not_see(tmp_path, capsys):
     assert "not seen by w2: parameter Blow: " in capsys.readouterr().out
     assert main(["distance", *files, "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["unseen"] == []
+
+
+def piled(sand: int, n: int = 3) -> segar.Levels:
+    """A ball beside a sand tile of this Order and a tile of Order 1 at the same place."""
+    return segar.Levels.from_entities(
+        [
+            [GolfBall({Position: (0.1 * k, 0.0)}), SandTile({Position: (0, 0), Order: sand}), Tile({Position: (0, 0), Order: 1})]
+            for k in range(n)
+        ]
+    )
+
+
+def test_which_tile_lies_on_top_is_named_where_the_exact_mode_does_not_see_it():
+    with pytest.warns(UnseenDifferenceWarning, match=r"Order: SandTile lies above Tile in 100% against 0%") as told:
+        assert w2(piled(0), piled(2)) == 0
+    assert len(told) == 1
+    assert unseen_differences(piled(2), piled(5)) == (), "the numbers differ, and the pile does not"
+
+
+@pytest.mark.parametrize("pair", [("tilesx1-easy", "tilesx3-easy"), ("hazardtilesx1-easy", "hazardtilesx3-hard")])
+def test_tiles_in_random_order_are_no_difference_however_many(pair):
+    a, b = (segar.family(name).sample(300, seed=0) for name in pair)
+    assert unseen_differences(a, b) == ()
+
+
+@pytest.mark.parametrize(
+    ("factor", "here", "there"), [(Density, 1.0, 2.0), (segar.Acceleration, (0, 0), (0, 1)), (Drag, (0, 0), (0, 1))]
+)
+def test_all_that_the_exact_mode_leaves_out_is_named(factor, here, there):
+    a, b = (segar.Levels.from_entities([[GolfBall({factor: value}), GoalTile()]]) for value in (here, there))
+    with pytest.warns(UnseenDifferenceWarning, match=f"factor {factor.__name__} of GolfBall: "):
+        assert w2(a, b) == 0
+    assert unseen_differences(a, a) == ()
+
+
+def test_what_differs_and_has_no_spread_in_the_given_scale_is_named():
+    light, heavy = (segar.Levels.from_entities([[GolfBall({Mass: m}), GoalTile()]], {Gravity: m}) for m in (1.0, 2.0))
+    unit = {**spread(light, heavy), (GolfBall, Mass): 0.0}
+    unit.pop((segar.Parameter, Gravity))
+    with pytest.warns(UnseenDifferenceWarning) as told:
+        assert w2(light, heavy, scale=unit) == 0
+    assert "factor Mass of GolfBall: 1 against 2; it has no spread in the given scale" in str(told[0].message)
+    assert "parameter Gravity: 1 against 2; it has no spread" in str(told[0].message)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        w2(light, heavy, scale=spread(light, heavy))
+        w2(light, heavy, scale=unit, factors=[Position])
+
+
+def test_a_distance_stops_growing_where_two_entities_are_not_matched_any_more():
+    at, unit = (lambda q: segar.Levels.from_entities([[Ball({segar.Charge: q})]])), {(Ball, segar.Charge): 1.0}
+    assert w2(at(0), at(4.8), scale=unit) == pytest.approx(4.8)
+    assert w2(at(0), at(6), scale=unit) == w2(at(0), at(100), scale=unit) == pytest.approx(24**0.5)
+    assert decompose(at(0), at(6), scale=unit).by_factor["unmatched"] == pytest.approx(24)
