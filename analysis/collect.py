@@ -282,7 +282,7 @@ def join(parts: Sequence[pd.DataFrame]) -> pd.DataFrame:
 
 
 def with_level_seeds(table: pd.DataFrame) -> pd.DataFrame:
-    """The table with ``levels.seed`` in all rows, where any row has it: it is the seed of the run where nothing else is said."""
+    """The table with ``levels.seed`` in all rows, where any row has it: the seed of the run where nothing else is said."""
     if "levels.seed" not in table:
         return table
     return table.assign(**{"levels.seed": table["levels.seed"].fillna(table["seed"]).astype(np.int64)})

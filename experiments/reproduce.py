@@ -66,6 +66,7 @@ from experiments.settings import (
     design_hash,
     hand_on_password,
     paper_grid,
+    read_yaml,
     require,
     run_config,
     without_password,
@@ -321,7 +322,7 @@ def help_text() -> str:
 
 def experiment_files() -> dict[str, dict[str, Any]]:
     """Name and content of the files of ``conf/experiment``."""
-    return {file.stem: yaml.safe_load(file.read_text()) for file in sorted((conf_dir() / "experiment").glob("*.yaml"))}
+    return {file.stem: read_yaml(file.read_text()) for file in sorted((conf_dir() / "experiment").glob("*.yaml"))}
 
 
 if __name__ == "__main__":

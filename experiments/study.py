@@ -44,7 +44,9 @@ Settings, as name=value:
   root=FOLDER                where run folders are; runs/ of the checkout by default
   scale=NAME                 where the file has scales: which of them
   probes.SCALE.frames=N      how finished runs are probed, see docs/how-to/probe-representations.md
-  seed, levels.test_count, evaluation.episodes, tracking, ... as for experiments.train, instead of what the file says
+  seed=N                     the first of the seeds of agents and level sets, which go on from there
+  levels.test_count, evaluation.episodes, tracking, ... as for experiments.train, instead of what the file says; what the
+                             grid says, such as levels.count, is refused
 
   --schema                   print the JSON schema of study files, for editors
 """
@@ -59,7 +61,7 @@ from omegaconf import DictConfig
 
 from experiments.commands.hydra_app import errors_as_messages, run_command, to_plain
 from experiments.reproduce import SETTINGS, ReproduceConfig, reproduce
-from experiments.reproduction.study_file import StudyFile, fields_text, read_study, schema
+from experiments.reproduction.study_file import StudyFile, check_settings, fields_text, read_study, schema
 from experiments.settings import ConfigError, construct, run_config
 
 
@@ -73,8 +75,10 @@ def study_of(arguments: Sequence[str]) -> tuple[StudyFile, list[str]]:
     if len(files) != 1:
         said = f"names {len(files)}: {', '.join(files)}" if files else "names none"
         raise ConfigError(f"name one study, a YAML file; the command line {said}. --help shows an example")
-    study = read_study(Path(files[0]))
-    return study, [*study.overrides(), *(one for one in arguments if one != files[0])]
+    study, others = read_study(Path(files[0])), [one for one in arguments if one != files[0]]
+    given = dict(one.lstrip("+").partition("=")[::2] for one in others if "=" in one)
+    check_settings(given, study.experiment.get("grid") or {})
+    return study, [*study.overrides(), *others]
 
 
 def build(study: StudyFile, config: DictConfig) -> ReproduceConfig:

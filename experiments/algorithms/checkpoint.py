@@ -21,7 +21,7 @@ from experiments.algorithms.learner import Learner
 from experiments.runs.executed_code import data_of, differing_parts
 from experiments.runs.files import replacing, write_bytes
 from experiments.runs.run_folder import CHECKPOINT, CONFIG, DAMAGED, PREVIOUS, VERSIONS, read_versions
-from experiments.settings import CheckpointError, RunConfig, TrainingError
+from experiments.settings import CheckpointError, RunConfig, TrainingError, label_in_0_1
 from segar.support import DAMAGE, first_line, misfit
 
 FORMAT = 1
@@ -139,8 +139,12 @@ def newest_checkpoint(folder: Path, say: Callable[[str], None] = print) -> tuple
         return previous, content
 
 
-def load_newest_policy(folder: Path, policy: nn.Module, say: Callable[[str], None] = print) -> int:
+def load_newest_policy(
+    folder: Path, policy: nn.Module, say: Callable[[str], None] = print, config: RunConfig | None = None
+) -> int:
     """Fills ``policy`` with the newest weights of the run in ``folder``; returns the frames that they were trained for.
+
+    Where ``config``, the run's settings, are not those that the weights were made with, ``say`` gets a note.
 
     Raises:
         CheckpointError: there is no checkpoint yet, all are damaged, or the weights belong to another network.
@@ -150,6 +154,12 @@ def load_newest_policy(folder: Path, policy: nn.Module, say: Callable[[str], Non
         raise CheckpointError(f"there is no checkpoint in {folder} yet")
     path, content = found
     _load_weights(path, policy, content)
+    made_with = content["config"]
+    if config is not None and made_with not in (config.hash(), label_in_0_1(config).rpartition("-")[2]):
+        say(
+            f"note: {folder / CONFIG} was edited: its settings have the hash {config.hash()}, and the weights were made with"
+            f" {made_with}. The agent plays by the edited settings"
+        )
     return content["frames"]
 
 

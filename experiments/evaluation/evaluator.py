@@ -53,6 +53,7 @@ from experiments.settings import (
 )
 from segar.cli import table
 from segar.envs import VectorEnv, play
+from segar.errors import RuleError
 from segar.evaluation import QUANTITIES, Baselines, find_baselines
 from segar.levels import Levels
 from segar.policies import Network
@@ -96,7 +97,7 @@ def evaluate(config: EvaluateConfig, say: Callable[[str], None] = print) -> Eval
     levels = find_levels(config, folder, trained)
     code = {**played_code(played(config, trained)), "levels": levels_hash(levels)}
     policy: Agent
-    policy, frames = load_agent(folder, trained, levels, say)
+    policy, frames = load_agent(folder, trained, levels, say, found)
     options, network = options_of(folder, trained), None
     if config.portable:
         network = network_of(policy, shape_in(levels, trained), options["task"])
@@ -166,8 +167,14 @@ def find_levels(config: EvaluateConfig, folder: Path, trained: RunConfig) -> Lev
     return levels if config.n is None else levels[: config.n]
 
 
-def load_agent(folder: Path, trained: RunConfig, levels: Levels, say: Callable[[str], None]) -> tuple[Policy, int]:
+def load_agent(
+    folder: Path, trained: RunConfig, levels: Levels, say: Callable[[str], None], recorded: RunConfig | None = None
+) -> tuple[Policy, int]:
     """The run's policy for these levels, and the frames that it was trained for.
+
+    Args:
+        trained: the settings by which it plays.
+        recorded: those in the run folder; ``say`` gets a note if the weights were made by others. None: do not compare.
 
     Raises:
         ConfigError: what it would observe in these levels is not what it was trained to observe.
@@ -183,7 +190,7 @@ def load_agent(folder: Path, trained: RunConfig, levels: Levels, say: Callable[[
             "that sees pixels can play all levels"
         )
     policy = new_policy(trained, shape)
-    return policy, load_newest_policy(folder, policy, say)
+    return policy, load_newest_policy(folder, policy, say, recorded)
 
 
 def new_policy(trained: RunConfig, observation_shape: tuple[int, ...]) -> Any:
@@ -209,7 +216,14 @@ def shape_in(levels: Levels, trained: RunConfig, options: Mapping[str, Any]) -> 
     """The shape of what the run's agent observes in these levels."""
     if levels.provenance.rules and levels.world is None:
         levels = dataclasses.replace(levels, world=distribution_of(trained.levels, "train").world)
-    return observation_shape(VectorEnv(levels, 1, seed=0, **options))
+    try:
+        return observation_shape(VectorEnv(levels, 1, seed=0, **options))
+    except RuleError as error:
+        reason = str(error).partition("; choose the task")[0]
+        raise ConfigError(
+            f"levels: the agent plays the task {options['task'].name} that it was trained on, and these levels do not fit it:"
+            f" {reason}. Name levels on which that task can be played"
+        ) from error
 
 
 def play_levels(

@@ -177,9 +177,7 @@ def find_distribution(name: str, place: str) -> Any:
         raise ConfigError(f"{place}: {error}") from error
 
 
-def environment_options(
-    config: RunConfig, num_envs: int | None = None, train: Levels | None = None
-) -> dict[str, Any]:
+def environment_options(config: RunConfig, num_envs: int | None = None, train: Levels | None = None) -> dict[str, Any]:
     """Keyword arguments of ``VectorEnv`` and ``TorchRLEnv`` that the configuration states, for any levels.
 
     Args:
@@ -297,3 +295,6 @@ def _find(name: str, options: Mapping[str, Any], group: str, place: str) -> Any:
         return found(**options)
     except (TypeError, SegarError) as error:
         raise ConfigError(f"{group}.options: {error}") from error
+    except Exception as error:  # the user's code may raise anything
+        given = ", ".join(f"{option}={value!r}" for option, value in options.items()) or "no options"
+        raise ConfigError(f"{group}.options: {name} with {given} raises {type(error).__name__}: {error}") from error

@@ -133,8 +133,8 @@ def counts(claim: ClaimConfig, work: RunTask, columns: Mapping[str, str], works:
 
 
 def check_pairs(place: str, claim: ClaimConfig, runs: Sequence[Mapping[str, str]]) -> None:
-    """Raises :class:`ConfigError` if the claim compares two values of a column, and no two of these runs, each with its columns,
-    differ in it alone, as :func:`analysis.report.study.claims.differences` pairs them."""
+    """Raises :class:`ConfigError` if the claim compares two values of a column, and no two of these runs, which have these
+    columns, differ in it alone, as :func:`analysis.report.study.claims.differences` pairs them."""
     ((by, (first, second)),) = claim.between.items()
     if not runs or by not in runs[0]:  # what only results say, such as a column of figures
         return
@@ -142,7 +142,9 @@ def check_pairs(place: str, claim: ClaimConfig, runs: Sequence[Mapping[str, str]
     for value, part in zip((first, second), parts, strict=True):
         if not part:
             raise ConfigError(f"{place}.between: no run that counts has {by}={value}")
-    shared = [name for name in ("family", "difficulty") if {one[name] for one in parts[0]} & {one[name] for one in parts[1]}]
+    shared = [
+        name for name in ("family", "difficulty") if {one[name] for one in parts[0]} & {one[name] for one in parts[1]}
+    ]
     size = [] if by in NUMBERS_OF_LEVELS else ["n"]
     kinds = to_be_equal(dict.fromkeys([*kind_columns(runs[0]), *(name for name in runs[0] if "." in name)]), by)
     at = [name for name in (*shared, *size, "seed", AGENT_SEED, *kinds) if name != by]

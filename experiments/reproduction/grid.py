@@ -22,7 +22,6 @@ from experiments.settings import (
     run_config,
 )
 
-
 KINDS = ("algorithm", "observation", "task", "variation", "design")  # columns that may tell agents apart
 NUMBERS_OF_LEVELS = ("n", "levels", "log_n", "cell")  # columns that say how many training levels there are
 AGENT_SEED, LEVEL_SEED = "seed of the agent", "seed of the levels"  # columns of a study's runs

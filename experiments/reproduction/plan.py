@@ -336,7 +336,13 @@ def as_text(plan: ReproductionPlan, speeds: Speeds, processes: int, scale: Scale
         f"{f' ({in_minutes(probing)})' if probing else ''}; {len(studies)} of {len(plan.studies)} studies to do; "
         f"about {in_minutes(total / processes)} with {processes} at a time (by {basis})."
     )
-    return "\n".join([table(head, rows), closing, *repetitions(plan), *([plan.other_code] if plan.other_code else [])])
+    idle = [work.run.label() for work in waiting if work.run.takes_no_step()]
+    warning = (
+        f"warning: {len(idle)} runs stay untrained, such as {idle[0]}: scale.frames are one rollout or less, and"
+        " algorithm.anneal lowers the learning rate to 0 in the last one. Give more frames, or algorithm.anneal=false"
+    ) if idle else ""  # fmt: skip
+    more = (*repetitions(plan), warning, plan.other_code)
+    return "\n".join([table(head, rows), closing, *filter(None, more)])
 
 
 def repetitions(plan: ReproductionPlan) -> list[str]:
@@ -350,8 +356,9 @@ def repetitions(plan: ReproductionPlan) -> list[str]:
     if not shared:
         return []
     return [
-        f"{len({key[:-1] for key in shared})} level sets are each trained on by {max(shared.values())} agents of a kind: intervals are over level sets, so "
-        "more agents on one set make them no shorter; more level sets do (grid.seeds without grid.level_sets)."
+        f"{len({key[:-1] for key in shared})} level sets are each trained on by {max(shared.values())} agents of a kind:"
+        " intervals are over level sets, so more agents on one set make them no shorter; more level sets do (grid.seeds"
+        " without grid.level_sets)."
     ]
 
 

@@ -13,6 +13,7 @@ from pydantic import TypeAdapter
 
 from experiments.commands.overrides import quoted
 from experiments.reproduction.experiment_file import (
+    OF_GRID,
     ClaimConfig,
     ExperimentConfig,
     GridConfig,
@@ -20,18 +21,24 @@ from experiments.reproduction.experiment_file import (
     TransferConfig,
     experiment_at,
 )
-from experiments.settings import ConfigError, add_module_path, construct, flat, without_files
+from experiments.settings import ConfigError, add_module_path, construct, flat, read_yaml, without_files
 
 # A field of a dataclass, and the comment behind it.
 COMMENT = re.compile(r"^    (\w+): [^\n#]*(?:\n(?!    \w+:)[^\n#]*)*?  # (.+)$", re.MULTILINE)
 PLAIN = re.compile(r"[A-Za-z0-9_.:/+-]+")  # values that Hydra reads without quotation marks
 
 
+# Of the settings in OF_GRID: what every grid says, and what says nothing where a grid says it, too.
+ALWAYS_OF_GRID, ONLY_HERE = ("families", "counts", "level_sets", "designs", "variations"), ("frames", "interval")
+
+
 @dataclass(frozen=True)
 class StudyConfig(ExperimentConfig):
     """What a study's file says."""
 
-    settings: Mapping[str, Any] = field(default_factory=dict)  # of all runs: choices of groups, and any by dotted names
+    settings: Mapping[str, Any] = field(
+        default_factory=dict
+    )  # of all runs: choices of groups, and any by dotted names; seed is the first of grid.seeds
 
 
 @dataclass(frozen=True)
@@ -65,7 +72,7 @@ def read_study(path: Path) -> StudyFile:
         ConfigError: the file cannot be read, or says something wrong; the message says where.
     """
     try:
-        data = yaml.safe_load(path.read_text())
+        data = read_yaml(path.read_text())
     except OSError as error:
         raise ConfigError(f"cannot read the study {path.resolve()}: {error.strerror}") from error
     except (ValueError, yaml.YAMLError) as error:
@@ -81,9 +88,20 @@ def read_study(path: Path) -> StudyFile:
         config = construct(StudyConfig, data, "")
         experiment = {key: value for key, value in data.items() if key != "settings"}
         experiment_at(path.stem, experiment, next(iter(config.scales), ""))
+        check_settings(config.settings, config.grid, "settings.")
     except ConfigError as error:
         raise ConfigError(f"{path}: {str(error).replace(f'grids.{path.stem}.', '')}") from error
     return StudyFile(path.stem, experiment, config.settings, folder)
+
+
+def check_settings(settings: Mapping[str, Any], grid: Mapping[str, Any], place: str = "") -> None:
+    """Raises :class:`ConfigError` for settings of all runs that say nothing, because the grid of a study says it."""
+    for name in flat(settings):
+        by = OF_GRID.get("levels.train" if name == "levels" else name)
+        if by in ALWAYS_OF_GRID or (by in ONLY_HERE and grid.get(by) is not None):
+            raise ConfigError(
+                f"{place}{name}: it would say nothing beside the grid, which says it for all runs: grid.{by}"
+            )
 
 
 def _as_text(value: Any) -> str:

@@ -40,6 +40,7 @@ from experiments.settings import (
     RunFolderError,
     as_data,
     label_in_0_1,
+    read_yaml,
     run_config,
     with_new_names,
     without_password,
@@ -230,7 +231,7 @@ def read_config(folder: Path, trusted: Collection[str] = ()) -> RunConfig:
     path = Path(folder) / CONFIG
     try:
         text = path.read_text()
-        data = yaml.safe_load(text)
+        data = read_yaml(text)
         if not isinstance(data, Mapping):
             raise ConfigError("it holds no settings")
         require_trust(path, text, data, trusted)

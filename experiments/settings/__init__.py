@@ -91,6 +91,7 @@ from experiments.settings.run import (
     as_data,
     is_distribution,
 )
+from experiments.settings.yaml_text import read_yaml
 
 __all__ = [
     "ACTION_MODES", "CHECKOUT", "DEFAULT_TASK", "DESIGNS", "DIFFICULTIES", "KINDS", "MATCHED_DESIGNS", "OBJECT_NAME",
@@ -102,7 +103,7 @@ __all__ = [
     "TrackingConfig", "TrackingError", "TrainingError", "Widths", "add_module_path", "added_later", "algorithm_named",
     "as_data", "config_at", "construct", "design", "design_hash", "flat", "grid_point", "hand_on_password",
     "import_object", "is_distribution", "kind_of", "label_in_0_1", "level_file", "one_of", "panel_parts",
-    "paper_grid", "paper_seeds", "path_of", "require", "require_design", "require_known", "require_seed",
+    "paper_grid", "paper_seeds", "path_of", "read_yaml", "require", "require_design", "require_known", "require_seed",
     "run_config", "scheme", "sqlite_address", "that", "with_new_names", "with_password", "without_files",
     "without_folder", "without_password",
 ]  # fmt: skip

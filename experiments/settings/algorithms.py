@@ -81,7 +81,7 @@ class PPOConfig(AlgorithmConfig):
     minibatches: Count = 4
     steps_together: int = 1  # successive steps of an environment that are in one minibatch: their stacks share frames
     learning_rate: Positive = 1e-4
-    anneal: bool = False  # lower the learning rate linearly to zero
+    anneal: bool = False  # lower the learning rate linearly to zero, which it is in the last iteration
     adam_eps: Positive = 1e-5
     gamma: Share = 0.999
     gae_lambda: Share = 0.95

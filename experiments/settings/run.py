@@ -207,6 +207,12 @@ class RunConfig(Settings):
         half = self.determinism == "machine" and multiplies_bf16(device)
         return config.with_precision("bf16" if half else "fp32")
 
+    def takes_no_step(self) -> bool:
+        """Whether training changes no weight: the learning rate is lowered to 0, which it is in the only iteration."""
+        settings: Any = self.algorithm
+        is_lowered = getattr(settings, "anneal", False)
+        return is_lowered and self.scale.frames <= settings.num_envs * settings.num_steps
+
     def with_precision(self, precision: str) -> "RunConfig":
         """The same settings with another ``algorithm.precision``."""
         return dataclasses.replace(self, algorithm=dataclasses.replace(self.algorithm, precision=precision))  # type: ignore[call-arg]

@@ -173,6 +173,13 @@ def _prepare(
         say(
             f"warning: the task {task.name} has no reward function: all rewards are 0, and an agent learns nothing by them"
         )
+    if config.takes_no_step():
+        rollout = config.algorithm.num_envs * config.algorithm.num_steps  # type: ignore[attr-defined]
+        say(
+            f"warning: the agent stays untrained: {config.scale.frames:,} frames are one rollout ({rollout:,} frames) or less,"
+            f" and algorithm.anneal lowers the learning rate to 0 in the last one. Give scale.frames={2 * rollout} or more, or"
+            " algorithm.anneal=false"
+        )
     large = large_numbers(config, train)
     if large:
         say(advice(large, config))

@@ -16,6 +16,7 @@ from segar.observations import trained_on
 from segar.support import aligned
 
 CONFIDENCE = 0.95
+SHARES = ("success", "death")  # quantities that are shares of episodes
 
 
 class Policy(Protocol):
@@ -61,9 +62,11 @@ class LevelSetResult:
         return self.episodes.columns()[quantity].astype(float).reshape(-1, self.levels).mean(axis=0)
 
     def mean(self, quantity: str = "return") -> Interval:
-        """The mean over levels, with Student's interval over levels."""
+        """The mean over levels, with Student's interval over levels; that of a share, ``success`` or ``death``, ends at 0 and
+        1."""
         of_levels = self.of_levels(quantity)
-        return _interval(of_levels.mean(), [of_levels])
+        found = _interval(of_levels.mean(), [of_levels])
+        return _within(found, 0.0, 1.0) if quantity in SHARES else found
 
     def score(self) -> float:
         """The normalised score: 0 for the better of idle and random play on each level, 1 for the planner.
@@ -104,10 +107,12 @@ class Evaluation:
         """The mean on test levels minus that on training levels, with Welch's interval over levels.
 
         The interval says what other levels of the same distributions might give. It says nothing of other seeds of
-        training: for these, evaluate several trained policies.
+        training: for these, evaluate several trained policies. Both sets vary in it; the ``gap_se`` of
+        runs takes the training levels as they are and lets the test levels alone vary. That of a share ends at -1 and 1.
         """
         train, test = self.train.of_levels(quantity), self.test.of_levels(quantity)
-        return _interval(test.mean() - train.mean(), [train, test])
+        found = _interval(test.mean() - train.mean(), [train, test])
+        return _within(found, -1.0, 1.0) if quantity in SHARES else found
 
     def figures(self) -> dict[str, float]:
         """All figures as plain numbers by name, e.g. ``test/return``, ``test/return_low``, ``gap``, ``w2/exact``."""
@@ -239,6 +244,12 @@ def _interval(value: float, groups: Sequence[np.ndarray]) -> Interval:
     freedom = sum(squares) ** 2 / sum(s**2 / (n - 1) for s, n in zip(squares, counts, strict=True))
     margin = float(stdtrit(freedom, (1 + CONFIDENCE) / 2)) * sum(squares) ** 0.5
     return Interval(float(value), float(value) - margin, float(value) + margin)
+
+
+def _within(found: Interval, least: float, most: float) -> Interval:
+    """The interval, cut off where no value can lie; NaN stays NaN."""
+    low, high = np.clip([found.low, found.high], least, most)
+    return Interval(found.value, float(low), float(high))
 
 
 def _ends(name: str, interval: Interval) -> dict[str, float]:

@@ -95,6 +95,10 @@ class Task:
                     )
         if len(self.action_low) != len(self.action_high) or not self.action_low:
             raise SegarError(f"task {self.name}: action_low and action_high must have the same length, at least 1")
+        for name in ("action_low", "action_high"):
+            for value in getattr(self, name):
+                if not isinstance(value, (int, float, np.integer, np.floating)) or not np.isfinite(value):
+                    raise SegarError(f"task {self.name}: {name} must be finite numbers, not {value!r}")
         for k, (low, high) in enumerate(zip(self.action_low, self.action_high, strict=True)):
             if not low < high:
                 raise SegarError(

@@ -18,6 +18,7 @@ no condition                           0
 Of equal ones, the one that also has a relation wins, then the one on the more derived factor.
 """
 
+import difflib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -301,15 +302,21 @@ def _choice_of_shapes(noise: Noise) -> Choice:
     return Choice([Shape.check(key) for key in noise.keys], noise.p)
 
 
+MISSPELT = 0.8  # likeness from which a factor's name is taken for another one, misspelt
+
+
 def _check_some_entity_has(prior: Prior, types: Sequence[type[Entity]]) -> None:
     meant = [t for t in types if prior.entity_type is None or issubclass(t, prior.entity_type)]
     if any(holds(t, prior.factor) is not None for t in meant) or (prior.entity_type is not None and not meant):
         return  # priors for entity types that this distribution does not use may be shared with others
-    names = [f.__name__ for t in meant for f in t.declared if not issubclass(f, (Text, Marker))]
+    names = sorted({f.__name__ for t in meant for f in t.declared if not issubclass(f, (Text, Marker))})
     owner = "no entity" if prior.entity_type is None else f"no {prior.entity_type.__name__}"
-    raise PriorError(
-        f"{prior}: {owner} in numbers has {prior.factor.__name__}.{did_you_mean(prior.factor.__name__, names)}"
-    )
+    name = prior.factor.__name__
+    is_near = difflib.get_close_matches(name, names, n=1, cutoff=MISSPELT)
+    advice = did_you_mean(name, names) if is_near else (
+        f" Known: {', '.join(names)}. Leave the prior out, or number an entity of your own class that has a {name}"
+    )  # fmt: skip
+    raise PriorError(f"{prior}: {owner} in numbers has {name}.{advice}")
 
 
 def _may_set(prior: Prior, entity: type[Entity], factor: type[Factor]) -> bool:

@@ -110,9 +110,7 @@ def _levels(one: Levels | LevelDistribution) -> Levels:
     return one
 
 
-def _without_weight(
-    sets: Sequence[Levels], scale: Spread, factors: Sequence[type[Factor]] | None
-) -> tuple[str, ...]:
+def _without_weight(sets: Sequence[Levels], scale: Spread, factors: Sequence[type[Factor]] | None) -> tuple[str, ...]:
     """The factors and world parameters in which the sets differ, and that have no spread in ``scale``."""
     present = [entity_types(one) for one in sets]
     owned = [(kind, f) for kind in present[0] if kind in present[1] for f in relevant_factors(kind, factors)]

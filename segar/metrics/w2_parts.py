@@ -26,9 +26,10 @@ class Decomposition:
 
     Attributes:
         value: the distance, as :func:`segar.metrics.w2` returns it.
-        parts: (entity type, factor) to its share of ``value`` squared; (entity type, None) is the price of entities
-            that are not matched: those without counterpart, and both of a pair that is farther apart than sqrt(2)
-            ``mismatch``, whose factors then have no part; and (``Parameter``, parameter) what a world parameter adds. They sum to the square.
+        parts: (entity type, factor) to its share of ``value`` squared; (entity type, None) is the price of entities that
+            are not matched: those without counterpart, and both of a pair that is farther apart than sqrt(2)
+            ``mismatch``, whose factors then have no part; (``Parameter``, parameter) is what a world parameter adds.
+            They sum to the square.
         by_level_a, by_level_b: share of the square that each level has in it, float64 ``[n]`` and ``[m]``; each sums to
             the square.
         unseen: in what the sets differ that the distance does not see; see :func:`segar.metrics.unseen_differences`.

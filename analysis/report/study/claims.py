@@ -15,7 +15,7 @@ from analysis.report.study.reading import OWN_UNITS, Study
 from analysis.runs import column_name, number_of_pairs
 from analysis.stats.estimate import Estimate
 from analysis.tables import column, keep
-from experiments.reproduction.experiment_file import SIGNS, ClaimConfig, claim_config
+from experiments.reproduction.experiment_file import OF_TASK, SIGNS, ClaimConfig, claim_config
 from experiments.reproduction.grid import AGENT_SEED, LEVEL_SEED, NUMBERS_OF_LEVELS, to_be_equal
 from experiments.settings import ConfigError, import_object
 from segar.errors import SegarError
@@ -118,4 +118,6 @@ def named(runs: pd.DataFrame, setting: str, name: str) -> str:
     try:
         return column_name(runs, name)
     except SegarError as error:
-        raise ConfigError(f"{setting}: {error}") from error
+        # The plan has seen that the task has the result.
+        why = " Only results that are one number or truth per environment have columns." if OF_TASK.match(name) else ""
+        raise ConfigError(f"{setting}: {error}{why}") from error

@@ -18,7 +18,7 @@ from analysis.tables import count_of, keep, pick, select
 from experiments.reproduction.experiment_file import STUDY
 from experiments.reproduction.grid import AGENT_SEED, KIND, KINDS, LEVEL_SEED, kind_columns
 from experiments.runs.trust import require_trust
-from experiments.settings import ConfigError, RunFolderError, add_module_path, flat
+from experiments.settings import ConfigError, RunFolderError, add_module_path, flat, read_yaml
 from segar.errors import did_you_mean
 
 NEEDED = ("family", "difficulty", "seed", "n", "run", "w2_exact", "gap_deterministic", "gap_ref_deterministic")
@@ -108,7 +108,7 @@ def read_study(folder: Path) -> Study:
     path = folder / STUDY
     try:
         text = path.read_text()
-        asked = yaml.safe_load(text)
+        asked = read_yaml(text)
     except (OSError, ValueError, yaml.YAMLError) as error:
         raise RunFolderError(f"cannot read {path}: {error}") from error
     claims = asked.get("claims") or {}
@@ -129,5 +129,8 @@ def read_study(folder: Path) -> Study:
 
 def agent_name(row: Mapping[Any, Any], told_apart: Sequence[str]) -> str:
     """What tells a kind of agents apart, such as ``curl, gamma=0.9``."""
-    words = (str(row[name]) if name.removesuffix(KIND) in KINDS else f"{name.rpartition('.')[2]}={row[name]}" for name in told_apart)
+    words = (
+        str(row[name]) if name.removesuffix(KIND) in KINDS else f"{name.rpartition('.')[2]}={row[name]}"
+        for name in told_apart
+    )
     return ", ".join(filter(None, words)) or ("default" if told_apart else ALL)

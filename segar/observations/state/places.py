@@ -2,10 +2,10 @@
 
 Numbers may be divided by constants, factor by factor. Others may be measured in units of the prior: from its mean, divided
 by its spread. The prior is the distribution of the levels that the agent is trained on, also where it is tested on others.
-Equal numbers of training and test levels thus mean equal states. A number that several types may supply has the mean and the spread of their mixture in
-equal parts. A vector has one spread, the root mean square of its components', so that directions stay comparable. A number
-that the prior does not vary keeps its unit and is measured from its constant. Size keeps its unit [m] and its zero, since
-outlines of hulls do not follow it.
+Equal numbers of training and test levels thus mean equal states. A number that several types may supply has the mean and
+the spread of their mixture in equal parts. A vector has one spread, the root mean square of its components', so that
+directions stay comparable. A number that the prior does not vary keeps its unit and is measured from its constant. Size
+keeps its unit [m] and its zero, since outlines of hulls do not follow it.
 """
 
 from dataclasses import dataclass, field

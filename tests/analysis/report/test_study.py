@@ -336,7 +336,9 @@ def test_the_runs_of_a_curve_have_the_same_windows_and_points_of_all_of_them():
     }  # fmt: skip
     assert set(of_all_runs(found)["frames"]) == {40.0}
     other = found.assign(panel="q")
-    assert len(of_all_runs(pd.concat([found, other], ignore_index=True))) == 6, "curves of other panels count by themselves"
+    assert len(of_all_runs(pd.concat([found, other], ignore_index=True))) == 6, (
+        "curves of other panels count by themselves"
+    )
 
 
 OPTIONS = {"title": "x", "settings": STUDY["settings"], "claims": {}}
@@ -345,17 +347,19 @@ OPTIONS = {"title": "x", "settings": STUDY["settings"], "claims": {}}
 @pytest.mark.parametrize(
     ("group", "option", "values", "agents"),
     [
-        ("observation", "hidden", [[], ["Mass"]], ["state, hidden=['Mass']", "state, hidden=[]"]),
+        ("observation", "hidden", [[], ["Mass"]], ["hidden=['Mass']", "hidden=[]"]),
         ("task", "max_steps", [10, 20], ["max_steps=10", "max_steps=20"]),
     ],
 )
 @pytest.mark.parametrize("whole", [False, True])
-def test_values_of_an_option_are_compared_by_their_own_name_and_by_the_whole(tmp_path, group, option, values, agents, whole):
+def test_values_of_an_option_are_compared_by_their_own_name_and_by_the_whole(
+    tmp_path, group, option, values, agents, whole
+):
     name = f"{group}.options.{option}"
     grid = {"families": ["empty-easy"], "counts": [1, 10], "seeds": 3, "vary": {name: values}}
     folder = made(tmp_path, {**OPTIONS, "grid": grid})
     study = read_study(folder)
-    assert len(study.agents) == 2 and all(one.endswith(two.split(", ")[-1]) for one, two in zip(study.agents, agents))
+    assert study.agents == agents
     between = {group: sorted(set(study.runs[group]))} if whole else {name: values}
     claim = ClaimConfig("x", "difference", "none", between=between)
     assert claim_of(study, "mine", claim).findings[0].found.n == 6
@@ -368,10 +372,10 @@ def test_a_claim_of_pairs_that_no_runs_make_ends_the_plan(tmp_path):
     claims = {"size": {"says": "x", "test": "difference", "expected": "none", "between": between}}
     grid = {"families": ["empty-easy"], "counts": [1, 10], "seeds": 3}
     made(tmp_path / "nested", {**OPTIONS, "grid": grid, "claims": claims})
-    with pytest.raises(ConfigError, match="claims.size.between: no two runs are equal but for n=10 and 1"):
+    with pytest.raises(ConfigError, match=r"claims.size.between: no two runs are equal but for n=10 and 1"):
         made(tmp_path / "apart", {**OPTIONS, "grid": {**grid, "nested": False}, "claims": claims})
     claims["size"]["where"] = {"n": 10}
-    with pytest.raises(ConfigError, match="claims.size.between: no run that counts has n=1"):
+    with pytest.raises(ConfigError, match=r"claims.size.between: no run that counts has n=1"):
         made(tmp_path / "where", {**OPTIONS, "grid": grid, "claims": claims})
 
 
@@ -392,6 +396,12 @@ def test_a_column_is_not_correlated_with_itself(folder):
     for claim in ({"against": "gap_deterministic"}, {"given": ("w2_exact",)}):
         with pytest.raises(ConfigError, match="a column has no correlation with itself"):
             claim_of(read_study(folder), "mine", ClaimConfig("x", "correlation", "none", **claim))
+
+
+def test_a_result_that_is_no_single_number_is_told_as_one(folder):
+    claim = ClaimConfig("x", "mean", "none", of="results/velocity_test")
+    with pytest.raises(ConfigError, match="Only results that are one number or truth per environment have columns"):
+        claim_of(read_study(folder), "mine", claim)
 
 
 def test_crossed_level_sets_have_a_seed_in_every_row(tmp_path):

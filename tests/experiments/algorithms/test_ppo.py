@@ -17,12 +17,14 @@ from experiments.evaluation.episodes import play_episodes
 from experiments.levels.builders import make_levels
 from experiments.networks.encoders import MLP, FrameEncoder
 from experiments.networks.policies import SquashedNormal
-from experiments.settings import ConfigError, LevelsConfig, PPOConfig
+from experiments.settings import ConfigError, LevelsConfig, PPOConfig, ScaleConfig
+from experiments.training.run import run
 from segar import family
 from segar.envs import VectorEnv
 from segar.envs.torchrl_env import TorchRLEnv
 from segar.errors import ActionError
 from segar.tasks.puttputt_task import puttputt
+from tests.experiments.short_runs import short_run
 
 SMALL = PPOConfig(num_envs=6, num_steps=16, widths=(16,), head_width=0)
 PIXELS = dataclasses.replace(SMALL, encoder="small", precision="fp32")
@@ -273,3 +275,16 @@ def on(device, rollout):
 def test_a_device_that_is_not_there_is_named(name):
     with pytest.raises(ConfigError, match=f"algorithm.device: '{name}' cannot be used here.*algorithm.device=cpu"):
         learner(dataclasses.replace(SMALL, device=name))
+
+
+@pytest.mark.parametrize(("frames", "anneal"), [(96, True), (97, True), (96, False)])
+def test_a_single_annealed_iteration_changes_no_weight_and_is_told(tmp_path, frames, anneal):
+    config, said = dataclasses.replace(SMALL, anneal=anneal), []
+    ppo = PPO(config, PPO.make_env(LEVELS, SMALL.num_envs, seed=0), frames, 0)
+    start = {name: value.clone() for name, value in ppo.policy.state_dict().items()}
+    while ppo.frames < frames:
+        ppo.iterate()
+    same = all(torch.equal(value, start[name]) for name, value in ppo.policy.state_dict().items())
+    run(short_run(tmp_path / "run", algorithm=config, scale=ScaleConfig(frames=frames)), said.append)
+    told = any("the agent stays untrained: 96 frames are one rollout (96 frames) or less" in line for line in said)
+    assert same == told == (frames == 96 and anneal)

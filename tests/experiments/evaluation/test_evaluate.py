@@ -12,6 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import segar
+from experiments.algorithms.checkpoint import read_checkpoint
 from experiments.commands.hydra_app import run_simple_command
 from experiments.evaluation.evaluator import choose_levels, evaluate, label, mean_returns
 from experiments.runs.run_folder import CHECKPOINT, PREVIOUS, read_episodes, read_summary
@@ -157,6 +158,28 @@ def test_levels_that_the_agent_cannot_observe_are_refused_and_pixels_fit_all(tra
     seeing = short_run(tmp_path / "seeing", observation=ObservationConfig("rgb"), algorithm=algorithm)
     found = evaluate(EvaluateConfig(str(run(seeing).folder), levels="tilesx3-easy", n=2, **QUICK))
     assert len(found.episodes) == 4
+
+
+def test_levels_of_another_task_are_told_without_advice_that_the_command_does_not_take(tmp_path):
+    seeing = short_run(tmp_path / "seeing", observation=ObservationConfig("rgb"))
+    levels = tmp_path / "tiles.npz"
+    segar.Levels.from_entities([[segar.GoalTile({segar.Position: (0, 0)})]]).save(levels)
+    with pytest.raises(
+        ConfigError, match=r"levels: the agent plays the task puttputt.* these levels do not fit it"
+    ) as told:
+        evaluate(EvaluateConfig(str(run(seeing).folder), levels=str(levels), **QUICK))
+    assert "task=" not in str(told.value)
+
+
+def test_edited_settings_of_a_run_are_told(trained, tmp_path):
+    folder, said = shutil.copytree(trained, tmp_path / "one"), []
+    evaluate(EvaluateConfig(str(folder), **QUICK), said.append)
+    assert not any("was edited" in line for line in said)
+    path = folder / "config.yaml"
+    path.write_text(path.read_text().replace("gamma: 0.", "gamma: 0.5"))
+    evaluate(EvaluateConfig(str(folder), trust=True, **QUICK), said.append)
+    (note,) = (line for line in said if "was edited" in line)
+    assert f"the weights were made with {read_checkpoint(folder / CHECKPOINT)['config']}" in note
 
 
 @pytest.mark.parametrize(

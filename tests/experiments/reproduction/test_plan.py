@@ -199,3 +199,11 @@ def test_the_plan_says_what_is_shared_done_and_left(tmp_path):
 @pytest.mark.parametrize(("seconds", "words"), [(3.2, "3 s"), (600, "10 min"), (7200, "2.0 h")])
 def test_durations_are_rounded_for_reading(seconds, words):
     assert in_minutes(seconds) == words
+
+
+def test_a_plan_tells_runs_that_stay_untrained(tmp_path):
+    plan = plan_of(tmp_path, main={**MAIN, "grid": {"algorithms": ["ppo_fast"]}})
+    text = as_text(plan, Speeds({}, {}, 0), 1, SCALE)
+    assert "warning: 4 runs stay untrained, such as empty-" in text
+    longer = plan_of(tmp_path, main={**MAIN, "grid": {"algorithms": ["ppo_fast"], "frames": 10**6}})
+    assert "untrained" not in as_text(longer, Speeds({}, {}, 0), 1, SCALE)

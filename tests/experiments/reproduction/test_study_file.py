@@ -94,6 +94,39 @@ def test_a_wrong_file_is_told_with_its_name_and_the_place(tmp_path, place, value
         read_study(path)
 
 
+def test_a_key_that_stands_twice_is_refused_with_its_lines(tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_text("title: x\ngrid:\n  counts: [1]\n  seeds: 2\n  counts: [2]\n")
+    with pytest.raises(
+        ConfigError, match=r"mine.yaml: line 5: the key counts stands there for the second time; .* line 3"
+    ):
+        read_study(path)
+    path.write_text("title: x\ngrid: &same\n  counts: [1]\n  seeds: 2\nscales: {more: {<<: *same, counts: [2]}}\n")
+    assert read_study(path).experiment["scales"] == {"more": {"counts": [2], "seeds": 2}}
+
+
+@pytest.mark.parametrize(
+    ("settings", "grid", "by"),
+    [
+        ({"levels.count": 7}, {}, "counts"),
+        ({"levels": {"count": 7}}, {}, "counts"),
+        ({"levels.seed": 7}, {}, "level_sets"),
+        ({"levels": "empty-hard"}, {}, "families"),
+        ({"scale.frames": 10}, {"frames": 20}, "frames"),
+    ],
+)
+def test_settings_that_say_nothing_beside_the_grid_are_refused(tmp_path, settings, grid, by):
+    data = {**GOOD, "settings": settings, "grid": {**GOOD["grid"], **grid}}
+    says = rf"\w: it would say nothing beside the grid, which says it for all runs: grid.{by}$"
+    with pytest.raises(ConfigError, match=f"mine.yaml: settings.*{says}"):
+        read_study(written(tmp_path, data))
+    path = written(tmp_path, {**data, "settings": {}})
+    if not isinstance(settings.get("levels"), dict):
+        with pytest.raises(ConfigError, match=says):
+            study_of([str(path), *(f"{name}={value}" for name, value in settings.items())])
+    assert compose(read_study(path).overrides())
+
+
 @pytest.mark.parametrize("name", IN_SCHEMA)
 def test_the_schema_refuses_what_the_checks_refuse(name):
     place, value, _ = WRONG[name]

@@ -6,7 +6,7 @@ from analysis.probes.collection import collect_run
 from experiments.evaluation.evaluator import evaluate
 from experiments.evaluation.transfer_evaluation import evaluate_transfer
 from experiments.evaluation.transfers import Transfer
-from experiments.levels.builders import check_observations, make_levels
+from experiments.levels.builders import check_observations, environment_options, make_levels
 from experiments.settings import (
     ConfigError,
     EvaluateConfig,
@@ -69,6 +69,18 @@ def test_a_wrong_name_leaves_no_run_folder(changes, words, tmp_path):
     with pytest.raises(ConfigError, match=words):
         run(short_run(tmp_path / "mine", **changes))
     assert list(tmp_path.iterdir()) == []
+
+
+def loud(gain=1.0):
+    return float(gain)
+
+
+def test_an_option_that_own_code_refuses_is_told_with_its_value():
+    config = RunConfig(observation=ObservationConfig(f"{__name__}:loud", {"gain": "loud"}))
+    with pytest.raises(
+        ConfigError, match=r"^observation.options: .*:loud with gain='loud' raises ValueError: could not"
+    ):
+        environment_options(config)
 
 
 def test_levels_may_define_the_parameter_that_is_observed(tmp_path):

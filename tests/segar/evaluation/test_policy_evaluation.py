@@ -16,7 +16,7 @@ from experiments.evaluation.episodes import distance_figures, evaluate_run, eval
 from experiments.levels.builders import environment_options
 from experiments.settings import EvaluationConfig, RunConfig, TaskConfig
 from segar.evaluation import QUANTITIES, PlayedEpisodes, find_baselines
-from segar.evaluation.policy_evaluation import _interval
+from segar.evaluation.policy_evaluation import Evaluation, LevelSetResult, _interval
 
 TRAIN, TEST = (segar.family("tilesx2-medium").sample(8, seed=3, split=split) for split in ("train", "test"))
 
@@ -205,3 +205,18 @@ def test_both_sets_are_observed_in_the_units_of_training():
     segar.evaluate_policy(idle, train[:1], test, observation=state, max_steps=1)
     env = segar.envs.VectorEnv(test, 4, observation=state.trained_on(train), seed=0)
     np.testing.assert_array_equal(seen[1], env.reset(options={"levels": np.arange(4)})[0])
+
+
+def test_intervals_of_shares_end_where_shares_do():
+    """One success in three levels, and none in three others: Student's interval would go from -1.1 to 1.8."""
+    one, none = (LevelSetResult(played_with(success), 3) for success in ([True, False, False], [False] * 3))
+    assert one.mean("success") == (pytest.approx(1 / 3), 0.0, 1.0)
+    gap = Evaluation(one, none).gap("success")
+    assert gap.low == -1.0 and -1 / 3 < gap.high <= 1.0 and gap.value == pytest.approx(-1 / 3)
+    assert np.isnan(LevelSetResult(played_with([True]), 1).mean("success").low)
+
+
+def played_with(success):
+    n = len(success)
+    zeros = np.zeros(n)
+    return PlayedEpisodes(np.arange(n), zeros, zeros, np.ones(n, np.int64), np.array(success), np.zeros(n, np.bool_))

@@ -253,6 +253,10 @@ def test_priors_for_types_that_are_not_there_are_left_aside():
         ),
         ([Prior(Temperature, 3.0)], "no entity in numbers has Temperature"),
         ([Prior(Mass, 1.0, entity_type=GoalTile)], "no GoalTile in numbers has Mass. .*Friction"),
+        (
+            [Prior(Friction, 1.0, entity_type=Ball)],
+            "no Ball in numbers has Friction. Known: .*Mass.*Velocity.* Leave the prior out",
+        ),
         ([Prior(Gravity, 9.0), Prior(Gravity, 8.0)], "Gravity"),
     ],
 )

@@ -222,7 +222,10 @@ def test_the_size_of_a_hull_is_that_of_a_disc_of_equal_area():
 def test_world_parameters_count_if_they_vary():
     a, b = (Levels.from_entities([[GolfBall({Position: [0, 0]})]], parameters={Gravity: g}) for g in (8.0, 11.0))
     assert w2(a, b, scale={(Parameter, Gravity): 1.5}) == pytest.approx(2.0)
-    assert w2(a, b, scale={}) == 0.0
+    with pytest.warns(
+        UnseenDifferenceWarning, match="parameter Gravity: 8 against 11; it has no spread in the given scale"
+    ):
+        assert w2(a, b, scale={}) == 0.0
 
 
 def test_render_order_and_flags_do_not_count_in_exact_but_do_in_reference():

@@ -205,12 +205,9 @@ def test_the_command_says_what_its_distance_does_not_see(tmp_path, capsys):
 
 
 def piled(sand: int, n: int = 3) -> segar.Levels:
-    """A ball beside a sand tile of this Order and a tile of Order 1 at the same place."""
+    """A ball beside a sand tile of this Order and a tile of Order 1 at the same place, the middle."""
     return segar.Levels.from_entities(
-        [
-            [GolfBall({Position: (0.1 * k, 0.0)}), SandTile({Position: (0, 0), Order: sand}), Tile({Position: (0, 0), Order: 1})]
-            for k in range(n)
-        ]
+        [[GolfBall({Position: (0.1 * k, 0.0)}), SandTile({Order: sand}), Tile({Order: 1})] for k in range(n)]
     )
 
 

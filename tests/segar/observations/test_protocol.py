@@ -118,7 +118,11 @@ BUILT_IN = {
     "textures": (TexturedPixels(), {EpisodeHook, HasMemory}, {DrawsPlanes}),
     "actions": (PreviousActions(), {EpisodeHook, StepHook, HasMemory}, {KnowsTask}),
     "stack": (Stack("rgb", 2), {EpisodeHook, StepHook, HasMemory, OwnsBuffers}, {KnowsTask, KnowsTraining, Composed}),
-    "tuple": (Multi(("rgb", "state")), {EpisodeHook, StepHook, HasMemory, OwnsBuffers}, {KnowsTask, KnowsTraining, Composed}),
+    "tuple": (
+        Multi(("rgb", "state")),
+        {EpisodeHook, StepHook, HasMemory, OwnsBuffers},
+        {KnowsTask, KnowsTraining, Composed},
+    ),
     "one of several": (OneOf(["rgb"]), {EpisodeHook, StepHook, HasMemory}, {KnowsTask, KnowsTraining, Composed}),
 }
 
@@ -130,7 +134,9 @@ def test_built_in_observations_have_the_protocols_that_they_are_documented_with(
     assert {
         p for p in (EpisodeHook, StepHook, HasMemory, OwnsBuffers, WrittenBySimulator) if isinstance(bound, p)
     } == of_bound
-    assert {p for p in (DrawsPlanes, KnowsTask, KnowsTraining, Composed) if isinstance(observation, p)} == of_description
+    assert {
+        p for p in (DrawsPlanes, KnowsTask, KnowsTraining, Composed) if isinstance(observation, p)
+    } == of_description
 
 
 def test_the_simulator_writes_what_write_would():

@@ -108,9 +108,14 @@ def test_what_is_no_function_of_a_task_is_told_with_the_argument_and_the_task(na
         dataclasses.replace(segar.puttputt(), name="sailing", **{name: wrong})
 
 
-@pytest.mark.parametrize(
-    ("low", "high"), [((-1.0, 0.5), (1.0, 0.5)), ((-1.0, 2.0), (1.0, -2.0)), ((0.0, 0.0), (1.0, float("nan")))]
-)
+@pytest.mark.parametrize("wrong", [float("-inf"), float("nan"), "a", None])
+@pytest.mark.parametrize("end", ["action_low", "action_high"])
+def test_a_range_of_actions_that_is_no_finite_number_is_told(end, wrong):
+    with pytest.raises(SegarError, match=rf"task sailing: {end} must be finite numbers, not {wrong!r}"):
+        dataclasses.replace(segar.puttputt(), name="sailing", **{end: (0.5, wrong)})
+
+
+@pytest.mark.parametrize(("low", "high"), [((-1.0, 0.5), (1.0, 0.5)), ((-1.0, 2.0), (1.0, -2.0))])
 def test_a_component_of_an_action_that_cannot_vary_is_told(low, high):
     with pytest.raises(SegarError, match=r"task sailing: .* component 1 of the action goes from"):
         dataclasses.replace(segar.puttputt(), name="sailing", action_low=low, action_high=high)
