@@ -76,7 +76,7 @@ def study_of(arguments: Sequence[str]) -> tuple[StudyFile, list[str]]:
         said = f"names {len(files)}: {', '.join(files)}" if files else "names none"
         raise ConfigError(f"name one study, a YAML file; the command line {said}. --help shows an example")
     study, others = read_study(Path(files[0])), [one for one in arguments if one != files[0]]
-    given = dict(one.lstrip("+").partition("=")[::2] for one in others if "=" in one)
+    given = {name.lstrip("+"): value for name, equals, value in (one.partition("=") for one in others) if equals}
     check_settings(given, study.experiment.get("grid") or {})
     return study, [*study.overrides(), *others]
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import yaml
 
@@ -120,7 +121,7 @@ def read_study(folder: Path) -> Study:
     merged = table["level_set"].fillna(shared) if "level_set" in table else shared
     seeds = {AGENT_SEED: table["seed"], LEVEL_SEED: shared.astype(int), "seed": merged.astype(int)}
     table = table.assign(**seeds)
-    known = [name for name in table if table[name].notna().all()]  # tables of earlier releases have no kinds
+    known = [str(name) for name in table if not np.any(table[name].isna())]  # tables of earlier releases have no kinds
     told_apart = [name for name in (*kind_columns(known), *vary) if name in table and count_of(table, name) > 1]
     table = measured(table)
     agent = [agent_name(row, told_apart) for row in table.to_dict("records")]
