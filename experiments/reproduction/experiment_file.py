@@ -174,7 +174,7 @@ class GridConfig:
     families: tuple[Family, ...] = ()  # of several difficulties; or single distributions, by any of their names
     difficulties: tuple[Difficulty, ...] = ()  # of the families that have several
     counts: tuple[Count, ...] = ()  # numbers of training levels
-    seeds: Count | None = None  # how many agents of each kind, each with a level set of its own
+    seeds: Count | None = None  # how many agents of each kind, from `seed` upwards, each with a level set of its own
     nested: bool = True  # level sets of a seed contain each other; false: each number of levels has seeds of its own
     level_sets: Count | None = None  # how many level sets instead, each with as many agents as there are seeds
     frames: Count | None = None  # of each run

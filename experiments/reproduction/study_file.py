@@ -26,8 +26,6 @@ from experiments.settings import ConfigError, add_module_path, construct, flat, 
 # A field of a dataclass, and the comment behind it.
 COMMENT = re.compile(r"^    (\w+): [^\n#]*(?:\n(?!    \w+:)[^\n#]*)*?  # (.+)$", re.MULTILINE)
 PLAIN = re.compile(r"[A-Za-z0-9_.:/+-]+")  # values that Hydra reads without quotation marks
-
-
 # Of the settings in OF_GRID: what every grid says, and what says nothing where a grid says it, too.
 ALWAYS_OF_GRID, ONLY_HERE = ("families", "counts", "level_sets", "designs", "variations"), ("frames", "interval")
 
@@ -36,9 +34,7 @@ ALWAYS_OF_GRID, ONLY_HERE = ("families", "counts", "level_sets", "designs", "var
 class StudyConfig(ExperimentConfig):
     """What a study's file says."""
 
-    settings: Mapping[str, Any] = field(
-        default_factory=dict
-    )  # of all runs: choices of groups, and any by dotted names; seed is the first of grid.seeds
+    settings: Mapping[str, Any] = field(default_factory=dict)  # of all runs: choices of groups, and any by dotted names
 
 
 @dataclass(frozen=True)

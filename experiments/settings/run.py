@@ -209,9 +209,8 @@ class RunConfig(Settings):
 
     def takes_no_step(self) -> bool:
         """Whether training changes no weight: the learning rate is lowered to 0, which it is in the only iteration."""
-        settings: Any = self.algorithm
-        is_lowered = getattr(settings, "anneal", False)
-        return is_lowered and self.scale.frames <= settings.num_envs * settings.num_steps
+        ppo = self.algorithm
+        return isinstance(ppo, PPOConfig) and ppo.anneal and self.scale.frames <= ppo.num_envs * ppo.num_steps
 
     def with_precision(self, precision: str) -> "RunConfig":
         """The same settings with another ``algorithm.precision``."""

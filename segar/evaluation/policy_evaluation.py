@@ -106,9 +106,9 @@ class Evaluation:
     def gap(self, quantity: str = "return") -> Interval:
         """The mean on test levels minus that on training levels, with Welch's interval over levels.
 
-        The interval says what other levels of the same distributions might give. It says nothing of other seeds of
-        training: for these, evaluate several trained policies. Both sets vary in it; the ``gap_se`` of
-        runs takes the training levels as they are and lets the test levels alone vary. That of a share ends at -1 and 1.
+        The interval says what other levels of the same distributions might give, training levels included; the ``gap_se``
+        of runs takes the training levels as they are. It says nothing of other seeds of training: for these, evaluate
+        several trained policies. The interval of a share ends at -1 and 1.
         """
         train, test = self.train.of_levels(quantity), self.test.of_levels(quantity)
         found = _interval(test.mean() - train.mean(), [train, test])
