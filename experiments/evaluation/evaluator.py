@@ -100,7 +100,7 @@ def evaluate(config: EvaluateConfig, say: Callable[[str], None] = print) -> Eval
     policy, frames = load_agent(folder, trained, levels, say, found)
     options, network = options_of(folder, trained), None
     if config.portable:
-        network = network_of(policy, shape_in(levels, trained), options["task"])
+        network = network_of(policy, shape_in(levels, trained, options), options["task"])
         policy = PortableAgent(network, config.num_threads)
     rows = play_levels(policy, levels, options, config)
     baselines = find_baselines(
