@@ -111,6 +111,19 @@ def act(
 
 
 @cached(**_options)
+def decide(
+    rows, table, places, floats, observations, memory, scratch, width, sums, mean, log_std, lowest, highest, center, half_range,
+    keys, steps, sampled, actions,
+):  # fmt: skip
+    """:func:`forward` and :func:`act` for the environments ``rows``, each in its own row of ``scratch``."""
+    for env in rows:
+        forward(table, places, floats, observations, memory, scratch[env], width, sums, env, 1)
+        act(
+            scratch[env], width, mean, log_std, lowest, highest, center, half_range, keys, steps, sampled, actions, env, 1
+        )  # fmt: skip
+
+
+@cached(**_options)
 def normal(key, step, component):
     """A number from N(0, 1), by the transform of Box and Muller of two uniform ones."""
     radius = math.sqrt(-2.0 * mathematics.log(1.0 - keyed_uniform(key, step, SITE, component, 0, 0)))

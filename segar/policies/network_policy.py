@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, Protocol
 
 import numpy as np
 
+from segar.engine import Call, Given, Rows, Scratch, call_of
 from segar.errors import SegarError
-from segar.policies.kernels import ROWS, TILE, act, forward
+from segar.policies.kernels import ROWS, TILE, act, decide, forward
 from segar.policies.network import Network
 from segar.support import Team
 
@@ -89,6 +91,28 @@ class NetworkPolicy:
         blocks = -(-n // self._block)
         self._team.do_range(lambda start, stop: self._act(rows, actions, start, stop), blocks)
         return actions
+
+    def call(self) -> Call:
+        """What a call of the policy does, for other targets; see :func:`segar.engine.build_kernel`.
+
+        The caller gives ``observations`` ``(envs, numbers)``, ``memory`` float32 and ``scratch`` float32 ``(envs, ...)``, zero
+        when episodes start, ``keys`` uint64 and ``steps`` int64 ``(envs,)`` of the episodes, and ``actions`` float32 ``(envs,
+        components)``, which are written.
+        """
+        plan, network, envs = self._plan, self.network, ("envs",)
+        mean, log_std = plan.outputs if self.sampled else (*plan.outputs, 0)
+        given = {
+            "observations": Given(np.dtype(network.dtype).name, (*envs, math.prod(network.observation_shape))),
+            "memory": Given("float32", (*envs, plan.memory_width)),
+            "scratch": Given("float32", (*envs, plan.width)),
+            "actions": Given("float32", (*envs, network.actions)),
+        }
+        arguments = [
+            *(Rows(), plan.table, plan.places, plan.floats, given["observations"], given["memory"], given["scratch"]),
+            *(plan.width, Scratch(np.float32, ROWS * TILE), mean, log_std, *network.log_std_range, self._center),
+            *(self._half_range, Given("uint64", envs), Given("int64", envs), self.sampled, given["actions"]),
+        ]
+        return call_of("decide", decide, arguments, {})
 
     def _start(self, n: int) -> None:
         """Arrays of what is remembered from step to step."""

@@ -23,6 +23,12 @@ def local_integers(_context, length):
     return types.Array(types.int64, 1, "C")(length), _on_stack
 
 
+@intrinsic(prefer_literal=True)
+def local_singles(_context, length):
+    """An array float32 ``(length,)`` that is not filled and lives as long as the call; the length is a constant."""
+    return types.Array(types.float32, 1, "C")(length), _on_stack
+
+
 @njit(**_options)
 def copy_numbers(target, source):
     """Copy a state ``(entities, columns)``."""

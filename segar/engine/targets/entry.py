@@ -85,7 +85,7 @@ class Call:
 
 @dataclass(frozen=True)
 class Scratch:
-    """In a call: a one-dimensional array of the call's own, which is not filled."""
+    """In a call: a one-dimensional array of the call's own, which is not filled, of ``float``, ``int`` or ``np.float32``."""
 
     dtype: type
     length: int
@@ -128,7 +128,7 @@ def call_of(
     header = ", ".join(["start", "stop", *(one.name for one in made.arguments)])
     lines = [
         "from numba import njit",
-        imported("segar.engine.runtime.scratch", "local_floats, local_integers"),
+        imported("segar.engine.runtime.scratch", "local_floats, local_integers, local_singles"),
         imported(plain.__module__, f"{plain.__name__} as called"),
         *(imported(kind.__module__, kind.__name__) for kind in made.tuples),
         "",
@@ -160,7 +160,8 @@ class _Made:
             return name
         if isinstance(value, Scratch):
             self.scratch += 8 * value.length
-            return f"local_floats(1, {value.length})[0]" if value.dtype is float else f"local_integers({value.length})"
+            makers = {float: f"local_floats(1, {value.length})[0]", int: f"local_integers({value.length})"}
+            return makers.get(value.dtype, f"local_singles({value.length})")
         if isinstance(value, np.ndarray):
             named = self.sizes.get(name, (None,) * value.ndim)
             shape = tuple(length if size is None else size for size, length in zip(named, value.shape, strict=True))

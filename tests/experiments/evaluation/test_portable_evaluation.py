@@ -85,7 +85,7 @@ def test_a_trained_agent_acts_as_by_torch(name, trained):
     levels = segar.family("objectsx1-easy").sample(4, seed=3, split="test")
     policy, _ = load_agent(trained[name], config, levels, print)
     options = environment_options(config)
-    agent = PortableAgent(network_of(policy, shape_in(levels, config), options["task"]), num_threads=1)
+    agent = PortableAgent(network_of(policy, shape_in(levels, config, options), options["task"]), num_threads=1)
     env = VectorEnv(levels, 4, seed=0, **options)
     observation, _ = env.reset()
     for one in (policy, agent):
