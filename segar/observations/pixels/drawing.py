@@ -295,7 +295,7 @@ def copy_row(frames, begin, source, source_begin, row, canvas):
         copy_bytes(frames, begin + at, source, source_begin + at, length)
 
 
-@njit(**KERNEL_OPTIONS)
+@njit(**KERNEL_OPTIONS, forceinline=True)
 def stamp_tiles(values, env, level, geometry, canvas, texels, frames, begin, upper, lower, chosen):
     """Draw the rows ``upper`` to ``lower`` of all tiles into the frame at byte ``begin``."""
     n = sort_by_order(values, env, level, geometry, True, chosen)
@@ -303,7 +303,7 @@ def stamp_tiles(values, env, level, geometry, canvas, texels, frames, begin, upp
         stamp(values, env, level, chosen[k], geometry, canvas, True, texels, frames, begin, upper, lower)
 
 
-@njit(**KERNEL_OPTIONS)
+@njit(**KERNEL_OPTIONS, forceinline=True)
 def stamp_objects(values, env, level, geometry, canvas, texels, frames, begin, upper, lower, chosen):
     """Draw the rows ``upper`` to ``lower`` of all objects into the frame at byte ``begin``."""
     n = sort_by_order(values, env, level, geometry, False, chosen)
