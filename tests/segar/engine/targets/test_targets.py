@@ -21,7 +21,7 @@ from tests.segar.engine.targets.machines import MACHINES, WasmMachine
 from tests.segar.engine.targets.twin import Twin
 from tests.segar.engine.worlds import random_states
 
-LARGEST = {"rgb": 40_000, "textures": 55_000}  # bytes of a built-in world with its frames
+LARGEST = {"rgb": 40_000, "textures": 60_000}  # bytes of a built-in world with its frames
 ENDS = 0.05  # of the environments that start anew in a step
 
 
