@@ -93,7 +93,25 @@ class Storage:
         )
 
 
-class Collector:
+class RunningEpisodes:
+    """What collectors keep between rollouts: environments, what was observed last, and what the policy remembers."""
+
+    env: Any
+    current: Any
+    memory: Tensor
+    device: torch.device
+
+    def state_dict(self) -> dict[str, Any]:
+        """The running episodes."""
+        return {"env": as_tensors(self.env.state()), "memory": self.memory}
+
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
+        """Continues from ``state``."""
+        self.current = self.env.restore(from_tensors(self.env.state(), state["env"]))
+        self.memory = state["memory"].to(self.device)
+
+
+class Collector(RunningEpisodes):
     """Steps environments with a policy and returns rollouts.
 
     Torch reads frames in the engine's own memory, and they are copied once, into the rollout. The means, deviations and values
@@ -181,15 +199,6 @@ class Collector:
             times = np.concatenate([np.full(len(rows), t) for t, rows, _, _ in cut])
             next_value[times, np.concatenate([rows for _, rows, _, _ in cut])] = values
         return next_value
-
-    def state_dict(self) -> dict[str, Any]:
-        """The running episodes."""
-        return {"env": as_tensors(self.env.state()), "memory": self.memory}
-
-    def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Continues from ``state``."""
-        self.current = self.env.restore(from_tensors(self.env.state(), state["env"]))
-        self.memory = state["memory"].to(self.device)
 
 
 EPISODE_FIGURES = ("return", "length", "success", "death")

@@ -10,17 +10,17 @@ from experiments.collection.collector import (
     EPISODE_FIGURES,
     Collected,
     Rollout,
+    RunningEpisodes,
     StepPolicy,
     action_size,
     mean_figures,
 )
-from experiments.collection.environment_state import as_tensors, from_tensors
 from experiments.networks.encoders import successive
 from experiments.settings import ConfigError
 from segar.envs import VectorEnv
 
 
-class DeviceCollector:
+class DeviceCollector(RunningEpisodes):
     """A :class:`experiments.collection.collector.Collector` of environments on a GPU, where policy and rollout live, too.
 
     Which episodes ended is known on the GPU alone until all steps are taken. The last observation of each environment is
@@ -91,12 +91,3 @@ class DeviceCollector:
         if self.truncated.any():
             next_value[self.truncated] = self.policy.step(self.last[self.truncated], self.remembered[self.truncated])[2]
         return next_value
-
-    def state_dict(self) -> dict[str, Any]:
-        """The running episodes."""
-        return {"env": as_tensors(self.env.state()), "memory": self.memory}
-
-    def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Continues from ``state``."""
-        self.current = self.env.restore(from_tensors(self.env.state(), state["env"]))
-        self.memory = state["memory"].to(self.device)

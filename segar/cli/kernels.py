@@ -50,7 +50,9 @@ def add_commands(commands: Any) -> None:
     building.add_argument(
         "--observation", default="state", choices=sorted(OBSERVATIONS), help="what agents see (default: state)"
     )
-    building.set_defaults(run=lambda chosen: build_target(**{k: v for k, v in vars(chosen).items() if k in _BUILD}))
+    building.set_defaults(
+        run=lambda chosen: build_target(chosen.name, chosen.target, chosen.output, chosen.task, chosen.observation)
+    )
 
 
 def compile_kernels(names: Sequence[str] = (), task: str | None = None) -> None:
@@ -74,9 +76,6 @@ def compile_kernels(names: Sequence[str] = (), task: str | None = None) -> None:
         print(f"{path.stem}  {what:<19}  {its_task.name:<16}  {', '.join(sharing[path])}", flush=True)
     print(f"{'observations':<18}  ready in {_compile_observations(*next(iter(first.values()))):.1f} s")
     print(f"{engine.cache_folder()}: {len(first)} kernels, {compiled} of them new, {time.perf_counter() - start:.0f} s")
-
-
-_BUILD = ("name", "target", "output", "task", "observation")
 
 
 def build_target(name: str, target: str, output: str, task: str | None = None, observation: str = "state") -> None:

@@ -14,12 +14,12 @@ from gymnasium import spaces
 
 from segar.engine import BY_NUMBER, Call, Simulator, State, StepResult, build_kernel, for_threads, step_entry
 from segar.engine.cuda.driver import Device, Driver, Kernel
-from segar.envs.episode_calls import check_call, count_call, start_call
+from segar.envs.episode_calls import check_call, count_call, observation_calls, start_call
 from segar.envs.episode_kernel import ACTION_NOT_FINITE
 from segar.envs.snapshots import EPISODE_ARRAYS, STATE_ARRAYS, Snapshot
 from segar.errors import ActionError, ConflictError, LevelError, RuleError, SegarError
 from segar.levels import Levels
-from segar.observations import BoundObservation, RunsOnTargets
+from segar.observations import BoundObservation
 
 STEPS_BETWEEN_CHECKS = 64  # a check waits for the GPU
 COUNTS = {"level": "level", "length": "lengths", "contacts": "contacts", "unresolved_contacts": "unresolved_contacts"}
@@ -80,20 +80,14 @@ class DeviceEpisodes:
     def __init__(
         self, gpu: GPU, simulator: Simulator, levels: Levels, observation: BoundObservation, now: Snapshot, copy: bool
     ) -> None:
-        if not isinstance(observation, RunsOnTargets):
-            raise SegarError(
-                f"the observation {type(observation).__name__} has no compiled form for a GPU, which a state, 'rgb' and"
-                " 'textures' have; choose one of these, or device='cpu'"
-            )
+        advice = "choose one of these, or device='cpu'"
+        begin, write = observation_calls(observation, "a GPU", advice, in_rows=True)
         self.device = gpu.tensors
         self._gpu, self._simulator, self._levels, self._now, self._copy = gpu, simulator, levels, now, copy
         self._space, self._num_envs = observation.space, len(now)
-        self._step, _ = step_entry(simulator.world, levels.layout, simulator.task, BY_NUMBER)
-        self._start = tuple(
-            self._threads(call)
-            for call in (start_call(levels), *observation.calls("start", True), *observation.calls("begin", True))
-        )
-        self._write = tuple(self._threads(call) for call in observation.calls("write", True))
+        self._step = step_entry(simulator.world, levels.layout, simulator.task, BY_NUMBER)
+        self._start = tuple(map(self._threads, (start_call(levels), *begin)))
+        self._write = tuple(map(self._threads, write))
         self._count = self._threads(count_call())
         self._check = self._threads(check_call(len(simulator.task.action_low)))
         calls = (*self._start, *self._write, self._count, self._check)

@@ -4,7 +4,9 @@ import numpy as np
 
 from segar.engine import Call, Given, Rows, call_of
 from segar.envs.episode_kernel import check_actions, count_rows, start_episodes
+from segar.errors import SegarError
 from segar.levels import Levels
+from segar.observations import BoundObservation, RunsOnTargets
 
 _ENVS = ("envs",)
 _NUMBER, _SUM, _FLAG = Given("int64", _ENVS), Given("float64", _ENVS), Given("bool", _ENVS)
@@ -16,6 +18,27 @@ def start_call(levels: Levels) -> Call:
     batch = [values, _NUMBER, Given("uint64", _ENVS), *[_NUMBER] * 3, _SUM, *[_NUMBER] * 2]
     given = [Rows(), Given("uint64", None), _NUMBER, np.ascontiguousarray(levels.values), *batch]
     return call_of("start_episodes", start_episodes, given, {"level_values": ("levels", None, None)})
+
+
+def observation_calls(
+    observation: BoundObservation, target: str, advice: str, in_rows: bool = False
+) -> tuple[tuple[Call, ...], tuple[Call, ...]]:
+    """What an observation needs when episodes start, and the calls that write it.
+
+    Args:
+        target, advice: for the error: what lacks a compiled form, and what to do.
+        in_rows: see :class:`segar.observations.RunsOnTargets`.
+
+    Raises:
+        SegarError: it is not made by compiled functions alone.
+    """
+    if not isinstance(observation, RunsOnTargets):
+        raise SegarError(
+            f"the observation {type(observation).__name__} has no compiled form for {target}, which a state, 'rgb' and"
+            f" 'textures' have; {advice}"
+        )
+    start, begin, write = (tuple(observation.calls(when, in_rows)) for when in ("start", "begin", "write"))
+    return (*start, *begin), write
 
 
 def count_call() -> Call:

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 from segar.engine import (
-    BY_ENTITY,
     Call,
     Entry,
     TargetKernel,
@@ -11,10 +10,8 @@ from segar.engine import (
     described_world,
     step_entry,
 )
-from segar.envs.episode_calls import start_call
+from segar.envs.episode_calls import observation_calls, start_call
 from segar.envs.vector import VectorEnv
-from segar.errors import SegarError
-from segar.observations import RunsOnTargets
 
 
 @dataclass(frozen=True)
@@ -37,24 +34,16 @@ class EnvironmentCalls:
         return (self.step, *dict.fromkeys(call.entry for call in (*self.start, *self.write)))
 
 
-def environment_calls(env: VectorEnv, order: str = BY_ENTITY) -> EnvironmentCalls:
+def environment_calls(env: VectorEnv) -> EnvironmentCalls:
     """What an environment does, as calls; with these, another target plays the same episodes to the bit.
-
-    Args:
-        order: see :func:`segar.engine.step_entry`. Other entries than the step have states by entity.
 
     Raises:
         SegarError: its observation is not made by compiled functions alone.
     """
-    observation, levels = env.observation, env.levels
-    if not isinstance(observation, RunsOnTargets):
-        raise SegarError(
-            f"the observation {type(observation).__name__} has no compiled form for other targets, which a state, 'rgb' and "
-            "'textures' have; give it a method calls(when) as in segar.observations.protocol.RunsOnTargets"
-        )
-    step, _ = step_entry(env.simulator.world, levels.layout, env.task, order)
-    begin = (*observation.calls("start"), *observation.calls("begin"))
-    return EnvironmentCalls(step, (start_call(levels), *begin), tuple(observation.calls("write")))
+    advice = "give it a method calls(when) as in segar.observations.protocol.RunsOnTargets"
+    begin, write = observation_calls(env.observation, "other targets", advice)
+    step = step_entry(env.simulator.world, env.levels.layout, env.task)
+    return EnvironmentCalls(step, (start_call(env.levels), *begin), write)
 
 
 def build_environment(env: VectorEnv, target: str) -> TargetKernel:

@@ -1,9 +1,12 @@
 """What all parts of a kernel's source share: decorators, arguments, trees, how a symbol reads from the state, and rules that
 set one factor of one entity: the most specific one wins, equally specific ones must agree."""
 
+import hashlib
+import inspect
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from types import ModuleType
 
 from segar.engine.compiler.emit import Writer, bind, both, match_test
 from segar.engine.compiler.spec import Matcher, relation_mask, static_relation
@@ -18,6 +21,12 @@ DECORATOR = '@njit(error_model="numpy", nogil=True, _nrt=False)'
 INLINE_DECORATOR = '@njit(error_model="numpy", nogil=True, _nrt=False, forceinline=True)'
 # One environment: V values, W and U and L scratch, P parameters, A action, err the conflict that was found.
 STATE = "V, W, U, bits, kind, count, vertex, hull_radius, P, A, L, key, tick, err"
+
+
+def import_line(module: ModuleType, names: str) -> str:
+    """An import line with the module's hash: its machine code is part of the kernel, whose name follows from the text."""
+    version = hashlib.sha256(inspect.getsource(module).encode()).hexdigest()[:8]
+    return f"from {module.__name__} import {names}  # {version}"
 
 
 @dataclass

@@ -4,7 +4,6 @@ An entry ``f(start, stop, <sizes>, <numbers>, <addresses>)`` calls a compiled fu
 when the module is made, such as the number of environments, are arguments; the others are constants of the code.
 """
 
-import hashlib
 import inspect
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -12,6 +11,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+
+from segar.engine.compiler.source import import_line
+from segar.engine.runtime import scratch
 
 BY_ENTITY, BY_NUMBER = "by entity", "by number"
 """How states lie in memory: one environment after the other, or number after number, each of all environments."""
@@ -128,9 +130,9 @@ def call_of(
     header = ", ".join(["start", "stop", *(one.name for one in made.arguments)])
     lines = [
         "from numba import njit",
-        imported("segar.engine.runtime.scratch", "local_floats, local_integers, local_singles"),
-        imported(plain.__module__, f"{plain.__name__} as called"),
-        *(imported(kind.__module__, kind.__name__) for kind in made.tuples),
+        import_line(scratch, "local_floats, local_integers, local_singles"),
+        import_line(sys.modules[plain.__module__], f"{plain.__name__} as called"),
+        *(import_line(sys.modules[kind.__module__], kind.__name__) for kind in made.tuples),
         "",
         '@njit(error_model="numpy", nogil=True, _nrt=False)',
         f"def {name}({header}):",
@@ -190,12 +192,6 @@ def for_threads(call: Call, per_environment: int = 1) -> Call:
     ]
     meant = Argument("meant", "bool", ("envs",))
     return Call(replace(call.entry, arguments=(*arguments, meant), per_environment=per_environment), call.arrays)
-
-
-def imported(module: str, names: str) -> str:
-    """An import line with the module's hash, so that the text changes with what it calls."""
-    version = hashlib.sha256(inspect.getsource(sys.modules[module]).encode()).hexdigest()[:8]
-    return f"from {module} import {names}  # {version}"
 
 
 def wrapper(entry: Entry) -> tuple[str, list[str]]:

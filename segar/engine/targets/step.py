@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from segar.engine.compiler.kernel import RANGE_ARGUMENTS, KernelSource, generate_range
+from segar.engine.compiler.kernel import RANGE_ARGUMENTS, generate_range
 from segar.engine.targets.entry import BY_ENTITY, BY_NUMBER, Argument, Entry
 from segar.language import Layout, Task, WorldRules
 
@@ -11,9 +11,9 @@ _NUMBERS = {"sub_steps": "int64", "with_task": "bool"}
 _BATCH = {"level": "int64", "key": "uint64", "tick": "int64", "contacts": "int64", "unresolved_contacts": "int64"}
 
 
-def step_entry(world: WorldRules, layout: Layout, task: Task, order: str = BY_ENTITY) -> tuple[Entry, KernelSource]:
+def step_entry(world: WorldRules, layout: Layout, task: Task, order: str = BY_ENTITY) -> Entry:
     """The entry ``advance_range``: environments ``start`` to ``stop - 1`` take a step, as those of
-    :class:`segar.engine.Simulator` do, to the bit; with its source.
+    :class:`segar.engine.Simulator` do, to the bit.
 
     Its arrays are those of :class:`segar.engine.State` (``state_*``), of :class:`segar.engine.LevelArrays` (``level_*``) and of
     :class:`segar.engine.StepResult` (``result_*``); ``actions``, float32 ``(envs, action size)``; and ``errors``, int64
@@ -49,7 +49,7 @@ def step_entry(world: WorldRules, layout: Layout, task: Task, order: str = BY_EN
         if name in shapes
     ]
     scratch = 8 * (2 * entities * (width + 1) + len(task.action_low) + source.list_length)
-    return Entry(STEP, source.text, tuple(arguments), scratch=scratch), source
+    return Entry(STEP, source.text, tuple(arguments), scratch=scratch)
 
 
 def described_world(layout: Layout, task: Task) -> dict[str, Any]:

@@ -9,7 +9,7 @@ import llvmlite.binding as llvm
 
 from segar.engine.targets.entry import Entry
 from segar.engine.targets.module import exported, linked_module, target_machine
-from segar.engine.targets.wasm_linker import leb, link, section
+from segar.engine.targets.wasm_linker import link, name, section
 
 TRIPLE = "wasm32-unknown-unknown"
 FEATURES = "+bulk-memory,+sign-ext,+mutable-globals,+nontrapping-fptoint"  # which every browser has had since 2021
@@ -72,8 +72,3 @@ def wasm_module(
     return code + section(
         0, name(DESCRIPTION) + json.dumps(description, sort_keys=True, separators=(",", ":")).encode()
     )
-
-
-def name(text: str) -> bytes:
-    """A name as WebAssembly has it."""
-    return leb(len(text.encode())) + text.encode()

@@ -36,6 +36,11 @@ def signed_leb(number: int) -> bytes:
     return bytes([*out, number & 127])
 
 
+def name(text: str) -> bytes:
+    """A name as WebAssembly has it."""
+    return leb(len(text.encode())) + text.encode()
+
+
 def padded(number: int) -> bytes:
     """An integer in five bytes of LEB128, as relocated places have it; one below 2^31 reads alike signed and unsigned."""
     return bytes([*(number >> 7 * k & 127 | 128 for k in range(4)), number >> 28])
@@ -119,7 +124,7 @@ def link(obj: bytes, exports: list[str], stack: int) -> bytes:
     parts.append(section(GLOBAL, leb(len(kinds)) + b"".join(kinds)))
     names = {"memory": bytes([OF_MEMORY, 0]), "__heap_base": bytes([OF_GLOBAL, 1])}
     names |= {one: bytes([OF_FUNCTION]) + leb(read.functions[one]) for one in exports}
-    listed = b"".join(leb(len(one)) + one.encode() + what for one, what in names.items())
+    listed = b"".join(name(one) + what for one, what in names.items())
     parts.append(section(EXPORT, leb(len(names)) + listed))
     if DATA_COUNT in read.sections:
         parts.append(section(DATA_COUNT, read.sections[DATA_COUNT]))

@@ -41,7 +41,7 @@ class Pair:
 
     def __post_init__(self) -> None:
         one = self.simulator
-        self.entry, _ = step_entry(one.world, one.layout, one.task, BY_NUMBER)
+        self.entry = step_entry(one.world, one.layout, one.task, BY_NUMBER)
         self.machine = PTXMachine(build_kernel([self.entry], "ptx").code.decode())
         count, arrays = len(self.state.level), vars(one._arrays_of(self.levels))
         self.result, self.errors = StepResult.empty(count), np.zeros((count, 5), np.int64)
@@ -139,7 +139,7 @@ def test_ptx_gives_the_bits_of_the_native_kernel_in_worlds_of_random_rules():
 
 def test_a_kernel_says_what_it_is():
     levels = family("objectsx3-hard").sample(3, seed=0)
-    entry, _ = step_entry(World(), levels.layout, task_of(levels), BY_NUMBER)
+    entry = step_entry(World(), levels.layout, task_of(levels), BY_NUMBER)
     first = build_kernel([entry], "ptx").code.decode().splitlines()[0]
     said = json.loads(first.removeprefix(DESCRIPTION))
     values = next(one for one in said["exports"][0]["arguments"] if one[0] == "state_values")
