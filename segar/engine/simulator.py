@@ -125,7 +125,7 @@ class Simulator:
             f" '{self.layout.slots[slot].name}' to different values, and neither is more specific; give one a priority"
         )
 
-    def _arrays_of(self, levels: Levels) -> LevelArrays:
+    def arrays_of(self, levels: Levels) -> LevelArrays:
         """The arrays of a level set; those of the last one are kept."""
         if self._level_arrays is None or self._level_arrays[0] is not levels:
             if levels.layout != self.layout:
@@ -179,7 +179,7 @@ class _Call:
             **{"part_length": PART, "sub_steps": n, "with_task": with_task, "places": places, "reads": reads},
             **{"actions": self.actions, "errors": self.errors, "rows": np.arange(num_envs)},
             **{f"state_{name}": array for name, array in vars(state).items()},
-            **{f"level_{name}": array for name, array in vars(simulator._arrays_of(levels)).items()},
+            **{f"level_{name}": array for name, array in vars(simulator.arrays_of(levels)).items()},
             **{f"result_{name}": array for name, array in vars(result).items()},
         }
         self._mine = self._bind()

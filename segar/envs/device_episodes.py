@@ -107,7 +107,7 @@ class DeviceEpisodes:
     def _allocate(self, calls: Iterable[Call]) -> None:
         """Copy everything to the GPU."""
         count = self._num_envs
-        levels = self._simulator._arrays_of(self._levels)
+        levels = self._simulator.arrays_of(self._levels)
         self._sizes = {"envs": count, "rows": count, "levels": len(levels.bits), "corners": levels.vertex.shape[2]}
         self._level_arrays = {f"level_{name}": self._tensor(array) for name, array in vars(levels).items()}
         self._fixed: dict[int, tuple[np.ndarray, torch.Tensor, bool]] = {}

@@ -99,6 +99,7 @@ def versions() -> list[str]:
     package = hashlib.sha256()
     here = Path(__file__).parent
     later = {path for path in here.glob("*.py") if path.name not in ("entry.py", "numba_ir.py")}
+    later |= {path for room in ("playground", "cli") for path in here.parents[1].joinpath(room).rglob("*.py")}
     for path in sorted(set(here.parents[1].rglob("*.py")) - later):
         package.update(path.read_bytes())
     return [numba.__version__, llvmlite.__version__, package.hexdigest()]

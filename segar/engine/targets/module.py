@@ -38,14 +38,14 @@ def linked_module(
     found: Sequence[Mapping[str, Any]],
     machine: llvm.TargetMachine,
     triple: str,
-    export: Callable[[str, str, str], str],
+    export: Callable[[Entry, str, str], str],
     merges: bool = True,
 ) -> llvm.ModuleRef:
     """The module for a machine that exports the entries under their names and imports nothing.
 
     Args:
         found: what :func:`segar.engine.targets.numba_ir.intermediate_code` gives for the entries.
-        export: IR of the exported function from its name, numba's name of the function that it calls, and numba's IR.
+        export: IR of the exported function from its entry, numba's name of the function that it calls, and numba's IR.
         merges: whether functions that several entries share are there once.
 
     Raises:
@@ -54,7 +54,7 @@ def linked_module(
     module = None
     for entry, one in zip(entries, found, strict=True):
         ir = retargeted(one["ir"], triple, str(machine.target_data))
-        text = ir + export(entry.name, one["symbol"], ir)
+        text = ir + export(entry, one["symbol"], ir)
         part = llvm.parse_assembly(text)
         names = {one.name for one in entries}
         for thing in [*part.functions, *part.global_variables]:
@@ -87,14 +87,15 @@ def retargeted(ir: str, triple: str, layout: str) -> str:
     return ir
 
 
-def exported(name: str, symbol: str, ir: str, size: str) -> str:
+def exported(entry: Entry, symbol: str, ir: str, size: str) -> str:
     """IR of a function with plain arguments that calls numba's, whose first two arguments are of no use here.
 
     Args:
-        size: LLVM's type of whole numbers, ``i32`` or ``i64``.
+        size: LLVM's type of whole numbers, ``i32`` or ``i64``; seeds and keys are ``i64``.
     """
     kinds = argument_types(ir, symbol)[2:]
-    outer = [size if kind == "i64" else kind for kind in kinds]
+    keys = [False] * (2 + len(entry.sizes)) + [one.dtype == "uint64" for one in entry.arguments]
+    outer = [size if kind == "i64" and not key else kind for kind, key in zip(kinds, keys, strict=True)]
     header = ", ".join(f"{kind} %a{k}" for k, kind in enumerate(outer))
     lines, passed = [], []
     for k, (inner, kind) in enumerate(zip(kinds, outer, strict=True)):
@@ -103,7 +104,7 @@ def exported(name: str, symbol: str, ir: str, size: str) -> str:
         passed.append(f"{inner} {'%w' if inner != kind else '%a'}{k}")
     return "\n".join(
         [
-            f"\ndefine void @{name}({header}) {{",
+            f"\ndefine void @{entry.name}({header}) {{",
             "  %nothing = alloca ptr",
             "  %error = alloca ptr",
             *lines,

@@ -65,7 +65,7 @@ def inline_single_calls(module: llvm.ModuleRef) -> bool:
     return found
 
 
-def kernel(name: str, symbol: str, ir: str) -> str:
+def kernel(entry: Entry, symbol: str, ir: str) -> str:
     """IR of a kernel whose threads call numba's function for one thing at a time."""
     kinds = argument_types(ir, symbol)[2:]
     header = ", ".join(f"{_outer(kind)} %a{k}" for k, kind in enumerate(kinds))
@@ -85,7 +85,7 @@ def kernel(name: str, symbol: str, ir: str) -> str:
         [
             "",
             *declared,
-            f"define ptx_kernel void @{name}({header}) {{",
+            f"define ptx_kernel void @{entry.name}({header}) {{",
             "  %nothing = alloca ptr",
             "  %error = alloca ptr",
             *lines,

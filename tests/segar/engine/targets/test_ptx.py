@@ -43,7 +43,7 @@ class Pair:
         one = self.simulator
         self.entry = step_entry(one.world, one.layout, one.task, BY_NUMBER)
         self.machine = PTXMachine(build_kernel([self.entry], "ptx").code.decode())
-        count, arrays = len(self.state.level), vars(one._arrays_of(self.levels))
+        count, arrays = len(self.state.level), vars(one.arrays_of(self.levels))
         self.result, self.errors = StepResult.empty(count), np.zeros((count, 5), np.int64)
         self.sizes = {"envs": count, "levels": len(self.levels), "corners": arrays["vertex"].shape[2]}
         self.theirs: dict[str, Any] = {f"level_{name}": array for name, array in arrays.items()}

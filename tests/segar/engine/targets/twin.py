@@ -23,7 +23,7 @@ class Twin:
         self.env, self.calls = env, environment_calls(env)
         self.kernel = build_environment(env, target)
         self.machine = MACHINES[target](self.kernel)
-        levels = env.simulator._arrays_of(env.levels)
+        levels = env.simulator.arrays_of(env.levels)
         self.state = env.state()
         self.sizes = {"envs": env.num_envs, "levels": len(env.levels), "rows": env.num_envs}
         self.sizes["corners"] = levels.vertex.shape[2]

@@ -1,0 +1,9 @@
+"""Worlds as pages: levels, physics, observations and policies in one file that a browser plays, with the bits of Python.
+
+The room imports ``engine``, ``envs``, ``evaluation``, ``policies`` and what lies below them. Other rooms use the names
+that are imported here.
+"""
+
+from segar.playground.page import Playground, make_playground
+
+__all__ = ["Playground", "make_playground"]

@@ -1,0 +1,111 @@
+"""A page: one file with worlds, levels and the program that plays them, which a browser opens without a network."""
+
+import base64
+import gzip
+import html
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from segar.errors import LevelError, SegarError
+from segar.language import Task
+from segar.levels import Levels
+from segar.observations import Observation
+from segar.playground.modules import Blobs
+from segar.playground.world import described_set
+from segar.policies import Network
+from segar.support import __version__, replacing
+
+STATIC = Path(__file__).parent / "static"
+MOST_LEVELS = 2000  # of a set, in a page
+HEIGHT = 720  # [px] of a page in a notebook
+
+
+@dataclass(frozen=True)
+class Playground:
+    """A page that plays levels; a notebook shows it where it is the last value of a cell.
+
+    Attributes:
+        html: the whole page. It asks the network for nothing.
+        title: of the page.
+    """
+
+    html: str
+    title: str
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the page to ``path``. An existing file is replaced only by a complete one.
+
+        Raises:
+            SegarError: the file cannot be written.
+        """
+        with replacing(Path(path), "the page") as beside:
+            beside.write_text(self.html, encoding="utf-8")
+
+    def _repr_html_(self) -> str:
+        return (
+            f'<iframe title="{html.escape(self.title)}" srcdoc="{html.escape(self.html)}" allow="fullscreen"'
+            f' style="width:100%;height:{HEIGHT}px;border:0"></iframe>'
+        )
+
+    def __repr__(self) -> str:
+        return f"<Playground '{self.title}', {len(self.html) / 1000:.0f} kB>"
+
+
+def make_playground(
+    levels: Levels,
+    test: Levels | None = None,
+    *,
+    task: Task | None = None,
+    observations: Sequence[str | Observation] = ("rgb",),
+    policy: Network | None = None,
+    title: str | None = None,
+) -> Playground:
+    """The page that plays these levels.
+
+    Args:
+        levels: at most 2,000.
+        test: levels of another distribution, beside which the first ones are shown as training levels.
+        task: what is played; the one that the levels name where it is None.
+        observations: what agents see, shown beside the arena; a policy reads the first one.
+        policy: plays at a touch of a button, with the actions of :class:`segar.policies.NetworkPolicy`.
+        title: of the page; the levels' name where it is None.
+
+    Raises:
+        LevelError: there are too many levels.
+        SegarError: a rule or an observation has no form in WebAssembly, or the policy reads other observations.
+    """
+    title = title or levels.provenance.name or "levels made by hand"
+    blobs = Blobs()
+    sets = []
+    for part, name in ((levels, "train" if test is not None else "levels"), (test, "test")):
+        if part is not None:
+            if len(part) > MOST_LEVELS:
+                raise LevelError(
+                    f"a page holds at most {MOST_LEVELS:,} levels of a set, and these are {len(part):,}; take some of"
+                    f" them, such as levels[:100]"
+                )
+            sets.append(described_set(part, task, observations, name, blobs))
+    about: dict[str, Any] = {"title": title, "segar": __version__, "sets": sets}
+    return Playground(_page(title, about, blobs), title)
+
+
+def _page(title: str, about: dict[str, Any], blobs: Blobs) -> str:
+    """The template with its style, its program and its data in it."""
+    about["scripts"] = {path.name: blobs.add(path.read_bytes()) for path in sorted(STATIC.glob("*.js"))}
+    about["blobs"] = blobs.places
+    head = json.dumps(about, separators=(",", ":"), allow_nan=False).encode()
+    head += b" " * (-len(head) % 8)
+    packed = gzip.compress(len(head).to_bytes(8, "little") + head + bytes(blobs.data), 9, mtime=0)
+    page = (STATIC / "page.html").read_text(encoding="utf-8")
+    style = (STATIC / "page.css").read_text(encoding="utf-8")
+    parts = {"TITLE": html.escape(title), "STYLE": style, "DATA": base64.b64encode(packed).decode()}
+    for name, text in parts.items():
+        marked = f"<!--{name}-->"
+        if page.count(marked) != 1:
+            raise SegarError(f"{STATIC / 'page.html'} must hold {marked} once; install SEGAR again")
+        page = page.replace(marked, text)
+    return page

@@ -1,0 +1,209 @@
+/** The page: which set and level are played, how the person acts, and what is shown. */
+
+import { make, short } from "segar/elements.js";
+import { LevelSet } from "segar/level_set.js";
+import { changePanel } from "segar/panel_change.js";
+import { overlaysPanel } from "segar/panel_overlays.js";
+import { recordPanel, verdict } from "segar/panel_record.js";
+import { seenPanel } from "segar/panel_seen.js";
+import { Player } from "segar/player.js";
+import { Scene } from "segar/scene.js";
+import { World } from "segar/world.js";
+
+const REACH = 0.6; // [m] from the ball to where a hit is as hard as can be
+const KEYS = { ArrowRight: [1, 0], ArrowLeft: [-1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+
+/** Open a page; what it returns is for programs that play it. */
+export async function open(about, blob) {
+  const worlds = await Promise.all(about.sets.map((set) => World.load(set, blob)));
+  const page = new Page(about, worlds.map((world) => new LevelSet(world, blob)));
+  page.show(0);
+  return page;
+}
+
+const $ = (id) => document.getElementById(id);
+
+class Page {
+  constructor(about, sets) {
+    this.about = about;
+    this.sets = sets;
+    this.levels = sets[0];
+    this.marked = 0;
+    this.moving = false;
+    this.aim = this.held = null;
+    this.scene = new Scene($("arena"), this.levels);
+    this.player = new Player(this.world, () => this.refresh());
+    $("title").textContent = about.title;
+    document.title = `${about.title} – SEGAR`;
+    if (sets.length > 1) {
+      $("sets").append(...about.sets.map((set, k) => make("button", { textContent: set.title, onclick: () => this.show(k) })));
+    }
+    this.seen = seenPanel(this);
+    this.change = changePanel(this);
+    this.record = recordPanel(this);
+    $("panels").append(this.seen.element, overlaysPanel(this).element, this.change.element, this.record.element);
+    this.listen();
+    this.actionSliders();
+    let last = performance.now();
+    const tick = (now) => {
+      this.player.pass((now - last) / 1000);
+      last = now;
+      if (this.player.running || this.stale) this.draw();
+      requestAnimationFrame(tick);
+    };
+    requestAnimationFrame(tick);
+  }
+
+  get world() {
+    return this.levels.world;
+  }
+
+  get level() {
+    return this.world.level;
+  }
+
+  /** Show a set. */
+  show(k) {
+    this.levels = this.sets[k];
+    this.scene.levels = this.levels;
+    this.player.world = this.world;
+    [...$("sets").children].forEach((button, i) => button.setAttribute("aria-current", String(i === k)));
+    $("level").max = this.levels.count - 1;
+    this.marked = this.levels.about.agents[0] ?? 0;
+    this.go(this.level);
+  }
+
+  /** Go to a level of the set. */
+  go(level) {
+    const { count } = this.levels;
+    this.player.start(((level % count) + count) % count, BigInt($("seed").value || 0));
+    $("level").value = this.level;
+    this.change.update();
+  }
+
+  /** Something changed: draw it with the next picture, and keep an episode that has ended. */
+  refresh() {
+    this.stale = true;
+    const { world } = this;
+    if (world.over && !this.kept && world.steps > 0 && !world.failed) {
+      this.kept = true;
+      this.record.add();
+    }
+    if (!world.over) this.kept = false;
+  }
+
+  draw() {
+    this.stale = false;
+    const { world, player } = this;
+    this.scene.draw(player.shown, this.level, { aim: this.aim, marked: this.change.element.open ? this.marked : undefined, acceleration: player.acceleration });
+    this.seen.draw();
+    const words = world.failed ?? verdict(world);
+    const status = `level ${this.level}, step ${world.steps} of ${world.about.task.max_steps}, return ${world.total.toFixed(3)}${words ? `: ${words}` : ""}`;
+    if ($("status").textContent !== status) $("status").textContent = status;
+    $("play").textContent = player.running ? "Pause" : "Play";
+    $("play").setAttribute("aria-pressed", String(player.running));
+    $("play").disabled = $("single").disabled = world.over;
+    $("replay").disabled = world.steps === 0;
+  }
+
+  /** Act in a direction (right, up) of length 1 at most. */
+  hit(unit) {
+    if (this.levels.about.task.action_low.length === 2) this.player.act(this.player.inRange(unit));
+  }
+
+  listen() {
+    const arena = $("arena");
+    arena.addEventListener("pointerdown", (event) => {
+      arena.setPointerCapture(event.pointerId);
+      const place = this.scene.metres(event.clientX, event.clientY);
+      const thing = this.scene.thingAt(this.world.values, this.level, place);
+      if (this.moving) {
+        if (thing) this.hold(thing.slot);
+      } else if (this.levels.about.task.action_low.length === 2) {
+        this.aim = place;
+      }
+      this.refresh();
+    });
+    arena.addEventListener("pointermove", (event) => {
+      const place = this.scene.metres(event.clientX, event.clientY);
+      if (this.held !== null) this.drag(place);
+      else if (this.aim) this.aim = place;
+      else return;
+      this.refresh();
+    });
+    arena.addEventListener("pointerup", () => {
+      if (this.aim) {
+        const ball = this.scene.things(this.world.values, this.level).find((one) => one.agent);
+        const [dx, dy] = ball ? [this.aim[0] - ball.x, this.aim[1] - ball.y] : this.aim;
+        const reach = Math.max(Math.hypot(dx, dy), REACH);
+        this.aim = null;
+        this.hit([dx / reach, dy / reach]);
+      }
+      if (this.held !== null) this.change.update();
+      this.aim = this.held = null;
+      this.refresh();
+    });
+    arena.addEventListener("pointercancel", () => {
+      this.aim = this.held = null;
+      this.refresh();
+    });
+    document.addEventListener("keydown", (event) => this.key(event));
+    $("play").addEventListener("click", () => this.toggle());
+    $("single").addEventListener("click", () => this.single());
+    $("again").addEventListener("click", () => this.go(this.level));
+    $("replay").addEventListener("click", () => this.player.replay());
+    $("before").addEventListener("click", () => this.go(this.level - 1));
+    $("next").addEventListener("click", () => this.go(this.level + 1));
+    $("level").addEventListener("change", () => this.go(Math.min(Math.max(Math.round(Number($("level").value)) || 0, 0), this.levels.count - 1)));
+    $("seed").addEventListener("change", () => this.go(this.level));
+    $("speed").addEventListener("change", () => { this.player.speed = Number($("speed").value); });
+  }
+
+  key(event) {
+    if (event.target.closest?.("input, textarea, select") || event.ctrlKey || event.metaKey || event.altKey) return;
+    const onButton = event.target.closest?.("button, summary");
+    if (event.key in KEYS) this.hit(KEYS[event.key]);
+    else if (event.key === " " && !onButton) this.toggle();
+    else if (event.key === ".") this.single();
+    else if (event.key === "n") this.go(this.level + 1);
+    else if (event.key === "r") this.go(this.level);
+    else return;
+    event.preventDefault();
+  }
+
+  toggle() {
+    this.player.running = !this.player.running && !this.world.over;
+    this.refresh();
+  }
+
+  single() {
+    this.player.running = false;
+    this.player.step();
+  }
+
+  hold(slot) {
+    this.held = this.marked = slot;
+    if (this.world.steps > 0) this.player.start(this.level);
+    this.levels.remember(this.level);
+  }
+
+  /** Move the thing that is held. */
+  drag(place) {
+    const { walls } = this.levels.about;
+    const held = place.map((x) => Math.min(Math.max(x, -walls), walls));
+    const column = this.levels.about.columns.Position;
+    this.levels.values(this.level, this.held).set(held, column);
+    this.player.start(this.level);
+  }
+
+  /** Sliders of the action, for tasks whose action is not a direction. */
+  actionSliders() {
+    const { action_low: low, action_high: high } = this.levels.about.task;
+    if (low.length === 2) return;
+    const sliders = low.map((x, k) => make("input", { type: "range", min: x, max: high[k], step: "any", value: this.player.idle[k], "aria-label": `component ${k} of the action` }));
+    const act = make("button", { textContent: "Act", onclick: () => this.player.act(sliders.map((one) => Number(one.value))) });
+    $("actions").append(...sliders, act);
+    $("actions").hidden = false;
+    $("about").textContent = `Set the action by its sliders, from ${low.map(short).join(", ")} to ${high.map(short).join(", ")}.`;
+  }
+}

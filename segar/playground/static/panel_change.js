@@ -1,0 +1,130 @@
+/** The panel in which a level is changed: its things and parameters by sliders and numbers, and the level as text. */
+
+import { download, make, panel, short } from "segar/elements.js";
+import { asText, fileText, levelData, readLevel } from "segar/level_text.js";
+
+const HIDDEN = new Set(["Acceleration", "Drag", "Alive", "Done", "Order"]); // set by rules, or of no effect in people's pictures
+const STEPS = 200;
+
+export function changePanel(page) {
+  const say = make("p", { className: "note", role: "status" });
+  const things = make("select", { "aria-label": "Thing" });
+  const kinds = make("select", { "aria-label": "Kind of the thing" });
+  const factors = make("div");
+  const text = make("textarea", { spellcheck: false, "aria-label": "The level as JSON" });
+  const moving = make("input", { type: "checkbox" });
+  const element = panel(
+    "Change this level", false,
+    make("label", {}, moving, " move things by dragging, instead of hitting"),
+    make("div", { className: "controls" }, things, kinds,
+      make("button", { textContent: "Undo", onclick: () => change(() => page.levels.undo()) })),
+    factors, say,
+    make("details", {}, make("summary", { textContent: "The level as text (JSON)" }), text,
+      make("div", { className: "controls" },
+        make("button", { textContent: "Use this text", onclick: () => change(() => readLevel(page.levels, page.level, text.value)) }),
+        make("button", { textContent: "Save as file", onclick: () => download(`level-${page.level}.json`, fileText(page.levels, [page.level])) }))),
+  );
+  moving.addEventListener("change", () => { page.moving = moving.checked; });
+  things.addEventListener("change", () => { page.marked = Number(things.value); page.refresh(); update(); });
+  kinds.addEventListener("change", () => change(() => page.levels.setKind(page.level, page.marked, Number(kinds.value))));
+  element.addEventListener("toggle", () => update());
+
+  /** Change the level, start it anew, and say what went wrong where it is. */
+  function change(how, settled = true) {
+    try {
+      how();
+      say.textContent = "";
+    } catch (error) {
+      if (!(error instanceof RangeError)) throw error;
+      say.textContent = error.message;
+    }
+    page.player.start(page.level);
+    if (settled) update();
+  }
+
+  function update() {
+    if (!element.open) return;
+    const { levels, level } = page;
+    const { about } = levels;
+    things.replaceChildren(...about.slots.map((slot, k) => make("option", { value: k, textContent: slot.name, selected: k === page.marked })));
+    const present = levels.kindOf(level, page.marked);
+    kinds.replaceChildren(...levels.kindsOf(page.marked).map((kind) =>
+      make("option", { value: kind, textContent: kind < 0 ? "(not there)" : about.kinds[kind].name, selected: kind === present || (kind < 0 && present < 0) })));
+    kinds.disabled = kinds.options.length < 2;
+    const rows = [];
+    for (const name of about.kinds[present]?.holds ?? []) {
+      const numbers = levels.factor(level, page.marked, name);
+      if (HIDDEN.has(name)) continue;
+      numbers.forEach((x, k) => rows.push(row(
+        { name, part: k, label: numbers.length > 1 ? `${name} ${"xy"[k] ?? k}` : name, unit: about.factors[name].unit, value: x,
+          whole: about.factors[name].whole, flag: about.factors[name].flag, prior: priorOf(about.slots[page.marked].name, name),
+          range: rangeOf(about.factors[name].bounds, name, k, x) },
+        (value) => levels.setFactor(level, page.marked, name, numbers.with(k, value)),
+      )));
+    }
+    about.parameters.forEach((name, k) => {
+      const x = levels.parameters(level)[k];
+      rows.push(row(
+        { name, label: `world: ${name}`, unit: about.units[name], value: x, prior: priorOf(null, name), range: [Math.min(0, 2 * x), Math.max(1, 2 * x)] },
+        (value) => levels.setParameter(level, name, value),
+      ));
+    });
+    factors.replaceChildren(...rows);
+    text.value = asText(levelData(levels, level));
+  }
+
+  function priorOf(entity, factor) {
+    return page.levels.about.priors.find((one) => one.factor === factor && (one.entity === entity || (entity === null && !page.levels.about.slots.some((slot) => slot.name === one.entity))));
+  }
+
+  /** The ends of a slider: the factor's bounds, else where the levels of this page are, widened. */
+  function rangeOf(bounds, name, k, value) {
+    if (bounds && bounds[1] - bounds[0] < 1e3) return bounds;
+    if (name === "Position") return [-page.levels.about.walls, page.levels.about.walls];
+    const { levels } = page;
+    const column = levels.about.columns[name] + k;
+    let [low, high] = [value, value];
+    for (let level = 0; level < levels.count; level++) {
+      for (let slot = 0; slot < levels.slots; slot++) {
+        const x = levels.values(level, slot)[column];
+        if (Number.isFinite(x)) [low, high] = [Math.min(low, x), Math.max(high, x)];
+      }
+    }
+    const more = Math.max((high - low) / 4, 0.5);
+    return [Math.max(low - more, bounds ? bounds[0] : -Infinity), Math.min(high + more, bounds ? bounds[1] : Infinity)];
+  }
+
+  function row({ name, label, unit, value, whole, flag, prior, range: [low, high] }, set) {
+    const id = `factor-${label.replace(/\W+/g, "-")}`;
+    const step = flag || whole ? 1 : (high - low) / STEPS;
+    const slider = make("input", { type: "range", min: low, max: high, step: step || "any", value, "aria-label": `${label}, slider` });
+    const box = make("input", { type: "number", step: "any", value, id });
+    slider.addEventListener("input", () => { box.value = slider.value; change(() => set(Number(slider.value)), false); });
+    slider.addEventListener("change", () => update());
+    box.addEventListener("change", () => change(() => set(box.value.trim() === "" ? NaN : Number(box.value))));
+    const middle = make("div", {}, ...(prior ? [density(prior, low, high)] : []), slider);
+    return make("div", { className: "factor" }, make("label", { for: id, title: prior?.law ?? "" }, `${label}${unit ? ` [${unit}]` : ""}`), middle, box);
+  }
+
+  return { element, update, say: (words) => { say.textContent = words; } };
+}
+
+/** The prior's density over the range of a slider. */
+function density({ low, high, bins, law }, from, to) {
+  const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
+  svg.setAttribute("viewBox", "0 0 100 22");
+  svg.setAttribute("preserveAspectRatio", "none");
+  svg.setAttribute("role", "img");
+  svg.setAttribute("aria-label", `prior: ${law}`);
+  const most = Math.max(...bins);
+  const width = Math.max((high - low) / bins.length, (to - from) / 200);
+  bins.forEach((mass, k) => {
+    const rect = document.createElementNS("http://www.w3.org/2000/svg", "rect");
+    const x = (low + k * (high - low) / bins.length - from) / (to - from) * 100;
+    for (const [key, value] of Object.entries({ x, y: 22 - 22 * mass / most, width: width / (to - from) * 100, height: 22 * mass / most })) {
+      rect.setAttribute(key, short(value));
+    }
+    svg.append(rect);
+  });
+  return svg;
+}

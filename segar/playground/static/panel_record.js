@@ -1,0 +1,41 @@
+/** The panel of what a person played: episodes that ended, which leave as a file that Python replays to the bit. */
+
+import { download, make, panel, short } from "segar/elements.js";
+import { asText, fileText, Whole } from "segar/level_text.js";
+
+export function recordPanel(page) {
+  const list = make("tbody");
+  const save = make("button", { textContent: "Save as file", disabled: true });
+  const head = make("tr", {}, ...["level", "steps", "return", "end"].map((textContent) => make("th", { textContent, scope: "col" })));
+  const element = panel("Your episodes", false, make("div", { className: "scroll", tabIndex: 0, role: "region", "aria-label": "Episodes" }, make("table", {}, make("thead", {}, head), list)),
+    make("div", { className: "controls" }, save),
+    make("p", { className: "note", textContent: "The file holds levels, seeds and actions; segar.datasets reads it and plays the same episodes again." }));
+  const episodes = [];
+
+  /** Keep the episode that has ended. */
+  function add() {
+    const { world } = page;
+    if (page.levels.changed.has(world.level)) return;
+    const end = verdict(world);
+    episodes.push({
+      level: new Whole(world.level), seed: new Whole(world.seed), actions: world.actions.map((one) => [...one]),
+      return: world.total, terminated: world.terminated, truncated: world.truncated, success: world.success,
+    });
+    list.prepend(make("tr", {}, ...[world.level, world.steps, short(world.total), end].map((textContent) => make("td", { textContent }))));
+    save.disabled = false;
+  }
+
+  save.addEventListener("click", () => {
+    const { about } = page.levels;
+    const levels = fileText(page.levels, Array.from({ length: about.count }, (_, k) => k));
+    const head = `"format": "segar-play", "version": 1, "segar": ${JSON.stringify(page.about.segar)}, "task": ${JSON.stringify(about.description.task ?? null)}`;
+    download("episodes.json", `{${head},\n"levels": ${levels},\n"episodes": ${asText(episodes)}}\n`);
+  });
+  return { element, add };
+}
+
+/** How an episode ended, in a word. */
+export function verdict(world) {
+  if (world.failed) return "error";
+  return world.success ? "success" : world.death ? "dead" : world.terminated ? "end" : world.truncated ? "time is up" : "";
+}

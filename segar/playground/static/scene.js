@@ -1,0 +1,195 @@
+/** What people see of an episode: the arena from above, on a canvas, with overlays. */
+
+const CIRCLE = 1;
+const HULL = 2;
+const FLOOR = "#0d1117";
+const GRID = "#1c2430";
+const WALL = "#8b98a9";
+
+export class Scene {
+  constructor(canvas, levels) {
+    this.canvas = canvas;
+    this.levels = levels;
+    this.overlays = new Set(["velocity"]);
+  }
+
+  get about() {
+    return this.levels.about;
+  }
+
+  /** Metres of a point of the window. */
+  metres(clientX, clientY) {
+    const box = this.canvas.getBoundingClientRect();
+    const { walls } = this.about;
+    return [((clientX - box.left) / box.width * 2 - 1) * walls, (1 - (clientY - box.top) / box.height * 2) * walls];
+  }
+
+  /** Things as they are drawn, from the lowest to the highest, of a state of a level. */
+  things(values, level) {
+    const { about, levels } = this;
+    const { columns, width } = about;
+    const kind = levels.world.machine.part("level_kind", level);
+    const found = [];
+    for (let slot = 0; slot < levels.slots; slot++) {
+      const type = about.kinds[levels.kindOf(level, slot)];
+      if (!type || (kind[slot] !== CIRCLE && kind[slot] !== HULL) || !type.holds.includes("Position")) continue;
+      const read = (name, missing) => (type.holds.includes(name) ? values[slot * width + columns[name]] : missing);
+      const at = slot * width + columns.Position;
+      const thing = {
+        slot, type, x: values[at], y: values[at + 1], radius: read("Size", 0) / 2, order: read("Order", 0),
+        visible: read("Visible", 1) > 0, alive: read("Alive", 1) > 0, done: read("Done", 0) > 0, corners: null,
+        heat: read("Heat", 0), friction: read("Friction", 0), agent: about.agents.includes(slot), velocity: null,
+      };
+      if (type.holds.includes("Velocity")) {
+        const v = slot * width + columns.Velocity;
+        thing.velocity = [values[v], values[v + 1]];
+      }
+      if (kind[slot] === HULL) {
+        const count = levels.world.machine.part("level_count", level)[slot];
+        thing.corners = levels.world.machine.part("level_vertex", level, slot).slice(0, 2 * count);
+        thing.radius = levels.world.machine.part("level_hull_radius", level)[slot];
+      }
+      thing.colour = colourOf(type, read(type.factor, 0));
+      if (Number.isFinite(thing.x) && Number.isFinite(thing.y)) found.push(thing);
+    }
+    const tiles = found.filter((one) => one.type.tile).sort((a, b) => b.order - a.order);
+    return [...tiles, ...found.filter((one) => !one.type.tile).sort((a, b) => a.order - b.order)];
+  }
+
+  /** The topmost thing at a place [m]; undefined where there is none. */
+  thingAt(values, level, [x, y]) {
+    return this.things(values, level).reverse().find((one) => {
+      if (!one.corners) return Math.hypot(one.x - x, one.y - y) <= Math.max(one.radius, TOUCHED * this.about.walls);
+      return inside(one.corners, x - one.x, y - one.y);
+    });
+  }
+
+  /** Draw a state of a level; aim, marked and ghost are optional. */
+  draw(values, level, { aim, marked, ghost, acceleration } = {}) {
+    const { canvas, about } = this;
+    const side = canvas.width;
+    const context = canvas.getContext("2d");
+    const scale = side / (2 * about.walls);
+    context.setTransform(1, 0, 0, 1, 0, 0);
+    context.fillStyle = FLOOR;
+    context.fillRect(0, 0, side, side);
+    context.setTransform(scale, 0, 0, -scale, side / 2, side / 2);
+    grid(context, about.walls, 1 / scale);
+    for (const thing of this.things(values, level)) {
+      context.globalAlpha = (thing.visible ? 1 : 0.35) * (thing.alive && !thing.done ? 1 : 0.4);
+      context.fillStyle = thing.colour;
+      outline(context, thing);
+      context.fill();
+      this.shade(context, thing);
+      context.lineWidth = (thing.slot === marked ? 4 : 1.5) / scale;
+      context.strokeStyle = thing.slot === marked ? "#ffd866" : thing.type.hole ? "#5a6678" : "rgba(0,0,0,.55)";
+      if (!thing.visible) context.setLineDash([4 / scale, 4 / scale]);
+      context.stroke();
+      context.setLineDash([]);
+      context.globalAlpha = 1;
+      if (this.overlays.has("velocity") && thing.velocity) arrow(context, thing, thing.velocity, VELOCITY, "#7ee787", scale);
+      if (this.overlays.has("force") && acceleration?.[thing.slot]) {
+        arrow(context, thing, acceleration[thing.slot], ACCELERATION, "#ff9e64", scale);
+      }
+      if (this.overlays.has("names")) this.name(context, thing, scale);
+    }
+    if (ghost) path(context, ghost, scale);
+    if (aim) {
+      const ball = this.things(values, level).find((one) => one.agent);
+      if (ball) arrow(context, ball, [aim[0] - ball.x, aim[1] - ball.y], 1, "#ffffff", scale);
+    }
+    context.lineWidth = 3 / scale;
+    context.strokeStyle = WALL;
+    context.strokeRect(-about.walls, -about.walls, 2 * about.walls, 2 * about.walls);
+  }
+
+  /** Heat and friction as colours over a thing, where they are asked for. */
+  shade(context, thing) {
+    for (const [name, colour] of [["heat", "255,60,0"], ["friction", "90,160,255"]]) {
+      if (this.overlays.has(name) && thing[name] > 0) {
+        context.fillStyle = `rgba(${colour},${Math.min(thing[name], 1) * 0.7})`;
+        context.fill();
+      }
+    }
+  }
+
+  name(context, thing, scale) {
+    context.save();
+    context.translate(thing.x, thing.y + thing.radius + 4 / scale);
+    context.scale(1 / scale, -1 / scale);
+    context.font = "13px system-ui, sans-serif";
+    context.textAlign = "center";
+    context.fillStyle = "#e6edf3";
+    context.fillText(this.about.slots[thing.slot].name, 0, 0);
+    context.restore();
+  }
+}
+
+const TOUCHED = 0.05;
+const VELOCITY = 0.15; // metres of arrow per m/s
+const ACCELERATION = 0.05; // metres of arrow per m/s^2
+
+function colourOf({ low, high, span }, value) {
+  const share = Math.min(Math.max((value - span[0]) / (span[1] - span[0]), 0), 1) || 0;
+  return `rgb(${low.map((x, k) => Math.round(x + share * (high[k] - x))).join(",")})`;
+}
+
+function outline(context, { x, y, radius, corners }) {
+  context.beginPath();
+  if (!corners) {
+    context.arc(x, y, Math.max(radius, 0), 0, 2 * Math.PI);
+  } else {
+    for (let k = 0; k < corners.length; k += 2) context.lineTo(x + corners[k], y + corners[k + 1]);
+  }
+  context.closePath();
+}
+
+function inside(corners, x, y) {
+  for (let k = 0; k < corners.length; k += 2) {
+    const [ax, ay] = [corners[k], corners[k + 1]];
+    const [bx, by] = [corners[(k + 2) % corners.length], corners[(k + 3) % corners.length]];
+    if ((bx - ax) * (y - ay) - (by - ay) * (x - ax) < 0) return false;
+  }
+  return true;
+}
+
+function grid(context, walls, pixel) {
+  context.beginPath();
+  for (let k = -3; k <= 3; k++) {
+    const at = k * walls / 4;
+    context.moveTo(at, -walls);
+    context.lineTo(at, walls);
+    context.moveTo(-walls, at);
+    context.lineTo(walls, at);
+  }
+  context.lineWidth = pixel;
+  context.strokeStyle = GRID;
+  context.stroke();
+}
+
+function arrow(context, { x, y }, [dx, dy], length, colour, scale) {
+  const size = Math.hypot(dx, dy) * length;
+  if (size * scale < 2) return;
+  const [ux, uy] = [dx * length / size, dy * length / size];
+  const head = Math.min(9 / scale, size);
+  const [tx, ty] = [x + ux * size, y + uy * size];
+  context.beginPath();
+  context.moveTo(x, y);
+  context.lineTo(tx, ty);
+  context.lineTo(tx - head * (ux + 0.5 * uy), ty - head * (uy - 0.5 * ux));
+  context.moveTo(tx, ty);
+  context.lineTo(tx - head * (ux - 0.5 * uy), ty - head * (uy + 0.5 * ux));
+  context.lineWidth = 2 / scale;
+  context.strokeStyle = colour;
+  context.stroke();
+}
+
+function path(context, points, scale) {
+  context.beginPath();
+  for (const [x, y] of points) context.lineTo(x, y);
+  context.lineWidth = 2 / scale;
+  context.setLineDash([5 / scale, 5 / scale]);
+  context.strokeStyle = "#c9a7ff";
+  context.stroke();
+  context.setLineDash([]);
+}

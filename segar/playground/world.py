@@ -1,0 +1,145 @@
+"""What a page needs of a level set: modules that play and show it, and its entities, factors and priors in words and numbers."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from segar import language
+from segar.engine import Call, described_world
+from segar.envs import VectorEnv, environment_calls
+from segar.errors import PriorError
+from segar.language import Entity, Factor, Task
+from segar.levels import LevelDistribution, Levels
+from segar.levels.level_set import _metadata
+from segar.noise import Noise
+from segar.observations import Observation, colour_of
+from segar.playground.modules import Blobs, described_module
+from segar.rendering import Stage, steps_per_second
+from segar.tasks import task_of
+
+BINS = 48  # of a prior's density
+TAIL = 0.002  # of a distribution without bounds that is not drawn, on each side
+
+
+def described_set(
+    levels: Levels, task: Task | None, observations: Sequence[str | Observation], title: str, blobs: Blobs
+) -> dict[str, Any]:
+    """A level set with the modules that play it and make its observations.
+
+    Raises:
+        SegarError: something has no form in WebAssembly; the message names it.
+    """
+    task = task or task_of(levels)
+    envs = [VectorEnv(levels, 1, task=task, observation=one, seed=0) for one in observations]
+    calls = [environment_calls(env) for env in envs]
+    simulator = envs[0].simulator
+    arrays = simulator.arrays_of(levels)
+    entities = len(levels.layout.slots)
+    sizes = {"envs": 1, "rows": 1, "levels": len(levels), "corners": arrays.vertex.shape[2]}
+    step = Call(calls[0].step, {f"level_{name}": array for name, array in vars(arrays).items()})
+    world = described_module({"start": calls[0].start[:1], "step": [step]}, sizes, entities, blobs)
+    found = []
+    for name, env, one in zip(observations, envs, calls, strict=True):
+        space = env.single_observation_space
+        assert space.shape is not None and space.dtype is not None
+        module = described_module(
+            {"begin": one.start[1:], "write": one.write},
+            sizes | {"bytes": int(np.prod(space.shape))},
+            entities,
+            blobs,
+        )
+        module |= {"name": named(name), "shape": list(space.shape), "dtype": space.dtype.name}
+        found.append(module)
+    changed = np.flatnonzero(_bits(levels.values) != _bits(levels.sampled_values)).astype(np.int32)
+    return {
+        **described_world(levels.layout, task),
+        "title": title,
+        "count": len(levels),
+        "module": world,
+        "observations": found,
+        "kinds": [_kind(kind) for kind in levels.layout.types],
+        "slots": [
+            {"name": slot.name, "kinds": [levels.layout.types.index(t) for t in slot.types], "optional": slot.optional}
+            for slot in levels.layout.slots
+        ],
+        "agents": sorted(Stage(levels, simulator.world, task).agents),
+        "factors": {factor.__name__: _factor(factor) for factor in levels.layout.factors},
+        "units": {one.__name__: one.unit for one in levels.layout.parameters},
+        "walls": simulator.world.walls,
+        "rules": [rule.where for rule in simulator.source.rules],
+        "masks": [str(mask) for mask in simulator.source.type_masks],
+        "steps_per_second": steps_per_second(levels, task),
+        "types": blobs.add(np.ascontiguousarray(levels.types, np.int16).tobytes()),
+        "indices": levels.provenance.indices.tolist(),
+        "description": _metadata(levels),
+        "sampled": [blobs.add(changed.tobytes()), blobs.add(levels.sampled_values.ravel()[changed].tobytes())],
+        "priors": _priors(levels.distribution) if isinstance(levels.distribution, LevelDistribution) else [],
+    }
+
+
+def named(observation: str | Observation) -> str:
+    """What a page calls an observation."""
+    return observation if isinstance(observation, str) else type(observation).__name__
+
+
+def _bits(values: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(values).view(np.uint64).ravel()
+
+
+def _kind(kind: type[Entity]) -> dict[str, Any]:
+    colour = colour_of(kind)
+    return {
+        "name": kind.__name__,
+        "says": _first_line(kind),
+        "tile": language.Floor in kind.declared,
+        "hole": language.Consumes in kind.declared,
+        "holds": [factor.__name__ for factor in kind.declared if factor.width],
+        "low": colour.low,
+        "high": colour.high or colour.low,
+        "factor": colour.factor.__name__ if colour.factor else None,
+        "span": colour.span,
+    }
+
+
+def _factor(factor: type[Factor]) -> dict[str, Any]:
+    return {
+        "width": factor.width,
+        "unit": factor.unit,
+        "bounds": factor.bounds,
+        "says": _first_line(factor),
+        "whole": issubclass(factor, language.Count),
+        "flag": issubclass(factor, language.Flag),
+        "of_2022": factor.__module__.startswith("segar."),
+    }
+
+
+def _first_line(one: type) -> str:
+    return (one.__doc__ or "").strip().split("\n")[0]
+
+
+def _priors(distribution: LevelDistribution) -> list[dict[str, Any]]:
+    """Densities of the factors of one number and of parameters, in bins, where they have distribution functions."""
+    found = []
+    for entity, laws in distribution.marginals().items():
+        for factor, law in laws.items():
+            if isinstance(law, Noise) and law.width == 1:
+                drawn = _density(law)
+                if drawn is not None:
+                    found.append({"entity": entity, "factor": factor.__name__, "law": repr(law), **drawn})
+    return found
+
+
+def _density(law: Noise) -> dict[str, Any] | None:
+    """Bounds of a distribution, and the probability of each bin between them; None without a distribution function."""
+    try:
+        low, high = (float(x) for x in np.ravel(law.support))
+        low = low if np.isfinite(low) else float(law.icdf(TAIL))
+        high = high if np.isfinite(high) else float(law.icdf(1 - TAIL))
+        if not low < high:
+            return {"low": low, "high": low, "bins": [1.0]}
+        below = np.asarray(law.cdf(np.linspace(low, high, BINS + 1)), float)
+        below[0] = 0.0  # an atom at the lower bound counts
+        return {"low": low, "high": high, "bins": np.round(np.diff(below), 6).tolist()}
+    except PriorError:
+        return None

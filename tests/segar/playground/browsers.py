@@ -1,0 +1,116 @@
+"""Browsers that tests drive: Chromium by Playwright, Firefox by its own protocol (Marionette)."""
+
+import json
+import shutil
+import time
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+PROGRAMS = {"chromium": ("chromium", "chromium-browser", "google-chrome"), "firefox": ("firefox-esr", "firefox")}
+ADVICE = "install it (Debian: apt-get install chromium firefox-esr), and `pip install -e .[browser]`"
+PATIENCE = 20.0  # [s] until a page is there
+QUIET = (
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+)
+
+
+def program(name: str) -> str | None:
+    """Where a browser is; None where it is not installed."""
+    return next(filter(None, map(shutil.which, PROGRAMS[name])), None)
+
+
+class Browser:
+    """A browser with one page."""
+
+    def visit(self, address: str) -> None:
+        """Go to an address."""
+        raise NotImplementedError
+
+    def run(self, body: str, argument: Any = None) -> Any:
+        """What the body of a function of ``argument`` returns; plain data."""
+        raise NotImplementedError
+
+    def screenshot(self, path: Path) -> None:
+        """Write what the page shows now."""
+        raise NotImplementedError
+
+    def open(self, path: Path) -> None:
+        """Open a page of SEGAR, and wait until it can be played or has said what is wrong."""
+        self.visit(path.resolve().as_uri())
+        end = time.monotonic() + PATIENCE
+        while not self.run("return !!window.playground || !document.getElementById('trouble').hidden"):
+            assert time.monotonic() < end, f"{path} was not there after {PATIENCE:.0f} s"
+            time.sleep(0.05)
+
+
+class Chromium(Browser):
+    """Chromium; ``messages`` are those of the console, and errors of the page."""
+
+    def __init__(self, playwright: Any) -> None:
+        self.browser = playwright.chromium.launch(executable_path=program("chromium"), args=QUIET)
+        self.page = self.browser.new_page(viewport={"width": 1240, "height": 900})
+        self.messages: list[str] = []
+        self.requests: list[str] = []
+        self.page.on("console", lambda message: self.messages.append(message.text))
+        self.page.on("pageerror", lambda error: self.messages.append(str(error)))
+        self.page.on("request", lambda request: self.requests.append(request.url))
+
+    def visit(self, address: str) -> None:
+        self.messages.clear()
+        self.requests.clear()
+        self.page.goto(address)
+
+    def run(self, body: str, argument: Any = None) -> Any:
+        return self.page.evaluate(f"(argument) => {{ {body} }}", argument)
+
+    def screenshot(self, path: Path) -> None:
+        self.page.screenshot(path=path, full_page=True)
+
+
+class Firefox(Browser):
+    """Firefox without a window."""
+
+    def __init__(self, marionette: Any) -> None:
+        self.marionette = marionette
+
+    def visit(self, address: str) -> None:
+        self.marionette.navigate(address)
+
+    def run(self, body: str, argument: Any = None) -> Any:
+        # The page's own scope holds the objects of its program.
+        script = f"const argument = JSON.parse(arguments[0]); {body}"
+        return self.marionette.execute_script(script, [json.dumps(argument)], sandbox=None)
+
+    def screenshot(self, path: Path) -> None:
+        path.write_bytes(self.marionette.screenshot(format="binary", full=True))
+
+
+@contextmanager
+def started(name: str) -> Iterator[Browser]:
+    """A browser, until the block ends."""
+    if name == "chromium":
+        from playwright.sync_api import sync_playwright
+
+        with sync_playwright() as playwright:
+            chromium = Chromium(playwright)
+            yield chromium
+            chromium.browser.close()
+    else:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of its own dependencies
+            from marionette_driver.marionette import Marionette
+
+            marionette = Marionette(bin=program("firefox"), headless=True, port=0)
+            marionette.start_session()
+        marionette.timeout.script = 300
+        try:
+            yield Firefox(marionette)
+        finally:
+            marionette.quit(in_app=False)
