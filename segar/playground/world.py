@@ -1,4 +1,4 @@
-"""What a page needs of a level set: modules that play and show it, and its entities, factors and priors in words and numbers."""
+"""What a page needs of a level set: modules that play and show it, and its entities, factors and priors in words."""
 
 from collections.abc import Sequence
 from typing import Any

@@ -27,8 +27,8 @@ return argument.episodes.map(({ level, seed, actions }) => {
   world.start(level, BigInt(seed));
   const told = [];
   const tell = () => told.push([
-    sums(world.values), page.about.sets[0].observations.map((_, k) => sums(world.observe(k))), String(world.rewards.at(-1) ?? 0),
-    world.terminated, world.truncated, world.success, world.death,
+    sums(world.values), page.about.sets[0].observations.map((_, k) => sums(world.observe(k))),
+    String(world.rewards.at(-1) ?? 0), world.terminated, world.truncated, world.success, world.death,
   ]);
   tell();
   for (const action of actions) {
