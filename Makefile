@@ -1,6 +1,7 @@
 # Everything here works on a fresh clone: the first target that needs it creates .venv and installs into it.
 #
 #   make test                     the tests (make test-slow: the long ones)
+#   make test-browser             the tests of pages in Chromium and Firefox; a browser that is missing is an error
 #   make reproduce-paper          the paper's experiments: runs, tables, report; SCALE=smoke|quick|standard|paper,
 #                                 ARGS="experiments=[figure_4a] dry_run=true seed=1 ..."
 #   make report                   claims, figures and statistics from tables; by default those of the largest scale in
@@ -30,7 +31,7 @@ LOADED := torch, torchrl, torchrl.objectives, tensordict, mlflow, alembic.comman
 	matplotlib.pyplot, fpdf, rich.progress, pygame, imageio.v2, imageio_ffmpeg, moviepy, minari, h5py, pytest, xdist, hypothesis
 
 .DEFAULT_GOAL := help
-.PHONY: help setup test test-slow lint bench reproduce-paper report sweep renderings dashboard clean
+.PHONY: help setup test test-slow test-browser lint bench reproduce-paper report sweep renderings dashboard clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -62,9 +63,13 @@ test: $(STAMP)
 test-slow: $(SLOW_STAMP)
 	$(PY) -m pytest -q -m slow $(ARGS)
 
+test-browser: $(STAMP)
+	SEGAR_BROWSERS=required $(PY) -m pytest -q -m "slow or not slow" tests/segar/playground $(ARGS)
+
 lint: $(STAMP)
 	$(VENV)/bin/ruff check .
 	$(VENV)/bin/ruff format --check .
+	$(VENV)/bin/oxlint --deny-warnings segar/playground/static
 	$(VENV)/bin/pyright
 
 bench: $(STAMP)

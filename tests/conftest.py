@@ -41,6 +41,10 @@ def pytest_terminal_summary(terminalreporter) -> None:
         terminalreporter.section(heading)
         for line in lines:
             terminalreporter.line(line)
+    reasons = [one.longrepr[2] for one in terminalreporter.stats.get("skipped", ()) if isinstance(one.longrepr, tuple)]
+    missing = sorted({reason.removeprefix("Skipped: ") for reason in reasons if "is not installed" in reason})
+    for text in missing:
+        terminalreporter.section(f"pages were not tested: {text}")
 
 
 @pytest.fixture

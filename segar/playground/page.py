@@ -93,6 +93,11 @@ def make_playground(
     return Playground(_page(title, about, blobs), title)
 
 
+def as_text(data: bytes) -> str:
+    """Bytes as text that may stand in a page: base 85, in which a comma stands for the character that begins tags."""
+    return base64.b85encode(data, pad=True).decode().replace("<", ",")
+
+
 def _page(title: str, about: dict[str, Any], blobs: Blobs) -> str:
     """The template with its style, its program and its data in it."""
     about["scripts"] = {path.name: blobs.add(path.read_bytes()) for path in sorted(STATIC.glob("*.js"))}
@@ -102,7 +107,7 @@ def _page(title: str, about: dict[str, Any], blobs: Blobs) -> str:
     packed = gzip.compress(len(head).to_bytes(8, "little") + head + bytes(blobs.data), 9, mtime=0)
     page = (STATIC / "page.html").read_text(encoding="utf-8")
     style = (STATIC / "page.css").read_text(encoding="utf-8")
-    parts = {"TITLE": html.escape(title), "STYLE": style, "DATA": base64.b64encode(packed).decode()}
+    parts = {"TITLE": html.escape(title), "STYLE": style, "DATA": as_text(len(packed).to_bytes(4, "big") + packed)}
     for name, text in parts.items():
         marked = f"<!--{name}-->"
         if page.count(marked) != 1:

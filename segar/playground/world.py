@@ -18,7 +18,7 @@ from segar.playground.modules import Blobs, described_module
 from segar.rendering import Stage, steps_per_second
 from segar.tasks import task_of
 
-BINS = 48  # of a prior's density
+BINS = 32  # of a prior's density
 TAIL = 0.002  # of a distribution without bounds that is not drawn, on each side
 
 
@@ -65,7 +65,7 @@ def described_set(
         ],
         "agents": sorted(Stage(levels, simulator.world, task).agents),
         "factors": {factor.__name__: _factor(factor) for factor in levels.layout.factors},
-        "units": {one.__name__: one.unit for one in levels.layout.parameters},
+        "worlds": {one.__name__: _factor(one) for one in levels.layout.parameters},
         "walls": simulator.world.walls,
         "rules": [rule.where for rule in simulator.source.rules],
         "masks": [str(mask) for mask in simulator.source.type_masks],
@@ -107,6 +107,7 @@ def _factor(factor: type[Factor]) -> dict[str, Any]:
         "width": factor.width,
         "unit": factor.unit,
         "bounds": factor.bounds,
+        "possible": factor.possible_values(),
         "says": _first_line(factor),
         "whole": issubclass(factor, language.Count),
         "flag": issubclass(factor, language.Flag),
@@ -140,6 +141,6 @@ def _density(law: Noise) -> dict[str, Any] | None:
             return {"low": low, "high": low, "bins": [1.0]}
         below = np.asarray(law.cdf(np.linspace(low, high, BINS + 1)), float)
         below[0] = 0.0  # an atom at the lower bound counts
-        return {"low": low, "high": high, "bins": np.round(np.diff(below), 6).tolist()}
+        return {"low": low, "high": high, "bins": np.round(np.diff(below), 4).tolist()}
     except PriorError:
         return None

@@ -55,22 +55,17 @@ export class LevelSet {
   /** Set numbers of a factor; throws a RangeError that says what they can be. */
   setFactor(level, slot, name, numbers) {
     const { factors, columns, slots } = this.about;
-    const { bounds, whole, width } = factors[name];
+    const { width } = factors[name];
     if (this.factor(level, slot, name) === null) throw new RangeError(`'${slots[slot].name}' has no ${name}`);
     if (numbers.length !== width) throw new RangeError(`${name} is ${width} numbers, not ${numbers.length}`);
-    const [low, high] = bounds ?? [-LARGEST, LARGEST];
-    for (const x of numbers) {
-      if (!Number.isFinite(x) || x < low || x > high || (whole && !Number.isInteger(x))) {
-        throw new RangeError(`${name} of '${slots[slot].name}' must be ${whole ? "a whole number" : "a number"} from ${low} to ${high}, not ${x}`);
-      }
-    }
+    check(`${name} of '${slots[slot].name}'`, factors[name], numbers);
     this.remember(level);
     this.values(level, slot).set(numbers, columns[name]);
   }
 
   /** Set a parameter of a level's world. */
   setParameter(level, name, number) {
-    if (!Number.isFinite(number)) throw new RangeError(`${name} must be a number, not ${number}`);
+    check(`the world's ${name}`, this.about.worlds[name], [number]);
     this.remember(level);
     this.parameters(level)[this.about.parameters.indexOf(name)] = number;
   }
@@ -151,6 +146,15 @@ export class LevelSet {
   }
 }
 
-const LARGEST = 1e9;
+/** Throw a RangeError unless the numbers are such as segar.Factor.is_possible allows. */
+function check(what, { bounds, possible, whole, flag }, numbers) {
+  const [low, high] = bounds ?? [-LARGEST, LARGEST];
+  for (const x of numbers) {
+    const fits = x >= low && x <= high && (!whole || Number.isInteger(x)) && (!flag || x === 0 || x === 1);
+    if (!fits) throw new RangeError(`${what} must be ${possible}, not ${x}`);
+  }
+}
+
+const LARGEST = 1e30;
 const MOST_PAST = 200;
 const KIND_NAMES = /types$/;

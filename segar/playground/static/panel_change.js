@@ -56,16 +56,16 @@ export function changePanel(page) {
       const numbers = levels.factor(level, page.marked, name);
       if (HIDDEN.has(name)) continue;
       numbers.forEach((x, k) => rows.push(row(
-        { name, part: k, label: numbers.length > 1 ? `${name} ${"xy"[k] ?? k}` : name, unit: about.factors[name].unit, value: x,
+        { label: numbers.length > 1 ? `${name} ${"xy"[k] ?? k}` : name, unit: about.factors[name].unit, value: x,
           whole: about.factors[name].whole, flag: about.factors[name].flag, prior: priorOf(about.slots[page.marked].name, name),
-          range: rangeOf(about.factors[name].bounds, name, k, x) },
+          range: about.factors[name].flag ? [0, 1] : rangeOf(about.factors[name].bounds, name, k, x) },
         (value) => levels.setFactor(level, page.marked, name, numbers.with(k, value)),
       )));
     }
     about.parameters.forEach((name, k) => {
       const x = levels.parameters(level)[k];
       rows.push(row(
-        { name, label: `world: ${name}`, unit: about.units[name], value: x, prior: priorOf(null, name), range: [Math.min(0, 2 * x), Math.max(1, 2 * x)] },
+        { label: `world: ${name}`, unit: about.worlds[name].unit, value: x, prior: priorOf(null, name), range: [Math.min(0, 2 * x), Math.max(1, 2 * x)] },
         (value) => levels.setParameter(level, name, value),
       ));
     });
@@ -94,7 +94,7 @@ export function changePanel(page) {
     return [Math.max(low - more, bounds ? bounds[0] : -Infinity), Math.min(high + more, bounds ? bounds[1] : Infinity)];
   }
 
-  function row({ name, label, unit, value, whole, flag, prior, range: [low, high] }, set) {
+  function row({ label, unit, value, whole, flag, prior, range: [low, high] }, set) {
     const id = `factor-${label.replace(/\W+/g, "-")}`;
     const step = flag || whole ? 1 : (high - low) / STEPS;
     const slider = make("input", { type: "range", min: low, max: high, step: step || "any", value, "aria-label": `${label}, slider` });

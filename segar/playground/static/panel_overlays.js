@@ -11,7 +11,8 @@ export function overlaysPanel(page) {
   const boxes = OVERLAYS.map(([name, says]) => {
     const box = make("input", { type: "checkbox", checked: page.scene.overlays.has(name) });
     box.addEventListener("change", () => {
-      box.checked ? page.scene.overlays.add(name) : page.scene.overlays.delete(name);
+      if (box.checked) page.scene.overlays.add(name);
+      else page.scene.overlays.delete(name);
       page.refresh();
     });
     return make("label", {}, box, ` ${says} `);

@@ -91,7 +91,7 @@ export class World {
   /** What an error of the kernel means. */
   said(errors) {
     if (Number(errors[0]) !== CONFLICT) return SAID[Number(errors[0])] ?? `error ${errors[0]}`;
-    const [slot, column, first, second] = [...errors.slice(1)].map(Number);
+    const [slot, column, first, second] = Array.from(errors.slice(1), Number);
     const { slots, rules, columns, factors } = this.about;
     const factor = Object.keys(columns).find((name) => columns[name] <= column && column < columns[name] + factors[name].width);
     return `${rules[first]} and ${rules[second]} set ${factor} of '${slots[slot].name}' to different values, and neither is more specific; give one a priority`;

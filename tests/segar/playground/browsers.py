@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 PROGRAMS = {"chromium": ("chromium", "chromium-browser", "google-chrome"), "firefox": ("firefox-esr", "firefox")}
-ADVICE = "install it (Debian: apt-get install chromium firefox-esr), and `pip install -e .[browser]`"
+ADVICE = "apt-get install chromium firefox-esr on Debian, then `make test-browser`"
 PATIENCE = 20.0  # [s] until a page is there
 QUIET = (
     "--no-sandbox",

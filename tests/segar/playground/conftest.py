@@ -1,20 +1,34 @@
-"""A browser for the tests of pages. A browser that is missing is a failure that says how to get it, unless
-``SEGAR_BROWSERS`` names those to be tried, such as ``chromium``; ``none`` is said in the tests' summary."""
+"""Browsers for the tests of pages. Where one is missing, its tests are skipped and the summary says how to get it; where
+``SEGAR_BROWSERS`` is ``required``, as in ``make test-browser``, they fail."""
 
 import os
 from collections.abc import Iterator
 
 import pytest
 
-from tests.segar.playground.browsers import ADVICE, PROGRAMS, Browser, program, started
-
-WANTED = os.environ.get("SEGAR_BROWSERS", ",".join(PROGRAMS)).split(",")
+from tests.segar.playground.browsers import ADVICE, PROGRAMS, Browser, Chromium, program, started
 
 
 @pytest.fixture(scope="session", params=tuple(PROGRAMS))
 def browser(request: pytest.FixtureRequest) -> Iterator[Browser]:
-    name = request.param
-    if program(name) is None or name not in WANTED:
-        pytest.skip(f"{name} is not tested here: {ADVICE}")
+    """Each browser in turn."""
+    if request.param == "chromium":
+        yield request.getfixturevalue("chromium")
+    else:
+        yield from _browser(request.param)
+
+
+@pytest.fixture(scope="session")
+def chromium() -> Iterator[Chromium]:
+    """Chromium, in which a test can use a mouse and keys."""
+    for found in _browser("chromium"):
+        assert isinstance(found, Chromium)
+        yield found
+
+
+def _browser(name: str) -> Iterator[Browser]:
+    if program(name) is None:
+        said = f"{name} is not installed: {ADVICE}"
+        pytest.fail(said) if os.environ.get("SEGAR_BROWSERS") == "required" else pytest.skip(said)
     with started(name) as found:
         yield found

@@ -1,0 +1,239 @@
+"""A page used as a person uses it, in Chromium: mouse, keys, sliders, text; and what it says when something is wrong."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import segar
+from segar.envs import VectorEnv
+from segar.playground import make_playground
+from tests.segar.playground.browsers import Chromium
+
+LEVELS = 12
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A page of things that are drawn at random, some of which may be absent."""
+    path = tmp_path_factory.mktemp("page") / "page.html"
+    make_playground(segar.family("objectsx3-hard").sample(LEVELS, seed=1)).save(path)
+    return path
+
+
+@pytest.fixture
+def page(chromium: Chromium, saved: Path) -> Iterator[Any]:
+    """The page, opened anew; it has said nothing to the console when the test ends, and asked for nothing."""
+    chromium.open(saved)
+    yield chromium.page
+    assert chromium.messages == []
+    assert [one for one in chromium.requests if not one.startswith(("file:", "blob:", "data:"))] == []
+
+
+def state(page: Any) -> dict[str, Any]:
+    return page.evaluate(
+        """() => { const { world } = window.playground; return { level: world.level, steps: world.steps, total: world.total,
+        over: world.over, running: window.playground.player.running, values: [...world.values].map(String) } }"""
+    )
+
+
+def drag(page: Any, start: tuple[float, float], stop: tuple[float, float]) -> None:
+    """Drag over the arena, from and to places in metres."""
+    box = page.locator("#arena").bounding_box()
+
+    def pixel(place: tuple[float, float]) -> tuple[float, float]:
+        return box["x"] + (place[0] + 1) / 2 * box["width"], box["y"] + (1 - place[1]) / 2 * box["height"]
+
+    page.mouse.move(*pixel(start))
+    page.mouse.down()
+    page.mouse.move(*pixel(stop), steps=3)
+    page.mouse.up()
+
+
+def ball(page: Any) -> tuple[float, float]:
+    values = state(page)["values"]
+    return float(values[0]), float(values[1])
+
+
+def test_a_hit_by_mouse_is_the_action_that_python_takes(page: Any) -> None:
+    page.fill("#seed", "7")
+    page.press("#seed", "Enter")
+    x, y = ball(page)
+    drag(page, (x, y), (x + 0.3, y))
+    while not state(page)["steps"]:
+        page.wait_for_timeout(20)
+    page.keyboard.press(" ")
+    actions = np.array(page.evaluate("window.playground.world.actions.map((one) => [...one])"), np.float32)
+    assert np.abs(actions[0] - [0.5, 0.0]).max() < 0.02  # 0.6 m is as hard as can be
+    env = VectorEnv(segar.family("objectsx3-hard").sample(LEVELS, seed=1), 1, seed=7)
+    env.reset(options={"levels": np.array([0])})
+    for action in actions:
+        env.step(action[None])
+    assert [float(v) for v in state(page)["values"] if v != "NaN"] == [
+        v for v in env.state().state.values.ravel().tolist() if v == v
+    ]
+
+
+def test_keys_hit_pause_step_and_go_on(page: Any) -> None:
+    page.focus("#arena")
+    page.keyboard.press("ArrowRight")
+    while state(page)["steps"] < 2:
+        page.wait_for_timeout(20)
+    page.keyboard.press(" ")
+    before = state(page)
+    assert not before["running"]
+    page.keyboard.press(".")
+    assert state(page)["steps"] == before["steps"] + 1
+    page.keyboard.press("r")
+    assert (state(page)["steps"], state(page)["level"]) == (0, 0)
+    page.keyboard.press("n")
+    assert state(page)["level"] == 1
+    page.click("#before")
+    page.click("#before")
+    assert state(page)["level"] == LEVELS - 1
+
+
+def test_a_replay_ends_where_the_episode_ended(page: Any) -> None:
+    page.select_option("#speed", "4")
+    page.focus("#arena")
+    page.keyboard.press("ArrowLeft")
+    while not state(page)["over"]:
+        page.wait_for_timeout(50)
+    first = state(page)
+    assert "level 0" in page.inner_text("#status")
+    page.click("#replay")
+    while not state(page)["over"]:
+        page.wait_for_timeout(50)
+    assert state(page)["values"] == first["values"]
+    assert state(page)["total"] == first["total"]
+
+
+def open_changes(page: Any) -> None:
+    page.click("summary:has-text('Change this level')")
+
+
+def test_sliders_and_numbers_change_the_level_and_undo_brings_it_back(page: Any) -> None:
+    open_changes(page)
+    was = state(page)["values"]
+    page.fill("#factor-Mass", "2.5")
+    page.press("#factor-Mass", "Enter")
+    mass = page.evaluate("window.playground.levels.factor(0, 0, 'Mass')")
+    assert mass == [2.5]
+    assert state(page)["values"] != was
+    for factor, wrong in {"Mass": "1e31", "Visible": "0.5", "Charge": ""}.items():
+        page.fill(f"#factor-{factor}", wrong)
+        page.press(f"#factor-{factor}", "Enter")
+        assert f"{factor} of 'golfball' must be " in page.inner_text("details[open] > p.note")
+        assert page.evaluate("window.playground.levels.factor(0, 0, 'Mass')") == [2.5]
+    page.click("text=Undo")
+    assert state(page)["values"] == was
+
+
+def test_things_are_dragged_removed_and_changed_into_others(page: Any) -> None:
+    open_changes(page)
+    page.check("text=move things by dragging")
+    x, y = ball(page)
+    drag(page, (x, y), (-0.5, 0.25))
+    assert np.abs(np.array(ball(page)) - [-0.5, 0.25]).max() < 0.01
+    assert state(page)["steps"] == 0
+    things = page.locator("select[aria-label='Thing'] option").all_inner_texts()
+    page.select_option("select[aria-label='Thing']", label=next(name for name in things if name.startswith("object")))
+    kinds = page.locator("select[aria-label='Kind of the thing'] option").all_inner_texts()
+    assert len(kinds) > 2
+    for kind in kinds:
+        page.select_option("select[aria-label='Kind of the thing']", label=kind)
+        assert (
+            page.evaluate(
+                "(() => { const p = window.playground, k = p.levels.kindOf(p.level, p.marked);"
+                " return k < 0 ? '(not there)' : p.levels.about.kinds[k].name })()"
+            )
+            == kind
+        )
+        page.click("#single")
+        assert state(page)["steps"] == 1
+
+
+def test_the_level_as_text_goes_both_ways_and_says_where_it_is_wrong(page: Any) -> None:
+    open_changes(page)
+    page.click("summary:has-text('The level as text')")
+    text = page.input_value("textarea")
+    data = json.loads(text)
+    for one in data["entities"].values():
+        one.pop("sampled", None)  # a level that was changed is not as it was drawn
+    data["entities"]["golfball"]["factors"]["Position"] = [-0.25, 0.5]
+    data["parameters"]["Gravity"] = 3.5
+    page.fill("textarea", json.dumps(data))
+    page.click("text=Use this text")
+    assert ball(page) == (-0.25, 0.5)
+    assert json.loads(page.input_value("textarea")) == data
+    kept = state(page)["values"]
+    wrong = {
+        "{": "no JSON",
+        json.dumps({"entities": {}}): "entities.golfball is missing",
+        json.dumps(data | {"parameters": {"Gravitas": 1}}): 'parameters: there is no "Gravitas" here, only',
+        text.replace('"Mass": 1.0', '"Mass": "heavy"', 1): "factors.Mass must be a number",
+        text.replace('"GolfBall"', '"Golfball"', 1): "entities.golfball.type",
+    }
+    for said, why in wrong.items():
+        page.fill("textarea", said)
+        page.click("text=Use this text")
+        assert why in page.inner_text("details[open] > p.note")
+        assert state(page)["values"] == kept
+
+
+def test_a_changed_level_plays_as_python_plays_it(page: Any, tmp_path: Path) -> None:
+    open_changes(page)
+    page.fill("#factor-Charge", "0.75")
+    page.press("#factor-Charge", "Enter")
+    page.click("summary:has-text('The level as text')")
+    with page.expect_download() as waiting:
+        page.click("details[open] details[open] >> text=Save as file")
+    waiting.value.save_as(tmp_path / "level.json")
+    page.click("summary:has-text('The level as text')")
+    for _ in range(30):
+        page.click("#single")
+    env = VectorEnv(segar.Levels.load(tmp_path / "level.json"), 1, seed=0)
+    env.reset()
+    for _ in range(30):
+        env.step(np.zeros((1, 2), np.float32))
+    assert [float(v) for v in state(page)["values"] if v != "NaN"] == [
+        v for v in env.state().state.values.ravel().tolist() if v == v
+    ]
+
+
+@pytest.mark.parametrize(
+    "missing, why",
+    [
+        ("Object.defineProperty(window, 'WebAssembly', { value: undefined })", "does not run WebAssembly"),
+        ("delete window.DecompressionStream", "older than 2023"),
+    ],
+)
+def test_a_browser_that_lacks_something_is_told(chromium: Chromium, saved: Path, missing: str, why: str) -> None:
+    context = chromium.browser.new_context()
+    page = context.new_page()
+    page.add_init_script(missing)
+    page.goto(saved.as_uri())
+    page.locator("#trouble").wait_for(state="visible")
+    assert why in page.inner_text("#trouble")
+    context.close()
+
+
+def test_a_page_that_may_not_run_wasm_says_so(chromium: Chromium, saved: Path, tmp_path: Path) -> None:
+    forbidden = tmp_path / "forbidden.html"
+    forbidden.write_text(saved.read_text().replace(" 'wasm-unsafe-eval'", ""))
+    chromium.open(forbidden)
+    assert "does not let the page run WebAssembly" in chromium.page.inner_text("#trouble")
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_axe_finds_nothing_wrong(page: Any, scheme: str) -> None:
+    from axe_playwright_python.sync_playwright import Axe
+
+    page.emulate_media(color_scheme=scheme)
+    page.evaluate("document.querySelectorAll('details').forEach((one) => { one.open = true })")
+    page.wait_for_timeout(100)
+    found = Axe().run(page)
+    assert found.violations_count == 0, found.generate_report()
