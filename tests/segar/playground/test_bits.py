@@ -1,5 +1,6 @@
 """A page plays what Python plays: states, rewards, ends and what agents see agree to the bit, in two browsers."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 import segar
 from segar.levels import TASK_LEVELS, families
 from segar.playground import make_playground
+from tests.segar.playground import wild_world
 from tests.segar.playground.browsers import Browser
 from tests.segar.playground.twin_page import episodes_of, play_in, play_natively
 
@@ -17,8 +19,24 @@ QUICK = {"objectsx3-hard", "billiards"}
 
 @pytest.mark.parametrize("name", [pytest.param(n, marks=() if n in QUICK else pytest.mark.slow) for n in WORLDS])
 def test_a_page_plays_to_the_bit(name: str, browser: Browser, tmp_path: Path) -> None:
-    levels = segar.family(name).sample(20, seed=3)
-    observations = ("rgb", "textures")
+    assert_plays_alike(segar.family(name).sample(20, seed=3), ("rgb", "textures"), browser, tmp_path)
+
+
+def test_own_rules_with_all_functions_and_draws_play_to_the_bit(browser: Browser, tmp_path: Path) -> None:
+    rng = np.random.default_rng(2)
+    things = [
+        [
+            segar.GolfBall({segar.Position: rng.uniform(-0.8, 0.8, 2)}),
+            wild_world.Leaf({segar.Position: rng.uniform(-0.8, 0.8, 2), segar.Mass: rng.uniform(0.5, 2)}),
+            segar.GoalTile({segar.Position: rng.uniform(-0.8, 0.8, 2)}),
+        ]
+        for _ in range(10)
+    ]
+    levels = segar.Levels.from_entities(things, world=wild_world.world, fix_overlaps=True)
+    assert_plays_alike(levels, ("rgb", "state"), browser, tmp_path)
+
+
+def assert_plays_alike(levels: segar.Levels, observations: Sequence[str], browser: Browser, tmp_path: Path) -> None:
     make_playground(levels, observations=observations).save(tmp_path / "page.html")
     browser.open(tmp_path / "page.html")
     episodes = episodes_of(levels, 20, 100, np.random.default_rng(5))
