@@ -13,6 +13,7 @@ import pandas as pd
 
 from experiments.runs.level_prints import is_own, prints_in, share_of
 from experiments.runs.run_folder import LEVELS_TRAIN
+from experiments.settings import is_level_file
 
 
 def levels_trained_on(runs: pd.DataFrame, of_files: bool = False) -> list[frozenset[bytes]]:
@@ -28,7 +29,7 @@ def levels_trained_on(runs: pd.DataFrame, of_files: bool = False) -> list[frozen
         return [frozenset()] * len(runs)
     return [
         prints_in(Path(folder) / LEVELS_TRAIN)
-        if (".npz" in str(train) if of_files else is_own(str(train)))
+        if (is_level_file(str(train)) if of_files else is_own(str(train)))
         else frozenset()
         for folder, train in zip(runs["folder"], runs[name], strict=True)
     ]

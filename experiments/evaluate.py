@@ -1,8 +1,8 @@
 """A trained agent on any levels: ``python -m experiments.evaluate run=FOLDER levels=objectsx3-hard n=100``.
 
-``levels`` names a family, a distribution of your own (``module:attribute``) or a level file (``.npz``), or says ``train``
-or ``test``: the run's own levels. What comes of it lies in ``evaluations/`` of the run folder: ``episodes.parquet``,
-``summary.json``, the levels, and videos of the best, the median and the worst level.
+``levels`` names a family, a distribution of your own (``module:attribute``) or a level file (``.npz`` or ``.json``), or
+says ``train`` or ``test``: the run's own levels. What comes of it lies in ``evaluations/`` of the run folder:
+``episodes.parquet``, ``summary.json``, the levels, and videos of the best, the median and the worst level.
 """
 
 from pathlib import Path

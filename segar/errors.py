@@ -3,6 +3,8 @@
 import difflib
 from collections.abc import Iterable
 
+LONGEST_NAME = 200  # [characters] of a name that is compared with others; comparing takes time
+
 
 class SegarError(ValueError):
     """Base of all errors that a user's input can cause."""
@@ -44,7 +46,7 @@ class UnseenDifferenceWarning(UserWarning):
 def did_you_mean(name: object, names: Iterable[str]) -> str:
     """Return ``" Did you mean 'x'?"`` for the nearest of ``names``, or the list of names when none is near."""
     names = sorted(set(names))
-    near = difflib.get_close_matches(str(name), names, n=1, cutoff=0.5)
+    near = difflib.get_close_matches(str(name)[:LONGEST_NAME], names, n=1, cutoff=0.5)
     if near:
         return f" Did you mean '{near[0]}'?"
     return f" Known: {', '.join(names)}." if names else ""

@@ -18,6 +18,7 @@ from experiments.settings import (
     TARGET,
     TYPE_IS_GONE,
     hand_on_password,
+    is_level_file,
     path_of,
     without_files,
 )
@@ -53,11 +54,11 @@ def _with_own_name(text: str) -> str:
     if not equals or group not in {*OWN_NAMES, *OWN_NAMES.values(), *OWN_SETTINGS, ALGORITHM}:
         return text
     names = [without_files(unquoted(value), group) for value in VALUE.findall(values)]
-    if not names or not all(OBJECT_NAME.fullmatch(name) or ".npz#" in name for name in names):
+    if not names or not all(OBJECT_NAME.fullmatch(name) or is_level_file(name) for name in names):
         return text
     if group == ALGORITHM:
         return f"{key}={','.join(register_algorithm(name) for name in names)}"
-    texts = (quoted(name) if ".npz#" in name else name for name in names)
+    texts = (quoted(name) if is_level_file(name) else name for name in names)
     return f"{OWN_NAMES.get(group, key)}={','.join(texts)}"
 
 

@@ -49,6 +49,7 @@ from experiments.settings import (
     RunFolderError,
     as_data,
     import_object,
+    is_level_file,
     without_files,
 )
 from segar.cli import table
@@ -134,7 +135,7 @@ def evaluate(config: EvaluateConfig, say: Callable[[str], None] = print) -> Eval
 
 def played(config: EvaluateConfig, trained: RunConfig) -> RunConfig:
     """The settings of the run, with the distribution that is played in place of its own, where one is named."""
-    if config.levels in OWN or config.levels.endswith(".npz"):
+    if config.levels in OWN or is_level_file(config.levels):
         return trained
     name = without_files(config.levels, "levels")
     task = dataclasses.replace(trained.task, name=task_name(trained))
@@ -151,7 +152,7 @@ def code_replaced(out: Path, code: Mapping[str, str]) -> list[str]:
 def find_levels(config: EvaluateConfig, folder: Path, trained: RunConfig) -> Levels:
     """The levels that ``config`` names; raises :class:`SegarError` if there are none, or fewer than asked for."""
     name = config.levels
-    if name not in OWN and not name.endswith(".npz"):
+    if name not in OWN and not is_level_file(name):
         return find_distribution(name, "levels").sample(config.n or COUNT, seed=config.seed, split=config.split)
     if name in OWN:
         path = folder / OWN[name]
@@ -378,7 +379,7 @@ def label(config: EvaluateConfig, levels: Levels) -> str:
     made, asked = levels.provenance, config.levels
     if asked in OWN:
         name = f"{asked}-n{len(levels)}"
-    elif asked.endswith(".npz"):
+    elif is_level_file(asked):
         name = f"{Path(asked).stem}-n{len(levels)}"
     else:
         name = f"{without_files(asked, 'levels')}-{made.split}-n{len(levels)}-s{made.seed}"
@@ -391,7 +392,7 @@ def described(config: EvaluateConfig, levels: Levels) -> str:
     how = " (portable)" if config.portable else ""
     if config.levels in OWN:
         return f"its own {len(levels)} {config.levels} levels{how}"
-    more = "" if config.levels.endswith(".npz") else f" (split {config.split}, seed {config.seed})"
+    more = "" if is_level_file(config.levels) else f" (split {config.split}, seed {config.seed})"
     return f"{len(levels)} levels of {config.levels}{more}{how}"
 
 

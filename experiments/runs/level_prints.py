@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.settings import RunFolderError
+from experiments.settings import RunFolderError, is_level_file
 from segar.levels import Levels
 
 CONTENT = ("types", "values", "shape_kind", "vertex_count", "parameters")  # of a level, beside the corners of hulls
@@ -17,7 +17,7 @@ CONTENT = ("types", "values", "shape_kind", "vertex_count", "parameters")  # of 
 
 def is_own(name: str) -> bool:
     """Whether a distribution is the user's own or a level file, and no named family."""
-    return ":" in name or ".npz" in name
+    return ":" in name or is_level_file(name)
 
 
 def prints_of(levels: Levels) -> frozenset[bytes]:

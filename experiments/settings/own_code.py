@@ -21,7 +21,7 @@ ATTRIBUTE = r"[A-Za-z_][\w.]*"
 OBJECT_NAME = re.compile(rf"([A-Za-z_][\w.]*):{ATTRIBUTE}")
 """The form of the names of users' own objects, ``module:attribute``."""
 FILE_OBJECT = re.compile(rf"(.+\.py):({ATTRIBUTE})")
-LEVEL_FILE = re.compile(r"(.+\.npz)(?:#([0-9a-f]{8}))?")
+LEVEL_FILE = re.compile(r"(.+\.(?:npz|json))(?:#([0-9a-f]{8}))?")
 
 
 def without_files(settings: Any, place: str = "", folder: Path | None = None) -> Any:
@@ -54,6 +54,11 @@ def without_files(settings: Any, place: str = "", folder: Path | None = None) ->
     return settings
 
 
+def is_level_file(name: str) -> bool:
+    """Whether ``name`` is that of a level file, in npz or JSON, with or without the fingerprint of what is in it."""
+    return LEVEL_FILE.fullmatch(name) is not None
+
+
 def level_file(name: str, place: str) -> Path | None:
     """The level file that ``folder/levels.npz#3f9a12cd`` names; None where ``name`` is of another form.
 
@@ -71,7 +76,7 @@ def level_file(name: str, place: str) -> Path | None:
 
 def without_folder(name: str) -> str:
     """The name of a level file without its folder; any other name as it is."""
-    return name.rpartition("/")[2] if LEVEL_FILE.fullmatch(name) else name
+    return name.rpartition("/")[2] if is_level_file(name) else name
 
 
 def file_fingerprint(path: Path, place: str) -> str:

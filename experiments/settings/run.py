@@ -33,7 +33,7 @@ from experiments.settings.checks import (
     require_known,
     that,
 )
-from experiments.settings.own_code import OBJECT_NAME, without_folder
+from experiments.settings.own_code import OBJECT_NAME, is_level_file, without_folder
 from experiments.settings.processor import multiplies_bf16
 from segar.levels import TASK_LEVELS, families, family
 
@@ -54,7 +54,7 @@ def require_family(place: str, name: str) -> None:
 def is_distribution(name: str) -> bool:
     """Whether ``name`` is that of one level distribution (``empty-hard``, ``billiards``, ``module:attribute``, a level file)
     rather than of a family, which has several difficulties."""
-    return name in (*families(), *TASK_LEVELS) or ".npz" in name or OBJECT_NAME.fullmatch(name) is not None
+    return name in (*families(), *TASK_LEVELS) or is_level_file(name) or OBJECT_NAME.fullmatch(name) is not None
 
 
 Family = Annotated[str, require_family]
@@ -74,7 +74,7 @@ Address = Annotated[str | None, that(lambda uri: uri is None or "://" in uri, AD
 @dataclass(frozen=True)
 class LevelsConfig(Settings):
     """Where the levels come from: a family's name, ``module:attribute`` or ``file.py:attribute`` for a distribution of your
-    own, or a level file (``.npz``), of which seed 0 takes the first levels and other seeds some that are drawn."""
+    own, or a level file (``.npz`` or ``.json``), of which seed 0 takes the first levels and other seeds some that are drawn."""
 
     group: ClassVar[str] = "levels"
 

@@ -19,7 +19,9 @@ def add_commands(commands: Any) -> None:
     """Add ``sample``, ``distance`` and ``describe`` to the sub-commands of a parser."""
     sampling = arguments.command(commands, "sample", sample, "sample levels into a file")
     arguments.add_levels(sampling)
-    arguments.add_output(sampling, "the level file (npz) to be written", required=True)
+    arguments.add_output(
+        sampling, "the level file to be written, in JSON where it ends in .json, else in npz", required=True
+    )
 
     comparing = arguments.command(commands, "distance", distance, "measure how far two level sets are apart")
     comparing.add_argument("a", metavar="A", help=arguments.FILE_HELP)

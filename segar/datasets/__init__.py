@@ -1,6 +1,7 @@
 """Recorded episodes: frames, true factors and actions, for offline learning and for the study of representations."""
 
 from segar.datasets.dataset import Dataset, Episode, Shard
+from segar.datasets.human_play import read_play
 from segar.datasets.manifest import Manifest, Settings
 from segar.datasets.minari_export import minari_place, to_minari
 from segar.datasets.recording import record
@@ -9,5 +10,5 @@ from segar.datasets.rollouts import Policy, Rollouts
 
 __all__ = [
     "Dataset", "Episode", "Manifest", "Policy", "Rollouts", "Settings", "Shard", "check_replay", "minari_place",
-    "record", "to_minari",
+    "read_play", "record", "to_minari",
 ]  # fmt: skip

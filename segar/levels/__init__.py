@@ -6,10 +6,11 @@ The room imports ``errors``, ``support``, ``language``, ``rules`` and ``noise``.
 
 from segar.levels import checks, moments
 from segar.levels.conditional import Dependent
+from segar.levels.description import all_subclasses
 from segar.levels.distribution import LevelDistribution
 from segar.levels.hashing import content_hash
 from segar.levels.level_data import LEVEL_ARRAYS, Provenance
-from segar.levels.level_set import Levels, all_subclasses
+from segar.levels.level_set import Levels, levels_from_data
 from segar.levels.moments import PointSets, entity_types, gather, source_moments
 from segar.levels.named_families import DIFFICULTIES, TASK_LEVELS, TASKS, families, family
 from segar.levels.priors import Prior, factors_needed

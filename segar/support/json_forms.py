@@ -2,10 +2,14 @@
 
 import json
 import math
+from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
+from segar.errors import did_you_mean
+
 LARGEST_INTEGER = 2**64  # in size; larger ones have no place in an array
+LONGEST_SHOWN = 60  # [characters] of a wrong value in a message
 
 
 def from_json(text: bytes) -> Any:
@@ -20,30 +24,72 @@ def from_json(text: bytes) -> Any:
         raise ValueError("it is nested too deeply") from None
 
 
-def misfit(value: Any, form: Any, at: str = "") -> str | None:
+def from_handwritten_json(text: bytes) -> Any:
+    """The data in a JSON text that people may have written, with each number as it stands there.
+
+    ``-0`` is the number -0.0, and whole numbers that int64 does not hold become float. NaN and Infinity, which are not
+    JSON, become numbers that are not finite: the reader says where they stand.
+
+    Raises:
+        ValueError: it is no JSON text (the message has line and column), is nested too deeply, or a key stands twice in
+            one mapping.
+    """
+    try:
+        return json.loads(text, parse_int=_whole_number, object_pairs_hook=_mapping)
+    except UnicodeDecodeError as error:
+        raise ValueError(f"it is no text in UTF-8: {error.reason}, byte {error.start + 1}") from error
+    except RecursionError:
+        raise ValueError("it is nested too deeply") from None
+
+
+def shown(value: Any) -> str:
+    """A value from a JSON text in short, for messages: one line, whatever it is."""
+    if isinstance(value, (list, dict)):
+        return f"a {'list' if isinstance(value, list) else 'mapping'} of {len(value)}"
+    text = ascii(value)
+    return text if len(text) <= LONGEST_SHOWN else text[:LONGEST_SHOWN] + "..."
+
+
+def misfit(value: Any, form: Any, at: str = "", only: bool = False) -> str | None:
     """What is wrong with data from a JSON text, in words that name the place; None where it has the form.
 
     A form is a class (``str``, ``bool``, ``int``, ``float``: any finite number), ``None``, a tuple of forms (one of
     which must fit), a list of one form (a list of any length), or a mapping: of keys to forms, where a key that ends in
-    ``?`` may be absent and further keys are left aside, or of the class ``str`` to one form, for any keys.
+    ``?`` may be absent and further keys are left aside (with ``only``, they do not fit), or of the class ``str`` to one
+    form, for any keys.
 
     >>> misfit({"seed": "3"}, {"seed": int})
     "'seed' must be int, not '3'"
     """
     if isinstance(form, tuple):
-        return None if any(misfit(value, one, at) is None for one in form) else _wrong(value, form, at)
+        return None if any(misfit(value, one, at, only) is None for one in form) else _wrong(value, form, at)
     if isinstance(form, list):
         if not isinstance(value, list):
             return _wrong(value, form, at)
-        found = (misfit(item, form[0], f"{at}[{k}]") for k, item in enumerate(value))
+        found = (misfit(item, form[0], f"{at}[{k}]", only) for k, item in enumerate(value))
         return next((wrong for wrong in found if wrong), None)
     if isinstance(form, Mapping):
-        return _misfit_of_mapping(value, form, at)
+        return _misfit_of_mapping(value, form, at, only)
     fits = value is None if form is None else _is(value, form)
     return None if fits else _wrong(value, form, at)
 
 
-def _misfit_of_mapping(value: Any, form: Mapping[Any, Any], at: str) -> str | None:
+def _whole_number(digits: str) -> int | float:
+    if digits == "-0":
+        return -0.0
+    number = float(digits)  # first: int refuses very many digits
+    return int(digits) if abs(number) < 2.0**63 else number
+
+
+def _mapping(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        [(twice, _)] = Counter(name for name, _ in pairs).most_common(1)
+        raise ValueError(f"the key {shown(twice)} stands twice in one mapping, which begins with {shown(pairs[0][0])}")
+    return found
+
+
+def _misfit_of_mapping(value: Any, form: Mapping[Any, Any], at: str, only: bool) -> str | None:
     if not isinstance(value, dict):
         return _wrong(value, form, at)
     if str in form:
@@ -53,8 +99,11 @@ def _misfit_of_mapping(value: Any, form: Mapping[Any, Any], at: str) -> str | No
         absent = [key for key in form if not key.endswith("?") and key not in value]
         if absent:
             return f"'{f'{at}.{absent[0]}'.lstrip('.')}' is absent"
+        for key in value if only else ():
+            if key not in names:
+                return f"'{at or 'all'}' has no {shown(key)}.{did_you_mean(key, names)}"
         parts = [(f"{at}.{key}".lstrip("."), value[key], part) for key, part in names.items() if key in value]
-    return next((wrong for place, item, part in parts if (wrong := misfit(item, part, place))), None)
+    return next((wrong for place, item, part in parts if (wrong := misfit(item, part, place, only))), None)
 
 
 def _is(value: Any, kind: type) -> bool:
@@ -70,8 +119,7 @@ def _is_finite(value: int | float) -> bool:
 
 
 def _wrong(value: Any, form: Any, at: str) -> str:
-    shown = repr(value)
-    return f"'{at or 'all'}' must be {_said(form)}, not {shown if len(shown) < 60 else shown[:60] + '...'}"
+    return f"'{at or 'all'}' must be {_said(form)}, not {shown(value)}"
 
 
 def _said(form: Any) -> str:

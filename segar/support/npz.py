@@ -124,7 +124,8 @@ class Npz:
                 raise self._damaged(
                     f"the array '{name}' must be {form.said(self.sizes)}, not {header.dtype} of shape {header.shape}"
                 )
-        self._check_limit(sum(self.archive.getinfo(f"{name}.npy").file_size for name in forms))
+        size = sum(self.archive.getinfo(f"{name}.npy").file_size for name in forms)
+        check_size(self.path, size, self.file, self.error, self.limit)
         return {name: self._expanded(name) for name in forms}
 
     def _expanded(self, name: str) -> np.ndarray:
@@ -135,15 +136,6 @@ class Npz:
         except DAMAGE as cause:
             raise self._damaged(f"the array '{name}' cannot be read ({first_line(cause)})") from cause
         return np.ascontiguousarray(array).reshape(array.shape)
-
-    def _check_limit(self, size: int) -> None:
-        limit = file_limit(self.limit, self.path.stat().st_size)
-        if size > limit:
-            raise self.error(
-                f"{self.path}: this {self.file} of {self.path.stat().st_size:,} bytes would expand to {size:,}, more than"
-                f" {limit:,}. If you know where it comes from, set the environment variable {LIMIT_VARIABLE} to"
-                f" {-(-size // 10**6)} (megabytes) or more"
-            )
 
     def _damaged(self, what: str) -> SegarError:
         return self.error(f"{self.path} is not a {self.file}, or only part of one: {what}; save or copy it again")
@@ -169,6 +161,17 @@ def open_npz(path: Path, file: str, error: type[SegarError], limit: int = LIMIT)
         if twice:
             raise opened._damaged(f"'{twice[0]}' stands in it twice")
         yield opened
+
+
+def check_size(path: Path, size: int, file: str, error: type[SegarError], limit: int = LIMIT) -> None:
+    """Raise ``error`` where a file would expand to so many bytes, and that is more than the limit; see :func:`file_limit`."""
+    there = path.stat().st_size
+    most = file_limit(limit, there)
+    if size > most:
+        raise error(
+            f"{path}: this {file} of {there:,} bytes would expand to {size:,}, more than {most:,}. If you know where it comes"
+            f" from, set the environment variable {LIMIT_VARIABLE} to {-(-size // 10**6)} (megabytes) or more"
+        )
 
 
 def file_limit(limit: int, size: int) -> int:

@@ -1,0 +1,148 @@
+"""Recordings of human play: JSON files of levels and actions, which are read by playing them again."""
+
+from dataclasses import replace
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from segar.datasets.dataset import LIMIT, TRUTHS, Episode
+from segar.datasets.rollouts import leaves
+from segar.envs import VectorEnv, play
+from segar.errors import SegarError
+from segar.language import Factors, Task
+from segar.levels import Levels, levels_from_data
+from segar.rules import World
+from segar.support import __version__, check_size, first_line, from_handwritten_json, misfit, shown
+from segar.tasks import task_of
+
+FORMAT, VERSION = "segar-play", 1
+ENDS = {"terminated": bool, "truncated": bool, "success": bool}
+EPISODE = {"level": int, "seed": int, "actions": [[float]], "return": float, **ENDS}
+FORM = {
+    "format": str, "version": int, "segar": str, "task": (str, None), "seed": int, "levels": dict, "episodes": [EPISODE],
+}  # fmt: skip
+"""The form of a recording; see :func:`segar.support.misfit`."""
+
+
+def read_play(
+    path: str | PathLike[str], *, observation: Any = "state", task: Task | None = None, world: World | None = None
+) -> tuple[Levels, list[Episode]]:
+    """The levels and the episodes of a recording of human play, which are played again to the same returns and ends.
+
+    An episode has what its environment observes when the recorded actions are taken; the file holds no observations. One
+    that the player left before its end is neither terminated nor truncated.
+
+    Args:
+        observation: what the episodes observe, as :class:`segar.envs.VectorEnv` takes it.
+        task, world: those that were played, where the file names none that is built in.
+
+    Raises:
+        SegarError: the file is no recording, is damaged, or names a task or rules of its maker's own; or an episode has
+            another return or end when its actions are played again.
+    """
+    path = Path(path)
+    data = _read(path)
+    levels = levels_from_data(data["levels"], path, "levels.", world)
+    try:
+        task = task or task_of(replace(levels, task=data["task"] or levels.task))
+        env = VectorEnv(levels, 1, observation=observation, task=task, seed=0, autoreset_mode="Disabled", world=world)
+    except SegarError as error:
+        raise SegarError(f"{path}: {error}") from error
+    _check_memory(path, data["episodes"], env)
+    by = f"; SEGAR {shown(data['segar'])} recorded it, and this is {__version__}"
+    episodes = enumerate(data["episodes"])
+    return levels, [_play_again(env, k, said, f"{path}: episodes[{k}]", by) for k, said in episodes]
+
+
+def _read(path: Path) -> dict[str, Any]:
+    """The data of a recording, which have the form."""
+    if not path.exists():
+        raise SegarError(f"there is no recording of play {path}")
+    try:
+        data = from_handwritten_json(path.read_bytes())
+    except (ValueError, OSError) as cause:
+        raise SegarError(f"{path} is not a recording of play, or only part of one: {first_line(cause)}") from cause
+    found = data.get("format") if isinstance(data, dict) else data
+    if found != FORMAT:
+        raise SegarError(f"{path} is not a recording of play, whose 'format' is '{FORMAT}'; there is {shown(found)}")
+    wrong = misfit(data, {"version": int})
+    if wrong is None and data["version"] > VERSION:
+        raise SegarError(
+            f"{path} has version {data['version']} of its format, and this SEGAR reads up to {VERSION}; install a newer one"
+        )
+    if wrong := wrong or misfit(data, FORM, only=True):
+        raise SegarError(f"{path} is not a recording of play, or a damaged one: {wrong}")
+    return data
+
+
+def _check_memory(path: Path, episodes: list[dict[str, Any]], env: VectorEnv) -> None:
+    """Raise :class:`SegarError` where states and observations of all episodes would take more memory than the limit."""
+    observations, _ = env.reset(seed=0)
+    state = env.state().state.values.nbytes + sum(array.nbytes for array in leaves(observations).values())
+    states = sum(min(len(episode["actions"]), env.task.max_steps) + 1 for episode in episodes)
+    check_size(path, states * state, "recording of play", SegarError, LIMIT)
+
+
+def _play_again(env: VectorEnv, number: int, said: dict[str, Any], at: str, by: str) -> Episode:
+    """An episode as its actions lead through it.
+
+    Args:
+        at: where it stands, for messages.
+        by: how the message about a difference ends.
+    """
+    if not 0 <= said["level"] < len(env.levels):
+        raise SegarError(f"{at}.level: must be 0 to {len(env.levels) - 1}, not {said['level']}")
+    if said["seed"] < 0:
+        raise SegarError(f"{at}.seed: must not be negative, and is {said['seed']}")
+    low, high = np.array(env.task.action_low, np.float32), np.array(env.task.action_high, np.float32)
+    actions = _actions(said["actions"], len(low), f"{at}.actions")
+    start = env.reset(seed=said["seed"], options={"levels": np.array([said["level"]])})
+    seen, states, steps = [], [], []
+    try:
+        for now in play(env, lambda now: actions[now.time][None], start):
+            seen.append(leaves(now.observation))
+            states.append(env.state().state.values[0])
+            total = float(now.info["return"][0])
+            if now.time:
+                flags = [now.terminated, now.truncated, now.info["success"], now.info["death"]]
+                steps.append((float(now.reward[0]), *(bool(flag[0]) for flag in flags)))
+            if now.time == len(actions) or not now.running[0]:
+                break
+    except SegarError as error:
+        raise SegarError(f"{at}: {error}") from error
+    if len(steps) < len(actions):
+        raise SegarError(f"{at}.actions: there are {len(actions)}, and the episode ends after {len(steps)} of them{by}")
+    again = {"return": total, **dict(zip(TRUTHS, steps[-1][1:], strict=True))}
+    for name in ("return", *ENDS):
+        if said[name] != again[name]:
+            raise SegarError(f"{at}.{name}: is {said[name]}, and {again[name]} when the actions are played again{by}")
+    rewards, *flags = (np.array(column) for column in zip(*steps, strict=True))
+    factors = Factors(env.levels.layout, np.stack(states))
+    return Episode(
+        number=number,
+        level=said["level"],
+        seed=said["seed"],
+        environment=0,
+        actions=np.clip(actions, low, high),
+        rewards=rewards,
+        **dict(zip(TRUTHS, flags, strict=True)),
+        observations={name: np.stack([one[name][0] for one in seen]) for name in seen[0]},
+        factors={name: factors[name] for name in factors},
+    )
+
+
+def _actions(given: list[list[float]], width: int, at: str) -> np.ndarray:
+    """The actions of an episode, float32 ``(T, width)``."""
+    if not given:
+        raise SegarError(f"{at}: there must be one at least")
+    for time, action in enumerate(given):
+        if len(action) != width:
+            raise SegarError(f"{at}[{time}]: must be {width} numbers, not {len(action)}")
+    stated = np.array(given, np.float64)
+    with np.errstate(over="ignore"):
+        actions = stated.astype(np.float32)
+    for time, k in np.argwhere(actions != stated)[:1].tolist():
+        raise SegarError(f"{at}[{time}][{k}]: {stated[time, k]} is no number of float32, in which actions are recorded")
+    return actions

@@ -1,0 +1,168 @@
+"""What a level file says about its levels: where they come from, and the slots, types, factors and parameters of their layout.
+
+Files in npz and in JSON hold the same description. Classes are named in it, and looked up among those that are defined:
+reading a file imports nothing.
+"""
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from segar.errors import LevelError, did_you_mean
+from segar.language import Entity, GlobalFriction, Layout, Parameter, Slot
+from segar.levels.level_data import LevelData, Provenance
+from segar.levels.moments import Moments, source_moments
+
+ORIGIN = ("name", "distribution", "seed", "split")
+CLASS = {"name": str, "module": str, "qualname": str}
+DESCRIPTION = {
+    "version": str,
+    "provenance": {"name": (str, None), "distribution": str, "seed": int, "split": str},
+    "task?": (str, None),
+    "rules?": [str],
+    "slots": [{"name": str, "types": [int], "optional": bool}],
+    "types": [CLASS],
+    "factors": [CLASS | {"width": int}],
+    "extra_parameters": [CLASS],
+    "moments?": [
+        {"type": (int, None), "factor": str, "mean": [float], "variance": [float]},
+    ],
+}
+"""The form of a level file's description; see :func:`segar.support.misfit`."""
+
+
+def description_of(levels: LevelData) -> dict[str, Any]:
+    """The description of levels, as plain data of the form :data:`DESCRIPTION`."""
+    layout, origin = levels.layout, levels.provenance
+    return {
+        "version": origin.version,
+        "provenance": {name: getattr(origin, name) for name in ORIGIN},
+        "task": levels.task,
+        "rules": [r.where for r in levels.world.rules] if levels.world is not None else list(origin.rules),
+        "slots": [
+            {"name": s.name, "types": [layout.types.index(t) for t in s.types], "optional": s.optional}
+            for s in layout.slots
+        ],
+        "types": [_class_address(t) for t in layout.types],
+        "factors": [_class_address(f) | {"width": f.width} for f in layout.factors],
+        "extra_parameters": [_class_address(p) for p in layout.extra_parameters],
+        "moments": [
+            {
+                "type": layout.types.index(kind) if kind in layout.types else None,
+                "factor": factor.__name__,
+                "mean": mean.tolist(),
+                "variance": variance.tolist(),
+            }
+            for (kind, factor), (mean, variance) in source_moments(levels).items()
+        ],
+    }
+
+
+def layout_of(description: Mapping[str, Any], path: Path) -> Layout:
+    """The layout that a description of the right form names, of the classes that are defined here.
+
+    Raises:
+        LevelError: a class is not defined, or has other factors than it had; or the slots are not those of levels.
+    """
+    types = [_find(address, all_subclasses(Entity), "entity type", path) for address in description["types"]]
+    extra = [
+        _find(address, all_subclasses(Parameter), "world parameter", path)
+        for address in description["extra_parameters"]
+    ]
+    described = description["slots"]
+    strange = [s["name"] for s in described if not s["types"] or not all(0 <= k < len(types) for k in s["types"])]
+    if strange:
+        raise LevelError(f"{path}: the types of the slot '{strange[0]}' are not among its {len(types)}; save it again")
+    layout = Layout(
+        tuple(Slot(s["name"], tuple(types[k] for k in s["types"]), s["optional"]) for s in described), tuple(extra)
+    )
+    if layout.types != tuple(types) or len(set(layout.names)) < len(described) or _lacks_floor(layout):
+        raise LevelError(
+            f"{path}: its slots must have names of their own and end with the arena's floor, and its types stand in the"
+            " order of the slots; save the levels again"
+        )
+    here = [(f.__name__, f.width) for f in layout.factors]
+    saved = [(f["name"], f["width"]) for f in description["factors"]] if "factors" in description else here
+    if saved != here:
+        raise LevelError(
+            f"{path}: its entities have changed since it was written: it holds the factors"
+            f" {', '.join(name for name, _ in saved)}, and here they have {', '.join(name for name, _ in here)}"
+        )
+    return layout
+
+
+def origin_of(description: Mapping[str, Any], layout: Layout, indices: np.ndarray, path: Path) -> dict[str, Any]:
+    """The arguments of :class:`segar.Levels` that are no arrays: layout, provenance, task and moments.
+
+    Raises:
+        LevelError: the moments do not fit the layout.
+    """
+    provenance = Provenance(
+        **{name: description["provenance"][name] for name in ORIGIN},
+        version=description["version"],
+        indices=indices,
+        rules=tuple(description.get("rules", ())),
+    )
+    moments = _moments(description, layout, path)
+    return {"layout": layout, "provenance": provenance, "task": description.get("task"), "moments": moments}
+
+
+def all_subclasses(cls: type) -> list[type]:
+    """The classes that inherit from one, in order of definition, each before those that inherit from it."""
+    found: dict[type, None] = {}
+    for child in cls.__subclasses__():
+        found |= {child: None} | dict.fromkeys(all_subclasses(child))
+    return list(found)
+
+
+def _class_address(cls: type) -> dict[str, Any]:
+    return {"name": cls.__name__, "module": cls.__module__, "qualname": cls.__qualname__}
+
+
+def _lacks_floor(layout: Layout) -> bool:
+    """Whether the last slot is another than the arena's floor, which every level has there."""
+    return not layout.slots or layout.slots[-1].types != (GlobalFriction,)
+
+
+def _moments(description: Mapping[str, Any], layout: Layout, path: Path) -> Moments:
+    """Moments of the distribution; files of earlier versions hold none."""
+    found: Moments = {}
+    for entry in description.get("moments", ()):
+        kinds: dict[int | None, type] = {None: Parameter, **dict(enumerate(layout.types))}
+        known = {f.__name__: f for f in (layout.parameters if entry["type"] is None else layout.factors)}
+        kind, factor = kinds.get(entry["type"]), known.get(entry["factor"])
+        mean, variance = np.array(entry["mean"], float), np.array(entry["variance"], float)
+        if kind is None or factor is None or not len(mean) == len(variance) == factor.width or variance.min() < 0:
+            raise LevelError(
+                f"{path}: the mean and variance that its description gives for {entry['factor']} do not fit; save the"
+                " levels again"
+            )
+        found[kind, factor] = mean, variance
+    return found
+
+
+def _find(address: dict[str, Any], classes: Iterable[type], kind: str, path: Path) -> type:
+    """The class of that module and name, else the only class of that name; the last defined one of several.
+
+    A class of this package is found by its name in whatever module it stands now: modules have moved since 0.1.
+    """
+    classes = list(classes)
+    same_name = [c for c in classes if c.__name__ == address["name"]]
+    exact = [c for c in same_name if (c.__module__, c.__qualname__) == (address["module"], address["qualname"])]
+    if address["module"].startswith("segar."):
+        exact += [c for c in same_name if c.__module__.startswith("segar.")]
+    if exact or len(same_name) == 1:
+        return (exact or same_name)[-1]
+    if same_name:
+        modules = ", ".join(sorted({c.__module__ for c in same_name}))
+        raise LevelError(
+            f"{path}: several {kind}s are called '{address['name']}' ({modules}), and none is that of"
+            f" {address['module']}; import that module before loading"
+        )
+    raise LevelError(
+        f"{path} holds the {kind} '{address['name']}', which is not defined; import {address['module']}, or define it,"
+        f" before loading (on the command line: --world {address['module']}:...)."
+        f"{did_you_mean(address['name'], [c.__name__ for c in classes])}"
+    )

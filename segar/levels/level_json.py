@@ -1,0 +1,373 @@
+"""Level files in JSON: a text that people can read and edit, which holds the same levels as an npz file to the bit.
+
+Numbers stand in the shortest form that gives the same float64 back. Some parts may be left out, because people write such
+files too. Whatever does not belong into a level file is refused, and the message says where it stands.
+"""
+
+import json
+import math
+from collections import Counter
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from segar.errors import LevelError, did_you_mean
+from segar.language import CIRCLE, HULL, Entity, Factor, FloorFriction, Friction, GlobalFriction, Layout, Shape
+from segar.levels.description import DESCRIPTION, description_of, layout_of, origin_of
+from segar.levels.level_data import Block, LevelData
+from segar.levels.validity import check_levels, level_forms
+from segar.support import __version__, check_size, first_line, from_handwritten_json, misfit, replacing, shown
+
+SUFFIX = ".json"
+FORMAT, VERSION = "segar-levels", 1
+MOST_VERTICES = np.iinfo(np.int16).max
+SHAPES = {None: 0, "circle": CIRCLE, "hull": HULL}
+NAMES_OF_SHAPES = {kind: name for name, kind in SHAPES.items()}
+DEFAULTS: dict[str, Any] = {
+    "version": __version__,
+    "provenance": {"name": None, "distribution": "", "seed": 0, "split": ""},
+    "extra_parameters": [],
+    "most_vertices": 0,
+}
+"""What descriptions say that leave these parts out."""
+FORM: dict[str, Any] = {
+    f"{key}?" if key in DEFAULTS or key == "factors" else key: form
+    for key, form in {**DESCRIPTION, "most_vertices": int}.items()
+}
+"""The form of a description in JSON. ``most_vertices`` is the room for vertices of each entity, if none here needs it."""
+
+
+def is_json(path: Path) -> bool:
+    """Whether the name of a level file is that of one in JSON."""
+    return path.suffix == SUFFIX
+
+
+def write_json(path: Path, levels: LevelData) -> None:
+    """Write levels to ``path``, by way of a file beside it.
+
+    Raises:
+        LevelError: nobody could read the levels from the file, or the system refuses; what stood at ``path`` still stands
+            there.
+    """
+    check_levels(levels, f"{path}: ")
+    _check_names(levels.layout, path)
+    _check_floor(levels.layout, levels.values, levels.parameters, f"{path}: ")
+    description = description_of(levels)
+    _check_texts(description, f"{path}: ")
+    if levels.vertices.shape[2] != levels.vertex_count.max():
+        description["most_vertices"] = levels.vertices.shape[2]
+    described = ",\n".join(f"  {_text(key)}: {_in_lines(value)}" for key, value in description.items())
+    listed = ",\n".join(_lines_of_level(levels, i) for i in range(len(levels)))
+    text = f'{{"format": "{FORMAT}", "version": {VERSION},\n "description": {{\n{described}}},\n "levels": [\n{listed}]}}\n'
+    with replacing(path, "levels", LevelError) as beside:
+        beside.write_text(text, encoding="ascii")
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """The arguments of :class:`segar.Levels` that a file holds, all but the world.
+
+    Raises:
+        LevelError: there is no such file, it is no JSON, or as :func:`fields_of`.
+    """
+    if not path.exists():
+        raise LevelError(f"there is no level file {path}")
+    try:
+        data = from_handwritten_json(path.read_bytes())
+    except (ValueError, OSError) as cause:
+        raise LevelError(f"{path} is not a level file in JSON, or only part of one: {first_line(cause)}") from cause
+    return fields_of(data, path, "")
+
+
+def fields_of(data: Any, path: Path, inside: str) -> dict[str, Any]:
+    """The arguments of :class:`segar.Levels`, all but the world, from the data of a level file.
+
+    What is left out has its default. Arrays have the right forms; :func:`check_levels` checks their numbers.
+
+    Args:
+        inside: where the data stand in the file ``path``, for messages; empty, or such as ``levels.``.
+
+    Raises:
+        LevelError: a part is absent, unknown or of another form; the message names it. Or the levels would take more
+            memory than the limit.
+    """
+    where = f"{path}: {inside}"
+    _check_head(data, path, where)
+    said = data["description"]
+    if wrong := misfit(said, FORM, only=True):
+        raise LevelError(f"{where}description: {wrong}")
+    _check_texts(said, where)
+    description = DEFAULTS | said
+    layout = layout_of(description, path)
+    _check_names(layout, path)
+    block = _block_of(data["levels"], layout, description["most_vertices"], path, where)
+    _check_floor(layout, block.values, block.parameters, where)
+    return origin_of(description, layout, block.indices, path) | block.arrays
+
+
+# Writing.
+
+
+def _in_lines(value: Any) -> str:
+    """A part of the description: on one line, or with one line for each thing that it lists."""
+    if not (isinstance(value, list) and value and isinstance(value[0], dict)):
+        return _text(value)
+    return "[\n" + ",\n".join(f"   {_text(one)}" for one in value) + "]"
+
+
+def _lines_of_level(levels: LevelData, i: int) -> str:
+    """One level, with one line for each entity."""
+    parameters = {p.__name__: x for p, x in zip(levels.layout.parameters, levels.parameters[i].tolist(), strict=True)}
+    entities = ",\n".join(
+        f"    {_text(levels.layout.names[k])}: {_text(_entity(levels, i, k))}"
+        for k in np.flatnonzero(levels.types[i] >= 0).tolist()
+    )
+    index = int(levels.provenance.indices[i])
+    return f'  {{"index": {index},\n   "parameters": {_text(parameters)},\n   "entities": {{\n{entities}}}}}'
+
+
+def _entity(levels: LevelData, i: int, k: int) -> dict[str, Any]:
+    """The entity in slot ``k`` of level ``i``."""
+    layout, values, sampled = levels.layout, levels.values[i, k], levels.sampled_values[i, k]
+    kind = layout.types[levels.types[i, k]]
+    made: dict[str, Any] = {"type": kind.__name__, "shape": NAMES_OF_SHAPES[int(levels.shape_kind[i, k])]}
+    if made["shape"] == "hull":
+        made["vertices"] = levels.vertices[i, k, : levels.vertex_count[i, k]].tolist()
+    parts = {f: slice(c, c + f.width) for f, c in layout.columns.items() if f in kind.declared}
+    made["factors"] = {f.__name__: _numbers(values[part]) for f, part in parts.items()}
+    moved = {f: part for f, part in parts.items() if values[part].tobytes() != sampled[part].tobytes()}
+    if moved:
+        made["sampled"] = {f.__name__: _numbers(sampled[part]) for f, part in moved.items()}
+    return made
+
+
+def _numbers(values: np.ndarray) -> float | list[float]:
+    """The value of a factor: a number, or a list of two."""
+    return float(values[0]) if len(values) == 1 else values.tolist()
+
+
+def _text(value: Any) -> str:
+    return json.dumps(value, allow_nan=False)
+
+
+# Reading. ``at`` is where something stands, with the file's name.
+
+
+def _check_head(data: Any, path: Path, where: str) -> None:
+    """Raise :class:`LevelError` unless these are the data of a level file, of a version that can be read."""
+    if not isinstance(data, dict) or data.get("format") != FORMAT:
+        found = shown(data.get("format") if isinstance(data, dict) else data)
+        raise LevelError(f"{where}it is not a level file in JSON, whose 'format' is '{FORMAT}'; there is {found}")
+    if wrong := misfit(data, {"version": int}):
+        raise LevelError(f"{where}{wrong}")
+    if data["version"] > VERSION:
+        raise LevelError(
+            f"{path} was written by a newer SEGAR, which this one cannot read: its levels have version"
+            f" {data['version']} of the format, and this SEGAR reads up to {VERSION}; install a newer one"
+        )
+    _check_keys(f"{where}the file", data, ("format", "version", "description", "levels"))
+
+
+def _block_of(listed: Any, layout: Layout, most_vertices: int, path: Path, where: str) -> Block:
+    """The arrays of the levels that are listed."""
+    if not isinstance(listed, list) or not listed:
+        raise LevelError(f"{where}levels: must be a list of at least one level, not {shown(listed)}")
+    if not 0 <= most_vertices <= MOST_VERTICES:
+        raise LevelError(f"{where}description.most_vertices: must be 0 to {MOST_VERTICES}, not {most_vertices}")
+    _check_memory(layout, len(listed), most_vertices, path)
+    read = _Read(layout, Block.empty(layout, 0, np.arange(len(listed))))
+    read.block.sampled_values[:] = np.nan
+    for i, level in enumerate(listed):
+        _read_level(f"{where}levels[{i}]", level, i, read)
+    room = max([most_vertices, *map(len, read.hulls.values())])
+    _check_memory(layout, len(listed), room, path)
+    read.block.vertices = np.zeros((len(listed), len(layout.slots), room, 2))
+    for (i, k), hull in read.hulls.items():
+        read.block.vertex_count[i, k] = len(hull)
+        read.block.vertices[i, k, : len(hull)] = hull
+    return read.block
+
+
+def _check_memory(layout: Layout, n: int, vertices: int, path: Path) -> None:
+    """Raise :class:`LevelError` where the arrays of so many levels, with so many vertices, are larger than the limit."""
+    sizes: dict[Any, int] = {"n": n, "V": vertices}
+    size = 0
+    for form in level_forms(layout).values():
+        axes: list[Any] = [sizes.get(axis, axis) for axis in form.axes]
+        size += np.dtype(form.dtype).itemsize * math.prod(axes)
+    check_size(path, size, "level file", LevelError)
+
+
+@dataclass(frozen=True)
+class _Read:
+    """What has been read.
+
+    Attributes:
+        slots: name -> place of a slot.
+        hulls: level and slot -> vertices.
+    """
+
+    layout: Layout
+    block: Block
+    slots: Mapping[str, int] = field(init=False)
+    hulls: dict[tuple[int, int], list[tuple[float, float]]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "slots", {name: k for k, name in enumerate(self.layout.names)})
+
+
+def _read_level(at: str, level: Any, i: int, read: _Read) -> None:
+    """Put level ``i`` into the arrays."""
+    _check_keys(at, level, ("entities",), ("index", "parameters"))
+    layout, block = read.layout, read.block
+    if "index" in level:
+        block.indices[i] = _index(f"{at}.index", level["index"])
+    given = level.get("parameters", {})
+    _check_keys(f"{at}.parameters", given, (), [p.__name__ for p in layout.parameters])
+    for column, parameter in enumerate(layout.parameters):
+        name = parameter.__name__
+        number = _number(f"{at}.parameters.{name}", given[name]) if name in given else parameter.default
+        block.parameters[i, column] = number
+    entities = level["entities"]
+    _check_keys(f"{at}.entities", entities, (), read.slots)
+    for name, entity in entities.items():
+        _read_entity(f"{at}.entities.{_part(name)}", entity, i, read.slots[name], read)
+    if block.types[i, -1] < 0:  # the floor, which need not be said: its friction is a parameter
+        block.types[i, -1] = layout.types.index(GlobalFriction)
+        floor = block.parameters[i, layout.parameters.index(FloorFriction)]
+        block.values[i, -1, layout.columns[Friction]] = block.sampled_values[i, -1, layout.columns[Friction]] = floor
+    for k in np.flatnonzero(block.types[i] < 0).tolist():
+        if not layout.slots[k].optional:
+            raise LevelError(f"{at}.entities: '{layout.slots[k].name}' is absent, and every level must have it")
+
+
+def _read_entity(at: str, entity: Any, i: int, k: int, read: _Read) -> None:
+    """Put the entity in slot ``k`` of level ``i`` into the arrays."""
+    _check_keys(at, entity, ("type", "factors"), ("shape", "vertices", "sampled"))
+    layout, block = read.layout, read.block
+    types = {t.__name__: t for t in layout.slots[k].types}
+    if not isinstance(entity["type"], str) or entity["type"] not in types:
+        raise LevelError(f"{at}.type: must be {' or '.join(types)}, not {shown(entity['type'])}")
+    kind = types[entity["type"]]
+    block.types[i, k] = layout.types.index(kind)
+    block.shape_kind[i, k] = shape = _shape(f"{at}.shape", entity.get("shape"), kind)
+    if shape == HULL:
+        read.hulls[i, k] = _vertices(at, entity)
+    elif "vertices" in entity:
+        raise LevelError(f"{at}.vertices: only hulls have vertices, and its 'shape' is {shown(entity.get('shape'))}")
+    factors = {f.__name__: f for f in layout.columns if f in kind.declared}
+    sampled = entity.get("sampled", {})
+    _check_factors(f"{at}.factors", entity["factors"], kind, factors)
+    _check_factors(f"{at}.sampled", sampled, kind, factors)
+    for name, factor in factors.items():
+        if name not in entity["factors"]:
+            raise LevelError(f"{at}.factors: '{name}' is absent, which every {kind.__name__} has")
+        part = slice(layout.columns[factor], layout.columns[factor] + factor.width)
+        block.values[i, k, part] = value = _value(f"{at}.factors.{name}", entity["factors"][name], factor)
+        block.sampled_values[i, k, part] = (
+            _value(f"{at}.sampled.{name}", sampled[name], factor) if name in sampled else value
+        )
+
+
+def _part(name: str) -> str:
+    """A name as a part of a place."""
+    return name if name.isidentifier() else shown(name)
+
+
+def _check_factors(at: str, given: Any, kind: type[Entity], factors: Mapping[str, type[Factor]]) -> None:
+    """Raise :class:`LevelError` unless these are factors of an entity of that type, by name."""
+    if isinstance(given, dict):
+        for name in given:
+            if name not in factors:
+                raise LevelError(f"{at}: a {kind.__name__} has no factor {shown(name)}.{did_you_mean(name, factors)}")
+        return
+    raise LevelError(f"{at}: must be a mapping, not {shown(given)}")
+
+
+def _shape(at: str, given: Any, kind: type[Entity]) -> int:
+    """The code of a shape; none is given where the type has none."""
+    known = [name for name in SHAPES if (name is None) == (Shape not in kind.declared)]
+    if not isinstance(given, (str, type(None))) or given not in known:
+        must = "'circle' or 'hull'" if Shape in kind.declared else f"null, because a {kind.__name__} has no shape"
+        raise LevelError(f"{at}: must be {must}, not {shown(given)}")
+    return SHAPES[given]
+
+
+def _vertices(at: str, entity: Mapping[str, Any]) -> list[tuple[float, float]]:
+    """The vertices of a hull."""
+    given = entity.get("vertices")
+    if not isinstance(given, list) or not 3 <= len(given) <= MOST_VERTICES:
+        raise LevelError(
+            f"{at}.vertices: a hull needs a list of 3 to {MOST_VERTICES} places, counter-clockwise, not {shown(given)}"
+        )
+    return [_pair(f"{at}.vertices[{j}]", vertex) for j, vertex in enumerate(given)]
+
+
+def _value(at: str, given: Any, factor: type[Factor]) -> float | tuple[float, float]:
+    return _number(at, given) if factor.width == 1 else _pair(at, given)
+
+
+def _pair(at: str, given: Any) -> tuple[float, float]:
+    if not isinstance(given, list) or len(given) != 2:
+        raise LevelError(f"{at}: must be a list of two numbers, not {shown(given)}")
+    return _number(f"{at}[0]", given[0]), _number(f"{at}[1]", given[1])
+
+
+def _number(at: str, given: Any) -> float:
+    if isinstance(given, bool) or not isinstance(given, (int, float)) or not math.isfinite(given):
+        raise LevelError(f"{at}: must be a finite number, not {shown(given)}")
+    return float(given)
+
+
+def _index(at: str, given: Any) -> int:
+    if isinstance(given, bool) or not isinstance(given, int) or given < 0:
+        raise LevelError(f"{at}: must be a whole number that is not negative, not {shown(given)}")
+    return given
+
+
+def _check_keys(at: str, given: Any, needed: Collection[str], others: Collection[str] = ()) -> None:
+    """Raise :class:`LevelError` unless this is a mapping that has what it needs, and nothing that is not known."""
+    if not isinstance(given, dict):
+        raise LevelError(f"{at}: must be a mapping, not {shown(given)}")
+    for name in given:
+        if name not in needed and name not in others:
+            raise LevelError(f"{at}: has no {shown(name)}.{did_you_mean(name, [*needed, *others])}")
+    for name in needed:
+        if name not in given:
+            raise LevelError(f"{at}: '{name}' is absent")
+
+
+# What both directions ask for.
+
+
+def _check_names(layout: Layout, path: Path) -> None:
+    """Raise :class:`LevelError` where two classes have one name, by which JSON could not tell them apart."""
+    groups = {"factors": layout.factors, "world parameters": layout.parameters}
+    groups |= {f"types of the slot '{slot.name}'": dict.fromkeys(slot.types) for slot in layout.slots}
+    for what, classes in groups.items():
+        name, count = Counter(c.__name__ for c in classes).most_common(1)[0]
+        if count > 1:
+            raise LevelError(
+                f"{path}: {count} {what} are called '{name}', which JSON cannot tell apart; use a file in npz"
+            )
+
+
+def _check_texts(said: Any, where: str) -> None:
+    """Raise :class:`LevelError` where a text of the description has more than one line, or characters that none shows."""
+    if isinstance(said, str) and not said.isprintable():
+        raise LevelError(f"{where}description: {shown(said)} has characters that cannot be printed")
+    for part in said.values() if isinstance(said, dict) else said if isinstance(said, list) else ():
+        _check_texts(part, where)
+
+
+def _check_floor(layout: Layout, values: np.ndarray, parameters: np.ndarray, where: str) -> None:
+    """Raise :class:`LevelError` where the floor's friction, which rules read, is not the level's parameter."""
+    floor, stated = values[:, -1, layout.columns[Friction]], parameters[:, layout.parameters.index(FloorFriction)]
+    for i in np.flatnonzero(floor != stated)[:1].tolist():
+        name = layout.names[-1]
+        raise LevelError(
+            f"{where}levels[{i}].entities.{name}.factors.Friction: is {floor[i]!s}, and the parameter FloorFriction is"
+            f" {stated[i]!s}; both must be the same number, and in JSON '{name}' may be left out"
+        )
