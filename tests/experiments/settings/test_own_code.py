@@ -101,6 +101,16 @@ def test_levels_of_a_file_are_taken_as_if_sampled(lab):
         file.sample(9)
 
 
+def test_a_level_file_in_json_gives_the_levels_of_the_one_in_npz(lab):
+    segar.Levels.load(lab / "eight.npz").save(lab / "eight.json")
+    runs = [
+        run_config({"levels": {"train": f"{lab}/eight.{kind}", "test": "empty-easy", "count": 5}})
+        for kind in ("npz", "json")
+    ]
+    assert make_levels(runs[0].levels)[0] == make_levels(runs[1].levels)[0]
+    assert runs[1].label().startswith("eight.json_") and runs[1].levels.train.startswith(f"{lab}/eight.json#")
+
+
 def test_a_level_file_needs_test_levels_beside_it_and_takes_no_variation(lab):
     name = f"{lab}/eight.npz"
     with pytest.raises(ConfigError, match=r"levels.test: the training levels are those of"):

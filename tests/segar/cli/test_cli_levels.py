@@ -44,6 +44,14 @@ def test_sample_writes_the_levels_that_the_library_samples(capsys, tmp_path):
     assert said["distribution"] == segar.family("objectsx3-hard").hash
 
 
+def test_a_level_file_in_json_is_sampled_and_measured_as_one_in_npz(capsys, tmp_path, level_files):
+    path = tmp_path / "empty-easy.json"
+    shown(capsys, "sample", "empty-easy", "-n", 12, "--seed", 1, "-o", path)
+    assert path.read_text().startswith("{") and segar.Levels.load(path) == segar.Levels.load(level_files[0])
+    mixed, npz = (json.loads(shown(capsys, "distance", a, level_files[1], "--json")) for a in (path, level_files[0]))
+    assert mixed["w2"] == npz["w2"] > 0 and mixed["ks_by_factor"] == npz["ks_by_factor"]
+
+
 def test_distance_says_what_the_library_measures(capsys, level_files):
     a, b = map(segar.Levels.load, level_files)
     said = json.loads(shown(capsys, "distance", *level_files, "--json"))

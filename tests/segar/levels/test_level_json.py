@@ -1,0 +1,457 @@
+"""Level files in JSON hold the same levels as npz files, to the bit; what people write is read, or refused with its place."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import segar
+from segar import Ball, Circle, GoalTile, GolfBall, Gravity, Levels, Mass, Object, Position, Shape, Size, Tile
+from segar.errors import LevelError
+from segar.language import ConvexHull, FloorFriction, Parameter
+from segar.levels import LEVEL_ARRAYS, families
+from tests.crafted import assert_clean_errors, crafted_descriptions, crafted_texts
+from tests.places import ROOT
+
+NAMES = sorted({*(name for name in families() if name.endswith("hard")), "puttputt", "billiards", "invisiball"})
+LEVELS = segar.family("puttputt").sample(3, seed=0)  # things that may be absent, hulls and circles
+
+
+class Wind(Parameter, default=0.5, bounds=(-2.0, 2.0)):
+    """How hard the wind blows."""
+
+
+class Fuel(segar.Scalar, default=0.5): ...
+
+
+class Thrust(segar.Vector): ...
+
+
+class Rocket(Object):
+    fuel: Fuel = 0.5
+    thrust: Thrust = (0.0, 1.0)
+
+
+def in_json(levels: Levels, folder: Path) -> dict:
+    """The data of the file that holds the levels."""
+    levels.save(folder / "given.json")
+    return json.loads((folder / "given.json").read_text(), parse_constant=None)
+
+
+def assert_same(a: Levels, b: Levels) -> None:
+    """Equal to the bit, with all that a file keeps."""
+    assert a == b and a.task == b.task and a.provenance.rules == b.provenance.rules
+    for name in LEVEL_ARRAYS:
+        assert getattr(a, name).dtype == getattr(b, name).dtype and getattr(b, name).flags.c_contiguous
+    assert a.provenance.indices.dtype == b.provenance.indices.dtype == np.int64
+    assert a.moments.keys() == b.moments.keys()
+    for key in a.moments:
+        for one, other in zip(a.moments[key], b.moments[key], strict=True):
+            assert one.tobytes() == other.tobytes() and one.dtype == other.dtype
+
+
+def assert_kept(levels: Levels, folder: Path) -> None:
+    """JSON gives the levels back, JSON of them is the same text, and npz files before and after it hold the same."""
+    levels.save(folder / "a.npz")
+    before = Levels.load(folder / "a.npz", levels.world)
+    before.save(folder / "a.json")
+    after = Levels.load(folder / "a.json", levels.world)
+    assert_same(after, before)
+    after.save(folder / "b.json")
+    assert (folder / "a.json").read_bytes() == (folder / "b.json").read_bytes()
+    after.save(folder / "b.npz")
+    with np.load(folder / "a.npz") as one, np.load(folder / "b.npz") as other:
+        assert one.files == other.files
+        for name in one.files:
+            assert one[name].tobytes() == other[name].tobytes() and one[name].dtype == other[name].dtype, name
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_levels_of_a_family_are_kept_to_the_bit(name, tmp_path):
+    assert_kept(segar.family(name).sample(6, seed=3, split="test")[[4, 0, 2]], tmp_path)
+
+
+numbers = st.floats(-1e30, 1e30, allow_nan=False) | st.sampled_from([-0.0, 5e-324, 1 / 3, 1e22, 1e-7, 2.0**53 + 2])
+places = st.tuples(numbers, numbers)
+sizes = st.floats(1e-3, 10)
+things = st.one_of(
+    st.builds(lambda p, v, s: Ball({Position: p, segar.Velocity: v, Size: s, Shape: Circle(s)}), places, places, sizes),
+    st.builds(lambda p, f, t: Rocket({Position: p, Fuel: f, Thrust: t}), places, numbers, places),
+    st.builds(
+        lambda p, corners: Tile({Position: p, Shape: ConvexHull([(np.cos(a), np.sin(a)) for a in corners], 1.0)}),
+        places,
+        st.sampled_from([(0, 2, 4), (0, 1, 2.5, 4), (0.1, 1.1, 2.1, 3.1, 5.1)]),
+    ),
+)
+
+
+@given(
+    levels=st.lists(st.lists(things, min_size=1, max_size=4), min_size=1, max_size=4),
+    wind=st.floats(-2, 2) | st.just(-0.0),
+    floor=st.floats(0, 1e6),
+    drawn=numbers,
+    named=st.none() | st.text(max_size=5).filter(str.isprintable),
+)
+@settings(max_examples=60, deadline=None)
+def test_levels_of_any_entities_are_kept_to_the_bit(levels, wind, floor, drawn, named, tmp_path_factory):
+    made = Levels.from_entities(levels, {Wind: wind, FloorFriction: floor, Gravity: -0.0}, name=named)
+    column = made.layout.columns[Position]
+    made.sampled_values[0, 0, column] = drawn  # as where overlaps were fixed
+    assert_kept(made, tmp_path_factory.mktemp("levels"))
+
+
+def test_a_level_is_written_as_a_person_would(tmp_path):
+    ball = GolfBall({Position: (-0.0, 0.25), Mass: 2.0, Size: 0.2, Shape: Circle(0.2)})
+    patch = Tile({Position: (0.5, 0.5), Shape: ConvexHull([(0, 0), (0.3, 0), (0, 0.3)], 0.3)})
+    data = in_json(Levels.from_entities([[ball, patch], [ball]], {Wind: 0.125}), tmp_path)
+    assert list(data) == ["format", "version", "description", "levels"]
+    assert (data["format"], data["version"]) == ("segar-levels", 1)
+    first, second = data["levels"]
+    assert (first["index"], second["index"]) == (0, 1) and first["parameters"]["Wind"] == 0.125
+    assert list(second["entities"]) == ["golfball", "global_friction"]
+    found = second["entities"]["golfball"]
+    assert found["type"] == "GolfBall" and found["shape"] == "circle" and set(found) == {"type", "shape", "factors"}
+    assert found["factors"]["Position"] == [0.0, 0.25] and str(found["factors"]["Position"][0]) == "-0.0"
+    assert found["factors"]["Mass"] == 2.0 and "Friction" not in found["factors"]
+    assert first["entities"]["tile"]["shape"] == "hull" and len(first["entities"]["tile"]["vertices"]) == 3
+    assert second["entities"]["global_friction"]["shape"] is None
+    lines = (tmp_path / "given.json").read_text().splitlines()
+    assert sum('"golfball": {' in line for line in lines) == 2
+
+
+def test_only_values_that_were_moved_are_given_as_they_were_drawn(tmp_path):
+    levels = segar.family("objectsx3-hard").sample(20, seed=0)
+    for i, level in enumerate(in_json(levels, tmp_path)["levels"]):
+        for name, entity in level["entities"].items():
+            slot = levels.layout.slot_index(name)
+            for factor, column in levels.layout.columns.items():
+                part = np.s_[i, slot, column : column + factor.width]
+                differs = levels.values[part].tobytes() != levels.sampled_values[part].tobytes()
+                assert differs == (factor.__name__ in entity.get("sampled", {}))
+            assert entity.get("sampled") != {}
+
+
+def written(folder: Path, data: dict) -> Path:
+    (folder / "x.json").write_text(json.dumps(data))
+    return folder / "x.json"
+
+
+def test_what_people_need_not_write_has_its_default(tmp_path):
+    ball = GolfBall({Position: (0.5, 0.25)})
+    levels = Levels.from_entities([[ball, GoalTile({Position: (-0.5, 0)})]] * 2, {FloorFriction: [0.05, 0.3]})
+    data = in_json(levels, tmp_path)
+    for level in data["levels"]:
+        del level["index"], level["entities"]["global_friction"]
+        level["parameters"] = {n: x for n, x in level["parameters"].items() if n == "FloorFriction"}
+    for part in ("version", "provenance", "task", "rules", "factors", "extra_parameters", "moments"):
+        del data["description"][part]
+    assert_same(Levels.load(written(tmp_path, data)), levels)
+
+
+def test_the_file_that_the_documentation_shows_is_read(tmp_path):
+    page = (ROOT / "docs/reference/files.md").read_text()
+    (tmp_path / "x.json").write_text(page.partition("```json\n")[2].partition("```")[0])
+    found = Levels.load(tmp_path / "x.json")
+    ball = GolfBall({Position: (0.25, -0.5), Size: 0.2, Shape: Circle(0.2), segar.language.ID: "golfball"})
+    expected = Levels.from_entities([[ball]])
+    assert np.array_equal(found.values, expected.values, equal_nan=True) and found.provenance.indices.tolist() == [17]
+    drawn = found.sampled_values[0, 0, found.layout.columns[Position] :][:2]
+    assert drawn.tolist() == [0.3, -0.5]
+
+
+def test_whole_numbers_stand_for_the_same_floats(tmp_path):
+    data = in_json(LEVELS, tmp_path)
+    ball = data["levels"][0]["entities"]["golfball"]["factors"]
+    ball["Mass"], ball["Charge"], ball["Position"] = 2, "CHARGE", [0, "ZERO"]
+    text = json.dumps(data).replace('"CHARGE"', "100000000000000000000").replace('"ZERO"', "-0")
+    (tmp_path / "x.json").write_text(text)
+    found = Levels.load(tmp_path / "x.json")
+    row = found.values[0, found.layout.slot_index("golfball")]
+    assert row[found.layout.columns[Mass]] == 2.0 and row[found.layout.columns[segar.Charge]] == 1e20
+    place = row[found.layout.columns[Position] :][:2]
+    assert place.tolist() == [0.0, 0.0] and np.signbit(place).tolist() == [False, True]
+
+
+def edit(place: str, value: object):
+    """A function that puts a value at a place of the data, or deletes it where the value is ``...``."""
+
+    def change(data: dict) -> None:
+        *parents, last = [int(part) if part.isdecimal() else part for part in place.split("/")]
+        for part in parents:
+            data = data[part]
+        if value is ...:
+            del data[last]
+        else:
+            data[last] = value
+
+    return change
+
+
+BALL = "levels/2/entities/golfball"
+AT_BALL = r"^\S*x.json: levels\[2\]\.entities\.golfball"
+WRONG = {
+    "a factor misspelt": (
+        f"{BALL}/factors/Mas",
+        1.0,
+        rf"{AT_BALL}\.factors: a GolfBall has no factor 'Mas'. Did you mean 'Mass'",
+    ),
+    "a factor of others": (f"{BALL}/factors/Heat", 1.0, rf"{AT_BALL}\.factors: a GolfBall has no factor 'Heat'"),
+    "a factor absent": (
+        f"{BALL}/factors/Mass",
+        ...,
+        rf"{AT_BALL}\.factors: 'Mass' is absent, which every GolfBall has",
+    ),
+    "a text for a number": (
+        f"{BALL}/factors/Mass",
+        "1",
+        rf"{AT_BALL}\.factors\.Mass: must be a finite number, not '1'",
+    ),
+    "a truth for a number": (
+        f"{BALL}/factors/Mass",
+        True,
+        rf"{AT_BALL}\.factors\.Mass: must be a finite number, not True",
+    ),
+    "NaN": (f"{BALL}/factors/Mass", np.nan, rf"{AT_BALL}\.factors\.Mass: must be a finite number, not nan"),
+    "Infinity": (
+        f"{BALL}/factors/Position",
+        [0.0, np.inf],
+        rf"{AT_BALL}\.factors\.Position\[1\]: must be a finite .* inf",
+    ),
+    "NaN that was drawn": (f"{BALL}/sampled", {"Mass": np.nan}, rf"{AT_BALL}\.sampled\.Mass: must be a finite number"),
+    "NaN in the description": (
+        "description/moments/0/mean",
+        [np.nan],
+        r"x.json: description: 'moments\[0\].mean\[0\]' must be f",
+    ),
+    "one number of two": (
+        f"{BALL}/factors/Position",
+        [0.0],
+        rf"{AT_BALL}\.factors\.Position: must be a list of two numbers, not a l",
+    ),
+    "two numbers for one": (
+        f"{BALL}/factors/Mass",
+        [1.0, 2.0],
+        rf"{AT_BALL}\.factors\.Mass: must be a finite number, not a list of",
+    ),
+    "a mass that cannot be": (
+        f"{BALL}/factors/Mass",
+        -1.0,
+        r"x.json: level 2: Mass of 'golfball' is -1 and must be a number th",
+    ),
+    "a drawn factor of others": (
+        f"{BALL}/sampled",
+        {"Heat": 1.0},
+        rf"{AT_BALL}\.sampled: a GolfBall has no factor 'Heat'",
+    ),
+    "another type": (f"{BALL}/type", "Golfball", rf"{AT_BALL}\.type: must be GolfBall, not 'Golfball'"),
+    "a nested type": (f"{BALL}/type", [[]], rf"{AT_BALL}\.type: must be GolfBall, not a list of 1"),
+    "another shape": (f"{BALL}/shape", "square", rf"{AT_BALL}\.shape: must be 'circle' or 'hull', not 'square'"),
+    "no shape": (f"{BALL}/shape", ..., rf"{AT_BALL}\.shape: must be 'circle' or 'hull', not None"),
+    "a list for a shape": (f"{BALL}/shape", [], rf"{AT_BALL}\.shape: must be 'circle' or 'hull', not a list of 0"),
+    "a shape of the floor": (
+        "levels/2/entities/global_friction/shape",
+        "circle",
+        r"shape: must be null, because a GlobalFriction has",
+    ),
+    "a hull without vertices": (
+        f"{BALL}/shape",
+        "hull",
+        rf"{AT_BALL}\.vertices: a hull needs a list of 3 to 32767 places.*not None",
+    ),
+    "vertices of a circle": (
+        f"{BALL}/vertices",
+        [[0, 0], [1, 0], [0, 1]],
+        rf"{AT_BALL}\.vertices: only hulls have vertices",
+    ),
+    "an entity misspelt": (
+        "levels/1/entities/golfbal",
+        {},
+        r"x.json: levels\[1\]\.entities: has no 'golfbal'. Did you mean 'golfball'",
+    ),
+    "an entity absent": (
+        BALL,
+        ...,
+        r"x.json: levels\[2\]\.entities: 'golfball' is absent, and every level must have it",
+    ),
+    "a parameter misspelt": (
+        "levels/1/parameters/Gravitiy",
+        1.0,
+        r"levels\[1\]\.parameters: has no 'Gravitiy'. Did you mean 'Gravity'",
+    ),
+    "a parameter that cannot be": (
+        "levels/1/parameters/Gravity",
+        -1.0,
+        r"x.json: level 1: the world parameter Gravity is -1 and must",
+    ),
+    "a parameter that is null": (
+        "levels/1/parameters/Gravity",
+        None,
+        r"levels\[1\]\.parameters\.Gravity: must be a finite number, not None",
+    ),
+    "a key of a level misspelt": (
+        "levels/0/paramters",
+        {},
+        r"x.json: levels\[0\]: has no 'paramters'. Did you mean 'parameters'",
+    ),
+    "a key of an entity misspelt": (f"{BALL}/sampeld", {}, rf"{AT_BALL}: has no 'sampeld'. Did you mean 'sampled'"),
+    "a key of the description misspelt": (
+        "description/taks",
+        None,
+        r"x.json: description: 'all' has no 'taks'. Did you mean 'task'",
+    ),
+    "a key of the file misspelt": ("level", [], r"x.json: the file: has no 'level'. Did you mean 'levels'"),
+    "an index below 0": (
+        "levels/0/index",
+        -1,
+        r"x.json: levels\[0\]\.index: must be a whole number that is not negative, not -1",
+    ),
+    "an index that is no int64": ("levels/0/index", 2**63, r"x.json: levels\[0\]\.index: must be a whole number"),
+    "no levels": ("levels", [], r"x.json: levels: must be a list of at least one level, not a list of 0"),
+    "a level that is none": ("levels/1", 3, r"x.json: levels\[1\]: must be a mapping, not 3"),
+    "another floor": (
+        "levels/1/parameters/FloorFriction",
+        0.5,
+        r"levels\[1\]\.entities\.global_friction\.factors\.Friction: is 0.05, and",
+    ),
+    "a format of others": (
+        "format",
+        "segar-play",
+        r"x.json: it is not a level file in JSON, whose 'format' is 'segar-levels'",
+    ),
+    "a later version": ("version", 2, r"x.json was written by a newer SEGAR.*version 2 of the format"),
+    "a type that is not defined": (
+        "description/types/0/name",
+        "Chargr",
+        r"holds the entity type 'Chargr', which is not defined",
+    ),
+    "lines in a name": (
+        "description/slots/0/name",
+        "a\nb",
+        r"x.json: description: 'a\\nb' has characters that cannot be printed",
+    ),
+    "room for very many vertices": (
+        "description/most_vertices",
+        10**9,
+        r"description.most_vertices: must be 0 to 32767, not 1000000000",
+    ),
+}
+
+
+@pytest.mark.parametrize("what", WRONG)
+def test_what_does_not_belong_into_a_level_file_is_refused_with_its_place(what, tmp_path):
+    place, value, message = WRONG[what]
+    data = in_json(LEVELS, tmp_path)
+    edit(place, value)(data)
+    with pytest.raises(LevelError, match=message) as caught:
+        Levels.load(written(tmp_path, data))
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (
+            '{"format": "segar-levels",\n "version" 1}',
+            r"x.json is not a level file in JSON.*: Expecting ':' .*line 2 column 12",
+        ),
+        ('{"format": "segar-levels", "format": 1}', r"x.json .*: the key 'format' stands twice in one mapping"),
+        ("[" * 100_000, r"x.json .*: it is nested too deeply"),
+        ("[" * 100 + "]" * 100, r"x.json: it is not a level file in JSON, .*; there is a list of 1"),
+        (b"\xff\xfe\xfa", r"x.json is not a level file in JSON, or only part of one: it is no text in UTF-8"),
+        ("", r"x.json is not a level file in JSON, or only part of one: Expecting value: line 1 column 1"),
+    ],
+)
+def test_a_text_that_is_no_json_is_refused_with_line_and_column(text, message, tmp_path):
+    (tmp_path / "x.json").write_bytes(text if isinstance(text, bytes) else text.encode())
+    with pytest.raises(LevelError, match=message):
+        Levels.load(tmp_path / "x.json")
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(LevelError, match=r"there is no level file .*x.json"):
+        Levels.load(tmp_path / "x.json")
+    (tmp_path / "x.json").mkdir()
+    with pytest.raises(LevelError, match=r"x.json is not a level file"):
+        Levels.load(tmp_path / "x.json")
+
+
+def test_a_level_file_with_other_contents_is_refused_or_the_same_levels(tmp_path):
+    """Every part in turn is something else: nothing ends in another error, and nothing else is read in silence."""
+    levels = segar.family("tilesx1-easy").sample(1, seed=0)
+    data = in_json(levels, tmp_path)
+    del data["description"]["moments"][2:]
+
+    def files():
+        for what, changed in crafted_descriptions(data):
+            yield what, json.dumps(changed).encode()
+        for depth in range(900, 1000, 7):
+            nested = json.dumps(data).replace('"GolfBall", "shape"', f'{"[" * depth}{"]" * depth}, "shape"')
+            yield f"a type nested {depth} times", nested.encode()
+        yield from crafted_texts()
+
+    def is_harmless(found):  # numbers of levels, and what says where they come from, may be others
+        slots = [[(slot.name, slot.types) for slot in one.layout.slots] for one in (found, levels)]
+        return slots[0] == slots[1] and len(found) == 1
+
+    assert_clean_errors(files(), tmp_path / "x.json", lambda: Levels.load(tmp_path / "x.json"), is_harmless)
+
+
+def test_a_short_text_that_stands_for_very_many_numbers_is_refused(tmp_path):
+    data = in_json(LEVELS, tmp_path)
+    hull = [[np.cos(a), np.sin(a)] for a in np.linspace(0, 6, 3000)]
+    tile = next(e for e in data["levels"][0]["entities"].values() if e["shape"] == "hull")
+    tile["vertices"] = hull
+    data["levels"] += data["levels"][1:] * 400
+    path = written(tmp_path, data)
+    with pytest.raises(LevelError, match=r"x.json: this level file of .* bytes would expand to .*SEGAR_FILE_LIMIT to"), pytest.MonkeyPatch.context() as patch:  # fmt: skip  # noqa: E501
+        patch.setenv("SEGAR_FILE_LIMIT", "100")
+        Levels.load(path)
+
+
+def test_a_full_disk_leaves_the_old_file_and_no_debris(tmp_path, monkeypatch):
+    path = tmp_path / "x.json"
+    LEVELS.save(path)
+    before = path.read_bytes()
+
+    def full(*arguments, **options):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(Path, "write_text", full)
+    with pytest.raises(LevelError, match=r"levels cannot be written to .*x.json: No space left"):
+        LEVELS[:1].save(path)
+    assert path.read_bytes() == before and os.listdir(tmp_path) == ["x.json"]
+
+
+def test_levels_that_could_not_be_read_again_are_not_written(tmp_path):
+    path = tmp_path / "x.json"
+    wrong = LEVELS[:]
+    wrong.values[1, LEVELS.layout.slot_index("golfball"), LEVELS.layout.columns[Mass]] = np.nan
+    with pytest.raises(LevelError, match=r"x.json: level 1: Mass of 'golfball' is nan"):
+        wrong.save(path)
+    floor = LEVELS[:]
+    floor.values[1, -1, LEVELS.layout.columns[segar.Friction]] = 0.75
+    with pytest.raises(
+        LevelError, match=r"x.json: levels\[1\].*Friction: is 0.75, and the parameter FloorFriction is 0.05"
+    ):
+        floor.save(path)
+
+    def tank():
+        class Fuel(segar.Scalar): ...
+
+        class Tank(Tile):
+            fuel: Fuel = 0.5
+
+        return Tank()
+
+    with pytest.raises(
+        LevelError, match=r"x.json: 2 factors are called 'Fuel', which JSON cannot tell apart; use a file in npz"
+    ):
+        Levels.from_entities([[Rocket(), tank()]]).save(path)
+    assert not path.exists()
