@@ -68,6 +68,8 @@ def _read(path: Path) -> dict[str, Any]:
     if found != FORMAT:
         raise SegarError(f"{path} is not a recording of play, whose 'format' is '{FORMAT}'; there is {shown(found)}")
     wrong = misfit(data, {"version": int})
+    if wrong is None and data["version"] < 1:
+        wrong = f"'version' must be 1 to {VERSION}, not {data['version']}"
     if wrong is None and data["version"] > VERSION:
         raise SegarError(
             f"{path} has version {data['version']} of its format, and this SEGAR reads up to {VERSION}; install a newer one"

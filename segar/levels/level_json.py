@@ -167,6 +167,8 @@ def _check_head(data: Any, path: Path, where: str) -> None:
             f"{path} was written by a newer SEGAR, which this one cannot read: its levels have version"
             f" {data['version']} of the format, and this SEGAR reads up to {VERSION}; install a newer one"
         )
+    if data["version"] < 1:
+        raise LevelError(f"{where}'version' must be 1 to {VERSION}, not {data['version']}")
     _check_keys(f"{where}the file", data, ("format", "version", "description", "levels"))
 
 

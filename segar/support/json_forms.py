@@ -101,7 +101,7 @@ def _misfit_of_mapping(value: Any, form: Mapping[Any, Any], at: str, only: bool)
             return f"'{f'{at}.{absent[0]}'.lstrip('.')}' is absent"
         for key in value if only else ():
             if key not in names:
-                return f"'{at or 'all'}' has no {shown(key)}.{did_you_mean(key, names)}"
+                return f"{shown(f'{at}.{key}'.lstrip('.'))} is not known.{did_you_mean(key, names)}"
         parts = [(f"{at}.{key}".lstrip("."), value[key], part) for key, part in names.items() if key in value]
     return next((wrong for place, item, part in parts if (wrong := misfit(item, part, place, only))), None)
 

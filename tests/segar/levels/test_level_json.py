@@ -304,7 +304,7 @@ WRONG = {
     "a key of the description misspelt": (
         "description/taks",
         None,
-        r"x.json: description: 'all' has no 'taks'. Did you mean 'task'",
+        r"x.json: description: 'taks' is not known. Did you mean 'task'",
     ),
     "a key of the file misspelt": ("level", [], r"x.json: the file: has no 'level'. Did you mean 'levels'"),
     "an index below 0": (
