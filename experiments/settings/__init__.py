@@ -103,8 +103,8 @@ __all__ = [
     "RunConfig", "RunFolderError", "SACConfig", "SPRConfig", "ScaleConfig", "Seed", "Settings", "Share", "TaskConfig",
     "TrackingConfig", "TrackingError", "TrainingError", "Widths", "add_module_path", "added_later", "algorithm_named",
     "as_data", "config_at", "construct", "design", "design_hash", "flat", "grid_point", "hand_on_password",
-    "import_object", "is_distribution", "is_level_file", "kind_of", "label_in_0_1", "level_file", "one_of", "panel_parts",
-    "paper_grid", "paper_seeds", "path_of", "read_yaml", "require", "require_design", "require_known", "require_seed",
-    "run_config", "scheme", "sqlite_address", "that", "with_new_names", "with_password", "without_files",
-    "without_folder", "without_password",
+    "import_object", "is_distribution", "is_level_file", "kind_of", "label_in_0_1", "level_file", "one_of",
+    "panel_parts", "paper_grid", "paper_seeds", "path_of", "read_yaml", "require", "require_design", "require_known",
+    "require_seed", "run_config", "scheme", "sqlite_address", "that", "with_new_names", "with_password",
+    "without_files", "without_folder", "without_password",
 ]  # fmt: skip

@@ -6,7 +6,7 @@ The room imports ``errors``, ``support``, ``language``, ``rules`` and ``noise``.
 
 from segar.levels import checks, moments
 from segar.levels.conditional import Dependent
-from segar.levels.description import all_subclasses
+from segar.levels.description import all_subclasses, description_of
 from segar.levels.distribution import LevelDistribution
 from segar.levels.hashing import content_hash
 from segar.levels.level_data import LEVEL_ARRAYS, Provenance

@@ -10,8 +10,7 @@ from segar.engine import Call, described_world
 from segar.envs import VectorEnv, environment_calls
 from segar.errors import PriorError
 from segar.language import Entity, Factor, Task
-from segar.levels import LevelDistribution, Levels
-from segar.levels.level_set import _metadata
+from segar.levels import LevelDistribution, Levels, description_of
 from segar.noise import Noise
 from segar.observations import Observation, colour_of
 from segar.playground.modules import Blobs, described_module
@@ -72,7 +71,7 @@ def described_set(
         "steps_per_second": steps_per_second(levels, task),
         "types": blobs.add(np.ascontiguousarray(levels.types, np.int16).tobytes()),
         "indices": levels.provenance.indices.tolist(),
-        "description": _metadata(levels),
+        "description": {**description_of(levels), "most_vertices": levels.vertices.shape[2]},
         "sampled": [blobs.add(changed.tobytes()), blobs.add(levels.sampled_values.ravel()[changed].tobytes())],
         "priors": _priors(levels.distribution) if isinstance(levels.distribution, LevelDistribution) else [],
     }

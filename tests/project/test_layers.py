@@ -33,6 +33,7 @@ ORDER = [
     "segar.policies",
     "segar.evaluation",
     "segar.datasets",
+    "segar.playground",
     "segar.cli",
     "segar",
     "segar.__main__",

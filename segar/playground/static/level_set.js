@@ -68,6 +68,7 @@ export class LevelSet {
     check(`the world's ${name}`, this.about.worlds[name], [number]);
     this.remember(level);
     this.parameters(level)[this.about.parameters.indexOf(name)] = number;
+    if (name === "FloorFriction") this.values(level, this.slots - 1)[this.about.columns.Friction] = number; // rules read the floor's
   }
 
   parameters(level) {

@@ -9,7 +9,7 @@ export function recordPanel(page) {
   const head = make("tr", {}, ...["level", "steps", "return", "end"].map((textContent) => make("th", { textContent, scope: "col" })));
   const element = panel("Your episodes", false, make("div", { className: "scroll", tabIndex: 0, role: "region", "aria-label": "Episodes" }, make("table", {}, make("thead", {}, head), list)),
     make("div", { className: "controls" }, save),
-    make("p", { className: "note", textContent: "The file holds levels, seeds and actions; segar.datasets reads it and plays the same episodes again." }));
+    make("p", { className: "note", textContent: "The file holds levels, seeds and actions; segar.datasets reads it and plays the same episodes again. Episodes on levels that you changed are not kept." }));
   const episodes = [];
 
   /** Keep the episode that has ended. */
@@ -28,7 +28,7 @@ export function recordPanel(page) {
   save.addEventListener("click", () => {
     const { about } = page.levels;
     const levels = fileText(page.levels, Array.from({ length: about.count }, (_, k) => k));
-    const head = `"format": "segar-play", "version": 1, "segar": ${JSON.stringify(page.about.segar)}, "task": ${JSON.stringify(about.description.task ?? null)}`;
+    const head = `"format": "segar-play", "version": 1, "segar": ${JSON.stringify(page.about.segar)}, "task": ${JSON.stringify(about.description.task ?? null)}, "seed": 0`;
     download("episodes.json", `{${head},\n"levels": ${levels},\n"episodes": ${asText(episodes)}}\n`);
   });
   return { element, add };

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import segar
+from segar.datasets import read_play
 from segar.envs import VectorEnv
 from segar.playground import make_playground
 from tests.segar.playground.browsers import Chromium
@@ -202,6 +203,34 @@ def test_a_changed_level_plays_as_python_plays_it(page: Any, tmp_path: Path) -> 
     assert [float(v) for v in state(page)["values"] if v != "NaN"] == [
         v for v in env.state().state.values.ravel().tolist() if v == v
     ]
+
+
+def test_all_levels_leave_as_text_bit_for_bit(page: Any, tmp_path: Path) -> None:
+    text = page.evaluate(
+        """async () => { const { fileText } = await import("segar/level_text.js"); const { levels } = window.playground;
+        return fileText(levels, Array.from({ length: levels.count }, (_, k) => k)) }"""
+    )
+    (tmp_path / "levels.json").write_text(text)
+    assert segar.Levels.load(tmp_path / "levels.json") == segar.family("objectsx3-hard").sample(LEVELS, seed=1)
+
+
+def test_what_a_person_played_is_played_again_by_python(page: Any, tmp_path: Path) -> None:
+    page.select_option("#speed", "4")
+    for level, key in enumerate(["ArrowLeft", "ArrowUp"]):
+        page.focus("#arena")
+        page.keyboard.press(key)
+        while not state(page)["over"]:
+            page.wait_for_timeout(50)
+        if not level:
+            page.click("#next")
+    page.click("summary:has-text('Your episodes')")
+    with page.expect_download() as waiting:
+        page.click("details[open] >> text=Save as file")
+    waiting.value.save_as(tmp_path / "episodes.json")
+    levels, episodes = read_play(tmp_path / "episodes.json")
+    assert len(levels) == LEVELS
+    assert len(episodes) == 2
+    assert episodes[1].rewards.sum() == pytest.approx(state(page)["total"])
 
 
 @pytest.mark.parametrize(
