@@ -95,7 +95,7 @@ OPTIONAL = {
     "segar.rendering.painter",
     "segar.rendering.window",
 }
-MOST_ROOMS = {"segar": 20, "experiments": 21}
+MOST_ROOMS = {"segar": 21, "experiments": 21}
 PACKAGES = ("segar", "experiments", "analysis")
 
 
