@@ -19,6 +19,8 @@ from segar.engine.targets.entry import (
     Scratch,
     call_of,
     for_threads,
+    with_array,
+    with_distinct_names,
 )
 from segar.engine.targets.step import described_world, step_entry
 
@@ -26,5 +28,5 @@ __all__ = [
     "BY_ENTITY", "BY_NUMBER", "TARGETS", "Argument", "Call", "Entry", "Given", "KernelSource", "LevelArrays", "Reads",
     "Rows", "Scratch", "Simulator", "State", "StepResult", "TargetKernel", "build_kernel", "cache_folder", "call_of",
     "described_world", "for_threads", "gather", "generate", "is_compiled", "kernel_path", "numbers_not_finite",
-    "private_cache_folder", "step_entry",
+    "private_cache_folder", "step_entry", "with_array", "with_distinct_names",
 ]  # fmt: skip

@@ -19,7 +19,7 @@ from segar.envs.episode_kernel import ACTION_NOT_FINITE
 from segar.envs.snapshots import EPISODE_ARRAYS, STATE_ARRAYS, Snapshot
 from segar.errors import ActionError, ConflictError, LevelError, RuleError, SegarError
 from segar.levels import Levels
-from segar.observations import BoundObservation
+from segar.observations import BoundObservation, map_leaves
 
 STEPS_BETWEEN_CHECKS = 64  # a check waits for the GPU
 COUNTS = {"level": "level", "length": "lengths", "contacts": "contacts", "unresolved_contacts": "unresolved_contacts"}
@@ -81,16 +81,17 @@ class DeviceEpisodes:
         self, gpu: GPU, simulator: Simulator, levels: Levels, observation: BoundObservation, now: Snapshot, copy: bool
     ) -> None:
         advice = "choose one of these, or device='cpu'"
-        begin, write = observation_calls(observation, "a GPU", advice, in_rows=True)
+        seen = observation_calls(observation, "a GPU", advice, in_rows=True)
         self.device = gpu.tensors
         self._gpu, self._simulator, self._levels, self._now, self._copy = gpu, simulator, levels, now, copy
         self._space, self._num_envs = observation.space, len(now)
         self._step = step_entry(simulator.world, levels.layout, simulator.task, BY_NUMBER)
-        self._start = tuple(map(self._threads, (start_call(levels), *begin)))
-        self._write = tuple(map(self._threads, write))
+        self._start = tuple(map(self._threads, (start_call(levels), *seen.start)))
+        self._advance = tuple(map(self._threads, seen.advance))
+        self._write = tuple(map(self._threads, seen.write))
         self._count = self._threads(count_call())
         self._check = self._threads(check_call(len(simulator.task.action_low)))
-        calls = (*self._start, *self._write, self._count, self._check)
+        calls = (*self._start, *self._advance, *self._write, self._count, self._check)
         code = build_kernel((self._step, *dict.fromkeys(call.entry for call in calls)), "ptx").code.decode()
         self._kernels: dict[str, Kernel] = gpu.device.kernels(code)
         self._steps = 0  # since the last check
@@ -102,7 +103,8 @@ class DeviceEpisodes:
 
     def _threads(self, call: Call) -> Call:
         """The call with a thread per thing, which is an environment or a row of its frame."""
-        return for_threads(call, self._space.shape[1] if call.entry.things == "frame_rows" else 1)  # type: ignore[index]
+        rows = _part(self._space, call.part).shape[1] if call.entry.things == "frame_rows" else 1
+        return for_threads(call, rows)
 
     def _allocate(self, calls: Iterable[Call]) -> None:
         """Copy everything to the GPU."""
@@ -128,10 +130,8 @@ class DeviceEpisodes:
         self._tensors["rows"] = torch.arange(count, device=self.device)
         self._everywhere = torch.ones(count, dtype=torch.bool, device=self.device)
         self._anywhere = torch.full((count,), -1, dtype=torch.int64, device=self.device)
-        for call in calls:
-            if call.entry.things == "frame_rows":
-                self._sizes["frame_rows"] = count * call.entry.per_environment
-                self._tensors["frame_rows"] = torch.arange(self._sizes["frame_rows"], device=self.device)
+        most = max(call.entry.per_environment for call in calls)
+        self._tensors["frame_rows"] = torch.arange(count * most, device=self.device)
         self._kept: tuple[Any, dict[str, torch.Tensor]] | None = None
 
     def _arrays(self) -> dict[str, np.ndarray]:
@@ -175,13 +175,14 @@ class DeviceEpisodes:
         given |= outcome | {"meant": self._everywhere}
         self._launch(self._check, given)
         self._launch(Call(self._step, {}), given)
-        self._launch_all(self._write, given | self._named(seen))
+        self._launch_all(self._advance, given)
+        self._launch_all(self._write, given, seen)
         self._launch(self._count, given)
         reward, terminated, truncated = outcome["reward"], outcome["terminated"], outcome["truncated"]
         success, death, ended = outcome["success"], outcome["death"], outcome["ended"]
         final: dict[str, Any] = {}
         if same_step:
-            final = {"final_obs": _map(lambda part: _where(ended, part), seen), "_final_obs": ended}
+            final = {"final_obs": map_leaves(lambda part: _where(ended, part), seen), "_final_obs": ended}
             last = self._info(success & ended, death & ended)
             final |= {
                 "final_info": {name: _where(ended, part) for name, part in last.items()},
@@ -189,7 +190,7 @@ class DeviceEpisodes:
             }
             success, death = success & ~ended, death & ~ended
             self._start_episodes(ended, None)
-            self._launch_all(self._write, {"meant": ended} | self._named(seen))
+            self._launch_all(self._write, {"meant": ended}, seen)
         info = {**self._info(success, death), **final}
         self._steps += 1
         if self._steps == STEPS_BETWEEN_CHECKS:
@@ -199,7 +200,7 @@ class DeviceEpisodes:
     def observe(self) -> Any:
         """The observations of the present states."""
         seen, _ = self._outputs()
-        self._launch_all(self._write, {"meant": self._everywhere} | self._named(seen))
+        self._launch_all(self._write, {"meant": self._everywhere}, seen)
         return seen
 
     def actions_of(self, actions: Any) -> torch.Tensor:
@@ -291,26 +292,21 @@ class DeviceEpisodes:
             self._kept = seen, outcome
         return seen, outcome
 
-    def _named(self, seen: Any) -> dict[str, Any]:
-        """The tensors of an observation by the arguments of calls that write them."""
-        if isinstance(seen, dict):
-            return {"out": seen["state"], "mask": seen["mask"]}
-        return {"out": seen, "mask": seen, "frames": seen}
-
-    def _launch_all(self, calls: Iterable[Call], given: Mapping[str, Any]) -> None:
+    def _launch_all(self, calls: Iterable[Call], given: Mapping[str, Any], seen: Any = None) -> None:
+        """Start the kernels of calls; those that write observations write into ``seen``."""
         for call in calls:
-            self._launch(call, given)
+            self._launch(call, given if seen is None else {**given, **_named(_part(seen, call.part))})
 
     def _launch(self, call: Call, given: Mapping[str, Any]) -> None:
         """Start the kernel of a call."""
         entry, words = call.entry, []
-        sizes = dict(self._sizes)
+        sizes = self._sizes | ({"frame_rows": self._num_envs * entry.per_environment} if entry.per_environment else {})
         for argument in entry.arguments:
             value = self._value(call, argument.name, given)
             if isinstance(value, torch.Tensor):
                 words.append(value.data_ptr())
                 if argument.name in call.arrays or argument.name == "frames":
-                    shape = (value.numel(),) if argument.name == "frames" else value.shape
+                    shape = (value.numel(),) if len(argument.shape or ()) == 1 else value.shape
                     sizes |= {
                         name: size
                         for name, size in zip(argument.shape or (), shape, strict=True)
@@ -341,9 +337,24 @@ def _where(mask: torch.Tensor, part: torch.Tensor) -> torch.Tensor:
     )
 
 
-def _map(function: Any, tree: Any) -> Any:
-    return {name: function(part) for name, part in tree.items()} if isinstance(tree, dict) else function(tree)
+def _part(tree: Any, keys: Iterable[Any]) -> Any:
+    """The part of an observation, or of its space, by keys from the outside in."""
+    for key in keys:
+        tree = tree[key]
+    return tree
+
+
+def _named(part: Any) -> dict[str, torch.Tensor]:
+    """The tensors of an observation by the arguments of the calls that write it."""
+    if isinstance(part, dict):
+        return {"out": part["state"], "mask": part["mask"]}
+    return {"out": part, "mask": part, "frames": part}
 
 
 def _map_space(function: Any, space: spaces.Space) -> Any:
-    return {name: function(part) for name, part in space.items()} if isinstance(space, spaces.Dict) else function(space)
+    """Tuples and dicts like those of a space, with ``function`` of each box."""
+    if isinstance(space, spaces.Dict):
+        return {name: _map_space(function, part) for name, part in space.items()}
+    if isinstance(space, spaces.Tuple):
+        return tuple(_map_space(function, part) for part in space)
+    return function(space)

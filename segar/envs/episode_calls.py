@@ -1,12 +1,14 @@
 """The bookkeeping of episodes as calls of compiled functions, for other targets than this processor."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from segar.engine import Call, Given, Rows, call_of
+from segar.engine import Call, Given, Rows, call_of, with_distinct_names
 from segar.envs.episode_kernel import check_actions, count_rows, start_episodes
 from segar.errors import SegarError
 from segar.levels import Levels
-from segar.observations import BoundObservation, RunsOnTargets
+from segar.observations import BoundObservation, calls_of, without_calls
 
 _ENVS = ("envs",)
 _NUMBER, _SUM, _FLAG = Given("int64", _ENVS), Given("float64", _ENVS), Given("bool", _ENVS)
@@ -20,10 +22,25 @@ def start_call(levels: Levels) -> Call:
     return call_of("start_episodes", start_episodes, given, {"level_values": ("levels", None, None)})
 
 
+@dataclass(frozen=True)
+class ObservationCalls:
+    """The calls of an observation, in the order in which they are made.
+
+    Attributes:
+        start: what it needs when episodes start.
+        advance: note that a step was taken.
+        write: write the observations of the present states.
+    """
+
+    start: tuple[Call, ...]
+    advance: tuple[Call, ...]
+    write: tuple[Call, ...]
+
+
 def observation_calls(
     observation: BoundObservation, target: str, advice: str, in_rows: bool = False
-) -> tuple[tuple[Call, ...], tuple[Call, ...]]:
-    """What an observation needs when episodes start, and the calls that write it.
+) -> ObservationCalls:
+    """The calls of an observation.
 
     Args:
         target, advice: for the error: what lacks a compiled form, and what to do.
@@ -32,13 +49,16 @@ def observation_calls(
     Raises:
         SegarError: it is not made by compiled functions alone.
     """
-    if not isinstance(observation, RunsOnTargets):
+    lacking = without_calls(observation)
+    if lacking is not None:
         raise SegarError(
-            f"the observation {type(observation).__name__} has no compiled form for {target}, which a state, 'rgb' and"
-            f" 'textures' have; {advice}"
+            f"the observation {type(lacking).__name__} has no compiled form for {target}, which a state, 'rgb', 'textures',"
+            f" stacks, previous actions, and tuples and dicts of these have; {advice}"
         )
-    start, begin, write = (tuple(observation.calls(when, in_rows)) for when in ("start", "begin", "write"))
-    return (*start, *begin), write
+    found = {when: calls_of(observation, when, in_rows) for when in ("start", "begin", "advance", "write")}
+    named = iter(with_distinct_names([call for calls in found.values() for call in calls]))
+    start, begin, advance, write = (tuple(next(named) for _ in calls) for calls in found.values())
+    return ObservationCalls((*start, *begin), advance, write)
 
 
 def count_call() -> Call:

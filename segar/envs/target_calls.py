@@ -21,17 +21,19 @@ class EnvironmentCalls:
     Attributes:
         step: the entry of a step; its arrays are those of :func:`segar.engine.step_entry`.
         start: start episodes on levels, and what their observations need.
+        advance: let the observations note a step, after it; empty where they show nothing of the past.
         write: write the observations of the present states.
     """
 
     step: Entry
     start: tuple[Call, ...]
+    advance: tuple[Call, ...]
     write: tuple[Call, ...]
 
     @property
     def entries(self) -> tuple[Entry, ...]:
         """All entries, each once."""
-        return (self.step, *dict.fromkeys(call.entry for call in (*self.start, *self.write)))
+        return (self.step, *dict.fromkeys(call.entry for call in (*self.start, *self.advance, *self.write)))
 
 
 def environment_calls(env: VectorEnv) -> EnvironmentCalls:
@@ -41,9 +43,9 @@ def environment_calls(env: VectorEnv) -> EnvironmentCalls:
         SegarError: its observation is not made by compiled functions alone.
     """
     advice = "give it a method calls(when) as in segar.observations.protocol.RunsOnTargets"
-    begin, write = observation_calls(env.observation, "other targets", advice)
+    seen = observation_calls(env.observation, "other targets", advice)
     step = step_entry(env.simulator.world, env.levels.layout, env.task)
-    return EnvironmentCalls(step, (start_call(env.levels), *begin), write)
+    return EnvironmentCalls(step, (start_call(env.levels), *seen.start), seen.advance, seen.write)
 
 
 def build_environment(env: VectorEnv, target: str) -> TargetKernel:

@@ -15,6 +15,7 @@ from segar.observations.protocol import (
     Observation,
     ObservationLike,
     RunsOnTargets,
+    calls_of,
     empty_batch,
     for_task,
     hooks_of,
@@ -22,6 +23,7 @@ from segar.observations.protocol import (
     map_leaves,
     own_arrays,
     simulator_reads,
+    without_calls,
 )
 from segar.observations.registry import OBSERVATIONS
 from segar.observations.shipped import SHIPPED
@@ -30,7 +32,7 @@ from segar.observations.state.state_vector import AllObjects, AllState, AllTiles
 __all__ = [
     "COLOURS", "OBSERVATIONS", "RGB", "SHIPPED", "AllObjects", "AllState", "AllTiles", "Arrays", "BoundObservation",
     "Colour", "Multi", "ObjectState", "Observation", "ObservationLike", "OneOf", "Pixels", "PreviousActions",
-    "RunsOnTargets", "Stack", "StateVector", "TexturedPixels", "TileState", "colour_of", "copy_rows", "copy_squares",
-    "empty_batch", "for_task", "hooks_of", "leaves", "make_observation", "map_leaves", "own_arrays",
-    "simulator_reads", "trained_on",
+    "RunsOnTargets", "Stack", "StateVector", "TexturedPixels", "TileState", "calls_of", "colour_of", "copy_rows",
+    "copy_squares", "empty_batch", "for_task", "hooks_of", "leaves", "make_observation", "map_leaves", "own_arrays",
+    "simulator_reads", "trained_on", "without_calls",
 ]  # fmt: skip

@@ -144,7 +144,12 @@ class RunsOnTargets(Protocol):
     """A bound observation that is made by compiled functions alone, so that it can be made on other targets, too."""
 
     def calls(self, when: str, in_rows: bool = False) -> Sequence[Call]:
-        """The calls that do what the method of this name does, one after the other: ``start``, ``begin`` or ``write``.
+        """The calls that do what the method of this name does, one after the other: ``begin`` or ``write``, and ``start`` or
+        ``advance`` where the observation has these methods.
+
+        What changes from call to call lies in arrays of the calls that lead with the environment. The caller gives
+        ``values`` and ``level``, to ``start`` also ``key``, to ``advance`` also ``actions``, and to ``write`` also the
+        observations: ``out`` (``(envs, numbers)``), and ``mask`` like it; or ``frames``, the bytes of all environments.
 
         Args:
             in_rows: whether calls that draw frames have the rows of frames as things, for targets with thousands of threads.
@@ -224,6 +229,19 @@ def own_arrays(observation: BoundObservation) -> Arrays | None:
 def simulator_reads(observation: BoundObservation) -> Reads | None:
     """What the simulator writes for the observation during a step, None if the observation is written after it."""
     return getattr(observation, "reads", None)
+
+
+def calls_of(observation: BoundObservation, when: str, in_rows: bool = False) -> list[Call]:
+    """The calls of an observation that :class:`RunsOnTargets`; none where it lacks the method ``when``."""
+    return list(observation.calls(when, in_rows)) if hasattr(observation, when) else []  # type: ignore[attr-defined]
+
+
+def without_calls(observation: BoundObservation) -> BoundObservation | None:
+    """The observation, or one of those that it is composed of, that has no compiled form for other targets, if one has not."""
+    if not isinstance(observation, RunsOnTargets):
+        return observation
+    members = getattr(observation, "members", ())
+    return next((found for found in map(without_calls, members) if found is not None), None)
 
 
 def for_task(observation: Observation, task: Task) -> Observation:

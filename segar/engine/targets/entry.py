@@ -79,10 +79,12 @@ class Call:
 
     Attributes:
         arrays: by the names of arguments; those of a level set and of a look. The caller gives the others.
+        part: of an observation of several parts, the keys of the part that the call writes, from the outside in.
     """
 
     entry: Entry
     arrays: Mapping[str, np.ndarray]
+    part: tuple[Any, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -191,7 +193,31 @@ def for_threads(call: Call, per_environment: int = 1) -> Call:
         for one in call.entry.arguments
     ]
     meant = Argument("meant", "bool", ("envs",))
-    return Call(replace(call.entry, arguments=(*arguments, meant), per_environment=per_environment), call.arrays)
+    return replace(call, entry=replace(call.entry, arguments=(*arguments, meant), per_environment=per_environment))
+
+
+def with_array(call: Call, array: np.ndarray, names: Mapping[str, str]) -> Call:
+    """The call with an array of its own in the place of arguments that the caller would give.
+
+    Args:
+        names: of these arguments, where the call has them, and what they are called then.
+    """
+    arguments = tuple(replace(one, name=names.get(one.name, one.name)) for one in call.entry.arguments)
+    own = {names[one.name]: array for one in call.entry.arguments if one.name in names}
+    return replace(call, entry=replace(call.entry, arguments=arguments), arrays={**call.arrays, **own})
+
+
+def with_distinct_names(calls: Sequence[Call]) -> list[Call]:
+    """The calls with entries of which no two that differ have one name: later ones get a number, such as ``draw_frames_2``."""
+    names: dict[Entry, str] = {}
+    for entry in dict.fromkeys(call.entry for call in calls):
+        numbered = (f"{entry.name}_{number}" for number in range(2, len(calls) + 1))
+        names[entry] = next(name for name in (entry.name, *numbered) if name not in names.values())
+    return [replace(call, entry=_renamed(call.entry, names[call.entry])) for call in calls]
+
+
+def _renamed(entry: Entry, name: str) -> Entry:
+    return replace(entry, name=name, module=entry.module.replace(f"def {entry.name}(", f"def {name}("))
 
 
 def wrapper(entry: Entry) -> tuple[str, list[str]]:

@@ -8,10 +8,12 @@ from dataclasses import dataclass, replace
 import gymnasium
 import numpy as np
 
+from segar.engine import Call, Given, Rows, call_of
 from segar.errors import SegarError
 from segar.language import Factor, Task
 from segar.levels import Levels
 from segar.observations.composed.composed import recall_array
+from segar.observations.composed.past_on_targets import SIZES, forget_actions, note_actions, show_actions
 from segar.tasks import task_of
 
 
@@ -82,3 +84,15 @@ class BoundPreviousActions:
     def write(self, values: np.ndarray, level: np.ndarray, out: np.ndarray, rows: np.ndarray) -> None:
         """Fill ``out[rows]``."""
         out[rows] = self._actions[rows]
+
+    def calls(self, when: str, in_rows: bool = False) -> list[Call]:
+        """What ``start``, ``advance`` and ``write`` do, for other targets; see :class:`segar.observations.RunsOnTargets`."""
+        past, length = self._actions, self._actions.shape[1]
+        if when == "start":
+            return [call_of("forget_actions", forget_actions, [Rows(), past], SIZES)]
+        if when == "advance":
+            given = Given("float32", ("envs", self._size))
+            return [call_of("note_actions", note_actions, [Rows(), given, self._low, self._high, past], SIZES)]
+        if when == "write":
+            return [call_of("show_actions", show_actions, [Rows(), past, Given("float32", ("envs", length))], SIZES)]
+        return []

@@ -11,6 +11,7 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 
+from segar.engine import Call
 from segar.errors import SegarError, must_be
 from segar.language import Factor, Task
 from segar.levels import Levels
@@ -20,6 +21,7 @@ from segar.observations.protocol import (
     BoundObservation,
     Observation,
     ObservationLike,
+    calls_of,
     empty_batch,
     for_task,
     own_arrays,
@@ -142,6 +144,14 @@ class BoundMulti(BoundComposed):
         """Fill ``out[...][rows]`` of each of the members."""
         for key, member in self._by_key.items():
             member.write(values, level, out[key], rows)
+
+    def calls(self, when: str, in_rows: bool = False) -> list[Call]:
+        """The calls of all members, each of which knows its part; see :class:`segar.observations.protocol.RunsOnTargets`."""
+        return [
+            replace(call, part=(key, *call.part))
+            for key, member in self._by_key.items()
+            for call in calls_of(member, when, in_rows)
+        ]
 
 
 PER = ("episode", "level")

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import gymnasium
 import numpy as np
 
+from segar.engine import Call, with_array
 from segar.errors import SegarError
 from segar.language import Factor, Task
 from segar.levels import Levels
 from segar.observations.composed.composed import BoundComposed, recall_array
 from segar.observations.composed.multi import make_observation, trained_on
+from segar.observations.composed.past_on_targets import DRAWN, StackArrays
 from segar.observations.copying import copy_rows
-from segar.observations.protocol import BoundObservation, DrawsPlanes, Observation, for_task
+from segar.observations.protocol import BoundObservation, DrawsPlanes, Observation, calls_of, for_task
 from segar.support import is_plain
 
 TAPE = 64  # steps until the frames have to be moved
@@ -188,6 +192,35 @@ class BoundStack(BoundComposed):
                 self._fresh[fresh] = False
             if out is not self.kept:
                 copy_rows(self.kept, out, some)
+
+    def calls(self, when: str, in_rows: bool = False) -> list[Call]:
+        """What ``start``, ``begin``, ``advance`` and ``write`` do, for other targets; see
+        :class:`segar.observations.protocol.RunsOnTargets`.
+
+        The stacked observation is written into an array ``drawn``. The stacks are those that this object has now, so that a
+        snapshot is taken from them and restored into them; they fit as long as only the calls advance.
+        """
+        member, history = self.members[0], self._history
+        parts, things = (self.space.shape[1], "frame_rows") if in_rows and len(self.space.shape) == 3 else (1, "rows")
+        found = calls_of(member, when, in_rows)
+        if when == "start":
+            return [history.mark_call("start_stacks", True), *found]
+        if when == "advance":
+            return [history.advance_call(things, parts), *found]
+        if when == "write":
+            found = [with_array(call, history.drawn, DRAWN) for call in found]
+            return [*found, history.write_call(things, parts), history.mark_call("settle_stacks", False)]
+        return found
+
+    @cached_property
+    def _history(self) -> StackArrays:
+        """The arrays of :meth:`calls`."""
+        num_envs, n, joined, *others = self._tape.stacks.shape
+        planes, pixels = (joined, math.prod(others)) if self._turned else (1, joined * math.prod(others))
+        drawn = np.zeros((num_envs, planes * pixels), self.kept.dtype)
+        stacks = self._tape.stacks.reshape(num_envs, n, planes, pixels)
+        is_drawn_turned = self._turned and self._drawn is not None
+        return StackArrays(drawn, self._fresh, stacks, is_drawn_turned, self._turned)
 
     def _draw(self, values: np.ndarray, level: np.ndarray, rows: np.ndarray) -> None:
         """Write the newest frames of these environments into the stacks."""

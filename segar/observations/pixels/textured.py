@@ -176,7 +176,7 @@ class BoundTexturedPixels:
             found.append(call_of("read_features", read_features, arguments, LOOM_SIZES))
             arguments = [level, Rows(), *looms, self._features, raw, self._drawing.texels]
             found.append(call_of("weave_things", weave_things, arguments, LOOM_SIZES))
-        elif self._options.follow:
+        elif when == "write" and self._options.follow:
             arguments = [values, level, Rows(), *looms, self._noise, self._features, raw, self._drawing.texels]
             found.append(call_of("follow_changes", follow_changes, arguments, LOOM_SIZES))
         return found + self._drawing.calls(when, in_rows)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from segar.engine.cuda.driver import Driver
 from segar.envs import TorchRLEnv, VectorEnv, device_episodes
 from segar.envs.device_episodes import GPU, STEPS_BETWEEN_CHECKS
 from segar.errors import ActionError, LevelError, RuleError, SegarError
-from segar.observations import Pixels, StateVector
+from segar.observations import OneOf, Pixels, PreviousActions, Stack, StateVector
 from tests.segar.engine.cuda.stub_driver import StubDriver
 
 N = 12
@@ -40,8 +41,9 @@ def actions_of(seed: int, steps: int, high: float = 1.2) -> np.ndarray:
 
 def same(host: Any, device: Any) -> bool:
     """Whether both have equal bits."""
-    if isinstance(host, dict):
-        return all(same(host[name], device[name]) for name in host)
+    if isinstance(host, (dict, tuple)):
+        keys = host if isinstance(host, dict) else range(len(host))
+        return len(host) == len(device) and all(same(host[key], device[key]) for key in keys)
     return device.dtype == torch.from_numpy(host).dtype and host.tobytes() == device.numpy().tobytes()
 
 
@@ -73,6 +75,9 @@ OBSERVATIONS = {
     "textures": "textures",
     "table": StateVector(form="table", mask="dict", normalise=True),
     "grey": Pixels(32, channels="first", grey=True),
+    "stack": Stack(Pixels(32), 2),
+    "textures_stack4": "textures_stack4",
+    "several": {"look": (Stack("state", 3), Pixels(32)), "small": Pixels(36), "past": PreviousActions(2)},
 }
 
 
@@ -81,7 +86,9 @@ OBSERVATIONS = {
     [
         "state",
         "rgb",
-        *(pytest.param(name, marks=pytest.mark.slow) for name in ("table", "grey", "textures")),
+        "stack",
+        "several",
+        *(pytest.param(name, marks=pytest.mark.slow) for name in ("table", "grey", "textures", "textures_stack4")),
     ],
 )
 def test_episodes_are_those_of_the_processor(stub, levels, name):
@@ -113,10 +120,12 @@ def test_masks_levels_and_unit_actions_are_those_of_the_processor(stub, levels, 
     assert same(host.reset(seed=8)[0], device.reset(seed=8)[0])
 
 
-def test_snapshots_go_from_one_to_the_other(stub, levels):
+@pytest.mark.parametrize("name", ["rgb", "stack"])
+def test_snapshots_go_from_one_to_the_other(stub, levels, name):
+    observation = OBSERVATIONS[name]
     host, device = (
-        VectorEnv(levels, N, seed=1, observation="rgb"),
-        VectorEnv(levels, N, seed=2, device="cuda", observation="rgb"),
+        VectorEnv(levels, N, seed=1, observation=observation),
+        VectorEnv(levels, N, seed=2, device="cuda", observation=observation),
     )
     host.reset()
     device.reset()
@@ -129,7 +138,9 @@ def test_snapshots_go_from_one_to_the_other(stub, levels):
     assert same(seen, device._observe_all())
     play_both(host, device, actions_of(4, 4))
     later = host.state()
-    other = VectorEnv(levels, N, device="cuda", observation="rgb")
+    other = VectorEnv(levels, N, device="cuda", observation=observation)
+    without = replace(later, memory={})  # as of an environment that showed nothing of the past
+    assert same(host.restore(without), other.restore(without))
     assert same(host.restore(later), other.restore(later))
     play_both(host, other, actions_of(5, 4))
     again = pickle.loads(pickle.dumps(other))
@@ -156,11 +167,15 @@ def test_torchrl_environments_are_those_of_the_processor(stub, levels):
     assert all(torch.equal(part, device.restore(later)[key]) for key, part in host.restore(later).items())
 
 
-def test_interventions_are_those_of_the_processor(stub, levels):
-    host, device = VectorEnv(levels, N, seed=1), VectorEnv(levels, N, seed=1, device="cuda")
+@pytest.mark.parametrize("name", ["state", "stack"])
+def test_interventions_are_those_of_the_processor(stub, levels, name):
+    options: dict[str, Any] = {"seed": 1, "observation": OBSERVATIONS[name]}
+    host, device = VectorEnv(levels, N, **options), VectorEnv(levels, N, device="cuda", **options)
     host.reset()
     device.reset()
-    play_both(host, device, actions_of(6, 2))
+    for size in (0.5, 0.2):
+        assert same(host.intervene("golfball", segar.Size, size), device.intervene("golfball", segar.Size, size))
+        play_both(host, device, actions_of(6, 2))
     assert same(host.intervene("golfball", segar.Mass, 3.0), device.intervene("golfball", segar.Mass, 3.0))
     play_both(host, device, actions_of(7, 2))
 
@@ -231,9 +246,9 @@ def test_wrong_masks_are_refused(stub, levels):
 
 def test_what_needs_the_processor_is_refused(stub, levels):
     with pytest.raises(
-        SegarError, match="BoundStack has no compiled form for a GPU, which a state, 'rgb' and 'textures' have"
+        SegarError, match="BoundOneOf has no compiled form for a GPU, which a state, 'rgb', 'textures', st"
     ):
-        VectorEnv(levels, N, device="cuda", observation=segar.observations.Stack("rgb", 2))
+        VectorEnv(levels, N, device="cuda", observation=Stack(OneOf(["rgb"]), 2))
     with pytest.raises(SegarError, match="render_mode='rgb_array' draws on the processor: use device='cpu'"):
         VectorEnv(levels, N, device="cuda", render_mode="rgb_array")
 

@@ -1,6 +1,7 @@
 """Kernels for other targets: the same bits as natively, in a WebAssembly runtime and as object files that a linker loads."""
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from segar.envs import VectorEnv, build_environment
 from segar.errors import ConflictError, RuleError, SegarError
 from segar.language import Ball, Charge, GoalTile, GolfBall, Mass, Position, SetFactor
 from segar.levels import TASK_LEVELS, families
-from segar.observations import PreviousActions
+from segar.observations import OneOf, Pixels, PreviousActions, Stack
 from tests.segar.engine.random_rules import Author, mixed_levels
 from tests.segar.engine.targets.functions import doubled, foreign
 from tests.segar.engine.targets.machines import MACHINES, WasmMachine
@@ -35,7 +36,7 @@ def play(env: VectorEnv, target: str, steps: int, rng: np.random.Generator) -> T
     low, high = env.single_action_space.low, env.single_action_space.high
     for step in range(steps):
         assert (step, twin.differences()) == (step, [])
-        assert np.array_equal(observation, twin.observe()), f"observations differ in step {step}"
+        assert twin.observes(observation), f"observations differ in step {step}"
         actions = rng.uniform(1.2 * low, 1.2 * high, env.action_space.shape).astype(np.float32)
         observation, _, terminated, truncated, _ = env.step(actions)
         twin.step(actions)
@@ -47,7 +48,7 @@ def play(env: VectorEnv, target: str, steps: int, rng: np.random.Generator) -> T
     return twin
 
 
-def environment(name: str, observation: str, count: int = 20) -> VectorEnv:
+def environment(name: str, observation: Any, count: int = 20) -> VectorEnv:
     levels = segar.family(name).sample(count, seed=4)
     return VectorEnv(levels, count, observation=observation, seed=SEED, autoreset_mode="Disabled")
 
@@ -71,6 +72,34 @@ def test_worlds_play_to_the_bit(target, name, observation):
 def test_every_named_world_plays_to_the_bit_in_wasm_and_is_small(name, observation):
     twin = play(environment(name, observation, 100), "wasm", 60, np.random.default_rng(1))
     assert (twin.machine.imports, len(twin.kernel.code) < LARGEST[observation]) == ([], True)
+
+
+PAST: dict[str, Any] = {
+    "rgb_stack2": "rgb_stack2",
+    "textures_stack4": "textures_stack4",
+    "state": Stack("state", 3),
+    "planes": Stack(Pixels(32, channels="first"), 3),
+    "stack of a stack": Stack(Stack(Pixels(32), 2), 2),
+    "several": {
+        "now": "rgb",
+        "small": Pixels(32, grey=True),
+        "past": (PreviousActions(3), Stack(PreviousActions(), 2)),
+    },
+}
+
+
+@pytest.mark.parametrize(
+    "target, name",
+    [
+        ("wasm", "rgb_stack2"),
+        ("native", "state"),
+        ("native", "several"),
+        *(pytest.param("wasm", name, marks=pytest.mark.slow) for name in ("textures_stack4", "planes", "several")),
+        pytest.param("native", "stack of a stack", marks=pytest.mark.slow),
+    ],
+)
+def test_what_observations_show_of_the_past_agrees(target, name):
+    play(environment("objectsx1-hard", PAST[name]), target, 30, np.random.default_rng(2))
 
 
 def test_every_sub_step_agrees_without_the_task():
@@ -180,8 +209,8 @@ def test_unknown_targets_and_observations_are_refused():
     env = environment("empty-easy", "state", 1)
     with pytest.raises(SegarError, match=r"target .*'cuda'.*native.*wasm"):
         build_environment(env, "cuda")
-    composed = VectorEnv(env.levels, 1, observation=(PreviousActions(), "state"), seed=0)
-    with pytest.raises(SegarError, match=r"the observation .* has no compiled form for other targets"):
+    composed = VectorEnv(env.levels, 1, observation=("state", Stack(OneOf(["rgb"]), 2)), seed=0)
+    with pytest.raises(SegarError, match=r"the observation BoundOneOf has no compiled form for other targets"):
         build_environment(composed, "wasm")
 
 

@@ -1,0 +1,118 @@
+"""What observations of the past do on other targets: kernels that change the stacks and the actions of environments."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from segar.engine import Call, Given, Rows, call_of
+from segar.observations.copying import KERNEL_OPTIONS
+
+SIZES: dict[str, tuple[str | None, ...]] = {
+    **{"drawn": ("envs", None), "fresh": ("envs",), "stacks": ("envs", None, None, None), "past": ("envs", None)},
+}
+"""Names of the sizes of what these kernels are called with."""
+DRAWN = {"frames": "drawn", "out": "drawn", "mask": "drawn_mask"}
+"""Arguments of a call that writes an observation, and what they are called where it is written to be stacked. All are
+``drawn``."""
+
+
+@dataclass(frozen=True)
+class StackArrays:
+    """The stacks of a batch of environments, and the calls that change them.
+
+    Attributes:
+        drawn: ``[env, pixel * plane]``, the newest frames, as the stacked observation writes them.
+        fresh: bool ``[env]``, whether the next frame fills the stack.
+        stacks: ``[env, n, plane, pixel]``, the newest frame last. What is not joined along its last axis is one plane.
+        is_drawn_turned: whether the planes of a pixel are neighbours in ``drawn``; otherwise the pixels of a plane are.
+        is_turned: whether the planes of all n frames of a pixel are neighbours in the observation.
+    """
+
+    drawn: np.ndarray
+    fresh: np.ndarray
+    stacks: np.ndarray
+    is_drawn_turned: bool
+    is_turned: bool
+
+    def mark_call(self, name: str, is_fresh: bool) -> Call:
+        """Mark stacks as ``fresh``, or as filled."""
+        return call_of(name, mark_stacks, [Rows(), is_fresh, self.fresh], SIZES)
+
+    def advance_call(self, things: str, parts: int) -> Call:
+        """Make each frame one older; each environment has ``parts`` things, which are parts of its frames."""
+        return call_of("advance_stacks", advance_stacks, [Rows(things), parts, self.stacks], SIZES)
+
+    def write_call(self, things: str, parts: int) -> Call:
+        """Take the newest frame from ``drawn``, and write the stacks."""
+        turns = (self.is_drawn_turned, self.is_turned)
+        out = Given(self.drawn.dtype.name, ("envs", self.drawn.shape[1] * self.stacks.shape[1]))
+        arguments = [Rows(things), parts, *turns, self.drawn, self.fresh, self.stacks, out]
+        return call_of("write_stacks", write_stacks, arguments, SIZES)
+
+
+@njit(**KERNEL_OPTIONS)
+def mark_stacks(rows, is_fresh, fresh):
+    """Note of environments ``rows`` whether their next frame fills the stack."""
+    for r in range(len(rows)):
+        fresh[rows[r]] = is_fresh
+
+
+@njit(**KERNEL_OPTIONS)
+def advance_stacks(things, parts, stacks):
+    """Make the frames one older: part ``k % parts`` of environment ``k // parts`` for each k of ``things``."""
+    for t in range(len(things)):
+        env, part = things[t] // parts, things[t] % parts
+        first, last = part * stacks.shape[3] // parts, (part + 1) * stacks.shape[3] // parts
+        for frame in range(stacks.shape[1] - 1):
+            for plane in range(stacks.shape[2]):
+                for pixel in range(first, last):
+                    stacks[env, frame, plane, pixel] = stacks[env, frame + 1, plane, pixel]
+
+
+@njit(**KERNEL_OPTIONS)
+def write_stacks(things, parts, is_drawn_turned, is_turned, drawn, fresh, stacks, out):
+    """Take the newest frames from ``drawn``, all frames where the stack is ``fresh``, and write the stacks into ``out``, in
+    parts as :func:`advance_stacks`. The arrays are those of :class:`StackArrays`."""
+    n, planes, pixels = stacks.shape[1], stacks.shape[2], stacks.shape[3]
+    for t in range(len(things)):
+        env, part = things[t] // parts, things[t] % parts
+        for pixel in range(part * pixels // parts, (part + 1) * pixels // parts):
+            for frame in range(n):
+                for plane in range(planes):
+                    if frame == n - 1 or fresh[env]:
+                        at = pixel * planes + plane if is_drawn_turned else plane * pixels + pixel
+                        stacks[env, frame, plane, pixel] = drawn[env, at]
+                    joined = frame * planes + plane
+                    to = pixel * n * planes + joined if is_turned else joined * pixels + pixel
+                    out[env, to] = stacks[env, frame, plane, pixel]
+
+
+@njit(**KERNEL_OPTIONS)
+def forget_actions(rows, past):
+    """Forget the actions of environments ``rows``."""
+    for r in range(len(rows)):
+        for k in range(past.shape[1]):
+            past[rows[r], k] = 0.0
+
+
+@njit(**KERNEL_OPTIONS)
+def note_actions(rows, actions, low, high, past):
+    """Remember the clipped ``actions`` of environments ``rows``, and forget the oldest."""
+    size = actions.shape[1]
+    for r in range(len(rows)):
+        env = rows[r]
+        for k in range(past.shape[1] - size):
+            past[env, k] = past[env, k + size]
+        for k in range(size):
+            past[env, past.shape[1] - size + k] = min(max(actions[env, k], low[k]), high[k])
+
+
+@njit(**KERNEL_OPTIONS)
+def show_actions(rows, past, out):
+    """Write the actions that environments ``rows`` remember."""
+    for r in range(len(rows)):
+        for k in range(past.shape[1]):
+            out[rows[r], k] = past[rows[r], k]
