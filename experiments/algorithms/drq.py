@@ -35,8 +35,9 @@ class DrQPolicy(nn.Module):
                 "algorithm=sac reads vectors, observation=rgb shows frames"
             )
         self.encoder = make_encoder(config, observation_shape)
-        width = features_of(self.encoder, observation_shape)
-        self.actor = nn.Sequential(projection(config, width), GaussianActor(config, config.projection, actions))
+        self.actor = nn.Sequential(
+            projection(config, self.encoder.width), GaussianActor(config, config.projection, actions)
+        )
 
     def forward(self, observation: Tensor) -> tuple[Tensor, Tensor]:
         """``loc`` and ``scale`` of the pre-tanh action."""
@@ -74,7 +75,7 @@ class DrQ(OffPolicy):
 
     def make_loss(self) -> DrQLoss:
         """The loss over CNN, policy and two critics."""
-        width = features_of(self.policy.encoder, self.shape)
+        width = self.policy.encoder.width
         critics: list[nn.Module] = [ProjectedCritic(self.config, width, self.actions) for _ in range(2)]
         for network in (self.policy, *critics):
             initialize(network, self.rng)
@@ -149,9 +150,3 @@ class DrQLoss(LossModule):
 def projection(config: DrQConfig, width: int) -> nn.Sequential:
     """A layer that projects a representation to ``config.projection`` numbers between -1 and 1, normalised."""
     return nn.Sequential(nn.Linear(width, config.projection), nn.LayerNorm(config.projection), nn.Tanh())
-
-
-def features_of(encoder: nn.Module, observation_shape: tuple[int, ...]) -> int:
-    """The size of the encoder's representation."""
-    with torch.no_grad():
-        return encoder(torch.zeros(1, *observation_shape, dtype=torch.uint8)).shape[-1]

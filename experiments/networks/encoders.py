@@ -22,7 +22,7 @@ from experiments.networks.shared_frames import are_stacks, places_of_frames
 from experiments.settings import ConfigError, DrQConfig, PPOConfig, import_object
 from experiments.settings.processor import multiplies_bf16
 
-REPRESENTATION = 256  # numbers in phi(s), whatever the CNN
+REPRESENTATION = 256  # numbers in phi(s) of the CNNs that end with a dense layer
 
 
 def make_encoder(config: PPOConfig | DrQConfig, observation_shape: tuple[int, ...]) -> MLP | FrameEncoder:
@@ -48,11 +48,21 @@ def make_encoder(config: PPOConfig | DrQConfig, observation_shape: tuple[int, ..
     make: Callable[[int, int, int], nn.Module] = import_object(name, "algorithm.encoder")
     try:
         trunk = make(height, width, depth)
+        encoder = (StackEncoder if isinstance(trunk, Keypoints) else FrameEncoder)(trunk, config.precision)
+        encoder.width = width_of(encoder, observation_shape)
     except RuntimeError as error:  # torch's own, of a kernel larger than what it should read
         raise ConfigError(
             f"algorithm.encoder: '{config.encoder}' cannot read {height} x {width} frames: {error}"
         ) from error
-    return (StackEncoder if isinstance(trunk, Keypoints) else FrameEncoder)(trunk, config.precision)
+    return encoder
+
+
+@torch.no_grad()
+def width_of(encoder: FrameEncoder, observation_shape: tuple[int, ...]) -> int:
+    """The number of numbers in the encoder's representation of a frame; its trunk is evaluated once, on a black one."""
+    representation = encoder.eval()(torch.zeros(1, *observation_shape, dtype=torch.uint8))
+    encoder.train()
+    return representation.shape[-1]
 
 
 @torch.compiler.assume_constant_result  # the capabilities of a processor cannot be traced
@@ -90,15 +100,18 @@ class MLP(nn.Module):
 
 
 class FrameEncoder(nn.Module):
-    """Frames uint8 [..., height, width, depth] -> representation float32 [..., 256], by a CNN.
+    """Frames uint8 [..., height, width, depth] -> representation float32 [..., width], by a CNN.
 
     Args:
-        trunk: float [n, depth, height, width] -> [n, 256]. It gets numbers from 0 to 1, or, if it has a
+        trunk: float [n, depth, height, width] -> [n, width]. It gets numbers from 0 to 1, or, if it has a
             :class:`FrameConv`, from 0 to 255.
         precision: what the trunk computes in, see :func:`precision_of`; its weights are float32 either way.
+
+    Attributes:
+        width: of the representation, which :func:`make_encoder` finds.
     """
 
-    width = REPRESENTATION
+    width: int
 
     def __init__(self, trunk: nn.Module, precision: str = "auto") -> None:
         super().__init__()

@@ -23,13 +23,11 @@ from tests.segar.policies.networks import KEYS, environments
 TOLERANCE = 1e-5  # of actions
 FRAMES, STACKS, VECTORS = (64, 64, 3), (64, 64, 6), (23,)
 FLOAT32 = {"precision": "fp32"}
-# cnn_2022 gives 4096 numbers, which the projection of DrQ reads and PPO's heads do not.
-PPO_CNNS = [name for name in CNNS if name != "cnn_2022"]
 CASES = {
     "states": (PPO, PPOConfig(), VECTORS),
     "states, linear heads": (PPO, PPOConfig(widths=(30, 7), head_width=0, shared=False), VECTORS),
-    **{f"{name}, frames": (PPO, PPOConfig(encoder=name, **FLOAT32), FRAMES) for name in PPO_CNNS},
-    **{f"{name}, stacks": (PPO, PPOConfig(encoder=name, **FLOAT32), STACKS) for name in PPO_CNNS},
+    **{f"{name}, frames": (PPO, PPOConfig(encoder=name, **FLOAT32), FRAMES) for name in CNNS},
+    **{f"{name}, stacks": (PPO, PPOConfig(encoder=name, **FLOAT32), STACKS) for name in CNNS},
     "odd frames": (PPO, PPOConfig(encoder="impala", **FLOAT32), (37, 51, 4)),
     "gru": (RecurrentPPO, RecurrentPPOConfig(encoder="small", core_width=37, **FLOAT32), FRAMES),
     "lstm": (RecurrentPPO, RecurrentPPOConfig(core="lstm"), VECTORS),

@@ -6,6 +6,7 @@ import pytest
 import torch
 from torch import nn
 
+from experiments.algorithms.ppo import PPOPolicy
 from experiments.networks import encoders
 from experiments.networks.encoders import MLP, FrameEncoder, initialize, make_encoder, successive
 from experiments.networks.keypoints import SoftArgmax, squares_by_torch
@@ -31,6 +32,22 @@ def parameters(module):
 def test_a_cnn_has_as_many_parameters_as_its_docstring_says(name):
     (stated,) = re.findall(r"64 x 64 x 3: ([\d ]+) parameters", getattr(encoders, name).__doc__)
     assert parameters(encoder(name)) == int(stated.replace(" ", ""))
+
+
+@pytest.mark.parametrize(
+    ("name", "width"), [("cnn_2022", 4096), ("tests.experiments.networks.test_encoders:pooled", 12)]
+)
+def test_heads_read_representations_of_any_width(name, width):
+    policy = PPOPolicy(PPOConfig(encoder=name), (64, 64, 3), 2)
+    assert policy.actor.encoder.width == width and policy.actor.encoder.training
+    loc, _, value = policy(FRAMES)
+    assert (loc.shape, value.shape) == ((6, 2), (6, 1))
+    assert policy.represent(FRAMES.numpy()).shape == (6, width)
+
+
+def pooled(height, width, depth):
+    """A CNN of one's own."""
+    return nn.Sequential(nn.AdaptiveAvgPool2d(2), nn.Flatten(), nn.BatchNorm1d(4 * depth), nn.ReLU())
 
 
 def test_the_mlp_has_as_many_parameters_as_its_docstring_says():
