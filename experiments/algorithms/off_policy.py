@@ -17,7 +17,7 @@ from experiments.collection.collector import action_size, figures_at_end, mean_f
 from experiments.collection.environment_state import as_tensors, from_tensors
 from experiments.collection.replay import Replay
 from experiments.collection.rewards import learner_reward
-from experiments.networks.devices import usable_device
+from experiments.networks.devices import require_one_device, usable_device
 from segar.envs import VectorEnv
 
 
@@ -26,6 +26,7 @@ class OffPolicy(ABC):
 
     def __init__(self, config: Any, env: VectorEnv, frames: int, seed: int) -> None:
         self.config, self.env, self.device = config, env, usable_device(config.device)
+        require_one_device(self.device, env)
         self.rng = torch.Generator().manual_seed(seed)  # of the processor, so that devices draw alike
         self.shape, self.actions = observation_shape(env), action_size(env)
         self.policy: Any = self.make_policy(config, self.shape, self.actions)
@@ -70,19 +71,20 @@ class OffPolicy(ABC):
     def step(self) -> Mapping[str, Any]:
         """Steps every environment once and stores the step; returns the environments' ``info``."""
         before, noise_shape = self.current, (self.config.num_envs, self.actions)
+        place = self.env.device  # of observations and actions
         if self.frames < self.config.warmup:  # uniform actions
-            u = (2.0 * torch.rand(noise_shape, generator=self.rng) - 1.0).clamp(min=-NEAR_ONE).atanh()
+            u = (2.0 * torch.rand(noise_shape, generator=self.rng) - 1.0).clamp(min=-NEAR_ONE).atanh().to(place)
         else:
-            loc, scale = self.policy(torch.from_numpy(before).to(self.device))
-            u = loc.cpu() + scale.cpu() * torch.randn(noise_shape, generator=self.rng)
-        self.current, reward, terminated, truncated, info = self.env.step(u.tanh().numpy())
-        done = terminated | truncated
+            loc, scale = self.policy(torch.as_tensor(before).to(self.device))
+            u = loc.to(place) + scale.to(place) * torch.randn(noise_shape, generator=self.rng).to(place)
+        action = u.tanh()
+        self.current, reward, terminated, truncated, info = self.env.step(
+            action if self.env.runs_on_gpu else action.numpy()  # type: ignore[arg-type]
+        )
         last = info.get("final_obs", self.current)
+        reward, terminated, truncated = (torch.as_tensor(one)[:, None] for one in (reward, terminated, truncated))
         self.replay.add(
-            torch.from_numpy(before),
-            u,
-            *(torch.from_numpy(array)[:, None] for array in (reward.astype(np.float32), terminated, done)),
-            last=torch.from_numpy(last),
+            torch.as_tensor(before), u, reward.float(), terminated, terminated | truncated, last=torch.as_tensor(last)
         )
         self.frames += len(u)
         return info

@@ -207,11 +207,13 @@ EPISODE_FIGURES = ("return", "length", "success", "death")
 def figures_at_end(info: Mapping[str, Any]) -> dict[str, np.ndarray]:
     """The figures in a step's ``info`` of the episodes that ended with it, one entry for each episode."""
     final, rows = info["final_info"], info["_final_info"]
-    return {key: final[key][rows] for key in EPISODE_FIGURES}
+    ended = {key: final[key][rows] for key in EPISODE_FIGURES}
+    return {key: part.cpu().numpy() if isinstance(part, Tensor) else part for key, part in ended.items()}
 
 
 def mean_figures(ended: list[Mapping[str, np.ndarray]]) -> dict[str, float]:
     """Means over the episodes that ended (return, length, success, death), and their number."""
+    ended = [one for one in ended if len(one["return"])]
     if not ended:
         return {"episode/count": 0.0}
     means = {f"episode/{key}": float(np.concatenate([one[key] for one in ended]).mean()) for key in EPISODE_FIGURES}

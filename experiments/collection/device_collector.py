@@ -15,8 +15,8 @@ from experiments.collection.collector import (
     action_size,
     mean_figures,
 )
+from experiments.networks.devices import require_one_device
 from experiments.networks.encoders import successive
-from experiments.settings import ConfigError
 from segar.envs import VectorEnv
 
 
@@ -37,10 +37,7 @@ class DeviceCollector(RunningEpisodes):
     """
 
     def __init__(self, env: VectorEnv, policy: StepPolicy, num_steps: int, device: torch.device) -> None:
-        if device.type != env.device.type or (device.index or 0) != (env.device.index or 0):
-            raise ConfigError(
-                f"algorithm.device: the policy is on {device} and the environments on {env.device}; take one of them"
-            )
+        require_one_device(device, env)
         self.env: Any = env  # which takes and gives tensors, not arrays
         self.policy, self.num_steps, self.device = policy, num_steps, env.device
         self.current, _ = env.reset()
@@ -83,7 +80,7 @@ class DeviceCollector(RunningEpisodes):
             self.terminated[..., None], done[..., None], first_memory,
         )  # fmt: skip
         ended = {key: torch.stack([one[key] for one in figures])[done].cpu().numpy() for key in EPISODE_FIGURES}
-        return rollout, mean_figures([ended] if len(ended["return"]) else [])
+        return rollout, mean_figures([ended])
 
     def _bootstrap(self) -> Tensor:
         """The values of the next observations [T, N, 1]; where an episode was truncated, the value of its last observation."""

@@ -54,26 +54,30 @@ class Replay:
     ) -> None:
         """Stores one step of all environments.
 
+        All may lie on the processor or on the replay's device. Which episodes ended, the processor needs to know.
+
         Args:
             observation: before the step, [num_envs, ...].
             u: pre-tanh actions [num_envs, d].
             reward, terminated, done: [num_envs, 1].
             last: observation after the step, [num_envs, ...]; only those of finished episodes are stored.
         """
-        ended = done.flatten().nonzero().flatten()
+        ends = done.flatten().cpu()
+        ended = ends.nonzero().flatten()
         steps, rows = self.num_envs, self.num_envs + len(ended)
         following = self.written + rows + torch.arange(steps)  # the next step's rows
         following[ended] = self.written + steps + torch.arange(len(ended))
+        successor = torch.cat([following % self.capacity, torch.full((len(ended),), -1)])
         entries = {
-            "observation": torch.cat([observation, last[ended]]),
-            "u": torch.cat([u, torch.zeros(len(ended), u.shape[-1])]),
-            "reward": torch.cat([reward, torch.zeros(len(ended), 1)]),
-            "terminated": torch.cat([terminated, torch.ones(len(ended), 1, dtype=torch.bool)]),
-            "done": torch.cat([done, torch.ones(len(ended), 1, dtype=torch.bool)]),
-            "successor": torch.cat([following % self.capacity, torch.full((len(ended),), -1)]),
+            "observation": torch.cat([observation, last[ended.to(last.device)]]),
+            "u": torch.cat([u, u.new_zeros(len(ended), u.shape[-1])]),
+            "reward": torch.cat([reward, reward.new_zeros(len(ended), 1)]),
+            "terminated": torch.cat([terminated, terminated.new_ones(len(ended), 1)]),
+            "done": torch.cat([done, done.new_ones(len(ended), 1)]),
+            "successor": successor.to(observation.device),
         }
         written = self.buffer.extend(TensorDict(entries, [rows])).cpu()
-        self.sampler.wrote(written, steps, done.flatten())
+        self.sampler.wrote(written, steps, ends)
         for chunk in {int(row) // CHUNK for row in written}:
             self.packed.pop(chunk, None)
         self.written += rows

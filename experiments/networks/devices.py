@@ -7,6 +7,7 @@ import torch
 
 from experiments.commands.kernels import limits_in_force
 from experiments.settings import ConfigError, RunConfig
+from segar.envs import VectorEnv
 
 
 def usable_device(name: str) -> torch.device:
@@ -20,6 +21,14 @@ def usable_device(name: str) -> torch.device:
             f"algorithm.device: '{name}' cannot be used here ({reason}); algorithm.device=cpu computes on the processor"
         ) from error
     return device
+
+
+def require_one_device(device: torch.device, env: VectorEnv) -> None:
+    """Raises :class:`ConfigError` where a policy is on another device than environments that run on a GPU."""
+    if env.runs_on_gpu and (device.type != env.device.type or (device.index or 0) != (env.device.index or 0)):
+        raise ConfigError(
+            f"algorithm.device: the policy is on {device} and the environments on {env.device}; take one of them"
+        )
 
 
 def arithmetic(config: RunConfig) -> dict[str, Any]:

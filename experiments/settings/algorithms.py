@@ -36,6 +36,7 @@ def require_encoder(place: str, name: str) -> None:
 Precision = Annotated[str, one_of("auto", "bf16", "fp32")]
 RewardTransform = Annotated[str, one_of("none", "sqrt")]
 Encoder = Annotated[str, require_encoder]
+EnvDevice = Annotated[str, one_of("cpu", "cuda")]
 Core = Annotated[str, one_of("gru", "lstm")]
 PredictionModel = Annotated[str, one_of("action_projection", "transition")]
 Window = Annotated[float, that(lambda x: 0 < x <= 1, "more than 0, and at most 1")]
@@ -106,9 +107,14 @@ class PPOConfig(AlgorithmConfig):
         False
     )  # collect the next rollout, with the present weights, while learning from this one
     compile: bool = added_later(False)  # the loss, by torch.compile; on a GPU it is replayed as CUDA graphs
+    # Where environments run: cpu, or cuda, which is the GPU of ``device``.
+    env_device: EnvDevice = added_later("cpu")  # noqa: RUF009 - a field
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        check_env_device(self)
+        ahead = "false where env_device is cuda: environments on a GPU do not collect ahead"
+        require(not (self.overlap and self.env_device == "cuda"), "algorithm.overlap", self.overlap, ahead)
         check_log_std(self.min_log_std, self.max_log_std)
         steps = self.num_envs * self.num_steps
         together = self.steps_together
@@ -212,9 +218,12 @@ class OffPolicyConfig(AlgorithmConfig):
     reward_transform: RewardTransform = "none"  # of the reward r that the learner sees; or sqrt: sign(r) |r|^1/2
     reward_scale: Positive = 1.0  # times this
     device: str = "cpu"  # where networks and replay live: cpu, cuda, cuda:1
+    # Where environments run: cpu, or cuda, which is the GPU of ``device``.
+    env_device: EnvDevice = added_later("cpu")  # noqa: RUF009 - a field
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        check_env_device(self)
         # Two steps of all environments, each with the last observations of its episodes: then one can be drawn.
         rows, steps = 4 * self.num_envs, 2 * self.num_envs
         require(self.capacity >= rows, "algorithm.capacity", self.capacity, f"at least {rows}, 4 x num_envs")
@@ -259,6 +268,13 @@ class DrQConfig(SACConfig):
 def check_log_std(lowest: float, highest: float) -> None:
     """Raises :class:`ConfigError` unless the range of the policy's log standard deviation is not empty."""
     require(lowest < highest, "algorithm.min_log_std", lowest, f"less than max_log_std, {highest}")
+
+
+def check_env_device(config: PPOConfig | OffPolicyConfig) -> None:
+    """Raises :class:`ConfigError` where environments are to run on a GPU and networks are not."""
+    holds = config.env_device == "cpu" or config.device.partition(":")[0] == "cuda"
+    wanted = f"cpu where algorithm.device is {config.device}: environments run on the GPU that networks compute on"
+    require(holds, "algorithm.env_device", config.env_device, wanted)
 
 
 def check_minibatches(config: PPOConfig, most: int, wanted: str) -> None:

@@ -250,15 +250,25 @@ def _arithmetics(config: RunConfig, learner: Learner, folder: Path, say: Callabl
 
 
 def _make_environment(kind: type[Learner], config: RunConfig, train: Levels) -> Any:
-    make_env = getattr(kind, "make_env", TorchRLEnv)
+    make_env, num_envs = getattr(kind, "make_env", TorchRLEnv), config.algorithm.num_envs
+    options = environment_options(config, num_envs, train)
+    is_on_gpu = getattr(config.algorithm, "env_device", "cpu") == "cuda"
+    if is_on_gpu:
+        options["device"] = config.algorithm.device  # type: ignore[attr-defined]
     try:
-        num_envs = config.algorithm.num_envs
-        return make_env(train, num_envs, seed=config.seed, **environment_options(config, num_envs, train))
+        return make_env(train, num_envs, seed=config.seed, **options)
     except RuleError as error:
         if train.task in (None, task_name(config)):
             raise
         raise ConfigError(
             f"task: the levels of {config.levels.train} are for task={train.task}, and {config.task.name} does not fit: {error}"
+        ) from error
+    except SegarError as error:
+        if not is_on_gpu:
+            raise
+        raise ConfigError(
+            f"algorithm.env_device: environments cannot run on the GPU ({error}); algorithm.env_device=cpu runs them on the"
+            " processor"
         ) from error
 
 

@@ -1,36 +1,54 @@
-"""Environments on a GPU, which a stub plays: their rollouts and what is learned from them are those of the processor."""
+"""Environments on a GPU, which a stub plays: what is collected and learned from them is that of the processor."""
 
+import copy
 import dataclasses
 
 import pytest
 import torch
 
+from experiments.algorithms.curl import CURL
+from experiments.algorithms.drq import DrQ
 from experiments.algorithms.ppo import PPO
 from experiments.algorithms.recurrent_ppo import RecurrentPPO, RecurrentPPOConfig
+from experiments.algorithms.sac import SAC
+from experiments.algorithms.spr import SPR
 from experiments.collection.device_collector import DeviceCollector
-from experiments.settings import ConfigError, PPOConfig
+from experiments.settings import ConfigError, CURLConfig, DrQConfig, PPOConfig, SACConfig, SPRConfig
 from segar import family
 from segar.engine.cuda.driver import Driver
 from segar.envs import device_episodes
 from segar.envs.device_episodes import GPU
+from segar.observations import Pixels, Stack
 from tests.segar.engine.cuda.stub_driver import StubDriver
 
 LEVELS = family("tilesx1-hard").sample(10, seed=0)
+STACK = Stack(Pixels(32), 2)
 SIZE = {"num_envs": 6, "num_steps": 12, "minibatches": 2, "head_width": 0, "widths": (16,), "reward_normalise": True}
-KINDS = {"ppo": (PPO, PPOConfig(**SIZE)), "recurrent": (RecurrentPPO, RecurrentPPOConfig(core_width=8, **SIZE))}
+FRAMES = {**SIZE, "num_envs": 4, "num_steps": 6, "encoder": "keypoints", "precision": "fp32"}
+KINDS = {
+    "ppo": (PPO, PPOConfig(**SIZE), "state"),
+    "recurrent": (RecurrentPPO, RecurrentPPOConfig(core_width=8, **SIZE), "state"),
+    "ppo, stacks": (PPO, PPOConfig(**FRAMES), STACK),
+}
+OTHERS = {
+    "curl": (CURL, CURLConfig(auxiliary_minibatches=2, **FRAMES), STACK),
+    "spr": (SPR, SPRConfig(auxiliary_minibatches=2, model_width=8, **FRAMES), STACK),
+    "sac": (SAC, SACConfig(num_envs=4, num_steps=12, warmup=12, batch_size=8, capacity=60, widths=(16,)), "state"),
+    "drq": (DrQ, DrQConfig(num_envs=4, num_steps=6, warmup=8, steps_per_update=8, batch_size=4, capacity=60, widths=(16,),
+                           precision="fp32"), STACK),
+}  # fmt: skip
 
 
 @pytest.fixture(autouse=True)
 def gpu(monkeypatch) -> None:
     """A driver in whose stead the PTX machine works, on tensors of the processor."""
-    monkeypatch.setattr(
-        device_episodes, "open_gpu", lambda device: GPU(Driver(StubDriver()).device(), torch.device("cpu"))
-    )
+    processor = torch.device("cpu")
+    monkeypatch.setattr(device_episodes, "open_gpu", lambda device: GPU(Driver(StubDriver()).device(), processor))
 
 
 def learner(kind, **options):
-    learns, config = KINDS[kind]
-    env = learns.make_env(LEVELS, config.num_envs, seed=3, max_steps=5, **options)
+    learns, config, observation = {**KINDS, **OTHERS}[kind]
+    env = learns.make_env(LEVELS, config.num_envs, seed=3, max_steps=5, observation=observation, **options)
     return learns(config, env, 1000, 0)
 
 
@@ -40,7 +58,7 @@ def test_ppo_collects_and_learns_on_a_gpu_what_it_does_on_the_processor(kind):
     assert isinstance(device.collector, DeviceCollector)
     for _ in range(3):
         (ours, our_figures), (theirs, their_figures) = host.collect(), device.collect()
-        assert our_figures == their_figures and our_figures["episode/count"] >= 6
+        assert our_figures == their_figures and our_figures["episode/count"] >= 4
         for field in dataclasses.fields(ours):
             assert torch.equal(getattr(ours, field.name), getattr(theirs, field.name)), field.name
         assert host.learn(ours) == device.learn(theirs)
@@ -51,9 +69,26 @@ def test_ppo_collects_and_learns_on_a_gpu_what_it_does_on_the_processor(kind):
     assert torch.equal(ours.observation, theirs.observation)
 
 
+@pytest.mark.parametrize(
+    "kind", ["sac", *(pytest.param(kind, marks=pytest.mark.slow) for kind in OTHERS if kind != "sac")]
+)
+def test_all_algorithms_learn_on_a_gpu_what_they_do_on_the_processor(kind):
+    host, device = learner(kind), learner(kind, device="cuda")
+    for _ in range(2):
+        assert host.iterate() == device.iterate()
+    resumed = learner(kind, device="cuda")
+    resumed.load_state_dict(copy.deepcopy(device.state_dict()))
+    resumed.policy.load_state_dict(device.policy.state_dict())
+    assert host.iterate() == device.iterate() == resumed.iterate()
+    for one in (device, resumed):
+        theirs = one.policy.state_dict()
+        assert all(torch.equal(weight, theirs[name]) for name, weight in host.policy.state_dict().items())
+
+
 def test_a_policy_elsewhere_is_refused():
     env = PPO.make_env(LEVELS, 2, seed=0, device="cuda")
-    with pytest.raises(ConfigError, match=r"the policy is on cuda:0 and the environments on cpu; take one of them"):
+    refused = r"the policy is on cuda:0 and the environments on cpu; take one of them"
+    with pytest.raises(ConfigError, match=refused):
         DeviceCollector(env, None, 1, torch.device("cuda:0"))  # type: ignore[arg-type]
 
 

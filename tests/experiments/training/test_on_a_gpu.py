@@ -1,0 +1,153 @@
+"""Runs whose environments are on a GPU, which a stub plays: they end with the weights of runs on the processor."""
+
+from pathlib import Path
+
+import pytest
+import torch
+
+from experiments.algorithms import off_policy, ppo
+from experiments.algorithms.checkpoint import newest_checkpoint
+from experiments.reproduction.process_pool import Job, run_jobs
+from experiments.settings import (
+    ConfigError,
+    ObservationConfig,
+    PPOConfig,
+    RunConfig,
+    SACConfig,
+    ScaleConfig,
+    TaskConfig,
+)
+from experiments.training.run import run
+from segar.engine.cuda.driver import Driver
+from segar.envs import device_episodes
+from segar.envs.device_episodes import GPU
+from segar.observations import OneOf
+from tests.experiments.short_runs import FRAMES, ITERATIONS, killed_after, short_run
+from tests.segar.engine.cuda.stub_driver import StubDriver
+
+PPO_SIZE = {"num_envs": 8, "num_steps": 8, "widths": (8,), "head_width": 0, "device": "cuda", "precision": "fp32"}
+SAC_SIZE = {
+    "num_envs": 4,
+    "num_steps": 12,
+    "warmup": 12,
+    "batch_size": 8,
+    "capacity": 60,
+    "widths": (8,),
+    "device": "cuda",
+}
+
+
+@pytest.fixture
+def stub(monkeypatch) -> StubDriver:
+    """A driver in whose stead the PTX machine works; tensors, and networks of device=cuda, are on the processor."""
+    return stub_driver(monkeypatch)
+
+
+def stub_driver(patch: pytest.MonkeyPatch) -> StubDriver:
+    found, processor = StubDriver(), torch.device("cpu")
+    patch.setattr(device_episodes, "open_gpu", lambda device: GPU(Driver(found).device(), processor))
+    for module in (ppo, off_policy):
+        patch.setattr(module, "usable_device", lambda name: processor)
+    return found
+
+
+def run_with_stub(config: RunConfig) -> int:
+    """The work of a process: a run; returns how many kernels it started."""
+    with pytest.MonkeyPatch.context() as patch:
+        stub = stub_driver(patch)
+        run(config, print)
+    return len(stub.launches)
+
+
+@pytest.mark.slow
+def test_processes_side_by_side_have_a_gpu_each_for_itself(stub, tmp_path):
+    host, *devices = (
+        config(tmp_path / name, place) for name, place in zip("abc", ("cpu", "cuda", "cuda"), strict=True)
+    )
+    run(host, print)
+    jobs = [Job(str(k), one, tmp_path / f"{k}.log") for k, one in enumerate(devices)]
+    outcomes = run_jobs(jobs, run_with_stub, processes=2)
+    assert [outcome.error for outcome in outcomes] == [None, None] and all(outcome.result for outcome in outcomes)
+    assert all(same(host, one) for one in devices)
+
+
+def weights(config: RunConfig) -> dict[str, torch.Tensor]:
+    found = newest_checkpoint(Path(str(config.folder)), print)
+    assert found is not None
+    return found[1]["policy"]
+
+
+def config(folder, env_device, kind=PPOConfig, observation="state", frames=FRAMES * ITERATIONS) -> RunConfig:
+    algorithm = kind(**(SAC_SIZE if kind is SACConfig else PPO_SIZE), env_device=env_device)
+    task = TaskConfig("puttputt", {"max_steps": 5})
+    return short_run(
+        folder,
+        algorithm=algorithm,
+        task=task,
+        observation=ObservationConfig(observation),
+        scale=ScaleConfig(frames=frames),
+    )
+
+
+def same(a: RunConfig, b: RunConfig) -> bool:
+    ours, theirs = weights(a), weights(b)
+    return ours.keys() == theirs.keys() and all(torch.equal(ours[name], theirs[name]) for name in ours)
+
+
+def test_weights_are_those_of_environments_on_the_processor_also_after_an_interruption(stub, tmp_path, monkeypatch):
+    host, device, resumed = (
+        config(tmp_path / "a", "cpu"),
+        config(tmp_path / "b", "cuda"),
+        config(tmp_path / "c", "cuda"),
+    )
+    run(host, print)
+    assert not stub.launches
+    run(device, print)
+    assert {"advance_range", "start_episodes"} < {name for name, *_ in stub.launches}
+    with killed_after(2, monkeypatch):
+        run(resumed, print)
+    run(resumed, print)
+    assert same(host, device) and same(host, resumed)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("kind", "observation"), [(PPOConfig, "rgb_stack2"), (SACConfig, "state")])
+def test_weights_are_those_of_environments_on_the_processor(stub, tmp_path, kind, observation):
+    host, device = (config(tmp_path / name, name, kind, observation, frames=2 * FRAMES) for name in ("cpu", "cuda"))
+    for one in (host, device):
+        run(one, print)
+    assert stub.launches and same(host, device)
+
+
+def one_of() -> OneOf:
+    """An observation without a compiled form."""
+    return OneOf(["state"])
+
+
+def test_what_a_gpu_does_not_have_is_refused_and_leaves_no_folder(stub, tmp_path):
+    refused = config(tmp_path / "a", "cuda", observation=f"{__name__}:one_of")
+    with pytest.raises(
+        ConfigError, match=r"algorithm\.env_device: .*BoundOneOf has no compiled form.*env_device=cpu runs"
+    ):
+        run(refused, print)
+    assert not (tmp_path / "a").exists()
+
+
+@pytest.mark.parametrize("kind", [PPOConfig, SACConfig])
+def test_settings_that_exclude_each_other_are_refused(kind):
+    with pytest.raises(
+        ConfigError, match=r"algorithm\.env_device: 'cuda' .* must be cpu where algorithm.device is cpu"
+    ):
+        kind(env_device="cuda")
+    with pytest.raises(ConfigError, match=r"algorithm\.overlap: True .* must be false where env_device is cuda"):
+        PPOConfig(device="cuda:1", env_device="cuda", overlap=True)
+
+
+@pytest.mark.parametrize("kind", [PPOConfig, SACConfig])
+def test_names_of_runs_stay_and_another_place_of_environments_is_another_run(kind, tmp_path):
+    plain, named, device = (
+        RunConfig(algorithm=kind(device="cuda", **place))
+        for place in ({}, {"env_device": "cpu"}, {"env_device": "cuda"})
+    )
+    assert plain.label() == named.label() != device.label()
+    assert "env_device" not in plain.identity()["algorithm"]
