@@ -118,6 +118,7 @@ def make_sac_loss(
         target_entropy=config.target_entropy,
     )
     loss.make_value_estimator(gamma=config.gamma)
+    _ = loss.target_entropy  # which TorchRL makes a buffer now; a loss without it cannot load a state that has it
     return loss
 
 
