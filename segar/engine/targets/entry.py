@@ -6,8 +6,9 @@ when the module is made, such as the number of environments, are arguments; the 
 
 import inspect
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain, count
 from typing import Any
 
 import numpy as np
@@ -200,10 +201,13 @@ def with_array(call: Call, array: np.ndarray, names: Mapping[str, str]) -> Call:
     """The call with an array of its own in the place of arguments that the caller would give.
 
     Args:
-        names: of these arguments, where the call has them, and what they are called then.
+        names: of these arguments, where the call has them, and what they are called then; a number follows a name that
+            another argument has.
     """
-    arguments = tuple(replace(one, name=names.get(one.name, one.name)) for one in call.entry.arguments)
-    own = {names[one.name]: array for one in call.entry.arguments if one.name in names}
+    taken = {one.name for one in call.entry.arguments}
+    given = {old: _free(new, taken) for old, new in names.items() if old in taken and old not in call.arrays}
+    arguments = tuple(replace(one, name=given.get(one.name, one.name)) for one in call.entry.arguments)
+    own = {given[one.name]: array for one in call.entry.arguments if one.name in given}
     return replace(call, entry=replace(call.entry, arguments=arguments), arrays={**call.arrays, **own})
 
 
@@ -211,9 +215,13 @@ def with_distinct_names(calls: Sequence[Call]) -> list[Call]:
     """The calls with entries of which no two that differ have one name: later ones get a number, such as ``draw_frames_2``."""
     names: dict[Entry, str] = {}
     for entry in dict.fromkeys(call.entry for call in calls):
-        numbered = (f"{entry.name}_{number}" for number in range(2, len(calls) + 1))
-        names[entry] = next(name for name in (entry.name, *numbered) if name not in names.values())
+        names[entry] = _free(entry.name, names.values())
     return [replace(call, entry=_renamed(call.entry, names[call.entry])) for call in calls]
+
+
+def _free(name: str, taken: Collection[str]) -> str:
+    """The name, with a number from 2 on where it is taken."""
+    return next(one for one in chain([name], (f"{name}_{k}" for k in count(2))) if one not in taken)
 
 
 def _renamed(entry: Entry, name: str) -> Entry:

@@ -77,6 +77,7 @@ OBSERVATIONS = {
     "grey": Pixels(32, channels="first", grey=True),
     "stack": Stack(Pixels(32), 2),
     "textures_stack4": "textures_stack4",
+    "stack of a stack": Stack(Stack(Pixels(32), 2), 2),
     "several": {"look": (Stack("state", 3), Pixels(32)), "small": Pixels(36), "past": PreviousActions(2)},
 }
 
@@ -88,7 +89,10 @@ OBSERVATIONS = {
         "rgb",
         "stack",
         "several",
-        *(pytest.param(name, marks=pytest.mark.slow) for name in ("table", "grey", "textures", "textures_stack4")),
+        *(
+            pytest.param(name, marks=pytest.mark.slow)
+            for name in ("table", "grey", "textures", "textures_stack4", "stack of a stack")
+        ),
     ],
 )
 def test_episodes_are_those_of_the_processor(stub, levels, name):
