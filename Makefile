@@ -10,6 +10,8 @@
 #   make dashboard                MLflow's pages over the results, on 127.0.0.1
 #   make renderings               the paper's pictures of tasks and visual features; ARGS="--output DIR"
 #   make bench                    speed of the engine on this machine
+#   make site                     the documentation as a website, in build/site
+#   make serve-site               opens it for a browser on 127.0.0.1; PORT=8000
 #   make lint                     ruff and pyright
 #   make clean                    caches and build products; keeps .venv and all results
 
@@ -17,6 +19,7 @@ PYTHON ?= python3
 SCALE ?= quick
 SWEEP ?= demo
 ARGS ?=
+PORT ?= 8000
 
 VENV ?= .venv
 PY := $(VENV)/bin/python
@@ -24,6 +27,8 @@ PY := $(VENV)/bin/python
 STAMP := $(VENV)/.installed
 # With the extra that only `make test-slow` needs: Ray and PostgreSQL, 400 MB.
 SLOW_STAMP := $(VENV)/.installed-slow
+# With the extra that only `make site` needs: Sphinx, 40 MB.
+SITE_STAMP := $(VENV)/.installed-site
 # Imported once after installing: that shows that they load, and compiles what they use. Letting pip compile all 16,000
 # modules of the dependencies takes longer than the rest of the installation.
 LOADED := torch, torchrl, torchrl.objectives, tensordict, mlflow, alembic.command, sqlalchemy.orm, hydra, \
@@ -31,7 +36,7 @@ LOADED := torch, torchrl, torchrl.objectives, tensordict, mlflow, alembic.comman
 	matplotlib.pyplot, fpdf, rich.progress, pygame, imageio.v2, imageio_ffmpeg, moviepy, minari, h5py, pytest, xdist, hypothesis
 
 .DEFAULT_GOAL := help
-.PHONY: help setup test test-slow test-browser lint bench reproduce-paper report sweep renderings dashboard clean
+.PHONY: help setup test test-slow test-browser lint bench reproduce-paper report sweep renderings dashboard site serve-site clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -53,6 +58,11 @@ $(STAMP): pyproject.toml constraints.txt
 $(SLOW_STAMP): $(STAMP)
 	@$(PY) -m pip install --quiet --disable-pip-version-check --no-compile \
 		--constraint constraints.txt --editable ".[train,analysis,ui,dev,slow]"
+	@touch $@
+
+$(SITE_STAMP): $(STAMP)
+	@$(PY) -m pip install --quiet --disable-pip-version-check --no-compile \
+		--constraint constraints.txt --editable ".[train,analysis,ui,dev,site]"
 	@touch $@
 
 # Python keeps what it compiled, whatever the caller prefers: the tests start hundreds of imports.
@@ -90,6 +100,20 @@ renderings: $(STAMP)
 
 dashboard: $(STAMP)
 	$(PY) -m experiments.dashboard $(ARGS)
+
+# The pages of environments are drawn and measured from the library, which takes most of the time.
+ENVIRONMENT_PAGES := build/site-source/environments/index.md
+$(ENVIRONMENT_PAGES): $(SITE_STAMP) docs/site/environments.py $(wildcard segar/*.py segar/*/*.py segar/*/*/*.py segar/*/*/*/*.py)
+	$(PY) docs/site/environments.py
+
+site: $(ENVIRONMENT_PAGES)
+	$(PY) docs/site/pages.py
+	$(PY) -m sphinx --quiet --fail-on-warning --keep-going --jobs auto --conf-dir docs/site build/site-source build/site
+	$(PY) -m pytest -q -m site tests/project/test_site.py
+	@echo "The site is build/site/index.html."
+
+serve-site: site
+	$(PY) -m http.server --bind 127.0.0.1 --directory build/site $(PORT)
 
 clean:
 	rm -rf build dist .pytest_cache .ruff_cache .hypothesis *.egg-info

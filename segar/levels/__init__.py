@@ -17,3 +17,10 @@ from segar.levels.priors import Prior, factors_needed
 from segar.levels.probability.marginals import marginals, mix, slot_distributions
 from segar.levels.sampling.plan import Draw, SamplingPlan, SlotGroup
 from segar.levels.validity import check_levels
+
+__all__ = [
+    "DIFFICULTIES", "LEVEL_ARRAYS", "TASKS", "TASK_LEVELS", "Dependent", "Draw", "LevelDistribution", "Levels",
+    "PointSets", "Prior", "Provenance", "SamplingPlan", "SlotGroup", "all_subclasses", "check_levels", "checks",
+    "content_hash", "entity_types", "factors_needed", "families", "family", "gather", "marginals", "mix", "moments",
+    "slot_distributions", "source_moments",
+]  # fmt: skip

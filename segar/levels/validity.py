@@ -29,7 +29,7 @@ def check_levels(levels: LevelData, where: str = "") -> None:
     """Raise :class:`LevelError` unless the arrays of levels fit their layout and each other, and their numbers are possible.
 
     Args:
-        where: the start of the message, such as ``levels.npz: ``.
+        where: the start of the message, such as ``levels.npz:``.
 
     Every entity is of a type that its slot may hold, and has exactly the factors of its type. Each factor and world
     parameter has a value that :meth:`segar.Factor.is_possible` allows, in ``values`` and ``sampled_values``. A hull has

@@ -47,16 +47,16 @@ def design(
     >>> segar.design(segar.family("empty-hard"), 3, "clustered", seed=0)
     <3 levels of 'empty-hard', seed 0, split 'train'>
 
-    ``iid``: the first n; the same as ``dist.sample(n, seed, split)``.
-    ``clustered``: a level picked at random, and the n - 1 levels of the pool nearest to it, nearest first.
-    ``covering``: levels far from each other and near all others: the level in the middle of the pool, then again and
-        again the one farthest from all those picked (Gonzalez 1985: no other n levels cover the pool within less than
-        half the radius).
-    ``nuisance_only``: one level, picked at random, n times, with the ``nuisance`` factors as in n other levels of the pool
-        that have the same entities. ``provenance.indices`` are those of the n levels that lend the nuisance factors,
-        ``provenance.name`` says the one level, and ``provenance.distribution`` is another than dist's, since dist does not
-        draw such levels.
-    ``target``: levels whose distance ``w2(levels, test, mode=mode)`` is within ``tolerance`` of ``target``.
+    - ``iid``: the first n; the same as ``dist.sample(n, seed, split)``.
+    - ``clustered``: a level picked at random, and the n - 1 levels of the pool nearest to it, nearest first.
+    - ``covering``: levels far from each other and near all others: the level in the middle of the pool, then again and
+      again the one farthest from all those picked (Gonzalez 1985: no other n levels cover the pool within less than
+      half the radius).
+    - ``nuisance_only``: one level, picked at random, n times, with the ``nuisance`` factors as in n other levels of the pool
+      that have the same entities. ``provenance.indices`` are those of the n levels that lend the nuisance factors,
+      ``provenance.name`` says the one level, and ``provenance.distribution`` is another than dist's, since dist does not
+      draw such levels.
+    - ``target``: levels whose distance ``w2(levels, test, mode=mode)`` is within ``tolerance`` of ``target``.
 
     Args:
         n, seed, split: as for ``dist.sample``; the choice at random depends on them and on nothing else.

@@ -26,7 +26,7 @@ class View:
         labels: whether things have their names and factors written beside them, in pictures of at least 192 pixels.
         fields: whether faint arrows show where charges push and what magnets turn.
         line: whether there is a line of text below the arena, of at least 192 pixels: step, return, level.
-        colours: entity type to its colour, as :class:`segar.observations.pixels.Pixels` takes them.
+        colours: entity type to its colour, as :class:`segar.observations.Pixels` takes them.
 
     Raises:
         SegarError: the size is not one of these.

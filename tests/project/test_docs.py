@@ -88,6 +88,7 @@ def name_of(page: Path) -> str:
 
 
 PAGES = {name_of(page): programs_of(page) for page in sorted(DOCS.rglob("*.md"))}
+TEXTS = [*(ROOT / f"{name}.md" for name in ("README", "CONTRIBUTING", "CHANGELOG")), *sorted(DOCS.rglob("*.md"))]
 PROGRAMS = [program for programs in PAGES.values() for program in programs]
 
 
@@ -136,9 +137,7 @@ def test_every_page_stands_in_the_index():
     assert not [page for page in PAGES if page != "README" and f"({page}.md" not in index]
 
 
-@pytest.mark.parametrize(
-    "page", [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.rglob("*.md"))], ids=lambda page: page.stem
-)
+@pytest.mark.parametrize("page", TEXTS, ids=lambda page: page.stem)
 def test_links_lead_to_files_and_headings(page):
     for target, heading in LINK.findall(BLOCK.sub("", page.read_text())):
         aim = (page.parent / target).resolve() if target else page
