@@ -62,7 +62,7 @@ $(SLOW_STAMP): $(STAMP)
 
 $(SITE_STAMP): $(STAMP)
 	@$(PY) -m pip install --quiet --disable-pip-version-check --no-compile \
-		--constraint constraints.txt --editable ".[train,analysis,ui,dev,site]"
+		--constraint constraints.txt --editable ".[site]"
 	@touch $@
 
 # Python keeps what it compiled, whatever the caller prefers: the tests start hundreds of imports.
@@ -108,7 +108,9 @@ $(ENVIRONMENT_PAGES): $(SITE_STAMP) docs/site/environments.py $(wildcard segar/*
 
 site: $(ENVIRONMENT_PAGES)
 	$(PY) docs/site/pages.py
-	$(PY) -m sphinx --quiet --fail-on-warning --keep-going --jobs auto --conf-dir docs/site build/site-source build/site
+	rm -rf build/site
+	$(PY) -m sphinx --quiet --fail-on-warning --keep-going --jobs auto --write-all --doctree-dir build/site-doctrees \
+		--conf-dir docs/site build/site-source build/site
 	$(PY) -m pytest -q -m site tests/project/test_site.py
 	@echo "The site is build/site/index.html."
 

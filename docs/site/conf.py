@@ -25,7 +25,7 @@ from segar.language import Relation, Rule
 ROOT = Path(__file__).parents[2]
 sys.path[:0] = [str(ROOT), str(Path(__file__).parent)]
 
-from pages import docstring_in_rst, public_names  # noqa: E402
+from pages import docstring_in_rst, facts_of, public_names  # noqa: E402
 
 for room in public_names():  # once, before Sphinx starts its workers, and for find_name
     importlib.import_module(room)
@@ -38,10 +38,9 @@ html_title = f"SEGAR {release}"
 
 extensions = ["myst_parser", "sphinx.ext.autodoc"]
 nitpicky = True
-# A page that says more than it knows: relative links that end outside of the pages (``pages.py`` writes them).
+# Links of the scheme `here` are relative links to files that are no pages; ``pages.py`` writes them.
 myst_url_schemes = {"http": None, "https": None, "mailto": None, "here": "{{path}}"}
 myst_heading_anchors = 4
-suppress_warnings = ["myst.header"]  # a page of the changelog may begin a section with its third level
 
 html_theme = "furo"
 html_static_path = ["site.css"]
@@ -72,7 +71,7 @@ def setup(app: Sphinx) -> dict[str, bool]:
 
 def use_docstring(app: Sphinx, what: str, name: str, value: Any, options: Any, lines: list[str]) -> None:
     documentation = value.function.__doc__ if isinstance(value, Rule | Relation) else "\n".join(lines)
-    lines[:] = docstring_in_rst(documentation or "")
+    lines[:] = [*docstring_in_rst(documentation or ""), "", facts_of(value) if what == "class" else ""]
 
 
 def use_plain_signature(
@@ -92,14 +91,12 @@ def find_name(app: Sphinx, env: BuildEnvironment, node: pending_xref, text: node
     if node.get("refdomain") != "py":
         return None
     target = str(node["reftarget"])
-    for name in (target, target.rpartition(".")[2]):
+    is_ours = "." not in target or target.startswith(("segar.", "experiments."))
+    for name in (target, target.rpartition(".")[2]) if is_ours else ():
         if link := link_to(app, env, name, text, node.get("refdoc", "")):
             return link
-    return (
-        text
-        if any(exists(scope + target) for scope in ("", *scopes_of(node.get("py:module"), node.get("py:class"))))
-        else None
-    )
+    scopes = ("", *scopes_of(node.get("py:module"), node.get("py:class")))
+    return text if any(exists(scope + target) for scope in scopes) else None
 
 
 def exists(name: str) -> bool:
@@ -126,20 +123,23 @@ class LinkNames(SphinxPostTransform):
         if self.env.docname.startswith(("api/", "source/")):
             return
         for code in list(self.document.findall(nodes.literal)):
-            name = code.astext().removesuffix("()")
-            if not is_distinctive(name) or isinstance(code.parent, nodes.reference | nodes.title):
+            name = named_by(code.astext())
+            if name is None or isinstance(code.parent, nodes.reference | nodes.title):
                 continue
             link = link_to(self.app, self.env, name, code.deepcopy(), self.env.docname)
             if link is not None:
                 code.replace_self(link)
 
 
-def is_distinctive(name: str) -> bool:
-    """Whether code with this text stands for a public name: a full name, a class, or a function of several words."""
-    if "." in name:
-        return name.replace(".", "").isidentifier()
-    is_word = name.islower() and "_" not in name
-    return not is_word and any(name in names for names in public_names().values())
+def named_by(code: str) -> str | None:
+    """The name that code in text stands for: a full name, a class, a function of several words, or one that is called."""
+    found = re.fullmatch(r"([\w.]+)(\(.*\))?", code)
+    if not found:
+        return None
+    name, call = found.groups()
+    is_word = name.islower() and "_" not in name and not call
+    is_public = any(name in names for names in public_names().values())
+    return name if "." in name or (is_public and not is_word) else None
 
 
 def link_to(app: Sphinx, env: BuildEnvironment, name: str, text: nodes.Element, page: str) -> nodes.Element | None:
@@ -148,6 +148,7 @@ def link_to(app: Sphinx, env: BuildEnvironment, name: str, text: nodes.Element, 
     assert isinstance(domain, PythonDomain)
     name = name.removeprefix("segar.") if name.count(".") == 1 and name.startswith("segar.") else name
     full = [known for known in domain.objects if known == name or known.endswith(f".{name}")]
+    full = [known for known in full if known.rpartition(".")[0] in public_names()] or full  # rather than methods
     entries = {(domain.objects[known].docname, domain.objects[known].node_id) for known in full}
     if len(entries) != 1:
         return None

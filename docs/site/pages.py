@@ -19,7 +19,7 @@ from typing import Any
 
 from sphinx.pycode import ModuleAnalyzer
 
-from segar.language import Relation, Rule
+from segar.language import Factor, Parameter, Relation, Rule
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -244,7 +244,7 @@ def home_rooms(rooms: dict[str, list[str]]) -> dict[str, str]:
 def api_index(rooms: dict[str, list[str]]) -> str:
     lines = [
         *heading("API", "="),
-        "Every public name, room by room. `segar` itself has the names that most programs need; all others are imported",
+        "Every public name, room by room. ``segar`` itself has the names that most programs need; all others are imported",
         "from the face of their room, as in ``from segar.noise import LogUniform``.",
         "",
         *table([(f":doc:`{room} <{room}>`", first_sentence(importlib.import_module(room).__doc__)) for room in rooms]),
@@ -280,13 +280,12 @@ def room_page(room: str, names: list[str], homes: dict[str, str]) -> str:
     own = [
         n for n in names if homes[f"{room}.{n}"] == room and getattr(getattr(face, n), "__name__", None) not in modules
     ]
-    origins = imported_from(room)
-    for origin in dict.fromkeys([*origins.values(), room]):
-        here = [name for name in own if origins.get(name, room) == origin]
+    origins = {name: origin_of(room, name, getattr(face, name)) for name in own}
+    for origin in dict.fromkeys([*imported_from(room).values(), *origins.values()]):
+        here = [name for name in own if origins[name] == origin]
         if here:
-            module = importlib.import_module(origin)
             title = origin.rpartition(".")[2].replace("_", " ").capitalize() if origin != room else "Defined here"
-            lines += [*heading(title, "-"), first_sentence(module.__doc__), ""]
+            lines += [*heading(title, "-"), first_sentence(importlib.import_module(origin).__doc__), ""]
             lines += [line for name in here for line in entry(room, name, getattr(face, name), origin)]
     return "\n".join(lines) + "\n"
 
@@ -310,9 +309,26 @@ def entry(room: str, name: str, value: Any, origin: str) -> list[str]:
 def summary_of(room: str, name: str, value: Any) -> str:
     if isinstance(value, Rule | Relation):
         return first_sentence(value.function.__doc__)
+    if isinstance(value, type) and not value.__doc__:
+        return facts_of(value) or f"A kind of :py:obj:`{value.__base__.__name__}`."
     if isinstance(value, type | ModuleType) or inspect.isroutine(value) or hasattr(value, "__wrapped__"):
         return first_sentence(value.__doc__)
-    return first_sentence("\n".join(constant(imported_from(room).get(name, room), name)[1]))
+    source, documentation = constant(origin_of(room, name, value), name)
+    value_text = f"``{source}``" if source and len(source) <= LONGEST_VALUE else f"A {type(value).__name__}."
+    return first_sentence("\n".join(documentation)) or value_text
+
+
+def origin_of(room: str, name: str, value: Any) -> str:
+    """The module that a face has a name from."""
+    module = str(getattr(value, "__module__", ""))
+    return imported_from(room).get(name) or (module if module.startswith(f"{room}.") else room)
+
+
+def facts_of(value: Any) -> str:
+    """What a factor or a world parameter declares: its default and its unit; empty for other things."""
+    if not isinstance(value, type) or not issubclass(value, Factor | Parameter) or value.default is None:
+        return ""
+    return f"Default ``{value.default!r}``" + (f", in {value.unit}." if value.unit else ".")
 
 
 @cache
@@ -398,8 +414,7 @@ def first_paragraph(docstring: str | None) -> str:
 
 
 def first_sentence(docstring: str | None) -> str:
-    sentence = re.split(r"(?<=[.:;])\s", first_paragraph(docstring), maxsplit=1)[0].rstrip(".:;")
-    return f"{sentence}." if sentence else ""
+    return re.split(r"(?<=\.)\s+(?=[A-Z`])", first_paragraph(docstring), maxsplit=1)[0]
 
 
 if __name__ == "__main__":
