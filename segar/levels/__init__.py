@@ -21,6 +21,6 @@ from segar.levels.validity import check_levels
 __all__ = [
     "DIFFICULTIES", "LEVEL_ARRAYS", "TASKS", "TASK_LEVELS", "Dependent", "Draw", "LevelDistribution", "Levels",
     "PointSets", "Prior", "Provenance", "SamplingPlan", "SlotGroup", "all_subclasses", "check_levels", "checks",
-    "content_hash", "entity_types", "factors_needed", "families", "family", "gather", "marginals", "mix", "moments",
-    "slot_distributions", "source_moments",
+    "content_hash", "description_of", "entity_types", "factors_needed", "families", "family", "gather",
+    "levels_from_data", "marginals", "mix", "moments", "slot_distributions", "source_moments",
 ]  # fmt: skip
