@@ -12,7 +12,7 @@
 #   make bench                    speed of the engine on this machine
 #   make site                     the documentation as a website, in build/site
 #   make serve-site               opens it for a browser on 127.0.0.1; PORT=8000
-#   make lint                     ruff and pyright
+#   make lint                     ruff, pyright, oxlint
 #   make clean                    caches and build products; keeps .venv and all results
 
 PYTHON ?= python3

@@ -25,6 +25,7 @@ from segar.cli.figures import together
 from segar.hardness import hardness
 from segar.language import Factor, Parameter
 from segar.levels import TASK_LEVELS, Levels, all_subclasses
+from segar.playground import make_playground
 from segar.rendering import View
 from segar.support import aligned
 from segar.tasks import task_of
@@ -154,13 +155,13 @@ def index_page(names: Sequence[str]) -> str:
 
 
 def playground_of(name: str) -> str:
-    """A frame with the playground of a distribution, written beside its page; empty where segar makes no playgrounds."""
-    playground = getattr(segar, "playground", None)
-    if not callable(playground):
-        return ""
+    """A frame with the playground of a distribution, written beside its page; the command that makes it for easier ones."""
+    if not (name.endswith("-hard") or name in TASK_LEVELS):
+        return f"\n## Play it\n\n`segar playground {name} -o page.html` makes a page in which you can play these levels.\n"
     file = f"{name}-playground.html"
     (PLAYGROUNDS / "environments").mkdir(exist_ok=True)
-    playground(segar.family(name).sample(PLAYED, seed=0, split="train")).save(PLAYGROUNDS / "environments" / file)
+    page = make_playground(segar.family(name).sample(PLAYED, seed=0, split="train"), title=name)
+    page.save(PLAYGROUNDS / "environments" / file)
     frame = f'<iframe class="playground" src="{file}" title="playground of {name}" loading="lazy"></iframe>'
     return f"\n## Play it\n\n{frame}\n\n[The playground as a page of its own](here:{file}).\n"
 
