@@ -21,6 +21,8 @@ from segar.support import replacing
 
 SUFFIXES = {"native": ".o", "wasm": ".wasm", "ptx": ".ptx"}  # of the files that a target has
 TARGETS = tuple(SUFFIXES)
+COMPILED = ("engine", "envs", "language", "observations", "policies", "support", "textures")
+"""The rooms whose functions and constants compiled code has; what rules and tasks say stands in its text."""
 CHECKSUM = 32  # bytes of SHA-256 at the begin of a file in the cache
 
 
@@ -96,10 +98,10 @@ def versions() -> list[str]:
     import llvmlite
     import numba
 
-    package = hashlib.sha256()
+    digest = hashlib.sha256()
     here = Path(__file__).parent
     later = {path for path in here.glob("*.py") if path.name not in ("entry.py", "numba_ir.py")}
-    later |= {path for room in ("playground", "cli") for path in here.parents[1].joinpath(room).rglob("*.py")}
-    for path in sorted(set(here.parents[1].rglob("*.py")) - later):
-        package.update(path.read_bytes())
-    return [numba.__version__, llvmlite.__version__, package.hexdigest()]
+    found = {path for room in COMPILED for path in here.parents[1].joinpath(room).rglob("*.py")}
+    for path in sorted(found - later):
+        digest.update(path.read_bytes())
+    return [numba.__version__, llvmlite.__version__, digest.hexdigest()]

@@ -1,5 +1,6 @@
 """Kernels for other targets: the same bits as natively, in a WebAssembly runtime and as object files that a linker loads."""
 
+import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -10,12 +11,14 @@ import segar
 from segar.engine import TARGETS, Given, Rows, Scratch, Simulator, TargetKernel, build_kernel, call_of, generate
 from segar.engine.compiler.kernel import CONFLICT
 from segar.engine.targets import numba_ir
+from segar.engine.targets.build import COMPILED
 from segar.engine.targets.wasm_linker import leb, link, padded, signed_leb
 from segar.envs import VectorEnv, build_environment
 from segar.errors import ConflictError, RuleError, SegarError
 from segar.language import Ball, Charge, GoalTile, GolfBall, Mass, Position, SetFactor
 from segar.levels import TASK_LEVELS, families
 from segar.observations import OneOf, Pixels, PreviousActions, Stack
+from tests.places import ROOT
 from tests.segar.engine.random_rules import Author, mixed_levels
 from tests.segar.engine.targets.functions import doubled, foreign
 from tests.segar.engine.targets.machines import MACHINES, WasmMachine
@@ -265,3 +268,13 @@ def test_the_linker_refuses_what_it_does_not_know():
         link(b"\0asm\1\0\0\0" + imports, ["f"], 1024)
     with pytest.raises(SegarError, match=r"version 2 of the section 'linking' only"):
         link(b"\0asm\1\0\0\0" + b"\0" + leb(9) + b"\7linking\1", ["f"], 1024)
+
+
+def test_compiled_functions_stand_in_rooms_whose_source_decides_the_code():
+    compiled = {
+        path.relative_to(ROOT / "segar").parts[0]
+        for path in (ROOT / "segar").rglob("*.py")
+        if re.search(r"^@(numba\.)?(njit|cached|vectorize)\b", path.read_text(), re.MULTILINE)
+    }
+    assert compiled <= set(COMPILED) | {"metrics"}, "metrics are not called by environments"
+    assert set(COMPILED) <= {path.name for path in (ROOT / "segar").iterdir()}
