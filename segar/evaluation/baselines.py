@@ -14,7 +14,7 @@ import numpy as np
 from segar.envs import Act, TimeStep, VectorEnv
 from segar.errors import SegarError
 from segar.evaluation.episodes import play_episodes
-from segar.hardness import make_starts, plan, random_episodes
+from segar.hardness import Plan, make_starts, plan, random_episodes
 from segar.language import Task
 from segar.levels import Levels
 
@@ -30,11 +30,13 @@ class Baselines:
         random: mean return of a uniformly random agent.
         idle: return of an agent that does nothing.
         oracle: return of the planner's best episode.
+        plan: these episodes; None where the returns come from elsewhere.
     """
 
     random: np.ndarray
     idle: np.ndarray
     oracle: np.ndarray
+    plan: Plan | None = None
 
     @property
     def floor(self) -> np.ndarray:
@@ -82,7 +84,7 @@ def find_baselines(
     _, returns = random_episodes(make_starts(levels, task, seed, num_threads), plays, rng)
     idle = play_episodes(levels, np.arange(len(levels)), _idle, seed=seed, task=task, num_threads=num_threads)
     best = plan(levels, task, rng=rng, samples=samples, iterations=iterations, seed=seed, num_threads=num_threads)
-    return Baselines(returns.mean(axis=1), idle.returns, best.returns)
+    return Baselines(returns.mean(axis=1), idle.returns, best.returns, best)
 
 
 def idle_actions(env: VectorEnv) -> np.ndarray:

@@ -16,6 +16,7 @@ NAMES = {
     "steps": "tick",
 }
 """Arguments of calls that the memory of a page knows by another name."""
+BYTES = ("bytes",)  # the shape of frames; a frame that is stacked has fewer bytes than the stack
 EDGES = "geometry_edges"  # follows from the vertices, and would be most of a page
 
 
@@ -64,23 +65,27 @@ def described_module(
     for role, some in calls.items():
         made[role] = []
         for call in some:
-            names = {}
+            names: dict[str, str] = {}
+            own_sizes: dict[str, int] = {}
             for argument in call.entry.arguments:
                 if argument.shape is None:
                     continue
                 array = call.arrays.get(argument.name)
+                shape: Sequence[int | str] = argument.shape
+                if array is not None and argument.shape == BYTES:
+                    own_sizes["bytes"], shape = array.size, [array.size]
                 plain = argument.name.removeprefix("state_").removeprefix("result_")
                 name = NAMES.get(plain, plain)
                 if array is not None:
                     name = known.setdefault(id(array), name if name not in places else f"{call.entry.name}.{name}")
                 names[argument.name] = name
                 if name not in places:
-                    places[name] = {"dtype": argument.dtype, "shape": list(argument.shape)}
+                    places[name] = {"dtype": argument.dtype, "shape": list(shape)}
                     if argument.shape[0] == "levels":
                         places[name] |= {"of_levels": True, "of_things": argument.shape[1:2] == (entities,)}
                     if argument.name == EDGES:
                         places[name]["edges_of"] = [names["geometry_vertices"], names["geometry_vertex_counts"]]
                     elif array is not None and np.any(array):
                         places[name]["data"] = blobs.add(np.ascontiguousarray(array).tobytes())
-            made[role].append({"entry": call.entry.name, "names": names})
+            made[role].append({"entry": call.entry.name, "names": names, **({"sizes": own_sizes} if own_sizes else {})})
     return {"code": blobs.add(kernel.code), "places": places, "calls": made, "sizes": dict(sizes)}

@@ -13,11 +13,14 @@ from typing import Any
 from segar.errors import LevelError, SegarError
 from segar.language import Task
 from segar.levels import Levels
-from segar.observations import Observation
+from segar.observations import Observation, trained_on
+from segar.playground.comparison import described_baselines
 from segar.playground.modules import Blobs
-from segar.playground.world import described_set
-from segar.policies import Network
+from segar.playground.policy import Weights, described_policy
+from segar.playground.world import described_set, named
+from segar.policies import Network, NetworkPolicy
 from segar.support import __version__, replacing
+from segar.tasks import task_of
 
 STATIC = Path(__file__).parent / "static"
 MOST_LEVELS = 2000  # of a set, in a page
@@ -61,25 +64,34 @@ def make_playground(
     *,
     task: Task | None = None,
     observations: Sequence[str | Observation] = ("rgb",),
-    policy: Network | None = None,
+    policy: Network | NetworkPolicy | None = None,
+    weights: Weights = "float32",
+    plans: bool = False,
     title: str | None = None,
 ) -> Playground:
     """The page that plays these levels.
 
     Args:
-        levels: at most 2,000.
+        levels: at most 2,000. Observations show all levels in the units of these, as a policy trained on them needs it.
         test: levels of another distribution, beside which the first ones are shown as training levels.
         task: what is played; the one that the levels name where it is None.
-        observations: what agents see, shown beside the arena; a policy reads the first one.
-        policy: plays at a touch of a button, with the actions of :class:`segar.policies.NetworkPolicy`.
+        observations: what agents see, shown beside the arena, each one array; a policy reads the first one.
+        policy: plays at a touch of a button, with the actions of :class:`segar.policies.NetworkPolicy`, to the bit; those
+            without noise where a network is given.
+        weights: of the policy, as "float32"; or as "float16", which makes the page smaller: it then plays
+            ``policy.network.in_float16()``.
+        plans: whether the page holds the planner's episodes, and the baselines of scores. They are found now by
+            :func:`segar.evaluation.find_baselines`, in about 0.1 s per level.
         title: of the page; the levels' name where it is None.
 
     Raises:
         LevelError: there are too many levels.
-        SegarError: a rule or an observation has no form in WebAssembly, or the policy reads other observations.
+        SegarError: a rule or an observation has no form in WebAssembly, or the policy reads other observations, has other
+            actions, or has weights that float16 does not hold.
     """
     title = title or levels.provenance.name or "levels made by hand"
     blobs = Blobs()
+    seen = [(named(one), trained_on(one, levels)) for one in observations]
     sets = []
     for part, name in ((levels, "train" if test is not None else "levels"), (test, "test")):
         if part is not None:
@@ -88,8 +100,12 @@ def make_playground(
                     f"a page holds at most {MOST_LEVELS:,} levels of a set, and these are {len(part):,}; take some of"
                     f" them, such as levels[:100]"
                 )
-            sets.append(described_set(part, task, observations, name, blobs))
+            sets.append(described_set(part, task, seen, name, blobs))
+            if plans:
+                sets[-1]["baselines"] = described_baselines(part, task or task_of(part), blobs)
     about: dict[str, Any] = {"title": title, "segar": __version__, "sets": sets}
+    if policy is not None:
+        about["policy"] = described_policy(policy, sets, weights, blobs)
     return Playground(_page(title, about, blobs), title)
 
 

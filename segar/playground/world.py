@@ -4,11 +4,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from gymnasium.spaces import Box
 
 from segar import language
 from segar.engine import Call, described_world
 from segar.envs import VectorEnv, environment_calls
-from segar.errors import PriorError
+from segar.errors import PriorError, SegarError
 from segar.language import Entity, Factor, Task
 from segar.levels import LevelDistribution, Levels, description_of
 from segar.noise import Noise
@@ -22,15 +23,18 @@ TAIL = 0.002  # of a distribution without bounds that is not drawn, on each side
 
 
 def described_set(
-    levels: Levels, task: Task | None, observations: Sequence[str | Observation], title: str, blobs: Blobs
+    levels: Levels, task: Task | None, observations: Sequence[tuple[str, Observation]], title: str, blobs: Blobs
 ) -> dict[str, Any]:
     """A level set with the modules that play it and make its observations.
+
+    Args:
+        observations: each with the name that the page gives it.
 
     Raises:
         SegarError: something has no form in WebAssembly; the message names it.
     """
     task = task or task_of(levels)
-    envs = [VectorEnv(levels, 1, task=task, observation=one, seed=0) for one in observations]
+    envs = [VectorEnv(levels, 1, task=task, observation=one, seed=0) for _, one in observations]
     calls = [environment_calls(env) for env in envs]
     simulator = envs[0].simulator
     arrays = simulator.arrays_of(levels)
@@ -39,16 +43,20 @@ def described_set(
     step = Call(calls[0].step, {f"level_{name}": array for name, array in vars(arrays).items()})
     world = described_module({"start": calls[0].start[:1], "step": [step]}, sizes, entities, blobs)
     found = []
-    for name, env, one in zip(observations, envs, calls, strict=True):
+    for (name, _), env, one in zip(observations, envs, calls, strict=True):
         space = env.single_observation_space
-        assert space.shape is not None and space.dtype is not None
+        if not isinstance(space, Box):
+            raise SegarError(
+                f"a page shows observations that are one array, and {name} gives {space}; give its parts one by one,"
+                f" such as observations=('state', 'rgb')"
+            )
         module = described_module(
-            {"begin": one.start[1:], "write": one.write},
+            {"begin": one.start[1:], "advance": one.advance, "write": one.write},
             sizes | {"bytes": int(np.prod(space.shape))},
             entities,
             blobs,
         )
-        module |= {"name": named(name), "shape": list(space.shape), "dtype": space.dtype.name}
+        module |= {"name": name, "shape": list(space.shape), "dtype": space.dtype.name}
         found.append(module)
     changed = np.flatnonzero(_bits(levels.values) != _bits(levels.sampled_values)).astype(np.int32)
     return {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
 from typing import Any, Self
@@ -27,6 +27,7 @@ DESCRIPTION = {
     "action_high": [float],
 }
 LONGEST_SIDE = 2**16  # of an observation
+MOST_OF_16_BITS = float(np.finfo(np.float16).max)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +93,25 @@ class Network:
     def dtype(self) -> np.dtype:
         """The dtype of observations."""
         return np.dtype(np.uint8 if len(self.observation_shape) == 3 else np.float32)
+
+    def in_float16(self) -> Self:
+        """The network with each weight rounded to the nearest number of 16 bits, for files of half the size.
+
+        Raises:
+            SegarError: a weight is too large for 16 bits; the message names its layer.
+        """
+        layers = []
+        for i, layer in enumerate(self.layers):
+            with np.errstate(over="ignore"):
+                arrays = {name: array.astype(np.float16).astype(np.float32) for name, array in layer.arrays.items()}
+            large = [name for name, array in arrays.items() if not np.isfinite(array).all()]
+            if large:
+                raise SegarError(
+                    f"layer {i} ({layer.kind}): some numbers of '{large[0]}' are larger than {MOST_OF_16_BITS:,.0f}, which 16"
+                    " bits do not hold; keep the weights as float32"
+                )
+            layers.append(replace(layer, arrays=arrays))
+        return replace(self, layers=tuple(layers))
 
     def plan(self, sampled: bool) -> Plan:
         """What the compiled forward pass reads; it gives the mean and, where actions are sampled, ``log_std``."""

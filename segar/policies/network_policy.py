@@ -47,7 +47,7 @@ class NetworkPolicy:
     def __init__(
         self, network: Network, *, sampled: bool = False, unit_actions: bool = False, num_threads: int = 1
     ) -> None:
-        self.network, self.sampled = network, sampled
+        self.network, self.sampled, self.unit_actions = network, sampled, unit_actions
         ones = np.ones(network.actions, np.float32)
         low, high = (np.array(bounds, np.float32) for bounds in (network.action_low, network.action_high))
         self._low, self._high = (-ones, ones) if unit_actions else (low, high)

@@ -22,6 +22,11 @@ export class LevelSet {
     return this.about.count;
   }
 
+  /** All levels, by their numbers. */
+  get levelNumbers() {
+    return Array.from({ length: this.count }, (_, level) => level);
+  }
+
   get machines() {
     return [this.world.machine, ...this.world.observers];
   }

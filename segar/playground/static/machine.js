@@ -48,6 +48,7 @@ export class Machine {
       if (place.data !== undefined) {
         new Uint8Array(array.buffer, array.byteOffset, array.byteLength).set(blob(place.data));
       }
+      if (place.halves) writeHalves(array, ...place.halves.map(blob));
     }
     for (const [name, place] of Object.entries(this.places)) {
       if (place.edges_of) writeEdges(this.array(name), ...place.edges_of.map((of) => this.array(of)));
@@ -77,18 +78,33 @@ export class Machine {
 
   /** Make all calls of a role, with these numbers for arguments that are no arrays. */
   run(role, numbers = {}) {
-    for (const { entry, names } of this.calls[role]) {
+    for (const { entry, names, sizes } of this.calls[role]) {
       const values = this.entries[entry].arguments.map(([name, dtype, shape]) => {
         if (shape !== undefined) return this.places[names[name]].address;
         if (name === "start") return 0;
         if (name === "stop") return 1;
-        const value = name in this.sizes ? this.sizes[name] : numbers[name];
+        const value = sizes?.[name] ?? this.sizes[name] ?? numbers[name];
         if (value === undefined) throw new Error(`${entry} needs the number ${name}`);
         return dtype === "uint64" ? BigInt.asIntN(64, BigInt(value)) : Number(value);
       });
       this.exports[entry](...values);
     }
   }
+}
+
+/** Numbers of 16 bits as those of 32 bits; some places hold others, which are given with all their bits. */
+export function writeHalves(array, halves, places, exact) {
+  const bits = new Uint16Array(halves.buffer, halves.byteOffset, array.length);
+  for (let k = 0; k < bits.length; k++) array[k] = ofHalf(bits[k]);
+  const others = new Float32Array(exact.buffer, exact.byteOffset, exact.length / 4);
+  new Int32Array(places.buffer, places.byteOffset, others.length).forEach((place, k) => { array[place] = others[k]; });
+}
+
+/** The number that 16 bits are in the form of IEEE 754; finite. */
+function ofHalf(bits) {
+  const [exponent, fraction] = [(bits >> 10) & 31, bits & 1023];
+  const size = exponent === 0 ? fraction * 2 ** -24 : (1024 + fraction) * 2 ** (exponent - 25);
+  return bits >> 15 ? -size : size;
 }
 
 /** Edges of convex polygons as lines, as segar.observations has them: a, b, c of a x + b y + c, and 1 / a. */

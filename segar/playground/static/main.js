@@ -3,10 +3,14 @@
 import { make, short } from "segar/elements.js";
 import { LevelSet } from "segar/level_set.js";
 import { changePanel } from "segar/panel_change.js";
+import { comparePanel } from "segar/panel_compare.js";
 import { overlaysPanel } from "segar/panel_overlays.js";
 import { recordPanel, verdict } from "segar/panel_record.js";
 import { seenPanel } from "segar/panel_seen.js";
+import { watchPanel } from "segar/panel_watch.js";
 import { Player } from "segar/player.js";
+import { Policy } from "segar/policy.js";
+import { Results } from "segar/results.js";
 import { Scene } from "segar/scene.js";
 import { World } from "segar/world.js";
 
@@ -16,7 +20,8 @@ const KEYS = { ArrowRight: [1, 0], ArrowLeft: [-1, 0], ArrowUp: [0, 1], ArrowDow
 /** Open a page; what it returns is for programs that play it. */
 export async function open(about, blob) {
   const worlds = await Promise.all(about.sets.map((set) => World.load(set, blob)));
-  const page = new Page(about, worlds.map((world) => new LevelSet(world, blob)));
+  const policy = about.policy ? await Policy.load(about.policy, blob) : null;
+  const page = new Page(about, worlds.map((world) => new LevelSet(world, blob)), policy, new Results(about, blob));
   page.show(0);
   return page;
 }
@@ -24,13 +29,15 @@ export async function open(about, blob) {
 const $ = (id) => document.getElementById(id);
 
 class Page {
-  constructor(about, sets) {
+  constructor(about, sets, policy, results) {
     this.about = about;
     this.sets = sets;
+    this.policy = policy;
+    this.results = results;
     this.levels = sets[0];
     this.marked = 0;
     this.moving = false;
-    this.aim = this.held = null;
+    this.aim = this.held = this.ghost = null;
     this.scene = new Scene($("arena"), this.levels);
     this.player = new Player(this.world, () => this.refresh());
     $("title").textContent = about.title;
@@ -41,7 +48,10 @@ class Page {
     this.seen = seenPanel(this);
     this.change = changePanel(this);
     this.record = recordPanel(this);
-    $("panels").append(this.seen.element, overlaysPanel(this).element, this.change.element, this.record.element);
+    this.compare = comparePanel(this);
+    this.watch = policy && watchPanel(this);
+    const panels = [this.watch, this.seen, this.compare, overlaysPanel(this), this.change, this.record];
+    $("panels").append(...panels.filter((one) => one).map((one) => one.element));
     this.listen();
     this.actionSliders();
     let last = performance.now();
@@ -62,6 +72,16 @@ class Page {
     return this.world.level;
   }
 
+  /** The number of the set that is shown. */
+  get set() {
+    return this.sets.indexOf(this.levels);
+  }
+
+  /** The seed that is asked for. */
+  get seed() {
+    return BigInt($("seed").value || 0);
+  }
+
   /** Show a set. */
   show(k) {
     this.levels = this.sets[k];
@@ -71,14 +91,18 @@ class Page {
     $("level").max = this.levels.count - 1;
     this.marked = this.levels.about.agents[0] ?? 0;
     this.go(this.level);
+    this.compare.update();
+    this.watch?.update();
   }
 
   /** Go to a level of the set. */
   go(level) {
     const { count } = this.levels;
-    this.player.start(((level % count) + count) % count, BigInt($("seed").value || 0));
+    this.player.start(((level % count) + count) % count, this.seed);
+    this.player.running = this.player.actor !== null;
     $("level").value = this.level;
     this.change.update();
+    this.compare.ghost();
   }
 
   /** Something changed: draw it with the next picture, and keep an episode that has ended. */
@@ -87,7 +111,10 @@ class Page {
     const { world } = this;
     if (world.over && !this.kept && world.steps > 0 && !world.failed) {
       this.kept = true;
-      this.record.add();
+      if (!this.player.assisted) {
+        this.record.add();
+        this.compare.add();
+      }
     }
     if (!world.over) this.kept = false;
   }
@@ -95,7 +122,8 @@ class Page {
   draw() {
     this.stale = false;
     const { world, player } = this;
-    this.scene.draw(player.shown, this.level, { aim: this.aim, marked: this.change.element.open ? this.marked : undefined, acceleration: player.acceleration });
+    const ghost = this.levels.changed.has(this.level) ? null : this.ghost;
+    this.scene.draw(player.shown, this.level, { aim: this.aim, marked: this.change.element.open ? this.marked : undefined, ghost, acceleration: player.acceleration });
     this.seen.draw();
     const words = world.failed ?? verdict(world);
     const status = `level ${this.level}, step ${world.steps} of ${world.about.task.max_steps}, return ${world.total.toFixed(3)}${words ? `: ${words}` : ""}`;

@@ -16,6 +16,7 @@ export class Player {
     this.queue = null; // actions that are replayed
     this.actor = null; // gives actions where nobody replays
     this.once = null; // the next action, by a person
+    this.assisted = false; // whether somebody else than the person acted in this episode
     this.before = world.values.slice();
   }
 
@@ -24,7 +25,7 @@ export class Player {
     this.world.start(level, seed);
     this.before = this.world.values.slice();
     this.queue = this.once = null;
-    this.running = false;
+    this.running = this.assisted = false;
     this.waiting = 0;
     this.actor?.begin?.();
     this.changed();
@@ -41,8 +42,7 @@ export class Player {
 
   /** The action that does nothing. */
   get idle() {
-    const { action_low: low, action_high: high } = this.world.about.task;
-    return low.map((x, k) => Math.min(Math.max(0, x), high[k]));
+    return idleAction(this.world.about.task);
   }
 
   /** An action of the direction (right, up), each from -1 to 1, in the task's range; 0 stays 0 where the range holds it. */
@@ -70,7 +70,10 @@ export class Player {
       return;
     }
     this.before = this.world.values.slice();
-    const action = this.once ?? (this.queue ? this.queue.shift() : this.actor?.action(this.world)) ?? this.idle;
+    const proposed = this.actor?.action(this.world); // asked for in each step, because the actor may remember
+    const others = this.queue ? this.queue.shift() : proposed;
+    if (others && !this.once) this.assisted = true;
+    const action = this.once ?? others ?? this.idle;
     this.once = null;
     this.world.step(action);
     if (this.queue?.length === 0) {
@@ -115,4 +118,9 @@ export class Player {
       return change.every(Number.isFinite) ? change : undefined;
     });
   }
+}
+
+/** The action of a task that does nothing, or the one nearest to it. */
+export function idleAction({ action_low: low, action_high: high }) {
+  return low.map((x, k) => Math.min(Math.max(0, x), high[k]));
 }

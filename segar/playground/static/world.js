@@ -35,8 +35,8 @@ export class World {
     return this.actions.length;
   }
 
-  /** Start an episode on a level; the seed decides what rules draw. */
-  start(level, seed) {
+  /** Start an episode on a level; the seed decides what rules draw, or the key does where it is given. */
+  start(level, seed, key = null) {
     const { machine } = this;
     this.level = level;
     this.seed = BigInt(seed);
@@ -52,7 +52,11 @@ export class World {
     machine.array("episodes")[0] = 0n;
     machine.array("chosen")[0] = BigInt(level);
     machine.run("start", { seed: this.seed });
-    for (const observer of this.observers) this.tell(observer, "begin");
+    if (key !== null) machine.array("key")[0] = key;
+    for (const observer of this.observers) {
+      this.tell(observer, "begin");
+      if (remembers(observer)) this.tell(observer, "write");
+    }
   }
 
   get over() {
@@ -80,6 +84,10 @@ export class World {
       errors.fill(0n);
       return;
     }
+    for (const observer of this.observers.filter(remembers)) {
+      this.tell(observer, "advance");
+      this.tell(observer, "write");
+    }
     const reward = machine.array("reward")[0];
     this.actions.push(taken);
     this.rewards.push(reward);
@@ -100,15 +108,20 @@ export class World {
   /** What agents see now, by the number of the observation; the memory of its module, until the next call. */
   observe(k) {
     const observer = this.observers[k];
-    this.tell(observer, "write");
+    if (!remembers(observer)) this.tell(observer, "write");
     return observer.array("observation");
   }
 
   /** Copy the present state into a module's memory and make its calls. */
   tell(observer, role) {
-    for (const name of ["values", "level", "key", "tick"]) {
+    for (const name of ["values", "level", "key", "tick", "actions"]) {
       if (name in observer.places) observer.array(name).set(this.machine.array(name));
     }
     observer.run(role);
   }
+}
+
+/** Whether an observation shows something of the past, so that it is written in each step. */
+function remembers(observer) {
+  return observer.calls.advance.length > 0;
 }

@@ -1,12 +1,14 @@
 """Episodes that Python and a page play alike: both say what they saw by the same numbers."""
 
 from collections.abc import Sequence
+from itertools import count, islice
 from typing import Any
 
 import numpy as np
 
 from segar.envs import VectorEnv
 from segar.levels import Levels
+from segar.policies import NetworkPolicy
 from segar.tasks import task_of
 from tests.segar.playground.browsers import Browser
 
@@ -31,9 +33,9 @@ return argument.episodes.map(({ level, seed, actions }) => {
     String(world.rewards.at(-1) ?? 0), world.terminated, world.truncated, world.success, world.death,
   ]);
   tell();
-  for (const action of actions) {
-    if (world.over) break;
-    world.step(action);
+  if (!actions) page.policy.begin();
+  for (let k = 0; !world.over && k < (actions?.length ?? Infinity); k++) {
+    world.step(actions ? actions[k] : page.policy.action(world));
     tell();
   }
   return { told, failed: world.failed, total: String(world.total) };
@@ -58,28 +60,30 @@ def text_of(number: float) -> str:
     return repr(float(number))
 
 
-def episodes_of(levels: Levels, count: int, steps: int, rng: np.random.Generator) -> list[dict[str, Any]]:
-    """Random episodes, some with actions beyond the range."""
+def episodes_of(levels: Levels, number: int, steps: int | None, rng: np.random.Generator) -> list[dict[str, Any]]:
+    """Random episodes, some with actions beyond the range; those of the policy, to their end, where ``steps`` is None."""
     task = task_of(levels)
     low, high = np.array(task.action_low), np.array(task.action_high)
     return [
         {
             "level": int(rng.integers(len(levels))),
             "seed": str(int(rng.integers(2**63)) * 2 + 1),
-            "actions": rng.uniform(1.2 * low, 1.2 * high, (steps, len(low))).astype(np.float32).tolist(),
+            "actions": None if steps is None else rng.uniform(1.2 * low, 1.2 * high, (steps, len(low))).astype(np.float32).tolist(),
         }
-        for _ in range(count)
+        for _ in range(number)
     ]
 
 
 def play_natively(
-    levels: Levels, observations: Sequence[Any], episodes: Sequence[dict[str, Any]]
+    levels: Levels, observations: Sequence[Any], episodes: Sequence[dict[str, Any]], policy: NetworkPolicy | None = None
 ) -> list[dict[str, Any]]:
     """What the processor's own environments say of the episodes."""
-    return [_play_one(levels, observations, one) for one in episodes]
+    return [_play_one(levels, observations, one, policy) for one in episodes]
 
 
-def _play_one(levels: Levels, observations: Sequence[Any], episode: dict[str, Any]) -> dict[str, Any]:
+def _play_one(
+    levels: Levels, observations: Sequence[Any], episode: dict[str, Any], policy: NetworkPolicy | None
+) -> dict[str, Any]:
     options = {"levels": np.array([episode["level"]])}
     envs = [
         VectorEnv(levels, 1, observation=one, seed=int(episode["seed"]), autoreset_mode="Disabled")
@@ -93,7 +97,10 @@ def _play_one(levels: Levels, observations: Sequence[Any], episode: dict[str, An
         told.append([sums_of(envs[0].state().state.values[0]), [sums_of(one) for one in seen], float(reward), *ends])
 
     tell(0.0)
-    for action in episode["actions"]:
+    if policy is not None:
+        policy.begin(envs[0])
+    actions = (policy(seen[0][None])[0] if policy is not None else episode["actions"][k] for k in count())
+    for action in islice(actions, episode["actions"] and len(episode["actions"])):
         results = [env.step(np.array([action], np.float32)) for env in envs]
         seen = [result[0][0] for result in results]
         _, reward, terminated, truncated, info = results[0]

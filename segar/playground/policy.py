@@ -1,0 +1,88 @@
+"""What a page needs of a policy: the module that acts, its weights, and whether it fits what it reads and does there."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, Literal
+
+import numpy as np
+
+from segar.errors import SegarError
+from segar.playground.modules import Blobs, described_module
+from segar.policies import Network, NetworkPolicy
+
+Weights = Literal["float32", "float16"]
+WEIGHTS = ("float32", "float16")
+
+
+def described_policy(
+    policy: Network | NetworkPolicy, sets: list[dict[str, Any]], weights: Weights, blobs: Blobs
+) -> dict[str, Any]:
+    """A policy with its module.
+
+    Args:
+        sets: those of the page, as :func:`segar.playground.world.described_set` makes them.
+        weights: "float32", or "float16" for a page of half the size, which plays the network with rounded weights.
+
+    Raises:
+        SegarError: the policy reads another observation, or its actions have another range; or weights are too large.
+    """
+    if not isinstance(policy, (Network, NetworkPolicy)):
+        raise SegarError(
+            f"policy must be a segar.policies.Network or a NetworkPolicy, not {type(policy).__name__}; make one of a run by"
+            " python -m experiments.evaluate run=FOLDER portable=true, and load its network.npz by Network.load"
+        )
+    if weights not in WEIGHTS:
+        raise SegarError(f"weights must be {' or '.join(WEIGHTS)}, not {weights!r}")
+    if isinstance(policy, Network):
+        policy = NetworkPolicy(policy)
+    for one in sets:
+        _check(policy, one)
+    if weights == "float16":
+        policy = NetworkPolicy(policy.network.in_float16(), sampled=policy.sampled)
+    call = policy.call()
+    floats = call.arrays["floats"]
+    if weights == "float16":
+        call = replace(call, arrays={**call.arrays, "floats": np.zeros_like(floats)})
+    module = described_module({"act": [call]}, {"envs": 1, "rows": 1}, 0, blobs)
+    if weights == "float16":
+        with np.errstate(over="ignore"):
+            halves = floats.astype(np.float16)
+        (exact,) = np.nonzero(halves.astype(np.float32) != floats)  # options of layers, such as 1 / 255
+        halves[exact] = 0
+        parts = (halves, exact.astype(np.int32), floats[exact])
+        module["places"]["floats"]["halves"] = [blobs.add(part.tobytes()) for part in parts]
+    return {
+        "module": module,
+        "reads": sets[0]["observations"][0]["name"],
+        "sampled": policy.sampled,
+        "count": sum(array.size for layer in policy.network.layers for array in layer.arrays.values()),
+        "weights": weights,
+        "size": floats.size * np.dtype(weights).itemsize,
+    }
+
+
+def _check(policy: NetworkPolicy, described: Mapping[str, Any]) -> None:
+    """Raise :class:`SegarError` unless the policy reads the first observation of a set, and acts in its task's range."""
+    network, title, task = policy.network, described["title"], described["task"]
+    if not described["observations"]:
+        raise SegarError("a policy reads the first observation of the page, and there is none; give observations=")
+    seen = described["observations"][0]
+    mine = f"{network.dtype.name} of shape {network.observation_shape}"
+    theirs = f"{seen['dtype']} of shape {tuple(seen['shape'])}"
+    if mine != theirs:
+        raise SegarError(
+            f"the policy reads {mine}, and the first observation of the page ({seen['name']}, in the levels '{title}') is"
+            f" {theirs}; give the observation that it was trained on as the first one"
+        )
+    ranges = [np.array(bounds, np.float32).tolist() for bounds in (network.action_low, network.action_high)]
+    of_task = [np.array(task[name], np.float32).tolist() for name in ("action_low", "action_high")]
+    if ranges != of_task:
+        raise SegarError(
+            f"the policy acts from {ranges[0]} to {ranges[1]}, and the task {task['name']} of the levels '{title}' takes"
+            f" actions from {of_task[0]} to {of_task[1]}; give levels of the task that it was trained on, or task="
+        )
+    if policy.unit_actions:
+        raise SegarError(
+            "a page takes actions in the task's range, and this policy gives them from -1 to 1; give NetworkPolicy(network)"
+            " without unit_actions=True"
+        )

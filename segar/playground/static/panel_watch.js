@@ -1,0 +1,89 @@
+/** The panel of the agent: it plays what is shown, and all levels of all sets, whose results are a strip of levels each. */
+
+import { make, panel, short } from "segar/elements.js";
+
+export function watchPanel(page) {
+  const { policy, results } = page;
+  const { count, weights, size, reads, sampled } = policy.about;
+  const kilobytes = (size / 1000).toLocaleString("en", { maximumFractionDigits: 1 });
+  const rounded = weights === "float16" ? ", rounded to 16 bits," : "";
+  const says = `A network of ${count.toLocaleString("en")} weights as ${weights}${rounded} (${kilobytes} kB), which reads “${reads}”; its actions are ${sampled ? "drawn" : "those without noise"}.`;
+  const acts = make("button", { textContent: "Let the agent play", "aria-pressed": "false", onclick: () => acting(!page.player.actor) });
+  const all = make("button", { textContent: "Play all levels", onclick: () => playAll() });
+  const failuresFirst = make("input", { type: "checkbox", onchange: () => update() });
+  const strips = page.about.sets.map((set, k) => ({
+    heading: make("h3", { textContent: set.title }),
+    says: make("p", { className: "note" }),
+    cells: make("div", { className: "strip scroll", role: "group", "aria-label": `Levels, ${set.title}` }),
+    set: k,
+  }));
+  const element = panel(
+    "Watch the agent", true, make("p", { className: "note", textContent: says }),
+    make("div", { className: "controls" }, acts, all, make("label", {}, failuresFirst, " failures first")),
+    ...strips.flatMap((one) => [one.heading, one.says, one.cells]),
+  );
+  element.addEventListener("toggle", () => update());
+  for (const { cells, set } of strips) {
+    cells.addEventListener("click", (event) => {
+      const cell = event.target.closest("button");
+      if (!cell) return;
+      if (page.levels !== page.sets[set]) page.show(set);
+      watch(Number(cell.value));
+    });
+  }
+
+  /** Let the agent play what is shown, from its start; or let the person play. */
+  function acting(wanted) {
+    page.player.actor = wanted ? policy : null;
+    acts.setAttribute("aria-pressed", String(wanted));
+    page.go(page.level);
+  }
+
+  function watch(level) {
+    if (!page.player.actor) acting(true);
+    page.go(level);
+  }
+
+  /** Play what has not been played yet. */
+  async function playAll() {
+    all.disabled = true;
+    for (const { set } of strips) await results.playAll(set, "agent", page.seed, () => later());
+    all.disabled = false;
+    update();
+    page.compare.update();
+  }
+
+  let waiting = false;
+  function later() {
+    if (!waiting) requestAnimationFrame(() => { waiting = false; update(); });
+    waiting = true;
+  }
+
+  function update() {
+    if (!element.open) return;
+    for (const { says: line, cells, set } of strips) {
+      const played = page.sets[set].levelNumbers.map((level) => ({ level, one: results.episodes[set].agent[level]?.[0] }));
+      const done = played.filter(({ one }) => one);
+      const good = done.filter(({ one }) => one.success).length;
+      line.textContent = `${good} of ${done.length} succeed${done.length < played.length ? `, ${played.length - done.length} not played yet` : ""}`;
+      if (failuresFirst.checked) played.sort((a, b) => worth(a) - worth(b) || a.level - b.level);
+      const shown = played.map(({ level, one }) => cell(level, one));
+      if (cells.children.length !== shown.length) cells.replaceChildren(...shown.map(() => make("button")));
+      shown.forEach((about, k) => Object.assign(cells.children[k], about));
+    }
+  }
+
+  return { element, update };
+}
+
+/** Failures first, those with the lowest return at their head; what was not played comes last. */
+function worth({ one }) {
+  if (!one) return Infinity;
+  return one.success ? 1e300 : one.returned;
+}
+
+function cell(level, one) {
+  const end = !one ? "not played" : one.failed ? "error" : one.success ? "success" : one.death ? "dead" : "no success";
+  const words = `level ${level}: ${end}${one ? `, return ${short(one.returned)}` : ""}`;
+  return { value: level, className: `cell ${!one ? "" : one.success ? "good" : "bad"}`, title: words, ariaLabel: words, textContent: !one ? "·" : one.success ? "✓" : "×" };
+}
