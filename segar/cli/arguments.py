@@ -65,6 +65,15 @@ def load_levels(path: str, world: str | None) -> Levels:
     return Levels.load(path, None if world is None else find_world(world))
 
 
+def load_playable(path: str, world: str | None) -> Levels:
+    """:func:`load_levels` with the rules that they are played by; raises :class:`LevelError` where these are not given."""
+    levels = load_levels(path, world)
+    if levels.world is None and levels.provenance.rules:
+        rules = ", ".join(levels.provenance.rules)
+        raise LevelError(f"{path}: these levels have rules of their own ({rules}); give them by --world")
+    return levels
+
+
 def command(
     commands: Any, name: str, run: Callable[[argparse.Namespace], None], purpose: str
 ) -> argparse.ArgumentParser:

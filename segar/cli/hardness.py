@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from segar.cli import arguments
-from segar.errors import LevelError
 from segar.hardness import hardness as measured_hardness
 from segar.hardness import influence
 
@@ -31,10 +30,7 @@ def add_commands(commands: Any) -> None:
 
 def hardness(chosen: argparse.Namespace) -> None:
     """``segar hardness``."""
-    levels = arguments.load_levels(chosen.levels, chosen.world)
-    if levels.world is None and levels.provenance.rules:
-        rules = ", ".join(levels.provenance.rules)
-        raise LevelError(f"{chosen.levels}: these levels have rules of their own ({rules}); give them by --world")
+    levels = arguments.load_playable(chosen.levels, chosen.world)
     task, rng = arguments.task_named(chosen.task, levels), np.random.default_rng(chosen.seed)
     found = measured_hardness(
         levels,

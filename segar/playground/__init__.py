@@ -5,5 +5,6 @@ that are imported here.
 """
 
 from segar.playground.page import Playground, make_playground
+from segar.playground.policy import WEIGHTS
 
-__all__ = ["Playground", "make_playground"]
+__all__ = ["WEIGHTS", "Playground", "make_playground"]

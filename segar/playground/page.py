@@ -89,17 +89,17 @@ def make_playground(
         SegarError: a rule or an observation has no form in WebAssembly, or the policy reads other observations, has other
             actions, or has weights that float16 does not hold.
     """
+    if isinstance(observations, str) or not observations:
+        raise SegarError(f"observations must be a sequence of at least one, such as ('rgb',), not {observations!r}")
+    for part in (levels, test):
+        if part is not None:
+            _require_levels(part)
     title = title or levels.provenance.name or "levels made by hand"
     blobs = Blobs()
     seen = [(named(one), trained_on(one, levels)) for one in observations]
     sets = []
     for part, name in ((levels, "train" if test is not None else "levels"), (test, "test")):
         if part is not None:
-            if len(part) > MOST_LEVELS:
-                raise LevelError(
-                    f"a page holds at most {MOST_LEVELS:,} levels of a set, and these are {len(part):,}; take some of"
-                    f" them, such as levels[:100]"
-                )
             sets.append(described_set(part, task, seen, name, blobs))
             if plans:
                 sets[-1]["baselines"] = described_baselines(part, task or task_of(part), blobs)
@@ -112,6 +112,17 @@ def make_playground(
 def as_text(data: bytes) -> str:
     """Bytes as text that may stand in a page: base 85, in which a comma stands for the character that begins tags."""
     return base64.b85encode(data, pad=True).decode().replace("<", ",")
+
+
+def _require_levels(levels: Levels) -> None:
+    """Raise :class:`LevelError` unless these are levels that a page holds."""
+    if not isinstance(levels, Levels):
+        raise LevelError(f"a page plays segar.Levels, not {type(levels).__name__}; sample a distribution: .sample(100)")
+    if len(levels) > MOST_LEVELS:
+        raise LevelError(
+            f"a page holds at most {MOST_LEVELS:,} levels of a set, and these are {len(levels):,}; take some of them, such as"
+            " levels[:100] (segar playground -n 100)"
+        )
 
 
 def _page(title: str, about: dict[str, Any], blobs: Blobs) -> str:

@@ -51,21 +51,20 @@ def described_policy(
         halves[exact] = 0
         parts = (halves, exact.astype(np.int32), floats[exact])
         module["places"]["floats"]["halves"] = [blobs.add(part.tobytes()) for part in parts]
+    count = sum(array.size for layer in policy.network.layers for array in layer.arrays.values())
     return {
         "module": module,
         "reads": sets[0]["observations"][0]["name"],
         "sampled": policy.sampled,
-        "count": sum(array.size for layer in policy.network.layers for array in layer.arrays.values()),
+        "count": count,
         "weights": weights,
-        "size": floats.size * np.dtype(weights).itemsize,
+        "size": count * np.dtype(weights).itemsize,
     }
 
 
 def _check(policy: NetworkPolicy, described: Mapping[str, Any]) -> None:
     """Raise :class:`SegarError` unless the policy reads the first observation of a set, and acts in its task's range."""
     network, title, task = policy.network, described["title"], described["task"]
-    if not described["observations"]:
-        raise SegarError("a policy reads the first observation of the page, and there is none; give observations=")
     seen = described["observations"][0]
     mine = f"{network.dtype.name} of shape {network.observation_shape}"
     theirs = f"{seen['dtype']} of shape {tuple(seen['shape'])}"

@@ -6,8 +6,8 @@ export function watchPanel(page) {
   const { policy, results } = page;
   const { count, weights, size, reads, sampled } = policy.about;
   const kilobytes = (size / 1000).toLocaleString("en", { maximumFractionDigits: 1 });
-  const rounded = weights === "float16" ? ", rounded to 16 bits," : "";
-  const says = `A network of ${count.toLocaleString("en")} weights as ${weights}${rounded} (${kilobytes} kB), which reads “${reads}”; its actions are ${sampled ? "drawn" : "those without noise"}.`;
+  const held = weights === "float16" ? "rounded to float16" : `as ${weights}`;
+  const says = `A network of ${count.toLocaleString("en")} weights ${held} (${kilobytes} kB), which reads “${reads}”; its actions are ${sampled ? "drawn" : "those without noise"}.`;
   const acts = make("button", { textContent: "Let the agent play", "aria-pressed": "false", onclick: () => acting(!page.player.actor) });
   const all = make("button", { textContent: "Play all levels", onclick: () => playAll() });
   const failuresFirst = make("input", { type: "checkbox", onchange: () => update() });

@@ -8,10 +8,9 @@ import pytest
 
 import segar
 from segar.envs import VectorEnv
-from segar.errors import SegarError
 from segar.observations import PreviousActions, Stack
 from segar.playground import make_playground
-from segar.policies import Layer, Network, NetworkPolicy
+from segar.policies import Network, NetworkPolicy
 from tests.segar.playground.browsers import Browser
 from tests.segar.playground.twin_page import episodes_of, play_in, play_natively
 from tests.segar.policies.networks import Builder
@@ -95,7 +94,7 @@ def test_weights_of_16_bits_play_the_rounded_network_to_the_bit(browser: Browser
 
 
 def test_observations_of_the_past_agree(browser: Browser, tmp_path: Path) -> None:
-    observations = ("rgb_stack2", Stack(Stack("rgb", 2), 2), PreviousActions(3), Stack("state", 2))
+    observations = ("rgb_stack2", PreviousActions(3), Stack("state", 2), Stack(PreviousActions(), 2))
     make_playground(LEVELS, observations=observations).save(tmp_path / "page.html")
     browser.open(tmp_path / "page.html")
     episodes = episodes_of(LEVELS, 4, 40, np.random.default_rng(7))

@@ -68,10 +68,17 @@ def episodes_of(levels: Levels, number: int, steps: int | None, rng: np.random.G
         {
             "level": int(rng.integers(len(levels))),
             "seed": str(int(rng.integers(2**63)) * 2 + 1),
-            "actions": None if steps is None else rng.uniform(1.2 * low, 1.2 * high, (steps, len(low))).astype(np.float32).tolist(),
+            "actions": None
+            if steps is None
+            else rng.uniform(1.2 * low, 1.2 * high, (steps, len(low))).astype(np.float32).tolist(),
         }
         for _ in range(number)
     ]
+
+
+def _singles(numbers: np.ndarray) -> list[Any]:
+    """Numbers of 32 bits as plain ones."""
+    return numbers.astype(np.float32).tolist()
 
 
 def play_natively(

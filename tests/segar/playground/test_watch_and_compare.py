@@ -1,0 +1,140 @@
+"""The panels of the agent and of the comparison: what they say is what Python says of the same levels."""
+
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import segar
+from segar.evaluation import find_baselines, play_episodes
+from segar.playground import make_playground
+from segar.policies import NetworkPolicy
+from tests.segar.playground.browsers import Browser
+from tests.segar.playground.test_policies import convolutional
+
+PATIENCE = 60.0  # [s]
+TRAIN = segar.family("objectsx1-hard").sample(6, seed=3)
+TEST = segar.family("tilesx1-hard").sample(4, seed=4, split="test")
+
+BUTTON = "const button = (text) => [...document.querySelectorAll('button')].find((one) => one.textContent === text);"
+AGENT = "return window.playground.results.episodes.map((set) => set.agent.map((plays) => plays[0]))"
+
+
+def wait(browser: Browser, condition: str) -> None:
+    end = time.monotonic() + PATIENCE
+    while not browser.run(f"return {condition}"):
+        assert time.monotonic() < end, condition
+        time.sleep(0.05)
+
+
+@segar.rule
+def gusts(thing: segar.Tuple[segar.Velocity]) -> segar.Differential[segar.Velocity]:
+    """Each thing that can move is pushed somewhere."""
+    (v,) = thing
+    return segar.Differential[segar.Velocity](v, (segar.random.normal(0.0, 2.0), segar.random.normal(0.0, 2.0)))
+
+
+@pytest.fixture
+def page(browser: Browser, tmp_path: Path) -> Browser:
+    """A page with a policy, in a browser."""
+    make_playground(TRAIN, TEST, policy=convolutional("rgb")).save(tmp_path / "page.html")
+    browser.open(tmp_path / "page.html")
+    return browser
+
+
+def test_the_agent_plays_all_levels_as_in_python(page: Browser) -> None:
+    page.run(f"{BUTTON} button('Play all levels').click()")
+    wait(page, "window.playground.results.episodes[1].agent.length === 4")
+    policy = NetworkPolicy(convolutional("rgb"))
+
+    def act(env: Any) -> Any:
+        policy.begin(env)
+        return lambda now: policy(now.observation)
+
+    for levels, found in zip((TRAIN, TEST), page.run(AGENT), strict=True):
+        expected = play_episodes(levels, np.arange(len(levels)), act, seed=0, observation="rgb")
+        assert [one["returned"] for one in found] == expected.returns.tolist()
+        assert [one["success"] for one in found] == expected.success.tolist()
+        assert [one["steps"] for one in found] == expected.length.tolist()
+
+
+def test_failures_come_first_where_asked_and_a_touch_goes_there(page: Browser) -> None:
+    page.run(f"{BUTTON} button('Play all levels').click()")
+    wait(page, "window.playground.results.episodes[1].agent.length === 4")
+    wait(page, "!document.querySelector('.strip button').title.includes('not played')")
+    page.run("[...document.querySelectorAll('label')].find((one) => one.textContent.includes('failures')).click()")
+    cells = page.run(
+        "return [...document.querySelectorAll('.strip')].map((one) => [...one.children].map((c) => c.title))"
+    )
+    for titles, results in zip(cells, page.run(AGENT), strict=True):
+        expected = sorted(range(len(results)), key=lambda k: (results[k]["success"], results[k]["returned"]))
+        failed = [k for k in expected if not results[k]["success"]]
+        assert [int(title.split(":")[0][6:]) for title in titles][: len(failed)] == failed
+    last = int(cells[1][-1].split(":")[0][6:])
+    page.run("[...document.querySelectorAll('.strip')][1].lastChild.click()")
+    shown = page.run(
+        "const p = window.playground; return [p.set, p.level, p.player.running, p.player.actor === p.policy]"
+    )
+    assert shown == [1, last, True, True]
+
+
+def test_what_the_agent_plays_is_not_counted_for_the_person(page: Browser) -> None:
+    episodes = "window.playground.results.episodes[0].you.flat().length"
+    rows = "[...document.querySelectorAll('h2')].find((one) => one.textContent === 'Your episodes').closest('details')"
+    rows += ".querySelectorAll('tbody tr').length"
+    page.run(
+        f"{BUTTON} button('Let the agent play').click(); while (!window.playground.world.over) window.playground.single()"
+    )
+    assert page.run(f"return [{episodes}, {rows}]") == [0, 0]
+    page.run(
+        f"{BUTTON} button('Let the agent play').click(); while (!window.playground.world.over) window.playground.single()"
+    )
+    assert page.run(f"return [{episodes}, {rows}]") == [1, 1]
+    page.run("window.playground.player.replay(); while (!window.playground.world.over) window.playground.single()")
+    assert page.run(f"return [{episodes}, {rows}]") == [1, 1]
+
+
+def test_scores_and_plans_are_those_of_python_even_where_rules_draw(browser: Browser, tmp_path: Path) -> None:
+    windy = segar.family("empty-easy").with_rules((*segar.DEFAULT_RULES, gusts)).sample(4, seed=2)
+    make_playground(windy, plans=True).save(tmp_path / "page.html")
+    browser.open(tmp_path / "page.html")
+    baselines = find_baselines(windy, rng=np.random.default_rng(0))
+    found = browser.run("return window.playground.about.sets[0].baselines")
+    assert [found[name] for name in ("random", "idle", "oracle")] == [
+        getattr(baselines, name).tolist() for name in ("random", "idle", "oracle")
+    ]
+    browser.run(
+        "window.plans = []; const play = (k) => window.playground.results.play(0, 'planner', k, 0n);"
+        "for (let k = 0; k < 4; k++) play(k).then((one) => window.plans.push(one))"
+    )
+    wait(browser, "window.plans.length === 4")
+    assert browser.run("return window.plans.map((one) => one.returned)") == baselines.oracle.tolist()
+    browser.run(f"{BUTTON} for (let k = 0; k < 4; k++) {{ window.playground.go(k); {PLAY_OUT} }}")
+    mine = browser.run("return [0, 1, 2, 3].map((k) => window.playground.results.returned(0, 'you', k))")
+    score = browser.run("return window.playground.results.score(0, 'you', [0, 1, 2, 3])")
+    assert score == pytest.approx(baselines.normalised(np.mean(mine)), rel=1e-12)
+    some = browser.run("return window.playground.results.score(0, 'you', [1, 3])")
+    part = type(baselines)(*(getattr(baselines, name)[[1, 3]] for name in ("random", "idle", "oracle")))
+    assert some == pytest.approx(part.normalised(np.mean([mine[1], mine[3]])), rel=1e-12)
+
+
+PLAY_OUT = "window.playground.player.act([0.3, 1]); while (!window.playground.world.over) window.playground.single();"
+
+
+def test_the_way_of_the_planner_is_drawn_on_the_level_as_it_came(browser: Browser, tmp_path: Path) -> None:
+    make_playground(TRAIN[:2], plans=True).save(tmp_path / "page.html")
+    browser.open(tmp_path / "page.html")
+    way = "const way = [...document.querySelectorAll('select')].find((s) => [...s.options].some((o) => o.value === 'planner'));"
+    browser.run(f"{way} way.value = 'planner'; way.dispatchEvent(new Event('change'))")
+    wait(browser, "window.playground.ghost !== null")
+    plan = find_baselines(TRAIN[:2], rng=np.random.default_rng(0)).plan
+    assert plan is not None
+    ghost = browser.run("return window.playground.ghost")
+    body, column = 0, TRAIN.layout.columns[segar.Position]
+    assert len(ghost) == plan.steps[0] + 1
+    assert browser.run("return window.playground.levels.about.agents[0]") == body
+    assert ghost[-1] == plan.values[0, body, column : column + 2].tolist()
+    browser.run("window.playground.go(1)")
+    wait(browser, f"window.playground.ghost?.length === {plan.steps[1] + 1}")
