@@ -1,0 +1,126 @@
+"""``segar playground`` makes the page that the library makes, and says in one line what it cannot use."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import segar
+from segar import cli
+from segar.envs import VectorEnv
+from segar.observations import StateVector
+from segar.playground import make_playground
+from segar.policies import Network
+from tests.segar.policies.networks import Builder
+
+CONFIG = "observation:\n  name: state\n  options:\n    normalise: true\n"
+OWN = "observation:\n  name: my_lab.seeing:look\n"
+
+
+def shown(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
+    """What the command prints with these arguments."""
+    assert cli.main(["playground", *map(str, arguments)]) == 0
+    return capsys.readouterr().out
+
+
+def refused(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
+    """What the command says against these arguments."""
+    assert cli.main(["playground", *map(str, arguments)]) == cli.USAGE_ERROR
+    out, error = capsys.readouterr()
+    assert out == "" and error.count("\n") == 1 and not Path("page.html").exists()
+    return error
+
+
+def network(levels: segar.Levels) -> Network:
+    """A network that reads the normalised state."""
+    (inputs,) = (
+        VectorEnv(levels, 1, observation=StateVector(normalise=True), seed=0).single_observation_space.shape or ()
+    )
+    one, task = Builder(), segar.puttputt()
+    one.dense(inputs, 4)
+    return one.network((inputs,), 4, action_low=tuple(task.action_low), action_high=tuple(task.action_high))
+
+
+@pytest.fixture
+def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A run folder as training and a portable evaluation leave it, in the working folder."""
+    monkeypatch.chdir(tmp_path)
+    levels = segar.family("empty-hard").sample(5, seed=1)
+    folder = tmp_path / "run"
+    for age, name in enumerate(("test-n5-portable", "train-n5-portable")):
+        (folder / "evaluations" / name).mkdir(parents=True)
+        place = folder / "evaluations" / name / "network.npz"
+        made = network(levels)
+        replace(made, log_std_range=(-3.0, float(age))).save(place)
+        os.utime(place, (age, age))
+    (folder / "config.yaml").write_text(CONFIG)
+    levels.save(folder / "levels_train.npz")
+    return folder
+
+
+def test_the_page_is_that_of_the_library(capsys, tmp_path):
+    page = tmp_path / "page.html"
+    said = json.loads(
+        shown(capsys, "empty-easy", "-n", 3, "--seed", 2, "--test", "empty-hard", "--observation", "state", "rgb",
+              "-o", page, "--json")
+    )  # fmt: skip
+    easy, hard = segar.family("empty-easy"), segar.family("empty-hard")
+    made = make_playground(easy.sample(3, seed=2), hard.sample(3, seed=2, split="test"), observations=("state", "rgb"))
+    assert page.read_text() == made.html
+    assert (said["file"], said["bytes"], said["levels"]) == (str(page), page.stat().st_size, 3)
+    assert said["test_levels"] == 3 and said["seconds"] > 0
+    easy.sample(4, seed=2).save(tmp_path / "levels.npz")
+    shown(capsys, tmp_path / "levels.npz", "-n", 3, "-o", page)
+    assert page.read_text() == make_playground(segar.Levels.load(tmp_path / "levels.npz")[:3]).html
+
+
+def test_levels_make_the_same_page():
+    levels = segar.family("empty-easy").sample(2)
+    assert levels.playground(title="two").html == make_playground(levels, title="two").html
+    assert levels.playground()._repr_html_().startswith("<iframe title=")
+
+
+def test_a_run_folder_gives_its_newest_network_and_what_it_observes(capsys, run):
+    said = shown(capsys, "empty-easy", "-n", 3, "--policy", run, "-o", "page.html")
+    newest = run / "evaluations" / "train-n5-portable" / "network.npz"
+    assert f"the policy in {newest} (float32)" in said
+    seen = StateVector(normalise=True).trained_on(segar.Levels.load(run / "levels_train.npz"))
+    levels = segar.family("empty-easy").sample(3)
+
+    def page(**options):
+        return make_playground(levels, policy=Network.load(newest), **options).html
+
+    assert Path("page.html").read_text() == page(observations=[seen])
+    evaluation = newest.parent
+    shown(capsys, "empty-easy", "-n", 3, "--policy", evaluation, "--weights", "float16", "-o", "page.html")
+    assert Path("page.html").read_text() == page(observations=[seen], weights="float16")
+
+
+def test_what_cannot_be_used_is_said_in_one_line(capsys, run, tmp_path):
+    base = ("empty-easy", "-n", 2, "-o", "page.html")
+    network_file = run / "evaluations" / "train-n5-portable" / "network.npz"
+    assert "reads float32 of shape" in refused(capsys, *base, "--policy", network_file, "--observation", "rgb")
+    assert "there is no nothing.npz" in refused(capsys, *base, "--policy", "nothing.npz")
+    network_file.write_bytes(network_file.read_bytes()[:200])
+    assert f"{network_file}" in refused(capsys, *base, "--policy", run)
+    (run / "config.yaml").write_text(OWN)
+    network(segar.family("empty-hard").sample(1)).save(network_file)
+    assert "'my_lab.seeing:look'" in (said := refused(capsys, *base, "--policy", run))
+    assert "is not imported; say what the policy reads by --observation" in said
+    (run / "config.yaml").write_text("- !!python/object:os.system x\n")
+    assert "config.yaml holds no settings of a run" in refused(capsys, *base, "--policy", run)
+    (tmp_path / "bare").mkdir()
+    assert "python -m experiments.evaluate run=bare portable=true" in refused(capsys, *base, "--policy", "bare")
+    assert "levels.npz" in refused(capsys, "levels.npz", "-o", "page.html")
+    np.savez("levels.npz", x=np.zeros(3))
+    assert "levels.npz" in refused(capsys, "levels.npz", "-o", "page.html")
+    segar.family("empty-easy").sample(2).save("levels.npz")
+    assert "holds 2 levels, not 3" in refused(capsys, "levels.npz", "-n", 3, "-o", "page.html")
+    assert "only level files need a world" in refused(capsys, *base, "--world", "x:y")
+    assert "at most 2,000 levels" in refused(capsys, "empty-easy", "-n", 2001, "-o", "page.html")
+    assert "no observation is called 'rgbb'" in refused(capsys, *base, "--observation", "rgbb")
