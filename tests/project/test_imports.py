@@ -36,6 +36,7 @@ PLACES_WITH_AN_EXTRA = {
     "segar/textures/": "filters",
     "segar/envs/sb3_env.py": "sb3",
     "segar/cli/cite.py": "train",
+    "segar/cli/playground.py": "train",
 }
 
 # The extras of pyproject.toml that a package may count on, besides the core dependencies.
