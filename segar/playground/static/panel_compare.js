@@ -4,7 +4,7 @@ import { make, panel, short } from "segar/elements.js";
 import { mean, outcome } from "segar/results.js";
 
 const PLAYERS = { you: "you", agent: "agent", random: "random play", idle: "nobody acts", planner: "planner (best known)" };
-const HEAD = ["", "return", "success", "score"];
+const HEAD = ["player", "return", "success", "score"];
 
 export function comparePanel(page) {
   const { results } = page;

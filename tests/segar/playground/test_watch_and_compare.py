@@ -11,7 +11,7 @@ import segar
 from segar.evaluation import find_baselines, play_episodes
 from segar.playground import make_playground
 from segar.policies import NetworkPolicy
-from tests.segar.playground.browsers import Browser
+from tests.segar.playground.browsers import Browser, Chromium
 from tests.segar.playground.test_policies import convolutional
 
 PATIENCE = 60.0  # [s]
@@ -138,3 +138,21 @@ def test_the_way_of_the_planner_is_drawn_on_the_level_as_it_came(browser: Browse
     assert ghost[-1] == plan.values[0, body, column : column + 2].tolist()
     browser.run("window.playground.go(1)")
     wait(browser, f"window.playground.ghost?.length === {plan.steps[1] + 1}")
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_axe_finds_nothing_wrong_in_the_panels(scheme: Any, chromium: Chromium, tmp_path: Path) -> None:
+    from axe_playwright_python.sync_playwright import Axe
+
+    make_playground(TRAIN, TEST, policy=convolutional("rgb"), plans=True).save(tmp_path / "page.html")
+    chromium.page.emulate_media(color_scheme=scheme)
+    chromium.open(tmp_path / "page.html")
+    chromium.run(
+        f"{BUTTON} button('Play all levels').click(); document.querySelectorAll('details').forEach((d) => d.open = true)"
+    )
+    wait(chromium, "window.playground.results.episodes[1].agent.length === 4")
+    chromium.page.get_by_role("button", name="level 2: ").first.click()
+    assert "level 2" in chromium.page.get_by_role("status").first.inner_text()
+    found = Axe().run(chromium.page)
+    assert found.violations_count == 0, found.generate_report()
+    assert chromium.messages == []
