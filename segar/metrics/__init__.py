@@ -30,10 +30,10 @@ from segar.metrics.w2_variants import (
     w2_sliced,
     w2_unbalanced,
 )
-from segar.metrics.wasserstein import W2Report, w2, w2_report
+from segar.metrics.wasserstein import MISMATCH, W2Report, w2, w2_report
 
 __all__ = [
-    "Coverage", "DebiasedW2", "Decomposition", "EntropicW2", "FactorKS", "Floor", "KSReport", "Representativeness",
+    "MISMATCH", "Coverage", "DebiasedW2", "Decomposition", "EntropicW2", "FactorKS", "Floor", "KSReport", "Representativeness",
     "SampleEntropy", "SlicedW2", "TwoSampleTest", "UnbalancedW2", "VisualDistance", "W2Report", "classifier_test",
     "clustering_w2", "component", "coverage", "decompose", "design", "dkw_band", "effective_number", "embed",
     "energy_test", "ks", "ks_by_factor", "ks_report", "matched_set", "mmd_test", "relevant_factors",

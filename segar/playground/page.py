@@ -16,6 +16,7 @@ from segar.levels import Levels
 from segar.observations import Observation, trained_on
 from segar.playground.comparison import described_baselines
 from segar.playground.modules import Blobs
+from segar.playground.objective import described_objective
 from segar.playground.policy import Weights, described_policy
 from segar.playground.world import described_set, named
 from segar.policies import Network, NetworkPolicy
@@ -24,6 +25,7 @@ from segar.tasks import task_of
 
 STATIC = Path(__file__).parent / "static"
 MOST_LEVELS = 2000  # of a set, in a page
+OF_TWO_SETS = ("measures.js", "panel_design.js")  # scripts that a page of one set lacks
 HEIGHT = 720  # [px] of a page in a notebook
 
 
@@ -106,6 +108,8 @@ def make_playground(
     about: dict[str, Any] = {"title": title, "segar": __version__, "sets": sets}
     if policy is not None:
         about["policy"] = described_policy(policy, sets, weights, blobs)
+    if test is not None:
+        about["objective"] = described_objective(levels, test)
     return Playground(_page(title, about, blobs), title)
 
 
@@ -127,7 +131,8 @@ def _require_levels(levels: Levels) -> None:
 
 def _page(title: str, about: dict[str, Any], blobs: Blobs) -> str:
     """The template with its style, its program and its data in it."""
-    about["scripts"] = {path.name: blobs.add(path.read_bytes()) for path in sorted(STATIC.glob("*.js"))}
+    scripts = [path for path in sorted(STATIC.glob("*.js")) if "objective" in about or path.name not in OF_TWO_SETS]
+    about["scripts"] = {path.name: blobs.add(path.read_bytes()) for path in scripts}
     about["blobs"] = blobs.places
     head = json.dumps(about, separators=(",", ":"), allow_nan=False).encode()
     head += b" " * (-len(head) % 8)

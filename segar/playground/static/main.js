@@ -23,6 +23,11 @@ export async function open(about, blob) {
   const policy = about.policy ? await Policy.load(about.policy, blob) : null;
   const page = new Page(about, worlds.map((world) => new LevelSet(world, blob)), policy, new Results(about, blob));
   page.show(0);
+  if (about.objective) {
+    const { designPanel } = await import("segar/panel_design.js"); // a page of one set lacks it
+    page.design = designPanel(page);
+    $("page").append(page.design.element);
+  }
   return page;
 }
 
@@ -125,6 +130,7 @@ class Page {
     const ghost = this.levels.changed.has(this.level) ? null : this.ghost;
     this.scene.draw(player.shown, this.level, { aim: this.aim, marked: this.change.element.open ? this.marked : undefined, ghost, acceleration: player.acceleration });
     this.seen.draw();
+    this.design?.draw();
     const words = world.failed ?? verdict(world);
     const status = `level ${this.level}, step ${world.steps} of ${world.about.task.max_steps}, return ${world.total.toFixed(3)}${words ? `: ${words}` : ""}`;
     if ($("status").textContent !== status) $("status").textContent = status;

@@ -1,0 +1,271 @@
+/** The panel of a page with two sets: their levels side by side, how far apart they are, in what, and how to state it. */
+
+import { download, make, panel, short } from "segar/elements.js";
+import { fileText } from "segar/level_text.js";
+import { Measures, MOST } from "segar/measures.js";
+import { Scene } from "segar/scene.js";
+
+const SLICE = 8; // [ms] of measuring between two pictures
+const SHOWN = 120; // levels of a wall at first, and more at each touch of a button
+const PIXELS = 112; // of a thumbnail
+const BINS = 24;
+const [WIDE, HIGH] = [100, 40]; // of a histogram
+
+export function designPanel(page) {
+  const { sets, about } = page;
+  const measures = new Measures(about.objective, sets);
+  const value = make("p", { role: "status", className: "value" });
+  const parts = make("tbody");
+  const cards = make("div", { className: "cards" });
+  const unseen = make("ul");
+  const walls = sets.map((_, k) => wall(page, k));
+  const [python, settings, note] = [make("pre", { tabIndex: 0 }), make("pre", { tabIndex: 0 }), make("p", { className: "note" })];
+  const saves = sets.map((set, k) => make("button", {
+    textContent: `Save ${fileOf(page, k)}`,
+    onclick: () => download(fileOf(page, k), fileText(set, Array.from({ length: set.count }, (_, level) => level))),
+  }));
+  const most = sets.some((set) => set.count > MOST) ? ` The first ${MOST} levels of each set count here.` : "";
+  const element = panel(
+    "Train and test", true,
+    value,
+    make("p", { className: "note", textContent: `Units are those of the sets as the page was made. Two draws from one distribution differ, too: segar.metrics.w2_report says by how much. Unmatched is the price of things without counterpart.${most}` }),
+    make("div", { className: "beside" }, ...walls.map((one) => one.element)),
+    make("div", { className: "beside" },
+      make("section", {}, make("h3", { textContent: "What W2² is made of" }),
+        scroll("Parts of W2²", make("table", {}, make("thead", {}, row("th", "part", "share of W2²", "")), parts)),
+        make("h3", { textContent: "What W2 and KS do not see" }), unseen),
+      make("section", {}, make("h3", { textContent: "Factors that vary, with KS of each" }),
+        make("p", { className: "note" }, make("span", { className: "key of0" }), ` ${about.sets[0].title}, filled; `,
+          make("span", { className: "key of1" }), ` ${about.sets[1].title}, outlined; priors of single numbers as dashed lines`),
+        scroll("Factors", cards))),
+    make("h3", { textContent: "State this objective" }),
+    make("div", { className: "beside" },
+      make("section", {}, make("p", { textContent: "In Python" }), python),
+      make("section", {}, make("p", { textContent: "In the settings of a run (YAML)" }), settings)),
+    make("div", { className: "controls" }, ...saves), note,
+    make("p", { className: "note", textContent: "This page holds these levels, and draws no new ones. To change the distributions, edit their priors in Python, and make the page again." }),
+  );
+  element.classList.add("wide");
+  let measuring = false;
+
+  /** Look whether something changed, and show it; what changes while it is measured counts afterwards. */
+  function draw() {
+    if (!element.open) return;
+    walls.forEach((one) => one.mark());
+    if (measuring || page.player.running) return;
+    const changed = measures.changes();
+    if (!changed.length) return;
+    for (const [k, level] of changed) walls[k].draw(level);
+    measure();
+  }
+
+  /** Measure in slices, between which the page is drawn. */
+  function measure() {
+    measuring = true;
+    const steps = measures.measured();
+    const slice = () => {
+      const end = performance.now() + SLICE;
+      let next = steps.next();
+      while (!next.done && performance.now() < end) next = steps.next();
+      measuring = !next.done;
+      if (measuring) {
+        setTimeout(slice);
+      } else {
+        show(next.value);
+        draw();
+      }
+    };
+    setTimeout(slice);
+  }
+
+  function show({ w2, ks, parts: found, marginals }) {
+    value.textContent = `W2 ${short(w2)}, KS ${short(ks)}`;
+    parts.replaceChildren(...found.map(([name, part]) => {
+      const share = part / (w2 * w2);
+      const bar = make("span", { className: "bar" });
+      bar.style.width = `${100 * part / found[0][1]}%`;
+      return row("td", name, `${(100 * share).toFixed(1)} %`, bar);
+    }));
+    const varied = marginals.filter(({ x, y }) => Math.min(x[0], y[0]) < Math.max(x.at(-1), y.at(-1)));
+    varied.sort((one, other) => other.ks - one.ks);
+    cards.replaceChildren(...varied.map((one) => card(one, priorsOf(page, one))));
+    const weightless = varied.filter((one) => one.scale === 0).map(({ name }) => `W2: ${name} has no spread in the page's units, and so no weight.`);
+    const words = [...about.objective.unseen.map((text) => `${text}.`), ...weightless];
+    unseen.replaceChildren(...(words.length ? words : ["Nothing was found in which these sets differ so."]).map((textContent) => make("li", { textContent })));
+    const stated = statement(page);
+    python.textContent = stated.python;
+    settings.textContent = stated.settings;
+    note.textContent = stated.note;
+    saves.forEach((button, k) => { button.hidden = !stated.files.includes(k); });
+  }
+
+  element.addEventListener("toggle", draw);
+  measure();
+  return { element, draw };
+}
+
+function scroll(label, ...children) {
+  return make("div", { className: "scroll", tabIndex: 0, role: "region", "aria-label": label }, ...children);
+}
+
+function row(tag, ...cells) {
+  return make("tr", {}, ...cells.map((cell) => make(tag, tag === "th" ? { scope: "col" } : {}, cell)));
+}
+
+/** Thumbnails of a set, which are drawn when they come into sight. Arrow keys go from one to the next. */
+function wall(page, k) {
+  const set = page.sets[k];
+  const { title } = page.about.sets[k];
+  const scene = new Scene(null, set);
+  scene.overlays.clear();
+  const buttons = [];
+  const seen = new Set();
+  const grid = make("div", { className: "wall", role: "group", "aria-label": `Levels of ${title}` });
+  const box = make("div", { className: "scroll" }, grid);
+  const more = make("button", { textContent: "More levels", onclick: () => add() });
+  const watch = new IntersectionObserver((entries) => {
+    for (const { target, isIntersecting } of entries) {
+      if (!isIntersecting) continue;
+      watch.unobserve(target);
+      seen.add(buttons.indexOf(target));
+      draw(buttons.indexOf(target));
+    }
+  }, { root: box, rootMargin: "200px" });
+  let current = 0;
+
+  function add() {
+    const end = Math.min(buttons.length + SHOWN, set.count);
+    while (buttons.length < end) {
+      const level = buttons.length;
+      const canvas = make("canvas", { width: PIXELS, height: PIXELS });
+      const button = make("button", { tabIndex: level ? -1 : 0, "aria-label": `${title} level ${level}`, title: `level ${level}`, onclick: () => go(level) }, canvas);
+      buttons.push(button);
+      grid.append(button);
+      watch.observe(button);
+    }
+    more.hidden = end === set.count;
+  }
+
+  function go(level) {
+    page.show(k);
+    page.go(level);
+    page.scene.canvas.scrollIntoView({ block: "nearest" });
+  }
+
+  function draw(level) {
+    if (!seen.has(level)) return;
+    scene.canvas = buttons[level].firstChild;
+    scene.draw(set.world.machine.part("level_values", level), level);
+    buttons[level].classList.toggle("changed", set.changed.has(level));
+    buttons[level].setAttribute("aria-label", `${title} level ${level}${set.changed.has(level) ? ", changed" : ""}`);
+  }
+
+  /** Mark the level that is played. */
+  function mark() {
+    const played = page.levels === set ? page.level : -1;
+    for (const button of grid.querySelectorAll("[aria-current]")) if (button !== buttons[played]) button.removeAttribute("aria-current");
+    buttons[played]?.setAttribute("aria-current", "true");
+  }
+
+  grid.addEventListener("focusin", (event) => {
+    buttons[current].tabIndex = -1;
+    current = buttons.indexOf(event.target);
+    event.target.tabIndex = 0;
+  });
+  grid.addEventListener("keydown", (event) => {
+    const across = Math.max(Math.round(grid.clientWidth / buttons[0].offsetWidth), 1);
+    const by = { ArrowRight: 1, ArrowLeft: -1, ArrowDown: across, ArrowUp: -across, Home: -current, End: buttons.length - 1 - current }[event.key];
+    if (by === undefined) return;
+    event.preventDefault();
+    event.stopPropagation();
+    buttons[Math.min(Math.max(current + by, 0), buttons.length - 1)].focus();
+  });
+  add();
+  return { element: make("section", {}, make("h3", { textContent: `${set.count} levels: ${title}` }), box, more), draw, mark };
+}
+
+/** Histograms of a marginal in both sets over each other, and the densities of its priors. */
+function card({ name, unit, x, y, ks }, priors) {
+  const [low, high] = [Math.min(x[0], y[0]), Math.max(x.at(-1), y.at(-1))];
+  const shares = [x, y].map((numbers) => {
+    const found = new Array(BINS).fill(0);
+    for (const one of numbers) found[Math.min(Math.floor((one - low) / (high - low) * BINS), BINS - 1)] += 1 / numbers.length;
+    return found;
+  });
+  const most = Math.max(...shares.flat());
+  const steps = (heights, from, to, closed) => {
+    const at = (k) => short((from + k * (to - from) / heights.length - low) / (high - low) * WIDE);
+    const up = (height) => short(HIGH * (1 - Math.min(height / most, 1)));
+    return `M${at(0)},${HIGH}${heights.map((height, k) => `V${up(height)}H${at(k + 1)}`).join("")}${closed ? `V${HIGH}Z` : ""}`;
+  };
+  const lines = priors.flatMap((of, k) => of.map(({ low: from, high: to, bins }) => {
+    if (from === to) return path(`M${short((from - low) / (high - low) * WIDE)},${HIGH}V0`, `prior of${k}`);
+    const wide = (to - from) / bins.length / ((high - low) / BINS);
+    return path(steps(bins.map((mass) => mass / wide), from, to, false), `prior of${k}`);
+  }));
+  const svg = drawn("svg", { viewBox: `0 0 ${WIDE} ${HIGH}`, preserveAspectRatio: "none", "aria-hidden": "true" });
+  svg.append(...shares.map((heights, k) => path(steps(heights, low, high, true), `share of${k}`)), ...lines);
+  const ends = `${short(low)} to ${short(high)}${unit ? ` ${unit}` : ""}`;
+  return make("figure", {}, svg, make("figcaption", {}, make("b", { textContent: name }), ` KS ${short(ks)}`, make("br"), ends));
+}
+
+function drawn(tag, about) {
+  const element = document.createElementNS("http://www.w3.org/2000/svg", tag);
+  for (const [key, one] of Object.entries(about)) element.setAttribute(key, one);
+  return element;
+}
+
+function path(d, className) {
+  return drawn("path", { d, class: className });
+}
+
+/** The different priors of a marginal in each set. */
+function priorsOf(page, { factor, kinds }) {
+  return page.sets.map(({ about }, k) => {
+    const slots = kinds && about.slots.filter((slot) => slot.kinds.includes(kinds[k])).map((slot) => slot.name);
+    const found = about.priors.filter((one) => one.factor === factor && (slots ? slots.includes(one.entity) : one.entity === "parameters"));
+    return [...new Map(found.map((one) => [one.law, one])).values()];
+  });
+}
+
+function fileOf(page, k) {
+  return `${page.about.sets[k].title}.json`;
+}
+
+/** The Python and the settings that state the objective of a page with its two sets, and which sets must be saved for it. */
+function statement(page) {
+  const { origins } = page.about.objective;
+  const lines = [];
+  const settings = ["levels:"];
+  const files = new Set();
+  const rules = new Set();
+  page.sets.forEach((set, k) => {
+    const { family, seed, split, own_rules } = origins[k];
+    const { count } = set;
+    const role = ["train", "test"][k];
+    const prefix = k ? "test_" : "";
+    const named = family && !set.changed.size;
+    if (named) {
+      lines.push(`${role} = segar.family("${family}").sample(${count}, seed=${seed}${split === "train" ? "" : `, split="${split}"`})`);
+    } else {
+      files.add(k);
+      lines.push(`${role} = segar.Levels.load("${fileOf(page, k)}"${own_rules ? ", world=world" : ""})`);
+    }
+    const drawn = named && split === role;
+    if (!drawn) files.add(k);
+    if (own_rules) rules.add(k);
+    settings.push(`  ${role}: ${drawn ? family : fileOf(page, k)}`, `  ${prefix}count: ${count}`, `  ${prefix}seed: ${drawn ? seed : 0}`);
+  });
+  const notes = [];
+  if (files.size) notes.push(`Save ${[...files].map((k) => fileOf(page, k)).join(" and ")} beside them.`);
+  if (rules.size) {
+    notes.push("The rules of these levels are their own, which no level file holds: world is the World in Python, and levels.world names it as module:attribute in the settings.");
+    settings.push("  world: module:attribute");
+  }
+  return {
+    python: ["import segar", "", ...lines, "print(segar.metrics.w2(train, test), segar.metrics.ks(train, test))"].join("\n"),
+    settings: settings.join("\n"),
+    note: notes.join(" "),
+    files: [...files],
+  };
+}
