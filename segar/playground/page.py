@@ -25,7 +25,7 @@ from segar.tasks import task_of
 
 STATIC = Path(__file__).parent / "static"
 MOST_LEVELS = 2000  # of a set, in a page
-OF_TWO_SETS = ("measures.js", "panel_design.js")  # scripts that a page of one set lacks
+OF_TWO_SETS = ("measures.js", "panel_design.js", "transport.js")  # scripts that a page of one set lacks
 HEIGHT = 720  # [px] of a page in a notebook
 
 

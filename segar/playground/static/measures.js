@@ -1,11 +1,16 @@
 /** How far apart the two sets of a page are: W2 and KS, with what they are made of, as segar.metrics has them. */
 
+import { finish, Plan } from "segar/transport.js";
+
 export const MOST = 300; // levels of a set that count, the first ones
 const READ = ["level_values", "level_parameters", "level_vertex"];
 const HULL = 2;
 
 export class Measures {
-  /** @param {object} about units, as segar.playground.objective describes them; @param {LevelSet[]} sets both of them */
+  /**
+   * @param {object} about units, as segar.playground.objective describes them
+   * @param {LevelSet[]} sets both of them
+   */
   constructor(about, sets) {
     this.about = about;
     this.sets = sets;
@@ -46,9 +51,10 @@ export class Measures {
   /** A level as numbers: of each type how many things it has and their factors, and the parameters of its world. */
   read(k, level) {
     const set = this.sets[k];
-    const { about, world: { machine } } = set;
+    const { machine } = set.world;
     const values = machine.part("level_values", level);
     const shapes = machine.part("level_kind", level);
+    const columnOf = ({ factor, axis }) => set.about.columns[factor.name] + axis;
     const of = this.about.types.map(({ kinds }, t) => {
       const names = this.names[t];
       const raw = [];
@@ -56,9 +62,9 @@ export class Measures {
       for (let slot = 0; slot < set.slots; slot++) {
         if (kinds[k] < 0 || set.kindOf(level, slot) !== kinds[k]) continue;
         count += 1;
-        for (const { factor, axis } of names) {
-          const ofOutline = factor.of_area && shapes[slot] === HULL;
-          raw.push(ofOutline ? diameterOf(machine, level, slot) : values[slot * set.width + about.columns[factor.name] + axis]);
+        for (const one of names) {
+          const ofOutline = one.factor.of_area && shapes[slot] === HULL;
+          raw.push(ofOutline ? diameterOf(machine, level, slot) : values[slot * set.width + columnOf(one)]);
         }
       }
       const scaled = new Float64Array(count * this.weighed[t].length);
@@ -100,7 +106,10 @@ export class Measures {
     yield;
     const marginals = this.marginals();
     const curves = marginals.map((one) => curveOf(one.x, one.y));
-    marginals.forEach((one, k) => { one.ks = curves[k].f.reduce((most, f, p) => Math.max(most, Math.abs(f - curves[k].g[p])), 0); });
+    marginals.forEach((one, k) => {
+      const { f, g } = curves[k];
+      one.ks = f.reduce((most, share, at) => Math.max(most, Math.abs(share - g[at])), 0);
+    });
     yield;
     const ks = Math.max(yield* largestDifference(curves, "f", "g"), yield* largestDifference(curves, "g", "f"));
     const parts = [...total.parts].filter(([, part]) => part > 0).sort((one, other) => other[1] - one[1]);
@@ -129,35 +138,31 @@ export class Measures {
   marginals() {
     const found = [];
     const { types, parameters } = this.about;
-    const gather = (numbers) => this.points.map((levels) => Float64Array.from(levels.flatMap(numbers)).sort());
+    const sorted = (numbers) => this.points.map((levels) => Float64Array.from(levels.flatMap(numbers)).sort());
     types.forEach(({ name, kinds }, t) => {
-      const [x, y] = gather(({ of }) => of[t].count);
+      const [x, y] = sorted(({ of }) => of[t].count);
       if (!x.at(-1) && !y.at(-1)) return;
       found.push({ name: `${name}.count`, unit: null, x, y });
       if (!x.at(-1) || !y.at(-1)) return;
       this.names[t].forEach(({ name: part, factor, scale }, c, all) => {
-        const [x, y] = gather(({ of }) => Array.from({ length: of[t].count }, (_, i) => cut(of[t].raw[i * all.length + c], factor.period)));
-        found.push({ name: `${name}.${part}`, unit: factor.unit, factor: factor.name, kinds, scale, x, y });
+        const [of0, of1] = sorted(({ of }) =>
+          of[t].raw.filter((_, at) => at % all.length === c).map((one) => cut(one, factor.period)));
+        found.push({ name: `${name}.${part}`, unit: factor.unit, factor: factor.name, kinds, scale, x: of0, y: of1 });
       });
     });
     parameters.forEach(({ name, unit, period, scale }, p) => {
-      const [x, y] = gather(({ world }) => cut(world[p], period));
+      const [x, y] = sorted(({ world }) => cut(world[p], period));
       found.push({ name: `world.${name}`, unit, factor: name, scale, x, y });
     });
     return found;
   }
 }
 
-/** The result of a computation that yields now and then. */
-export function finish(steps) {
-  let next = steps.next();
-  while (!next.done) next = steps.next();
-  return next.value;
-}
-
+/** The components of a factor, with their scale, and their period in units of it. */
 function componentsOf(factor) {
-  const axes = factor.width > 1 ? ["x", "y"] : [""];
-  return axes.map((axis, k) => ({ name: axis ? `${factor.name}.${axis}` : factor.name, factor, axis: k, scale: factor.scale, period: factor.period && factor.period / factor.scale }));
+  const { name, scale, period } = factor;
+  const names = factor.width > 1 ? [`${name}.x`, `${name}.y`] : [name];
+  return names.map((one, axis) => ({ name: one, factor, axis, scale, period: period && period / scale }));
 }
 
 /** All that decides the distances of a set, as memory that can be compared. */
@@ -203,21 +208,20 @@ function matched(a, b, weighed, price, tell) {
   const [few, many] = a.count <= b.count ? [a, b] : [b, a];
   const [k, j, d] = [few.count, many.count, weighed.length];
   let [kept, sum] = [0, 0];
-  const keep = (i, c) => {
-    const square = pairs[i * j + c];
-    if (square >= 2 * price) return;
-    kept += 1;
-    sum += square;
-    if (!tell) return;
-    weighed.forEach(({ factor, period }, w) => tell(factor.name, apart(few.scaled[i * d + w], many.scaled[c * d + w], period) ** 2));
-  };
   const { pairs, nearest, plan } = matchingOf(k, j);
+  const square = (i, c, w) => apart(few.scaled[i * d + w], many.scaled[c * d + w], weighed[w].period) ** 2;
+  const keep = (i, c) => {
+    if (pairs[i * j + c] >= 2 * price) return;
+    kept += 1;
+    sum += pairs[i * j + c];
+    if (tell) for (let w = 0; w < d; w++) tell(weighed[w].factor.name, square(i, c, w));
+  };
   for (let i = 0; i < k; i++) {
     nearest[i] = 0;
     for (let c = 0; c < j; c++) {
-      let square = 0;
-      for (let w = 0; w < d; w++) square += apart(few.scaled[i * d + w], many.scaled[c * d + w], weighed[w].period) ** 2;
-      pairs[i * j + c] = Math.min(square, 2 * price);
+      let squares = 0;
+      for (let w = 0; w < d; w++) squares += square(i, c, w);
+      pairs[i * j + c] = Math.min(squares, 2 * price);
       if (pairs[i * j + c] < pairs[i * j + nearest[i]]) nearest[i] = c;
     }
   }
@@ -237,93 +241,12 @@ let matching = { pairs: new Float64Array(0) };
 /** Room for the matchings of so many things, which is used again. */
 function matchingOf(k, j) {
   if (matching.pairs.length < k * j || matching.plan.rows < k || matching.plan.columns < j) {
-    const [rows, columns] = [Math.max(k, matching.plan?.rows ?? 4), Math.max(j, matching.plan?.columns ?? 4)];
-    matching = { pairs: new Float64Array(rows * columns), nearest: new Int32Array(rows), plan: new Plan(rows, columns) };
+    const rows = Math.max(k, matching.plan?.rows ?? 4);
+    const columns = Math.max(j, matching.plan?.columns ?? 4);
+    const [pairs, nearest] = [new Float64Array(rows * columns), new Int32Array(rows)];
+    matching = { pairs, nearest, plan: new Plan(rows, columns) };
   }
   return matching;
-}
-
-/** A transport of least cost, by shortest augmenting paths; rows have equal supplies, and columns equal demands. */
-class Plan {
-  constructor(rows, columns) {
-    this.rows = rows;
-    this.columns = columns;
-    this.flow = new Int32Array(rows * columns);
-    this.ofRow = new Float64Array(rows); // potentials
-    this.ofColumn = new Float64Array(columns);
-    this.distance = new Float64Array(rows); // of a path from the row that is served
-    this.shortest = new Float64Array(columns);
-    this.via = new Int32Array(rows); // the column before
-    this.from = new Int32Array(columns); // the row before
-    this.reached = new Uint8Array(rows);
-    this.done = new Uint8Array(columns);
-    this.queue = new Int32Array(rows);
-    this.room = new Int32Array(columns);
-  }
-
-  /** Serve all rows, of no greater supply in sum than the demand; yields after each. */
-  * solved(costs, n, m, supply, demand) {
-    this.flow.fill(0, 0, n * m);
-    this.ofRow.fill(0, 0, n);
-    this.ofColumn.fill(0, 0, m);
-    this.room.fill(demand, 0, m);
-    for (let root = 0; root < n; root++) {
-      for (let left = supply; left > 0;) left -= this.served(costs, n, m, root, left);
-      yield;
-    }
-  }
-
-  /** Send what the cheapest path can take, up to what is left; returns how much that is. */
-  served(costs, n, m, root, left) {
-    const { flow, ofRow, ofColumn, distance, shortest, via, from, reached, done, queue, room } = this;
-    shortest.fill(Infinity, 0, m);
-    done.fill(0, 0, m);
-    reached.fill(0, 0, n);
-    let [head, tail, lowest, end] = [0, 1, 0, -1];
-    queue[0] = root;
-    reached[root] = 1;
-    distance[root] = 0;
-    while (end < 0) {
-      for (; head < tail; head++) {
-        const i = queue[head];
-        for (let j = 0; j < m; j++) {
-          const length = lowest + costs[i * m + j] - ofRow[i] - ofColumn[j];
-          if (!done[j] && length < shortest[j]) {
-            shortest[j] = length;
-            from[j] = i;
-          }
-        }
-      }
-      let next = -1;
-      for (let j = 0; j < m; j++) {
-        if (done[j]) continue;
-        if (next < 0 || shortest[j] < shortest[next] || (shortest[j] === shortest[next] && room[j] > 0)) next = j;
-      }
-      lowest = shortest[next];
-      done[next] = 1;
-      if (room[next] > 0) end = next;
-      else {
-        for (let i = 0; i < n; i++) {
-          if (reached[i] || !flow[i * m + next]) continue;
-          reached[i] = 1;
-          distance[i] = lowest;
-          via[i] = next;
-          queue[tail++] = i;
-        }
-      }
-    }
-    for (let k = 0; k < tail; k++) ofRow[queue[k]] += lowest - distance[queue[k]];
-    for (let j = 0; j < m; j++) if (done[j]) ofColumn[j] -= lowest - shortest[j];
-    let amount = Math.min(left, room[end]);
-    for (let i = from[end]; i !== root; i = from[via[i]]) amount = Math.min(amount, flow[i * m + via[i]]);
-    room[end] -= amount;
-    for (let j = end; ; j = via[from[j]]) {
-      const i = from[j];
-      flow[i * m + j] += amount;
-      if (i === root) return amount;
-      flow[i * m + via[i]] -= amount;
-    }
-  }
 }
 
 /** The distribution functions f and g of two samples in ascending order, at each of their numbers. */
@@ -341,7 +264,7 @@ function curveOf(x, y) {
 
 /**
  * The largest difference of the products of functions, at any point of their product space; yields after each curve.
- * Only the vertices of the hull of pairs of products towards large ones of the first and small ones of the second can win.
+ * Of the pairs of products so far, only those on the edge of their hull towards a large first and a small second count.
  */
 function* largestDifference(curves, first, second) {
   let best = [[1, 1]];
@@ -350,7 +273,8 @@ function* largestDifference(curves, first, second) {
     if (edge.length === 1 && edge[0][0] === 1 && edge[0][1] === 1) continue;
     let edges = best.map(([p, q]) => edge.map(([x, y]) => [p * x, q * y]));
     while (edges.length > 1) {
-      edges = edges.flatMap((one, k) => (k % 2 ? [] : [k + 1 < edges.length ? joined(one, edges[k + 1]) : one]));
+      const pairs = Array.from({ length: Math.ceil(edges.length / 2) }, (_, k) => edges.slice(2 * k, 2 * k + 2));
+      edges = pairs.map(([one, other]) => joined(one, other ?? []));
     }
     [best] = edges;
     yield;
@@ -358,7 +282,7 @@ function* largestDifference(curves, first, second) {
   return Math.max(...best.map(([p, q]) => p - q));
 }
 
-/** The vertices of the hull of two lists of points (x, y), both of falling x, that maximise some a x - b y of a, b >= 0. */
+/** Of two lists of points (x, y) of falling x, the vertices of their hull that maximise some a x - b y of a, b >= 0. */
 function joined(a, b) {
   const chain = [];
   let lowest = Infinity;

@@ -1,4 +1,4 @@
-/** The panel of a page with two sets: their levels side by side, how far apart they are, in what, and how to state it. */
+/** The panel of a page with two sets: their levels side by side, how far apart they are and in what. */
 
 import { download, make, panel, short } from "segar/elements.js";
 import { fileText } from "segar/level_text.js";
@@ -19,31 +19,35 @@ export function designPanel(page) {
   const cards = make("div", { className: "cards" });
   const unseen = make("ul");
   const walls = sets.map((_, k) => wall(page, k));
-  const [python, settings, note] = [make("pre", { tabIndex: 0 }), make("pre", { tabIndex: 0 }), make("p", { className: "note" })];
+  const [python, settings] = [0, 1].map(() => make("pre", { tabIndex: 0 }));
+  const note = make("p", { className: "note" });
   const saves = sets.map((set, k) => make("button", {
     textContent: `Save ${fileOf(page, k)}`,
     onclick: () => download(fileOf(page, k), fileText(set, Array.from({ length: set.count }, (_, level) => level))),
   }));
-  const most = sets.some((set) => set.count > MOST) ? ` The first ${MOST} levels of each set count here.` : "";
   const element = panel(
     "Train and test", true,
     value,
-    make("p", { className: "note", textContent: `Units are those of the sets as the page was made. Two draws from one distribution differ, too: segar.metrics.w2_report says by how much. Unmatched is the price of things without counterpart.${most}` }),
+    said("Units are those of the sets as the page was made. Two draws from one distribution differ, too:",
+      " segar.metrics.w2_report says by how much. Unmatched is the price of things without counterpart.",
+      sets.some((set) => set.count > MOST) ? ` The first ${MOST} levels of each set count.` : ""),
     make("div", { className: "beside" }, ...walls.map((one) => one.element)),
     make("div", { className: "beside" },
       make("section", {}, make("h3", { textContent: "What W2² is made of" }),
-        scroll("Parts of W2²", make("table", {}, make("thead", {}, row("th", "part", "share of W2²", "")), parts)),
+        scroll("Parts of W2²", make("table", {}, make("thead", {}, row("th", "part", "share of W2²")), parts)),
         make("h3", { textContent: "What W2 and KS do not see" }), unseen),
       make("section", {}, make("h3", { textContent: "Factors that vary, with KS of each" }),
-        make("p", { className: "note" }, make("span", { className: "key of0" }), ` ${about.sets[0].title}, filled; `,
-          make("span", { className: "key of1" }), ` ${about.sets[1].title}, outlined; priors of single numbers as dashed lines`),
+        said(make("span", { className: "key of0" }), ` ${about.sets[0].title}, filled; `,
+          make("span", { className: "key of1" }), ` ${about.sets[1].title}, outlined. `,
+          "Dashed: priors of factors of one number."),
         scroll("Factors", cards))),
     make("h3", { textContent: "State this objective" }),
     make("div", { className: "beside" },
       make("section", {}, make("p", { textContent: "In Python" }), python),
       make("section", {}, make("p", { textContent: "In the settings of a run (YAML)" }), settings)),
     make("div", { className: "controls" }, ...saves), note,
-    make("p", { className: "note", textContent: "This page holds these levels, and draws no new ones. To change the distributions, edit their priors in Python, and make the page again." }),
+    said("This page holds these levels, and draws no new ones. To change the distributions, edit their priors in ",
+      "Python, and make the page again."),
   );
   element.classList.add("wide");
   let measuring = false;
@@ -89,9 +93,13 @@ export function designPanel(page) {
     const varied = marginals.filter(({ x, y }) => Math.min(x[0], y[0]) < Math.max(x.at(-1), y.at(-1)));
     varied.sort((one, other) => other.ks - one.ks);
     cards.replaceChildren(...varied.map((one) => card(one, priorsOf(page, one))));
-    const weightless = varied.filter((one) => one.scale === 0).map(({ name }) => `W2: ${name} has no spread in the page's units, and so no weight.`);
-    const words = [...about.objective.unseen.map((text) => `${text}.`), ...weightless];
-    unseen.replaceChildren(...(words.length ? words : ["Nothing was found in which these sets differ so."]).map((textContent) => make("li", { textContent })));
+    const weightless = varied.filter((one) => one.scale === 0);
+    const words = [
+      ...about.objective.unseen.map((text) => `${text}.`),
+      ...weightless.map(({ name }) => `${name} has no spread in the units, and so no weight in W2; KS sees it.`),
+    ];
+    if (!words.length) words.push("Nothing was found in which these sets differ so.");
+    unseen.replaceChildren(...words.map((textContent) => make("li", { textContent })));
     const stated = statement(page);
     python.textContent = stated.python;
     settings.textContent = stated.settings;
@@ -101,7 +109,11 @@ export function designPanel(page) {
 
   element.addEventListener("toggle", draw);
   measure();
-  return { element, draw };
+  return { element, draw, measures };
+}
+
+function said(...words) {
+  return make("p", { className: "note" }, ...words);
 }
 
 function scroll(label, ...children) {
@@ -115,12 +127,12 @@ function row(tag, ...cells) {
 /** Thumbnails of a set, which are drawn when they come into sight. Arrow keys go from one to the next. */
 function wall(page, k) {
   const set = page.sets[k];
-  const { title } = page.about.sets[k];
+  const nameOf = (level) => `${page.about.sets[k].title} level ${level}`;
   const scene = new Scene(null, set);
   scene.overlays.clear();
   const buttons = [];
   const seen = new Set();
-  const grid = make("div", { className: "wall", role: "group", "aria-label": `Levels of ${title}` });
+  const grid = make("div", { className: "wall", role: "group", "aria-label": `${page.about.sets[k].title} levels` });
   const box = make("div", { className: "scroll" }, grid);
   const more = make("button", { textContent: "More levels", onclick: () => add() });
   const watch = new IntersectionObserver((entries) => {
@@ -131,14 +143,16 @@ function wall(page, k) {
       draw(buttons.indexOf(target));
     }
   }, { root: box, rootMargin: "200px" });
-  let current = 0;
+  let current = 0; // the one that the Tab key goes to
+  let marked;
 
   function add() {
     const end = Math.min(buttons.length + SHOWN, set.count);
     while (buttons.length < end) {
       const level = buttons.length;
       const canvas = make("canvas", { width: PIXELS, height: PIXELS });
-      const button = make("button", { tabIndex: level ? -1 : 0, "aria-label": `${title} level ${level}`, title: `level ${level}`, onclick: () => go(level) }, canvas);
+      const about = { tabIndex: level ? -1 : 0, "aria-label": nameOf(level), title: nameOf(level) };
+      const button = make("button", { ...about, onclick: () => go(level) }, canvas);
       buttons.push(button);
       grid.append(button);
       watch.observe(button);
@@ -157,14 +171,16 @@ function wall(page, k) {
     scene.canvas = buttons[level].firstChild;
     scene.draw(set.world.machine.part("level_values", level), level);
     buttons[level].classList.toggle("changed", set.changed.has(level));
-    buttons[level].setAttribute("aria-label", `${title} level ${level}${set.changed.has(level) ? ", changed" : ""}`);
+    buttons[level].setAttribute("aria-label", `${nameOf(level)}${set.changed.has(level) ? ", changed" : ""}`);
   }
 
   /** Mark the level that is played. */
   function mark() {
     const played = page.levels === set ? page.level : -1;
-    for (const button of grid.querySelectorAll("[aria-current]")) if (button !== buttons[played]) button.removeAttribute("aria-current");
-    buttons[played]?.setAttribute("aria-current", "true");
+    if (marked === buttons[played]) return;
+    marked?.removeAttribute("aria-current");
+    marked = buttons[played];
+    marked?.setAttribute("aria-current", "true");
   }
 
   grid.addEventListener("focusin", (event) => {
@@ -174,39 +190,45 @@ function wall(page, k) {
   });
   grid.addEventListener("keydown", (event) => {
     const across = Math.max(Math.round(grid.clientWidth / buttons[0].offsetWidth), 1);
-    const by = { ArrowRight: 1, ArrowLeft: -1, ArrowDown: across, ArrowUp: -across, Home: -current, End: buttons.length - 1 - current }[event.key];
-    if (by === undefined) return;
+    const last = buttons.length - 1;
+    const moves = { ArrowRight: 1, ArrowLeft: -1, ArrowDown: across, ArrowUp: -across, Home: -last, End: last };
+    if (!(event.key in moves)) return;
     event.preventDefault();
     event.stopPropagation();
-    buttons[Math.min(Math.max(current + by, 0), buttons.length - 1)].focus();
+    buttons[Math.min(Math.max(current + moves[event.key], 0), last)].focus();
   });
   add();
-  return { element: make("section", {}, make("h3", { textContent: `${set.count} levels: ${title}` }), box, more), draw, mark };
+  const head = make("h3", { textContent: `${page.about.sets[k].title}: ${set.count} levels` });
+  return { element: make("section", {}, head, box, more), draw, mark };
 }
 
 /** Histograms of a marginal in both sets over each other, and the densities of its priors. */
 function card({ name, unit, x, y, ks }, priors) {
   const [low, high] = [Math.min(x[0], y[0]), Math.max(x.at(-1), y.at(-1))];
+  const across = (value) => short((value - low) / (high - low) * WIDE);
   const shares = [x, y].map((numbers) => {
-    const found = new Array(BINS).fill(0);
-    for (const one of numbers) found[Math.min(Math.floor((one - low) / (high - low) * BINS), BINS - 1)] += 1 / numbers.length;
+    const found = Array.from({ length: BINS }, () => 0);
+    for (const one of numbers) {
+      found[Math.min(Math.floor((one - low) / (high - low) * BINS), BINS - 1)] += 1 / numbers.length;
+    }
     return found;
   });
   const most = Math.max(...shares.flat());
-  const steps = (heights, from, to, closed) => {
-    const at = (k) => short((from + k * (to - from) / heights.length - low) / (high - low) * WIDE);
-    const up = (height) => short(HIGH * (1 - Math.min(height / most, 1)));
-    return `M${at(0)},${HIGH}${heights.map((height, k) => `V${up(height)}H${at(k + 1)}`).join("")}${closed ? `V${HIGH}Z` : ""}`;
+  const steps = (heights, from, to) => {
+    const ends = heights.map((_, k) => across(from + (k + 1) * (to - from) / heights.length));
+    const parts = heights.map((height, k) => `V${short(HIGH * (1 - Math.min(height / most, 1)))}H${ends[k]}`);
+    return `M${across(from)},${HIGH}${parts.join("")}V${HIGH}`;
   };
   const lines = priors.flatMap((of, k) => of.map(({ low: from, high: to, bins }) => {
-    if (from === to) return path(`M${short((from - low) / (high - low) * WIDE)},${HIGH}V0`, `prior of${k}`);
+    if (from === to) return path(`M${across(from)},${HIGH}V0`, `prior of${k}`);
     const wide = (to - from) / bins.length / ((high - low) / BINS);
-    return path(steps(bins.map((mass) => mass / wide), from, to, false), `prior of${k}`);
+    return path(steps(bins.map((mass) => mass / wide), from, to), `prior of${k}`);
   }));
   const svg = drawn("svg", { viewBox: `0 0 ${WIDE} ${HIGH}`, preserveAspectRatio: "none", "aria-hidden": "true" });
-  svg.append(...shares.map((heights, k) => path(steps(heights, low, high, true), `share of${k}`)), ...lines);
+  svg.append(...shares.map((heights, k) => path(steps(heights, low, high), `share of${k}`)), ...lines);
   const ends = `${short(low)} to ${short(high)}${unit ? ` ${unit}` : ""}`;
-  return make("figure", {}, svg, make("figcaption", {}, make("b", { textContent: name }), ` KS ${short(ks)}`, make("br"), ends));
+  const words = [make("b", { textContent: name }), ` KS ${ks.toFixed(3)}`, make("br"), ends];
+  return make("figure", {}, svg, make("figcaption", {}, ...words));
 }
 
 function drawn(tag, about) {
@@ -222,8 +244,9 @@ function path(d, className) {
 /** The different priors of a marginal in each set. */
 function priorsOf(page, { factor, kinds }) {
   return page.sets.map(({ about }, k) => {
-    const slots = kinds && about.slots.filter((slot) => slot.kinds.includes(kinds[k])).map((slot) => slot.name);
-    const found = about.priors.filter((one) => one.factor === factor && (slots ? slots.includes(one.entity) : one.entity === "parameters"));
+    const slots = about.slots.filter((slot) => kinds && slot.kinds.includes(kinds[k])).map((slot) => slot.name);
+    const owners = kinds ? slots : ["parameters"];
+    const found = about.priors.filter((one) => one.factor === factor && owners.includes(one.entity));
     return [...new Map(found.map((one) => [one.law, one])).values()];
   });
 }
@@ -232,40 +255,31 @@ function fileOf(page, k) {
   return `${page.about.sets[k].title}.json`;
 }
 
-/** The Python and the settings that state the objective of a page with its two sets, and which sets must be saved for it. */
+/** The Python and the settings that state the objective of a page, and which of its sets must be saved for them. */
 function statement(page) {
-  const { origins } = page.about.objective;
-  const lines = [];
+  const lines = ["import segar", ""];
   const settings = ["levels:"];
   const files = new Set();
-  const rules = new Set();
+  let ownRules = false;
   page.sets.forEach((set, k) => {
-    const { family, seed, split, own_rules } = origins[k];
-    const { count } = set;
+    const { family, seed, split, own_rules: own } = page.about.objective.origins[k];
     const role = ["train", "test"][k];
-    const prefix = k ? "test_" : "";
+    const file = fileOf(page, k);
     const named = family && !set.changed.size;
-    if (named) {
-      lines.push(`${role} = segar.family("${family}").sample(${count}, seed=${seed}${split === "train" ? "" : `, split="${split}"`})`);
-    } else {
-      files.add(k);
-      lines.push(`${role} = segar.Levels.load("${fileOf(page, k)}"${own_rules ? ", world=world" : ""})`);
-    }
-    const drawn = named && split === role;
+    const drawn = named && split === role; // as runs draw their levels
+    const options = `${set.count}, seed=${seed}${split === "train" ? "" : `, split="${split}"`}`;
+    const loaded = `segar.Levels.load("${file}"${own ? ", world=world" : ""})`;
+    lines.push(`${role} = ${named ? `segar.family("${family}").sample(${options})` : loaded}`);
+    settings.push(`  ${role}: ${drawn ? family : file}`);
+    settings.push(`  ${k ? "test_" : ""}count: ${set.count}`, `  ${k ? "test_" : ""}seed: ${drawn ? seed : 0}`);
     if (!drawn) files.add(k);
-    if (own_rules) rules.add(k);
-    settings.push(`  ${role}: ${drawn ? family : fileOf(page, k)}`, `  ${prefix}count: ${count}`, `  ${prefix}seed: ${drawn ? seed : 0}`);
+    ownRules ||= own && !drawn;
   });
-  const notes = [];
-  if (files.size) notes.push(`Save ${[...files].map((k) => fileOf(page, k)).join(" and ")} beside them.`);
-  if (rules.size) {
-    notes.push("The rules of these levels are their own, which no level file holds: world is the World in Python, and levels.world names it as module:attribute in the settings.");
-    settings.push("  world: module:attribute");
-  }
-  return {
-    python: ["import segar", "", ...lines, "print(segar.metrics.w2(train, test), segar.metrics.ks(train, test))"].join("\n"),
-    settings: settings.join("\n"),
-    note: notes.join(" "),
-    files: [...files],
-  };
+  lines.push("print(segar.metrics.w2(train, test), segar.metrics.ks(train, test))");
+  if (ownRules) settings.push("  world: module:attribute");
+  const beside = files.size ? `Save ${[...files].map((k) => fileOf(page, k)).join(" and ")} beside them.` : "";
+  const rules = "The rules of these levels are their own, which no level file holds: world is their segar.World in "
+    + "Python, and levels.world names it as module:attribute in the settings.";
+  const note = `${beside} ${ownRules ? rules : ""}`;
+  return { python: lines.join("\n"), settings: settings.join("\n"), note, files: [...files] };
 }
