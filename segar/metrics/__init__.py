@@ -8,7 +8,7 @@ from segar.metrics.entropy_estimate import SampleEntropy, sample_entropy
 from segar.metrics.kolmogorov import FactorKS, KSReport, dkw_band, ks, ks_by_factor, ks_report
 from segar.metrics.level_design import design
 from segar.metrics.level_vectors import TwoSampleTest, classifier_test, embed, energy_test, mmd_test
-from segar.metrics.marginal_distributions import component
+from segar.metrics.marginal_distributions import component, factor_distribution, parameter_distribution
 from segar.metrics.matched_sets import matched_set
 from segar.metrics.points import relevant_factors, spread
 from segar.metrics.representative_sets import (

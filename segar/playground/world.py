@@ -132,13 +132,13 @@ def _priors(distribution: LevelDistribution) -> list[dict[str, Any]]:
     for entity, laws in distribution.marginals().items():
         for factor, law in laws.items():
             if isinstance(law, Noise) and law.width == 1:
-                drawn = _density(law)
+                drawn = density(law)
                 if drawn is not None:
                     found.append({"entity": entity, "factor": factor.__name__, "law": repr(law), **drawn})
     return found
 
 
-def _density(law: Noise) -> dict[str, Any] | None:
+def density(law: Noise) -> dict[str, Any] | None:
     """Bounds of a distribution, and the probability of each bin between them; None without a distribution function."""
     try:
         low, high = (float(x) for x in np.ravel(law.support))

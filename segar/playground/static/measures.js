@@ -134,25 +134,27 @@ export class Measures {
     return sum;
   }
 
-  /** The numbers of both sets by marginal: numbers of things, components of factors, parameters. */
+  /** The numbers of both sets by marginal, with its priors: numbers of things, components of factors, parameters. */
   marginals() {
     const found = [];
-    const { types, parameters } = this.about;
+    const { types, parameters, densities } = this.about;
+    const aboutOf = ({ unit, scale, priors }, axis) =>
+      ({ unit, scale, priors: priors.map((of) => densities[of[axis]]) });
     const sorted = (numbers) => this.points.map((levels) => Float64Array.from(levels.flatMap(numbers)).sort());
-    types.forEach(({ name, kinds }, t) => {
+    types.forEach(({ name }, t) => {
       const [x, y] = sorted(({ of }) => of[t].count);
       if (!x.at(-1) && !y.at(-1)) return;
-      found.push({ name: `${name}.count`, unit: null, x, y });
+      found.push({ name: `${name}.count`, unit: null, priors: [], x, y });
       if (!x.at(-1) || !y.at(-1)) return;
-      this.names[t].forEach(({ name: part, factor, scale }, c, all) => {
+      this.names[t].forEach((one, c, all) => {
         const [of0, of1] = sorted(({ of }) =>
-          of[t].raw.filter((_, at) => at % all.length === c).map((one) => cut(one, factor.period)));
-        found.push({ name: `${name}.${part}`, unit: factor.unit, factor: factor.name, kinds, scale, x: of0, y: of1 });
+          of[t].raw.filter((_, at) => at % all.length === c).map((number) => cut(number, one.factor.period)));
+        found.push({ ...aboutOf(one.factor, one.axis), name: `${name}.${one.name}`, x: of0, y: of1 });
       });
     });
-    parameters.forEach(({ name, unit, period, scale }, p) => {
-      const [x, y] = sorted(({ world }) => cut(world[p], period));
-      found.push({ name: `world.${name}`, unit, factor: name, scale, x, y });
+    parameters.forEach((one, p) => {
+      const [x, y] = sorted(({ world }) => cut(world[p], one.period));
+      found.push({ ...aboutOf(one, 0), name: `world.${one.name}`, x, y });
     });
     return found;
   }

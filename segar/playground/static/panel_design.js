@@ -39,7 +39,7 @@ export function designPanel(page) {
       make("section", {}, make("h3", { textContent: "Factors that vary, with KS of each" }),
         said(make("span", { className: "key of0" }), ` ${about.sets[0].title}, filled; `,
           make("span", { className: "key of1" }), ` ${about.sets[1].title}, outlined. `,
-          "Dashed: priors of factors of one number."),
+          "Dashed: priors."),
         scroll("Factors", cards))),
     make("h3", { textContent: "State this objective" }),
     make("div", { className: "beside" },
@@ -92,7 +92,7 @@ export function designPanel(page) {
     }));
     const varied = marginals.filter(({ x, y }) => Math.min(x[0], y[0]) < Math.max(x.at(-1), y.at(-1)));
     varied.sort((one, other) => other.ks - one.ks);
-    cards.replaceChildren(...varied.map((one) => card(one, priorsOf(page, one))));
+    cards.replaceChildren(...varied.map((one) => card(one)));
     const weightless = varied.filter((one) => one.scale === 0);
     const words = [
       ...about.objective.unseen.map((text) => `${text}.`),
@@ -203,7 +203,7 @@ function wall(page, k) {
 }
 
 /** Histograms of a marginal in both sets over each other, and the densities of its priors. */
-function card({ name, unit, x, y, ks }, priors) {
+function card({ name, unit, priors, x, y, ks }) {
   const [low, high] = [Math.min(x[0], y[0]), Math.max(x.at(-1), y.at(-1))];
   const across = (value) => short((value - low) / (high - low) * WIDE);
   const shares = [x, y].map((numbers) => {
@@ -219,15 +219,17 @@ function card({ name, unit, x, y, ks }, priors) {
     const parts = heights.map((height, k) => `V${short(HIGH * (1 - Math.min(height / most, 1)))}H${ends[k]}`);
     return `M${across(from)},${HIGH}${parts.join("")}V${HIGH}`;
   };
-  const lines = priors.flatMap((of, k) => of.map(({ low: from, high: to, bins }) => {
+  const lines = priors.map((prior, k) => {
+    if (!prior) return "";
+    const { low: from, high: to, bins } = prior;
     if (from === to) return path(`M${across(from)},${HIGH}V0`, `prior of${k}`);
     const wide = (to - from) / bins.length / ((high - low) / BINS);
     return path(steps(bins.map((mass) => mass / wide), from, to), `prior of${k}`);
-  }));
+  });
   const svg = drawn("svg", { viewBox: `0 0 ${WIDE} ${HIGH}`, preserveAspectRatio: "none", "aria-hidden": "true" });
   svg.append(...shares.map((heights, k) => path(steps(heights, low, high), `share of${k}`)), ...lines);
   const ends = `${short(low)} to ${short(high)}${unit ? ` ${unit}` : ""}`;
-  const words = [make("b", { textContent: name }), ` KS ${ks.toFixed(3)}`, make("br"), ends];
+  const words = [make("b", { textContent: name }), ` KS\u00a0${ks.toFixed(3)}`, make("br"), ends];
   return make("figure", {}, svg, make("figcaption", {}, ...words));
 }
 
@@ -239,16 +241,6 @@ function drawn(tag, about) {
 
 function path(d, className) {
   return drawn("path", { d, class: className });
-}
-
-/** The different priors of a marginal in each set. */
-function priorsOf(page, { factor, kinds }) {
-  return page.sets.map(({ about }, k) => {
-    const slots = about.slots.filter((slot) => kinds && slot.kinds.includes(kinds[k])).map((slot) => slot.name);
-    const owners = kinds ? slots : ["parameters"];
-    const found = about.priors.filter((one) => one.factor === factor && owners.includes(one.entity));
-    return [...new Map(found.map((one) => [one.law, one])).values()];
-  });
 }
 
 function fileOf(page, k) {

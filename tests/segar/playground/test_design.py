@@ -26,9 +26,10 @@ from segar.language import (
     Tile,
     Visible,
 )
-from segar.levels import Levels
-from segar.metrics import decompose, ks, ks_by_factor, spread, unseen_differences, w2
+from segar.levels import Levels, gather
+from segar.metrics import decompose, dkw_band, ks, ks_by_factor, spread, unseen_differences, w2
 from segar.playground import make_playground
+from segar.playground.objective import described_objective
 from tests.segar.playground.browsers import Browser, Chromium
 
 pytestmark = pytest.mark.filterwarnings("ignore::segar.errors.UnseenDifferenceWarning")
@@ -114,7 +115,7 @@ def test_w2_and_ks_with_their_parts_are_those_of_python(name: str, browser: Brow
 
 
 def agree(found: dict[str, Any], a: Levels, b: Levels, scale: Any = None, same_plan: bool = False) -> None:
-    close = {"rel": 1e-9, "abs": 1e-9}
+    close: dict[str, Any] = {"rel": 1e-9, "abs": 1e-9}
     assert found["w2"] == pytest.approx(w2(a, b, scale=scale), **close)
     assert found["ks"] == pytest.approx(ks(a, b), **close)
     assert found["by"] == pytest.approx(ks_by_factor(a, b), **close)
@@ -122,6 +123,25 @@ def agree(found: dict[str, Any], a: Levels, b: Levels, scale: Any = None, same_p
     if same_plan:  # of a shift that is unique, as that of numbers drawn from densities
         parts = {name: part for name, part in decompose(a, b, scale=scale).by_name.items() if part > 0}
         assert found["parts"] == pytest.approx(parts, **close)
+
+
+def test_priors_are_those_that_the_things_of_a_kind_are_drawn_from() -> None:
+    sets = family("objectsx3-hard", 300), family("tilesx3-easy", 300)
+    found = described_objective(*sets)
+    seen = 0
+    for k, levels in enumerate(sets):
+        kinds = {kind.__name__: kind for kind in levels.layout.types}
+        factors = {one.__name__: one for one in levels.layout.factors}
+        for one in found["types"]:
+            for factor in one["factors"] if one["name"] in kinds else ():
+                numbers = gather(levels, [kinds[one["name"]]], [factors[factor["name"]]], levels.sampled_values).points
+                for axis, number in enumerate(factor["priors"][k]):
+                    law = found["densities"][number]
+                    edges = np.linspace(law["low"], law["high"], len(law["bins"]) + 1)[1:]
+                    below = (numbers[:, axis, None] <= edges + 1e-9).mean(axis=0)
+                    assert np.abs(below - np.cumsum(law["bins"])).max() < dkw_band(len(numbers), 1 - 1e-6)
+                    seen += 1
+    assert seen > 100
 
 
 @pytest.fixture(scope="module")
@@ -223,7 +243,7 @@ def test_what_it_is_made_of_is_listed(page: Any, sets: tuple[Levels, Levels]) ->
     by_factor = ks_by_factor(*sets)
     assert {name for name, value in by_factor.items() if value > 0} <= set(varied) <= set(by_factor)
     ball = page.locator(".cards figure", has_text="GolfBall.Size")
-    assert f"KS {by_factor['GolfBall.Size']:.3f}" in ball.inner_text()
+    assert f"KS\N{NO-BREAK SPACE}{by_factor['GolfBall.Size']:.3f}" in ball.inner_text()
     assert ball.locator("path.prior").count() == 2
 
 
