@@ -157,7 +157,9 @@ def index_page(names: Sequence[str]) -> str:
 def playground_of(name: str) -> str:
     """A frame with the playground of a distribution, written beside its page; the command that makes it for easier ones."""
     if not (name.endswith("-hard") or name in TASK_LEVELS):
-        return f"\n## Play it\n\n`segar playground {name} -o page.html` makes a page in which you can play these levels.\n"
+        return (
+            f"\n## Play it\n\n`segar playground {name} -o page.html` makes a page in which you can play these levels.\n"
+        )
     file = f"{name}-playground.html"
     (PLAYGROUNDS / "environments").mkdir(exist_ok=True)
     page = make_playground(segar.family(name).sample(PLAYED, seed=0, split="train"), title=name)
