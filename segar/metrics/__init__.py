@@ -36,8 +36,8 @@ __all__ = [
     "MISMATCH", "Coverage", "DebiasedW2", "Decomposition", "EntropicW2", "FactorKS", "Floor", "KSReport",
     "Representativeness", "SampleEntropy", "SlicedW2", "TwoSampleTest", "UnbalancedW2", "VisualDistance", "W2Report",
     "classifier_test", "clustering_w2", "component", "coverage", "decompose", "design", "dkw_band",
-    "effective_number", "embed", "energy_test", "ks", "ks_by_factor", "ks_report", "matched_set", "mmd_test",
-    "relevant_factors", "representativeness", "same_distribution_floor", "sample_entropy", "spread",
-    "unseen_differences", "visual_distance", "visual_w2", "w2", "w2_debiased", "w2_entropic", "w2_partial",
-    "w2_report", "w2_sliced", "w2_unbalanced",
+    "effective_number", "embed", "energy_test", "factor_distribution", "ks", "ks_by_factor", "ks_report", "matched_set",
+    "mmd_test", "parameter_distribution", "relevant_factors", "representativeness", "same_distribution_floor",
+    "sample_entropy", "spread", "unseen_differences", "visual_distance", "visual_w2", "w2", "w2_debiased",
+    "w2_entropic", "w2_partial", "w2_report", "w2_sliced", "w2_unbalanced",
 ]  # fmt: skip
