@@ -1,6 +1,7 @@
 """Browsers that tests drive: Chromium by Playwright, Firefox by its own protocol (Marionette)."""
 
 import json
+import os
 import shutil
 import time
 import warnings
@@ -107,7 +108,7 @@ def started(name: str) -> Iterator[Browser]:
             warnings.simplefilter("ignore")  # of its own dependencies
             from marionette_driver.marionette import Marionette
 
-            marionette = Marionette(bin=program("firefox"), headless=True, port=0)
+            marionette = Marionette(bin=program("firefox"), headless=True, port=0, gecko_log=os.devnull)
             marionette.start_session()
         marionette.timeout.script = 300
         try:
