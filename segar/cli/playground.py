@@ -58,11 +58,11 @@ def add_commands(commands: Any) -> None:
 def playground(chosen: argparse.Namespace) -> None:
     """``segar playground``."""
     start = time.perf_counter()
-    network, observations = None, chosen.observation
+    network, observations = None, {name: _observation(name) for name in chosen.observation or ()}
     if chosen.policy is not None:
         network, place, run = find_network(Path(chosen.policy))
-        if observations is None and run is not None:
-            observations = [observation_of(run)]
+        if run is not None:
+            observations = observations or observation_of(run)
     levels = _levels(chosen, chosen.what, chosen.split)
     test = None if chosen.test is None else _levels(chosen, chosen.test, "test")
     task = None if chosen.task is None else arguments.task_named(chosen.task, levels)
@@ -73,7 +73,7 @@ def playground(chosen: argparse.Namespace) -> None:
         levels,
         test,
         task=task,
-        observations=[_observation(one) for one in observations or ["rgb"]],
+        observations=observations or ("rgb",),
         policy=network,
         weights=chosen.weights,
         plans=chosen.plans,
@@ -113,8 +113,8 @@ def find_network(path: Path) -> tuple[Network, Path, Path | None]:
     return Network.load(path), path, None
 
 
-def observation_of(run: Path) -> Observation:
-    """What the agent of a run observes, in the units of its training levels.
+def observation_of(run: Path) -> dict[str, Observation]:
+    """What the agent of a run observes, in the units of its training levels, by its name in the settings.
 
     The settings are read as plain data, and nothing that they name is imported.
 
@@ -138,16 +138,17 @@ def observation_of(run: Path) -> Observation:
     except (TypeError, SegarError) as error:
         raise SegarError(f"{path}: the observation {name!r} cannot be made: {error}; {advice}") from error
     train = run / LEVELS_TRAIN
-    return trained_on(made, Levels.load(train)) if hasattr(made, "trained_on") and train.exists() else made
+    is_known = not hasattr(made, "trained_on") or not train.exists()
+    return {name: made if is_known else trained_on(made, Levels.load(train))}
 
 
 def _written(path: Path) -> float:
     return path.stat().st_mtime
 
 
-def _observation(one: str | Observation) -> str | Observation:
-    """An observation, its name, or the one that ``module:attribute`` names."""
-    return make_observation(named_or_made(one)) if isinstance(one, str) and ":" in one else one
+def _observation(name: str) -> Observation:
+    """The observation of SEGAR, or the one that ``module:attribute`` names."""
+    return make_observation(named_or_made(name) if ":" in name else name)
 
 
 def _levels(chosen: argparse.Namespace, what: str, split: str) -> Levels:

@@ -4,7 +4,7 @@ import base64
 import gzip
 import html
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -18,7 +18,7 @@ from segar.playground.comparison import described_baselines
 from segar.playground.modules import Blobs
 from segar.playground.objective import described_objective
 from segar.playground.policy import Weights, described_policy
-from segar.playground.world import described_set, named
+from segar.playground.world import described_set, name_of
 from segar.policies import Network, NetworkPolicy
 from segar.support import __version__, replacing
 from segar.tasks import task_of
@@ -65,7 +65,7 @@ def make_playground(
     test: Levels | None = None,
     *,
     task: Task | None = None,
-    observations: Sequence[str | Observation] = ("rgb",),
+    observations: Sequence[str | Observation] | Mapping[str, str | Observation] = ("rgb",),
     policy: Network | NetworkPolicy | None = None,
     weights: Weights = "float32",
     plans: bool = False,
@@ -77,7 +77,8 @@ def make_playground(
         levels: at most 2,000. Observations show all levels in the units of these, as a policy trained on them needs it.
         test: levels of another distribution, beside which the first ones are shown as training levels.
         task: what is played; the one that the levels name where it is None.
-        observations: what agents see, shown beside the arena, each one array; a policy reads the first one.
+        observations: what agents see, shown beside the arena, each one array; a policy reads the first one. A mapping says
+            what the page calls them.
         policy: plays at a touch of a button, with the actions of :class:`segar.policies.NetworkPolicy`, to the bit; those
             without noise where a network is given.
         weights: of the policy, as "float32"; or as "float16", which makes the page smaller: it then plays
@@ -98,7 +99,8 @@ def make_playground(
             _require_levels(part)
     title = title or levels.provenance.name or "levels made by hand"
     blobs = Blobs()
-    seen = [(named(one), trained_on(one, levels)) for one in observations]
+    named = observations.items() if isinstance(observations, Mapping) else [(name_of(one), one) for one in observations]
+    seen = [(name, trained_on(one, levels)) for name, one in named]
     sets = []
     for part, name in ((levels, "train" if test is not None else "levels"), (test, "test")):
         if part is not None:

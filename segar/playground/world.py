@@ -85,7 +85,7 @@ def described_set(
     }
 
 
-def named(observation: str | Observation) -> str:
+def name_of(observation: str | Observation) -> str:
     """What a page calls an observation."""
     return observation if isinstance(observation, str) else type(observation).__name__
 

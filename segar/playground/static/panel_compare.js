@@ -42,12 +42,14 @@ export function comparePanel(page) {
 
   async function playAll() {
     const { set, seed } = page;
+    const lacking = players.filter((one) => one !== "you" && page.levels.levelNumbers.some((level) => results.returned(set, one, level) === undefined));
     all.disabled = true;
-    for (const one of players.filter((name) => name !== "you" && results.returned(set, name, page.levels.count - 1) === undefined)) {
-      await results.playAll(set, one, seed, () => { all.textContent = `Play all levels (${PLAYERS[one]} plays)`; });
+    try {
+      for (const one of lacking) await results.playAll(set, one, seed, () => { all.textContent = `Play all levels (${PLAYERS[one]} plays)`; });
+    } finally {
+      all.disabled = false;
+      all.textContent = "Play all levels";
     }
-    all.disabled = false;
-    all.textContent = "Play all levels";
     page.watch?.update();
     update();
   }

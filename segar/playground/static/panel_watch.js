@@ -47,8 +47,11 @@ export function watchPanel(page) {
   /** Play what has not been played yet. */
   async function playAll() {
     all.disabled = true;
-    for (const { set } of strips) await results.playAll(set, "agent", page.seed, () => later());
-    all.disabled = false;
+    try {
+      for (const { set } of strips) await results.playAll(set, "agent", page.seed, later);
+    } finally {
+      all.disabled = false;
+    }
     update();
     page.compare.update();
   }

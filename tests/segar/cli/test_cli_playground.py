@@ -95,10 +95,10 @@ def test_a_run_folder_gives_its_newest_network_and_what_it_observes(capsys, run)
     def page(**options):
         return make_playground(levels, policy=Network.load(newest), **options).html
 
-    assert Path("page.html").read_text() == page(observations=[seen])
+    assert Path("page.html").read_text() == page(observations={"state": seen})
     evaluation = newest.parent
     shown(capsys, "empty-easy", "-n", 3, "--policy", evaluation, "--weights", "float16", "-o", "page.html")
-    assert Path("page.html").read_text() == page(observations=[seen], weights="float16")
+    assert Path("page.html").read_text() == page(observations={"state": seen}, weights="float16")
 
 
 def test_what_cannot_be_used_is_said_in_one_line(capsys, run, tmp_path):
