@@ -18,7 +18,7 @@ import torch
 from torch import nn
 
 from experiments.algorithms.learner import Learner
-from experiments.runs.executed_code import data_of, differing_parts
+from experiments.runs.executed_code import differing_parts, files_of_code
 from experiments.runs.files import replacing, write_bytes
 from experiments.runs.run_folder import CHECKPOINT, CONFIG, DAMAGED, PREVIOUS, VERSIONS, read_versions
 from experiments.settings import CheckpointError, RunConfig, TrainingError, label_in_0_1
@@ -96,7 +96,7 @@ def resume_checkpoint(
             "Go back to that configuration, or train anew with restart=true"
         )
     # The evaluation after the last checkpoint may have read further files.
-    recorded = data_of(read_versions(folder)["code"]) if (folder / VERSIONS).exists() else {}
+    recorded = files_of_code(read_versions(folder)["code"]) if (folder / VERSIONS).exists() else {}
     differing = differing_parts({**recorded, **content["code"]}, code)
     if differing:
         raise CheckpointError(

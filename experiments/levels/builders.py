@@ -248,7 +248,8 @@ def check_observations(config: RunConfig, train: Levels, test: Levels) -> None:
 
 
 def check_results(config: RunConfig, train: Levels, test: Levels) -> None:
-    """Raises :class:`ConfigError` unless each of the task's own results can be computed of the states at a reset."""
+    """Raises :class:`ConfigError` unless each of the task's own results can be computed of the states at a reset, twice the
+    same."""
     options = environment_options(config, train=train)
     for levels in (train, test):
         env = VectorEnv(levels, RESULT_ENVS, seed=0, **options)
@@ -260,12 +261,17 @@ def check_results(config: RunConfig, train: Levels, test: Levels) -> None:
                 " as factors['Position'][:, 0], and returns an array (num_envs, ...), a row for each environment"
             )
             try:
-                values = function(info["factors"])
+                values, again = function(info["factors"]), function(info["factors"])
             except Exception as error:  # the user's code may raise anything
                 raise ConfigError(f"{result} raises {type(error).__name__}: {error}. {fix}") from error
             shape = np.shape(values)
             if shape[:1] != (RESULT_ENVS,):
                 raise ConfigError(f"{result} has the shape {shape} for {RESULT_ENVS} environments. {fix}")
+            if repr(np.asarray(values).tolist()) != repr(np.asarray(again).tolist()):
+                raise ConfigError(
+                    f"{result} differs when it is computed again of the same factors. It may draw random numbers, read a clock,"
+                    " or count its calls, so nobody could repeat it. Compute it from the factors alone"
+                )
         env.close()
 
 

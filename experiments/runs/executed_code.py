@@ -6,8 +6,9 @@ not change with comments, docstrings, layout, or the texts of error messages. Th
 the tracking and the report are no part of it: a run does not execute them.
 
 Beside the parts stand the user's own files, whose names have a slash: the source files that the modules reach
-(``my_lab/helpers.py``), and the data files that these have read so far (``my_lab/scale.json``). What a run has recorded of
-files is compared with what is in them now. So it does not matter which of them the process that compares has read.
+(``my_lab/helpers.py``) or have loaded so far by whatever means, and the data files that these have read so far
+(``my_lab/scale.json``). What a run has recorded of files is compared with what is in them now. So it does not matter which of
+them the process that compares has read.
 """
 
 import ast
@@ -15,7 +16,9 @@ import hashlib
 import re
 import sys
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from functools import cache
+from importlib.util import resolve_name
 from pathlib import Path
 
 import segar
@@ -24,7 +27,16 @@ from experiments.runs.own_modules import find_file, modules_named, source_of
 from experiments.runs.run_folder import VERSIONS, read_versions
 from experiments.runs.versions import levels_hash
 from experiments.settings import RunConfig, as_data
-from experiments.settings.files_read import OURS, data_read, data_to_read, file_digest, is_installed, source_name
+from experiments.settings.files_read import (
+    OURS,
+    data_read,
+    data_to_read,
+    file_digest,
+    is_installed,
+    is_source,
+    source_name,
+)
+from experiments.settings.source_text import normalised
 from segar.engine import generate
 from segar.envs import world_of
 from segar.levels import Levels
@@ -59,22 +71,20 @@ def played_code(config: RunConfig) -> dict[str, str]:
 
 
 def with_data(code: Mapping[str, str]) -> dict[str, str]:
-    """``code`` with the data files that its own modules have read by now; what it says of a file already stays."""
+    """``code`` with the files that its own modules have read and loaded by now; what it says of a file already stays."""
     found = (find_file(name) for name in _sources(code))
     return {**data_read([path for path in found if path is not None]), **code}
 
 
-def without_sources(code: Mapping[str, str]) -> dict[str, str]:
-    """``code`` without the source files, whose content the parts for modules have, too."""
-    sources = _sources(code)
-    return {name: content for name, content in code.items() if name not in sources}
+def without_modules(code: Mapping[str, str]) -> dict[str, str]:
+    """``code`` without the parts for modules, whose content the source files have, too."""
+    packages = {re.split(r"[/.]", name.removeprefix("./"))[0] for name in _sources(code)}
+    return {name: one for name, one in code.items() if "/" in name or name.partition(".")[0] not in packages}
 
 
-def data_of(code: Mapping[str, str] | str) -> dict[str, str]:
-    """The data files in ``code``; none in that of 0.1."""
-    if isinstance(code, str):
-        return {}
-    return {name: content for name, content in without_sources(code).items() if "/" in name}
+def files_of_code(code: Mapping[str, str] | str) -> dict[str, str]:
+    """The user's files in ``code``; none in that of 0.1."""
+    return {} if isinstance(code, str) else {name: content for name, content in code.items() if "/" in name}
 
 
 def probed_levels(config: RunConfig, split: str) -> Levels:
@@ -88,7 +98,7 @@ def combined(parts: Mapping[str, str] | str) -> str:
     """Sixteen hexadecimal digits for all parts together; those that 0.1 recorded as they are."""
     if isinstance(parts, str):
         return parts
-    return _digest(f"{name}={value}".encode() for name, value in sorted(without_sources(parts).items()))
+    return _digest(f"{name}={value}".encode() for name, value in sorted(without_modules(parts).items()))
 
 
 def changed_parts(folder: Path, code: Mapping[str, str] | None) -> list[str]:
@@ -115,7 +125,7 @@ def differing_parts(before: Mapping[str, str] | str, now: Mapping[str, str]) -> 
 
 def fingerprint(module: str) -> str:
     """Sixteen hexadecimal digits over ``module`` and all modules that it reaches."""
-    return _digest(_normalised(path) for _, path in sorted(modules_reached(module).items()))
+    return _digest(normalised(path) for _, path in sorted(modules_reached(module).items()))
 
 
 def modules_reached(module: str) -> dict[str, Path]:
@@ -155,6 +165,17 @@ def _imports(module: str, path: Path) -> Iterator[str]:
             above = ".".join(package.split(".")[: len(package.split(".")) + 1 - node.level]) if node.level else ""
             source = ".".join(part for part in (above, node.module) if part)
             yield from (source, *(f"{source}.{alias.name}" for alias in node.names))
+        elif isinstance(node, ast.Call) and (called := _name_imported(node)):
+            with suppress(ImportError):  # from beyond the top of the package, which the call says to its caller
+                yield resolve_name(called, package)
+
+
+def _name_imported(call: ast.Call) -> str:
+    """The module that ``importlib.import_module("name")`` or ``__import__("name")`` imports; empty for any other call."""
+    name = getattr(call.func, "attr", getattr(call.func, "id", ""))
+    first = call.args[0] if call.args else None
+    is_named = isinstance(first, ast.Constant) and isinstance(first.value, str)
+    return first.value if is_named and name in ("import_module", "__import__") else ""
 
 
 def _played(config: RunConfig) -> dict[str, str]:
@@ -173,27 +194,25 @@ def _played(config: RunConfig) -> dict[str, str]:
 
 def _with_files(parts: Mapping[str, str], named: Iterable[str], others: Iterable[str] = ()) -> dict[str, str]:
     """``parts`` with one for each module in ``named`` that has a file, the source files that these and ``others`` reach, and
-    the data files that they read."""
+    the files that they read and loaded."""
     modules = sorted(name for name in named if source_of(name) is not None)
     reached = {name: path for module in (*modules, *others) for name, path in modules_reached(module).items()}
     own = {name: path for name, path in reached.items() if name.partition(".")[0] not in OURS}
     packages = {name[: dot.start()] for name in own for dot in re.finditer(r"\.", name)}  # Python executes these, too
     own |= {name: path for name in packages if (path := source_of(name)) is not None}
-    sources = {source_name(name, path): _digest([_normalised(path)]) for name, path in own.items()}
+    sources = {source_name(name, path): file_digest(path) for name, path in own.items()}
     return {**parts, **{module: fingerprint(module) for module in modules}, **sources, **data_to_read(own.values())}
 
 
 def _sources(names: Iterable[str]) -> set[str]:
     """Those of the names that are of source files."""
-    return {name for name in names if "/" in name and name.endswith(".py")}
+    return {name for name in names if "/" in name and is_source(name)}
 
 
 def _content_now(name: str) -> str:
     """The fingerprint of what is in a file now; empty where there is none."""
     path = find_file(name)
-    if path is None:
-        return ""
-    return _digest([_normalised(path)]) if name.endswith(".py") else file_digest(path)
+    return "" if path is None else file_digest(path)
 
 
 @cache
@@ -201,7 +220,7 @@ def _library(rooms: tuple[str, ...]) -> str:
     """The fingerprint of rooms of ``segar``, with the data that they ship."""
     folder = Path(segar.__file__).resolve().parent
     files = [path for room in rooms for path in sorted((folder / room).rglob("*")) if path.suffix in (".py", ".npz")]
-    return _digest(_normalised(path) if path.suffix == ".py" else path.read_bytes() for path in files)
+    return _digest(normalised(path) if path.suffix == ".py" else path.read_bytes() for path in files)
 
 
 def _digest(contents: Iterable[bytes]) -> str:
@@ -209,29 +228,3 @@ def _digest(contents: Iterable[bytes]) -> str:
     for content in contents:
         digest.update(hashlib.sha256(content).digest())
     return digest.hexdigest()[:16]
-
-
-def _normalised(path: Path) -> bytes:
-    """The syntax tree of a file without docstrings and without the texts of what it raises, its imports in order of name."""
-    tree = ast.parse(path.read_bytes())
-    tree.body.sort(key=_import_order)
-    for node in ast.walk(tree):
-        body = getattr(node, "body", None)
-        if isinstance(body, list):
-            kept = [one for one in body if not (isinstance(one, ast.Expr) and _is_text(one.value))]
-            node.body = kept  # type: ignore[attr-defined]
-        if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call):
-            node.exc.args = [argument for argument in node.exc.args if not _is_text(argument)]
-    return ast.dump(tree).encode()
-
-
-def _import_order(statement: ast.stmt) -> str:
-    """Puts imports first, sorted, and leaves all other statements in the order in which they stand."""
-    if not isinstance(statement, ast.Import | ast.ImportFrom):
-        return "~"
-    statement.names.sort(key=lambda alias: (alias.name, alias.asname or ""))
-    return ast.dump(statement)
-
-
-def _is_text(node: ast.AST) -> bool:
-    return isinstance(node, ast.JoinedStr) or (isinstance(node, ast.Constant) and isinstance(node.value, str))

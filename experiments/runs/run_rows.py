@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.runs.executed_code import combined, without_sources
+from experiments.runs.executed_code import combined, without_modules
 from experiments.runs.journal import read_journal
 from experiments.runs.level_prints import is_own, prints_in, share_of
 from experiments.runs.run_folder import (
@@ -69,7 +69,7 @@ class RunRow:
     figures: Mapping[str, float] = field(default_factory=dict)
     sweep: str = ""
     computed_with: str = ""  # what decided the last bits, see :func:`experiments.runs.versions.computed_with`
-    code: Mapping[str, str] = field(default_factory=dict)  # as executed_code of this room, without source files
+    code: Mapping[str, str] = field(default_factory=dict)  # as executed_code of this room, without modules
     seen: float = 0.0  # the share of the test levels that are among the training levels
     unscored: str = ""  # why score and regret of its evaluation are left out
     planner: str = ""  # the search behind its score, as settings of experiments.evaluate; empty where that is not known
@@ -253,7 +253,7 @@ def _row(folder: Path, trusted: Collection[str]) -> RunRow:
             return RunRow(folder, state, journal[-1].get("error", "") if journal else "", settings, sweep=sweep)
         about = read_versions(folder) if (folder / VERSIONS).exists() else {}
         code = about.get("code", {})
-        parts = {"all": code} if isinstance(code, str) else without_sources(code)  # 0.1 recorded no parts
+        parts = {"all": code} if isinstance(code, str) else without_modules(code)  # 0.1 recorded no parts
         figures, seen = _figures(folder), _seen(folder, config.levels, about)
         scores, unscored, planner = _score(folder, config)
         return RunRow(

@@ -13,7 +13,7 @@ from experiments.algorithms.learner import Learner
 from experiments.commands.signals import SignalMonitor
 from experiments.evaluation.episodes import mean_figures, play_in_modes
 from experiments.levels.builders import environment_options
-from experiments.runs.executed_code import data_of, with_data
+from experiments.runs.executed_code import files_of_code, with_data
 from experiments.runs.journal import Journal
 from experiments.runs.run_folder import (
     METRIC_SCHEMA,
@@ -76,7 +76,7 @@ class Training:
                 f"the run in {self.folder} was begun on other levels than those that {self.config.levels.train} gives "
                 "now. Go back to that definition, or train anew with restart=true"
             )
-        before = data_of(read_versions(self.folder)["code"])  # what the run read until it was interrupted
+        before = files_of_code(read_versions(self.folder)["code"])  # what the run read until it was interrupted
         self.code = {**before, **self.code}
         self.seconds = extra["seconds"]
         frames = self.journal.frames = self.learner.frames

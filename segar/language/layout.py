@@ -206,7 +206,14 @@ class Results(OnAccess):
     def __getitem__(self, name: str) -> Any:
         if name not in self._functions:
             raise SegarError(f"this task has no result '{name}'.{did_you_mean(name, self._functions)}")
-        return self._functions[name](self._factors)
+        values, expected = self._functions[name](self._factors), self._factors.num_envs
+        shape = tuple(np.shape(values))
+        if shape[:1] != (expected,):
+            raise SegarError(
+                f"the result '{name}' of the task has the shape {shape} for {expected} environments. It must return an array"
+                " (num_envs, ...), a row for each environment"
+            )
+        return values
 
 
 class SingleResults(OnAccess):

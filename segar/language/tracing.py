@@ -2,6 +2,9 @@
 
 ``bool()`` of a symbolic condition calls the tracer, which answers True first, and then runs the function again for
 False. A condition that was decided on a path keeps its answer.
+
+A function is traced twice. What differs between the two, as random numbers of Python and numpy and the time do, would be a
+constant in the kernel, so it is refused.
 """
 
 from __future__ import annotations
@@ -16,6 +19,7 @@ from segar.errors import RuleError
 from segar.language import random, symbols
 from segar.language.effects import Effect
 from segar.language.factors import Factor
+from segar.language.generators import generators_of, restore, state_of
 from segar.language.symbols import NO_NUMPY, Symbol, as_symbol, as_truth, walk
 from segar.language.values import VectorValue
 
@@ -83,14 +87,38 @@ def trace(function: Callable[..., Any], arguments: list[Any], finish: Callable[[
     """The decision tree of ``function(*arguments)``.
 
     Args:
-        function: plain Python; called once per path.
+        function: plain Python; called twice per path.
         arguments: symbolic arguments.
         finish: turns what the function returned into a leaf.
         where: name and place of the function, for messages.
 
     Raises:
-        RuleError: anything that cannot be traced, at the author's line; more than 64 paths.
+        RuleError: anything that cannot be traced, at the author's line; more than 64 paths; a function that draws from a
+            generator of Python or numpy, or that computes something else when it is called again.
     """
+    generators = generators_of(function)
+    before = [state_of(one) for one in generators]
+    try:
+        tree = _explore_all(function, arguments, finish, where)
+        if [state_of(one) for one in generators] != before:
+            raise RuleError(
+                f"{where}: draws from a generator of random numbers, of Python or numpy. SEGAR calls the function when it"
+                " compiles it and never again, so one draw would stay for all time. A rule draws with segar.random.uniform,"
+                " normal or bernoulli; a number that is drawn once belongs outside the function"
+            )
+        if not _is_same(tree, _explore_all(function, arguments, finish, where)):
+            raise RuleError(
+                f"{where}: computes something else when it is called again. It may read a clock, count its calls or draw random"
+                " numbers. SEGAR calls the function when it compiles it and never again, so what it read would stay for all"
+                " time. A rule draws with segar.random.uniform, normal or bernoulli, and keeps what changes in a factor"
+            )
+    finally:
+        for one, state in zip(generators, before, strict=True):
+            restore(one, state)
+    return tree
+
+
+def _explore_all(function: Callable[..., Any], arguments: list[Any], finish: Callable[[Any], Leaf], where: str) -> Tree:
     paths = 0
 
     def explore(prefix: list[tuple[Symbol, bool]]) -> Tree:
@@ -110,6 +138,18 @@ def trace(function: Callable[..., Any], arguments: list[Any], finish: Callable[[
         return tree
 
     return explore([])
+
+
+def _is_same(one: Tree, other: Tree) -> bool:
+    """Whether two trees are equal; equal expressions are one object."""
+    if isinstance(one, Branch) and isinstance(other, Branch):
+        return one.condition is other.condition and _is_same(one.yes, other.yes) and _is_same(one.no, other.no)
+    return isinstance(one, Leaf) and isinstance(other, Leaf) and _parts(one) == _parts(other)
+
+
+def _parts(leaf: Leaf) -> list[Any]:
+    effects = [(e.kind, e.argument, e.factor, *map(id, e.components)) for e in leaf.effects]
+    return [id(leaf.value), *effects]
 
 
 def _run(

@@ -29,6 +29,7 @@ RELATED = {
     "data read at import": ("windlab/mass.json", "1.2", "1.3", "levels, windlab/mass.json"),
     "data of an observation": ("windlab/scale.json", "2.0", "2.5", "windlab/scale.json"),
     "data of a result": ("windlab/weight.json", "3.0", "4.0", "windlab/weight.json"),
+    "module loaded late": ("windlab/late.py", "SIGN = 1.0", "SIGN = -1.0", "windlab/late.py"),
     "data of seldom levels": ("windlab/seldom.json", "0.2", "0.1", "windlab/seldom.json"),
 }
 UNRELATED = {
@@ -37,6 +38,7 @@ UNRELATED = {
     "docstring of a module": ("windlab/helper.py", "What several modules share.", "Numbers."),
     "docstring of a function in a function": ("windlab/tasks.py", "Less for a ball", "Little for a ball"),
     "docstring of a learner": ("windlab/learn.py", "The learner.", "It learns."),
+    "docstring of a module loaded late": ("windlab/late.py", "is computed", "a function computes"),
     "order of imports": (
         "windlab/levels.py",
         "import json\nfrom pathlib import Path\n\nimport numpy as np\n\nimport segar\nfrom windlab.physics import Gust, wind",
@@ -99,14 +101,16 @@ def test_an_edit_that_changes_nothing_is_not_noticed(study, file, old, new):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("data", [("scale", "2.0", "2.5"), ("weight", "3.0", "4.0"), ("seldom", "0.2", "0.1")])
+@pytest.mark.parametrize(
+    "data", [("scale.json", "2.0", "2.5"), ("weight.json", "3.0", "4.0"), ("late.py", "1.0", "2.0")]
+)
 def test_an_interrupted_run_does_not_go_on_with_other_data(study, data):
     folder = next((study / "runs").glob("*/summary.json"))
     folder.unlink()  # as a run that was interrupted at its end
-    edit(study, f"windlab/{data[0]}.json", *data[1:])
+    edit(study, f"windlab/{data[0]}", *data[1:])
     done = train(study)
     assert done.returncode == 1
-    assert f"was written by other code: windlab/{data[0]}.json changed since" in done.stderr
+    assert f"was written by other code: windlab/{data[0]} changed since" in done.stderr
     assert "train anew with stale=anew" in done.stderr
     assert train(study, "stale=anew").returncode == 0
 

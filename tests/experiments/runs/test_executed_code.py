@@ -1,15 +1,24 @@
 """What a run may be resumed under: the code that it executes, whoever wrote that code, and nothing else."""
 
 import dataclasses
+import importlib
 import shutil
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
 import segar
 from experiments.runs import executed_code as module
-from experiments.runs.executed_code import combined, differing_parts, executed_code, fingerprint, modules_reached
+from experiments.runs.executed_code import (
+    combined,
+    differing_parts,
+    executed_code,
+    fingerprint,
+    modules_reached,
+    with_data,
+)
 from experiments.settings import LevelsConfig, ObservationConfig, PPOConfig, RunConfig, SACConfig
 
 CONFIG = RunConfig(levels=LevelsConfig(train="empty-easy", count=2, test_count=2))
@@ -110,6 +119,36 @@ def test_data_that_a_distribution_reads_count(package):
     (package / "width.json").write_text("0.25")
     del sys.modules["my_lab.levels"]
     assert differing_parts(before, executed_code(config)) == ["levels", "my_lab/width.json"]
+
+
+LOADER = """import importlib
+from segar.observations import StateVector
+
+def seen():
+    late = importlib.import_module({name})
+    return StateVector(entities=late.SHOWN)
+"""
+
+
+@pytest.mark.parametrize("name", ["'my_lab.late'", "'.late', __package__", "'my_lab.' + 'late'"])
+def test_a_module_that_is_loaded_by_its_name_counts(package, name):
+    (package / "seen.py").write_text(LOADER.format(name=name))
+    (package / "late.py").write_text("SHOWN = ['golfball']\n")
+    config = dataclasses.replace(CONFIG, observation=ObservationConfig("my_lab.seen:seen"))
+    begun = executed_code(config)
+    with ThreadPoolExecutor(1) as pool:  # with no own module beneath it that the run does not reach, such as this one
+        pool.submit(importlib.import_module("my_lab.seen").seen).result()
+    ended = with_data(begun)
+    assert "my_lab/late.py" in ended
+    edited(package / "late.py", "['golfball']", "['golfball']  # the ball")
+    assert not differing_parts(ended, executed_code(config))
+    edited(package / "late.py", "['golfball']", "['golfball', 'goal']")
+    assert differing_parts(ended, executed_code(config)) == ["my_lab/late.py"]
+    for loaded in ("late", "seen"):
+        sys.modules.pop(f"my_lab.{loaded}", None)
+    with ThreadPoolExecutor(1) as pool:
+        pool.submit(importlib.import_module("my_lab.seen").seen).result()
+    assert combined(with_data(executed_code(config))) != combined(ended)
 
 
 def test_every_module_that_a_setting_names_counts(package):

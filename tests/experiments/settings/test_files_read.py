@@ -1,6 +1,7 @@
 """The record of the data files that a user's own modules read."""
 
 import importlib
+import py_compile
 import sys
 from concurrent.futures import ThreadPoolExecutor
 
@@ -49,9 +50,10 @@ def test_what_modules_read_when_they_are_imported_and_called_is_recorded_with_it
 def test_files_belong_to_all_modules_that_had_them_read(lab):
     called(importlib.import_module("some_lab.levels").late)
     called(importlib.import_module("some_lab.reader").read, "other.json")
-    assert {*read_by(lab)} == {"some_lab/width.json", "some_lab/late.json", "some_lab/other.json"}
+    all_data = {"some_lab/width.json", "some_lab/late.json", "some_lab/other.json"}
+    assert {*read_by(lab)} == all_data
     assert {*read_by(lab, "reader")} == {"some_lab/other.json"}
-    assert not read_by(lab, "levels")
+    assert {*read_by(lab, "levels")} == {"some_lab/reader.py", *all_data}  # it loaded the reader
 
 
 def test_what_begins_after_an_edit_reads_anew_what_functions_read_and_not_what_imports_read(lab):
@@ -117,3 +119,70 @@ def test_source_files_are_named_from_the_folder_that_they_are_imported_from(lab)
     assert source_name("some_lab.levels", lab / "levels.py") == "some_lab/levels.py"
     assert source_name("some_lab", lab / "__init__.py") == "some_lab/__init__.py"
     assert source_name("alone", lab / "alone.py") == "./alone.py"
+
+
+LOADS = "import importlib, importlib.util, runpy, sys\nfrom pathlib import Path\nHERE = Path(__file__).parent\nNAME = 'late'\n"
+FROM_FILE = (
+    "s = importlib.util.spec_from_file_location('odd', HERE / 'late.py'); it = importlib.util.module_from_spec(s); "
+)
+MEANS = {
+    "import_module": "it = importlib.import_module(f'some_lab.{NAME}')",
+    "__import__": "it = __import__(f'some_lab.{NAME}', fromlist=['WIDTH'])",
+    "exec_module": FROM_FILE + "s.loader.exec_module(it)",
+    "exec_module, registered": FROM_FILE + "sys.modules['odd'] = it; s.loader.exec_module(it)",
+    "run_path": "runpy.run_path(str(HERE / 'late.py'))",
+    "exec of text": "exec((HERE / 'late.py').read_text(), {})",
+}
+
+
+@pytest.mark.parametrize("is_compiled", [False, True], ids=["first time", "compiled before"])
+@pytest.mark.parametrize("place", ["top", "function"])
+@pytest.mark.parametrize("load", MEANS.values(), ids=MEANS)
+def test_a_module_that_is_loaded_by_any_means_is_recorded_with_what_it_reads(
+    lab, load, place, is_compiled, monkeypatch
+):
+    code = "from pathlib import Path\nWIDTH = (Path(__file__).parent / 'width.json').read_text()\n"
+    code = "WIDTH = 1\n" if "exec((" in load else code  # such text has no file
+    (lab / "late.py").write_text(code)
+    (lab / "levels.py").write_text(f"{LOADS}{load}\n" if place == "top" else f"{LOADS}def late():\n    {load}\n")
+    monkeypatch.setattr("sys.dont_write_bytecode", False)
+    if is_compiled:
+        py_compile.compile(str(lab / "late.py"))
+    levels = importlib.import_module("some_lab.levels")
+    if place == "function":
+        called(levels.late)
+    sys.modules.pop("odd", None)
+    found = read_by(lab, "levels")
+    assert found["some_lab/late.py"] == file_digest(lab / "late.py")
+    assert ("some_lab/width.json" in found) == ("exec((" not in load)
+    (lab / "late.py").write_text('"""Why."""\n' + code)
+    assert found["some_lab/late.py"] == file_digest(lab / "late.py")
+    (lab / "late.py").write_text(code + "DEPTH = 2\n")
+    assert found["some_lab/late.py"] != file_digest(lab / "late.py")
+
+
+def test_what_a_loaded_module_loads_is_recorded_for_those_who_loaded_it(lab):
+    (lab / "late.py").write_text("from some_lab import deep\n")
+    (lab / "deep.py").write_text("from some_lab.reader import read\nread('other.json')\n")
+    (lab / "levels.py").write_text(f"{LOADS}{MEANS['import_module']}\n")
+    importlib.import_module("some_lab.levels")
+    expected = {f"some_lab/{name}" for name in ("late.py", "deep.py", "reader.py", "other.json")}
+    assert {*read_by(lab, "levels")} == expected
+    assert not read_by(lab, "other")
+
+
+def test_source_that_a_warning_shows_is_not_read(lab):
+    (lab / "levels.py").write_text(
+        "import linecache\nfrom pathlib import Path\nlinecache.getlines(str(Path(__file__).parent / 'reader.py'))\n"
+    )
+    importlib.import_module("some_lab.levels")
+    assert not read_by(lab, "levels")
+
+
+def test_a_file_of_another_language_with_the_suffix_of_python_counts_as_it_is(lab):
+    (lab / "late.py").write_text("{{ no python }}")
+    (lab / "levels.py").write_text("from some_lab.reader import read\nX = read('late.py')\n")
+    importlib.import_module("some_lab.levels")
+    found = read_by(lab)["some_lab/late.py"]
+    (lab / "late.py").write_text("{{ nothing }}")
+    assert found != file_digest(lab / "late.py")

@@ -1,6 +1,7 @@
 """A task of its own."""
 
 import dataclasses
+import importlib
 import json
 from pathlib import Path
 
@@ -8,8 +9,9 @@ import segar
 
 
 def weighed(factors):
-    """The mass of the ball times what a file says."""
-    return json.loads((Path(__file__).parent / "weight.json").read_text()) * factors["Mass"][:, 0]
+    """The mass of the ball times what a file and a module say."""
+    late = importlib.import_module(f"{__package__}.late")
+    return late.SIGN * json.loads((Path(__file__).parent / "weight.json").read_text()) * factors["Mass"][:, 0]
 
 
 def slow_task():

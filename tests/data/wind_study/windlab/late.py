@@ -1,0 +1,3 @@
+"""What is loaded by a name that is computed."""
+
+SIGN = 1.0
