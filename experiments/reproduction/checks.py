@@ -8,7 +8,7 @@ from typing import Any
 from experiments.evaluation.transfers import RunTask
 from experiments.levels.builders import check_observations, distribution_of, environment_options
 from experiments.levels.mixed_levels import check_fits, places
-from experiments.reproduction.experiment_file import OF_TASK, ClaimConfig, Experiment, claim_config
+from experiments.reproduction.experiment_file import OF_GRID, OF_TASK, ClaimConfig, Experiment, claim_config
 from experiments.reproduction.grid import (
     AGENT_SEED,
     NUMBERS_OF_LEVELS,
@@ -48,7 +48,9 @@ def check_objects(runs: Iterable[RunConfig]) -> None:
                 if ":" in name and not name.startswith("experiments.") and is_new(name):
                     import_object(name, "algorithm")
         except SegarError as error:
-            raise ConfigError(f"{run.label()}: {error}") from error
+            setting, _, problem = str(error).partition(": ")
+            place = f"grid.{OF_GRID[setting]}: {problem}" if setting in OF_GRID else f"{run.label()}: {error}"
+            raise ConfigError(place) from error
 
 
 def check_transfers(works: Iterable[RunTask]) -> None:

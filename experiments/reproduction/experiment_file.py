@@ -85,6 +85,8 @@ def check_vary(place: str, vary: Mapping[str, Any]) -> None:
     for name, values in vary.items():
         require(name not in OF_GRID, f"{place}.{name}", name, f"varied by grid.{OF_GRID.get(name)}")
         require(isinstance(values, list | tuple) and bool(values), f"{place}.{name}", values, "a list of values")
+        once = len({*map(repr, values)}) == len(values)
+        require(once, f"{place}.{name}", values, "a list of values, each once")
 
 
 def check_variation(place: str, name: str) -> None:
@@ -100,6 +102,7 @@ OF_GRID = {
     "scale.frames": "frames", "evaluation.interval": "interval", "seed": "seeds",
 }  # fmt: skip
 NOT_EMPTY = that(bool, "one or more")
+EACH_ONCE = that(lambda values: 0 < len(set(values)) == len(values), "one or more, each once")
 SIGNS = {"negative": -1, "positive": 1, "none": 0}
 OF_TASK = re.compile(rf"{RESULTS}.+_(train|test)")  # columns of what the task says of the last state of episodes
 TESTS = ("correlation", "difference", "mean")
@@ -163,17 +166,17 @@ def claim_config(claim: Any, place: str) -> ClaimConfig:
     return construct(ClaimConfig, claim, place)
 
 
-Names = Annotated[tuple[str, ...], NOT_EMPTY]
+Names = Annotated[tuple[str, ...], EACH_ONCE]
 VariationName = Annotated[str, check_variation]
 
 
 @dataclass(frozen=True)
 class GridConfig:
-    """Runs: every combination. What is None or empty is as the scale has it."""
+    """Runs: every combination. What is left out is as the scale has it."""
 
-    families: tuple[Family, ...] = ()  # of several difficulties; or single distributions, by any of their names
-    difficulties: tuple[Difficulty, ...] = ()  # of the families that have several
-    counts: tuple[Count, ...] = ()  # numbers of training levels
+    families: Annotated[tuple[Family, ...], EACH_ONCE] = ()  # of several difficulties; or single distributions
+    difficulties: Annotated[tuple[Difficulty, ...], EACH_ONCE] = ()  # of the families that have several
+    counts: Annotated[tuple[Count, ...], EACH_ONCE] = ()  # numbers of training levels
     seeds: Count | None = None  # how many agents of each kind, from `seed` upwards, each with a level set of its own
     nested: bool = True  # level sets of a seed contain each other; false: each number of levels has seeds of its own
     level_sets: Count | None = None  # how many level sets instead, each with as many agents as there are seeds
@@ -181,8 +184,8 @@ class GridConfig:
     algorithms: Names = (BASE,)  # choices of the group algorithm
     observations: Names = (BASE,)  # choices of the group observation
     tasks: Names = (BASE,)  # choices of the group task
-    designs: Annotated[tuple[Design, ...], NOT_EMPTY] = ("iid",)  # how training levels are picked
-    variations: Annotated[tuple[VariationName, ...], NOT_EMPTY] = ("",)  # names in experiments.levels.variations
+    designs: Annotated[tuple[Design, ...], EACH_ONCE] = ("iid",)  # how training levels are picked
+    variations: Annotated[tuple[VariationName, ...], EACH_ONCE] = ("",)  # names in experiments.levels.variations
     interval: CountFrom0 | None = None  # frames between evaluations on the test levels; None: as the scale has it
     vary: Annotated[Mapping[str, Any], check_vary] = field(default_factory=dict)  # other settings: name to values
 

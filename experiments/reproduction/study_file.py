@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import yaml
 from pydantic import TypeAdapter
 
 from experiments.commands.overrides import quoted
@@ -71,7 +70,7 @@ def read_study(path: Path) -> StudyFile:
         data = read_yaml(path.read_text())
     except OSError as error:
         raise ConfigError(f"cannot read the study {path.resolve()}: {error.strerror}") from error
-    except (ValueError, yaml.YAMLError) as error:
+    except ValueError as error:
         raise ConfigError(f"cannot read the study {path}: {error}") from error
     if not isinstance(data, Mapping):
         raise ConfigError(f"{path} is no study: it holds {type(data).__name__}, not keys such as title and grid")
@@ -92,7 +91,12 @@ def read_study(path: Path) -> StudyFile:
 
 def check_settings(settings: Mapping[str, Any], grid: Mapping[str, Any], place: str = "") -> None:
     """Raises :class:`ConfigError` for settings of all runs that say nothing, because the grid of a study says it."""
+    varied = grid.get("vary") or {}
     for name in flat(settings):
+        if name in varied:
+            raise ConfigError(
+                f"{place}{name}: it would say nothing beside the grid, which says it for all runs: grid.vary"
+            )
         by = OF_GRID.get("levels.train" if name == "levels" else name)
         if by in ALWAYS_OF_GRID or (by in ONLY_HERE and grid.get(by) is not None):
             raise ConfigError(

@@ -242,7 +242,7 @@ def read_config(folder: Path, trusted: Collection[str] = ()) -> RunConfig:
         raise
     except OSError as error:
         raise RunFolderError(f"cannot read the settings of a run from {path.resolve()}: {error.strerror}") from error
-    except (ValueError, yaml.YAMLError) as error:
+    except ValueError as error:
         raise RunFolderError(f"cannot read the settings of a run from {path}: {error}") from error
 
 

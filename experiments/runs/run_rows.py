@@ -5,6 +5,7 @@ The names of columns follow from those of the figures: ``evaluation/test/success
 calls ``charge`` among its results is ``results/charge_test_deterministic``. Settings have their dotted names.
 """
 
+import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -90,7 +91,8 @@ def run_rows(places: Iterable[Path], trusted: Collection[str] = ()) -> list[RunR
     for place in places:
         if not place.is_dir():
             raise RunFolderError(f"there is no folder {place}; name one that holds run folders")
-        folders |= dict.fromkeys([place] if (place / CONFIG).exists() else run_folders(place))
+        found = [place] if (place / CONFIG).exists() else sorted(run_folders(place), key=_in_words_and_numbers)
+        folders |= dict.fromkeys(found)
     return [_row(folder, trusted) for folder in folders]
 
 
@@ -198,15 +200,16 @@ def seen_warning(runs: Sequence[RunRow]) -> str:
 
 
 def score_warnings(runs: Sequence[RunRow]) -> list[str]:
-    """A line where scores are left out because they are of other weights, and one where several searches found the best known
-    return; none where all scores can be compared."""
+    """A line where scores are left out because they are by other code or of other weights, and one where several searches
+    found the best known return; none where all scores can be compared."""
     found = []
     if left_out := [row for row in runs if row.unscored]:
         more = f" and of {len(left_out) - NAMED} more" * (len(left_out) > NAMED)
         each = "; ".join(f"that of {row.folder.name}{row.unscored}" for row in left_out[:NAMED])
         found.append(
-            f"warning: score and regret are left out where the evaluation is of other weights than the run's: {each}{more}."
-            " Evaluate again: python -m experiments.evaluate run=FOLDER levels=test"
+            f"warning: score and regret are left out where the evaluation is by other code or of other weights than the run's:"
+            f" {each}{more}."
+            " Evaluate again, with the run's code: python -m experiments.evaluate run=FOLDER levels=test"
         )
     sizes = sorted({row.planner for row in runs if row.planner})
     if len(sizes) > 1:
@@ -241,6 +244,11 @@ def state_of(folder: Path) -> str:
     last = journal[-1] if journal else {"event": "not begun"}
     word = "cut off" if last["event"] in ("started", "lost") else last["event"]
     return f"{word} after {last['frames']:,} frames" if last.get("frames") else word
+
+
+def _in_words_and_numbers(folder: Path) -> list[tuple[int, str]]:
+    """Sorts names as people do: ``n8`` before ``n40``."""
+    return [(int(part), "") if part.isdecimal() else (0, part) for part in re.split(r"(\d+)", folder.name)]
 
 
 def _row(folder: Path, trusted: Collection[str]) -> RunRow:
@@ -295,9 +303,11 @@ def _score(folder: Path, config: RunConfig) -> tuple[dict[str, float], str, str]
     run: score and regret; why these are left out where they are of other weights; and the planner's search."""
     found = read_evaluation(folder / EVALUATIONS / f"test-n{config.levels.test_count}") or {}
     # Evaluations of 0.1 have no floor: their scores are on another scale, on which random play has 0.
-    if "floor" not in found.get("anchors", {}) or found.get("changed_code"):
+    if "floor" not in found.get("anchors", {}):
         return {}, "", ""
-    if unscored := of_another_agent(folder, found):
+    changed = found.get("changed_code")
+    by_other_code = f" is by other code than the run's ({', '.join(changed)})" if changed else ""
+    if unscored := by_other_code or of_another_agent(folder, found):
         return {}, unscored, ""
     players = found["players"]
     names = [(name, mode) for name in ("score", "regret") for mode in ACTION_MODES if mode in players]

@@ -35,7 +35,19 @@ def read_yaml(text: str) -> Any:
     """The plain data of a YAML text.
 
     Raises:
-        ConfigError: a key of a mapping stands twice; the message names the key and both lines.
-        yaml.YAMLError: it is no YAML.
+        ConfigError: it is no YAML, or a key of a mapping stands twice; the message names the line.
     """
-    return yaml.load(text, _OnceEach)
+    try:
+        return yaml.load(text, _OnceEach)
+    except yaml.MarkedYAMLError as error:
+        line = "" if error.problem_mark is None else f"line {error.problem_mark.line + 1}: "
+        raise ConfigError(f"{line}{error.problem or 'it is no YAML'}{_tabs(text, error)}") from error
+    except yaml.YAMLError as error:  # characters that no YAML may hold
+        raise ConfigError(str(error).replace("\n", ", ")) from error
+
+
+def _tabs(text: str, error: yaml.MarkedYAMLError) -> str:
+    """What to say of a line that begins with a tab."""
+    lines, mark = text.splitlines(), error.problem_mark
+    line = lines[mark.line] if mark is not None and mark.line < len(lines) else ""
+    return "; indent it by spaces" if "\t" in line[: len(line) - len(line.lstrip())] else ""

@@ -19,7 +19,7 @@ class Effect(Generic[F]):
 
     Args:
         target: the argument's factor that changes, as the rule received it.
-        value: the new value or the change; a scalar given for a vector factor counts for both components.
+        value: the new value or the change; of a vector factor a vector, or 0 for the zero vector.
     """
 
     factor: ClassVar[type]
@@ -51,7 +51,7 @@ class Effect(Generic[F]):
                 f"{type(self).__name__} was given a {source.factor.__name__} to change, not a {self.factor.__name__}"
             )
         if getattr(source.factor, "width", 1) == 2 and not isinstance(value, VectorValue):
-            value = VectorValue(value[0], value[1]) if isinstance(value, (list, tuple)) else VectorValue(value, value)
+            value = _as_vector(value, type(self).__name__)
         elif getattr(source.factor, "width", 1) == 1 and isinstance(value, VectorValue):
             raise RuleError(f"{type(self).__name__} was given a vector for a scalar factor")
         self.target: Source = source
@@ -59,6 +59,15 @@ class Effect(Generic[F]):
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.value!r})"
+
+
+def _as_vector(value: Any, name: str) -> VectorValue:
+    if isinstance(value, (list, tuple)) and len(value) == 2:
+        return VectorValue(value[0], value[1])
+    if isinstance(value, (int, float)) and value == 0:
+        return VectorValue(0.0, 0.0)
+    what = f"{len(value)} numbers" if isinstance(value, (list, tuple)) else "a number"
+    raise RuleError(f"{name} was given {what} for a vector factor; give both components, as in {name}(old, (x, y))")
 
 
 class Aggregate(Effect[F]):

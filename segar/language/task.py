@@ -94,7 +94,10 @@ class Task:
                         + (f"; leave {name}= out where there is none" if name != "act" else "")
                     )
         if len(self.action_low) != len(self.action_high) or not self.action_low:
-            raise SegarError(f"task {self.name}: action_low and action_high must have the same length, at least 1")
+            raise SegarError(
+                f"task {self.name}: action_low and action_high must have the same length, at least 1, and action_low"
+                f" {self.action_low!r} has {len(self.action_low)}, action_high {self.action_high!r} has {len(self.action_high)}"
+            )
         for name in ("action_low", "action_high"):
             for value in getattr(self, name):
                 if not isinstance(value, (int, float, np.integer, np.floating)) or not np.isfinite(value):

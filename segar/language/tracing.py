@@ -18,7 +18,7 @@ from typing import Any
 from segar.errors import RuleError
 from segar.language import random, symbols
 from segar.language.effects import Effect
-from segar.language.factors import Factor
+from segar.language.factors import Factor, Flag
 from segar.language.generators import generators_of, restore, state_of
 from segar.language.symbols import NO_NUMPY, Symbol, as_symbol, as_truth, walk
 from segar.language.values import VectorValue
@@ -229,7 +229,16 @@ def truth_leaf(returned: Any) -> Leaf:
     """The leaf of a function that returned a truth value."""
     if isinstance(returned, VectorValue):
         raise RuleError("returns a vector, but a truth value is needed")
+    if not _is_truth(as_symbol(returned)):
+        raise RuleError("returns a number, but a truth value is needed; compare it, as in 'x > 0'")
     return Leaf(value=as_truth(returned))
+
+
+def _is_truth(symbol: Symbol) -> bool:
+    """Whether an expression is true or false: a comparison, a flag, or a choice of these."""
+    if symbol.op == "select":
+        return all(map(_is_truth, symbol.args[1:]))
+    return symbol.is_truth or (symbol.op == "load" and issubclass(symbol.args[1], Flag))
 
 
 def _as_number(value: Any) -> Symbol:

@@ -27,6 +27,7 @@ import numpy as np
 
 from segar.errors import FactorError, PriorError, did_you_mean
 from segar.language import (
+    ARENA,
     SPECIFICITY_OBJECT,
     SPECIFICITY_SUBCLASS,
     SPECIFICITY_THING,
@@ -38,6 +39,7 @@ from segar.language import (
     Marker,
     Object,
     Parameter,
+    Position,
     Relation,
     Shape,
     Symbol,
@@ -291,6 +293,8 @@ def _check_dependent(factor: type[Factor], noise: Dependent) -> None:
 def _within_bounds(factor: type[Factor], value: Any) -> Any:
     if factor.bounds is not None and not factor.bounds[0] <= value <= factor.bounds[1]:
         raise FactorError(f"lies outside the bounds {factor.bounds} of {factor.__name__}")
+    if issubclass(factor, Position) and np.abs(np.asarray(value, dtype=float)).max() > ARENA:
+        raise FactorError(f"lies outside the arena, which reaches from {-ARENA} to {ARENA}")
     if factor.width and not factor.is_possible(np.asarray(value, dtype=float)).all():
         raise FactorError(f"it must be {factor.possible_values()}")
     return value

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-import yaml
 
 from analysis.distances import COMMON
 from analysis.report.claims.evidence import Evidence
@@ -110,7 +109,7 @@ def read_study(folder: Path) -> Study:
     try:
         text = path.read_text()
         asked = read_yaml(text)
-    except (OSError, ValueError, yaml.YAMLError) as error:
+    except (OSError, ValueError) as error:
         raise RunFolderError(f"cannot read {path}: {error}") from error
     claims = asked.get("claims") or {}
     require_trust(path, text, {"claims": [one.get("test", "") for one in claims.values()]})

@@ -47,6 +47,10 @@ WRONG = {
     "off": (["claims", "distance", False], "gap", "claims.distance: name the column that is tested by of: ...; YAML takes"),
     "no result": (["claims", "distance", "of"], "results/left", "claims.distance.of: the runs have no column 'results/left'"),
     "no values": (["grid", "vary"], {"algorithm.gamma": 0.9}, "grid.vary.algorithm.gamma: 0.9 is not allowed; it must be"),
+    "no counts": (["grid", "counts"], [], "grid.counts: [] is not allowed; it must be one or more, each once"),
+    "a count twice": (["grid", "counts"], [2, 2], "grid.counts: [2, 2] is not allowed; it must be one or more, each once"),
+    "a family twice": (["grid", "families"], ["billiards"] * 2, "grid.families: ['billiards', 'billiards'] is not allowed"),
+    "a value twice": (["grid", "vary"], {"algorithm.gamma": [0.9, 0.9]}, "grid.vary.algorithm.gamma: [0.9, 0.9] is not allowed; it must be a list of values, each once"),
     "a name of its own": (["grid", "vary"], {"seed": [1]}, "grid.vary.seed: 'seed' is not allowed; it must be varied by"),
 }  # fmt: skip
 IN_SCHEMA = ("unknown key", "unknown sign", "no statement", "a number as a list", "text as a number")
@@ -92,6 +96,20 @@ def test_a_wrong_file_is_told_with_its_name_and_the_place(tmp_path, place, value
     path = written(tmp_path, changed(place, value))
     with pytest.raises(ConfigError, match=re.escape(f"{path}: {message}")):
         read_study(path)
+
+
+def test_a_tab_is_told_with_its_line(tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_text("title: x\n\tgrid: 3\n")
+    with pytest.raises(ConfigError, match=r"cannot read the study .*mine.yaml: line 2: .*; indent it by spaces"):
+        read_study(path)
+
+
+def test_a_setting_that_the_grid_varies_says_nothing_beside_it(tmp_path):
+    data = changed(["settings", "observation.options.normalise"], True)
+    data["grid"]["vary"] = {"observation.options.normalise": [True, False]}
+    with pytest.raises(ConfigError, match=r"settings.observation.options.normalise: it would say nothing .* grid.vary"):
+        read_study(written(tmp_path, data))
 
 
 def test_a_key_that_stands_twice_is_refused_with_its_lines(tmp_path):
@@ -257,7 +275,7 @@ def test_a_wrong_name_of_an_own_object_ends_the_plan(tmp_path):
     assert run.levels.train == "mylab:calm"
     check_objects([run])
     (run, *_) = runs_of(tmp_path, families=["mylab.py:clam"])
-    with pytest.raises(ConfigError, match=r"levels.train: 'mylab' has no 'clam'. Did you mean 'calm'\?"):
+    with pytest.raises(ConfigError, match=r"^grid.families: 'mylab' has no 'clam'. Did you mean 'calm'\?"):
         check_objects([run])
 
 

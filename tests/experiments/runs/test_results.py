@@ -14,6 +14,7 @@ from experiments.results import ResultsConfig, results
 from experiments.runs.run_folder import (
     SUMMARY,
     VERSIONS,
+    read_config,
     read_episodes,
     read_metrics,
     read_versions,
@@ -82,6 +83,29 @@ def test_runs_of_different_code_in_one_table_are_told_with_the_parts_that_differ
     assert mixed_code(run_rows([tmp_path])) == {"kernel": ["b"], "my_lab.tasks": ["b"]}
     rows = as_columns(run_rows([tmp_path]))
     assert rows[0]["code"] == rows[2]["code"] != rows[1]["code"]
+
+
+def test_runs_stand_in_the_order_of_their_numbers(tmp_path):
+    for count in (2, 8, 40):
+        (tmp_path / f"lake-n{count}-s0").mkdir()
+        (tmp_path / f"lake-n{count}-s0" / "config.yaml").write_text("")
+    assert [row.folder.name for row in run_rows([tmp_path])] == ["lake-n2-s0", "lake-n8-s0", "lake-n40-s0"]
+
+
+def test_scores_by_other_code_are_left_out_with_a_line(tmp_path):
+    run(short_run(tmp_path / "a"))
+    config = read_config(tmp_path / "a")
+    folder = tmp_path / "a" / "evaluations" / f"test-n{config.levels.test_count}"
+    folder.mkdir(parents=True)
+    found = {"anchors": {"floor": 0}, "players": {"deterministic": {"score": 1.0, "regret": 0.0}}}
+    for changed, shown in (([], True), (["kernel", "lab/x.py"], False)):
+        write_json(folder / "summary.json", {**found, "changed_code": changed})
+        said = []
+        results(ResultsConfig(root=str(tmp_path)), said.append)
+        assert ("score" in said[0].splitlines()[0]) == shown
+        told = [line for line in said if "score and regret are left out" in line]
+        assert [line for line in told if "that of a is by other code than the run's (kernel, lab/x.py)" in line] == told
+        assert bool(told) != shown
 
 
 def made_by(name, code, **settings):

@@ -1,6 +1,8 @@
 """Tasks whose own results are right, raise, have the wrong shape, or are no number on some levels."""
 
 import dataclasses
+import itertools
+import time
 
 import numpy as np
 
@@ -21,5 +23,23 @@ def with_result(function):
     return dataclasses.replace(segar.puttputt(), name="own", results={"mine": function})
 
 
+RNG, CALLS = np.random.default_rng(0), itertools.count()
+
+
+def drawn(factors):
+    """A mass with noise."""
+    return factors["Mass"][:, 0] + RNG.normal(size=factors.num_envs)
+
+
+def counted(factors):
+    """How often it was called."""
+    return np.full(factors.num_envs, next(CALLS))
+
+
+random_result, counting, clock = (
+    with_result(drawn),
+    with_result(counted),
+    with_result(lambda factors: np.full(factors.num_envs, time.perf_counter())),
+)
 raising, misshapen = with_result(wrong), with_result(lambda factors: np.zeros(3))
 single, partial = with_result(lambda factors: 1.0), with_result(right_of_centre)

@@ -339,25 +339,75 @@ def build(rules, levels=LEVELS, task=None, **contacts):
 
 def test_a_rule_that_asks_for_an_unknown_parameter_is_refused():
     def pull(v: Velocity, tide: Tide) -> Differential[Velocity]:
-        return Differential[Velocity](v, tide)
+        return Differential[Velocity](v, (tide, tide))
 
     with pytest.raises(RuleError, match="no value is known for the world parameter Tide; give it in the distribution"):
         build([pull])
 
 
+@pytest.mark.parametrize(("value", "what"), [(1.0, "a number"), ((1.0, 2.0, 3.0), "3 numbers")])
+def test_a_vector_factor_takes_both_components_or_zero(value, what):
+    def push(v: Velocity) -> SetFactor[Velocity]:
+        return SetFactor[Velocity](v, value)
+
+    def stop(v: Velocity) -> SetFactor[Velocity]:
+        return SetFactor[Velocity](v, 0)
+
+    with pytest.raises(RuleError, match=rf"SetFactor\[Velocity\] was given {what} for a vector factor; give both"):
+        rule(push)
+    assert rule(stop)
+
+
+def returns_a_mass(ball: Ball) -> bool:
+    return ball[Mass]
+
+
+def returns_a_constant(ball: Ball) -> bool:
+    return 1
+
+
+def returns_a_choice(ball: Ball) -> bool:
+    return where(ball[Mass] > 1, ball[Charge], ball[Mass])
+
+
+def returns_a_flag(ball: Ball) -> bool:
+    return ball[Mobile]
+
+
+def returns_a_choice_of_truths(ball: Ball) -> bool:
+    return where(ball[Mass] > 1, ball[Charge] > 0, ball[Mobile])
+
+
+def returns_either(ball: Ball) -> bool:
+    return ball[Mass] > 1 or not ball[Mobile]
+
+
+@pytest.mark.parametrize("function", [returns_a_mass, returns_a_constant, returns_a_choice])
+def test_a_number_is_no_truth(function):
+    with pytest.raises(RuleError, match="returns a number, but a truth value is needed; compare it, as in 'x > 0'"):
+        value_rule(function, truth=True)
+    with pytest.raises(RuleError, match="returns a number, but a truth value is needed"):
+        relation(function)
+
+
+@pytest.mark.parametrize("function", [returns_a_flag, returns_a_choice_of_truths, returns_either])
+def test_flags_comparisons_and_choices_of_these_are_truths(function):
+    assert value_rule(function, truth=True)
+
+
 def test_actions_walls_and_draws_stay_where_they_belong():
     def acts(v: Velocity, action: Action) -> Differential[Velocity]:
-        return Differential[Velocity](v, action[0])
+        return Differential[Velocity](v, (action[0], action[0]))
 
     def feels_walls(v: Velocity, wall: Wall) -> Differential[Velocity]:
         return Differential[Velocity](v, wall.normal)
 
     def jumps(x: Position) -> Differential[Position]:
-        return Differential[Position](x, segar.random.uniform())
+        return Differential[Position](x, (segar.random.uniform(), 0.0))
 
     @rule(relation=is_equal(Mobile, True))
     def slides(x: Position, mobile: Mobile) -> Differential[Position]:
-        return Differential[Position](x, 1.0)
+        return Differential[Position](x, (1.0, 1.0))
 
     @rule(relation=is_equal(Mobile, True))
     def sticks(v: Velocity, mobile: Mobile, wall: Wall) -> SetFactor[Velocity]:
@@ -457,7 +507,7 @@ def test_a_task_whose_entities_are_missing_is_refused():
         build([move], levels)
 
     def nudge(body: Entity, action: Action) -> Differential[Velocity]:
-        return Differential[Velocity](body[Velocity], action[0])
+        return Differential[Velocity](body[Velocity], (action[0], action[0]))
 
     def reward(ball: GolfBall) -> float:
         return ball[Mass]

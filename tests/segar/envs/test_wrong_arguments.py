@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import gymnasium
 import numpy as np
 import pytest
@@ -9,6 +11,20 @@ import pytest
 import segar
 from segar.envs import Env, VectorEnv
 from segar.errors import ActionError, SegarError
+
+
+def test_a_result_of_another_length_is_refused_with_its_name_where_it_is_read():
+    task = dataclasses.replace(
+        segar.puttputt(), results={"left": lambda factors: np.zeros(7), "one": lambda factors: 1.0}
+    )
+    env = VectorEnv(LEVELS, 3, task=task)
+    _, info = env.reset(seed=0)
+    for result, shape in (("left", r"\(7,\)"), ("one", r"\(\)")):
+        with pytest.raises(
+            SegarError, match=rf"the result '{result}' of the task has the shape {shape} for 3 environm"
+        ):
+            info["results"][result]
+
 
 LEVELS = segar.family("empty-easy").sample(5, seed=0)
 masked = np.ma.masked_array

@@ -306,6 +306,8 @@ def test_two_equally_specific_priors_of_a_type_with_two_parents_are_an_error():
         (lambda: Prior(Mass, 1.0, entity_type=ThingFactory([Ball])), "entity_type must be an entity class"),
         (lambda: Prior(Friction, 0.1, entity_type=GlobalFriction), r"write Prior\(FloorFriction, ...\)"),
         (lambda: Prior(Mass, 1.0, relation=segar.is_on), "must be about one entity"),
+        (lambda: Prior(Position, (3.0, 0.0)), r"outside the arena, which reaches from -1.0 to 1.0"),
+        (lambda: Prior(Position, (0.0, -1.1), entity_type=Ball), r"outside the arena, which reaches from -1.0 to 1.0"),
         (lambda: Prior(Velocity, [1.0, 2.0, 3.0]), "Velocity takes two numbers"),
     ],
 )

@@ -119,3 +119,8 @@ def test_a_range_of_actions_that_is_no_finite_number_is_told(end, wrong):
 def test_a_component_of_an_action_that_cannot_vary_is_told(low, high):
     with pytest.raises(SegarError, match=r"task sailing: .* component 1 of the action goes from"):
         dataclasses.replace(segar.puttputt(), name="sailing", action_low=low, action_high=high)
+
+
+def test_an_action_range_of_unequal_lengths_is_refused_with_both():
+    with pytest.raises(segar.SegarError, match=r"action_low \(-2.0,\) has 1, action_high \(5.0, 1.0\) has 2"):
+        dataclasses.replace(segar.puttputt(), action_low=(-2.0,), action_high=(5.0, 1.0))
