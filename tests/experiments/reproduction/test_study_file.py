@@ -50,7 +50,7 @@ WRONG = {
     "no counts": (["grid", "counts"], [], "grid.counts: [] is not allowed; it must be one or more, each once"),
     "a count twice": (["grid", "counts"], [2, 2], "grid.counts: [2, 2] is not allowed; it must be one or more, each once"),
     "a family twice": (["grid", "families"], ["billiards"] * 2, "grid.families: ['billiards', 'billiards'] is not allowed"),
-    "a value twice": (["grid", "vary"], {"algorithm.gamma": [0.9, 0.9]}, "grid.vary.algorithm.gamma: [0.9, 0.9] is not allowed; it must be a list of values, each once"),
+    "a value twice": (["grid", "vary"], {"algorithm.gamma": [0.9, 0.9]}, "grid.vary.algorithm.gamma: [0.9, 0.9] is not all"),
     "a name of its own": (["grid", "vary"], {"seed": [1]}, "grid.vary.seed: 'seed' is not allowed; it must be varied by"),
 }  # fmt: skip
 IN_SCHEMA = ("unknown key", "unknown sign", "no statement", "a number as a list", "text as a number")
