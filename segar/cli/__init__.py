@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from typing import NoReturn
 
-from segar.cli import cite, gallery, hardness, kernels, levels, play, playground, record
+from segar.cli import cite, gallery, hardness, kernels, levels, play, playground, record, studio
 from segar.cli.arguments import load_levels, table
 from segar.errors import SegarError
 from segar.support import __version__
@@ -55,6 +55,6 @@ def make_parser() -> argparse.ArgumentParser:
     parser = Parser("segar", description=__doc__)
     parser.add_argument("--version", action="version", version=f"segar {__version__}")
     commands = parser.add_subparsers(required=True, metavar="command")
-    for module in (levels, hardness, kernels, gallery, play, playground, record, cite):
+    for module in (levels, hardness, kernels, gallery, play, playground, studio, record, cite):
         module.add_commands(commands)
     return parser

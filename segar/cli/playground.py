@@ -58,13 +58,13 @@ def add_commands(commands: Any) -> None:
 def playground(chosen: argparse.Namespace) -> None:
     """``segar playground``."""
     start = time.perf_counter()
-    network, observations = None, {name: _observation(name) for name in chosen.observation or ()}
+    network, observations = None, {name: named_observation(name) for name in chosen.observation or ()}
     if chosen.policy is not None:
         network, place, run = find_network(Path(chosen.policy))
         if run is not None:
             observations = observations or observation_of(run)
-    levels = _levels(chosen, chosen.what, chosen.split)
-    test = None if chosen.test is None else _levels(chosen, chosen.test, "test")
+    levels = named_levels(chosen, chosen.what, chosen.split)
+    test = None if chosen.test is None else named_levels(chosen, chosen.test, "test")
     task = None if chosen.task is None else arguments.task_named(chosen.task, levels)
     if chosen.plans:
         count = len(levels) + (0 if test is None else len(test))
@@ -146,12 +146,12 @@ def _written(path: Path) -> float:
     return path.stat().st_mtime
 
 
-def _observation(name: str) -> Observation:
+def named_observation(name: str) -> Observation:
     """The observation of SEGAR, or the one that ``module:attribute`` names."""
     return make_observation(named_or_made(name) if ":" in name else name)
 
 
-def _levels(chosen: argparse.Namespace, what: str, split: str) -> Levels:
+def named_levels(chosen: argparse.Namespace, what: str, split: str) -> Levels:
     """The levels of a distribution or in a file."""
     is_file = Path(what).suffix in (".npz", ".json") or (":" not in what and Path(what).is_file())
     if not is_file:

@@ -6,5 +6,6 @@ that are imported here.
 
 from segar.playground.page import Playground, make_playground
 from segar.playground.policy import WEIGHTS
+from segar.playground.studio import Studio
 
-__all__ = ["WEIGHTS", "Playground", "make_playground"]
+__all__ = ["WEIGHTS", "Playground", "Studio", "make_playground"]

@@ -26,6 +26,7 @@ from segar.tasks import task_of
 STATIC = Path(__file__).parent / "static"
 MOST_LEVELS = 2000  # of a set, in a page
 OF_TWO_SETS = ("measures.js", "panel_design.js", "transport.js")  # scripts that a page of one set lacks
+OF_THE_STUDIO = ("panel_studio.js",)  # that a page in a file lacks
 HEIGHT = 720  # [px] of a page in a notebook
 
 
@@ -70,6 +71,7 @@ def make_playground(
     weights: Weights = "float32",
     plans: bool = False,
     title: str | None = None,
+    studio: Mapping[str, Any] | None = None,
 ) -> Playground:
     """The page that plays these levels.
 
@@ -86,6 +88,7 @@ def make_playground(
         plans: whether the page holds the planner's episodes, and the baselines of scores. They are found now by
             :func:`segar.evaluation.find_baselines`, in about 0.1 s per level.
         title: of the page; the levels' name where it is None.
+        studio: what the server of ``segar studio`` tells its page. Such a page may ask its server, and no other one.
 
     Raises:
         LevelError: there are too many levels.
@@ -112,6 +115,8 @@ def make_playground(
         about["policy"] = described_policy(policy, sets, weights, blobs)
     if test is not None:
         about["objective"] = described_objective(levels, test)
+    if studio is not None:
+        about["studio"] = dict(studio)
     return Playground(_page(title, about, blobs), title)
 
 
@@ -133,7 +138,8 @@ def _require_levels(levels: Levels) -> None:
 
 def _page(title: str, about: dict[str, Any], blobs: Blobs) -> str:
     """The template with its style, its program and its data in it."""
-    scripts = [path for path in sorted(STATIC.glob("*.js")) if "objective" in about or path.name not in OF_TWO_SETS]
+    left_out = (() if "objective" in about else OF_TWO_SETS) + (() if "studio" in about else OF_THE_STUDIO)
+    scripts = [path for path in sorted(STATIC.glob("*.js")) if path.name not in left_out]
     about["scripts"] = {path.name: blobs.add(path.read_bytes()) for path in scripts}
     about["blobs"] = blobs.places
     head = json.dumps(about, separators=(",", ":"), allow_nan=False).encode()
@@ -142,6 +148,7 @@ def _page(title: str, about: dict[str, Any], blobs: Blobs) -> str:
     page = (STATIC / "page.html").read_text(encoding="utf-8")
     style = (STATIC / "page.css").read_text(encoding="utf-8")
     parts = {"TITLE": html.escape(title), "STYLE": style, "DATA": as_text(len(packed).to_bytes(4, "big") + packed)}
+    parts["CONNECT"] = "; connect-src 'self'" if "studio" in about else ""
     for name, text in parts.items():
         marked = f"<!--{name}-->"
         if page.count(marked) != 1:

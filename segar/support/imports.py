@@ -104,6 +104,7 @@ EXTRAS = {
     "datasets": ("minari", "h5py", "pyarrow"),
     "filters": ("safetensors",),
     "sb3": ("stable_baselines3",),
+    "studio": ("starlette", "uvicorn"),
     "train": ("yaml", "torch"),
 }
 

@@ -18,7 +18,7 @@ PACKAGES = ("segar", "experiments", "analysis")
 
 # What a user of the simulator does not pay for. `ot` is POT: 5 s, and torch with it unless told otherwise.
 HEAVY = ("torch", "tensordict", "torchrl", "hydra", "omegaconf", "mlflow", "matplotlib", "pandas", "ot", "scipy.stats")
-HEAVY += ("pygame", "imageio", "minari", "pyarrow", "h5py", "PIL", "stable_baselines3")
+HEAVY += ("pygame", "imageio", "minari", "pyarrow", "h5py", "PIL", "stable_baselines3", "starlette", "uvicorn")
 
 # An arrow is (who, whom): no file under the first may import a module under the second.
 FORBIDDEN_ARROWS = (
@@ -37,6 +37,7 @@ PLACES_WITH_AN_EXTRA = {
     "segar/envs/sb3_env.py": "sb3",
     "segar/cli/cite.py": "train",
     "segar/cli/playground.py": "train",
+    "segar/playground/server.py": "studio",
 }
 
 # The extras of pyproject.toml that a package may count on, besides the core dependencies.

@@ -93,6 +93,7 @@ OPTIONAL = {
     "segar.envs.device_episodes",
     "segar.envs.sb3_env",
     "segar.envs.torchrl_env",
+    "segar.playground.server",
     "segar.rendering.marks",
     "segar.rendering.painter",
     "segar.rendering.window",

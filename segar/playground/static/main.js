@@ -22,7 +22,12 @@ export async function open(about, blob) {
   const worlds = await Promise.all(about.sets.map((set) => World.load(set, blob)));
   const policy = about.policy ? await Policy.load(about.policy, blob) : null;
   const page = new Page(about, worlds.map((world) => new LevelSet(world, blob)), policy, new Results(about, blob));
-  page.show(0);
+  if (about.studio) {
+    const { studioPanel } = await import("segar/panel_studio.js"); // a page in a file lacks it
+    page.studio = studioPanel(page);
+    $("panels").prepend(page.studio.element);
+  }
+  page.show(page.studio?.set ?? 0);
   if (about.objective) {
     const { designPanel } = await import("segar/panel_design.js"); // a page of one set lacks it
     page.design = designPanel(page);
@@ -98,6 +103,7 @@ class Page {
     this.go(this.level);
     this.compare.update();
     this.watch?.update();
+    this.studio?.update();
   }
 
   /** Go to a level of the set. */
@@ -127,7 +133,7 @@ class Page {
   draw() {
     this.stale = false;
     const { world, player } = this;
-    const ghost = this.levels.changed.has(this.level) ? null : this.ghost;
+    const ghost = this.studio?.ghost() ?? (this.levels.changed.has(this.level) ? null : this.ghost);
     this.scene.draw(player.shown, this.level, { aim: this.aim, marked: this.change.element.open ? this.marked : undefined, ghost, acceleration: player.acceleration });
     this.seen.draw();
     this.design?.draw();

@@ -11,6 +11,7 @@ export function recordPanel(page) {
     make("div", { className: "controls" }, save),
     make("p", { className: "note", textContent: "The file holds levels, seeds and actions; segar.datasets reads it and plays the same episodes again. Episodes on levels that you changed are not kept." }));
   const episodes = [];
+  let saved = 0;
 
   /** Keep the episode that has ended. */
   function add() {
@@ -29,9 +30,10 @@ export function recordPanel(page) {
     const { about } = page.levels;
     const levels = fileText(page.levels, Array.from({ length: about.count }, (_, k) => k));
     const head = `"format": "segar-play", "version": 1, "segar": ${JSON.stringify(page.about.segar)}, "task": ${JSON.stringify(about.description.task ?? null)}, "seed": 0`;
+    saved = episodes.length;
     download("episodes.json", `{${head},\n"levels": ${levels},\n"episodes": ${asText(episodes)}}\n`);
   });
-  return { element, add };
+  return { element, add, unsaved: () => episodes.length > saved };
 }
 
 /** How an episode ended, in a word. */

@@ -1,0 +1,78 @@
+"""``segar studio``: the page of ``segar playground`` with the library behind it, for the browser of this machine."""
+
+import argparse
+import threading
+import webbrowser
+from pathlib import Path
+from typing import Any
+
+from segar.cli import arguments
+from segar.cli.playground import NUMBER, find_network, named_levels, named_observation, observation_of
+from segar.errors import SegarError
+from segar.observations import OBSERVATIONS, Observation
+from segar.playground import Studio
+from segar.policies import Network
+from segar.support import need
+
+LARGEST_PORT = 65_535
+
+
+def add_commands(commands: Any) -> None:
+    """Add ``studio`` to the sub-commands of a parser."""
+    purpose = "design levels in a browser: edit priors, draw, measure distances and hardness, plan"
+    opening = commands.add_parser("studio", help=purpose, description=f"{purpose[0].upper()}{purpose[1:]}.")
+    opening.add_argument(
+        "what", metavar="WHAT", nargs="?", default="objectsx3-hard",
+        help=f"{arguments.NAME_HELP}; or a level file (default: %(default)s)",
+    )  # fmt: skip
+    opening.add_argument("--test", metavar="WHAT", help="test levels, beside which WHAT are training levels")
+    opening.add_argument("--runs", metavar="FOLDER", type=Path, help="below which runs have networks that play")
+    opening.add_argument(
+        "-n", "--number", type=arguments.at_least(1),
+        help=f"of levels of each set (default: {NUMBER} of a distribution, all of a file)",
+    )  # fmt: skip
+    arguments.add_number(opening, "--seed", "of the levels", least=0, default=0)
+    opening.add_argument("--split", default="train", help="of WHAT (default: train); that of --test is test")
+    opening.add_argument("--task", help=arguments.TASK_HELP)
+    opening.add_argument(
+        "--observation", nargs="+", metavar="NAME", default=["rgb"],
+        help=f"what agents see: {', '.join(sorted(OBSERVATIONS))}, or 'module:attribute' (default: rgb)",
+    )  # fmt: skip
+    opening.add_argument("--world", help=arguments.WORLD_HELP)
+    arguments.add_number(opening, "--port", "of the server; 0 takes a free one", least=0, default=0)
+    opening.add_argument("--no-browser", action="store_true", help="print the address, and open nothing")
+    opening.set_defaults(run=studio)
+
+
+def studio(chosen: argparse.Namespace) -> None:
+    """``segar studio``; it ends with Ctrl-C."""
+    need("the studio", "starlette", "uvicorn")
+    from segar.playground.server import StudioServer
+
+    if chosen.port > LARGEST_PORT:
+        raise SegarError(f"--port: there are ports up to {LARGEST_PORT}, and no {chosen.port}")
+    if chosen.runs is not None and not chosen.runs.is_dir():
+        raise SegarError(f"--runs: there is no folder {chosen.runs}")
+    levels = named_levels(chosen, chosen.what, chosen.split)
+    made = Studio(
+        levels,
+        None if chosen.test is None else named_levels(chosen, chosen.test, "test"),
+        task=None if chosen.task is None else arguments.task_named(chosen.task, levels),
+        observations=[named_observation(one) for one in chosen.observation],
+        runs=chosen.runs,
+        read_run=policy_of,
+    )
+    server = StudioServer(made, chosen.port)
+    print(f"segar studio: {server.address}\nThe address is a secret of yours. Ctrl-C ends the studio.", flush=True)
+    if not chosen.no_browser:
+        threading.Thread(target=webbrowser.open, args=(server.address,), daemon=True).start()
+    try:
+        server.run()
+    except KeyboardInterrupt:
+        print("segar studio: ended")
+
+
+def policy_of(folder: Path) -> tuple[Network, list[Observation]]:
+    """The network in the folder of a run or of an evaluation, and what it observes; nothing where no settings are there."""
+    network, _, run = find_network(folder)
+    return network, [] if run is None else [observation_of(run)]

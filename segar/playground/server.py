@@ -1,0 +1,154 @@
+"""The server of a studio: its page and its answers, for the browser of the person who started it and for nobody else.
+
+It listens on the loopback address. Its address holds a random token, without which there is nothing. Requests whose Host
+is another name are refused, because a name of somebody else's may lead to the loopback address; and so are questions that
+another page asks. It serves no file.
+"""
+
+import asyncio
+import secrets
+import socket
+import threading
+import time
+from typing import Any
+
+import uvicorn
+from starlette.applications import Starlette
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import HTMLResponse, JSONResponse, Response
+from starlette.routing import Route
+
+from segar.errors import SegarError
+from segar.playground.studio import FORMS, Stopped, Studio
+from segar.support import from_json
+
+HOST = "127.0.0.1"
+MOST_BYTES = 1_000_000  # of a question
+TOKEN_BYTES = 32
+LOOK = 0.1  # [s] after which it is seen whether somebody still waits for an answer
+HEADERS = {
+    "Cache-Control": "no-store",
+    "Content-Security-Policy": "frame-ancestors 'none'; base-uri 'none'; form-action 'none'",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+}
+"""Of all answers: nothing is kept, shown in a frame, or read by other pages."""
+
+
+class StudioServer:
+    """Serves a studio from the moment it is made until ``stop``; ``run`` answers.
+
+    Attributes:
+        address: what a browser opens.
+
+    Raises:
+        SegarError: the port is taken.
+    """
+
+    def __init__(self, studio: Studio, port: int = 0) -> None:
+        self._studio = studio
+        self._socket = _listening(port)
+        self.port: int = self._socket.getsockname()[1]
+        self._token = secrets.token_urlsafe(TOKEN_BYTES)
+        self.address = f"http://{HOST}:{self.port}/{self._token}/"
+        self._hosts = {f"{HOST}:{self.port}", f"localhost:{self.port}"}
+        self._working: tuple[str, float] | None = None
+        app = Starlette(routes=[Route("/{rest:path}", self._respond, methods=["GET", "POST"])])
+        self._server = uvicorn.Server(
+            uvicorn.Config(app, log_level="warning", access_log=False, server_header=False, lifespan="off", ws="none")
+        )
+
+    def run(self) -> None:
+        """Answer requests until ``stop`` or Ctrl-C; then work that is not done is ended."""
+        self._server.run(sockets=[self._socket])
+
+    def stop(self) -> None:
+        """Have ``run`` return soon."""
+        self._server.should_exit = True
+
+    async def _respond(self, request: Request) -> Response:
+        """The page, or the answer to a question."""
+        host = request.headers.get("host", "")
+        token, _, name = request.path_params["rest"].partition("/")
+        if host not in self._hosts:
+            return _empty(403)
+        if not secrets.compare_digest(token.encode(), self._token.encode()) or "/" not in request.path_params["rest"]:
+            return _empty(404)
+        if request.method != "POST":
+            return HTMLResponse(self._studio.html, headers=HEADERS) if name == "" else _empty(404)
+        if request.headers.get("origin") != f"http://{host}":
+            return _empty(403)
+        if name not in FORMS:
+            return _empty(404)
+        if request.headers.get("content-type") != "application/json":
+            return _said(415, "a question is JSON, and its Content-Type application/json")
+        try:
+            body = await _body_of(request)
+        except ClientDisconnect:
+            return _empty(400)
+        if body is None:
+            return _said(413, f"a question has at most {MOST_BYTES:,} bytes")
+        try:
+            question = from_json(body)
+        except ValueError as error:
+            return _said(400, f"the question is no JSON: {error}")
+        return await self._answer(request, name, question)
+
+    async def _answer(self, request: Request, name: str, question: Any) -> Response:
+        """The answer to a question, which a thread finds while nobody else asks; ended where nobody waits for it."""
+        if self._working is not None:
+            other, since = self._working
+            seconds = time.monotonic() - since
+            return _said(
+                409, f"the studio is at work ({other}, for {seconds:.0f} s); wait until it is done, or stop it"
+            )
+        self._working, stop = (name, time.monotonic()), threading.Event()
+        work = asyncio.create_task(asyncio.to_thread(self._studio.answer, name, question, stop))
+        try:
+            while not work.done():
+                await asyncio.wait({work}, timeout=LOOK)
+                if self._server.should_exit or await request.is_disconnected():
+                    stop.set()
+            return JSONResponse(work.result(), headers=HEADERS)
+        except Stopped:
+            return _said(503, "the work was stopped")
+        except SegarError as error:
+            return _said(422, str(error))
+        except MemoryError as error:
+            return _said(422, f"there is not enough memory ({error}); ask for smaller numbers")
+        finally:
+            stop.set()
+            self._working = None
+
+
+async def _body_of(request: Request) -> bytes | None:
+    """The body of a request; None where it is too long, of which no more is read."""
+    body = b""
+    async for part in request.stream():
+        body += part
+        if len(body) > MOST_BYTES:
+            return None
+    return body
+
+
+def _empty(status: int) -> Response:
+    return Response(status_code=status, headers=HEADERS)
+
+
+def _said(status: int, why: str) -> Response:
+    return JSONResponse({"error": why}, status, headers=HEADERS)
+
+
+def _listening(port: int) -> socket.socket:
+    """A socket that listens on the loopback address; raises :class:`SegarError`."""
+    made = socket.socket()
+    made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        made.bind((HOST, port))
+        made.listen()
+    except (OSError, OverflowError) as error:
+        made.close()
+        raise SegarError(f"--port: {port} cannot be used ({error}); leave it out, and a free one is taken") from error
+    return made

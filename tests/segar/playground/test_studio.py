@@ -1,0 +1,466 @@
+"""A studio answers what the library answers, to its own page and to nobody else."""
+
+import http.client
+import json
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import numpy as np
+import pytest
+
+import segar
+from segar.cli import main
+from segar.hardness import hardness, influence, plan, replay
+from segar.metrics import ks_report, w2_report
+from segar.playground import Studio, make_playground
+from segar.playground.server import MOST_BYTES, StudioServer
+from segar.playground.studio import FORMS, StoppableGenerator, Stopped
+from segar.policies import Network
+from tests.places import ROOT
+from tests.segar.playground.browsers import Chromium
+from tests.segar.policies.networks import Builder
+
+TRAIN = segar.family("empty-hard").sample(6, seed=1)
+TEST = segar.family("empty-easy").sample(5, seed=2, split="test")
+TEXT = """LevelDistribution(
+    numbers=[(GolfBall, 1), (GoalTile, 1)],
+    priors=[Prior(Position, RandomUniformLocation()), Prior(Mass, UniformNoise(2.0, 3.0), entity_type=GolfBall)],
+)"""
+
+
+class Client:
+    """Asks a server, as its page does unless it is told otherwise."""
+
+    def __init__(self, server: StudioServer) -> None:
+        self.server = server
+        self.host = f"127.0.0.1:{server.port}"
+        self.path = urlsplit(server.address).path
+        self.version = 0
+
+    def connection(self) -> http.client.HTTPConnection:
+        return http.client.HTTPConnection("127.0.0.1", self.server.port, timeout=120)
+
+    def request(
+        self, method: str, path: str, body: bytes | None = None, **headers: str
+    ) -> tuple[int, dict[str, str], bytes]:
+        connection = self.connection()
+        connection.request(method, path, body, headers)
+        response = connection.getresponse()
+        found = response.status, {name.lower(): value for name, value in response.getheaders()}, response.read()
+        connection.close()
+        return found
+
+    def ask(self, name: str, **question: Any) -> tuple[int, dict[str, Any]]:
+        if "version" in FORMS[name]:
+            question = {"version": self.version} | question
+        body, headers = json.dumps(question).encode(), self.headers()
+        status, _, answer = self.request("POST", f"{self.path}{name}", body, **headers)
+        found = json.loads(answer)
+        self.version = found.get("version", self.version)
+        return status, found
+
+    def headers(self) -> dict[str, str]:
+        return {"Origin": f"http://{self.host}", "Content-Type": "application/json"}
+
+    def answer(self, name: str, **question: Any) -> dict[str, Any]:
+        status, answer = self.ask(name, **question)
+        assert status == 200, answer
+        return answer
+
+
+@contextmanager
+def serving(studio: Any) -> Iterator[Client]:
+    """A client of a server that runs in a thread until the block ends."""
+    server = StudioServer(studio)
+    thread = threading.Thread(target=server.run)
+    thread.start()
+    try:
+        yield Client(server)
+    finally:
+        server.stop()
+        thread.join(20)
+    assert not thread.is_alive()
+
+
+@pytest.fixture
+def client() -> Iterator[Client]:
+    with serving(Studio(TRAIN, TEST, observations=["state"])) as found:
+        yield found
+
+
+def test_only_the_page_of_the_studio_is_served_and_only_below_its_token(client: Client) -> None:
+    status, headers, body = client.request("GET", client.path)
+    assert status == 200
+    assert "connect-src 'self'" in body.decode()
+    assert "frame-ancestors 'none'" in headers["content-security-policy"]
+    assert "access-control-allow-origin" not in headers
+    for path in (
+        "/",
+        "/wrong/",
+        client.path.rstrip("/"),
+        client.path + "draw",
+        client.path + "../etc/passwd",
+        "/static/x",
+    ):
+        status, _, body = client.request("GET", path)
+        assert (status, body) == (404, b""), path
+    wrong = client.path[:-3] + "xx/"
+    assert client.request("POST", wrong + "runs", b"{}", **client.headers())[::2] == (404, b"")
+    assert client.request("POST", client.path + "__class__", b"{}", **client.headers())[::2] == (404, b"")
+
+
+def test_other_hosts_and_other_origins_are_refused(client: Client) -> None:
+    port = client.server.port
+    for host in ("evil.example", f"evil.example:{port}", "127.0.0.1", f"0.0.0.0:{port}", f"127.0.0.1:{port + 1}"):
+        assert client.request("GET", client.path, Host=host)[::2] == (403, b"")
+    assert client.request("GET", client.path, Host=f"localhost:{port}")[0] == 200
+    origins = [
+        {},
+        *({"Origin": one} for one in ("null", "http://evil.example", f"http://localhost:{port}", "http://127.0.0.1")),
+    ]
+    for origin in origins:
+        headers = {"Content-Type": "application/json"} | origin
+        assert client.request("POST", client.path + "runs", b"{}", **headers)[::2] == (403, b""), origin
+    assert client.request("OPTIONS", client.path + "runs", **client.headers())[0] == 405
+
+
+def test_questions_of_another_kind_size_or_form_are_refused(client: Client) -> None:
+    def said(body: bytes, **headers: str) -> tuple[int, str]:
+        status, _, answer = client.request("POST", client.path + "distance", body, **{**client.headers(), **headers})
+        return status, json.loads(answer)["error"]
+
+    assert said(b"{}", **{"Content-Type": "text/plain"})[0] == 415
+    assert said(b" " * (MOST_BYTES + 1)) == (413, "a question has at most 1,000,000 bytes")
+    assert said(b"{")[0] == 400
+    assert said(b"[" * 100_000)[0] == 400
+    assert said(b"[]") == (422, "distance: 'all' must be a mapping, not a list of 0")
+    assert said(b'{"version": "0"}') == (422, "distance: 'version' must be int, not '0'")
+    status, why = said(b'{"version": 7}')
+    assert status == 422 and "reload the page" in why
+    assert client.ask("hardness", set=2) == (422, {"error": "there are 2 level sets here, and no set 2"})
+
+
+def test_a_draw_is_that_of_the_library_and_the_page_shows_it(client: Client) -> None:
+    before = client.request("GET", client.path)[2]
+    answer = client.answer("draw", set=0, text=TEXT, seed=9, split="mine", number=4)
+    assert answer["version"] == 1 and answer["name"] == "empty-hard, edited"
+    expected = segar.LevelDistribution(
+        [(segar.GolfBall, 1), (segar.GoalTile, 1)],
+        [
+            segar.Prior(segar.Position, segar.RandomUniformLocation()),
+            segar.Prior(segar.Mass, segar.UniformNoise(2.0, 3.0), entity_type=segar.GolfBall),
+        ],
+    )
+    assert answer["distribution"] == expected.hash
+    drawn = client.server._studio.sides[0].levels
+    assert np.array_equal(drawn.values, expected.sample(4, seed=9, split="mine").values, equal_nan=True)
+    assert client.request("GET", client.path)[2] != before
+    again = client.answer("draw", set=0, text=TEXT, seed=9, split="mine", number=3)
+    assert again["name"] == "empty-hard, edited"
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        ({"text": "LevelDistribution(\n numbers=[(Nothing, 1)])"}, "line 2: there is no 'Nothing' here"),
+        ({"text": "LevelDistribution(numbers=[(GolfBall, 1), (GoalTile, 1)])"}, "always start 0 apart"),
+        ({"text": TEXT.replace("UniformNoise(2.0, 3.0)", "Empirical([])")}, "line 3: Empirical"),
+        ({"number": 0}, "1 to 2,000 levels, not 0"),
+        ({"number": 2001}, "1 to 2,000 levels, not 2001"),
+        ({"number": 1.5}, "'number' must be int, not 1.5"),
+        ({"set": -1}, "no set -1"),
+    ],
+)
+def test_a_draw_that_cannot_be_leaves_everything_as_it_is(client: Client, change: dict[str, Any], why: str) -> None:
+    studio = client.server._studio
+    before = studio.sides, studio.html, studio.version
+    status, answer = client.ask("draw", **({"set": 0, "text": TEXT, "seed": 0, "split": "train", "number": 3} | change))
+    assert status == 422 and why in answer["error"]
+    assert (studio.sides, studio.html, studio.version) == before
+
+
+def test_distances_are_those_of_the_library(client: Client) -> None:
+    found = client.answer("distance")
+    w2 = w2_report(TRAIN, TEST, rng=np.random.default_rng(0), resamples=100)
+    ks = ks_report(TRAIN, TEST, rng=np.random.default_rng(0), resamples=199)
+    assert [found["w2"][name] for name in ("value", "low", "high", "floor", "p_value")] == [
+        w2.value, w2.low, w2.high, w2.floor, w2.p_value,
+    ]  # fmt: skip
+    assert (found["ks"]["value"], found["ks"]["p_value"]) == (ks.value, ks.p_value)
+    assert [one["name"] for one in found["ks"]["factors"]] == [one.name for one in ks.factors]
+
+
+def test_one_set_has_no_distance_and_a_file_no_distribution(tmp_path: Path) -> None:
+    TRAIN.save(tmp_path / "levels.npz")
+    studio = Studio(segar.Levels.load(tmp_path / "levels.npz"), observations=["state"])
+    never = threading.Event()
+    with pytest.raises(segar.SegarError, match="start the studio with --test"):
+        studio.answer("distance", {"version": 0}, never)
+    question = {"version": 0, "set": 0, "text": TEXT, "seed": 0, "split": "train", "number": 3}
+    with pytest.raises(segar.SegarError, match="come from a file"):
+        studio.answer("draw", question, never)
+    assert Studio(TRAIN, observations=["state"]).sides[0].text
+
+
+def test_a_plan_is_that_of_the_library_on_the_level_as_the_page_has_it(client: Client, tmp_path: Path) -> None:
+    TRAIN[2].save(tmp_path / "level.json")
+    data = json.loads((tmp_path / "level.json").read_text())
+    data["levels"][0]["entities"]["golfball"]["factors"]["Mass"] = 2.5
+    (tmp_path / "level.json").write_text(json.dumps(data))
+    level = segar.Levels.load(tmp_path / "level.json")
+    found = client.answer("plan", set=0, level=json.dumps(data), seed=str(2**59))
+    best = plan(level, rng=np.random.default_rng(0), seed=2**59)
+    assert replay(level, best).all()
+    assert (found["return"], found["steps"], found["solved"]) == (best.returns[0], best.steps[0], best.solved[0])
+    assert np.array_equal(np.array(found["actions"], np.float32), best.actions[0, : best.steps[0]])
+    assert found["path"][0] == level.values[0, 0, :2].tolist()
+    assert found["path"][-1] == best.values[0, 0, :2].tolist()
+    for wrong, why in (
+        ("{", "the level of the page is not a level file in JSON"),
+        ("\ud800", "is not a level"),
+        ('{"format": "x"}', "the level of the page"),
+    ):
+        status, answer = client.ask("plan", set=0, level=wrong, seed="0")
+        assert status == 422 and why in answer["error"]
+    for seed in ("x", "-1", "", "9" * 19):
+        assert client.ask("plan", set=0, level=json.dumps(data), seed=seed)[0] == 422
+
+
+def test_the_task_that_a_level_names_is_not_imported(client: Client, tmp_path: Path) -> None:
+    TRAIN[0].save(tmp_path / "level.json")
+    data = json.loads((tmp_path / "level.json").read_text())
+    data["description"]["task"] = "antigravity:fly"
+    assert client.answer("plan", set=0, level=json.dumps(data), seed="0")["steps"] > 0
+    assert "antigravity" not in sys.modules
+
+
+def test_hardness_is_that_of_the_library(client: Client) -> None:
+    found = client.answer("hardness", set=1)
+    expected = hardness(TEST, rng=np.random.default_rng(0))
+    assert found["summary"] == json.loads(json.dumps(expected.summary()))
+    assert found["levels"] == json.loads(json.dumps(expected.rows()))
+    factors = influence(TEST, rng=np.random.default_rng(0)).factors
+    assert [one["factor"] for one in found["factors"]] == [one.factor for one in factors if one.kind == "endogenous"]
+
+
+def test_a_stoppable_generator_draws_as_any_other_until_it_is_stopped() -> None:
+    stop = threading.Event()
+    rng = StoppableGenerator(3, stop)
+    assert np.array_equal(rng.normal(size=5), np.random.default_rng(3).normal(size=5))
+    stop.set()
+    with pytest.raises(Stopped):
+        rng.normal()
+
+
+class Slow:
+    """A studio whose work ends only when it is stopped."""
+
+    def __init__(self) -> None:
+        self.html = "a page"
+        self.begun, self.ended = threading.Event(), threading.Event()
+
+    def answer(self, name: str, question: Any, stop: threading.Event) -> dict[str, Any]:
+        self.begun.set()
+        assert stop.wait(30)
+        self.ended.set()
+        raise Stopped
+
+
+def test_one_question_at_a_time_and_work_for_nobody_is_stopped() -> None:
+    slow = Slow()
+    with serving(slow) as client:
+        waiting = client.connection()
+        waiting.request("POST", client.path + "runs", b"{}", client.headers())
+        assert slow.begun.wait(10)
+        status, answer = client.ask("runs")
+        assert status == 409 and "at work (runs, for" in answer["error"]
+        assert client.request("GET", client.path)[::2] == (200, b"a page")
+        assert not slow.ended.is_set()
+        waiting.close()
+        assert slow.ended.wait(10)
+
+
+def test_a_server_that_ends_stops_its_work() -> None:
+    slow = Slow()
+    with serving(slow) as client:
+        waiting = client.connection()
+        waiting.request("POST", client.path + "runs", b"{}", client.headers())
+        assert slow.begun.wait(10)
+        client.server.stop()
+        assert waiting.getresponse().status == 503
+        waiting.close()
+    assert slow.ended.is_set()
+
+
+def player(inputs: int) -> Network:
+    one, task = Builder(), segar.puttputt()
+    one.dense(inputs, 8)
+    one.add("tanh")
+    return one.network((inputs,), 8, action_low=tuple(task.action_low), action_high=tuple(task.action_high))
+
+
+def test_policies_of_runs_are_listed_and_play_and_none_from_elsewhere(tmp_path: Path) -> None:
+    env = segar.envs.VectorEnv(TRAIN, 1, observation="state", seed=0)
+    assert env.single_observation_space.shape is not None
+    network = player(env.single_observation_space.shape[0])
+    runs, outside = tmp_path / "runs", tmp_path / "outside"
+    for folder in (runs / "a" / "evaluations" / "last", outside, runs / "b", runs / "other"):
+        folder.mkdir(parents=True)
+        (player(3) if folder.name == "other" else network).save(folder / "network.npz")
+    (runs / "linked").symlink_to(outside)
+    (runs / "c").mkdir()
+    (runs / "c" / "network.npz").symlink_to(outside / "network.npz")
+    (runs / "b" / "config.yaml").symlink_to(outside / "config.yaml")
+    studio = Studio(
+        TRAIN, observations=["state"], runs=runs, read_run=lambda folder: (Network.load(folder / "network.npz"), ())
+    )
+    never = threading.Event()
+    assert studio.answer("runs", {}, never) == {"runs": ["a/evaluations/last", "other"], "run": None}
+    before = studio.html
+    assert studio.answer("policy", {"version": 0, "run": "a/evaluations/last"}, never) == {"version": 1}
+    assert studio.html != before
+    for wrong in ("../outside", "b", "c", "linked", str(outside), ""):
+        with pytest.raises(segar.SegarError, match="there is no run"):
+            studio.answer("policy", {"version": 1, "run": wrong}, never)
+    with pytest.raises(segar.SegarError, match="reads"):
+        studio.answer("policy", {"version": 1, "run": "other"}, never)
+    assert studio.run == "a/evaluations/last"
+    assert studio.answer("policy", {"version": 1, "run": None}, never) == {"version": 2}
+
+
+def test_a_page_in_a_file_asks_nobody_and_holds_nothing_of_a_studio() -> None:
+    page, studio = make_playground(TRAIN, observations=["state"]).html, Studio(TRAIN, observations=["state"]).html
+    assert "connect-src" not in page and "connect-src 'self'" in studio
+    assert len(page) < len(studio)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "why"),
+    [
+        (["empty-harder"], "Did you mean 'empty-hard'"),
+        (["empty-hard", "--runs", "nowhere"], "--runs: there is no folder nowhere"),
+        (["empty-hard", "--port", "70000"], "--port: there are ports up to 65535, and no 70000"),
+        (["empty-hard", "-n", "2001"], "at most 2,000 levels"),
+    ],
+)
+def test_a_studio_that_cannot_be_is_told(arguments: list[str], why: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["studio", *arguments, "--no-browser"]) == 2
+    assert why in capsys.readouterr().err
+
+
+def test_a_port_that_is_taken_is_told(client: Client) -> None:
+    with pytest.raises(segar.SegarError, match=f"--port: {client.server.port} cannot be used"):
+        StudioServer(client.server._studio, client.server.port)
+
+
+def test_the_command_prints_its_address_and_ends_with_ctrl_c() -> None:
+    command = [
+        sys.executable,
+        "-m",
+        "segar",
+        "studio",
+        "empty-hard",
+        "-n",
+        "3",
+        "--observation",
+        "state",
+        "--no-browser",
+    ]
+    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    address = re.search(r"http://127\.0\.0\.1:\d+/[\w-]{43}/", process.stdout.readline())
+    assert address is not None
+    parts = urlsplit(address[0])
+    connection = http.client.HTTPConnection("127.0.0.1", parts.port, timeout=60)
+    connection.request("GET", parts.path)
+    assert connection.getresponse().status == 200
+    connection.close()
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=30)
+    assert (process.returncode, [line for line in errors.splitlines() if "compiling" not in line]) == (0, [])
+
+
+def test_a_person_edits_a_prior_draws_measures_and_plans(chromium: Chromium, tmp_path: Path) -> None:
+    with serving(Studio(TRAIN, TEST)) as client:
+        chromium.visit(client.server.address)
+        page = chromium.page
+        until(page, "!!window.playground")
+        refused = [
+            (TEXT.replace("2.0, 3.0", "3.0, 2.0"), "line 3: UniformNoise"),
+            ("LevelDistribution(", "line 1: this is no Python"),
+        ]
+        for text, why in refused:
+            page.fill("#studio-text", text)
+            page.click("text=Draw levels")
+            until(page, f"document.querySelector('[role=alert].note').textContent.includes({why!r})")
+        page.fill("#studio-text", TEXT)
+        page.fill("#studio-number", "7")
+        page.fill("#studio-seed", "3")
+        with page.expect_navigation():
+            page.click("text=Draw levels")
+        until(page, "window.playground?.levels.count === 7")
+        mass = page.evaluate("window.playground.levels.factor(4, 0, 'Mass')")
+        assert mass == [client.server._studio.sides[0].levels.values[4, 0, TRAIN.layout.columns[segar.Mass]]]
+        assert 2 <= mass[0] <= 3
+        assert page.input_value("#studio-text") == TEXT
+        page.click("text=Measure distances")
+        page.wait_for_selector("text=Between 7 and 5 levels")
+        page.click("text=Plan this level")
+        page.wait_for_selector("text=/after \\d+ steps, return/")
+        steps = page.evaluate("window.playground.studio.ghost().length") - 1
+        page.select_option("#speed", "4")
+        page.click("text=Play the plan")
+        until(page, "window.playground.world.over")
+        said = page.inner_text("#status")
+        assert f"step {steps} of" in said and "success" in said
+        page.click("#next")
+        assert page.evaluate("window.playground.studio.ghost()") is None
+        page.click("text=Hardness of this set")
+        page.wait_for_selector("text=From the hardest")
+        axe_finds_nothing(page)
+        chromium.screenshot(tmp_path / "studio.png")
+        refusals = [one for one in chromium.messages if "422" not in one]  # the browser's own words on refused draws
+        assert refusals == [] and len(chromium.messages) <= 2
+        assert all(one.startswith((client.server.address, "blob:", "data:")) for one in chromium.requests)
+
+
+def until(page: Any, holds: str) -> None:
+    """Wait until an expression holds in the page."""
+    end = time.monotonic() + 30
+    while not page.evaluate(holds):
+        assert time.monotonic() < end, holds
+        page.wait_for_timeout(50)
+
+
+def axe_finds_nothing(page: Any) -> None:
+    from axe_playwright_python.sync_playwright import Axe
+
+    found = Axe().run(page)
+    assert found.violations_count == 0, found.generate_report()
+
+
+def test_work_is_stopped_by_its_button(chromium: Chromium) -> None:
+    studio, slow = Studio(TRAIN, observations=["state"]), Slow()
+    studio.answer = slow.answer  # type: ignore[method-assign]
+    with serving(studio) as client:
+        chromium.visit(client.server.address)
+        page = chromium.page
+        until(page, "!!window.playground")
+        page.click("text=Plan this level")
+        assert slow.begun.wait(10)
+        end = time.monotonic() + 10
+        page.click("text=Stop")
+        while not slow.ended.is_set():
+            assert time.monotonic() < end
+            page.wait_for_timeout(50)
+        page.wait_for_selector("text=Stopped.")
+        assert page.is_enabled("text=Plan this level")
