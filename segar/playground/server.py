@@ -118,6 +118,8 @@ class StudioServer:
             return _said(422, str(error))
         except MemoryError as error:
             return _said(422, f"there is not enough memory ({error}); ask for smaller numbers")
+        except OSError as error:  # of a folder of runs
+            return _said(422, f"{error.filename or 'the system'}: {error.strerror or error}")
         finally:
             stop.set()
             self._working = None

@@ -144,7 +144,7 @@ class Studio:
         sides = list(self.sides)
         # The origin stays, so that its names are known and its name does not grow; the text stays as the person wrote it.
         sides[at] = Side(levels, origin, question["text"])
-        self._change(tuple(sides), self.run)
+        self._change(tuple(sides), self.run, stop)
         return {"version": self.version, "name": levels.provenance.name, "distribution": distribution.hash}
 
     def _distance(self, question: Question, stop: threading.Event) -> dict[str, Any]:
@@ -199,7 +199,7 @@ class Studio:
         run = question["run"]
         if run is not None and run not in self._found_runs():
             raise SegarError(f"there is no run '{run}' with a {NETWORK} below the folder of --runs")
-        self._change(self.sides, run)
+        self._change(self.sides, run, stop)
         return {"version": self.version}
 
     def _found_runs(self) -> dict[str, Path]:
@@ -221,9 +221,11 @@ class Studio:
                 found[folder.relative_to(self.runs).as_posix()] = folder
         return found
 
-    def _change(self, sides: tuple[Side, ...], run: str | None) -> None:
-        """Show other sets or another policy, once the page with them is there."""
+    def _change(self, sides: tuple[Side, ...], run: str | None, stop: threading.Event) -> None:
+        """Show other sets or another policy, once the page with them is there and if somebody still waits for it."""
         html = self._page(sides, run, self.version + 1)
+        if stop.is_set():
+            raise Stopped
         self.sides, self.run, self.html, self.version = sides, run, html, self.version + 1
 
     def _page(self, sides: Sequence[Side], run: str | None, version: int = 0) -> str:

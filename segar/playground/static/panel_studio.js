@@ -15,11 +15,11 @@ export function studioPanel(page) {
   let asked = null; // the question that is answered now
   let plan = null;
 
-  const text = make("textarea", { spellcheck: false, id: "studio-text" });
+  const text = make("textarea", { spellcheck: false, wrap: "off", id: "studio-text" });
   const draw = { seed: numberBox("studio-seed"), split: make("input", { type: "text", id: "studio-split", size: 8 }), number: numberBox("studio-number") };
   const wrong = make("p", { className: "note", role: "alert" });
   const busy = make("p", { className: "note", role: "status" });
-  const stop = make("button", { textContent: "Stop", disabled: true, onclick: () => asked?.abort() });
+  const stop = make("button", { textContent: "Stop", hidden: true, onclick: () => asked?.abort() });
   const distances = make("div");
   const planned = make("p", { className: "note", role: "status" });
   const playPlan = make("button", { textContent: "Play the plan", disabled: true, onclick: () => follow() });
@@ -61,7 +61,7 @@ export function studioPanel(page) {
     const clock = setInterval(tell, TICK);
     tell();
     for (const one of buttons) one.disabled = true;
-    stop.disabled = false;
+    stop.hidden = false;
     try {
       const response = await fetch(name, {
         method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(question), signal: asked.signal,
@@ -75,7 +75,7 @@ export function studioPanel(page) {
       clearInterval(clock);
       asked = null;
       busy.textContent = "";
-      stop.disabled = true;
+      stop.hidden = true;
       for (const one of buttons) one.disabled = false;
     }
     return null;

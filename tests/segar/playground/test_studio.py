@@ -188,6 +188,15 @@ def test_a_draw_that_cannot_be_leaves_everything_as_it_is(client: Client, change
     assert (studio.sides, studio.html, studio.version) == before
 
 
+def test_a_draw_that_nobody_waits_for_changes_nothing() -> None:
+    studio, stop = Studio(TRAIN, observations=["state"]), threading.Event()
+    stop.set()
+    question = {"version": 0, "set": 0, "text": TEXT, "seed": 0, "split": "train", "number": 3}
+    with pytest.raises(Stopped):
+        studio.answer("draw", question, stop)
+    assert (studio.version, len(studio.sides[0].levels)) == (0, len(TRAIN))
+
+
 def test_distances_are_those_of_the_library(client: Client) -> None:
     found = client.answer("distance")
     w2 = w2_report(TRAIN, TEST, rng=np.random.default_rng(0), resamples=100)
@@ -446,6 +455,31 @@ def axe_finds_nothing(page: Any) -> None:
 
     found = Axe().run(page)
     assert found.violations_count == 0, found.generate_report()
+
+
+def test_a_person_chooses_a_run_whose_policy_then_plays(chromium: Chromium, tmp_path: Path) -> None:
+    env = segar.envs.VectorEnv(TRAIN, 1, observation="state", seed=0)
+    assert env.single_observation_space.shape is not None
+    for name, inputs in (("good", env.single_observation_space.shape[0]), ("other", 3)):
+        (tmp_path / name).mkdir()
+        player(inputs).save(tmp_path / name / "network.npz")
+    studio = Studio(
+        TRAIN, observations=["state"], runs=tmp_path, read_run=lambda folder: (Network.load(folder / "network.npz"), ())
+    )
+    with serving(studio) as client:
+        chromium.visit(client.server.address)
+        page = chromium.page
+        until(page, "!!window.playground && document.querySelectorAll('option[value=good]').length === 1")
+        page.select_option("label:has-text('Policy of the run') select", "other")
+        page.click("text=Let it play")
+        until(
+            page, "[...document.querySelectorAll('[role=alert].note')].some((one) => one.textContent.includes('reads'))"
+        )
+        page.select_option("label:has-text('Policy of the run') select", "good")
+        with page.expect_navigation():
+            page.click("text=Let it play")
+        until(page, "!!window.playground?.policy")
+        until(page, "document.querySelector('option[value=good]')?.selected === true")
 
 
 def test_work_is_stopped_by_its_button(chromium: Chromium) -> None:
