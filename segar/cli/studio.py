@@ -58,7 +58,7 @@ def studio(chosen: argparse.Namespace) -> None:
         levels,
         None if chosen.test is None else named_levels(chosen, chosen.test, "test"),
         task=None if chosen.task is None else arguments.task_named(chosen.task, levels),
-        observations=[named_observation(one) for one in chosen.observation],
+        observations={name: named_observation(name) for name in chosen.observation},
         runs=chosen.runs,
         read_run=policy_of,
     )
@@ -72,7 +72,7 @@ def studio(chosen: argparse.Namespace) -> None:
         print("segar studio: ended")
 
 
-def policy_of(folder: Path) -> tuple[Network, list[Observation]]:
+def policy_of(folder: Path) -> tuple[Network, dict[str, Observation]]:
     """The network in the folder of a run or of an evaluation, and what it observes; nothing where no settings are there."""
     network, _, run = find_network(folder)
-    return network, [] if run is None else [observation_of(run)]
+    return network, {} if run is None else observation_of(run)

@@ -42,7 +42,8 @@ FORMS: dict[str, dict[str, Any]] = {
 """What each question to a studio holds; see :func:`segar.support.misfit`."""
 
 Question = Mapping[str, Any]
-PolicyReader = Callable[[Path], tuple[Network, Sequence[str | Observation]]]
+Observations = Sequence[str | Observation] | Mapping[str, str | Observation]
+PolicyReader = Callable[[Path], tuple[Network, Observations]]
 """From a run folder to its network, and to what it observes."""
 
 
@@ -90,7 +91,7 @@ class Studio:
         levels: what is shown.
         test: levels of another distribution, or None.
         task: what is played; the one that the levels name where it is None.
-        observations: what agents see.
+        observations: what agents see, as :func:`make_playground` takes it.
         runs: the folder whose run folders have networks that play, or None.
         read_run: gives the network of a run folder and what it observes.
     """
@@ -101,12 +102,12 @@ class Studio:
         test: Levels | None = None,
         *,
         task: Task | None = None,
-        observations: Sequence[str | Observation] = ("rgb",),
+        observations: Observations = ("rgb",),
         runs: Path | None = None,
         read_run: PolicyReader | None = None,
     ) -> None:
         self.sides = tuple(Side.of(one) for one in (levels, test) if one is not None)
-        self.task, self.observations = task, tuple(observations)
+        self.task, self.observations = task, observations
         self.runs, self.read_run = None if runs is None else runs.resolve(), read_run
         self.run: str | None = None
         self.version = 0
@@ -233,7 +234,7 @@ class Studio:
         network, observations = None, self.observations
         if run is not None and self.read_run is not None:
             network, seen = self.read_run(self._found_runs()[run])
-            observations = tuple(seen) or observations
+            observations = seen or observations
         levels = [side.levels for side in sides]
         drawn = [
             {"text": side.text, "seed": one.provenance.seed, "split": one.provenance.split, "number": len(one)}

@@ -46,8 +46,8 @@ export function designPanel(page) {
       make("section", {}, make("p", { textContent: "In Python" }), python),
       make("section", {}, make("p", { textContent: "In the settings of a run (YAML)" }), settings)),
     make("div", { className: "controls" }, ...saves), note,
-    said("This page holds these levels, and draws no new ones. To change the distributions, edit their priors in ",
-      "Python, and make the page again."),
+    ...(page.about.studio ? [] : [said("This page holds these levels, and draws no new ones. To change the distributions, edit their priors in ",
+      "Python, and make the page again, or open the levels by segar studio.")]),
   );
   element.classList.add("wide");
   let measuring = false;
