@@ -19,6 +19,7 @@ from analysis.studies.command import run_from_command_line
 from analysis.tables import write_csv
 from experiments.levels.builders import pick_levels
 from experiments.settings import LevelsConfig
+from segar.errors import LevelError
 from segar.language import GoalTile, GolfBall, Position
 from segar.levels import DIFFICULTIES, Levels, family
 from segar.metrics import decompose, w2_debiased
@@ -52,7 +53,7 @@ def run(
 def sets_of_panel(
     kind: str, difficulty: str, counts: Iterable[int], seeds: Sequence[int], designs: Sequence[str], test_levels: int
 ) -> list[dict[str, Any]]:
-    """One row per training set of a panel."""
+    """One row per training set of a panel; a design that is not found for a seed is left out, which a line says."""
     name = f"{kind}-{difficulty}"
     dist = family(name)
     test = dist.sample(test_levels, seed=TEST_SEED, split="test")
@@ -60,8 +61,12 @@ def sets_of_panel(
     for n in counts:
         floor = floor_of(dist.sample(n, seed=FIRST_SEED), test)
         for seed, design in product(seeds, designs):
-            train = pick_levels(dist, LevelsConfig(train=name, count=n, seed=seed, design=design), test)
             place = {"family": kind, "difficulty": difficulty, "n": n, "seed": seed, "design": design}
+            try:
+                train = pick_levels(dist, LevelsConfig(train=name, count=n, seed=seed, design=design), test)
+            except LevelError as error:  # no such set is found, and no agent is trained on it
+                print(f"{name}, n {n}, seed {seed}, {design}: left out, because {error}")
+                continue
             rows.append({**place, **measures(train, test, floor)})
     return rows
 
