@@ -102,7 +102,7 @@ OF_GRID = {
     "scale.frames": "frames", "evaluation.interval": "interval", "seed": "seeds",
 }  # fmt: skip
 NOT_EMPTY = that(bool, "one or more")
-EACH_ONCE = that(lambda values: 0 < len(set(values)) == len(values), "one or more, each once")
+EACH_ONCE = that(lambda values: len(set(values)) == len(values), "a list in which each stands once")
 SIGNS = {"negative": -1, "positive": 1, "none": 0}
 OF_TASK = re.compile(rf"{RESULTS}.+_(train|test)")  # columns of what the task says of the last state of episodes
 TESTS = ("correlation", "difference", "mean")
@@ -166,13 +166,13 @@ def claim_config(claim: Any, place: str) -> ClaimConfig:
     return construct(ClaimConfig, claim, place)
 
 
-Names = Annotated[tuple[str, ...], EACH_ONCE]
+Names = Annotated[tuple[str, ...], NOT_EMPTY, EACH_ONCE]
 VariationName = Annotated[str, check_variation]
 
 
 @dataclass(frozen=True)
 class GridConfig:
-    """Runs: every combination. What is left out is as the scale has it."""
+    """Runs: every combination. What is left out, or is empty in what differs at a scale, is as the scale has it."""
 
     families: Annotated[tuple[Family, ...], EACH_ONCE] = ()  # of several difficulties; or single distributions
     difficulties: Annotated[tuple[Difficulty, ...], EACH_ONCE] = ()  # of the families that have several
@@ -184,8 +184,10 @@ class GridConfig:
     algorithms: Names = (BASE,)  # choices of the group algorithm
     observations: Names = (BASE,)  # choices of the group observation
     tasks: Names = (BASE,)  # choices of the group task
-    designs: Annotated[tuple[Design, ...], EACH_ONCE] = ("iid",)  # how training levels are picked
-    variations: Annotated[tuple[VariationName, ...], EACH_ONCE] = ("",)  # names in experiments.levels.variations
+    designs: Annotated[tuple[Design, ...], NOT_EMPTY, EACH_ONCE] = ("iid",)  # how training levels are picked
+    variations: Annotated[tuple[VariationName, ...], NOT_EMPTY, EACH_ONCE] = (
+        "",
+    )  # names in experiments.levels.variations
     interval: CountFrom0 | None = None  # frames between evaluations on the test levels; None: as the scale has it
     vary: Annotated[Mapping[str, Any], check_vary] = field(default_factory=dict)  # other settings: name to values
 

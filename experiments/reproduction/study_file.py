@@ -20,7 +20,7 @@ from experiments.reproduction.experiment_file import (
     TransferConfig,
     experiment_at,
 )
-from experiments.settings import ConfigError, add_module_path, construct, flat, read_yaml, without_files
+from experiments.settings import ConfigError, add_module_path, construct, flat, read_yaml, require, without_files
 
 # A field of a dataclass, and the comment behind it.
 COMMENT = re.compile(r"^    (\w+): [^\n#]*(?:\n(?!    \w+:)[^\n#]*)*?  # (.+)$", re.MULTILINE)
@@ -83,6 +83,13 @@ def read_study(path: Path) -> StudyFile:
         config = construct(StudyConfig, data, "")
         experiment = {key: value for key, value in data.items() if key != "settings"}
         experiment_at(path.stem, experiment, next(iter(config.scales), ""))
+        for name, values in config.grid.items():
+            require(
+                values != [],
+                f"grid.{name}",
+                values,
+                "a list of one or more; leave it out, and it is as the scale has it",
+            )
         check_settings(config.settings, config.grid, "settings.")
     except ConfigError as error:
         raise ConfigError(f"{path}: {str(error).replace(f'grids.{path.stem}.', '')}") from error

@@ -174,8 +174,9 @@ def _name_imported(call: ast.Call) -> str:
     """The module that ``importlib.import_module("name")`` or ``__import__("name")`` imports; empty for any other call."""
     name = getattr(call.func, "attr", getattr(call.func, "id", ""))
     first = call.args[0] if call.args else None
-    is_named = isinstance(first, ast.Constant) and isinstance(first.value, str)
-    return first.value if is_named and name in ("import_module", "__import__") else ""
+    if name not in ("import_module", "__import__") or not isinstance(first, ast.Constant):
+        return ""
+    return first.value if isinstance(first.value, str) else ""
 
 
 def _played(config: RunConfig) -> dict[str, str]:

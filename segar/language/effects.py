@@ -19,7 +19,8 @@ class Effect(Generic[F]):
 
     Args:
         target: the argument's factor that changes, as the rule received it.
-        value: the new value or the change; of a vector factor a vector, or 0 for the zero vector.
+        value: the new value or the change; of a vector factor a vector, 0 for the zero vector, or a number that is computed of
+            factors, which counts for both components, as in the paper's listings.
     """
 
     factor: ClassVar[type]
@@ -64,8 +65,8 @@ class Effect(Generic[F]):
 def _as_vector(value: Any, name: str) -> VectorValue:
     if isinstance(value, (list, tuple)) and len(value) == 2:
         return VectorValue(value[0], value[1])
-    if isinstance(value, (int, float)) and value == 0:
-        return VectorValue(0.0, 0.0)
+    if not isinstance(value, (list, tuple)) and (type(value) not in (int, float) or value == 0):
+        return VectorValue(value, value)
     what = f"{len(value)} numbers" if isinstance(value, (list, tuple)) else "a number"
     raise RuleError(f"{name} was given {what} for a vector factor; give both components, as in {name}(old, (x, y))")
 

@@ -339,7 +339,7 @@ def build(rules, levels=LEVELS, task=None, **contacts):
 
 def test_a_rule_that_asks_for_an_unknown_parameter_is_refused():
     def pull(v: Velocity, tide: Tide) -> Differential[Velocity]:
-        return Differential[Velocity](v, (tide, tide))
+        return Differential[Velocity](v, tide)
 
     with pytest.raises(RuleError, match="no value is known for the world parameter Tide; give it in the distribution"):
         build([pull])
@@ -397,13 +397,13 @@ def test_flags_comparisons_and_choices_of_these_are_truths(function):
 
 def test_actions_walls_and_draws_stay_where_they_belong():
     def acts(v: Velocity, action: Action) -> Differential[Velocity]:
-        return Differential[Velocity](v, (action[0], action[0]))
+        return Differential[Velocity](v, action[0])
 
     def feels_walls(v: Velocity, wall: Wall) -> Differential[Velocity]:
         return Differential[Velocity](v, wall.normal)
 
     def jumps(x: Position) -> Differential[Position]:
-        return Differential[Position](x, (segar.random.uniform(), 0.0))
+        return Differential[Position](x, segar.random.uniform())
 
     @rule(relation=is_equal(Mobile, True))
     def slides(x: Position, mobile: Mobile) -> Differential[Position]:
@@ -507,7 +507,7 @@ def test_a_task_whose_entities_are_missing_is_refused():
         build([move], levels)
 
     def nudge(body: Entity, action: Action) -> Differential[Velocity]:
-        return Differential[Velocity](body[Velocity], (action[0], action[0]))
+        return Differential[Velocity](body[Velocity], action[0])
 
     def reward(ball: GolfBall) -> float:
         return ball[Mass]
