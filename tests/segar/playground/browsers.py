@@ -1,8 +1,8 @@
 """Browsers that tests drive: Chromium by Playwright, Firefox by its own protocol (Marionette)."""
 
 import json
-import os
 import shutil
+import tempfile
 import time
 import warnings
 from collections.abc import Iterator
@@ -104,14 +104,16 @@ def started(name: str) -> Iterator[Browser]:
             yield chromium
             chromium.browser.close()
     else:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of its own dependencies
-            from marionette_driver.marionette import Marionette
+        with tempfile.TemporaryDirectory() as folder:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # of its own dependencies
+                from marionette_driver.marionette import Marionette
 
-            marionette = Marionette(bin=program("firefox"), headless=True, port=0, gecko_log=os.devnull)
-            marionette.start_session()
-        marionette.timeout.script = 300
-        try:
-            yield Firefox(marionette)
-        finally:
-            marionette.quit(in_app=False)
+                # Marionette removes the file that it is given for a log before it opens it: never give it a device.
+                marionette = Marionette(bin=program("firefox"), headless=True, port=0, gecko_log=folder)
+                marionette.start_session()
+            marionette.timeout.script = 300
+            try:
+                yield Firefox(marionette)
+            finally:
+                marionette.quit(in_app=False)
