@@ -144,13 +144,13 @@ def read_runs(plan: Mapping[str, Any]) -> Collected:
     runs, transfers, missing = [], [], []
     imported = {run["folder"] for one in plan["experiments"] for run in one["runs"] if run.get("imported")}
     tables = imported_rows(plan, imported)
-    tested, asked = (
+    transferred, asked = (
         set(pairs(join(tables[name]), "run", key)) for name, key in (("transfers", "transfer"), ("probes", "run"))
     )
     for name, (experiments, wanted, probed) in sorted(runs_of(plan).items()):
         folder = root / name
         if name in imported:
-            lacking = [one for one in wanted if (name, one) not in tested]
+            lacking = [one for one in wanted if (name, one) not in transferred]
             lacking += ["probes"] if probed and (name, name) not in asked else []
             missing += [{"run": name, "reason": f"the imported tables lack {one}"} for one in lacking]
             continue
