@@ -1,6 +1,7 @@
 """The panel that compares the two sets of a page: its distances are those of Python, and it states the same objective."""
 
 import dataclasses
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -106,6 +107,14 @@ PAIRS: dict[str, Callable[[], tuple[Levels, Levels]]] = {
 SLOW = {"hulls"}
 
 
+def until(page: Any, holds: str, arg: Any = None) -> None:
+    """Wait until an expression holds; Playwright's own waiting evaluates text in the page, which the page forbids."""
+    end = time.monotonic() + 30
+    while not page.evaluate(holds, arg):
+        assert time.monotonic() < end, holds
+        page.wait_for_timeout(20)
+
+
 @pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow if n in SLOW else ()) for n in PAIRS])
 def test_w2_and_ks_with_their_parts_are_those_of_python(name: str, browser: Browser, tmp_path: Path) -> None:
     a, b = PAIRS[name]()
@@ -168,8 +177,10 @@ def page(chromium: Chromium, saved: Path) -> Iterator[Any]:
 
 def measured(page: Any, unlike: str = "") -> str:
     """What the panel says once it says something else."""
-    page.wait_for_function(
-        "(was) => { const now = document.querySelector('.value').textContent; return now && now !== was }", arg=unlike
+    until(
+        page,
+        "(was) => { const now = document.querySelector('.value').textContent; return now && now !== was }",
+        arg=unlike,
     )
     return page.inner_text(".value")
 
@@ -208,7 +219,7 @@ def test_a_level_that_is_changed_counts_at_once_and_undo_brings_the_distance_bac
     assert w2(sets[0], heavy) == w2(sets[0], changed)
     page.click("text=Undo")
     page.click("text=Undo")
-    page.wait_for_function("(was) => document.querySelector('.value').textContent === was", arg=first)
+    until(page, "(was) => document.querySelector('.value').textContent === was", arg=first)
     assert page.locator("button.changed").count() == 0
 
 
@@ -250,14 +261,14 @@ def test_what_it_is_made_of_is_listed(page: Any, sets: tuple[Levels, Levels]) ->
 def test_levels_are_drawn_when_they_come_into_sight_and_keys_go_through_them(page: Any) -> None:
     drawn = """(label) => { const canvas = document.querySelector(`button[aria-label="${label}"]`).firstChild;
         return canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data.some((x) => x) }"""
-    page.wait_for_function(drawn, arg="train level 0")
+    until(page, drawn, arg="train level 0")
     assert page.locator(".wall").first.locator("button").count() == 30
     page.focus("button[aria-label='train level 0']")
     for key in ("ArrowRight", "ArrowRight", "ArrowDown", "ArrowUp", "ArrowLeft", "End", "Enter"):
         page.keyboard.press(key)
     assert page.evaluate("[window.playground.level, window.playground.world.steps]") == [29, 0]  # no key hit the ball
-    page.wait_for_function(drawn, arg="train level 29")
-    page.wait_for_function("document.querySelector('.wall [aria-current]')?.title === 'train level 29'")
+    until(page, drawn, arg="train level 29")
+    until(page, "document.querySelector('.wall [aria-current]')?.title === 'train level 29'")
     page.keyboard.press("Tab")
     assert page.evaluate("document.activeElement.title") == "test level 0"
 

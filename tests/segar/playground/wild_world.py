@@ -6,12 +6,12 @@ import segar
 from segar.language import Ball, arctan2, cos, exp, hypot, log, maximum, sin, sqrt, tan, tanh
 
 
-class Phase(segar.Scalar, default=0.3):
+class Flutter(segar.Scalar, default=0.3):
     """What the wind's direction follows."""
 
 
 class Leaf(Ball):
-    phase: Phase = 0.3
+    flutter: Flutter = 0.3
 
 
 @segar.rule
@@ -34,9 +34,9 @@ def gust(v: segar.Velocity) -> segar.Differential[segar.Velocity]:
 
 
 @segar.rule
-def turn(phase: Phase) -> segar.Differential[Phase]:
-    """The phase walks at random."""
-    return segar.Differential[Phase](phase, segar.random.uniform(-1.0, 3.0))
+def turn(flutter: Flutter) -> segar.Differential[Flutter]:
+    """The flutter walks at random."""
+    return segar.Differential[Flutter](flutter, segar.random.uniform(-1.0, 3.0))
 
 
 world = segar.World(rules=(*segar.DEFAULT_RULES, wind, gust, turn))
