@@ -31,7 +31,7 @@ PUBLIC = ROOT / "tests" / "project" / "public_api.txt"
 
 FENCE = re.compile(r"^```.*?^```$", re.M | re.S)
 LINK = re.compile(r"(?<=\]\()(?!https?:)([^)#\s]+)((?:#[^)\s]+)?\))")
-PICTURES = (".png", ".svg")
+PICTURES = (".png", ".svg", ".gif")
 LEXERS = {".py": "python", ".yaml": "yaml", ".cff": "yaml", ".toml": "toml"}
 LONGEST_VALUE = 90  # characters of a constant that is shown
 SECTIONS = {"how-to": "How-to pages", "reference": "Reference", "decisions": "Decisions and results"}
