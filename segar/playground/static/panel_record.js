@@ -9,19 +9,19 @@ export function recordPanel(page) {
   const head = make("tr", {}, ...["level", "steps", "return", "end"].map((textContent) => make("th", { textContent, scope: "col" })));
   const element = panel("Your episodes", false, make("div", { className: "scroll", tabIndex: 0, role: "region", "aria-label": "Episodes" }, make("table", {}, make("thead", {}, head), list)),
     make("div", { className: "controls" }, save),
-    make("p", { className: "note", textContent: "The file holds levels, seeds and actions; segar.datasets reads it and plays the same episodes again. Episodes on levels that you changed are not kept." }));
+    make("p", { className: "note", textContent: "The file holds levels, seeds and actions; segar.datasets reads it and plays the same episodes again. Only episodes on the levels that are shown are in it, and none on levels that you changed." }));
   const episodes = [];
-  let saved = 0;
 
   /** Keep the episode that has ended. */
   function add() {
-    const { world } = page;
-    if (page.levels.changed.has(world.level)) return;
+    const { world, levels } = page;
+    if (levels.changed.has(world.level)) return;
     const end = verdict(world);
-    episodes.push({
+    const data = {
       level: new Whole(world.level), seed: new Whole(world.seed), actions: world.actions.map((one) => [...one]),
       return: world.total, terminated: world.terminated, truncated: world.truncated, success: world.success,
-    });
+    };
+    episodes.push({ levels, level: world.level, data, saved: false });
     list.prepend(make("tr", {}, ...[world.level, world.steps, short(world.total), end].map((textContent) => make("td", { textContent }))));
     save.disabled = false;
   }
@@ -30,10 +30,11 @@ export function recordPanel(page) {
     const { about } = page.levels;
     const levels = fileText(page.levels, Array.from({ length: about.count }, (_, k) => k));
     const head = `"format": "segar-play", "version": 1, "segar": ${JSON.stringify(page.about.segar)}, "task": ${JSON.stringify(about.description.task ?? null)}, "seed": 0`;
-    saved = episodes.length;
-    download("episodes.json", `{${head},\n"levels": ${levels},\n"episodes": ${asText(episodes)}}\n`);
+    const kept = episodes.filter((one) => one.levels === page.levels && !page.levels.changed.has(one.level));
+    for (const one of kept) one.saved = true;
+    download("episodes.json", `{${head},\n"levels": ${levels},\n"episodes": ${asText(kept.map((one) => one.data))}}\n`);
   });
-  return { element, add, unsaved: () => episodes.length > saved };
+  return { element, add, unsaved: () => episodes.some((one) => !one.saved) };
 }
 
 /** How an episode ended, in a word. */

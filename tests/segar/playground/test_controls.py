@@ -224,6 +224,7 @@ def test_what_a_person_played_is_played_again_by_python(page: Any, tmp_path: Pat
         if not level:
             page.click("#next")
     page.click("summary:has-text('Your episodes')")
+    page.evaluate("window.playground.levels.setFactor(2, 0, 'Mass', [3])")  # of a level that nobody played
     with page.expect_download() as waiting:
         page.click("details[open] >> text=Save as file")
     waiting.value.save_as(tmp_path / "episodes.json")
