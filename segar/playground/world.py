@@ -75,7 +75,6 @@ def described_set(
         "worlds": {one.__name__: _factor(one) for one in levels.layout.parameters},
         "walls": simulator.world.walls,
         "rules": [rule.where for rule in simulator.source.rules],
-        "masks": [str(mask) for mask in simulator.source.type_masks],
         "steps_per_second": steps_per_second(levels, task),
         "types": blobs.add(np.ascontiguousarray(levels.types, np.int16).tobytes()),
         "indices": levels.provenance.indices.tolist(),
@@ -98,7 +97,6 @@ def _kind(kind: type[Entity]) -> dict[str, Any]:
     colour = colour_of(kind)
     return {
         "name": kind.__name__,
-        "says": _first_line(kind),
         "tile": language.Floor in kind.declared,
         "hole": language.Consumes in kind.declared,
         "holds": [factor.__name__ for factor in kind.declared if factor.width],
@@ -115,15 +113,9 @@ def _factor(factor: type[Factor]) -> dict[str, Any]:
         "unit": factor.unit,
         "bounds": factor.bounds,
         "possible": factor.possible_values(),
-        "says": _first_line(factor),
         "whole": issubclass(factor, language.Count),
         "flag": issubclass(factor, language.Flag),
-        "of_2022": factor.__module__.startswith("segar."),
     }
-
-
-def _first_line(one: type) -> str:
-    return (one.__doc__ or "").strip().split("\n")[0]
 
 
 def _priors(distribution: LevelDistribution) -> list[dict[str, Any]]:

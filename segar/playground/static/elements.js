@@ -16,6 +16,30 @@ export function panel(title, open, ...children) {
   return make("details", { open }, make("summary", {}, make("h2", { textContent: title })), ...children);
 }
 
+/** What may be longer than its place: a part that scrolls, with a name for who does not see it. */
+export function scroll(label, ...children) {
+  return make("div", { className: "scroll", tabIndex: 0, role: "region", "aria-label": label }, ...children);
+}
+
+/** A table; the caption may be null. Its rows are as tableRow takes them, and those of tBodies[0] can be replaced. */
+export function table(caption, head, rows = []) {
+  const above = caption === null ? [] : [make("caption", { className: "note", textContent: caption })];
+  const names = head.map((textContent) => make("th", { textContent, scope: "col" }));
+  return make("table", {}, ...above, make("thead", {}, make("tr", {}, ...names)), make("tbody", {}, ...rows.map(tableRow)));
+}
+
+/** A row of a table: of elements, texts, and numbers, which are shortened. */
+export function tableRow(cells) {
+  return make("tr", {}, ...cells.map((one) => make("td", {}, typeof one === "number" ? short(one) : one)));
+}
+
+/** An element of a drawing. */
+export function drawn(tag, about) {
+  const element = document.createElementNS("http://www.w3.org/2000/svg", tag);
+  for (const [name, value] of Object.entries(about)) element.setAttribute(name, value);
+  return element;
+}
+
 /** Give the person a file. */
 export function download(name, text, type = "application/json") {
   const url = URL.createObjectURL(new Blob([text], { type }));

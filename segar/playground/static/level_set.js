@@ -119,11 +119,31 @@ export class LevelSet {
     this.kinds[level * this.slots + slot] = kind;
   }
 
+  /** Make several changes of a level one, for undo; where one of them throws, none is made. */
+  together(level, changes) {
+    const [before, past] = [this.copy(level), this.past];
+    this.past = [];
+    try {
+      changes();
+    } catch (error) {
+      this.restore(before);
+      throw error;
+    } finally {
+      this.past = past;
+    }
+    this.keep(before);
+  }
+
   /** Keep a level as it is now, for undo. */
   remember(level) {
-    this.past.push(this.copy(level));
-    if (this.past.length > MOST_PAST) this.past.shift();
+    this.keep(this.copy(level));
     this.changed.add(level);
+  }
+
+  /** Keep a copy of a level, for undo. */
+  keep(before) {
+    this.past.push(before);
+    if (this.past.length > MOST_PAST) this.past.shift();
   }
 
   /** All that decides a level, as copies. */

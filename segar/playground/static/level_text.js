@@ -80,35 +80,31 @@ export function readLevel(levels, level, text) {
   if (data?.format === "segar-levels") data = data.levels?.[0];
   if (typeof data?.entities !== "object" || data.entities === null) throw new RangeError("a level has entities: {name: {type, factors}}");
   const { about } = levels;
-  const before = levels.copy(level);
-  const length = levels.past.length;
-  try {
-    const names = about.slots.map((slot) => slot.name);
-    for (const name of Object.keys(data.entities)) known(name, names, "entities");
-    about.slots.forEach((slot, k) => {
-      const one = data.entities[slot.name];
-      if (!one && !slot.optional) throw new RangeError(`entities.${slot.name} is missing`);
-      const kinds = slot.kinds.map((kind) => about.kinds[kind].name);
-      if (one) known(one.type, kinds, `entities.${slot.name}.type`);
-      levels.setKind(level, k, one ? slot.kinds[kinds.indexOf(one.type)] : -1);
-      for (const [factor, value] of Object.entries(one?.factors ?? {})) {
-        known(factor, about.kinds[levels.kindOf(level, k)].holds, `entities.${slot.name}.factors`);
-        const numbers = Array.isArray(value) ? value : [value];
-        if (numbers.some((x) => typeof x !== "number")) throw new RangeError(`entities.${slot.name}.factors.${factor} must be a number, not ${JSON.stringify(value)}`);
-        levels.setFactor(level, k, factor, numbers);
-      }
-    });
+  levels.together(level, () => {
+    for (const name of Object.keys(data.entities)) known(name, about.slots.map((slot) => slot.name), "entities");
+    about.slots.forEach((slot, k) => readThing(levels, level, k, data.entities[slot.name]));
     for (const [name, value] of Object.entries(data.parameters ?? {})) {
       known(name, about.parameters, "parameters");
       levels.setParameter(level, name, value);
     }
-  } catch (error) {
-    levels.restore(before);
-    levels.past.length = length;
-    throw error;
+  });
+}
+
+/** Make the thing of a slot what a text says; undefined where the text has none. */
+function readThing(levels, level, k, one) {
+  const { kinds, slots } = levels.about;
+  const { name, kinds: possible, optional } = slots[k];
+  if (!one && !optional) throw new RangeError(`entities.${name} is missing`);
+  const names = possible.map((kind) => kinds[kind].name);
+  if (one) known(one.type, names, `entities.${name}.type`);
+  levels.setKind(level, k, one ? possible[names.indexOf(one.type)] : -1);
+  for (const [factor, value] of Object.entries(one?.factors ?? {})) {
+    const place = `entities.${name}.factors`;
+    known(factor, kinds[levels.kindOf(level, k)].holds, place);
+    const numbers = Array.isArray(value) ? value : [value];
+    if (numbers.some((x) => typeof x !== "number")) throw new RangeError(`${place}.${factor} must be a number, not ${JSON.stringify(value)}`);
+    levels.setFactor(level, k, factor, numbers);
   }
-  levels.past.length = length;
-  levels.past.push(before);
 }
 
 function known(name, names, place) {

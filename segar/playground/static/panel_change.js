@@ -1,6 +1,6 @@
 /** The panel in which a level is changed: its things and parameters by sliders and numbers, and the level as text. */
 
-import { download, make, panel, short } from "segar/elements.js";
+import { download, drawn, make, panel, short } from "segar/elements.js";
 import { asText, fileText, levelData, readLevel } from "segar/level_text.js";
 
 const HIDDEN = new Set(["Acceleration", "Drag", "Alive", "Done", "Order"]); // set by rules, or of no effect in people's pictures
@@ -106,25 +106,18 @@ export function changePanel(page) {
     return make("div", { className: "factor" }, make("label", { for: id, title: prior?.law ?? "" }, `${label}${unit ? ` [${unit}]` : ""}`), middle, box);
   }
 
-  return { element, update, say: (words) => { say.textContent = words; } };
+  return { element, update };
 }
 
 /** The prior's density over the range of a slider. */
 function density({ low, high, bins, law }, from, to) {
-  const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
-  svg.setAttribute("viewBox", "0 0 100 22");
-  svg.setAttribute("preserveAspectRatio", "none");
-  svg.setAttribute("role", "img");
-  svg.setAttribute("aria-label", `prior: ${law}`);
+  const about = { viewBox: "0 0 100 22", preserveAspectRatio: "none", role: "img", "aria-label": `prior: ${law}` };
+  const svg = drawn("svg", about);
   const most = Math.max(...bins);
-  const width = Math.max((high - low) / bins.length, (to - from) / 200);
+  const width = short(Math.max((high - low) / bins.length, (to - from) / 200) / (to - from) * 100);
   bins.forEach((mass, k) => {
-    const rect = document.createElementNS("http://www.w3.org/2000/svg", "rect");
-    const x = (low + k * (high - low) / bins.length - from) / (to - from) * 100;
-    for (const [key, value] of Object.entries({ x, y: 22 - 22 * mass / most, width: width / (to - from) * 100, height: 22 * mass / most })) {
-      rect.setAttribute(key, short(value));
-    }
-    svg.append(rect);
+    const x = short((low + k * (high - low) / bins.length - from) / (to - from) * 100);
+    svg.append(drawn("rect", { x, y: short(22 - 22 * mass / most), width, height: short(22 * mass / most) }));
   });
   return svg;
 }

@@ -1,6 +1,6 @@
 /** The panel of players on the same levels: the person, the agent, random and idle play, the planner; and their ways. */
 
-import { make, panel, short } from "segar/elements.js";
+import { make, panel, scroll, short, table, tableRow } from "segar/elements.js";
 import { mean, outcome } from "segar/results.js";
 
 const PLAYERS = { you: "you", agent: "agent", random: "random play", idle: "nobody acts", planner: "planner (best known)" };
@@ -11,16 +11,15 @@ export function comparePanel(page) {
   const plans = page.about.sets.some((set) => set.baselines);
   const players = Object.keys(PLAYERS).filter((one) => (one !== "agent" || page.policy) && (one !== "planner" || plans));
   const summary = make("div");
-  const rows = make("tbody");
-  const head = make("tr", {}, ...["level", ...players.map((one) => PLAYERS[one])].map((textContent) => make("th", { textContent, scope: "col" })));
+  const returns = table("Returns on each level", ["level", ...players.map((one) => PLAYERS[one])]);
+  const [rows] = returns.tBodies;
   const way = make("select", {}, make("option", { value: "", textContent: "nobody" }),
     ...players.filter((one) => one !== "you").map((one) => make("option", { value: one, textContent: PLAYERS[one] })));
   const all = make("button", { textContent: "Play all levels", onclick: () => playAll() });
   const element = panel(
     "Compare", false,
     make("div", { className: "controls" }, all, make("label", {}, "Show the way of ", way)), summary,
-    make("div", { className: "scroll", tabIndex: 0, role: "region", "aria-label": "Returns on each level" },
-      make("table", {}, make("caption", { className: "note", textContent: "Returns on each level" }), make("thead", {}, head), rows)),
+    scroll("Returns on each level", returns),
     make("p", { className: "note", textContent: plans
       ? "A score of 0 is the better of random and idle play on each level, and 1 is the planner, who knows the levels; segar.evaluation.Baselines counts alike."
       : "There are no scores: the page was made without plans=True (segar playground --plans), which finds the planner's episodes." }),
@@ -71,15 +70,17 @@ export function comparePanel(page) {
     const { set, levels } = page;
     const yours = levels.levelNumbers.filter((level) => results.returned(set, "you", level) !== undefined);
     summary.replaceChildren(
-      table(`All ${levels.count} levels`, levels.levelNumbers),
-      ...(yours.length && yours.length < levels.count ? [table(`The ${yours.length} levels that you played`, yours)] : []),
+      summed(`All ${levels.count} levels`, levels.levelNumbers),
+      ...(yours.length && yours.length < levels.count ? [summed(`The ${yours.length} levels that you played`, yours)] : []),
     );
-    rows.replaceChildren(...levels.levelNumbers.map((level) => make("tr", {},
-      make("td", {}, make("button", { value: level, textContent: level, "aria-label": `go to level ${level}` })),
-      ...players.map((one) => make("td", { textContent: number(results.returned(set, one, level)) })))));
+    rows.replaceChildren(...levels.levelNumbers.map((level) => tableRow([
+      make("button", { value: level, textContent: level, "aria-label": `go to level ${level}` }),
+      ...players.map((one) => number(results.returned(set, one, level))),
+    ])));
   }
 
-  function table(title, levels) {
+  /** What the players achieve on some levels together. */
+  function summed(title, levels) {
     const lines = players.map((one) => {
       const complete = levels.every((level) => results.returned(page.set, one, level) !== undefined);
       const all = (of) => (complete ? mean(levels, of) : undefined);
@@ -88,9 +89,7 @@ export function comparePanel(page) {
         number(shares.includes(undefined) ? undefined : mean(shares, (x) => x)),
         number(complete ? results.score(page.set, one, levels) : undefined)];
     });
-    return make("table", {}, make("caption", { className: "note", textContent: title }),
-      make("thead", {}, make("tr", {}, ...HEAD.map((textContent) => make("th", { textContent, scope: "col" })))),
-      make("tbody", {}, ...lines.map((line) => make("tr", {}, ...line.map((textContent) => make("td", { textContent }))))));
+    return table(title, HEAD, lines);
   }
 
   return { element, update, add, ghost };

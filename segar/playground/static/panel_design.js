@@ -1,6 +1,6 @@
 /** The panel of a page with two sets: their levels side by side, how far apart they are and in what. */
 
-import { download, make, panel, short } from "segar/elements.js";
+import { download, drawn, make, panel, scroll, short, table, tableRow } from "segar/elements.js";
 import { fileText } from "segar/level_text.js";
 import { Measures, MOST } from "segar/measures.js";
 import { Scene } from "segar/scene.js";
@@ -15,7 +15,7 @@ export function designPanel(page) {
   const { sets, about } = page;
   const measures = new Measures(about.objective, sets);
   const value = make("p", { role: "status", className: "value" });
-  const parts = make("tbody");
+  const parts = table(null, ["part", "share of W2²"]);
   const cards = make("div", { className: "cards" });
   const unseen = make("ul");
   const walls = sets.map((_, k) => wall(page, k));
@@ -23,7 +23,7 @@ export function designPanel(page) {
   const note = make("p", { className: "note" });
   const saves = sets.map((set, k) => make("button", {
     textContent: `Save ${fileOf(page, k)}`,
-    onclick: () => download(fileOf(page, k), fileText(set, Array.from({ length: set.count }, (_, level) => level))),
+    onclick: () => download(fileOf(page, k), fileText(set, set.levelNumbers)),
   }));
   const element = panel(
     "Train and test", true,
@@ -34,7 +34,7 @@ export function designPanel(page) {
     make("div", { className: "beside" }, ...walls.map((one) => one.element)),
     make("div", { className: "beside" },
       make("section", {}, make("h3", { textContent: "What W2² is made of" }),
-        scroll("Parts of W2²", make("table", {}, make("thead", {}, row("th", "part", "share of W2²")), parts)),
+        scroll("Parts of W2²", parts),
         make("h3", { textContent: "What W2 and KS do not see" }), unseen),
       make("section", {}, make("h3", { textContent: "Factors that vary, with KS of each" }),
         said(make("span", { className: "key of0" }), ` ${about.sets[0].title}, filled; `,
@@ -84,11 +84,11 @@ export function designPanel(page) {
 
   function show({ w2, ks, parts: found, marginals }) {
     value.textContent = `W2 ${short(w2)}, KS ${short(ks)}`;
-    parts.replaceChildren(...found.map(([name, part]) => {
+    parts.tBodies[0].replaceChildren(...found.map(([name, part]) => {
       const share = part / (w2 * w2);
       const bar = make("span", { className: "bar" });
       bar.style.width = `${100 * part / found[0][1]}%`;
-      return row("td", name, `${(100 * share).toFixed(1)} %`, bar);
+      return tableRow([name, `${(100 * share).toFixed(1)} %`, bar]);
     }));
     const varied = marginals.filter(({ x, y }) => Math.min(x[0], y[0]) < Math.max(x.at(-1), y.at(-1)));
     varied.sort((one, other) => other.ks - one.ks);
@@ -114,14 +114,6 @@ export function designPanel(page) {
 
 function said(...words) {
   return make("p", { className: "note" }, ...words);
-}
-
-function scroll(label, ...children) {
-  return make("div", { className: "scroll", tabIndex: 0, role: "region", "aria-label": label }, ...children);
-}
-
-function row(tag, ...cells) {
-  return make("tr", {}, ...cells.map((cell) => make(tag, tag === "th" ? { scope: "col" } : {}, cell)));
 }
 
 /** Thumbnails of a set, which are drawn when they come into sight. Arrow keys go from one to the next. */
@@ -231,12 +223,6 @@ function card({ name, unit, priors, x, y, ks }) {
   const ends = `${short(low)} to ${short(high)}${unit ? ` ${unit}` : ""}`;
   const words = [make("b", { textContent: name }), ` KS\u00a0${ks.toFixed(3)}`, make("br"), ends];
   return make("figure", {}, svg, make("figcaption", {}, ...words));
-}
-
-function drawn(tag, about) {
-  const element = document.createElementNS("http://www.w3.org/2000/svg", tag);
-  for (const [key, one] of Object.entries(about)) element.setAttribute(key, one);
-  return element;
 }
 
 function path(d, className) {

@@ -1,13 +1,12 @@
 /** The panel of what a person played: episodes that ended, which leave as a file that Python replays to the bit. */
 
-import { download, make, panel, short } from "segar/elements.js";
+import { download, make, panel, scroll, short, table, tableRow } from "segar/elements.js";
 import { asText, fileText, Whole } from "segar/level_text.js";
 
 export function recordPanel(page) {
-  const list = make("tbody");
+  const list = table(null, ["level", "steps", "return", "end"]);
   const save = make("button", { textContent: "Save as file", disabled: true });
-  const head = make("tr", {}, ...["level", "steps", "return", "end"].map((textContent) => make("th", { textContent, scope: "col" })));
-  const element = panel("Your episodes", false, make("div", { className: "scroll", tabIndex: 0, role: "region", "aria-label": "Episodes" }, make("table", {}, make("thead", {}, head), list)),
+  const element = panel("Your episodes", false, scroll("Episodes", list),
     make("div", { className: "controls" }, save),
     make("p", { className: "note", textContent: "The file holds levels, seeds and actions; segar.datasets reads it and plays the same episodes again. Only episodes on the levels that are shown are in it, and none on levels that you changed." }));
   const episodes = [];
@@ -22,13 +21,13 @@ export function recordPanel(page) {
       return: world.total, terminated: world.terminated, truncated: world.truncated, success: world.success,
     };
     episodes.push({ levels, level: world.level, data, saved: false });
-    list.prepend(make("tr", {}, ...[world.level, world.steps, short(world.total), end].map((textContent) => make("td", { textContent }))));
+    list.tBodies[0].prepend(tableRow([String(world.level), String(world.steps), short(world.total), end]));
     save.disabled = false;
   }
 
   save.addEventListener("click", () => {
     const { about } = page.levels;
-    const levels = fileText(page.levels, Array.from({ length: about.count }, (_, k) => k));
+    const levels = fileText(page.levels, page.levels.levelNumbers);
     const head = `"format": "segar-play", "version": 1, "segar": ${JSON.stringify(page.about.segar)}, "task": ${JSON.stringify(about.description.task ?? null)}, "seed": 0`;
     const kept = episodes.filter((one) => one.levels === page.levels && !page.levels.changed.has(one.level));
     for (const one of kept) one.saved = true;

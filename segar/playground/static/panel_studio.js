@@ -1,6 +1,6 @@
 /** The panel of segar studio: what the library behind the page can do, which a page in a file cannot. */
 
-import { make, panel, short } from "segar/elements.js";
+import { make, panel, scroll, short, table } from "segar/elements.js";
 import { fileText } from "segar/level_text.js";
 
 const KEPT = "segar-studio"; // under this name the browser keeps what is shown, until the page is there again
@@ -204,15 +204,4 @@ export function studioPanel(page) {
 
 function numberBox(id) {
   return make("input", { type: "number", min: 0, id });
-}
-
-function table(caption, head, rows) {
-  const cell = (one) => (one instanceof Node ? make("td", {}, one) : make("td", { textContent: typeof one === "number" ? short(one) : one }));
-  return make("table", {}, make("caption", { className: "note", textContent: caption }),
-    make("thead", {}, make("tr", {}, ...head.map((textContent) => make("th", { textContent, scope: "col" })))),
-    make("tbody", {}, ...rows.map((row) => make("tr", {}, ...row.map(cell)))));
-}
-
-function scroll(label, inner) {
-  return make("div", { className: "scroll", tabIndex: 0, role: "region", "aria-label": label }, inner);
 }
