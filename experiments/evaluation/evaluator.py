@@ -57,10 +57,9 @@ from segar.envs import VectorEnv, play
 from segar.errors import RuleError
 from segar.evaluation import QUANTITIES, Baselines, find_baselines
 from segar.levels import Levels
-from segar.policies import Network
+from segar.policies import NETWORK_FILE, Network
 from segar.rendering import View, write_video
 
-NETWORK = "network.npz"  # that played, where it is portable
 COUNT = 100  # levels of a distribution, where the number is not given
 VIEW = View(size=384)  # of videos
 OWN = {"train": LEVELS_TRAIN, "test": LEVELS_TEST}  # the run's own level sets
@@ -293,9 +292,9 @@ def write(
         raise RunFolderError(f"cannot make the folder {out}: {error.strerror}") from error
     (out / SUMMARY).unlink(missing_ok=True)  # it is there if and only if it belongs to the other files
     levels.save(out / LEVELS)
-    (out / NETWORK).unlink(missing_ok=True)  # of an evaluation that is replaced
+    (out / NETWORK_FILE).unlink(missing_ok=True)  # of an evaluation that is replaced
     if network is not None:
-        network.save(out / NETWORK)
+        network.save(out / NETWORK_FILE)
     write_rows(out / EPISODES, rows, EPISODE_SCHEMA)
     write_json(out / SUMMARY, summary)
 

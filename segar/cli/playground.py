@@ -3,21 +3,17 @@
 import argparse
 import sys
 import time
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from segar.cli import arguments
-from segar.errors import LevelError, SegarError
+from segar.errors import LevelError
 from segar.levels import Levels
-from segar.observations import OBSERVATIONS, Observation, make_observation, trained_on
-from segar.playground import WEIGHTS, make_playground
-from segar.policies import Network
-from segar.support import named_or_made, need
+from segar.observations import OBSERVATIONS, Observation, make_observation
+from segar.playground import WEIGHTS, make_playground, read_policy
+from segar.support import named_or_made
 
 NUMBER = 100  # of levels of a distribution, where none is given
-NETWORK, CONFIG, LEVELS_TRAIN = "network.npz", "config.yaml", "levels_train.npz"  # files of a run folder
-IN_EVALUATIONS = f"evaluations/*/{NETWORK}"
 
 
 def add_commands(commands: Any) -> None:
@@ -58,11 +54,10 @@ def add_commands(commands: Any) -> None:
 def playground(chosen: argparse.Namespace) -> None:
     """``segar playground``."""
     start = time.perf_counter()
-    network, observations = None, {name: named_observation(name) for name in chosen.observation or ()}
-    if chosen.policy is not None:
-        network, place, run = find_network(Path(chosen.policy))
-        if run is not None:
-            observations = observations or observation_of(run)
+    observations = {name: named_observation(name) for name in chosen.observation or ()}
+    player = None if chosen.policy is None else read_policy(Path(chosen.policy), observes=not observations)
+    if player is not None:
+        observations = observations or player.observations
     levels = named_levels(chosen, chosen.what, chosen.split)
     test = None if chosen.test is None else named_levels(chosen, chosen.test, "test")
     task = None if chosen.task is None else arguments.task_named(chosen.task, levels)
@@ -74,8 +69,9 @@ def playground(chosen: argparse.Namespace) -> None:
         test,
         task=task,
         observations=observations or ("rgb",),
-        policy=network,
+        policy=None if player is None else player.network,
         weights=chosen.weights,
+        probes={} if player is None else player.probes,
         plans=chosen.plans,
         title=chosen.title,
     )
@@ -83,67 +79,11 @@ def playground(chosen: argparse.Namespace) -> None:
     size, seconds = len(page.html.encode()), time.perf_counter() - start
     answer: dict[str, Any] = {"file": chosen.output, "bytes": size, "levels": len(levels), "seconds": seconds}
     answer |= {"test_levels": len(test)} if test is not None else {}
-    answer |= {"policy": str(place), "weights": chosen.weights} if network is not None else {}
+    answer |= {} if player is None else {"policy": str(player.place), "weights": chosen.weights}
     sets = f"{len(levels)} levels" + ("" if test is None else f" and {len(test)} test levels")
-    plays = "" if network is None else f", the policy in {place} ({chosen.weights})"
+    plays = "" if player is None else f", the policy in {player.place} ({chosen.weights})"
     text = f"{chosen.output}: {sets}{plays}; {size / 1000:.0f} kB in {seconds:.1f} s. Open it in a browser"
     arguments.print_answer(chosen, answer, text)
-
-
-def find_network(path: Path) -> tuple[Network, Path, Path | None]:
-    """The network in a file, or the newest one of a run folder; its file; and the folder of its run, if there is one.
-
-    Nothing of a run is imported.
-
-    Raises:
-        SegarError: there is none, which says how to write it; or it cannot be read.
-    """
-    if path.is_dir():
-        is_evaluation = (path / NETWORK).exists()
-        found = [path / NETWORK] if is_evaluation else sorted(path.glob(IN_EVALUATIONS), key=_written)
-        if not found:
-            raise SegarError(
-                f"{path}: there is no {NETWORK}, neither here nor in {IN_EVALUATIONS}, which plays without torch; write it"
-                f" by: python -m experiments.evaluate run={path} portable=true"
-            )
-        run = path.parent.parent if is_evaluation and not (path / CONFIG).exists() else path
-        return Network.load(found[-1]), found[-1], run if (run / CONFIG).exists() else None
-    if not path.exists():
-        raise SegarError(f"there is no {path}; name a network's file, or the folder of a run")
-    return Network.load(path), path, None
-
-
-def observation_of(run: Path) -> dict[str, Observation]:
-    """What the agent of a run observes, in the units of its training levels, by its name in the settings.
-
-    The settings are read as plain data, and nothing that they name is imported.
-
-    Raises:
-        SegarError: the settings cannot be read, or name an observation of the user's own.
-    """
-    advice = "say what the policy reads by --observation"
-    need("reading the settings of a run", "yaml")
-    import yaml
-
-    path = run / CONFIG
-    try:
-        settings = yaml.safe_load(path.read_text(encoding="utf-8"))
-        name, options = settings["observation"]["name"], settings["observation"].get("options") or {}
-    except (yaml.YAMLError, UnicodeDecodeError, TypeError, KeyError, AttributeError) as error:
-        raise SegarError(f"{path} holds no settings of a run ({type(error).__name__}); {advice}") from error
-    if name not in OBSERVATIONS or not isinstance(options, Mapping):
-        raise SegarError(f"{path}: the observation {name!r} is not one of SEGAR, and is not imported; {advice}")
-    try:
-        made = OBSERVATIONS[name](**options)
-    except (TypeError, SegarError) as error:
-        raise SegarError(f"{path}: the observation {name!r} cannot be made: {error}; {advice}") from error
-    train = run / LEVELS_TRAIN
-    is_known = not hasattr(made, "trained_on") or not train.exists()
-    return {name: made if is_known else trained_on(made, Levels.load(train))}
-
-
-def _written(path: Path) -> float:
-    return path.stat().st_mtime
 
 
 def named_observation(name: str) -> Observation:

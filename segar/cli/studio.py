@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from segar.cli import arguments
-from segar.cli.playground import NUMBER, find_network, named_levels, named_observation, observation_of
+from segar.cli.playground import NUMBER, named_levels, named_observation
 from segar.errors import SegarError
-from segar.observations import OBSERVATIONS, Observation
+from segar.observations import OBSERVATIONS
 from segar.playground import Studio
-from segar.policies import Network
 from segar.support import need
 
 LARGEST_PORT = 65_535
@@ -60,7 +59,6 @@ def studio(chosen: argparse.Namespace) -> None:
         task=None if chosen.task is None else arguments.task_named(chosen.task, levels),
         observations={name: named_observation(name) for name in chosen.observation},
         runs=chosen.runs,
-        read_run=policy_of,
     )
     server = StudioServer(made, chosen.port)
     print(f"segar studio: {server.address}\nThe address is a secret of yours. Ctrl-C ends the studio.", flush=True)
@@ -70,9 +68,3 @@ def studio(chosen: argparse.Namespace) -> None:
         server.run()
     except KeyboardInterrupt:
         print("segar studio: ended")
-
-
-def policy_of(folder: Path) -> tuple[Network, dict[str, Observation]]:
-    """The network in the folder of a run or of an evaluation, and what it observes; nothing where no settings are there."""
-    network, _, run = find_network(folder)
-    return network, {} if run is None else observation_of(run)

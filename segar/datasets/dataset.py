@@ -3,7 +3,6 @@
 A shard is a Parquet table of scalars and factors, and an NPZ file of the observations, row by row.
 """
 
-import hashlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
@@ -17,7 +16,7 @@ from segar.datasets.manifest import LEVELS, MANIFEST, RESTORE, Manifest, ShardEn
 from segar.datasets.rollouts import Rollouts
 from segar.errors import SegarError
 from segar.language import Factors, Layout
-from segar.levels import LEVEL_ARRAYS, Levels
+from segar.levels import Levels, hash_of_levels
 from segar.rules import World
 from segar.support import DAMAGE, LIMIT_VARIABLE, Form, file_limit, first_line, need, open_npz, replacing
 
@@ -26,7 +25,6 @@ TRUTHS = ("terminated", "truncated", "success", "death")
 ENVIRONMENT, SEED = "environment", "seed"
 COMPONENTS = ("x", "y")  # of a vector
 ACTION = "action."  # how the names of the columns of actions begin
-HASH_DIGITS = 16  # of levels and kernels
 LIMIT = 4 * 2**30  # [bytes] of a shard with frames
 
 
@@ -106,16 +104,6 @@ class Shard:
                 observations={name: array[all_rows] for name, array in r.observations.items()},
                 factors={factor.__name__: self.factor(factor.__name__)[all_rows] for factor in self.layout.factors},
             )
-
-
-def hash_of_levels(levels: Levels) -> str:
-    """Sixteen hexadecimal digits that change with any value of any level."""
-    found = hashlib.sha256(repr(levels.layout.names).encode())
-    for name in LEVEL_ARRAYS:
-        array = np.ascontiguousarray(getattr(levels, name))
-        found.update(f"{name} {array.dtype} {array.shape}".encode())
-        found.update(array.tobytes())
-    return found.hexdigest()[:HASH_DIGITS]
 
 
 def factor_columns(layout: Layout) -> list[dict[str, str]]:

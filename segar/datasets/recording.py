@@ -11,16 +11,17 @@ from typing import Any
 
 import numpy as np
 
-from segar.datasets.dataset import HASH_DIGITS, Dataset, factor_columns, hash_of_levels, write_shard
+from segar.datasets.dataset import Dataset, factor_columns, write_shard
 from segar.datasets.manifest import LEVELS, MANIFEST, Manifest, Settings, ShardEntry, check_files, check_same_settings
 from segar.datasets.rollouts import Policy, leaves, roll_out
 from segar.envs import VectorEnv
 from segar.errors import SegarError
 from segar.language import Task
-from segar.levels import Levels
+from segar.levels import Levels, hash_of_levels
 from segar.rules import World
 from segar.support import LOCK, UNFINISHED, locked, need, remove_unfinished
 
+HASH_DIGITS = 16  # of the kernel
 SHORT_HASH_DIGITS = 8  # of arrays in texts
 UNIFORM = "uniform"
 

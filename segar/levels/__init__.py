@@ -8,7 +8,7 @@ from segar.levels import checks, moments
 from segar.levels.conditional import Dependent
 from segar.levels.description import all_subclasses, description_of
 from segar.levels.distribution import LevelDistribution
-from segar.levels.hashing import content_hash
+from segar.levels.hashing import content_hash, hash_of_levels
 from segar.levels.level_data import LEVEL_ARRAYS, Provenance
 from segar.levels.level_set import Levels, levels_from_data
 from segar.levels.moments import PointSets, entity_types, gather, source_moments
@@ -22,5 +22,5 @@ __all__ = [
     "DIFFICULTIES", "LEVEL_ARRAYS", "TASKS", "TASK_LEVELS", "Dependent", "Draw", "LevelDistribution", "Levels",
     "PointSets", "Prior", "Provenance", "SamplingPlan", "SlotGroup", "all_subclasses", "check_levels", "checks",
     "content_hash", "description_of", "entity_types", "factors_needed", "families", "family", "gather",
-    "levels_from_data", "marginals", "mix", "moments", "slot_distributions", "source_moments",
+    "hash_of_levels", "levels_from_data", "marginals", "mix", "moments", "slot_distributions", "source_moments",
 ]  # fmt: skip

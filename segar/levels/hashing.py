@@ -12,6 +12,7 @@ import numpy as np
 from segar.errors import LevelError
 from segar.language import BaseShape, Entity, Factor, Relation, Symbol, ThingFactory
 from segar.levels.conditional import Dependent
+from segar.levels.level_data import LEVEL_ARRAYS, LevelData
 from segar.levels.priors import Prior
 from segar.noise import Noise
 
@@ -86,3 +87,13 @@ def _fields(value: Any) -> list[tuple[str, Any]]:
         name for cls in type(value).__mro__ for name, item in vars(cls).items() if isinstance(item, cached_property)
     }
     return sorted((name, item) for name, item in vars(value).items() if name not in cached)
+
+
+def hash_of_levels(levels: LevelData) -> str:
+    """Sixteen hexadecimal digits that change with any value of any level."""
+    found = hashlib.sha256(repr(levels.layout.names).encode())
+    for name in LEVEL_ARRAYS:
+        array = np.ascontiguousarray(getattr(levels, name))
+        found.update(f"{name} {array.dtype} {array.shape}".encode())
+        found.update(array.tobytes())
+    return found.hexdigest()[:HASH_DIGITS]

@@ -6,6 +6,7 @@ that are imported here.
 
 from segar.playground.page import Playground, make_playground
 from segar.playground.policy import WEIGHTS
+from segar.playground.run_folder import RunPolicy, read_policy
 from segar.playground.studio import Studio
 
-__all__ = ["WEIGHTS", "Playground", "Studio", "make_playground"]
+__all__ = ["WEIGHTS", "Playground", "RunPolicy", "Studio", "make_playground", "read_policy"]

@@ -69,6 +69,7 @@ def make_playground(
     observations: Sequence[str | Observation] | Mapping[str, str | Observation] = ("rgb",),
     policy: Network | NetworkPolicy | None = None,
     weights: Weights = "float32",
+    probes: Mapping[str, tuple[float, float, float]] | None = None,
     plans: bool = False,
     title: str | None = None,
     studio: Mapping[str, Any] | None = None,
@@ -85,6 +86,7 @@ def make_playground(
             without noise where a network is given.
         weights: of the policy, as "float32"; or as "float16", which makes the page smaller: it then plays
             ``policy.network.in_float16()``.
+        probes: what is known of the factors in what the policy's encoder gives, as :class:`RunPolicy` has it; shown as bars.
         plans: whether the page holds the planner's episodes, and the baselines of scores. They are found now by
             :func:`segar.evaluation.find_baselines`, in about 0.1 s per level.
         title: of the page; the levels' name where it is None.
@@ -113,6 +115,7 @@ def make_playground(
     about: dict[str, Any] = {"title": title, "segar": __version__, "sets": sets}
     if policy is not None:
         about["policy"] = described_policy(policy, sets, weights, blobs)
+        about["policy"]["probes"] = [[name, *numbers] for name, numbers in (probes or {}).items()]
     if test is not None:
         about["objective"] = described_objective(levels, test)
     if studio is not None:

@@ -2,7 +2,7 @@
 
 import threading
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -19,7 +19,8 @@ from segar.metrics import ks_report, w2_report
 from segar.observations import Observation
 from segar.playground.distribution_text import read_distribution, written
 from segar.playground.page import MOST_LEVELS, make_playground
-from segar.policies import Network
+from segar.playground.run_folder import read_policy
+from segar.policies import NETWORK_FILE
 from segar.rendering import Stage
 from segar.rules import World
 from segar.support import misfit
@@ -30,7 +31,6 @@ KS_RESAMPLES = 199
 SEED_DIGITS = 18  # of the seed of an episode
 SEED = 0  # of resamples, of the search, and of random play
 INFLUENCE_LEVELS = 20  # of a set, in which it is tried what actions change
-NETWORK = "network.npz"  # of a run that plays without torch
 FORMS: dict[str, dict[str, Any]] = {
     "draw": {"version": int, "set": int, "text": str, "seed": int, "split": str, "number": int},
     "distance": {"version": int},
@@ -43,8 +43,6 @@ FORMS: dict[str, dict[str, Any]] = {
 
 Question = Mapping[str, Any]
 Observations = Sequence[str | Observation] | Mapping[str, str | Observation]
-PolicyReader = Callable[[Path], tuple[Network, Observations]]
-"""From a run folder to its network, and to what it observes."""
 
 
 class Stopped(Exception):
@@ -93,7 +91,6 @@ class Studio:
         task: what is played; the one that the levels name where it is None.
         observations: what agents see, as :func:`make_playground` takes it.
         runs: the folder whose run folders have networks that play, or None.
-        read_run: gives the network of a run folder and what it observes.
     """
 
     def __init__(
@@ -104,11 +101,10 @@ class Studio:
         task: Task | None = None,
         observations: Observations = ("rgb",),
         runs: Path | None = None,
-        read_run: PolicyReader | None = None,
     ) -> None:
         self.sides = tuple(Side.of(one) for one in (levels, test) if one is not None)
         self.task, self.observations = task, observations
-        self.runs, self.read_run = None if runs is None else runs.resolve(), read_run
+        self.runs = None if runs is None else runs.resolve()
         self.run: str | None = None
         self.version = 0
         self.html = self._page(self.sides, None)
@@ -199,7 +195,7 @@ class Studio:
         """Have the policy of a run play in the page, or none."""
         run = question["run"]
         if run is not None and run not in self._found_runs():
-            raise SegarError(f"there is no run '{run}' with a {NETWORK} below the folder of --runs")
+            raise SegarError(f"there is no run '{run}' with a {NETWORK_FILE} below the folder of --runs")
         self._change(self.sides, run, stop)
         return {"version": self.version}
 
@@ -208,10 +204,10 @@ class Studio:
 
         A folder is left out where a link in it, or in the folder of its run, leads out of the folder of runs.
         """
-        if self.runs is None or self.read_run is None:
+        if self.runs is None:
             return {}
         found = {}
-        for folder in (file.parent for file in self.runs.rglob(NETWORK)):
+        for folder in (file.parent for file in self.runs.rglob(NETWORK_FILE)):
             near = [
                 one
                 for place in (folder, folder.parent.parent)
@@ -231,10 +227,7 @@ class Studio:
 
     def _page(self, sides: Sequence[Side], run: str | None, version: int = 0) -> str:
         """The page with these sets, and with the policy of a run."""
-        network, observations = None, self.observations
-        if run is not None and self.read_run is not None:
-            network, seen = self.read_run(self._found_runs()[run])
-            observations = seen or observations
+        player = None if run is None else read_policy(self._found_runs()[run])
         levels = [side.levels for side in sides]
         drawn = [
             {"text": side.text, "seed": one.provenance.seed, "split": one.provenance.split, "number": len(one)}
@@ -243,8 +236,9 @@ class Studio:
         return make_playground(
             *levels,
             task=self.task,
-            observations=observations,
-            policy=network,
+            observations=player.observations or self.observations if player else self.observations,
+            policy=player.network if player else None,
+            probes=player.probes if player else {},
             title=" and ".join(dict.fromkeys(one.provenance.name or "levels made by hand" for one in levels)),
             studio={"version": version, "sets": drawn, "runs": self.runs is not None, "run": run},
         ).html

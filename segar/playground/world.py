@@ -11,7 +11,7 @@ from segar.engine import Call, described_world
 from segar.envs import VectorEnv, environment_calls
 from segar.errors import PriorError, SegarError
 from segar.language import Entity, Factor, Task
-from segar.levels import LevelDistribution, Levels, description_of
+from segar.levels import LevelDistribution, Levels, description_of, hash_of_levels
 from segar.noise import Noise
 from segar.observations import Observation, colour_of
 from segar.playground.modules import Blobs, described_module
@@ -63,6 +63,7 @@ def described_set(
         **described_world(levels.layout, task),
         "title": title,
         "count": len(levels),
+        "hash": hash_of_levels(levels),
         "module": world,
         "observations": found,
         "kinds": [_kind(kind) for kind in levels.layout.types],

@@ -5,7 +5,7 @@ environments. Other rooms, and ``experiments``, use the names below.
 """
 
 from segar.policies.layers import Layer
-from segar.policies.network import Network
+from segar.policies.network import NETWORK_FILE, Network
 from segar.policies.network_policy import NetworkPolicy
 
-__all__ = ["Layer", "Network", "NetworkPolicy"]
+__all__ = ["NETWORK_FILE", "Layer", "Network", "NetworkPolicy"]

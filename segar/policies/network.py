@@ -26,6 +26,7 @@ DESCRIPTION = {
     "action_low": [float],
     "action_high": [float],
 }
+NETWORK_FILE = "network.npz"  # in the folder of an evaluation, of the network that played
 LONGEST_SIDE = 2**16  # of an observation
 MOST_OF_16_BITS = float(np.finfo(np.float16).max)
 

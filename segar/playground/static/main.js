@@ -2,6 +2,7 @@
 
 import { make, short } from "segar/elements.js";
 import { LevelSet } from "segar/level_set.js";
+import { follow, fragmentOf } from "segar/link.js";
 import { changePanel } from "segar/panel_change.js";
 import { comparePanel } from "segar/panel_compare.js";
 import { overlaysPanel } from "segar/panel_overlays.js";
@@ -33,10 +34,16 @@ export async function open(about, blob) {
     page.design = designPanel(page);
     $("page").append(page.design.element);
   }
+  await page.follow();
   return page;
 }
 
 const $ = (id) => document.getElementById(id);
+
+function trouble(words) {
+  $("trouble").textContent = words;
+  $("trouble").hidden = !words;
+}
 
 class Page {
   constructor(about, sets, policy, results) {
@@ -92,15 +99,16 @@ class Page {
     return BigInt($("seed").value || 0);
   }
 
-  /** Show a set. */
-  show(k) {
+  /** Show a set, at a level and a seed where they are given. */
+  show(k, level = null, seed = this.seed) {
     this.levels = this.sets[k];
+    $("seed").value = seed;
     this.scene.levels = this.levels;
     this.player.world = this.world;
     [...$("sets").children].forEach((button, i) => button.setAttribute("aria-current", String(i === k)));
     $("level").max = this.levels.count - 1;
     this.marked = this.levels.about.agents[0] ?? 0;
-    this.go(this.level);
+    this.go(level ?? this.level);
     this.compare.update();
     this.watch?.update();
     this.studio?.update();
@@ -112,8 +120,33 @@ class Page {
     this.player.start(((level % count) + count) % count, this.seed);
     this.player.running = this.player.actor !== null;
     $("level").value = this.level;
+    $("address").replaceChildren();
     this.change.update();
     this.compare.ghost();
+  }
+
+  /** Show what the page's address says. */
+  async follow() {
+    try {
+      await follow(this, window.location.hash);
+      trouble("");
+    } catch (error) {
+      if (!(error instanceof RangeError)) throw error;
+      trouble(`The address names a level that this page cannot show: ${error.message}.`);
+    }
+  }
+
+  /** Give the person an address that opens this page at what it shows. */
+  async link() {
+    const href = await fragmentOf(this);
+    const link = make("a", { href, textContent: `Link to level ${this.level}${this.levels.changed.has(this.level) ? " as you changed it" : ""}` });
+    let end = " is in the clipboard.";
+    try {
+      await navigator.clipboard.writeText(link.href);
+    } catch {
+      end = ": copy its address."; // where the browser does not let a page write into the clipboard
+    }
+    $("address").replaceChildren(link, end);
   }
 
   /** Something changed: draw it with the next picture, and keep an episode that has ended. */
@@ -196,6 +229,9 @@ class Page {
     $("next").addEventListener("click", () => this.go(this.level + 1));
     $("level").addEventListener("change", () => this.go(Math.min(Math.max(Math.round(Number($("level").value)) || 0, 0), this.levels.count - 1)));
     $("seed").addEventListener("change", () => this.go(this.level));
+    $("link").addEventListener("click", () => this.link());
+    $("link").hidden = window.location.protocol === "about:"; // in a notebook, where the page has no address
+    window.addEventListener("hashchange", () => this.follow());
     $("speed").addEventListener("change", () => { this.player.speed = Number($("speed").value); });
   }
 

@@ -1,6 +1,6 @@
 /** The panel of the agent: it plays what is shown, and all levels of all sets, whose results are a strip of levels each. */
 
-import { make, panel, short } from "segar/elements.js";
+import { make, panel, scroll, short, table } from "segar/elements.js";
 
 export function watchPanel(page) {
   const { policy, results } = page;
@@ -21,6 +21,7 @@ export function watchPanel(page) {
     "Watch the agent", true, make("p", { className: "note", textContent: says }),
     make("div", { className: "controls" }, acts, all, make("label", {}, failuresFirst, " failures first")),
     ...strips.flatMap((one) => [one.heading, one.says, one.cells]),
+    ...(policy.about.probes.length ? [make("h3", { textContent: "What its representation knows" }), known(policy.about.probes)] : []),
   );
   element.addEventListener("toggle", () => update());
   for (const { cells, set } of strips) {
@@ -77,6 +78,19 @@ export function watchPanel(page) {
   }
 
   return { element, update };
+}
+
+/** R² of probes, with intervals, as bars. */
+function known(probes) {
+  const rows = probes.map(([name, ...numbers]) => {
+    const [r2, low, high] = numbers.map((x) => (Math.round(100 * x) / 100 + 0).toFixed(2));
+    const bar = make("span", { className: "bar" });
+    bar.style.width = `${100 * Math.min(Math.max(numbers[0], 0), 1)}%`;
+    return [name, `${r2} [${low}, ${high}]`, bar];
+  });
+  return scroll("What the representation knows", table(
+    "R² on test levels of a linear probe that reads a factor from what the agent's encoder gives: 1 is all that varies, 0 is nothing.",
+    ["factor", "R² [interval]"], rows));
 }
 
 /** Failures first, those with the lowest return at their head; what was not played comes last. */

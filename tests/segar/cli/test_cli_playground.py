@@ -14,7 +14,7 @@ import segar
 from segar import cli
 from segar.envs import VectorEnv
 from segar.observations import StateVector
-from segar.playground import make_playground
+from segar.playground import make_playground, read_policy
 from segar.policies import Network
 from tests.segar.policies.networks import Builder
 
@@ -99,6 +99,35 @@ def test_a_run_folder_gives_its_newest_network_and_what_it_observes(capsys, run)
     evaluation = newest.parent
     shown(capsys, "empty-easy", "-n", 3, "--policy", evaluation, "--weights", "float16", "-o", "page.html")
     assert Path("page.html").read_text() == page(observations={"state": seen}, weights="float16")
+
+
+def test_probes_of_a_run_are_in_its_page(capsys, run):
+    import pandas as pd
+
+    columns = ["levels", "representation", "probe", "quantity", "factor", "estimate", "low", "high"]
+    rows = [
+        ("test", "trained", "ridge", "r2", "goal.Position.x", 0.9, 0.8, 0.95),
+        ("test", "trained", "ridge", "r2", "ball.Mass", np.nan, np.nan, np.nan),  # it is the same in all levels
+        ("train", "trained", "ridge", "r2", "goal.Position.x", 1.0, 1.0, 1.0),
+        ("test", "identity", "ridge", "r2", "goal.Position.x", 1.0, 1.0, 1.0),
+        ("test", "trained", "ridge", "information", "goal.Position.x", 2.0, 1.9, 2.1),
+    ]
+    pd.DataFrame(rows, columns=columns).to_parquet(run / "probes.parquet")
+    found = read_policy(run)
+    assert found.probes == {"goal.Position.x": (0.9, 0.8, 0.95)}
+    shown(capsys, "empty-easy", "-n", 3, "--policy", run, "-o", "page.html")
+    levels = segar.family("empty-easy").sample(3)
+    options = {"policy": found.network, "observations": found.observations}
+    assert Path("page.html").read_text() == make_playground(levels, probes=found.probes, **options).html
+    assert Path("page.html").read_text() != make_playground(levels, **options).html
+    Path("page.html").unlink()
+    base = ("empty-easy", "-n", 3, "--policy", run, "-o", "page.html")
+    pd.DataFrame(rows, columns=columns).drop(columns="low").to_parquet(run / "probes.parquet")
+    assert "probes.parquet holds no probes of a run: " in refused(capsys, *base)
+    (run / "probes.parquet").write_bytes(b"PAR1")
+    assert "probes.parquet holds no probes of a run: " in refused(capsys, *base)
+    pd.DataFrame(rows * 30_000, columns=columns).to_parquet(run / "probes.parquet")
+    assert "has 150,000 rows, and a table of probes 100,000 at most" in refused(capsys, *base)
 
 
 def test_what_cannot_be_used_is_said_in_one_line(capsys, run, tmp_path):

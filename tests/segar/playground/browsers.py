@@ -12,7 +12,7 @@ from typing import Any
 
 PROGRAMS = {"chromium": ("chromium", "chromium-browser", "google-chrome"), "firefox": ("firefox-esr", "firefox")}
 ADVICE = "apt-get install chromium firefox-esr on Debian, then `make test-browser`"
-PATIENCE = 20.0  # [s] until a page is there
+PATIENCE = 60.0  # [s] until something is there
 QUIET = (
     "--no-sandbox",
     "--disable-gpu",
@@ -42,13 +42,17 @@ class Browser:
         """Write what the page shows now."""
         raise NotImplementedError
 
+    def until(self, holds: str, argument: Any = None) -> None:
+        """Wait until an expression of ``argument`` holds; Playwright's own waiting evaluates text, which pages forbid."""
+        end = time.monotonic() + PATIENCE
+        while not self.run(f"return {holds}", argument):
+            assert time.monotonic() < end, f"after {PATIENCE:.0f} s it did not hold: {holds}"
+            time.sleep(0.02)
+
     def open(self, path: Path) -> None:
         """Open a page of SEGAR, and wait until it can be played or has said what is wrong."""
         self.visit(path.resolve().as_uri())
-        end = time.monotonic() + PATIENCE
-        while not self.run("return !!window.playground || !document.getElementById('trouble').hidden"):
-            assert time.monotonic() < end, f"{path} was not there after {PATIENCE:.0f} s"
-            time.sleep(0.05)
+        self.until("!!window.playground || !document.getElementById('trouble').hidden")
 
 
 class Chromium(Browser):

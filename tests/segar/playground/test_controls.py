@@ -205,6 +205,64 @@ def test_a_changed_level_plays_as_python_plays_it(page: Any, tmp_path: Path) -> 
     ]
 
 
+def address(page: Any) -> str:
+    """The address that the page gives for what it shows."""
+    page.click("#link")
+    page.locator("#address a").wait_for()
+    return page.evaluate("document.querySelector('#address a').href")
+
+
+@pytest.mark.parametrize("changes", [{}, {"Charge": 0.3}, {"Mass": 1 / 3, "Charge": -0.0}])
+def test_an_address_opens_a_page_at_the_level_that_was_shown(chromium: Chromium, page: Any, changes: dict) -> None:
+    page.fill("#seed", str(2**64 - 1))
+    page.press("#seed", "Enter")
+    page.click("#next")
+    if changes:
+        page.evaluate(
+            "(() => { const { levels } = window.playground;"
+            " levels.setKind(1, levels.about.slots.findIndex((one) => one.optional), -1) })()"
+        )
+    for factor, value in changes.items():
+        page.evaluate(f"window.playground.levels.setFactor(1, 0, '{factor}', [{value!r}])")
+    page.click("#again")
+    there, shown = address(page), state(page)
+    assert ("is=" in there) == bool(changes)
+    assert len(there) < 2500
+    chromium.visit("about:blank")
+    chromium.visit(there)
+    chromium.until("!!window.playground")
+    assert state(page) == shown
+    assert page.input_value("#seed") == str(2**64 - 1)
+    assert page.evaluate("window.playground.levels.changed.size") == bool(changes)
+    page.click("#single")
+    after = state(page)["values"]
+    page.click("#again")
+    page.click("#single")
+    assert state(page)["values"] == after
+
+
+def test_an_address_that_says_nonsense_is_told_and_the_page_goes_on(page: Any) -> None:
+    good = address(page).partition("#")[2]
+    wrong = {
+        "levels=0123": "it was made in a page of other levels",
+        good.replace("level=0", "level=12"): "its level must be a whole number below 12, not 12",
+        good.replace("level=0", "level=-1"): "not -1",
+        f"{good}&seed={2**64}": "its seed must be a whole number below",
+        f"{good}&is=%25": "the level in it is damaged",
+        f"{good}&is=AAAA": "the level in it is damaged",
+        f"{good}&is=q1YqycjMSy9WslIwrAUA": "a level has entities",  # the text {"things": 1}
+        f"{good}&is=" + "A" * 60_000: "at most 50000 are read",
+    }
+    for fragment, why in wrong.items():
+        page.evaluate("(fragment) => { window.location.hash = fragment }", fragment)
+        page.wait_for_timeout(50)
+        assert why in page.inner_text("#trouble")
+        assert state(page)["level"] == 0
+    page.evaluate("(fragment) => { window.location.hash = fragment }", good.replace("level=0", "level=3"))
+    page.wait_for_timeout(50)
+    assert (state(page)["level"], page.is_visible("#trouble")) == (3, False)
+
+
 def test_all_levels_leave_as_text_bit_for_bit(page: Any, tmp_path: Path) -> None:
     text = page.evaluate(
         """async () => { const { fileText } = await import("segar/level_text.js"); const { levels } = window.playground;

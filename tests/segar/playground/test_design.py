@@ -1,7 +1,6 @@
 """The panel that compares the two sets of a page: its distances are those of Python, and it states the same objective."""
 
 import dataclasses
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -107,14 +106,6 @@ PAIRS: dict[str, Callable[[], tuple[Levels, Levels]]] = {
 SLOW = {"hulls"}
 
 
-def until(page: Any, holds: str, arg: Any = None) -> None:
-    """Wait until an expression holds; Playwright's own waiting evaluates text in the page, which the page forbids."""
-    end = time.monotonic() + 30
-    while not page.evaluate(holds, arg):
-        assert time.monotonic() < end, holds
-        page.wait_for_timeout(20)
-
-
 @pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow if n in SLOW else ()) for n in PAIRS])
 def test_w2_and_ks_with_their_parts_are_those_of_python(name: str, browser: Browser, tmp_path: Path) -> None:
     a, b = PAIRS[name]()
@@ -169,20 +160,16 @@ def saved(sets: tuple[Levels, Levels], tmp_path_factory: pytest.TempPathFactory)
 def page(chromium: Chromium, saved: Path) -> Iterator[Any]:
     """The page, opened anew and measured; it has said nothing to the console when the test ends, and asked for nothing."""
     chromium.open(saved)
-    measured(chromium.page)
+    measured(chromium)
     yield chromium.page
     assert chromium.messages == []
     assert [one for one in chromium.requests if not one.startswith(("file:", "blob:", "data:"))] == []
 
 
-def measured(page: Any, unlike: str = "") -> str:
+def measured(chromium: Chromium, unlike: str = "") -> str:
     """What the panel says once it says something else."""
-    until(
-        page,
-        "(was) => { const now = document.querySelector('.value').textContent; return now && now !== was }",
-        arg=unlike,
-    )
-    return page.inner_text(".value")
+    chromium.until("![argument, ''].includes(document.querySelector('.value').textContent)", unlike)
+    return chromium.page.inner_text(".value")
 
 
 def words(a: Levels, b: Levels) -> str:
@@ -197,16 +184,16 @@ def factor(levels: Levels, level: int, slot: int, which: Any, value: float) -> L
 
 
 def test_a_level_that_is_changed_counts_at_once_and_undo_brings_the_distance_back(
-    page: Any, sets: tuple[Levels, Levels]
+    chromium: Chromium, page: Any, sets: tuple[Levels, Levels]
 ) -> None:
-    first = measured(page)
+    first = measured(chromium)
     assert first == words(*sets)
     page.click("button[aria-label='test level 5']")
     assert page.evaluate("[window.playground.levels.about.title, window.playground.level]") == ["test", 5]
     page.click("summary:has-text('Change this level')")
     page.fill("#factor-Position-x", "0.83")
     page.press("#factor-Position-x", "Enter")
-    second = measured(page, first)
+    second = measured(chromium, first)
     changed = factor(sets[1], 5, 0, Position, 0.83)
     assert second == words(sets[0], changed) != first
     agree(page.evaluate(f"() => {{ {MEASURE} }}"), sets[0], changed)
@@ -215,11 +202,11 @@ def test_a_level_that_is_changed_counts_at_once_and_undo_brings_the_distance_bac
     page.press("#factor-Mass", "Enter")
     page.locator("text=GolfBall.Mass has no spread in the units, and so no weight in W2; KS sees it.").wait_for()
     heavy = factor(changed, 5, 0, Mass, 3.5)
-    assert measured(page, second) == words(sets[0], heavy)
+    assert measured(chromium, second) == words(sets[0], heavy)
     assert w2(sets[0], heavy) == w2(sets[0], changed)
     page.click("text=Undo")
     page.click("text=Undo")
-    until(page, "(was) => document.querySelector('.value').textContent === was", arg=first)
+    chromium.until("document.querySelector('.value').textContent === argument", first)
     assert page.locator("button.changed").count() == 0
 
 
@@ -227,7 +214,7 @@ def test_things_that_are_taken_away_and_other_worlds_count(chromium: Chromium, t
     a, b = PAIRS["other layouts, periods and own parameters"]()
     make_playground(a, b).save(tmp_path / "page.html")
     chromium.open(tmp_path / "page.html")
-    first = measured(chromium.page)
+    first = measured(chromium)
     level, slot = next((k, e) for k, e in np.argwhere(a.types >= 0).tolist() if a.layout.slots[e].optional)
     chromium.run(
         "const { sets, player } = window.playground; sets[0].setKind(argument[0], argument[1], -1);"
@@ -239,7 +226,7 @@ def test_things_that_are_taken_away_and_other_worlds_count(chromium: Chromium, t
     parameters[3, b.layout.parameters.index(Hour)] = 30.5
     taken = dataclasses.replace(a, types=types, values=values)
     later = dataclasses.replace(b, parameters=parameters)
-    measured(chromium.page, first)
+    measured(chromium, first)
     agree(chromium.run(MEASURE), taken, later, scale=spread(a, b))
     assert 'segar.Levels.load("train.json")' in chromium.page.inner_text(".wide")
 
@@ -258,17 +245,17 @@ def test_what_it_is_made_of_is_listed(page: Any, sets: tuple[Levels, Levels]) ->
     assert ball.locator("path.prior").count() == 2
 
 
-def test_levels_are_drawn_when_they_come_into_sight_and_keys_go_through_them(page: Any) -> None:
-    drawn = """(label) => { const canvas = document.querySelector(`button[aria-label="${label}"]`).firstChild;
-        return canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data.some((x) => x) }"""
-    until(page, drawn, arg="train level 0")
+def test_levels_are_drawn_when_they_come_into_sight_and_keys_go_through_them(chromium: Chromium, page: Any) -> None:
+    drawn = """(() => { const canvas = document.querySelector(`button[aria-label="${argument}"]`).firstChild;
+        return canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data.some((x) => x) })()"""
+    chromium.until(drawn, "train level 0")
     assert page.locator(".wall").first.locator("button").count() == 30
     page.focus("button[aria-label='train level 0']")
     for key in ("ArrowRight", "ArrowRight", "ArrowDown", "ArrowUp", "ArrowLeft", "End", "Enter"):
         page.keyboard.press(key)
     assert page.evaluate("[window.playground.level, window.playground.world.steps]") == [29, 0]  # no key hit the ball
-    until(page, drawn, arg="train level 29")
-    until(page, "document.querySelector('.wall [aria-current]')?.title === 'train level 29'")
+    chromium.until(drawn, "train level 29")
+    chromium.until("document.querySelector('.wall [aria-current]')?.title === 'train level 29'")
     page.keyboard.press("Tab")
     assert page.evaluate("document.activeElement.title") == "test level 0"
 
@@ -288,13 +275,13 @@ def stated_in_python(text: str) -> tuple[Levels, Levels]:
 
 
 def test_changed_levels_are_stated_by_files(
-    page: Any, sets: tuple[Levels, Levels], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    chromium: Chromium, page: Any, sets: tuple[Levels, Levels], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    first = measured(page)
+    first = measured(chromium)
     page.click("summary:has-text('Change this level')")
     page.fill("#factor-Position-y", "-0.5")
     page.press("#factor-Position-y", "Enter")
-    said = measured(page, first)
+    said = measured(chromium, first)
     python, settings = page.locator("pre").all_inner_texts()
     assert "Save train.json beside them." in page.inner_text(".wide")
     with page.expect_download() as waiting:
@@ -331,7 +318,7 @@ def test_differences_that_no_distance_sees_are_told(chromium: Chromium, tmp_path
     assert told
     make_playground(a, b).save(tmp_path / "page.html")
     chromium.open(tmp_path / "page.html")
-    assert measured(chromium.page) == "W2 0, KS 0"
+    assert measured(chromium) == "W2 0, KS 0"
     for text in told:
         assert text in chromium.page.inner_text(".wide")
     assert 'segar.Levels.load("test.json")' in chromium.page.inner_text(".wide")
@@ -341,7 +328,7 @@ def test_of_many_levels_the_first_ones_count(chromium: Chromium, tmp_path: Path)
     a, b = family("empty-hard", 310), family("empty-hard", 5, "test")
     make_playground(a, b).save(tmp_path / "page.html")
     chromium.open(tmp_path / "page.html")
-    assert measured(chromium.page) == words(a[:300], b)
+    assert measured(chromium) == words(a[:300], b)
     assert "The first 300 levels of each set count." in chromium.page.inner_text(".wide")
     chromium.page.click("text=More levels >> visible=true")
     assert chromium.page.locator(".wall").first.locator("button").count() == 240

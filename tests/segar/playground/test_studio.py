@@ -19,7 +19,6 @@ import pytest
 
 import segar
 from segar.cli import main
-from segar.cli.studio import policy_of
 from segar.hardness import hardness, influence, plan, replay
 from segar.metrics import ks_report, w2_report
 from segar.playground import Studio, make_playground
@@ -330,9 +329,7 @@ def test_policies_of_runs_are_listed_and_play_and_none_from_elsewhere(tmp_path: 
     (runs / "c").mkdir()
     (runs / "c" / "network.npz").symlink_to(outside / "network.npz")
     (runs / "b" / "config.yaml").symlink_to(outside / "config.yaml")
-    studio = Studio(
-        TRAIN, observations=["state"], runs=runs, read_run=lambda folder: (Network.load(folder / "network.npz"), ())
-    )
+    studio = Studio(TRAIN, observations=["state"], runs=runs)
     never = threading.Event()
     assert studio.answer("runs", {}, never) == {"runs": ["a/evaluations/last", "other"], "run": None}
     before = studio.html
@@ -354,7 +351,7 @@ def test_a_run_plays_with_what_it_observed(tmp_path: Path) -> None:
     folder.mkdir(parents=True)
     player(env.single_observation_space.shape[0]).save(folder / "network.npz")
     (tmp_path / "run" / "config.yaml").write_text("observation: {name: state, options: {}}\n")
-    studio = Studio(TRAIN, runs=tmp_path, read_run=policy_of)
+    studio = Studio(TRAIN, runs=tmp_path)
     answer = studio.answer("policy", {"version": 0, "run": "run/evaluations/last"}, threading.Event())
     assert answer == {"version": 1}
 
@@ -415,7 +412,7 @@ def test_a_person_edits_a_prior_draws_measures_and_plans(chromium: Chromium, tmp
     with serving(Studio(TRAIN, TEST)) as client:
         chromium.visit(client.server.address)
         page = chromium.page
-        until(page, "!!window.playground")
+        chromium.until("!!window.playground")
         refused = [
             (TEXT.replace("2.0, 3.0", "3.0, 2.0"), "line 3: UniformNoise"),
             ("LevelDistribution(", "line 1: this is no Python"),
@@ -423,13 +420,13 @@ def test_a_person_edits_a_prior_draws_measures_and_plans(chromium: Chromium, tmp
         for text, why in refused:
             page.fill("#studio-text", text)
             page.click("text=Draw levels")
-            until(page, f"document.querySelector('[role=alert].note').textContent.includes({why!r})")
+            chromium.until(f"document.querySelector('[role=alert].note').textContent.includes({why!r})")
         page.fill("#studio-text", TEXT)
         page.fill("#studio-number", "7")
         page.fill("#studio-seed", "3")
         with page.expect_navigation():
             page.click("text=Draw levels")
-        until(page, "window.playground?.levels.count === 7")
+        chromium.until("window.playground?.levels.count === 7")
         mass = page.evaluate("window.playground.levels.factor(4, 0, 'Mass')")
         assert mass == [client.server._studio.sides[0].levels.values[4, 0, TRAIN.layout.columns[segar.Mass]]]
         assert 2 <= mass[0] <= 3
@@ -441,7 +438,7 @@ def test_a_person_edits_a_prior_draws_measures_and_plans(chromium: Chromium, tmp
         steps = page.evaluate("window.playground.studio.ghost().length") - 1
         page.select_option("#speed", "4")
         page.click("text=Play the plan")
-        until(page, "window.playground.world.over")
+        chromium.until("window.playground.world.over")
         said = page.inner_text("#status")
         assert f"step {steps} of" in said and "success" in said
         page.click("#next")
@@ -453,14 +450,6 @@ def test_a_person_edits_a_prior_draws_measures_and_plans(chromium: Chromium, tmp
         refusals = [one for one in chromium.messages if "422" not in one]  # the browser's own words on refused draws
         assert refusals == [] and len(chromium.messages) <= 2
         assert all(one.startswith((client.server.address, "blob:", "data:")) for one in chromium.requests)
-
-
-def until(page: Any, holds: str) -> None:
-    """Wait until an expression holds in the page."""
-    end = time.monotonic() + 30
-    while not page.evaluate(holds):
-        assert time.monotonic() < end, holds
-        page.wait_for_timeout(50)
 
 
 def axe_finds_nothing(page: Any) -> None:
@@ -476,23 +465,21 @@ def test_a_person_chooses_a_run_whose_policy_then_plays(chromium: Chromium, tmp_
     for name, inputs in (("good", env.single_observation_space.shape[0]), ("other", 3)):
         (tmp_path / name).mkdir()
         player(inputs).save(tmp_path / name / "network.npz")
-    studio = Studio(
-        TRAIN, observations=["state"], runs=tmp_path, read_run=lambda folder: (Network.load(folder / "network.npz"), ())
-    )
+    studio = Studio(TRAIN, observations=["state"], runs=tmp_path)
     with serving(studio) as client:
         chromium.visit(client.server.address)
         page = chromium.page
-        until(page, "!!window.playground && document.querySelectorAll('option[value=good]').length === 1")
+        chromium.until("!!window.playground && document.querySelectorAll('option[value=good]').length === 1")
         page.select_option("label:has-text('Policy of the run') select", "other")
         page.click("text=Let it play")
-        until(
-            page, "[...document.querySelectorAll('[role=alert].note')].some((one) => one.textContent.includes('reads'))"
+        chromium.until(
+            "[...document.querySelectorAll('[role=alert].note')].some((one) => one.textContent.includes('reads'))"
         )
         page.select_option("label:has-text('Policy of the run') select", "good")
         with page.expect_navigation():
             page.click("text=Let it play")
-        until(page, "!!window.playground?.policy")
-        until(page, "document.querySelector('option[value=good]')?.selected === true")
+        chromium.until("!!window.playground?.policy")
+        chromium.until("document.querySelector('option[value=good]')?.selected === true")
 
 
 def test_work_is_stopped_by_its_button(chromium: Chromium) -> None:
@@ -501,7 +488,7 @@ def test_work_is_stopped_by_its_button(chromium: Chromium) -> None:
     with serving(studio) as client:
         chromium.visit(client.server.address)
         page = chromium.page
-        until(page, "!!window.playground")
+        chromium.until("!!window.playground")
         page.click("text=Plan this level")
         assert slow.begun.wait(10)
         end = time.monotonic() + 10

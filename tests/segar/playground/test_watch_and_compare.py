@@ -1,6 +1,5 @@
 """The panels of the agent and of the comparison: what they say is what Python says of the same levels."""
 
-import time
 from pathlib import Path
 from typing import Any
 
@@ -14,19 +13,11 @@ from segar.policies import NetworkPolicy
 from tests.segar.playground.browsers import Browser, Chromium
 from tests.segar.playground.test_policies import convolutional
 
-PATIENCE = 60.0  # [s]
 TRAIN = segar.family("objectsx1-hard").sample(6, seed=3)
 TEST = segar.family("tilesx1-hard").sample(4, seed=4, split="test")
 
 BUTTON = "const button = (text) => [...document.querySelectorAll('button')].find((one) => one.textContent === text);"
 AGENT = "return window.playground.results.episodes.map((set) => set.agent.map((plays) => plays[0]))"
-
-
-def wait(browser: Browser, condition: str) -> None:
-    end = time.monotonic() + PATIENCE
-    while not browser.run(f"return {condition}"):
-        assert time.monotonic() < end, condition
-        time.sleep(0.05)
 
 
 @segar.rule
@@ -46,7 +37,7 @@ def page(browser: Browser, tmp_path: Path) -> Browser:
 
 def test_the_agent_plays_all_levels_as_in_python(page: Browser) -> None:
     page.run(f"{BUTTON} button('Play all levels').click()")
-    wait(page, "window.playground.results.episodes[1].agent.length === 4")
+    page.until("window.playground.results.episodes[1].agent.length === 4")
     policy = NetworkPolicy(convolutional("rgb"))
 
     def act(env: Any) -> Any:
@@ -62,8 +53,8 @@ def test_the_agent_plays_all_levels_as_in_python(page: Browser) -> None:
 
 def test_failures_come_first_where_asked_and_a_touch_goes_there(page: Browser) -> None:
     page.run(f"{BUTTON} button('Play all levels').click()")
-    wait(page, "window.playground.results.episodes[1].agent.length === 4")
-    wait(page, "!document.querySelector('.strip button').title.includes('not played')")
+    page.until("window.playground.results.episodes[1].agent.length === 4")
+    page.until("!document.querySelector('.strip button').title.includes('not played')")
     page.run("[...document.querySelectorAll('label')].find((one) => one.textContent.includes('failures')).click()")
     cells = page.run(
         "return [...document.querySelectorAll('.strip')].map((one) => [...one.children].map((c) => c.title))"
@@ -109,7 +100,7 @@ def test_scores_and_plans_are_those_of_python_even_where_rules_draw(browser: Bro
         "window.plans = []; const play = (k) => window.playground.results.play(0, 'planner', k, 0n);"
         "for (let k = 0; k < 4; k++) play(k).then((one) => window.plans.push(one))"
     )
-    wait(browser, "window.plans.length === 4")
+    browser.until("window.plans.length === 4")
     assert browser.run("return window.plans.map((one) => one.returned)") == baselines.oracle.tolist()
     browser.run(f"{BUTTON} for (let k = 0; k < 4; k++) {{ window.playground.go(k); {PLAY_OUT} }}")
     mine = browser.run("return [0, 1, 2, 3].map((k) => window.playground.results.returned(0, 'you', k))")
@@ -128,7 +119,7 @@ def test_the_way_of_the_planner_is_drawn_on_the_level_as_it_came(browser: Browse
     browser.open(tmp_path / "page.html")
     way = "const way = [...document.querySelectorAll('select')].find((s) => [...s.options].some((o) => o.value === 'planner'));"
     browser.run(f"{way} way.value = 'planner'; way.dispatchEvent(new Event('change'))")
-    wait(browser, "window.playground.ghost !== null")
+    browser.until("window.playground.ghost !== null")
     plan = find_baselines(TRAIN[:2], rng=np.random.default_rng(0)).plan
     assert plan is not None
     ghost = browser.run("return window.playground.ghost")
@@ -137,22 +128,29 @@ def test_the_way_of_the_planner_is_drawn_on_the_level_as_it_came(browser: Browse
     assert browser.run("return window.playground.levels.about.agents[0]") == body
     assert ghost[-1] == plan.values[0, body, column : column + 2].tolist()
     browser.run("window.playground.go(1)")
-    wait(browser, f"window.playground.ghost?.length === {plan.steps[1] + 1}")
+    browser.until(f"window.playground.ghost?.length === {plan.steps[1] + 1}")
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_axe_finds_nothing_wrong_in_the_panels(scheme: Any, chromium: Chromium, tmp_path: Path) -> None:
     from axe_playwright_python.sync_playwright import Axe
 
-    make_playground(TRAIN, TEST, policy=convolutional("rgb"), plans=True).save(tmp_path / "page.html")
+    probes = {"golfball.Position.x": (0.934, 0.91, 0.96), "goal.Position.x": (-0.2, -0.3, -0.001)}
+    make_playground(TRAIN, TEST, policy=convolutional("rgb"), probes=probes, plans=True).save(tmp_path / "page.html")
     chromium.page.emulate_media(color_scheme=scheme)
     chromium.open(tmp_path / "page.html")
     chromium.run(
         f"{BUTTON} button('Play all levels').click(); document.querySelectorAll('details').forEach((d) => d.open = true)"
     )
-    wait(chromium, "window.playground.results.episodes[1].agent.length === 4")
+    chromium.until("window.playground.results.episodes[1].agent.length === 4")
     chromium.page.get_by_role("button", name="level 2: ").first.click()
     assert "level 2" in chromium.page.get_by_role("status").first.inner_text()
+    known = chromium.page.get_by_role("region", name="What the representation knows")
+    assert known.locator("tr").all_inner_texts()[1:] == [
+        "golfball.Position.x\t0.93 [0.91, 0.96]\t",
+        "goal.Position.x\t-0.20 [-0.30, 0.00]\t",
+    ]
+    assert known.locator(".bar").evaluate_all("(bars) => bars.map((one) => one.style.width)") == ["93.4%", "0%"]
     found = Axe().run(chromium.page)
     assert found.violations_count == 0, found.generate_report()
     assert chromium.messages == []

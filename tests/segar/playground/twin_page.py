@@ -55,11 +55,6 @@ def sums_of(array: np.ndarray) -> list[int]:
     return found
 
 
-def text_of(number: float) -> str:
-    """A number as JavaScript writes it, up to forms that the tests do not meet."""
-    return repr(float(number))
-
-
 def episodes_of(levels: Levels, number: int, steps: int | None, rng: np.random.Generator) -> list[dict[str, Any]]:
     """Random episodes, some with actions beyond the range; those of the policy, to their end, where ``steps`` is None."""
     task = task_of(levels)
