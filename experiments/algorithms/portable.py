@@ -17,7 +17,9 @@ from segar.errors import SegarError
 from segar.language import Task
 from segar.policies import Network, NetworkPolicy
 
-Outputs = tuple[int, int, tuple[float, float]]  # the layers of mean and log_std, and the range of log_std
+Outputs = dict[
+    str, Any
+]  # the layers of mean, log_std and value, and the range of log_std, as segar.policies.Network has them
 
 
 def network_of(policy: object, observation_shape: tuple[int, ...], task: Task) -> Network:
@@ -40,7 +42,8 @@ def network_of(policy: object, observation_shape: tuple[int, ...], task: Task) -
     layers = Layers()
     outputs = make(layers, policy)
     try:
-        return Network(observation_shape, tuple(layers.made), *outputs, tuple(task.action_low), tuple(task.action_high))
+        low, high = tuple(task.action_low), tuple(task.action_high)
+        return Network(observation_shape, tuple(layers.made), **outputs, action_low=low, action_high=high)
     except SegarError as error:
         raise ConfigError(f"portable: the policy's network has no portable form: {error}. {WAY_OUT}") from error
 
@@ -71,12 +74,20 @@ class PortableAgent:
 
 def _ppo(layers: Layers, policy: PPOPolicy) -> Outputs:
     actor = policy.actor
-    return _heads(layers, layers.add_encoder(actor.encoder, "actor.encoder"), actor, "actor.")
+    hidden = layers.add_encoder(actor.encoder, "actor.encoder")
+    outputs = _heads(layers, hidden, actor, "actor.")
+    *own, head = policy.value  # an encoder of its own stands before the head
+
+    def add_value() -> int:
+        reads = layers.add_encoder(own[0], "value.0") if own else hidden
+        return layers.add_module(head, reads, f"value.{len(own)}")
+
+    return outputs | _value(layers, add_value)
 
 
 def _recurrent(layers: Layers, policy: RecurrentPolicy) -> Outputs:
     hidden = layers.add_core(policy.cells, layers.add_encoder(policy.encoder, "encoder"))
-    return _heads(layers, hidden, policy, "")
+    return _heads(layers, hidden, policy, "") | _value(layers, lambda: layers.add_module(policy.value, hidden, "value"))
 
 
 def _sac(layers: Layers, policy: SACPolicy) -> Outputs:
@@ -94,7 +105,17 @@ def _drq(layers: Layers, policy: DrQPolicy) -> Outputs:
 def _heads(layers: Layers, hidden: int, policy: Any, place: str) -> Outputs:
     """The two heads of a policy, which read the same layer."""
     mean, log_std = (layers.add_module(getattr(policy, name), hidden, f"{place}{name}") for name in ("mean", "log_std"))
-    return mean, log_std, policy.log_std_range
+    return {"mean": mean, "log_std": log_std, "log_std_range": policy.log_std_range}
+
+
+def _value(layers: Layers, add: Callable[[], int]) -> Outputs:
+    """What a critic expects. A critic without a portable form is left out, because no action depends on it."""
+    before = len(layers.made)
+    try:
+        return {"value": add()}
+    except ConfigError:
+        del layers.made[before:]
+        return {}
 
 
 POLICIES: Mapping[type, Callable[[Layers, Any], Outputs]] = {

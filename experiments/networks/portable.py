@@ -72,7 +72,13 @@ class Layers:
         )
 
     def _observation(self, scale: float = 1.0, stack: int = 1) -> int:
-        return self.add("observation", options={"scale": scale, "stack": stack})
+        """The layer of the observation, which several encoders may read."""
+        options = {"scale": scale, "stack": stack}
+        if not self.made:
+            return self.add("observation", options=options)
+        if self.made[0].options != options:
+            raise ConfigError(f"portable: two encoders read the observation in different forms. {WAY_OUT}")
+        return 0
 
 
 def _array(tensor: Any) -> np.ndarray:

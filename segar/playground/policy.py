@@ -56,6 +56,7 @@ def described_policy(
         "module": module,
         "reads": sets[0]["observations"][0]["name"],
         "sampled": policy.sampled,
+        "value": policy.network.value is not None,
         "count": count,
         "weights": weights,
         "size": count * np.dtype(weights).itemsize,

@@ -113,14 +113,19 @@ def act(
 @cached(**_options)
 def decide(
     rows, table, places, floats, observations, memory, scratch, width, sums, mean, log_std, lowest, highest, center, half_range,
-    keys, steps, sampled, actions,
+    keys, steps, sampled, actions, value, values,
 ):  # fmt: skip
-    """:func:`forward` and :func:`act` for the environments ``rows``, each in its own row of ``scratch``."""
+    """:func:`forward` and :func:`act` for the environments ``rows``, each in its own row of ``scratch``.
+
+    Where ``value`` is not negative, it is an offset in such a row, of a number that is written into ``values``.
+    """
     for env in rows:
         forward(table, places, floats, observations, memory, scratch[env], width, sums, env, 1)
         act(
             scratch[env], width, mean, log_std, lowest, highest, center, half_range, keys, steps, sampled, actions, env, 1
         )  # fmt: skip
+        if value >= 0:
+            values[env] = scratch[env, value]
 
 
 @cached(**_options)

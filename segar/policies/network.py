@@ -22,18 +22,21 @@ DESCRIPTION = {
     "layers": [{"kind": str, "reads": [int], "options": {str: float}, "arrays": [str]}],
     "mean": int,
     "log_std": int,
+    "value": (int, None),
     "log_std_range": [float],
     "action_low": [float],
     "action_high": [float],
 }
 NETWORK_FILE = "network.npz"  # in the folder of an evaluation, of the network that played
+ONE_NUMBER = Shape(1, 1, 1, 1)
 LONGEST_SIDE = 2**16  # of an observation
 MOST_OF_16_BITS = float(np.finfo(np.float16).max)
 
 
 @dataclass(frozen=True, eq=False)
 class Network:
-    """A policy's network: an observation becomes the mean and the logarithm of the standard deviation of an action.
+    """A policy's network: an observation becomes the mean and the logarithm of the standard deviation of an action, and, of
+    some networks, the value of what is observed.
 
     The policy is the distribution of tanh(u), with u normal per component, mapped linearly to the actions' range.
 
@@ -49,6 +52,8 @@ class Network:
             multiplies the observation by its ``scale``, and splits the depth of frames into a ``stack`` of images.
         mean, log_std: numbers of the layers that give these.
         log_std_range: the bounds that ``log_std`` is held to.
+        value: number of the layer that gives the return which a critic expects; None where there is none. It decides no
+            action. Its unit is that of the rewards by which the critic learned, discounted.
         action_low, action_high: the range of each component of an action; from -1 to 1 where they are empty.
         shapes: of what the layers give.
 
@@ -63,6 +68,7 @@ class Network:
     log_std_range: tuple[float, float] = (-20.0, 2.0)
     action_low: tuple[float, ...] = ()
     action_high: tuple[float, ...] = ()
+    value: int | None = None
     shapes: tuple[Shape, ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -75,6 +81,8 @@ class Network:
                 raise SegarError(f"a network's {name} must be the number of a layer that gives a vector, not {i}")
         if shapes[self.mean] != shapes[self.log_std]:
             raise SegarError(f"mean has {shapes[self.mean]} components, and log_std {shapes[self.log_std]}")
+        if self.value is not None and not (0 <= self.value < len(shapes) and shapes[self.value] == ONE_NUMBER):
+            raise SegarError(f"a network's value must be the number of a layer that gives one number, not {self.value}")
         low, high = self.log_std_range
         if not (math.isfinite(low) and math.isfinite(high) and low <= high):
             raise SegarError(f"log_std_range must be two finite numbers in their order, not {low} and {high}")
@@ -167,6 +175,7 @@ class Network:
                 described["mean"],
                 described["log_std"],
                 *(tuple(described[name]) for name in ("log_std_range", "action_low", "action_high")),
+                value=described["value"],
             )
         except SegarError as error:
             raise SegarError(f"{path}: {error}; the file was changed, save the network again") from error

@@ -11,6 +11,7 @@ from segar.engine import Call, Given, Rows, Scratch, call_of
 from segar.errors import SegarError
 from segar.policies.kernels import ROWS, TILE, act, decide, forward
 from segar.policies.network import Network
+from segar.policies.plan import make_plan
 from segar.support import Team
 
 SCRATCH = 2**18  # float32 numbers that the environments of a block share, about what a processor's cache holds
@@ -97,10 +98,13 @@ class NetworkPolicy:
 
         The caller gives ``observations`` ``(envs, numbers)``, ``memory`` float32 and ``scratch`` float32 ``(envs, ...)``, zero
         when episodes start, ``keys`` uint64 and ``steps`` int64 ``(envs,)`` of the episodes, and ``actions`` float32 ``(envs,
-        components)``, which are written.
+        components)`` and ``values`` float32 ``(envs,)``, which are written; values by networks that have them.
         """
-        plan, network, envs = self._plan, self.network, ("envs",)
-        mean, log_std = plan.outputs if self.sampled else (*plan.outputs, 0)
+        network, envs = self.network, ("envs",)
+        wanted = [network.mean] + [network.log_std] * self.sampled + ([] if network.value is None else [network.value])
+        plan = make_plan(network.layers, network.shapes, wanted)
+        mean, log_std = plan.outputs[0], plan.outputs[1] if self.sampled else 0
+        value = -1 if network.value is None else plan.outputs[-1]
         given = {
             "observations": Given(np.dtype(network.dtype).name, (*envs, math.prod(network.observation_shape))),
             "memory": Given("float32", (*envs, plan.memory_width)),
@@ -111,6 +115,7 @@ class NetworkPolicy:
             *(Rows(), plan.table, plan.places, plan.floats, given["observations"], given["memory"], given["scratch"]),
             *(plan.width, Scratch(np.float32, ROWS * TILE), mean, log_std, *network.log_std_range, self._center),
             *(self._half_range, Given("uint64", envs), Given("int64", envs), self.sampled, given["actions"]),
+            *(value, Given("float32", envs)),
         ]
         return call_of("decide", decide, arguments, {})
 

@@ -169,6 +169,7 @@ class Page {
     const ghost = this.studio?.ghost() ?? (this.levels.changed.has(this.level) ? null : this.ghost);
     this.scene.draw(player.shown, this.level, { aim: this.aim, marked: this.change.element.open ? this.marked : undefined, ghost, acceleration: player.acceleration });
     this.seen.draw();
+    this.watch?.draw();
     this.design?.draw();
     const words = world.failed ?? verdict(world);
     const status = `level ${this.level}, step ${world.steps} of ${world.about.task.max_steps}, return ${world.total.toFixed(3)}${words ? `: ${words}` : ""}`;

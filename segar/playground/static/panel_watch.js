@@ -17,9 +17,13 @@ export function watchPanel(page) {
     cells: make("div", { className: "strip scroll", role: "group", "aria-label": `Levels, ${set.title}` }),
     set: k,
   }));
+  const expected = make("span", { className: "bar" });
+  const expects = make("p", { className: "note", hidden: !policy.about.value });
+  let [low, high] = [Infinity, -Infinity]; // of the values so far
   const element = panel(
     "Watch the agent", true, make("p", { className: "note", textContent: says }),
     make("div", { className: "controls" }, acts, all, make("label", {}, failuresFirst, " failures first")),
+    expects, ...(policy.about.value ? [expected] : []),
     ...strips.flatMap((one) => [one.heading, one.says, one.cells]),
     ...(policy.about.probes.length ? [make("h3", { textContent: "What its representation knows" }), known(policy.about.probes)] : []),
   );
@@ -77,7 +81,16 @@ export function watchPanel(page) {
     }
   }
 
-  return { element, update };
+  /** Show the value of what the agent saw last, between the lowest and the highest so far. */
+  function draw() {
+    if (!policy.about.value) return;
+    const { value } = policy;
+    if (value !== null) [low, high] = [Math.min(low, value), Math.max(high, value)];
+    expects.textContent = value === null ? "The critic's value appears here while the agent plays." : `Value of what it sees: ${short(value)}, so far from ${short(low)} to ${short(high)} (the discounted return that its critic expects, in the units of training)`;
+    expected.style.width = value === null || low === high ? "0" : `${100 * (value - low) / (high - low)}%`;
+  }
+
+  return { element, update, draw };
 }
 
 /** R² of probes, with intervals, as bars. */

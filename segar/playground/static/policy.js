@@ -11,12 +11,14 @@ export class Policy {
   constructor(about, machine) {
     this.about = about;
     this.machine = machine;
+    this.value = null;
   }
 
   /** Forget the past, because an episode starts. */
   begin() {
     this.machine.array("memory").fill(0);
     this.machine.array("tick").fill(0n);
+    this.value = null; // the return that the critic expects of what was seen last, where the network has one
   }
 
   /** The action of the next step of the episode in a world; to be asked for once in each step. */
@@ -25,6 +27,7 @@ export class Policy {
     machine.array("observations").set(world.observe(0));
     machine.array("key").set(world.machine.array("key"));
     machine.run("act");
+    if (this.about.value) this.value = machine.array("values")[0];
     return machine.array("actions").slice();
   }
 }

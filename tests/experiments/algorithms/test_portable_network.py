@@ -96,6 +96,34 @@ def test_sampled_actions_have_the_mean_and_the_scale_of_torch(case):
     np.testing.assert_allclose(acted, np.tanh(loc.numpy() + scale.numpy() * noise), atol=TOLERANCE, rtol=0)
 
 
+@pytest.mark.parametrize("case", ["states", "states, linear heads", "small, stacks", "keypoints, frames", "gru", "lstm"])
+def test_the_value_is_that_of_torch(case):
+    algorithm, config, shape = CASES[case]
+    policy = random_policy(algorithm, config, shape)
+    network, seen = network_of(policy, shape, puttputt()), observations(shape, 6, 0)
+    assert network.value is not None
+    if hasattr(policy, "begin"):
+        policy.begin(environments(KEYS[:6], network))
+    with torch.no_grad():
+        _, _, value, _ = policy.step(torch.from_numpy(seen), getattr(policy, "acting", torch.empty(0)))
+    of_value = dataclasses.replace(network, mean=network.value, log_std=network.value, action_low=(), action_high=())
+    player = NetworkPolicy(of_value)
+    player.begin(environments(KEYS[:6], of_value))
+    np.testing.assert_allclose(player(seen), np.tanh(value.numpy()), atol=TOLERANCE, rtol=0)
+    assert value.std() > 10 * TOLERANCE
+
+
+def test_a_critic_without_a_portable_form_is_left_out():
+    policy = random_policy(*CASES["small, frames"])
+    whole = network_of(policy, FRAMES, puttputt())
+    policy.value[-1] = nn.Sequential(policy.value[-1], nn.Softplus())
+    network = network_of(policy, FRAMES, puttputt())
+    assert (whole.value is None, network.value) == (False, None)
+    assert len(network.layers) < len(whole.layers)
+    seen = observations(FRAMES, 3, 0)
+    np.testing.assert_array_equal(NetworkPolicy(network)(seen), NetworkPolicy(whole)(seen))
+
+
 def test_the_range_of_the_task_stands_in_the_network():
     task = dataclasses.replace(puttputt(), action_low=(-3.0, 0.0), action_high=(3.0, 1.0))
     network = network_of(random_policy(*CASES["sac"]), VECTORS, task)

@@ -145,6 +145,8 @@ def test_axe_finds_nothing_wrong_in_the_panels(scheme: Any, chromium: Chromium, 
     chromium.until("window.playground.results.episodes[1].agent.length === 4")
     chromium.page.get_by_role("button", name="level 2: ").first.click()
     assert "level 2" in chromium.page.get_by_role("status").first.inner_text()
+    chromium.until("document.querySelector('details .note + .bar').style.width === '100%'")
+    assert "Value of what it sees: " in chromium.page.inner_text("details >> nth=0")
     known = chromium.page.get_by_role("region", name="What the representation knows")
     assert known.locator("tr").all_inner_texts()[1:] == [
         "golfball.Position.x\t0.93 [0.91, 0.96]\t",

@@ -35,10 +35,11 @@ class Builder:
         options = {"stride": stride, "padding": padding}
         return self.add("convolution", options=options, weight=(kernel, kernel, inputs, outputs), bias=(outputs,))
 
-    def network(self, shape: tuple[int, ...], width: int, **more) -> Network:
+    def network(self, shape: tuple[int, ...], width: int, critic: bool = True, **more) -> Network:
         hidden = len(self.layers) - 1
         mean, log_std = self.dense(width, 2, hidden), self.dense(width, 2, hidden)
-        return Network(shape, tuple(self.layers), mean, log_std, (-3.0, 2.0), **more)
+        value = self.dense(width, 1, hidden) if critic else None
+        return Network(shape, tuple(self.layers), mean, log_std, (-3.0, 2.0), value=value, **more)
 
 
 def mlp() -> Network:
@@ -69,7 +70,7 @@ def points() -> Network:
     one.add("relu")
     one.add("soft_argmax", places=(6 * 5, 2))
     one.add("movements", options={"factor": 5.0})
-    return one.network(FRAMES, 24)
+    return one.network(FRAMES, 24, critic=False)
 
 
 def core(kind: str, gates: int) -> Network:

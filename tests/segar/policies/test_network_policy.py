@@ -115,7 +115,7 @@ def test_sampled_actions_scatter_by_the_networks_standard_deviation():
 
 def outputs_in_float64(network, x):
     """``log_std`` of the network ``mlp``, by numpy."""
-    _, first, _, second, norm, _, last = network.layers
+    _, first, _, second, norm, _, last, _ = network.layers
     x = np.tanh(x @ first.arrays["weight"].astype(float) + first.arrays["bias"])
     x = x @ second.arrays["weight"] + second.arrays["bias"]
     x = (x - x.mean()) / np.sqrt(x.var() + norm.options["epsilon"]) * norm.arrays["weight"] + norm.arrays["bias"]
