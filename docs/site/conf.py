@@ -25,7 +25,7 @@ from segar.language import Relation, Rule
 ROOT = Path(__file__).parents[2]
 sys.path[:0] = [str(ROOT), str(Path(__file__).parent)]
 
-from pages import docstring_in_rst, facts_of, public_names  # noqa: E402
+from api import docstring_in_rst, facts_of, public_names  # noqa: E402
 
 for room in public_names():  # once, before Sphinx starts its workers, and for find_name
     importlib.import_module(room)

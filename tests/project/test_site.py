@@ -140,10 +140,10 @@ def test_a_named_distribution_has_a_page_with_its_factors(name):
 
 
 def test_the_sections_of_a_docstring_become_lists_and_keep_all_words():
-    place = importlib.util.spec_from_file_location("site_pages", DOCS / "site" / "pages.py")
+    place = importlib.util.spec_from_file_location("site_api", DOCS / "site" / "api.py")
     assert place and place.loader
-    pages = importlib.util.module_from_spec(place)
-    place.loader.exec_module(pages)
+    api = importlib.util.module_from_spec(place)
+    place.loader.exec_module(api)
     docstring = """What |x| is; ``if``s too.
 
     Args:
@@ -154,7 +154,7 @@ def test_the_sections_of_a_docstring_become_lists_and_keep_all_words():
     Raises:
         LevelError: they are empty.
     """
-    text = "\n".join(pages.docstring_in_rst(docstring))
+    text = "\n".join(api.docstring_in_rst(docstring))
     assert r"What \|x\| is; ``if``\ s too." in text
     assert "  - ``a, b``: two sets,\n        of levels.\n  - Others as elsewhere." in text
     assert ":Raises:\n\n  - :class:`LevelError`: they are empty." in text
