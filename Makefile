@@ -103,10 +103,13 @@ dashboard: $(STAMP)
 
 # The pages of environments are drawn and measured from the library, which takes most of the time.
 ENVIRONMENT_PAGES := build/site-source/environments/index.md
-$(ENVIRONMENT_PAGES): $(SITE_STAMP) docs/site/environments.py $(wildcard segar/*.py segar/*/*.py segar/*/*/*.py segar/*/*/*/*.py)
+$(ENVIRONMENT_PAGES): $(SITE_STAMP) docs/site/environments.py docs/site/playgrounds.py \
+		$(wildcard segar/*.py segar/*/*.py segar/*/*/*.py segar/*/*/*/*.py)
 	$(PY) docs/site/environments.py
 
+# The playgrounds in the tutorial are made by its own commands, again only if these or the sources changed.
 site: $(ENVIRONMENT_PAGES)
+	$(PY) docs/site/playgrounds.py
 	$(PY) docs/site/pages.py
 	rm -rf build/site
 	$(PY) -m sphinx --quiet --fail-on-warning --keep-going --jobs auto --write-all --doctree-dir build/site-doctrees \

@@ -126,7 +126,7 @@ def summary_of(room: str, name: str, value: Any) -> str:
     if isinstance(value, Rule | Relation):
         return first_sentence(value.function.__doc__)
     if isinstance(value, type) and not value.__doc__:
-        return facts_of(value) or f"A kind of :py:obj:`{value.__base__.__name__}`."
+        return facts_of(value) or f"A kind of :py:obj:`{value.__base__.__name__}`."  # type: ignore  # only object has no base
     if isinstance(value, type | ModuleType) or inspect.isroutine(value) or hasattr(value, "__wrapped__"):
         return first_sentence(value.__doc__)
     source, documentation = constant(origin_of(room, name, value), name)

@@ -1,7 +1,7 @@
 """The site's pages of the named level distributions: pictures, entities, distributions of factors, sizes, hardness.
 
 ``python docs/site/environments.py`` writes them to ``build/site-source/environments``, and the playgrounds that they frame
-to ``build/site-playgrounds``.
+to ``build/site-playgrounds/environments``.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 from PIL import Image
+from playgrounds import BUILD, PLAYGROUNDS, frame
 
 import segar
 from segar.cli import main as run_segar
@@ -30,9 +31,8 @@ from segar.rendering import View
 from segar.support import aligned
 from segar.tasks import task_of
 
-BUILD = Path(__file__).parents[2] / "build"
 FOLDER = BUILD / "site-source" / "environments"
-PLAYGROUNDS = BUILD / "site-playgrounds"
+FRAMED = PLAYGROUNDS / FOLDER.name
 PICTURES, ACROSS = 8, 4  # levels that a page shows, and how many side by side
 SIDE, GAP = 256, 8  # [px] of a picture, and between pictures
 MEASURED, PLAYS = 20, 50  # levels whose hardness is measured, and random episodes on each
@@ -108,7 +108,7 @@ distribution](../how-to/define-a-distribution.md) how you write your own.
 
 def write_environments() -> None:
     """Write a page for every named distribution, and their index."""
-    for folder in (FOLDER, PLAYGROUNDS):
+    for folder in (FOLDER, FRAMED):
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir(parents=True)
     names = [*segar.families(), *TASK_LEVELS]
@@ -161,11 +161,9 @@ def playground_of(name: str) -> str:
             f"\n## Play it\n\n`segar playground {name} -o page.html` makes a page in which you can play these levels.\n"
         )
     file = f"{name}-playground.html"
-    (PLAYGROUNDS / "environments").mkdir(exist_ok=True)
     page = make_playground(segar.family(name).sample(PLAYED, seed=0, split="train"), title=name)
-    page.save(PLAYGROUNDS / "environments" / file)
-    frame = f'<iframe class="playground" src="{file}" title="playground of {name}" loading="lazy"></iframe>'
-    return f"\n## Play it\n\n{frame}\n\n[The playground as a page of its own](here:{file}).\n"
+    page.save(FRAMED / file)
+    return f"\n## Play it\n{frame(file, name)}"
 
 
 def draw(levels: Levels, sheet: Path, first: Path) -> None:
@@ -177,8 +175,8 @@ def draw(levels: Levels, sheet: Path, first: Path) -> None:
     assert frames is not None
     step, lines = SIDE + GAP, -(-len(levels) // ACROSS)
     image = Image.new("RGBA", (ACROSS * step - GAP, lines * step - GAP))
-    for k, frame in enumerate(frames):
-        image.paste(Image.fromarray(frame), (k % ACROSS * step, k // ACROSS * step))
+    for k, picture in enumerate(frames):
+        image.paste(Image.fromarray(picture), (k % ACROSS * step, k // ACROSS * step))
     image.quantize(256, dither=Image.Dither.NONE).save(sheet, optimize=True)
     Image.fromarray(frames[0]).quantize(256, dither=Image.Dither.NONE).save(first, optimize=True)
 

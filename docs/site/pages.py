@@ -12,6 +12,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from api import api_pages
+from playgrounds import with_frames
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -86,6 +87,7 @@ class Pages:
             self.add_page(page.relative_to(DOCS).as_posix(), page, page.read_text())
         for name in BESIDE:
             self.add_page(name, ROOT / name, (ROOT / name).read_text())
+        self.texts["tutorial.md"] = with_frames(self.texts["tutorial.md"])
         results = "Results <results/README>"
         self.add_page("index.md", ROOT / "README.md", (ROOT / "README.md").read_text())
         self.texts["index.md"] += FRONT.format(results=results)

@@ -123,6 +123,14 @@ def test_pages_load_nothing_from_another_host():
     assert not foreign + styles
 
 
+@pytest.mark.parametrize(("step", "playground"), [(2, "play"), (4, "windy"), (5, "distance"), (6, "agent")])
+def test_a_step_of_the_tutorial_shows_the_page_that_its_command_makes(step, playground):
+    steps = (SITE / "tutorial.html").read_text().split("<h2>")
+    assert f"-o {playground}.html" in re.sub("<[^>]*>", "", steps[step])
+    assert re.findall(r'<iframe class="playground" src="([^"]*)"', steps[step]) == [f"tutorial/{playground}.html"]
+    assert "<canvas" in (SITE / "tutorial" / f"{playground}.html").read_text()
+
+
 @pytest.mark.parametrize("room", ROOMS)
 def test_the_api_has_an_entry_for_every_public_name(room):
     page = page_at(SITE / "api" / f"{room}.html")
