@@ -96,7 +96,9 @@ def test_sampled_actions_have_the_mean_and_the_scale_of_torch(case):
     np.testing.assert_allclose(acted, np.tanh(loc.numpy() + scale.numpy() * noise), atol=TOLERANCE, rtol=0)
 
 
-@pytest.mark.parametrize("case", ["states", "states, linear heads", "small, stacks", "keypoints, frames", "gru", "lstm"])
+@pytest.mark.parametrize(
+    "case", ["states", "states, linear heads", "small, stacks", "keypoints, frames", "gru", "lstm"]
+)
 def test_the_value_is_that_of_torch(case):
     algorithm, config, shape = CASES[case]
     policy = random_policy(algorithm, config, shape)

@@ -32,6 +32,7 @@ def refused(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
     """What the command says against these arguments."""
     assert cli.main(["playground", *map(str, arguments)]) == cli.USAGE_ERROR
     out, error = capsys.readouterr()
+    error = "".join(line for line in error.splitlines(keepends=True) if not line.startswith("segar: compiling"))
     assert out == "" and error.count("\n") == 1 and not Path("page.html").exists()
     return error
 
