@@ -55,11 +55,17 @@ class Machine:
         self, entry: Entry, names: Mapping[str, str], sizes: Mapping[str, int], numbers: Mapping[str, Any], stop: int
     ) -> None:
         """Call an entry for things 0 to ``stop - 1``; ``names`` says which array each argument is, its own by default."""
+        self.run(entry.name, self.given(entry, names, sizes, numbers, stop))
+
+    def given(
+        self, entry: Entry, names: Mapping[str, str], sizes: Mapping[str, int], numbers: Mapping[str, Any], stop: int
+    ) -> list[Any]:
+        """The arguments of such a call."""
         given = [0, stop, *(sizes[size] for size in entry.sizes)]
         for argument in entry.arguments:
             name = argument.name
             given.append(numbers[name] if argument.shape is None else self.places[names.get(name, name)][0])
-        self.run(entry.name, given)
+        return given
 
 
 class WasmMachine(Machine):
@@ -84,6 +90,11 @@ class WasmMachine(Machine):
         if missing > 0:
             self.memory.grow(self.store, -(-missing // 65536))
         return at
+
+    @property
+    def image(self) -> bytes:
+        """A copy of the memory."""
+        return ctypes.string_at(self.memory.data_ptr(self.store), self.memory.data_len(self.store))
 
     def view(self, address: int, array: np.ndarray) -> np.ndarray:
         base = ctypes.addressof(self.memory.data_ptr(self.store).contents)
