@@ -21,14 +21,7 @@ def add_commands(commands: Any) -> None:
     making = arguments.command(commands, "playground", playground, "make a page that plays levels in a browser")
     making.add_argument("what", metavar="WHAT", help=f"{arguments.NAME_HELP}; or a level file")
     arguments.add_output(making, "the page (html), one file that needs no network", required=True)
-    making.add_argument("--test", metavar="WHAT", help="test levels, beside which WHAT are training levels")
-    making.add_argument(
-        "-n", "--number", type=arguments.at_least(1),
-        help=f"of levels of each set (default: {NUMBER} of a distribution, all of a file)",
-    )  # fmt: skip
-    arguments.add_number(making, "--seed", "of the levels", least=0, default=0)
-    making.add_argument("--split", default="train", help="of WHAT (default: train); that of --test is test")
-    making.add_argument("--task", help=arguments.TASK_HELP)
+    add_level_sets(making)
     making.add_argument(
         "--observation", nargs="+", metavar="NAME",
         help=f"what agents see: {', '.join(sorted(OBSERVATIONS))}, or 'module:attribute'; a policy reads the first one"
@@ -47,8 +40,20 @@ def add_commands(commands: Any) -> None:
         "--plans", action="store_true",
         help="also find the planner's episodes and the baselines of scores, in about 0.1 s per level",
     )  # fmt: skip
-    making.add_argument("--world", help=arguments.WORLD_HELP)
     making.add_argument("--title", help="of the page (default: the name of the levels)")
+
+
+def add_level_sets(parser: argparse.ArgumentParser) -> None:
+    """Add how WHAT, which is there, becomes one or two level sets."""
+    parser.add_argument("--test", metavar="WHAT", help="test levels, beside which WHAT are training levels")
+    parser.add_argument(
+        "-n", "--number", type=arguments.at_least(1),
+        help=f"of levels of each set (default: {NUMBER} of a distribution, all of a file)",
+    )  # fmt: skip
+    arguments.add_number(parser, "--seed", "of the levels", least=0, default=0)
+    parser.add_argument("--split", default="train", help="of WHAT (default: train); that of --test is test")
+    parser.add_argument("--task", help=arguments.TASK_HELP)
+    parser.add_argument("--world", help=arguments.WORLD_HELP)
 
 
 def playground(chosen: argparse.Namespace) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from segar.cli import arguments
-from segar.cli.playground import NUMBER, named_levels, named_observation
+from segar.cli.playground import add_level_sets, named_levels, named_observation
 from segar.errors import SegarError
 from segar.observations import OBSERVATIONS
 from segar.playground import Studio
@@ -24,20 +24,12 @@ def add_commands(commands: Any) -> None:
         "what", metavar="WHAT", nargs="?", default="objectsx3-hard",
         help=f"{arguments.NAME_HELP}; or a level file (default: %(default)s)",
     )  # fmt: skip
-    opening.add_argument("--test", metavar="WHAT", help="test levels, beside which WHAT are training levels")
+    add_level_sets(opening)
     opening.add_argument("--runs", metavar="FOLDER", type=Path, help="below which runs have networks that play")
-    opening.add_argument(
-        "-n", "--number", type=arguments.at_least(1),
-        help=f"of levels of each set (default: {NUMBER} of a distribution, all of a file)",
-    )  # fmt: skip
-    arguments.add_number(opening, "--seed", "of the levels", least=0, default=0)
-    opening.add_argument("--split", default="train", help="of WHAT (default: train); that of --test is test")
-    opening.add_argument("--task", help=arguments.TASK_HELP)
     opening.add_argument(
         "--observation", nargs="+", metavar="NAME", default=["rgb"],
         help=f"what agents see: {', '.join(sorted(OBSERVATIONS))}, or 'module:attribute' (default: rgb)",
     )  # fmt: skip
-    opening.add_argument("--world", help=arguments.WORLD_HELP)
     arguments.add_number(opening, "--port", "of the server; 0 takes a free one", least=0, default=0)
     opening.add_argument("--no-browser", action="store_true", help="print the address, and open nothing")
     opening.set_defaults(run=studio)

@@ -14,7 +14,7 @@ from segar.errors import SegarError
 from segar.language import Factors, Task
 from segar.levels import Levels, levels_from_data
 from segar.rules import World
-from segar.support import __version__, check_size, first_line, from_handwritten_json, misfit, shown
+from segar.support import __version__, check_size, misfit, read_handwritten_json, shown
 from segar.tasks import task_of
 
 FORMAT, VERSION = "segar-play", 1
@@ -58,12 +58,7 @@ def read_play(
 
 def _read(path: Path) -> dict[str, Any]:
     """The data of a recording, which have the form."""
-    if not path.exists():
-        raise SegarError(f"there is no recording of play {path}")
-    try:
-        data = from_handwritten_json(path.read_bytes())
-    except (ValueError, OSError) as cause:
-        raise SegarError(f"{path} is not a recording of play, or only part of one: {first_line(cause)}") from cause
+    data = read_handwritten_json(path, "a recording of play", SegarError)
     found = data.get("format") if isinstance(data, dict) else data
     if found != FORMAT:
         raise SegarError(f"{path} is not a recording of play, whose 'format' is '{FORMAT}'; there is {shown(found)}")

@@ -19,7 +19,7 @@ from segar.language import CIRCLE, HULL, Entity, Factor, FloorFriction, Friction
 from segar.levels.description import DESCRIPTION, description_of, layout_of, origin_of
 from segar.levels.level_data import Block, LevelData
 from segar.levels.validity import check_levels, level_forms
-from segar.support import __version__, check_size, first_line, from_handwritten_json, misfit, replacing, shown
+from segar.support import __version__, check_size, misfit, read_handwritten_json, replacing, shown
 
 SUFFIX = ".json"
 FORMAT, VERSION = "segar-levels", 1
@@ -72,13 +72,7 @@ def read_json(path: Path) -> dict[str, Any]:
     Raises:
         LevelError: there is no such file, it is no JSON, or as :func:`fields_of`.
     """
-    if not path.exists():
-        raise LevelError(f"there is no level file {path}")
-    try:
-        data = from_handwritten_json(path.read_bytes())
-    except (ValueError, OSError) as cause:
-        raise LevelError(f"{path} is not a level file in JSON, or only part of one: {first_line(cause)}") from cause
-    return fields_of(data, path, "")
+    return fields_of(read_handwritten_json(path, "a level file in JSON", LevelError), path, "")
 
 
 def fields_of(data: Any, path: Path, inside: str) -> dict[str, Any]:

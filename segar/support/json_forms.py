@@ -4,9 +4,11 @@ import json
 import math
 from collections import Counter
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
-from segar.errors import did_you_mean
+from segar.errors import SegarError, did_you_mean
+from segar.support.npz import first_line
 
 LARGEST_INTEGER = 2**64  # in size; larger ones have no place in an array
 LONGEST_SHOWN = 60  # [characters] of a wrong value in a message
@@ -40,6 +42,20 @@ def from_handwritten_json(text: bytes) -> Any:
         raise ValueError(f"it is no text in UTF-8: {error.reason}, byte {error.start + 1}") from error
     except RecursionError:
         raise ValueError("it is nested too deeply") from None
+
+
+def read_handwritten_json(path: Path, kind: str, error: type[SegarError]) -> Any:
+    """The data in a JSON file that people may have written; ``kind`` says what it should be, as "a level file".
+
+    Raises:
+        SegarError: of the class ``error``: there is no such file, or it is no JSON.
+    """
+    if not path.exists():
+        raise error(f"there is no {kind.removeprefix('a ').removesuffix(' in JSON')} {path}")
+    try:
+        return from_handwritten_json(path.read_bytes())
+    except (ValueError, OSError) as cause:
+        raise error(f"{path} is not {kind}, or only part of one: {first_line(cause)}") from cause
 
 
 def shown(value: Any) -> str:
