@@ -59,13 +59,14 @@ def add_level_sets(parser: argparse.ArgumentParser) -> None:
 def playground(chosen: argparse.Namespace) -> None:
     """``segar playground``."""
     start = time.perf_counter()
-    observations = {name: named_observation(name) for name in chosen.observation or ()}
-    player = None if chosen.policy is None else read_policy(Path(chosen.policy), observes=not observations)
-    if player is not None:
-        observations = observations or player.observations
     levels = named_levels(chosen, chosen.what, chosen.split)
     test = None if chosen.test is None else named_levels(chosen, chosen.test, "test")
-    task = None if chosen.task is None else arguments.task_named(chosen.task, levels)
+    observations = {name: named_observation(name) for name in chosen.observation or ()}
+    if chosen.policy is None:
+        player, task = None, None if chosen.task is None else arguments.task_named(chosen.task, levels)
+    else:
+        player = read_policy(Path(chosen.policy), levels, observations=observations, task=chosen.task)
+        observations, task = player.observations, player.task
     if chosen.plans:
         count = len(levels) + (0 if test is None else len(test))
         print(f"segar: finding plans of {count} levels, in about 0.1 s each", file=sys.stderr, flush=True)

@@ -1,34 +1,41 @@
 """What a page takes of a run folder: the network that plays without torch, what it observes, and what probes found in it.
 
-Settings are read as plain data, and nothing that they name is imported.
+Settings are read as plain data, and nothing that they name is imported: own tasks, factors and parameters are those of the
+levels that are played.
 """
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from segar.errors import SegarError
+from segar.language import Task
 from segar.levels import Levels
 from segar.observations import OBSERVATIONS, Observation, trained_on
 from segar.policies import NETWORK_FILE, Network
-from segar.support import DAMAGE, first_line, need
+from segar.support import DAMAGE, first_line, misfit, need, shown
+from segar.tasks import TASKS, make_task, task_of
 
 CONFIG, LEVELS_TRAIN, PROBES = "config.yaml", "levels_train.npz", "probes.parquet"  # files of a run folder
 IN_EVALUATIONS = f"evaluations/*/{NETWORK_FILE}"
 SHOWN = {"representation": "trained", "probe": "ridge", "quantity": "r2", "levels": "test"}  # of the table of probes
 NUMBERS = ("estimate", "low", "high")
+PART = {"name": str, "options?": (dict, None)}
+SETTINGS = {"observation": PART, "task?": PART}
+OF_LEVELS, PUTTPUTT = "levels", "puttputt"  # the task of the levels, and of levels that name none
 MOST_ROWS = 100_000  # of a table of probes
 
 
 @dataclass(frozen=True)
 class RunPolicy:
-    """A network of a run.
+    """A network, and what is known of the run that trained it.
 
     Attributes:
-        place: its file.
-        observations: what the agent of the run observes, in the units of its training levels, by its name in the settings;
-            empty where no settings are there.
+        place: the network's file.
+        observations: what it reads, in the units of the run's training levels, by its name; empty where that is not known.
+        task: what the run plays; None where its settings are not there.
         probes: component of a factor, such as ``goal.Position.x``, to R² on test levels of a linear probe of what the
             network's encoder gives, and to its interval; empty where the run was not probed.
     """
@@ -36,22 +43,29 @@ class RunPolicy:
     network: Network
     place: Path
     observations: Mapping[str, Observation] = field(default_factory=dict)
+    task: Task | None = None
     probes: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
 
 
-def read_policy(path: Path, *, observes: bool = True) -> RunPolicy:
+def read_policy(
+    path: Path, levels: Levels, *, observations: Mapping[str, Observation] | None = None, task: str | None = None
+) -> RunPolicy:
     """The network in a file, or the newest one in the folder of a run or of an evaluation.
 
     Args:
-        observes: whether the settings of the run say what the policy observes.
+        levels: which it shall play. They define what the settings of the run name: the task, where it is theirs, and factors
+            and parameters that an observation shows. Nothing else is imported.
+        observations: what the policy reads, instead of what the settings say; in the units of the run's training levels, too.
+        task: the name of the task, instead of what the settings say; with the run's options, where the run plays this one.
 
     Raises:
-        SegarError: there is none, which says how to write it; or something cannot be read, or is the user's own observation.
+        SegarError: there is none, which says how to write it; or something cannot be read; or the settings name a task or an
+            observation of the user's own that the levels do not bring.
     """
     if not path.exists():
         raise SegarError(f"there is no {path}; name a network's file, or the folder of a run")
     if not path.is_dir():
-        return RunPolicy(Network.load(path), path)
+        return RunPolicy(Network.load(path), path, observations or {}, None if task is None else make_task(task))
     is_evaluation = (path / NETWORK_FILE).exists()
     found = [path / NETWORK_FILE] if is_evaluation else sorted(path.glob(IN_EVALUATIONS), key=_written)
     if not found:
@@ -60,36 +74,66 @@ def read_policy(path: Path, *, observes: bool = True) -> RunPolicy:
             f" it by: python -m experiments.evaluate run={path} portable=true"
         )
     run = path.parent.parent if is_evaluation and not (path / CONFIG).exists() else path
-    observations = _observation(run) if observes and (run / CONFIG).exists() else {}
-    probes = _probes(run / PROBES) if (run / PROBES).exists() else {}
-    return RunPolicy(Network.load(found[-1]), found[-1], observations, probes)
+    network, probes = Network.load(found[-1]), _probes(run / PROBES) if (run / PROBES).exists() else {}
+    if not (run / CONFIG).exists():
+        return RunPolicy(network, found[-1], observations or {}, None if task is None else make_task(task), probes)
+    settings = _settings(run / CONFIG)
+    seen = observations or _observation(run / CONFIG, settings)
+    if (run / LEVELS_TRAIN).exists():
+        train = Levels.load(run / LEVELS_TRAIN, levels.world)
+        seen = {name: trained_on(one, train) for name, one in seen.items()}
+    return RunPolicy(network, found[-1], seen, _task(run / CONFIG, settings, levels, task), probes)
 
 
 def _written(path: Path) -> float:
     return path.stat().st_mtime
 
 
-def _observation(run: Path) -> dict[str, Observation]:
-    """What the agent of a run observes, by its name in the settings."""
-    advice = "say what the policy reads by --observation"
+def _settings(path: Path) -> dict[str, Any]:
+    """The settings of a run that are read here."""
     need("reading the settings of a run", "yaml")
     import yaml
 
-    path = run / CONFIG
     try:
         settings = yaml.safe_load(path.read_text(encoding="utf-8"))
-        name, options = settings["observation"]["name"], settings["observation"].get("options") or {}
-    except (yaml.YAMLError, UnicodeDecodeError, TypeError, KeyError, AttributeError) as error:
-        raise SegarError(f"{path} holds no settings of a run ({type(error).__name__}); {advice}") from error
-    if name not in OBSERVATIONS or not isinstance(options, Mapping):
-        raise SegarError(f"{path}: the observation {name!r} is not one of SEGAR, and is not imported; {advice}")
+        wrong = misfit(settings, SETTINGS)
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        wrong = first_line(error)
+    if wrong:
+        raise SegarError(
+            f"{path} holds no settings of a run: {wrong}; say --observation and --task, and move the file away"
+        )
+    return settings
+
+
+def _observation(path: Path, settings: Mapping[str, Any]) -> dict[str, Observation]:
+    """What the agent of a run observes, by its name in the settings."""
+    advice = "say what the policy reads by --observation"
+    name, options = settings["observation"]["name"], settings["observation"].get("options") or {}
+    if name not in OBSERVATIONS:
+        raise SegarError(f"{path}: the observation {shown(name)} is not one of SEGAR, and is not imported; {advice}")
     try:
-        made = OBSERVATIONS[name](**options)
+        return {name: OBSERVATIONS[name](**options)}
     except (TypeError, SegarError) as error:
-        raise SegarError(f"{path}: the observation {name!r} cannot be made: {error}; {advice}") from error
-    train = run / LEVELS_TRAIN
-    is_known = not hasattr(made, "trained_on") or not train.exists()
-    return {name: made if is_known else trained_on(made, Levels.load(train))}
+        raise SegarError(f"{path}: the observation '{name}' cannot be made: {error}; {advice}") from error
+
+
+def _task(path: Path, settings: Mapping[str, Any], levels: Levels, wanted: str | None) -> Task | None:
+    """The task of a run with its options, or the one that is wanted."""
+    said = settings.get("task")
+    if said is None:
+        return None if wanted is None else make_task(wanted)
+    name = (levels.task or PUTTPUTT) if said["name"] == OF_LEVELS else said["name"]
+    if wanted is not None:
+        return make_task(wanted, said.get("options") if wanted == name else None)
+    if name not in (*TASKS, levels.task):
+        raise SegarError(
+            f"{path}: the task {shown(name)} is not that of the levels, and is not imported; name it by --task"
+        )
+    try:
+        return make_task(name, said.get("options")) if name in TASKS else task_of(levels, said.get("options"))
+    except SegarError as error:
+        raise SegarError(f"{path}: the task '{name}' cannot be made: {error}") from error
 
 
 def _probes(path: Path) -> dict[str, tuple[float, float, float]]:

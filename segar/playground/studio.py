@@ -88,7 +88,7 @@ class Studio:
     Args:
         levels: what is shown.
         test: levels of another distribution, or None.
-        task: what is played; the one that the levels name where it is None.
+        task: what is played; where it is None, the one that a run plays whose policy was chosen, or that the levels name.
         observations: what agents see, as :func:`make_playground` takes it.
         runs: the folder whose run folders have networks that play, or None.
     """
@@ -103,11 +103,11 @@ class Studio:
         runs: Path | None = None,
     ) -> None:
         self.sides = tuple(Side.of(one) for one in (levels, test) if one is not None)
-        self.task, self.observations = task, observations
+        self._wanted, self.observations = task, observations
         self.runs = None if runs is None else runs.resolve()
         self.run: str | None = None
         self.version = 0
-        self.html = self._page(self.sides, None)
+        self.html, self.task = self._page(self.sides, None)
 
     def answer(self, name: str, question: Question, stop: threading.Event) -> dict[str, Any]:
         """The answer to a question, as plain data.
@@ -220,28 +220,30 @@ class Studio:
 
     def _change(self, sides: tuple[Side, ...], run: str | None, stop: threading.Event) -> None:
         """Show other sets or another policy, once the page with them is there and if somebody still waits for it."""
-        html = self._page(sides, run, self.version + 1)
+        html, task = self._page(sides, run, self.version + 1)
         if stop.is_set():
             raise Stopped
-        self.sides, self.run, self.html, self.version = sides, run, html, self.version + 1
+        self.sides, self.run, self.html, self.task, self.version = sides, run, html, task, self.version + 1
 
-    def _page(self, sides: Sequence[Side], run: str | None, version: int = 0) -> str:
-        """The page with these sets, and with the policy of a run."""
-        player = None if run is None else read_policy(self._found_runs()[run])
+    def _page(self, sides: Sequence[Side], run: str | None, version: int = 0) -> tuple[str, Task | None]:
+        """The page with these sets, and with the policy of a run; and its task, None for that of the sets."""
+        player = None if run is None else read_policy(self._found_runs()[run], sides[0].levels)
+        task = self._wanted or (player.task if player else None)
         levels = [side.levels for side in sides]
         drawn = [
             {"text": side.text, "seed": one.provenance.seed, "split": one.provenance.split, "number": len(one)}
             for side, one in zip(sides, levels, strict=True)
         ]
-        return make_playground(
+        page = make_playground(
             *levels,
-            task=self.task,
+            task=task,
             observations=player.observations or self.observations if player else self.observations,
             policy=player.network if player else None,
             probes=player.probes if player else {},
             title=" and ".join(dict.fromkeys(one.provenance.name or "levels made by hand" for one in levels)),
             studio={"version": version, "sets": drawn, "runs": self.runs is not None, "run": run},
-        ).html
+        )
+        return page.html, task
 
 
 def _level_of(text: str, world: World | None) -> Levels:

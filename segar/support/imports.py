@@ -7,6 +7,7 @@ import inspect
 import os
 import sys
 import traceback
+from collections.abc import Mapping
 from importlib.machinery import PathFinder
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -76,16 +77,20 @@ def named_or_made(name: str) -> Any:
     return made(name, named_object(name))
 
 
-def made(name: str, found: Any) -> Any:
-    """What a function of this name returns; anything else as it is."""
+def made(name: str, found: Any, options: Mapping[str, Any] | None = None) -> Any:
+    """What a function of this name returns, called with these options; anything else as it is."""
+    options = options or {}
+    called = f"with {', '.join(map(str, options))}" if options else "without arguments"
     if not inspect.isfunction(found):
+        if options:
+            raise SegarError(f"'{name}' is called {called}, and is no function, but {found!r}")
         return found
     try:
-        inspect.signature(found).bind()
+        inspect.signature(found).bind(**options)
     except TypeError as error:
-        raise SegarError(f"'{name}' is called without arguments, and {error}; give them defaults") from None
+        raise SegarError(f"'{name}' is called {called}, and {error}; give its arguments defaults") from None
     try:
-        return found()
+        return found(**options)
     except Exception as error:  # the function is the user's, and may go wrong in any way
         raise SegarError(f"'{name}' went wrong: {_reason(error)}") from error
 

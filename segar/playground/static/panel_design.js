@@ -238,6 +238,7 @@ function statement(page) {
   const lines = ["import segar", ""];
   const settings = ["levels:"];
   const files = new Set();
+  const tasks = new Set(); // that files name: a file imports no code, so settings say those of one's own
   let ownRules = false;
   page.sets.forEach((set, k) => {
     const { family, seed, split, own_rules: own } = page.about.objective.origins[k];
@@ -252,9 +253,12 @@ function statement(page) {
     settings.push(`  ${k ? "test_" : ""}count: ${set.count}`, `  ${k ? "test_" : ""}seed: ${drawn ? seed : 0}`);
     if (!drawn) files.add(k);
     ownRules ||= own && !drawn;
+    if (!drawn) tasks.add(set.about.description.task);
   });
   lines.push("print(segar.metrics.w2(train, test), segar.metrics.ks(train, test))");
   if (ownRules) settings.push("  world: module:attribute");
+  const own = [...tasks].filter((task) => task?.includes(":"));
+  if (own.length) settings.push("task:", `  name: ${own[0]}`);
   const beside = files.size ? `Save ${[...files].map((k) => fileOf(page, k)).join(" and ")} beside them.` : "";
   const rules = "The rules of these levels are their own, which no level file holds: world is their segar.World in "
     + "Python, and levels.world names it as module:attribute in the settings.";

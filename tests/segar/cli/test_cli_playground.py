@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,6 +20,25 @@ from segar.policies import Network
 from tests.segar.policies.networks import Builder
 
 CONFIG = "observation:\n  name: state\n  options:\n    normalise: true\n"
+FIELD = """
+import dataclasses
+import segar
+from segar.observations import StateVector
+
+class Uplift(segar.Parameter, default=0.0):
+    "How much the air rises."
+
+def height(ball: segar.GolfBall) -> float:
+    return ball[segar.Position][1]
+
+def landing(max_steps: int = 7) -> segar.Task:
+    return dataclasses.replace(segar.puttputt(max_steps=max_steps), name="landing", reward=height)
+
+field = dataclasses.replace(
+    segar.family("empty-hard"), name="field", task="my_field:landing", parameters={Uplift: segar.UniformNoise(0.0, 2.0)}
+)
+seeing = StateVector(parameters=["Uplift"], normalise=True)
+"""
 OWN = "observation:\n  name: my_lab.seeing:look\n"
 
 
@@ -102,6 +122,51 @@ def test_a_run_folder_gives_its_newest_network_and_what_it_observes(capsys, run)
     assert Path("page.html").read_text() == page(observations={"state": seen}, weights="float16")
 
 
+def test_a_page_plays_the_task_of_the_run_in_its_units(capsys, run, monkeypatch):
+    """Also what the run names of its own: the levels bring it, and nothing is imported for the run."""
+    monkeypatch.syspath_prepend(Path.cwd())
+    monkeypatch.delitem(sys.modules, "my_field", raising=False)
+    Path("my_field.py").write_text(FIELD)
+    import my_field
+
+    train = my_field.field.sample(5, seed=1)
+    train.save(run / "levels_train.npz")
+    seen = my_field.seeing.trained_on(train)
+    (inputs,) = VectorEnv(train, 1, observation=seen, seed=0).single_observation_space.shape or ()
+    one, task = Builder(), my_field.landing(max_steps=9)
+    one.dense(inputs, 4)
+    range_ = {"action_low": tuple(task.action_low), "action_high": tuple(task.action_high)}
+    player = one.network((inputs,), 4, **range_)
+    for place in run.glob("evaluations/*/network.npz"):
+        player.save(place)
+    (run / "config.yaml").write_text(
+        "observation: {name: state, options: {parameters: [Uplift], normalise: true}}\n"
+        "task: {name: levels, options: {max_steps: 9}}\n"
+    )
+    levels = my_field.field.sample(3)
+    expected = make_playground(levels, policy=player, observations={"state": seen}, task=task).html
+    shown(capsys, "my_field:field", "-n", 3, "--policy", run, "-o", "page.html")
+    assert (
+        Path("page.html").read_text()
+        == expected
+        != make_playground(levels, policy=player, observations={"state": seen}).html
+    )
+    (run / "config.yaml").write_text(
+        "observation: {name: my_lab.seeing:look}\ntask: {name: 'my_field:landing', options: {max_steps: 9}}\n"
+    )
+    base = ("my_field:field", "-n", 3, "--policy", run, "-o", "page.html")
+    shown(capsys, *base, "--observation", "my_field:seeing")
+    page = make_playground(levels, policy=player, observations={"my_field:seeing": seen}, task=task)
+    assert Path("page.html").read_text() == page.html
+    Path("page.html").unlink()
+    (run / "config.yaml").write_text("observation: {name: state}\ntask: {name: 'my_field:other'}\n")
+    assert "the task 'my_field:other' is not that of the levels, and is not imported" in refused(capsys, *base)
+    (run / "config.yaml").write_text("observation: {name: state}\ntask: {name: levels, options: {near: 3}}\n")
+    assert "'my_field:landing' is called with near, and got an unexpected keyword argument 'near'" in refused(
+        capsys, *base
+    )
+
+
 def test_probes_of_a_run_are_in_its_page(capsys, run):
     import pandas as pd
 
@@ -114,10 +179,10 @@ def test_probes_of_a_run_are_in_its_page(capsys, run):
         ("test", "trained", "ridge", "information", "goal.Position.x", 2.0, 1.9, 2.1),
     ]
     pd.DataFrame(rows, columns=columns).to_parquet(run / "probes.parquet")
-    found = read_policy(run)
+    levels = segar.family("empty-easy").sample(3)
+    found = read_policy(run, levels)
     assert found.probes == {"goal.Position.x": (0.9, 0.8, 0.95)}
     shown(capsys, "empty-easy", "-n", 3, "--policy", run, "-o", "page.html")
-    levels = segar.family("empty-easy").sample(3)
     options = {"policy": found.network, "observations": found.observations}
     assert Path("page.html").read_text() == make_playground(levels, probes=found.probes, **options).html
     assert Path("page.html").read_text() != make_playground(levels, **options).html
