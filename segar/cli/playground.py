@@ -40,7 +40,9 @@ def add_commands(commands: Any) -> None:
         "--plans", action="store_true",
         help="also find the planner's episodes and the baselines of scores, in about 0.1 s per level",
     )  # fmt: skip
-    making.add_argument("--title", help="of the page (default: the name of the levels)")
+    making.add_argument(
+        "--title", help="of the page (default: the name of the levels, or what stands behind the colon)"
+    )
 
 
 def add_level_sets(parser: argparse.ArgumentParser) -> None:
@@ -79,7 +81,7 @@ def playground(chosen: argparse.Namespace) -> None:
         weights=chosen.weights,
         probes={} if player is None else player.probes,
         plans=chosen.plans,
-        title=chosen.title,
+        title=chosen.title or (chosen.what.rpartition(":")[2] if ":" in chosen.what else None),
     )
     page.save(chosen.output)
     size, seconds = len(page.html.encode()), time.perf_counter() - start
@@ -99,6 +101,8 @@ def named_observation(name: str) -> Observation:
 
 def named_levels(chosen: argparse.Namespace, what: str, split: str) -> Levels:
     """The levels of a distribution or in a file."""
+    if Path(what).suffix == ".py" and Path(what).is_file():
+        raise LevelError(f"{what} is a program; name the distribution in it, as {what}:NAME")
     is_file = Path(what).suffix in (".npz", ".json") or (":" not in what and Path(what).is_file())
     if not is_file:
         if chosen.world is not None and chosen.test is None:

@@ -518,6 +518,6 @@ def world_of(levels: Levels) -> World:
     if levels.world is None and levels.provenance.rules:
         raise LevelError(
             f"these levels were saved with rules of their own ({', '.join(levels.provenance.rules)}), which a level file"
-            " does not hold; give them: Levels.load(path, world=segar.World(rules=...))"
+            " does not hold; give them by world=segar.World(rules=...) where the file is read (--world)"
         )
     return levels.world or World()

@@ -19,6 +19,7 @@ from segar.rendering import Stage, steps_per_second
 from segar.tasks import task_of
 
 BINS = 32  # of a prior's density
+TINY = 1e-9  # a negative number that is nearly zero
 TAIL = 0.002  # of a distribution without bounds that is not drawn, on each side
 
 
@@ -116,6 +117,8 @@ def _factor(factor: type[Factor]) -> dict[str, Any]:
         "possible": factor.possible_values(),
         "whole": issubclass(factor, language.Count),
         "flag": issubclass(factor, language.Flag),
+        "negative": bool(factor.is_possible(np.array([-1.0, -TINY])).any()),
+        "zero": bool(factor.is_possible(np.array(0.0))),
     }
 
 

@@ -29,7 +29,7 @@ def named_object(name: str) -> Any:
     if not attribute or not all(part.isidentifier() for part in module.split(".")):
         raise SegarError(f"'{name}' does not name a Python object; write module:attribute, or file.py:attribute")
     try:
-        found: Any = importlib.import_module(module)
+        found: Any = importlib.import_module(_same_file(module))
     except Exception as error:  # the module is the user's, and may go wrong in any way
         raise SegarError(f"'{name}' cannot be imported: {_reason(error)}") from error
     for part in attribute.split("."):
@@ -51,6 +51,8 @@ def module_in_file(file: Path) -> str:
     path = file.expanduser().resolve()
     if not path.is_file():
         raise SegarError(f"there is no file {path}")
+    if (known := _module_of(path)) is not None:
+        return known
     parts, folder = ([] if path.stem == "__init__" else [path.stem]), path.parent
     while (folder / "__init__.py").exists():
         parts, folder = [folder.name, *parts], folder.parent
@@ -66,6 +68,24 @@ def module_in_file(file: Path) -> str:
     if found != wanted or parts[0] in sys.stdlib_module_names:
         raise SegarError(f"{path} cannot be imported: Python has another module '{parts[0]}', {found}; rename the file")
     return name
+
+
+def _module_of(path: Path) -> str | None:
+    """The name of the module that was imported from a file; None where none was."""
+    for name, module in list(sys.modules.items()):
+        origin = getattr(module, "__file__", None)
+        if name != "__main__" and origin and os.path.basename(origin) == path.name and Path(origin).resolve() == path:
+            return name
+    return None
+
+
+def _same_file(module: str) -> str:
+    """The name of a module, or the one under which the same file was imported before: a file is imported once."""
+    if module in sys.modules:
+        return module
+    spec = importlib.util.find_spec(module)
+    known = None if spec is None or spec.origin is None else _module_of(Path(spec.origin).resolve())
+    return known or module
 
 
 def named_or_made(name: str) -> Any:

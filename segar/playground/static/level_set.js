@@ -16,6 +16,7 @@ export class LevelSet {
     this.width = world.about.width;
     this.past = [];
     this.changed = new Set();
+    this.cameAs = new Map(); // level to a copy of what it was before it was changed
   }
 
   get count() {
@@ -136,8 +137,24 @@ export class LevelSet {
 
   /** Keep a level as it is now, for undo. */
   remember(level) {
-    this.keep(this.copy(level));
+    const before = this.copy(level);
+    if (!this.changed.has(level)) this.cameAs.set(level, before);
+    this.keep(before);
     this.changed.add(level);
+  }
+
+  /** What a function returns while all levels are as they came. */
+  asTheyCame(what) {
+    const now = [...this.changed].map((level) => this.copy(level));
+    for (const { level } of now) this.restore(this.cameAs.get(level));
+    try {
+      return what();
+    } finally {
+      for (const one of now) {
+        this.restore(one);
+        this.changed.add(one.level);
+      }
+    }
   }
 
   /** Keep a copy of a level, for undo. */
@@ -173,10 +190,10 @@ export class LevelSet {
 }
 
 /** Throw a RangeError unless the numbers are such as segar.Factor.is_possible allows. */
-function check(what, { bounds, possible, whole, flag }, numbers) {
+function check(what, { bounds, possible, whole, flag, negative, zero }, numbers) {
   const [low, high] = bounds ?? [-LARGEST, LARGEST];
   for (const x of numbers) {
-    const fits = x >= low && x <= high && (!whole || Number.isInteger(x)) && (!flag || x === 0 || x === 1);
+    const fits = x >= low && x <= high && (!whole || Number.isInteger(x)) && (!flag || x === 0 || x === 1) && (negative || x >= 0) && (zero || x !== 0);
     if (!fits) throw new RangeError(`${what} must be ${possible}, not ${x}`);
   }
 }

@@ -46,6 +46,6 @@ async function unpacked(text) {
     const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate-raw"));
     return await new Response(stream).text();
   } catch (error) {
-    throw new RangeError(`the level in it is damaged: ${error.message}`);
+    throw new RangeError("the level in it is damaged; take the link again, whole", { cause: error });
   }
 }

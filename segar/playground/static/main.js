@@ -70,6 +70,10 @@ class Page {
     const panels = [this.watch, this.seen, this.compare, overlaysPanel(this), this.change, this.record];
     $("panels").append(...panels.filter((one) => one).map((one) => one.element));
     this.listen();
+    const { slots, agents } = this.levels.about;
+    const body = agents.map((slot) => slots[slot].name).join(" or ") || "the body that acts";
+    const goal = slots.some((slot) => slot.name === "goal") ? " Bring it to the goal." : "";
+    $("about").textContent = `Drag from ${body}, or press an arrow key, to hit it.${goal} “Overlays” names the things.`;
     this.actionSliders();
     let last = performance.now();
     const tick = (now) => {
@@ -96,11 +100,14 @@ class Page {
 
   /** The seed that is asked for. */
   get seed() {
-    return BigInt($("seed").value || 0);
+    const text = $("seed").value.trim();
+    const seed = /^\d{1,20}$/.test(text) ? BigInt(text) : this.world.seed;
+    return seed < 1n << 64n ? seed : this.world.seed;
   }
 
   /** Show a set, at a level and a seed where they are given. */
   show(k, level = null, seed = this.seed) {
+    this.leave();
     this.levels = this.sets[k];
     $("seed").value = seed;
     this.scene.levels = this.levels;
@@ -108,14 +115,24 @@ class Page {
     [...$("sets").children].forEach((button, i) => button.setAttribute("aria-current", String(i === k)));
     $("level").max = this.levels.count - 1;
     this.marked = this.levels.about.agents[0] ?? 0;
-    this.go(level ?? this.level);
+    this.begin(level ?? this.level);
     this.compare.update();
     this.watch?.update();
     this.studio?.update();
   }
 
-  /** Go to a level of the set. */
+  /** Leave the present episode, and go to a level of the set. */
   go(level) {
+    this.leave();
+    this.begin(level);
+  }
+
+  /** Keep an episode that the person does not play to its end. */
+  leave() {
+    if (this.world.steps > 0 && !this.world.over && !this.player.assisted) this.record.add();
+  }
+
+  begin(level) {
     const { count } = this.levels;
     this.player.start(((level % count) + count) % count, this.seed);
     this.player.running = this.player.actor !== null;
@@ -172,7 +189,7 @@ class Page {
     this.watch?.draw();
     this.design?.draw();
     const words = world.failed ?? verdict(world);
-    const status = `level ${this.level}, step ${world.steps} of ${world.about.task.max_steps}, return ${world.total.toFixed(3)}${words ? `: ${words}` : ""}`;
+    const status = `level ${this.level}${this.levels.changed.has(this.level) ? " (changed)" : ""}, step ${world.steps} of ${world.about.task.max_steps}, return ${world.total.toFixed(3)}${words ? `: ${words}` : ""}`;
     if ($("status").textContent !== status) $("status").textContent = status;
     $("play").textContent = player.running ? "Pause" : "Play";
     $("play").setAttribute("aria-pressed", String(player.running));
@@ -229,7 +246,12 @@ class Page {
     $("before").addEventListener("click", () => this.go(this.level - 1));
     $("next").addEventListener("click", () => this.go(this.level + 1));
     $("level").addEventListener("change", () => this.go(Math.min(Math.max(Math.round(Number($("level").value)) || 0, 0), this.levels.count - 1)));
-    $("seed").addEventListener("change", () => this.go(this.level));
+    $("seed").addEventListener("change", () => {
+      const asked = $("seed").value;
+      this.go(this.level);
+      $("seed").value = this.world.seed;
+      trouble(String(this.world.seed) === asked.trim() ? "" : `A seed is a whole number from 0 to 2^64 - 1, not ${asked || "a text"}.`);
+    });
     $("link").addEventListener("click", () => this.link());
     $("link").hidden = window.location.protocol === "about:"; // in a notebook, where the page has no address
     window.addEventListener("hashchange", () => this.follow());

@@ -91,7 +91,9 @@ export function changePanel(page) {
       }
     }
     const more = Math.max((high - low) / 4, 0.5);
-    return [Math.max(low - more, bounds ? bounds[0] : -Infinity), Math.min(high + more, bounds ? bounds[1] : Infinity)];
+    const { negative, zero } = levels.about.factors[name];
+    const least = negative ? -Infinity : zero ? 0 : (high + more) / STEPS;
+    return [Math.max(low - more, bounds ? bounds[0] : least), Math.min(high + more, bounds ? bounds[1] : Infinity)];
   }
 
   function row({ label, unit, value, whole, flag, prior, range: [low, high] }, set) {

@@ -3,6 +3,7 @@
 import { make, panel, scroll, short, table, tableRow } from "segar/elements.js";
 import { mean, outcome } from "segar/results.js";
 
+const COMPARE = "Compare on all levels";
 const PLAYERS = { you: "you", agent: "agent", random: "random play", idle: "nobody acts", planner: "planner (best known)" };
 const HEAD = ["player", "return", "success", "score"];
 
@@ -15,7 +16,7 @@ export function comparePanel(page) {
   const [rows] = returns.tBodies;
   const way = make("select", {}, make("option", { value: "", textContent: "nobody" }),
     ...players.filter((one) => one !== "you").map((one) => make("option", { value: one, textContent: PLAYERS[one] })));
-  const all = make("button", { textContent: "Play all levels", onclick: () => playAll() });
+  const all = make("button", { textContent: COMPARE, onclick: () => playAll() });
   const element = panel(
     "Compare", false,
     make("div", { className: "controls" }, all, make("label", {}, "Show the way of ", way)), summary,
@@ -44,10 +45,10 @@ export function comparePanel(page) {
     const lacking = players.filter((one) => one !== "you" && page.levels.levelNumbers.some((level) => results.returned(set, one, level) === undefined));
     all.disabled = true;
     try {
-      for (const one of lacking) await results.playAll(set, one, seed, () => { all.textContent = `Play all levels (${PLAYERS[one]} plays)`; });
+      for (const one of lacking) await results.playAll(set, one, seed, () => { all.textContent = `${COMPARE} (${PLAYERS[one]} plays)`; });
     } finally {
       all.disabled = false;
-      all.textContent = "Play all levels";
+      all.textContent = COMPARE;
     }
     page.watch?.update();
     update();

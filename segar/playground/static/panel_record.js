@@ -8,14 +8,14 @@ export function recordPanel(page) {
   const save = make("button", { textContent: "Save as file", disabled: true });
   const element = panel("Your episodes", false, scroll("Episodes", list),
     make("div", { className: "controls" }, save),
-    make("p", { className: "note", textContent: "The file holds levels, seeds and actions; segar.datasets reads it and plays the same episodes again. Only episodes on the levels that are shown are in it, and none on levels that you changed." }));
+    make("p", { className: "note", textContent: "The file holds levels, seeds and actions; segar.datasets reads it and plays the same episodes again. Only episodes on the levels as they came, of the set that is shown, are in it." }));
   const episodes = [];
 
-  /** Keep the episode that has ended. */
+  /** Keep the episode that has ended, or that the person leaves. */
   function add() {
     const { world, levels } = page;
     if (levels.changed.has(world.level)) return;
-    const end = verdict(world);
+    const end = verdict(world) || "left";
     const data = {
       level: new Whole(world.level), seed: new Whole(world.seed), actions: world.actions.map((one) => [...one]),
       return: world.total, terminated: world.terminated, truncated: world.truncated, success: world.success,
@@ -27,9 +27,9 @@ export function recordPanel(page) {
 
   save.addEventListener("click", () => {
     const { about } = page.levels;
-    const levels = fileText(page.levels, page.levels.levelNumbers);
+    const levels = page.levels.asTheyCame(() => fileText(page.levels, page.levels.levelNumbers));
     const head = `"format": "segar-play", "version": 1, "segar": ${JSON.stringify(page.about.segar)}, "task": ${JSON.stringify(about.description.task ?? null)}, "seed": 0`;
-    const kept = episodes.filter((one) => one.levels === page.levels && !page.levels.changed.has(one.level));
+    const kept = episodes.filter((one) => one.levels === page.levels);
     for (const one of kept) one.saved = true;
     download("episodes.json", `{${head},\n"levels": ${levels},\n"episodes": ${asText(kept.map((one) => one.data))}}\n`);
   });

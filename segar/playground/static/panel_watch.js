@@ -8,8 +8,8 @@ export function watchPanel(page) {
   const kilobytes = (size / 1000).toLocaleString("en", { maximumFractionDigits: 1 });
   const held = weights === "float16" ? "rounded to float16" : `as ${weights}`;
   const says = `A network of ${count.toLocaleString("en")} weights ${held} (${kilobytes} kB), which reads “${reads}”; its actions are ${sampled ? "drawn" : "those without noise"}.`;
-  const acts = make("button", { textContent: "Let the agent play", "aria-pressed": "false", onclick: () => acting(!page.player.actor) });
-  const all = make("button", { textContent: "Play all levels", onclick: () => playAll() });
+  const acts = make("button", { textContent: "Let the agent play", onclick: () => acting(!page.player.actor) });
+  const all = make("button", { textContent: "Let the agent play all levels", onclick: () => playAll() });
   const failuresFirst = make("input", { type: "checkbox", onchange: () => update() });
   const strips = page.about.sets.map((set, k) => ({
     heading: make("h3", { textContent: set.title }),
@@ -40,7 +40,7 @@ export function watchPanel(page) {
   /** Let the agent play what is shown, from its start; or let the person play. */
   function acting(wanted) {
     page.player.actor = wanted ? policy : null;
-    acts.setAttribute("aria-pressed", String(wanted));
+    acts.textContent = wanted ? "Stop the agent" : "Let the agent play";
     page.go(page.level);
   }
 
@@ -87,7 +87,8 @@ export function watchPanel(page) {
     const { value } = policy;
     if (value !== null) [low, high] = [Math.min(low, value), Math.max(high, value)];
     expects.textContent = value === null ? "The critic's value appears here while the agent plays." : `Value of what it sees: ${short(value)}, so far from ${short(low)} to ${short(high)} (the discounted return that its critic expects, in the units of training)`;
-    expected.style.width = value === null || low === high ? "0" : `${100 * (value - low) / (high - low)}%`;
+    expected.hidden = value === null || low === high;
+    if (!expected.hidden) expected.style.width = `${100 * (value - low) / (high - low)}%`;
   }
 
   return { element, update, draw };

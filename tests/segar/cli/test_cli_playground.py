@@ -159,6 +159,9 @@ def test_a_page_plays_the_task_of_the_run_in_its_units(capsys, run, monkeypatch)
     page = make_playground(levels, policy=player, observations={"my_field:seeing": seen}, task=task)
     assert Path("page.html").read_text() == page.html
     Path("page.html").unlink()
+    shown(capsys, "my_field.py:field", "-n", 3, "--policy", run, "--observation", "my_field:seeing", "-o", "page.html")
+    assert Path("page.html").read_text() == page.html, "a file and a module may name the same thing"
+    Path("page.html").unlink()
     (run / "config.yaml").write_text("observation: {name: state}\ntask: {name: 'my_field:other'}\n")
     assert "the task 'my_field:other' is not that of the levels, and is not imported" in refused(capsys, *base)
     (run / "config.yaml").write_text("observation: {name: state}\ntask: {name: levels, options: {near: 3}}\n")
@@ -215,6 +218,8 @@ def test_what_cannot_be_used_is_said_in_one_line(capsys, run, tmp_path):
     np.savez("levels.npz", x=np.zeros(3))
     assert "levels.npz" in refused(capsys, "levels.npz", "-o", "page.html")
     segar.family("empty-easy").sample(2).save("levels.npz")
+    Path("windy.py").touch()
+    assert "name the distribution in it, as windy.py:NAME" in refused(capsys, "windy.py", "-o", "page.html")
     assert "holds 2 levels, not 3" in refused(capsys, "levels.npz", "-n", 3, "-o", "page.html")
     assert "only level files need a world" in refused(capsys, *base, "--world", "x:y")
     assert "at most 2,000 levels" in refused(capsys, "empty-easy", "-n", 2001, "-o", "page.html")

@@ -124,13 +124,31 @@ def test_sliders_and_numbers_change_the_level_and_undo_brings_it_back(page: Any)
     mass = page.evaluate("window.playground.levels.factor(0, 0, 'Mass')")
     assert mass == [2.5]
     assert state(page)["values"] != was
-    for factor, wrong in {"Mass": "1e31", "Visible": "0.5", "Charge": ""}.items():
+    for factor, wrong in {"Mass": "1e31", "Visible": "0.5", "Charge": "", "Size": "0"}.items():
         page.fill(f"#factor-{factor}", wrong)
         page.press(f"#factor-{factor}", "Enter")
         assert f"{factor} of 'golfball' must be " in page.inner_text("details[open] > p.note")
         assert page.evaluate("window.playground.levels.factor(0, 0, 'Mass')") == [2.5]
+    for factor, wrong in {"Mass": "-1", "Size": "-0.3"}.items():
+        page.fill(f"#factor-{factor}", wrong)
+        page.press(f"#factor-{factor}", "Enter")
+        assert f"{factor} of 'golfball' must be a" in page.inner_text("details[open] > p.note")
+    assert float(page.get_attribute("input[aria-label^='Size']", "min")) > 0
     page.click("text=Undo")
     assert state(page)["values"] == was
+
+
+@pytest.mark.parametrize("wrong", ["-1", "2.5", "1e30", str(2**64), ""])
+def test_a_seed_is_a_whole_number_that_python_takes(page: Any, wrong: str) -> None:
+    page.fill("#seed", str(2**64 - 1))
+    page.press("#seed", "Enter")
+    assert page.is_hidden("#trouble")
+    page.fill("#seed", wrong)
+    page.press("#seed", "Enter")
+    assert "A seed is a whole number from 0 to 2^64 - 1" in page.inner_text("#trouble")
+    assert page.input_value("#seed") == str(2**64 - 1)
+    page.click("#again")
+    assert page.evaluate("String(window.playground.world.seed)") == str(2**64 - 1)
 
 
 def test_things_are_dragged_removed_and_changed_into_others(page: Any) -> None:
@@ -248,8 +266,8 @@ def test_an_address_that_says_nonsense_is_told_and_the_page_goes_on(page: Any) -
         good.replace("level=0", "level=12"): "its level must be a whole number below 12, not 12",
         good.replace("level=0", "level=-1"): "not -1",
         f"{good}&seed={2**64}": "its seed must be a whole number below",
-        f"{good}&is=%25": "the level in it is damaged",
-        f"{good}&is=AAAA": "the level in it is damaged",
+        f"{good}&is=%25": "the level in it is damaged; take the link again",
+        f"{good}&is=AAAA": "the level in it is damaged; take the link again",
         f"{good}&is=q1YqycjMSy9WslIwrAUA": "a level has entities",  # the text {"things": 1}
         f"{good}&is=" + "A" * 60_000: "at most 50000 are read",
     }
@@ -281,15 +299,25 @@ def test_what_a_person_played_is_played_again_by_python(page: Any, tmp_path: Pat
             page.wait_for_timeout(50)
         if not level:
             page.click("#next")
+    last = state(page)["total"]
+    page.click("#next")
+    page.click("#single")
+    page.click("#again")  # leaves an episode of one step
     page.click("summary:has-text('Your episodes')")
-    page.evaluate("window.playground.levels.setFactor(2, 0, 'Mass', [3])")  # of a level that nobody played
+    for level in (0, 2, 5):  # levels that were played, and one that nobody played: the file has them as they came
+        page.evaluate(f"window.playground.levels.setFactor({level}, 0, 'Mass', [3])")
+    page.click("#single")
+    page.click("#again")  # of a level that was changed: it is not in the file
     with page.expect_download() as waiting:
         page.click("details[open] >> text=Save as file")
     waiting.value.save_as(tmp_path / "episodes.json")
     levels, episodes = read_play(tmp_path / "episodes.json")
-    assert len(levels) == LEVELS
-    assert len(episodes) == 2
-    assert episodes[1].rewards.sum() == pytest.approx(state(page)["total"])
+    assert levels == segar.family("objectsx3-hard").sample(LEVELS, seed=1)
+    assert [one.level for one in episodes] == [0, 1, 2]
+    assert episodes[1].rewards.sum() == pytest.approx(last)
+    assert (len(episodes[2].rewards), episodes[2].terminated[-1], episodes[2].truncated[-1]) == (1, False, False)
+    assert page.evaluate("window.playground.levels.factor(2, 0, 'Mass')") == [3]
+    assert page.evaluate("[...window.playground.levels.changed]") == [0, 2, 5]
 
 
 @pytest.mark.parametrize(

@@ -36,7 +36,7 @@ def page(browser: Browser, tmp_path: Path) -> Browser:
 
 
 def test_the_agent_plays_all_levels_as_in_python(page: Browser) -> None:
-    page.run(f"{BUTTON} button('Play all levels').click()")
+    page.run(f"{BUTTON} button('Let the agent play all levels').click()")
     page.until("window.playground.results.episodes[1].agent.length === 4")
     policy = NetworkPolicy(convolutional("rgb"))
 
@@ -52,7 +52,7 @@ def test_the_agent_plays_all_levels_as_in_python(page: Browser) -> None:
 
 
 def test_failures_come_first_where_asked_and_a_touch_goes_there(page: Browser) -> None:
-    page.run(f"{BUTTON} button('Play all levels').click()")
+    page.run(f"{BUTTON} button('Let the agent play all levels').click()")
     page.until("window.playground.results.episodes[1].agent.length === 4")
     page.until("!document.querySelector('.strip button').title.includes('not played')")
     page.run("[...document.querySelectorAll('label')].find((one) => one.textContent.includes('failures')).click()")
@@ -80,7 +80,7 @@ def test_what_the_agent_plays_is_not_counted_for_the_person(page: Browser) -> No
     )
     assert page.run(f"return [{episodes}, {rows}]") == [0, 0]
     page.run(
-        f"{BUTTON} button('Let the agent play').click(); while (!window.playground.world.over) window.playground.single()"
+        f"{BUTTON} button('Stop the agent').click(); while (!window.playground.world.over) window.playground.single()"
     )
     assert page.run(f"return [{episodes}, {rows}]") == [1, 1]
     page.run("window.playground.player.replay(); while (!window.playground.world.over) window.playground.single()")
@@ -140,7 +140,8 @@ def test_axe_finds_nothing_wrong_in_the_panels(scheme: Any, chromium: Chromium, 
     chromium.page.emulate_media(color_scheme=scheme)
     chromium.open(tmp_path / "page.html")
     chromium.run(
-        f"{BUTTON} button('Play all levels').click(); document.querySelectorAll('details').forEach((d) => d.open = true)"
+        f"{BUTTON} button('Let the agent play all levels').click();"
+        " document.querySelectorAll('details').forEach((d) => d.open = true)"
     )
     chromium.until("window.playground.results.episodes[1].agent.length === 4")
     chromium.page.get_by_role("button", name="level 2: ").first.click()
