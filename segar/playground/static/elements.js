@@ -40,6 +40,24 @@ export function drawn(tag, about) {
   return element;
 }
 
+/** Make the buttons in an element one stop of the Tab key; arrow keys, Home and End go from one to the next. */
+export function oneStop(group) {
+  group.addEventListener("focusin", ({ target }) => {
+    for (const one of group.children) one.tabIndex = one === target ? 0 : -1;
+  });
+  group.addEventListener("keydown", (event) => {
+    const buttons = [...group.children];
+    const across = buttons.filter((one) => one.offsetTop === buttons[0].offsetTop).length;
+    const last = buttons.length - 1;
+    const moves = { ArrowRight: 1, ArrowLeft: -1, ArrowDown: across, ArrowUp: -across, Home: -last, End: last };
+    if (!(event.key in moves)) return;
+    event.preventDefault();
+    event.stopPropagation();
+    buttons[Math.min(Math.max(buttons.indexOf(event.target) + moves[event.key], 0), last)].focus();
+  });
+  return group;
+}
+
 /** Give the person a file. */
 export function download(name, text, type = "application/json") {
   const url = URL.createObjectURL(new Blob([text], { type }));

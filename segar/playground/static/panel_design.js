@@ -1,6 +1,6 @@
 /** The panel of a page with two sets: their levels side by side, how far apart they are and in what. */
 
-import { download, drawn, make, panel, scroll, short, table, tableRow } from "segar/elements.js";
+import { download, drawn, make, oneStop, panel, scroll, short, table, tableRow } from "segar/elements.js";
 import { fileText } from "segar/level_text.js";
 import { Measures, MOST } from "segar/measures.js";
 import { Scene } from "segar/scene.js";
@@ -124,7 +124,7 @@ function wall(page, k) {
   scene.overlays.clear();
   const buttons = [];
   const seen = new Set();
-  const grid = make("div", { className: "wall", role: "group", "aria-label": `${page.about.sets[k].title} levels` });
+  const grid = oneStop(make("div", { className: "wall", role: "group", "aria-label": `${page.about.sets[k].title} levels` }));
   const box = make("div", { className: "scroll" }, grid);
   const more = make("button", { textContent: "More levels", onclick: () => add() });
   const watch = new IntersectionObserver((entries) => {
@@ -135,7 +135,6 @@ function wall(page, k) {
       draw(buttons.indexOf(target));
     }
   }, { root: box, rootMargin: "200px" });
-  let current = 0; // the one that the Tab key goes to
   let marked;
 
   function add() {
@@ -175,20 +174,6 @@ function wall(page, k) {
     marked?.setAttribute("aria-current", "true");
   }
 
-  grid.addEventListener("focusin", (event) => {
-    buttons[current].tabIndex = -1;
-    current = buttons.indexOf(event.target);
-    event.target.tabIndex = 0;
-  });
-  grid.addEventListener("keydown", (event) => {
-    const across = Math.max(Math.round(grid.clientWidth / buttons[0].offsetWidth), 1);
-    const last = buttons.length - 1;
-    const moves = { ArrowRight: 1, ArrowLeft: -1, ArrowDown: across, ArrowUp: -across, Home: -last, End: last };
-    if (!(event.key in moves)) return;
-    event.preventDefault();
-    event.stopPropagation();
-    buttons[Math.min(Math.max(current + moves[event.key], 0), last)].focus();
-  });
   add();
   const head = make("h3", { textContent: `${page.about.sets[k].title}: ${set.count} levels` });
   return { element: make("section", {}, head, box, more), draw, mark };

@@ -1,6 +1,6 @@
 /** The panel of the agent: it plays what is shown, and all levels of all sets, whose results are a strip of levels each. */
 
-import { make, panel, scroll, short, table } from "segar/elements.js";
+import { make, oneStop, panel, scroll, short, table } from "segar/elements.js";
 
 export function watchPanel(page) {
   const { policy, results } = page;
@@ -14,7 +14,7 @@ export function watchPanel(page) {
   const strips = page.about.sets.map((set, k) => ({
     heading: make("h3", { textContent: set.title }),
     says: make("p", { className: "note" }),
-    cells: make("div", { className: "strip scroll", role: "group", "aria-label": `Levels, ${set.title}` }),
+    cells: oneStop(make("div", { className: "strip scroll", role: "group", "aria-label": `Levels, ${set.title}` })),
     set: k,
   }));
   const expected = make("span", { className: "bar" });
@@ -76,7 +76,7 @@ export function watchPanel(page) {
       line.textContent = `${good} of ${done.length} succeed${done.length < played.length ? `, ${played.length - done.length} not played yet` : ""}`;
       if (failuresFirst.checked) played.sort((a, b) => worth(a) - worth(b) || a.level - b.level);
       const shown = played.map(({ level, one }) => cell(level, one));
-      if (cells.children.length !== shown.length) cells.replaceChildren(...shown.map(() => make("button")));
+      if (cells.children.length !== shown.length) cells.replaceChildren(...shown.map((_, k) => make("button", { tabIndex: k ? -1 : 0 })));
       shown.forEach((about, k) => Object.assign(cells.children[k], about));
     }
   }
