@@ -123,7 +123,8 @@ class Relation:
         left = residuals(x, covariates)
         gaps = self.size * left / left.std() + np.sqrt(1 - self.size**2) * noise_of(self.grid, rng, self.noise, shares)
         values = np.column_stack([x, gaps, covariates])
-        return cluster_jackknife(self.grid, partial, clusters_given(self.given), values=values, correlation=True)
+        clusters = clusters_given(self.grid, self.given)
+        return cluster_jackknife(self.grid, partial, clusters, values=values, correlation=True)
 
 
 def noise_of(grid: pd.DataFrame, rng: np.random.Generator, kind: str, shares: Sequence[float] = WITHIN) -> np.ndarray:

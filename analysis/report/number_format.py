@@ -41,7 +41,8 @@ def estimate_text(found: Estimate, name: str = "r", digits: int = 2) -> str:
     """``r = −0.65 [−0.79, −0.44], p = 1.6e-6, n = 45``; or why there is no number.
 
     A correlation without an interval is one of too few blocks, and is not shown: of three points, any is large."""
-    if not math.isfinite(found.estimate) or (name == "r" and not math.isfinite(found.low)):
+    is_shown = math.isfinite(found.low) or name.rpartition(" ")[2] != "r"
+    if not math.isfinite(found.estimate) or not is_shown:
         return f"no {name}: {found.note}" if found.note else f"no {name}"
     parts = [f"{name} = {signed(found.estimate, digits)}"]
     if math.isfinite(found.low):

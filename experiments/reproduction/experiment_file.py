@@ -214,7 +214,8 @@ class ClaimConfig:
 
     ``correlation``: Pearson's r of ``of`` and ``against`` given the columns ``given``. ``difference``: the mean of ``of`` at
     the first value of ``between`` less that at the second, over pairs of runs that are equal otherwise. ``mean``: the mean
-    of ``of``. Intervals are those of blocks: all runs on one level set stay together.
+    of ``of``. Intervals are those of blocks: all runs on one level set stay together, or all of a panel where a correlation
+    compares panels, because it is over several, and nothing that is given tells them apart.
     """
 
     says: str  # the statement

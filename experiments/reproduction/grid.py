@@ -1,7 +1,7 @@
 """The runs of an experiment's grid: every combination of what it names, as settings, and as columns of a table."""
 
 import dataclasses
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
 from functools import cache
 from itertools import product
 from typing import Any
@@ -141,6 +141,14 @@ def to_be_equal(names: Iterable[str], by: str) -> list[str]:
 def kind_columns(known: Collection[str]) -> list[str]:
     """The columns of :data:`KINDS`, of which a table has ``known``; ``observation.kind`` in place of ``observation``."""
     return [f"{name}{KIND}" if f"{name}{KIND}" in known else name for name in KINDS if name in known]
+
+
+def compares_panels(panels: Iterable[Hashable], given: Iterable[Iterable[Hashable]]) -> bool:
+    """Whether a correlation over these rows compares their ``panels``: there are several, and none of the columns of names that
+    are given tells them all apart, as panel and cell do. Then a panel is a block of the statistics."""
+    panels = list(panels)
+    several = len(set(panels)) > 1
+    return several and not any(len({*zip(names, panels, strict=True)}) == len({*names}) for names in map(list, given))
 
 
 @cache

@@ -2,10 +2,10 @@
 
 import dataclasses
 import zlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
 from itertools import product
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
@@ -23,6 +23,7 @@ from analysis.stats.prediction import left_out
 from analysis.stats.resampling import cluster_jackknife, cosine, no_interval, permutation_of_blocks
 from analysis.tables import column, count_of, keep, pick, select
 from experiments.levels.mixed_levels import REST, SEPARATOR
+from experiments.reproduction.grid import compares_panels
 from segar.errors import SegarError
 
 BLOCKS, PERMUTATION = "(panel, seed) blocks", "permutation"  # of whole blocks within panels
@@ -47,7 +48,10 @@ class Evidence:
     """
 
     least_blocks = LEAST_BLOCKS  # that an interval is given of
-    blocks = "blocks"  # what they are called
+    blocks: ClassVar[Mapping[tuple[str, ...], str]] = {
+        BLOCK: "blocks",
+        PANEL: "blocks",
+    }  # what they are called where there are too few
 
     def __init__(self, results: Results, gated: bool = True):
         self.all_results = results
@@ -99,7 +103,7 @@ class Evidence:
 
     def by_blocks(
         self, table: pd.DataFrame, values: np.ndarray, statistic: Callable[[np.ndarray], float],
-        clusters: Sequence[str] = BLOCK, correlation: bool = False,
+        clusters: tuple[str, ...] = BLOCK, correlation: bool = False,
     ) -> Estimate:  # fmt: skip
         """A statistic of ``values`` [rows, columns], with the interval and p of leaving out one block of the table's rows at a
         time; no interval where there are fewer blocks than the rules ask for."""
@@ -107,21 +111,21 @@ class Evidence:
             return Estimate.missing(0, "no such runs")
         blocks = len(set(labels(table, clusters)))
         if blocks < self.least_blocks:
-            return dataclasses.replace(no_interval(statistic(values), blocks, self.blocks), n=len(table))
+            return dataclasses.replace(no_interval(statistic(values), blocks, self.blocks[clusters]), n=len(table))
         found = cluster_jackknife(table, statistic, clusters, values=values, correlation=correlation)
         return dataclasses.replace(found, note=found.note or f"{len(table)} rows in {blocks} blocks", n=len(table))
 
     def correlation(
-        self, table: pd.DataFrame, x: str, y: str, given: Sequence[str] = (), ranks: bool = False,
-        clusters: Sequence[str] = BLOCK,
-    ) -> Estimate:  # fmt: skip
-        """Pearson's r of two columns given others, or Spearman's ρ of their ``ranks``, with the interval and p of blocks."""
+        self, table: pd.DataFrame, x: str, y: str, given: Sequence[str] = (), ranks: bool = False
+    ) -> Estimate:
+        """Pearson's r of two columns given others, or Spearman's ρ of their ``ranks``, with the interval and p of blocks, which
+        are those of :func:`clusters_given`."""
         whole = pearson(table, x, y, given)
         if not np.isfinite(whole.estimate):
             return whole
         both = np.column_stack([column(table, x), column(table, y)])
         values = np.column_stack([rankdata(both, axis=0) if ranks else both, design(table, given)])
-        return self.by_blocks(table, values, partial, clusters, correlation=True)
+        return self.by_blocks(table, values, partial, clusters_given(table, given), correlation=True)
 
     def permutation(self, name: str, table: pd.DataFrame, x: str, y: str, given: Sequence[str]) -> Estimate:
         """:func:`analysis.stats.resampling.permutation_of_blocks` within panels; where nothing can be permuted, none and the
@@ -142,7 +146,7 @@ class Evidence:
         rows = []
         for mode, (test, given), gap in product(self.modes, GIVEN.items(), ("gap", "gap_2022")):
             base: dict[str, Any] = {"w2": mode, "gap": gap, "test": test}
-            found = self.correlation(self.main, f"w2_{mode}", gap, given, clusters=clusters_given(given))
+            found = self.correlation(self.main, f"w2_{mode}", gap, given)
             rows.append(found.row(**base, way=BLOCKS))
             if given:
                 what = (f"{mode} {gap} {test}", self.main, f"w2_{mode}", gap, given)
@@ -180,8 +184,7 @@ class Evidence:
             base = {"w2": mode, "gap": gap, "test": test}
             for change, evidence, table, ranks in self.changes(f"w2_{mode}", gap):
                 if len(table):
-                    given = GIVEN[test]
-                    found = evidence.correlation(table, f"w2_{mode}", gap, given, ranks, clusters_given(given))
+                    found = evidence.correlation(table, f"w2_{mode}", gap, GIVEN[test], ranks)
                     rows.append(found.row(change=change, **base))
         return pd.DataFrame(rows)
 
@@ -246,9 +249,11 @@ class Evidence:
         return pd.DataFrame(parts)
 
 
-def clusters_given(given: Sequence[str]) -> Sequence[str]:
-    """The columns that make up a block of the main grid: a panel where nothing is given, because panels are compared then."""
-    return BLOCK if given else PANEL
+def clusters_given(table: pd.DataFrame, given: Sequence[str]) -> tuple[str, ...]:
+    """The columns that make up a block of a correlation: a whole panel where panels are compared, because no column that is
+    given tells several of them apart; else a panel and a seed. Numbers that are given tell no panels apart."""
+    names = (table[name].astype(str) for name in given if not pd.api.types.is_numeric_dtype(table[name]))
+    return PANEL if compares_panels(labels(table, PANEL), names) else BLOCK
 
 
 def partial(values: np.ndarray) -> float:

@@ -7,7 +7,7 @@ import pandas as pd
 
 from analysis.plotting.names import algorithm_name
 from analysis.report.claims.claim import METRIC_2022, METRIC_OURS, Finding, correlation, mean_difference, with_holm
-from analysis.report.claims.evidence import Evidence, clusters_given
+from analysis.report.claims.evidence import Evidence
 from analysis.report.results import FRAME, MEMORY, STACK, Results, paired
 from analysis.report.rules import MARGINS
 from analysis.tables import keep, pick, select
@@ -46,9 +46,7 @@ def relation_to_gap(evidence: Evidence, probed: pd.DataFrame) -> Iterator[Findin
     for settings, given in ((METRIC_2022, ()), (METRIC_OURS, ("panel", "levels"))):
         part = select(probed, probe=PROBES[settings])
         for levels in LEVELS if len(part) else ():
-            found = evidence.correlation(
-                part, f"accuracy_{levels}", GAPS[settings], given, clusters=clusters_given(given)
-            )
+            found = evidence.correlation(part, f"accuracy_{levels}", GAPS[settings], given)
             words = f"accuracy on {levels} levels, {WORDS[settings]}" + (", given panel and n" if given else "")
             yield correlation(settings, words, found, 0, given)
 

@@ -1,8 +1,7 @@
 """The report's text: which claims, tables and figures stand where, and the sentences between them."""
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -16,7 +15,7 @@ from analysis.report.document import beyond, tables
 from analysis.report.document.blocks import Block, Bullets, Document, Heading, Paragraph, Picture, Table, Verdict
 from analysis.report.document.files import as_block
 from analysis.report.number_format import estimate_text, listed, plain
-from analysis.report.rules import RULES, SHA256, WRITTEN
+from analysis.report.rules import MARGINS, RULES, SHA256, WRITTEN
 from analysis.tables import column, count_of, select
 
 PAPER_FRAMES, PAPER_TEST_LEVELS = 1_000_000, 500
@@ -378,15 +377,17 @@ def versions(named: pd.DataFrame) -> list[Block]:
     return [*libraries, Table(("fingerprint", "commits", "experiments", "runs"), rows, 3, caption)]
 
 
-def how_verdicts_are_decided(evidence: Evidence) -> list[Block]:
-    """The rules, as their file states them."""
+def how_verdicts_are_decided(
+    evidence: Evidence, kinds: Iterable[str] = RULES["verdicts"], margins: Iterable[str] = MARGINS
+) -> tuple[Heading, Bullets]:
+    """The rules, as their file states them: of these kinds of verdicts, with these margins."""
     judged, known = RULES["verdicts"], RULES["evidence"]
-    items = [f"**{name.capitalize()}**: {sentence(judged[name])}" for name in judged]
+    items = [f"**{name.capitalize()}**: {sentence(judged[name])}" for name in kinds]
     items += [f"**{name.capitalize()}**: {sentence(known[name])}" for name in ("block", "interval", "power")]
-    items.append(f"**Least**: {evidence.least_blocks} {evidence.blocks}. With fewer, a claim cannot be tested.")
-    margins: Mapping[str, Any] = RULES["margins"]
-    items.append("**Margins**: " + ", ".join(f"{name} {value:g}" for name, value in margins.items()) + ".")
-    return [Heading("How verdicts are decided"), Bullets(items)]
+    blocks = " or ".join(dict.fromkeys(evidence.blocks.values()))
+    items.append(f"**Least**: {evidence.least_blocks} {blocks}. With fewer, a claim cannot be tested.")
+    items.append("**Margins**: " + ", ".join(f"{name} {MARGINS[name]:g}" for name in margins) + ".")
+    return Heading("How verdicts are decided"), Bullets(items)
 
 
 def written_before() -> list[Block]:

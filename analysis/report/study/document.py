@@ -21,6 +21,13 @@ from analysis.stats.resampling import FEWEST_BLOCKS
 from analysis.tables import column, count_of, pick, select
 from experiments.reproduction.grid import LEVEL_SEED
 
+# Of the rules, those by which a claim with one test is judged, and the margins of correlations and of means.
+OWN_VERDICTS, OWN_MARGINS = ("effect", "absence", "untestable"), ("correlation", "deviations")
+GIVEN = (
+    "Panels are compared, and are the blocks, unless one of the columns that are given tells all panels apart, as `panel` and "
+    "`cell` do; a number, such as `log_n`, does not."
+)
+
 
 def document(study: Study, claims: Sequence[Claim], pictures: Mapping[str, Picture | str]) -> Document:
     """The whole report."""
@@ -30,8 +37,8 @@ def document(study: Study, claims: Sequence[Claim], pictures: Mapping[str, Pictu
     blocks += [Heading("Success"), drawn["success"], cells(study), *other_levels(study)]
     blocks += [Heading("Learning"), drawn["curves"], *what_was_run(study.evidence)]
     if claims:
-        head, *rules = how_verdicts_are_decided(study.evidence)
-        blocks += [head, Paragraph("A claim **holds** where these rules say supported."), *rules]
+        head, rules = how_verdicts_are_decided(study.evidence, OWN_VERDICTS, OWN_MARGINS)
+        blocks += [head, Paragraph("A claim **holds** where these rules say supported."), rules, Paragraph(GIVEN)]
     return Document(str(study.asked["title"]), f"The study `{study.asked['name']}`", blocks, (TESTED,), WORDS)
 
 

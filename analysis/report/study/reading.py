@@ -3,14 +3,14 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
 
 from analysis.distances import COMMON
 from analysis.report.claims.evidence import Evidence
-from analysis.report.results import Results, measured, read_results
+from analysis.report.results import BLOCK, PANEL, Results, measured, read_results
 from analysis.runs import LEVEL_SETS, column_name, number_of_pairs
 from analysis.stats.association import labels
 from analysis.stats.resampling import FEWEST_BLOCKS
@@ -30,7 +30,8 @@ SUCCESS = ("success_train_deterministic", "success_test_deterministic")
 class StudyEvidence(Evidence):
     """The statistics of the paper's report, with all runs, and with intervals of three level sets or more."""
 
-    least_blocks, blocks = FEWEST_BLOCKS, LEVEL_SETS
+    least_blocks = FEWEST_BLOCKS
+    blocks: ClassVar[Mapping[tuple[str, ...], str]] = {BLOCK: LEVEL_SETS, PANEL: "panels"}
 
     def __init__(self, results: Results):
         super().__init__(results, gated=False)

@@ -1,6 +1,7 @@
 """The report of a study: planted effects are found, level sets are the unit, and nothing of others is imported."""
 
 import csv
+import re
 
 import numpy as np
 import pandas as pd
@@ -272,6 +273,31 @@ def test_more_test_levels_make_no_more_blocks_and_two_blocks_no_interval(tmp_pat
         finding = claim_of(study, "mine", ClaimConfig("x", "correlation", "negative", against="w2_exact")).findings[0]
         assert finding.found.note == note
         assert np.isnan(finding.found.low) == (seeds == 2) and (finding.verdict == "cannot be tested") == (seeds == 2)
+
+
+COMPARED = {**STUDY["grid"], "families": ["empty-easy", "empty-medium", "empty-hard"], "seeds": 3, "vary": {}}
+
+
+def test_a_correlation_that_compares_panels_has_panels_as_blocks_and_needs_three(tmp_path):
+    """Whatever is given: only names that tell all panels apart compare runs within panels."""
+    for families, whole, within in ((COMPARED["families"], "18 rows in 3 blocks", "18 rows in 9 blocks"),
+                                    (COMPARED["families"][:2], "2 panels: no interval", "12 rows in 6 blocks")):  # fmt: skip
+        grid = {**COMPARED, "families": families}
+        study = read_study(made(tmp_path / str(len(families)), {**STUDY, "grid": grid, "claims": {}, "transfers": []}))
+        notes = {(): whole, ("log_n",): whole, ("agent",): whole, ("panel",): within, ("cell",): within}
+        for given, note in notes.items():
+            asked = ClaimConfig("x", "correlation", "negative", against="w2_exact", given=given)
+            claim = claim_of(study, "mine", asked)
+            assert claim.findings[0].found.note == note, given
+            assert (claim.verdict("tested") == "cannot be tested") == note.startswith("2 panels")
+
+
+def test_the_report_of_a_study_states_the_rules_of_its_claims_and_no_others(folder):
+    report_results(folder)
+    page = (folder / "report.html").read_text()
+    rules = page[page.index('<h2 id="how-verdicts-are-decided"') :]
+    assert "there a block is a whole panel" in rules and "3 level sets or panels" in rules
+    assert not re.search(r"3a|4b|Holm|attribution|explained", rules)
 
 
 def test_agents_that_are_tested_on_the_levels_of_a_transfer_anyway_count_with_these(tmp_path):
