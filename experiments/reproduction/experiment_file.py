@@ -105,7 +105,9 @@ NOT_EMPTY = that(bool, "one or more")
 EACH_ONCE = that(lambda values: len(set(values)) == len(values), "a list in which each stands once")
 SIGNS = {"negative": -1, "positive": 1, "none": 0}
 OF_TASK = re.compile(rf"{RESULTS}.+_(train|test)")  # columns of what the task says of the last state of episodes
-TESTS = ("correlation", "difference", "mean")
+# What each test takes beside where, tested_on and margin; one of the user's own takes nothing else.
+TESTS = {"correlation": ("of", "against", "given"), "difference": ("of", "between"), "mean": ("of",)}
+OF_TESTS = ("of", "against", "given", "between")
 # Of the runs of a study, without the settings that it varies and without the action mode behind some names.
 COLUMNS = (
     "family", "difficulty", "panel", "n", "log_n", "cell", "algorithm", "observation", "task", "variation", "design", "seed",
@@ -163,7 +165,15 @@ def claim_config(claim: Any, place: str) -> ClaimConfig:
         )
     if {"says", "test"} <= {*claim} and "expected" not in claim:
         raise ConfigError(f"{place}.expected: say what you expect: {', '.join(SIGNS)} (none: that there is no effect)")
-    return construct(ClaimConfig, claim, place)
+    found = construct(ClaimConfig, claim, place)
+    taken = TESTS.get(found.test, ())
+    for key in OF_TESTS:
+        if key in claim and key not in taken:
+            raise ConfigError(
+                f"{place}.{key}: it would say nothing beside test: {found.test}, which takes "
+                f"{', '.join((*taken, 'where', 'tested_on', 'margin'))}"
+            )
+    return found
 
 
 Names = Annotated[tuple[str, ...], NOT_EMPTY, EACH_ONCE]

@@ -13,6 +13,8 @@ from pydantic import TypeAdapter
 from experiments.commands.overrides import quoted
 from experiments.reproduction.experiment_file import (
     OF_GRID,
+    OF_TESTS,
+    TESTS,
     ClaimConfig,
     ExperimentConfig,
     GridConfig,
@@ -129,11 +131,27 @@ def schema() -> dict[str, Any]:
     found = _schema_of(StudyConfig)
     grid, others = _schema_of(GridConfig), _schema_of(Others)
     at_scale = {**grid, "properties": {**grid["properties"], **others["properties"]}}
-    parts = {"claims": _schema_of(ClaimConfig), "scales": at_scale}
+    parts = {"claims": {**_schema_of(ClaimConfig), "allOf": _keys_of_tests()}, "scales": at_scale}
     maps = {name: {**found["properties"][name], "additionalProperties": part} for name, part in parts.items()}
     transfers = {"type": "array", "items": _schema_of(TransferConfig)}
     found["properties"] |= {"grid": grid, "transfers": transfers, **maps}
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "A study of SEGAR", **found}
+
+
+def _keys_of_tests() -> list[dict[str, Any]]:
+    """For each test of a claim, and for one of the user's own, which keys it does not take, and that a difference needs two
+    values."""
+    kinds = {name: {"const": name} for name in TESTS} | {"": {"not": {"enum": [*TESTS]}}}
+    return [
+        {
+            "if": {"properties": {"test": kind}, "required": ["test"]},
+            "then": {
+                "properties": {key: False for key in OF_TESTS if key not in TESTS.get(name, ())},
+                "required": ["between"] if name == "difference" else [],
+            },
+        }
+        for name, kind in kinds.items()
+    ]
 
 
 def _schema_of(cls: type) -> dict[str, Any]:

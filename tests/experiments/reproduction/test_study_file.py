@@ -295,3 +295,32 @@ def test_an_experiment_without_scales_is_run_at_all_and_one_with_scales_at_these
     assert experiment_at("mine", data, "single").grid.counts == (1, 4)
     assert experiment_at("mine", {**data, "scales": {"quick": {}}}, "single") is None
     assert isinstance(compose([]), RunConfig)
+
+
+GIVES = {"of": "gap", "against": "w2", "given": ["cell"], "between": {"n": [1, 10]}}
+FITTING = {
+    "correlation": {"against", "given", "of"},
+    "difference": {"of", "between"},
+    "mean": {"of"},
+    "own:test": set(),
+}
+
+
+@pytest.mark.parametrize("key", GIVES)
+@pytest.mark.parametrize("test", FITTING)
+def test_a_claim_has_the_keys_of_its_test_and_the_schema_says_the_same(tmp_path, test, key):
+    needed = {"between": GIVES["between"]} if test == "difference" else {}
+    claim = {"says": "x", "test": test, "expected": "none", "where": {"n": 1}, **needed, key: GIVES[key]}
+    data = {**GOOD, "claims": {"mine": claim}}
+    if key in FITTING[test]:
+        jsonschema.validate(data, schema())
+        read_study(written(tmp_path, data))
+        return
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(data, schema())
+    taken = ", ".join([*(name for name in GIVES if name in FITTING[test]), "where", "tested_on", "margin"])
+    with pytest.raises(ConfigError) as caught:
+        read_study(written(tmp_path, data))
+    assert re.search(
+        rf"claims\.mine\.{key}: it would say nothing beside test: [\w:]+, which takes {taken}$", str(caught.value)
+    )
