@@ -36,8 +36,9 @@ from analysis.runs import (
 )
 from analysis.stats.correlation import NotAvailable, correlate, indicators
 from analysis.stats.estimate import Estimate
-from analysis.stats.resampling import FEWEST_BLOCKS, cluster_jackknife, no_interval
+from analysis.stats.resampling import cluster_jackknife, no_interval
 from analysis.tables import Floats, column, count_of, pick, select
+from experiments.reproduction.experiment_file import FEWEST_BLOCKS
 from experiments.runs.run_rows import code_warning, run_rows, seen_warning
 from segar.errors import SegarError
 

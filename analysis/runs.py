@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from analysis.level_sets import first_of_equal, largest_share, levels_trained_on, united
 from analysis.stats.association import labels
 from analysis.stats.estimate import Estimate, mean_of_replicates
-from analysis.stats.resampling import FEWEST_BLOCKS, no_interval
+from analysis.stats.resampling import no_interval
 from analysis.tables import Floats, column, performance, select, write_table
+from experiments.reproduction.experiment_file import FEWEST_BLOCKS
 from experiments.runs.run_folder import EPISODES, read_episodes, root_folder
 from experiments.runs.run_rows import FINISHED, RunRow, as_columns, in_short, run_rows
 from experiments.settings import ACTION_MODES, RunFolderError

@@ -15,7 +15,6 @@ from analysis.tables import Floats, Ints, column, keep
 from segar.errors import SegarError
 
 RESAMPLES = 2000
-FEWEST_BLOCKS = 3  # that an interval should be of: docs/decisions/0012-few-blocks.md
 Statistic = Callable[[Any], float]
 
 

@@ -8,10 +8,19 @@ from typing import Any
 from experiments.evaluation.transfers import RunTask
 from experiments.levels.builders import check_observations, distribution_of, environment_options
 from experiments.levels.mixed_levels import check_fits, places
-from experiments.reproduction.experiment_file import OF_GRID, OF_TASK, ClaimConfig, Experiment, claim_config
+from experiments.reproduction.experiment_file import (
+    FEWEST_BLOCKS,
+    OF_GRID,
+    OF_TASK,
+    TESTS,
+    ClaimConfig,
+    Experiment,
+    claim_config,
+)
 from experiments.reproduction.grid import (
     AGENT_SEED,
     NUMBERS_OF_LEVELS,
+    compares_panels,
     kind_columns,
     run_columns,
     to_be_equal,
@@ -21,6 +30,7 @@ from experiments.runs.run_folder import RESULTS
 from experiments.settings import ConfigError, LevelsConfig, RunConfig, grid_point, import_object
 from segar.errors import LevelError, SegarError, did_you_mean
 
+NUMBERS = ("n", "levels", "seed", AGENT_SEED)  # columns of numbers, which tell no panels apart
 PICTURES = ("rgb", "textures")  # how the names of observations begin that fit all levels
 
 
@@ -72,21 +82,28 @@ def check_transfers(works: Iterable[RunTask]) -> None:
                 raise ConfigError(f"transfers: {transfer.label}: {error}") from error
 
 
+def columns_of_works(experiment: Experiment, works: Sequence[RunTask]) -> list[tuple[RunTask, dict[str, str]]]:
+    """The runs of an experiment, each with the columns that claims may name before there are results."""
+    varied = experiment.grid.vary if experiment.grid else {}
+    found = []
+    for work in works:
+        run, cell = work.run, grid_point(work.run)
+        place_columns = {"panel": cell.panel, "levels": cell.count, "seed": run.levels.seed, AGENT_SEED: run.seed}
+        place_columns["cell"] = "-".join((cell.family, cell.difficulty, str(cell.count)))
+        columns = {**run_columns(run, ""), **place_columns, **varied_columns(run, varied)}
+        found.append((work, {name: str(value) for name, value in columns.items()}))
+    return found
+
+
 def check_claims(experiment: Experiment, works: Sequence[RunTask]) -> None:
     """Raises :class:`ConfigError` if a claim names a setting, a value of one, or a transfer that no run has.
 
     What only results say, such as a column of figures, is known to the report alone.
     """
-    varied = experiment.grid.vary if experiment.grid else {}
+    columns_of = columns_of_works(experiment, works)
     known: dict[str, set[str]] = {}
-    columns_of: list[tuple[RunTask, dict[str, str]]] = []
-    for work in works:
-        run, cell = work.run, grid_point(work.run)
-        place_columns = {"panel": cell.panel, "levels": cell.count, "seed": run.levels.seed}
-        columns = {**run_columns(run, ""), **place_columns, **varied_columns(run, varied)}
-        columns_of.append((work, {name: str(value) for name, value in columns.items()}))
-        columns_of[-1][1][AGENT_SEED] = str(run.seed)
-        for name, value in columns_of[-1][1].items():
+    for _, columns in columns_of:
+        for name, value in columns.items():
             known.setdefault(name, set()).add(value)
     labels = sorted({one.label for work in works for one in work.transfers if one.mixture is None})
     for name, stated in experiment.claims.items():
@@ -134,12 +151,44 @@ def counts(claim: ClaimConfig, work: RunTask, columns: Mapping[str, str], works:
     return not claim.tested_on or is_tested_on(claim.tested_on, work, works)
 
 
-def check_pairs(place: str, claim: ClaimConfig, runs: Sequence[Mapping[str, str]]) -> None:
-    """Raises :class:`ConfigError` if the claim compares two values of a column, and no two of these runs, which have these
-    columns, differ in it alone, as :func:`analysis.report.study.claims.differences` pairs them."""
+def untestable_claims(experiment: Experiment, works: Sequence[RunTask]) -> Iterable[str]:
+    """A warning for each claim that has too few blocks in these runs for an interval, and so for a verdict.
+
+    The blocks are those of the report, as far as they are known before there are results: seeds whose level sets turn out to be
+    equal are told apart here.
+    """
+    columns_of = columns_of_works(experiment, works) if experiment.claims else []
+    for name, stated in experiment.claims.items():
+        claim = claim_config(stated, f"claims.{name}")
+        runs = [columns for work, columns in columns_of if counts(claim, work, columns, works)]
+        if claim.test == "difference":
+            runs = check_pairs(f"claims.{name}", claim, runs)
+        if claim.test not in TESTS or not runs:  # a test of one's own, or what only results say
+            continue
+        given = [[run[one] for run in runs] for one in claim.given if one in runs[0] and one not in NUMBERS]
+        if claim.test == "correlation" and compares_panels([run["panel"] for run in runs], given):
+            blocks = {run["panel"] for run in runs}
+            what = "whole panels, which the correlation compares; given: [panel] asks within panels"
+        else:
+            blocks = {(run["panel"], run["seed"]) for run in runs}
+            what = "level sets of a panel; grid.seeds gives more"
+        if len(blocks) < FEWEST_BLOCKS:
+            yield (
+                f"warning: claims.{name} cannot be tested by this design: it has {len(blocks)} "
+                f"block{'s' * (len(blocks) != 1)}, and an interval takes {FEWEST_BLOCKS}. Its blocks are {what}"
+            )
+
+
+def check_pairs(place: str, claim: ClaimConfig, runs: Sequence[Mapping[str, str]]) -> list[Mapping[str, str]]:
+    """The runs, of these with these columns, that a claim about two values of a column compares with a run that differs in it
+    alone, as :func:`analysis.report.study.claims.differences` pairs them; none where only results say the column.
+
+    Raises:
+        ConfigError: no two runs differ in it alone.
+    """
     ((by, (first, second)),) = claim.between.items()
     if not runs or by not in runs[0]:  # what only results say, such as a column of figures
-        return
+        return []
     parts = [[run for run in runs if run[by] == str(value)] for value in (first, second)]
     for value, part in zip((first, second), parts, strict=True):
         if not part:
@@ -150,12 +199,14 @@ def check_pairs(place: str, claim: ClaimConfig, runs: Sequence[Mapping[str, str]
     size = [] if by in NUMBERS_OF_LEVELS else ["n"]
     kinds = to_be_equal(dict.fromkeys([*kind_columns(runs[0]), *(name for name in runs[0] if "." in name)]), by)
     at = [name for name in (*shared, *size, "seed", AGENT_SEED, *kinds) if name != by]
-    places = [{tuple(run[name] for name in at) for run in part} for part in parts]
-    if not places[0] & places[1]:
+    places = {tuple(run[name] for name in at) for run in parts[1]}
+    compared = [run for run in parts[0] if tuple(run[name] for name in at) in places]
+    if not compared:
         raise ConfigError(
             f"{place}.between: no two runs are equal but for {by}={first} and {second}, so that it cannot be tested: runs are"
             f" compared that have the same {', '.join(at)}"
         )
+    return compared
 
 
 def is_tested_on(label: str, work: RunTask, works: Sequence[RunTask]) -> bool:

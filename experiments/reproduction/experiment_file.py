@@ -105,6 +105,7 @@ NOT_EMPTY = that(bool, "one or more")
 EACH_ONCE = that(lambda values: len(set(values)) == len(values), "a list in which each stands once")
 SIGNS = {"negative": -1, "positive": 1, "none": 0}
 OF_TASK = re.compile(rf"{RESULTS}.+_(train|test)")  # columns of what the task says of the last state of episodes
+FEWEST_BLOCKS = 3  # that an interval should be of: docs/decisions/0012-few-blocks.md
 # What each test takes beside where, tested_on and margin; one of the user's own takes nothing else.
 TESTS = {"correlation": ("of", "against", "given"), "difference": ("of", "between"), "mean": ("of",)}
 OF_TESTS = ("of", "against", "given", "between")

@@ -14,7 +14,13 @@ from typing import Any
 from experiments.evaluation.probing import ProbeConfig, assumed_seconds, read_about
 from experiments.evaluation.transfers import FactorSwap, RunTask, Transfer
 from experiments.levels.mixed_levels import REST, SEPARATOR
-from experiments.reproduction.checks import check_claims, check_groups, check_objects, check_transfers
+from experiments.reproduction.checks import (
+    check_claims,
+    check_groups,
+    check_objects,
+    check_transfers,
+    untestable_claims,
+)
 from experiments.reproduction.experiment_file import Experiment, TransferConfig, other_panel
 from experiments.reproduction.grid import grid_runs, setting
 from experiments.reproduction.imported_results import ImportedResults
@@ -342,7 +348,8 @@ def as_text(plan: ReproductionPlan, speeds: Speeds, processes: int, scale: Scale
         f"warning: {len(idle)} runs stay untrained, such as {idle[0]}: scale.frames are one rollout or less, and"
         " algorithm.anneal lowers the learning rate to 0 in the last one. Give more frames, or algorithm.anneal=false"
     ) if idle else ""  # fmt: skip
-    more = (*repetitions(plan), *sharing(waiting, processes), warning, plan.other_code)
+    claims = (line for one in plan.experiments for line in untestable_claims(one, plan.members[one.name]))
+    more = (*repetitions(plan), *sharing(waiting, processes), *claims, warning, plan.other_code)
     return "\n".join([table(head, rows), closing, *filter(None, more)])
 
 

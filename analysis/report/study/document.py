@@ -17,8 +17,8 @@ from analysis.report.study.reading import SUCCESS, Study
 from analysis.runs import SAME_LEVELS, SHARED_LEVELS
 from analysis.stats.association import labels
 from analysis.stats.estimate import Estimate
-from analysis.stats.resampling import FEWEST_BLOCKS
 from analysis.tables import column, count_of, pick, select
+from experiments.reproduction.experiment_file import FEWEST_BLOCKS
 from experiments.reproduction.grid import LEVEL_SEED
 
 # Of the rules, those by which a claim with one test is judged, and the margins of correlations and of means.

@@ -13,9 +13,8 @@ from analysis.report.claims.evidence import Evidence
 from analysis.report.results import BLOCK, PANEL, Results, measured, read_results
 from analysis.runs import LEVEL_SETS, column_name, number_of_pairs
 from analysis.stats.association import labels
-from analysis.stats.resampling import FEWEST_BLOCKS
 from analysis.tables import count_of, keep, pick, select
-from experiments.reproduction.experiment_file import STUDY
+from experiments.reproduction.experiment_file import FEWEST_BLOCKS, STUDY
 from experiments.reproduction.grid import AGENT_SEED, KIND, KINDS, LEVEL_SEED, kind_columns
 from experiments.runs.trust import require_trust
 from experiments.settings import ConfigError, RunFolderError, add_module_path, flat, read_yaml

@@ -324,3 +324,35 @@ def test_a_claim_has_the_keys_of_its_test_and_the_schema_says_the_same(tmp_path,
     assert re.search(
         rf"claims\.mine\.{key}: it would say nothing beside test: [\w:]+, which takes {taken}$", str(caught.value)
     )
+
+
+CLAIM = {"says": "x", "test": "correlation", "expected": "negative"}
+
+
+@pytest.mark.parametrize(
+    ("claim", "grid", "says"),
+    [
+        ({}, {}, "it has 2 blocks, and an interval takes 3. Its blocks are whole panels"),
+        ({"given": ["log_n"]}, {"seeds": 5}, "it has 2 blocks, and an interval takes 3. Its blocks are whole panels"),
+        ({}, {"families": ["empty-easy"]}, "it has 2 blocks, and an interval takes 3. Its blocks are level sets"),
+        ({}, {"families": ["empty-easy"], "seeds": 1}, "it has 1 block, and an interval takes 3"),
+        ({}, {"families": ["empty-easy"], "seeds": 3}, ""),
+        ({}, {"families": ["empty-easy", "empty-hard", "billiards"], "seeds": 1}, ""),
+        ({"given": ["cell"]}, {}, ""),  # four level sets of two panels
+        ({"where": {"family": "billiards"}}, {}, "it has 2 blocks"),
+        ({"test": "mean"}, {}, ""),
+        ({"test": "mean", "where": {"cell": "billiards--1"}}, {}, "it has 2 blocks"),
+        ({"test": "difference", "between": {"family": ["billiards", "empty"]}}, {}, "it has 2 blocks"),
+        ({"test": "difference", "between": {"n": [4, 1]}}, {}, ""),
+        ({"test": "difference", "between": {"n": [4, 1]}}, {"seeds": 1}, "it has 2 blocks"),
+    ],
+)
+def test_the_plan_warns_of_a_claim_that_its_runs_cannot_test(tmp_path, claim, grid, says):
+    data = {**GOOD, "grid": {**GOOD["grid"], **grid}, "claims": {"mine": {**CLAIM, **claim}}}
+    study = read_study(written(tmp_path, data))
+    plan = make_plan([experiment_at("mine", study.experiment, "")], RunConfig(root=str(tmp_path / "runs")), tmp_path)
+    text = as_text(plan, measure_speeds(tmp_path / "runs"), 1, RunConfig().scale)
+    warnings = [
+        line for line in text.splitlines() if line.startswith("warning: claims.mine cannot be tested by this design: ")
+    ]
+    assert len(warnings) == bool(says) and says in "".join(warnings)
