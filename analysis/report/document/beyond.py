@@ -12,7 +12,7 @@ from analysis.report.claims.prediction import matched_predictions
 from analysis.report.claims.scores import CELLS, COMPARED, IMPROVEMENT, IQM, REGRET, SUCCESS, comparison, scored
 from analysis.report.document.blocks import Block, Bullets, Heading, Paragraph, Table
 from analysis.report.document.tables import means, means_table, row_of
-from analysis.report.number_format import estimate_text, interval, p_value, plain, signed
+from analysis.report.number_format import effect, estimate_text, p_value, plain, signed, with_interval
 from analysis.report.results import with_panel
 from analysis.stats.estimate import Estimate
 from analysis.tables import column, count_of, keep, select
@@ -50,7 +50,7 @@ def compared(evidence: Evidence) -> list[Block]:
         iqm, success, regret, improvement = (row_of(part, measure=one) for one in (IQM, SUCCESS, REGRET, IMPROVEMENT))
         rows.append([
             COMPARED[experiment], algorithm_name(algorithm), f"{iqm.n}",
-            *(text for one in (iqm, success, regret, improvement) for text in (plain(one.estimate), interval(one))),
+            *(text for one in (iqm, success, regret, improvement) for text in effect(one, plain)),
             p_value(improvement.p),
         ])  # fmt: skip
     head = ("experiment", "algorithm", "runs", "IQM of scores", "95 %", "success", "95 %", "regret", "95 %",
@@ -83,7 +83,7 @@ def matched(evidence: Evidence) -> list[Block]:
 def predictions(evidence: Evidence, runs: pd.DataFrame) -> Table:
     """R² out of sample of the gap in success, from family, n and each measure of the training set."""
     found = matched_predictions(evidence, runs)
-    rows = [[str(r["measure"]), plain(r["estimate"]), interval(Estimate.of_row(r)), f"{r['n']:.0f}"]
+    rows = [[str(r["measure"]), *effect(Estimate.of_row(r), plain), f"{r['n']:.0f}"]
             for r in found.to_dict("records")]  # fmt: skip
     return Table(("measure", "R² out of sample, beyond family and n", "95 %", "runs"), rows, 1, TABLES["prediction"])
 
@@ -97,7 +97,7 @@ def physics(evidence: Evidence) -> list[Block]:
     row = min(found.to_dict("records"), key=lambda one: one["estimate"])
     text = (
         f"The largest loss is in `{row['test_variation']}`, of agents trained in {row['trained']}: the return is "
-        f"{signed(row['estimate'])} [{signed(row['low'])}, {signed(row['high'])}] beside that on the test levels of their "
+        f"{with_interval(Estimate.of_row(row))} beside that on the test levels of their "
         f"own physics, over {row['n']:.0f} runs."
     )
     head = {"trained": "trained in", "test_variation": "tested in"}
@@ -127,7 +127,7 @@ def attributed(evidence: Evidence) -> list[Block]:
         row = max(parts.to_dict("records"), key=lambda one: abs(one["estimate"]))
         whole = float(column(parts, "estimate").sum())
         levels = f"{first} training level{'s' if int(first) > 1 else ''}"
-        part = f"`{row['group']}`, {signed(row['estimate'])} [{signed(row['low'])}, {signed(row['high'])}]"
+        part = f"`{row['group']}`, {with_interval(Estimate.of_row(row))}"
         sentences.append(
             f"In {family_name(family)} with {levels} the gap is {signed(whole)}. Its largest part is that of {part}."
         )

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from analysis.report.claims.claim import METRIC_2022, METRIC_OURS, Claim
-from analysis.report.number_format import NONE, interval, p_value, plain, signed
+from analysis.report.number_format import NONE, effect, p_value, plain
 
 PIECE = re.compile(r"`([^`]+)`|\*\*([^*]+)\*\*")
 
@@ -114,7 +114,7 @@ def pieces(text: str) -> list[tuple[str, str]]:
 def finding_rows(claim: Claim) -> list[list[str]]:
     """The tests of a claim as cells, in the order of :data:`FINDING_HEAD`."""
     return [
-        [one.settings, one.runs, one.test, one.measure, signed(one.found.estimate), interval(one.found),
+        [one.settings, one.runs, one.test, one.measure, *effect(one.found),
          f"{one.found.n:.0f}" if one.found.n else NONE, p_value(one.found.p), plain(one.margin), plain(one.power), one.verdict]
         for one in claim.findings
     ]  # fmt: skip

@@ -14,7 +14,7 @@ from analysis.report.claims.prediction import matched_predictions
 from analysis.report.claims.scores import comparison
 from analysis.report.claims.specifications import specifications
 from analysis.report.document.blocks import Table
-from analysis.report.number_format import interval, p_value, plain, signed
+from analysis.report.number_format import effect, p_value, plain, signed
 from analysis.report.results import PANEL
 from analysis.stats.estimate import Estimate
 from analysis.tables import column, count_of, mean_by, select
@@ -81,7 +81,7 @@ def main_table(evidence: Evidence) -> Table:
                 one = evidence.of_main(mode, gap, test)
                 shuffled = row_of(evidence.resampled, w2=mode, gap=gap, test=test, way=PERMUTATION)
                 rows.append([
-                    DISTANCES[mode], GAPS[gap], test, signed(one.estimate), interval(one), p_value(one.p),
+                    DISTANCES[mode], GAPS[gap], test, *effect(one), p_value(one.p),
                     p_value(shuffled.p), f"{one.n:.0f}",
                 ])  # fmt: skip
     head = ("distance", "returns", "test", "r", "95 %", "p", "p, permuted", "runs")
@@ -95,8 +95,8 @@ def panel_table(evidence: Evidence) -> Table:
         part = select(evidence.main, panel=panel)
         paper, ours = (evidence.correlation(part, x, y) for x, y in (("w2_reference", "gap_2022"), ("w2_exact", "gap")))
         rows.append([
-            panel_name(panel), f"{len(part)}", f"{count_of(part, 'seed')}", signed(paper.estimate), interval(paper),
-            p_value(paper.p), signed(ours.estimate), interval(ours), p_value(ours.p),
+            panel_name(panel), f"{len(part)}", f"{count_of(part, 'seed')}", *effect(paper),
+            p_value(paper.p), *effect(ours), p_value(ours.p),
         ])  # fmt: skip
     head = ("panel", "runs", "seeds", f"r, {METRIC_2022}", "95 %", "p", f"r, {METRIC_OURS}", "95 %", "p")
     return Table(head, rows, 1, TABLES["panel"])
@@ -106,7 +106,7 @@ def mixed_table(evidence: Evidence) -> Table:
     """Slopes of the mixed models."""
     rows = [
         [DISTANCES[r["w2"]], GAPS[r["gap"]], r["model"], "W2" if str(r["term"]).startswith("w2_") else r["term"],
-         signed(r["estimate"]), interval(Estimate.of_row(r)), p_value(r["p"]), f"{r['n']:.0f}"]
+         *effect(Estimate.of_row(r)), p_value(r["p"]), f"{r['n']:.0f}"]
         for r in evidence.mixed.to_dict("records")
     ]  # fmt: skip
     return Table(("distance", "returns", "model", "term", "slope", "95 %", "p", "n"), rows, 4, TABLES["mixed"])
@@ -115,7 +115,7 @@ def mixed_table(evidence: Evidence) -> Table:
 def sensitivity_table(evidence: Evidence) -> Table:
     """The headline when choices of the analysis change."""
     rows = [
-        [r["change"], DISTANCES[r["w2"]], GAPS[r["gap"]], r["test"], signed(r["estimate"]), interval(Estimate.of_row(r)),
+        [r["change"], DISTANCES[r["w2"]], GAPS[r["gap"]], r["test"], *effect(Estimate.of_row(r)),
          p_value(r["p"]), f"{r['n']:.0f}"]
         for r in evidence.sensitivity.to_dict("records")
     ]  # fmt: skip
@@ -164,11 +164,11 @@ def means(evidence: Evidence, table: pd.DataFrame, group: Sequence[str], value: 
 
 
 def means_table(
-    found: pd.DataFrame, group: Mapping[str, str], value: str, caption: str, show: Callable[[float], str] = signed
+    found: pd.DataFrame, group: Mapping[str, str], value: str, caption: str, show: Callable[[float, int], str] = signed
 ) -> Table:
     """The result of :func:`means`, as printed."""
     rows = [
-        [*(str(r[name]) for name in group), show(r["estimate"]), interval(Estimate.of_row(r)), f"{r['n']:.0f}"]
+        [*(str(r[name]) for name in group), *effect(Estimate.of_row(r), show), f"{r['n']:.0f}"]
         for r in found.to_dict("records")
     ]
     return Table((*group.values(), value, "95 %", "runs"), rows, len(group), caption)

@@ -10,7 +10,7 @@ from analysis.report.document.blocks import Block, Bullets, Document, Heading, P
 from analysis.report.document.files import as_block
 from analysis.report.document.sections import how_verdicts_are_decided, what_is_missing, what_was_run
 from analysis.report.document.tables import means
-from analysis.report.number_format import estimate_text, interval, plain, signed
+from analysis.report.number_format import effect, estimate_text, plain
 from analysis.report.results import ETA, paired
 from analysis.report.study.claims import TESTED, WORDS
 from analysis.report.study.reading import SUCCESS, Study
@@ -98,7 +98,7 @@ def cells(study: Study) -> Table:
         part = select(study.runs, **{name: row[name] for name in by})
         numbers = (float(column(found[name], "estimate")[at]) for name in (study.w2, *SUCCESS))
         rows.append([str(row["panel"]), str(row["agent"]), str(row["levels"]), str(len(part)), str(count_of(part, "seed")),
-                     *map(plain, numbers), signed(row["estimate"]), interval(Estimate.of_row(row))])  # fmt: skip
+                     *map(plain, numbers), *effect(Estimate.of_row(row))])  # fmt: skip
     head = (
         *by[:2], "training levels", "runs", "level sets", "exact W2", "success, training", "success, test", "gap", "95 %",
     )  # fmt: skip
@@ -118,7 +118,7 @@ def other_levels(study: Study) -> list[Block]:
     found = means(study.evidence, there, by, "difference")
     shares = means(study.evidence, there, by, SUCCESS[1])
     rows = [
-        [*(str(row[name]) for name in by), plain(float(share)), signed(row["estimate"]), interval(Estimate.of_row(row))]
+        [*(str(row[name]) for name in by), plain(float(share)), *effect(Estimate.of_row(row))]
         for row, share in zip(found.to_dict("records"), column(shares, "estimate"), strict=True)
     ]
     head = (*by[:3], "training levels", "success there", "return there less own test levels", "95 %")

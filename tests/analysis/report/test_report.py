@@ -15,7 +15,7 @@ from analysis.report.claims.evidence import Evidence
 from analysis.report.document.blocks import pieces
 from analysis.report.figures import FIGURES
 from analysis.report.make import SHIPPED, ReportConfig, main, make_report, track
-from analysis.report.number_format import estimate_text, p_value, signed
+from analysis.report.number_format import estimate_text, p_value, plain, signed, with_interval
 from analysis.report.results import read_results
 from analysis.stats.estimate import Estimate
 from experiments.settings import ConfigError, RunFolderError, TrackingConfig
@@ -246,7 +246,23 @@ def test_p_values_are_short(p, text):
 def test_estimates_are_said_with_interval_p_and_n():
     assert estimate_text(Estimate(-0.65, -0.79, -0.44, 45, 1.6e-6)) == "r = −0.65 [−0.79, −0.44], p = 1.6e-6, n = 45"
     assert estimate_text(Estimate.missing(2, "2 points")) == "no r: 2 points"
-    assert signed(-0.001) == "0.00"
+    assert signed(-0.001) == "−0.001" and signed(-1e-17) == signed(0.0) == plain(-0.0) == "0.00"
+
+
+@pytest.mark.parametrize(
+    ("estimate", "low", "high", "text"),
+    [
+        (-0.00095406, -0.00280348, 0.00089537, "−0.0010 [−0.0028, +0.0009]"),  # a small effect
+        (-0.0193, -0.0379, -0.0006637, "−0.019 [−0.038, −0.001]"),  # an end that would be 0.00, and leaves out 0
+        (12.342, 12.3418, 12.3422, "+12.34200 [+12.34180, +12.34220]"),  # an interval that would have no width
+        (-0.12, -0.26, 0.02, "−0.12 [−0.26, +0.02]"),
+        (3e-9, 1e-9, 5e-9, "+3e-9 [+1e-9, +5e-9]"),
+        (0.0, 0.0, 0.0, "0.00 [0.00, 0.00]"),
+        (0.25, float("nan"), float("nan"), "+0.25"),
+    ],
+)
+def test_no_effect_is_shown_as_zero_that_is_not_and_its_interval_has_its_width(estimate, low, high, text):
+    assert with_interval(Estimate(estimate, low, high, 9)) == text
 
 
 def test_texts_hold_code_and_strong_words():
