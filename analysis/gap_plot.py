@@ -48,7 +48,7 @@ MOST_GROUPS = len(style.PALETTE)  # colours that readers can tell apart
 PREFERRED = ("levels.train", "family", "algorithm.name", "algorithm", "levels.count", "n")
 # Settings in tables that do not say which columns are settings.
 CELL = ("family", "difficulty", "n", "variation", "design", "agent")
-TITLE_WIDTH = 100  # characters
+TITLE_WIDTH = 84  # characters that fit above the axes
 GAP = "gap (return on test − on training levels)"
 TITLES = {
     "w2_exact": "W2 between training and test levels",
@@ -108,15 +108,17 @@ def gap_plot(
             draw_line(axes, column(points, "x"), column(points, "y"), band=False)
         axes.set_xlabel(TITLES.get(x, x))
         axes.set_ylabel(TITLES.get(y, y))
-        lines = [_counts(shown, points, len(table) - len(both), cells), f"r = {_in_words(found)}"]
+        of = "r of the runs" if cells else "r"
+        lines = [_counts(shown, points, len(table) - len(both), cells), *([_of_means(points)] if cells else [])]
+        lines.append(f"{of} = {_in_words(found)}")
         if count_of(shown, "group") > 1:
-            lines.append(f"r given the groups = {_in_words(correlation(shown, x, y, 'group'))}")
+            lines.append(f"{of} given the groups = {_in_words(correlation(shown, x, y, 'group'))}")
         in_cells = shown.assign(cell=_cells_of(shown))
         if count_of(shown, "group") < count_of(in_cells, "cell"):
-            lines.append(f"r given all settings but seeds = {_in_words(correlation(in_cells, x, y, 'cell'))}")
-        lines += [part for text in about_level_sets(shown, by=()) for part in textwrap.wrap(text, TITLE_WIDTH)]
-        lines += [part for text in _warnings(shown) for part in textwrap.wrap(text, TITLE_WIDTH)]
-        axes.set_title("\n".join([*lines, *about_unit]), loc="left", fontsize=9)
+            lines.append(f"{of} given all settings but seeds = {_in_words(correlation(in_cells, x, y, 'cell'))}")
+        lines += [*about_level_sets(shown, by=()), *_warnings(shown), *about_unit]
+        wrapped = (part for line in lines for part in textwrap.wrap(line, TITLE_WIDTH))
+        axes.set_title("\n".join(wrapped), loc="left", fontsize=9)
         if group is not None:
             figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", title=group, ncols=4)
     if path is not None:
@@ -154,7 +156,7 @@ def _pearson(values: Floats) -> float:
 
 def _with_unit(runs: pd.DataFrame, x: str, asked: str) -> tuple[pd.DataFrame, list[str]]:
     """The runs, with :data:`COMMON` where W2 was asked for in short and they are of several pairs of distributions; and
-    what a reader has to know of the unit, in lines."""
+    what a reader has to know of the unit, in sentences."""
     if x != "w2_exact" or number_of_pairs(runs) == 1:
         return runs, []
     why = "--x w2 has one unit for all"
@@ -169,7 +171,7 @@ def _with_unit(runs: pd.DataFrame, x: str, asked: str) -> tuple[pd.DataFrame, li
         except SegarError as error:
             why = f"there is none for all, because {error}"
     text = f"W2 has a unit for each pair of training and test distributions: compare it within a pair; {why}"
-    return runs, textwrap.wrap(text, TITLE_WIDTH)
+    return runs, [text]
 
 
 def _warnings(runs: pd.DataFrame) -> list[str]:
@@ -256,6 +258,13 @@ def _counts(runs: pd.DataFrame, points: pd.DataFrame, left_out: int, cells: bool
     if np.isfinite(column(points, "low")).any():
         kind += f"; bars: 95 % intervals over {'level sets' if cells else 'the episodes of a run'}"
     return f"{kind}; {left_out} without these figures left out" if left_out else kind
+
+
+def _of_means(points: pd.DataFrame) -> str:
+    """The correlation of the means that are drawn, without an interval: each stands for runs that share level sets."""
+    found = correlate(column(points, "x"), column(points, "y"))
+    value = f"not available: {found.reason}" if isinstance(found, NotAvailable) else f"{found.pearson:+.2f}"
+    return f"r of the {len(points)} means = {value}"
 
 
 def _in_words(found: Estimate) -> str:

@@ -244,13 +244,33 @@ def test_the_plot_says_what_its_points_are_and_of_how_many_runs(cells, tmp_path)
     bars = "; bars: 95 % intervals over level sets"  # the invented runs have no episodes
     kind = f"6 means of 36 runs on 6 level sets{bars}" if cells else "36 runs on 6 level sets\n"
     assert axes.get_title(loc="left").startswith(kind)
-    assert "r = -0." in axes.get_title(loc="left")
+    lines = axes.get_title(loc="left").splitlines()
+    if cells:
+        means = table(noise=0.5).groupby(["levels.train", "levels.count"])[["w2_exact", "gap_deterministic"]].mean()
+        assert lines[1] == f"r of the 6 means = {means.corr().iloc[0, 1]:+.2f}"
+    of = "r of the runs" if cells else "r"
+    assert [line for line in lines if line.startswith(f"{of} = -0.")]
     assert axes.get_xlabel() == "W2 between training and test levels"
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["calm", "gale"]
     points = sum(len(np.asarray(part.get_offsets())) for part in axes.collections if len(part.get_offsets()) > 1)
     assert points >= (6 if cells else 36)
     with Image.open(tmp_path / "gap.png") as picture:
         assert picture.size[0] > 500
+
+
+@pytest.mark.parametrize("cells", [False, True])
+def test_the_title_of_the_plot_lies_inside_the_picture(cells, near_and_far):
+    """One cell has no correlation given it, which is a long line; W2 of several pairs without a unit is a longer one."""
+    for runs, x in (
+        (table(noise=0.5), "count"),
+        (read_runs(near_and_far).assign(gap_deterministic=range(9)), "w2_exact"),
+    ):
+        figure = gap_plot(runs, x, group="count", cells=cells)
+        figure.canvas.draw()
+        inside = figure.bbox
+        box = figure.axes[0]._left_title.get_window_extent()  # type: ignore[attr-defined]
+        assert inside.x0 <= box.x0 and box.x1 <= inside.x1 and box.y1 <= inside.y1
+        assert "not available" in figure.axes[0].get_title(loc="left") or x != "count"
 
 
 def test_the_command_writes_the_figure_and_says_what_is_left_out(folder, tmp_path, capsys):
