@@ -19,11 +19,11 @@ from analysis.level_sets import first_of_equal, largest_share, levels_trained_on
 from analysis.stats.association import labels
 from analysis.stats.estimate import Estimate, mean_of_replicates
 from analysis.stats.resampling import no_interval
-from analysis.tables import Floats, column, performance, select, write_table
+from analysis.tables import Floats, column, select, write_table
 from experiments.reproduction.experiment_file import FEWEST_BLOCKS
-from experiments.runs.run_folder import EPISODES, read_episodes, root_folder
-from experiments.runs.run_rows import FINISHED, RunRow, as_columns, in_short, run_rows
-from experiments.settings import ACTION_MODES, RunFolderError
+from experiments.runs.run_folder import root_folder
+from experiments.runs.run_rows import FINISHED, as_columns, in_short, run_rows
+from experiments.settings import RunFolderError
 from segar.cli import table as text_table
 from segar.errors import SegarError, did_you_mean
 
@@ -74,9 +74,7 @@ def read_runs(*folders: str | Path, sweep: str | None = None) -> pd.DataFrame:
     if not rows:
         which = f" of the sweep {sweep}" if sweep else ""
         raise RunFolderError(f"there is no run{which} in {', '.join(map(str, places))}")
-    found = pd.DataFrame(as_columns(rows))
-    errors = pd.DataFrame([_errors(row) for row in rows])
-    return pd.concat([found.drop(columns=["problem", "folder"]), errors, found[["problem", "folder"]]], axis=1)
+    return pd.DataFrame(as_columns(rows))
 
 
 def summarise(runs: pd.DataFrame, figures: Sequence[str] = SUMMARISED, by: Sequence[str] | None = None) -> pd.DataFrame:
@@ -144,11 +142,16 @@ def summary_text(rows: Sequence[Mapping[str, Any]], path: Path | None = None) ->
 
 
 def numeric_figures(runs: pd.DataFrame) -> list[str]:
-    """The columns of figures of a table of :func:`read_runs`: the numbers behind ``state``."""
+    """The columns of figures of a table of :func:`read_runs`: the numbers behind ``state`` that have a mean, which standard
+    errors have not."""
     names = [str(name) for name in runs.columns]
     behind = names[names.index("state") + 1 :]
     return [
-        name for name in behind if pd.api.types.is_numeric_dtype(runs[name]) and np.isfinite(column(runs, name)).any()
+        name
+        for name in behind
+        if pd.api.types.is_numeric_dtype(runs[name])
+        and np.isfinite(column(runs, name)).any()
+        and not name.startswith("gap_se_")
     ]
 
 
@@ -282,15 +285,6 @@ def column_name(runs: pd.DataFrame, name: str) -> str:
         return ends[0]
     several = f" It could be {' or '.join(ends)}." if ends else did_you_mean(name, known)
     raise SegarError(f"the runs have no column '{name}'.{several}")
-
-
-def _errors(row: RunRow) -> dict[str, float]:
-    """The standard errors of a run's gaps, from its episodes."""
-    if row.state != FINISHED or not (row.folder / EPISODES).exists():
-        return {}
-    episodes = read_episodes(row.folder).to_pandas()
-    parts = {mode: select(episodes, action_mode=mode) for mode in ACTION_MODES}
-    return {f"gap_se_{mode}": performance(part)["gap_se"] for mode, part in parts.items() if len(part)}
 
 
 def _groups(table: pd.DataFrame, by: Sequence[str]) -> Iterator[tuple[dict[str, Any], pd.DataFrame]]:

@@ -9,6 +9,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from experiments.runs.files import replacing
+from experiments.runs.level_means import level_mean
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -43,24 +44,6 @@ def performance(episodes: pd.DataFrame) -> dict[str, float]:
     row["gap_se"] = float(np.hypot(row["se_train"], row["se_test"]))
     row["gap_ref"] = reference["test"] - reference["train"]
     return row
-
-
-def level_mean(level: Floats, returns: Floats, *, fixed: bool, sampled: bool) -> tuple[float, float]:
-    """Mean over levels of the mean return on each, and its standard error; ``level`` and ``returns`` are [episodes].
-
-    Levels that are a sample: the error of a mean of independent levels, NaN for one level. Levels that are ``fixed``:
-    the error that repeated episodes on a level show. Where each was played once there is nothing to see it from: with
-    deterministic actions it is zero, with ``sampled`` ones the error of a sample of levels is an upper bound.
-    """
-    _, place, count = np.unique(level, return_inverse=True, return_counts=True)
-    means = np.bincount(place, returns) / count
-    if fixed and (count > 1).all():
-        variance = np.bincount(place, (returns - means[place]) ** 2) / (count - 1)
-        return float(means.mean()), float(np.sqrt((variance / count).sum()) / len(count))
-    if fixed and not sampled:
-        return float(means.mean()), 0.0
-    error = means.std(ddof=1) / np.sqrt(len(means)) if len(means) > 1 else np.nan
-    return float(means.mean()), float(error)
 
 
 def write_csv(path: Path, table: pd.DataFrame, digits: int | None = None) -> None:

@@ -17,6 +17,7 @@ import numpy as np
 
 from experiments.runs.executed_code import combined, without_modules
 from experiments.runs.journal import read_journal
+from experiments.runs.level_means import gap_errors
 from experiments.runs.level_prints import is_own, prints_in, share_of
 from experiments.runs.run_folder import (
     CONFIG,
@@ -56,7 +57,7 @@ DECIDE_NO_CODE = ("levels.count", "levels.seed", "levels.design", "levels.test_c
 LAST_DISTANCES = ("w2_reference", "w2_paper", "ks")  # stand behind all other modes of W2
 NAMED = 3  # runs that a warning names
 # What is read first.
-FIRST = ("gap", "success_test", "success_train", "score", "regret", RESULTS, "return_test", "return_train")
+FIRST = ("gap", "gap_se", "success_test", "success_train", "score", "regret", RESULTS, "return_test", "return_train")
 
 
 @dataclass(frozen=True)
@@ -289,13 +290,13 @@ def _seen(folder: Path, levels: LevelsConfig, about: Mapping[str, Any]) -> float
 
 
 def _figures(folder: Path) -> dict[str, float]:
-    """The figures of a finished run: those of its summary, and results that older summaries lack."""
+    """The figures of a finished run: those of its summary, results that older summaries lack, and the errors of its gaps."""
     summary = read_summary(folder)
-    if not any(f"/{RESULTS}" in key for key in summary) and (folder / EPISODES).exists():
-        episodes = read_episodes(folder).to_pylist()
+    episodes = read_episodes(folder).to_pylist() if (folder / EPISODES).exists() else []
+    if not any(f"/{RESULTS}" in key for key in summary):
         for levels, mode in product(("train", "test"), ACTION_MODES):
             summary |= result_figures(episodes, levels, mode)
-    return figures_of(summary)
+    return figures_of(summary) | gap_errors(episodes)
 
 
 def _score(folder: Path, config: RunConfig) -> tuple[dict[str, float], str, str]:
