@@ -34,7 +34,7 @@ import yaml
 from omegaconf import DictConfig
 
 from experiments.commands.config_store import conf_dir
-from experiments.commands.hydra_app import run_command, to_plain
+from experiments.commands.hydra_app import ends_with_its_reader, run_command, to_plain
 from experiments.commands.kernels import choose_kernels
 from experiments.evaluation.probing import PREFIX, ProbeConfig, probe_finished
 from experiments.evaluation.transfers import RunTask
@@ -327,6 +327,7 @@ def experiment_files() -> dict[str, dict[str, Any]]:
 
 if __name__ == "__main__":
     if {"-h", "--help"} & {*sys.argv[1:]}:
-        print(help_text())
+        with ends_with_its_reader():
+            print(help_text())
     else:
         run_command(reproduce, "reproduce", build, SETTINGS)

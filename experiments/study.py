@@ -59,7 +59,7 @@ from typing import Any
 
 from omegaconf import DictConfig
 
-from experiments.commands.hydra_app import errors_as_messages, run_command, to_plain
+from experiments.commands.hydra_app import ends_with_its_reader, errors_as_messages, run_command, to_plain
 from experiments.reproduce import SETTINGS, ReproduceConfig, reproduce
 from experiments.reproduction.study_file import StudyFile, check_settings, fields_text, read_study, schema
 from experiments.settings import ConfigError, construct, run_config
@@ -89,6 +89,7 @@ def build(study: StudyFile, config: DictConfig) -> ReproduceConfig:
     return construct(ReproduceConfig, {**own, "grids": grids, "study": study.as_data()}, "", run=run_config(data))
 
 
+@ends_with_its_reader()
 def main() -> None:
     """Runs the study that the command line names."""
     if {"-h", "--help"} & {*sys.argv[1:]}:

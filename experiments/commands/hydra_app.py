@@ -2,6 +2,7 @@
 
 import dataclasses
 import os
+import select
 import signal
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -33,6 +34,31 @@ from experiments.settings import ConfigError, RunConfig, construct, import_objec
 from segar.errors import SegarError
 
 
+@contextmanager
+def ends_with_its_reader() -> Iterator[None]:
+    """A block, or a command that it decorates, that ends quietly with 141, as a shell has it, where nobody reads what it prints
+    any more, such as in ``| head``."""
+    try:
+        try:
+            yield
+        finally:
+            sys.stdout.flush()  # else Python complains when it ends
+    except BrokenPipeError as error:
+        if not is_unread():  # the pipe of another process
+            raise
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        ended = error.__context__
+        sys.exit(ended.code if isinstance(ended, SystemExit) and ended.code else 128 + signal.SIGPIPE)
+
+
+def is_unread() -> bool:
+    """Whether what is printed goes into a pipe that has no reader any more."""
+    state = select.poll()
+    state.register(sys.stdout.fileno(), 0)
+    return any(event & select.POLLERR for _, event in state.poll(0))
+
+
+@ends_with_its_reader()
 def run_command(
     task: Callable[[Any], Any],
     config_name: str = "config",
@@ -52,7 +78,7 @@ def run_command(
     failed: list[str] = []  # messages of the runs of a sweep; Hydra shows the first
 
     def call(config: DictConfig) -> Any:
-        with errors_as_messages():
+        with ends_with_its_reader(), errors_as_messages():  # inside Hydra, which would print a traceback
             try:
                 return task((build or build_run)(config))
             except SegarError as error:
@@ -100,6 +126,7 @@ def check_own_objects(config: DictConfig) -> None:
             import_object(name, place)
 
 
+@ends_with_its_reader()
 def run_simple_command(task: Callable[[Any], Any], settings: type, about: str | None) -> None:
     """Runs ``task`` with a dataclass of ``settings`` that the command line states as ``name=value``, values as in YAML.
 

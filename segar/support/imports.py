@@ -34,7 +34,11 @@ def named_object(name: str) -> Any:
         raise SegarError(f"'{name}' cannot be imported: {_reason(error)}") from error
     for part in attribute.split("."):
         if not hasattr(found, part):
-            public = [name for name in dir(found) if not name.startswith("_")]
+            public = [
+                one
+                for one in dir(found)
+                if not one.startswith("_") and not inspect.ismodule(inspect.getattr_static(found, one, None))
+            ]
             raise SegarError(f"'{module}' has no '{part}'.{did_you_mean(part, public)}")
         found = getattr(found, part)
     return found

@@ -86,3 +86,24 @@ def test_a_sweep_with_wrong_runs_finishes_the_others_and_names_all(tmp_path, els
     assert "Traceback" not in done.stderr
     (folder,) = (tmp_path / "runs").iterdir()
     assert read_config(folder).levels.count == 1
+
+
+@pytest.mark.parametrize(
+    ("module", "arguments"),
+    [
+        ("train", ["--help"]),
+        ("train", [*TINY, "tracking=none"]),
+        ("results", ["--help"]),
+        ("study", ["--help"]),
+        ("reproduce", ["--help"]),
+    ],
+)
+def test_a_command_that_nobody_reads_any_more_ends_quietly_as_a_shell_has_it(tmp_path, module, arguments):
+    """As in ``| head``, which ends after its lines."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    given = [*arguments, f"root={tmp_path / 'runs'}"] if "--help" not in arguments else arguments
+    done = subprocess.run([sys.executable, "-m", f"experiments.{module}", *given], cwd=CHECKOUT, stdout=writer,
+                          stderr=subprocess.PIPE, text=True)  # fmt: skip
+    os.close(writer)
+    assert (done.returncode, done.stderr) == (141, "")

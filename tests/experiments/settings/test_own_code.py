@@ -9,6 +9,7 @@ import pytest
 import segar
 from experiments.levels.builders import distribution_of, make_levels
 from experiments.settings import ConfigError, LevelsConfig, RunConfig, run_config, without_files
+from segar.errors import SegarError
 from segar.support import module_in_file, named_object
 
 DEFINITIONS = """
@@ -167,3 +168,10 @@ def test_a_file_that_is_not_there_ends_a_command_with_one_line(tmp_path):
 
 def test_settings_of_a_run_say_nothing_of_places_by_default():
     assert RunConfig().module_path == ()
+
+
+def test_a_module_that_a_file_imports_is_not_taken_for_what_was_meant(tmp_path):
+    (tmp_path / "shares.py").write_text("import numpy as np\n\n\ndef share(runs):\n    return np.mean(runs)\n")
+    with pytest.raises(SegarError) as caught:
+        named_object(f"{tmp_path}/shares.py:nope")
+    assert str(caught.value) == "'shares' has no 'nope'. Known: share."
