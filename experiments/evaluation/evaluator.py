@@ -17,7 +17,7 @@ from experiments.algorithms.portable import PortableAgent, network_of
 from experiments.collection.collector import observation_shape
 from experiments.commands import process_defaults as runtime
 from experiments.evaluation.baselines import IdleAgent
-from experiments.evaluation.episodes import Agent, action_rng, actions_of, play_episodes, play_in_modes
+from experiments.evaluation.episodes import Agent, action_rng, actions_of, play_in_modes
 from experiments.evaluation.transfers import LEVELS
 from experiments.levels.builders import (
     distribution_of,
@@ -102,12 +102,13 @@ def evaluate(config: EvaluateConfig, say: Callable[[str], None] = print) -> Eval
     if config.portable:
         network = network_of(policy, shape_in(levels, trained, options), options["task"])
         policy = PortableAgent(network, config.num_threads)
-    rows = play_levels(policy, levels, options, config)
+    repeated = config.episodes if VectorEnv(levels, 1, seed=0, **options).is_random else 1
+    rows = play_levels(policy, levels, options, config, repeated)
     baselines = find_baselines(
         levels, options["task"], rng=np.random.default_rng(config.seed), seed=config.seed,
         samples=config.planner_samples, iterations=config.planner_iterations, num_threads=config.num_threads,
     ) if config.scores else None  # fmt: skip
-    idle = play_episodes(IdleAgent(), levels, np.arange(len(levels)), options, rng=None, seed=config.seed)
+    idle = play_in_modes(IdleAgent(), config.levels, levels, options, config.seed, ("deterministic",), rounds=repeated)
     players = {mode: figures([row for row in rows if row["action_mode"] == mode], baselines) for mode in config.modes}
     players["no-op"] = figures(idle, baselines)
     summary = {"run": str(folder), "frames": frames, "levels": origin(config, levels), "players": players}
@@ -227,11 +228,11 @@ def shape_in(levels: Levels, trained: RunConfig, options: Mapping[str, Any]) -> 
 
 
 def play_levels(
-    policy: Agent, levels: Levels, options: Mapping[str, Any], config: EvaluateConfig
+    policy: Agent, levels: Levels, options: Mapping[str, Any], config: EvaluateConfig, repeated: int
 ) -> list[dict[str, Any]]:
-    """One episode on each level by the deterministic policy, ``config.episodes`` by the sampled one; rows as in
+    """``repeated`` episodes on each level by the deterministic policy, ``config.episodes`` by the sampled one; rows as in
     ``run_folder.EPISODE_SCHEMA``, with ``config.levels`` as the name of the level set."""
-    rounds = {"deterministic": 1, "sampled": config.episodes}
+    rounds = {"deterministic": repeated, "sampled": config.episodes}
     return [
         row
         for mode in config.modes

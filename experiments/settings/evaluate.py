@@ -22,7 +22,7 @@ class EvaluateConfig(Settings):
     seed: Seed = 0  # which levels of a distribution; also of the actions of the sampled policy
     split: Split = "test"  # of a distribution: test never meets train, whatever the seeds
     world: str | None = None  # rules for a level file that was saved with rules of its own, as module:attribute
-    episodes: Count = 1  # on each level, by the sampled policy
+    episodes: Count = 1  # on each level; one with deterministic actions where neither world nor observation is random
     modes: Modes = ACTION_MODES
     scores: bool = True  # 0 is the better of idle and random play on each level, 1 the best known return, of a planner
     planner_samples: Samples = 64  # candidates per level and round of its search, which takes 0.1 s per level

@@ -27,7 +27,16 @@ from segar.envs.snapshots import Snapshot
 from segar.errors import LevelError, SegarError, did_you_mean, must_be
 from segar.language import Factor, Factors, Results, Task
 from segar.levels import Levels, check_levels
-from segar.observations import ObservationLike, copy_rows, for_task, hooks_of, leaves, make_observation, simulator_reads
+from segar.observations import (
+    ObservationLike,
+    copy_rows,
+    draws_per_episode,
+    for_task,
+    hooks_of,
+    leaves,
+    make_observation,
+    simulator_reads,
+)
 from segar.rendering import RENDER_MODES, Camera, View, offered_modes, steps_per_second
 from segar.rules import World
 from segar.support import Team, need
@@ -245,6 +254,14 @@ class VectorEnv(gymnasium.vector.VectorEnv):
     def runs_on_gpu(self) -> bool:
         """Whether episodes run on a GPU, whose number ``device`` says; then actions and results are torch tensors."""
         return self._episodes is not None
+
+    @property
+    def is_random(self) -> bool:
+        """Whether two episodes of one level and of equal actions may differ.
+
+        They may where a rule or the task draws random numbers, or where the observation draws anew in each episode.
+        """
+        return self.simulator.source.draws or draws_per_episode(self.observation)
 
     def in_action_space(self, actions: np.ndarray) -> np.ndarray:
         """Actions of the task's range ``[..., action size]`` as the action space has them (``unit_actions``), float32."""

@@ -16,6 +16,7 @@ from segar.observations.protocol import (
     ObservationLike,
     RunsOnTargets,
     calls_of,
+    draws_per_episode,
     empty_batch,
     for_task,
     hooks_of,
@@ -33,6 +34,6 @@ __all__ = [
     "COLOURS", "OBSERVATIONS", "RGB", "SHIPPED", "AllObjects", "AllState", "AllTiles", "Arrays", "BoundObservation",
     "Colour", "Multi", "ObjectState", "Observation", "ObservationLike", "OneOf", "Pixels", "PreviousActions",
     "RunsOnTargets", "Stack", "StateVector", "TexturedPixels", "TileState", "calls_of", "colour_of", "copy_rows",
-    "copy_squares", "empty_batch", "for_task", "hooks_of", "leaves", "make_observation", "map_leaves", "own_arrays",
-    "simulator_reads", "trained_on", "without_calls",
+    "copy_squares", "draws_per_episode", "empty_batch", "for_task", "hooks_of", "leaves", "make_observation",
+    "map_leaves", "own_arrays", "simulator_reads", "trained_on", "without_calls",
 ]  # fmt: skip

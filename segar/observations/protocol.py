@@ -65,7 +65,11 @@ class BoundObservation(Protocol):
 
 @runtime_checkable
 class EpisodeHook(Protocol):
-    """A bound observation that chooses something once per episode."""
+    """A bound observation that prepares each episode, and that may choose something once per episode.
+
+    One whose ``start`` makes no use of the key says so by an attribute ``draws_per_episode``, which is then false; see
+    :func:`draws_per_episode`.
+    """
 
     def start(self, key: np.ndarray, level: np.ndarray, mask: np.ndarray) -> None:
         """Start episodes under these keys where ``mask`` (bool ``[env]``) is true.
@@ -242,6 +246,17 @@ def without_calls(observation: BoundObservation) -> BoundObservation | None:
         return observation
     members = getattr(observation, "members", ())
     return next((found for found in map(without_calls, members) if found is not None), None)
+
+
+def draws_per_episode(observation: BoundObservation) -> bool:
+    """Whether two episodes of equal states may be observed differently, because the observation chooses by their keys.
+
+    It is what the observation's attribute of this name says. Without one, an observation that is composed of others draws
+    if one of these does, and any other is taken to draw if it has the method :meth:`EpisodeHook.start`.
+    """
+    members = getattr(observation, "members", None)
+    otherwise = hasattr(observation, "start") if members is None else any(map(draws_per_episode, members))
+    return bool(getattr(observation, "draws_per_episode", otherwise))
 
 
 def for_task(observation: Observation, task: Task) -> Observation:

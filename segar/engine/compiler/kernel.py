@@ -66,12 +66,14 @@ class KernelSource:
         type_masks: int64 ``(types + 1,)``, mask of each type of the layout, and last 0 for an absent entity.
         rules: all rules by their numbers in the source.
         list_length: how many integers the argument ``L`` must hold.
+        draws: whether a rule, or a function of the task, draws random numbers.
     """
 
     text: str
     type_masks: np.ndarray
     rules: tuple[Rule, ...]
     list_length: int
+    draws: bool
 
 
 def generate(layout: Layout, world: language.WorldRules, task: language.TaskFunctions) -> KernelSource:
@@ -158,7 +160,9 @@ class _Builder:
     def module(self, imports: Sequence[str], functions: str, entry: str) -> KernelSource:
         """The module of these functions and an entry that calls them; the header imports what the functions call."""
         text = "\n".join([self.header(imports), _device_text(), "\n\n\n".join([functions, entry])])
-        return KernelSource(text, self.source.matcher.masks(), tuple(self.rules), self.length_of_lists())
+        traced = [*self.rules, *self.task.of_state]
+        draws = any(symbol.op == "draw" for rule in traced for symbol in language.symbols_of(rule.tree))
+        return KernelSource(text, self.source.matcher.masks(), tuple(self.rules), self.length_of_lists(), draws)
 
     def length_of_lists(self) -> int:
         """Entries of ``L``: bodies in order; behind them near walls and pairs, or partners while rules are applied."""

@@ -54,6 +54,8 @@ class PreviousActions:
 class BoundPreviousActions:
     """:class:`PreviousActions` in one environment; see :class:`segar.observations.protocol.HasMemory`."""
 
+    draws_per_episode = False
+
     def __init__(self, n: int, task: Task, num_envs: int) -> None:
         self._low, self._high = np.array(task.action_low, np.float32), np.array(task.action_high, np.float32)
         self._size = len(self._low)

@@ -22,6 +22,7 @@ from segar.observations.protocol import (
     Observation,
     ObservationLike,
     calls_of,
+    draws_per_episode,
     empty_batch,
     for_task,
     own_arrays,
@@ -240,6 +241,7 @@ class BoundOneOf(BoundComposed):
                     f"OneOf: the spaces of its observations must be equal; the first one's is {self.space}, and number"
                     f" {k}'s is {member.space}"
                 )
+        self.draws_per_episode = one_of.per == "episode" or any(map(draws_per_episode, members))
         self._edges, self._seed = one_of.edges[:-1], one_of.seed
         self._of_level = None
         if one_of.per == "level":

@@ -123,6 +123,8 @@ class BoundTexturedPixels:
         self._key, self._level_keys = _keys_of(levels, pixels.seed)
         self._noise = np.zeros((num_envs, entities, inputs.draws))
         self._features = np.zeros((num_envs, entities, len(textures.inputs)))
+        draws = (pixels.noise, inputs.draws > 0), (pixels.model, len(textures) > 1)
+        self.draws_per_episode = any(when == "episode" and needed for when, needed in draws)
         self._redrawn = REDRAWN.index(pixels.noise), REDRAWN.index(pixels.model)
         self._recalled = False
 

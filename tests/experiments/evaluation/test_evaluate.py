@@ -1,5 +1,6 @@
 """Evaluation of a run folder on any levels: what is played, what is written, what is refused."""
 
+import dataclasses
 import json
 import os
 import shutil
@@ -14,19 +15,23 @@ import pytest
 import segar
 from experiments.algorithms.checkpoint import read_checkpoint
 from experiments.commands.hydra_app import run_simple_command
-from experiments.evaluation.evaluator import choose_levels, evaluate, label, mean_returns
-from experiments.runs.run_folder import CHECKPOINT, PREVIOUS, read_episodes, read_summary
+from experiments.evaluation.episodes import evaluate_run
+from experiments.evaluation.evaluator import choose_levels, evaluate, label, load_agent, mean_returns
+from experiments.runs.run_folder import CHECKPOINT, LEVELS_TRAIN, PREVIOUS, read_config, read_episodes, read_summary
 from experiments.runs.run_rows import run_rows, score_warnings
 from experiments.settings import (
     CHECKOUT,
     CheckpointError,
     ConfigError,
     EvaluateConfig,
+    EvaluationConfig,
+    LevelsConfig,
     ObservationConfig,
     RunFolderError,
 )
 from experiments.training.run import run
 from segar.evaluation import Baselines, find_baselines
+from tests.experiments.evaluation.gusty import WINDY
 from tests.experiments.short_runs import killed_after, short_run
 
 QUICK = {"scores": False, "videos": "none"}
@@ -66,6 +71,37 @@ def test_any_levels_can_be_played_and_everything_is_written(trained, tmp_path):
     assert "run after 256 frames, on 5 levels of empty-medium (split test, seed 3):" in said[0]
     for name in ("deterministic", "sampled", "no-op", "random", "floor", "best known", "regret"):
         assert name in said[0]
+
+
+@pytest.fixture(scope="module")
+def trained_in_gusts(tmp_path_factory):
+    """The folder of a finished run whose rules draw random numbers."""
+    levels = LevelsConfig("tests.experiments.evaluation.gusty:WINDY", count=2, test_count=3)
+    return run(short_run(tmp_path_factory.mktemp("gusty") / "run", levels=levels), lambda line: None).folder
+
+
+@pytest.mark.parametrize("portable", [False, True], ids=["torch", "portable"])
+@pytest.mark.parametrize("levels", ["test", "train", "tests.experiments.evaluation.gusty:WINDY"])
+def test_where_rules_draw_deterministic_actions_are_repeated_like_sampled_ones(levels, portable, trained_in_gusts):
+    config = EvaluateConfig(str(trained_in_gusts), levels, n=2, episodes=4, portable=portable, **QUICK)
+    found = evaluate(config, lambda line: None)
+    for mode in ("deterministic", "sampled"):
+        rows = [row for row in found.episodes if row["action_mode"] == mode]
+        assert [row["level"] for row in rows] == [0, 1] * 4
+        returns = np.reshape([row["return"] for row in rows], (4, 2))
+        assert (returns.std(axis=0) > 0).all()
+        assert found.summary["players"][mode]["return"] == pytest.approx(returns.mean())
+
+
+def test_where_rules_draw_evaluation_plays_the_episodes_of_the_trainings_evaluation(trained_in_gusts):
+    config = read_config(trained_in_gusts)
+    found = evaluate(EvaluateConfig(str(trained_in_gusts), "train", episodes=3, **QUICK), lambda line: None)
+    train = segar.Levels.load(trained_in_gusts / LEVELS_TRAIN, world=WINDY.world)
+    policy, _ = load_agent(trained_in_gusts, config, train, print)
+    more = dataclasses.replace(config, evaluation=EvaluationConfig(episodes=6, distances=()))
+    rows = [row for row in evaluate_run(policy, more, train, train) if row["levels"] == "train"]
+    assert len(rows) == 12
+    assert rows == found.episodes
 
 
 def test_scores_lie_between_chance_and_the_oracle_on_the_same_levels(trained):

@@ -264,6 +264,47 @@ def test_a_task_needs_no_function_but_its_action() -> None:
         assert truncated.all() == (k == 7)
 
 
+@segar.rule
+def jitter(v: segar.Velocity) -> segar.Differential[segar.Velocity]:
+    return segar.Differential[segar.Velocity](v, (segar.random.normal(), 0.0))
+
+
+def drop(ball: segar.GolfBall, action: segar.Action) -> segar.SetFactor[segar.Velocity]:
+    return segar.SetFactor[segar.Velocity](ball[segar.Velocity], (action[0], action[1]))
+
+
+def slip(ball: segar.GolfBall, action: segar.Action) -> segar.SetFactor[segar.Velocity]:
+    return segar.SetFactor[segar.Velocity](ball[segar.Velocity], (action[0], segar.random.uniform()))
+
+
+def luck(ball: segar.GolfBall) -> float:
+    return segar.random.uniform() + 0.0 * ball[segar.Mass]
+
+
+def fate(ball: segar.GolfBall) -> bool:
+    return segar.random.bernoulli(0.5) & (ball[segar.Mass] > 0.0)
+
+
+@pytest.mark.parametrize(
+    ("options", "draws"),
+    [
+        ({}, False),
+        ({"task": segar.Task("drop", drop)}, False),
+        ({"world": segar.World(rules=(*segar.DEFAULT_RULES, jitter))}, True),
+        ({"task": segar.Task("slip", slip)}, True),
+        ({"task": segar.Task("luck", drop, reward=luck)}, True),
+        ({"task": segar.Task("fate", drop, terminated=fate)}, True),
+    ],
+    ids=["default", "task", "rule", "action", "reward", "end"],
+)
+def test_an_environment_says_whether_two_episodes_of_equal_actions_may_differ(options: dict, draws: bool) -> None:
+    env = VectorEnv(LEVELS, 32, seed=0, autoreset_mode="Disabled", **options)
+    env.reset(options={"levels": np.zeros(32, int)})
+    seen = [env.step(np.full((32, 2), 0.5, np.float32))[:3] for _ in range(5)]
+    alike = all((array == array[:1]).all() for step in seen for array in step)
+    assert (env.is_random, alike) == (draws, not draws)
+
+
 @pytest.mark.parametrize("name", ["max_steps", "sub_steps"])
 @pytest.mark.parametrize("value", [0, -1, 1.5, True, "3"])
 def test_limits_of_episodes_are_whole_numbers_of_at_least_1(name: str, value: object) -> None:

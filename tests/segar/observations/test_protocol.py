@@ -23,6 +23,7 @@ from segar.observations.protocol import (
     OwnsBuffers,
     StepHook,
     WrittenBySimulator,
+    draws_per_episode,
 )
 
 LEVELS = segar.family("objectsx1-hard").sample(4, seed=0)
@@ -125,6 +126,36 @@ BUILT_IN = {
     ),
     "one of several": (OneOf(["rgb"]), {EpisodeHook, StepHook, HasMemory}, {KnowsTask, KnowsTraining, Composed}),
 }
+
+
+ALIKE = TexturedPixels(noise="never", model="level")  # shows every episode of a level alike
+DRAWING = {
+    "state": (StateVector(), False),
+    "textures": (TexturedPixels(), True),
+    "noise of levels": (TexturedPixels(noise="level"), False),
+    "models of episodes": (TexturedPixels("five", noise="level"), True),
+    "stack": (Stack("rgb", 2), False),
+    "stacked textures": (Stack(TexturedPixels(), 2), True),
+    "actions": (Multi(("rgb", PreviousActions())), False),
+    "per episode": (OneOf(["rgb", ALIKE]), True),
+    "per level": (OneOf(["rgb", ALIKE], per="level"), False),
+    "textures per level": (OneOf([TexturedPixels(), TexturedPixels(seed=1)], per="level"), True),
+}
+
+
+@pytest.mark.parametrize(("observation", "draws"), DRAWING.values(), ids=DRAWING)
+def test_an_observation_says_whether_it_shows_two_episodes_of_a_level_alike(observation, draws):
+    env = VectorEnv(LEVELS, 40, observation=observation, seed=0)
+    seen, _ = env.reset(options={"levels": np.zeros(40, int)})
+    alike = all((part == part[:1]).all() for part in (seen if isinstance(seen, tuple) else (seen,)))
+    assert (env.is_random, alike) == (draws, not draws)
+
+
+def test_an_observation_of_ones_own_that_hears_of_episodes_is_taken_to_draw_unless_it_denies_it():
+    assert draws_per_episode(Recorder("start")) and not draws_per_episode(Recorder("advance"))
+    denies: Any = Recorder("start")
+    denies.draws_per_episode = False
+    assert not draws_per_episode(denies)
 
 
 @pytest.mark.parametrize(("observation", "of_bound", "of_description"), BUILT_IN.values(), ids=BUILT_IN)
