@@ -56,7 +56,12 @@ from experiments.tracking.mlflow_sync import files_of
 from experiments.tracking.tracker import Tracker, start_tracking
 from experiments.training.large_numbers import advice, large_numbers
 from experiments.training.training_loop import Training
-from experiments.training.unseen_entities import advice_on_entities, unseen_entities
+from experiments.training.unseen import (
+    advice_on_entities,
+    advice_on_parameters,
+    unseen_entities,
+    unseen_parameters,
+)
 from segar.envs.torchrl_env import TorchRLEnv
 from segar.errors import RuleError, SegarError
 from segar.levels import Levels
@@ -186,6 +191,8 @@ def _prepare(
     unseen = unseen_entities(config, train, test)
     if unseen:
         say(advice_on_entities(unseen, config, train))
+    if parameters := unseen_parameters(config, train, test):
+        say(advice_on_parameters(parameters, config))
     learner = make_learner(kind, config.algorithm, env, config.scale.frames, config.seed)
     code = executed_code(config) if code is None else with_data(code)
     training = Training(config, folder, learner, journal, signals, train, code)

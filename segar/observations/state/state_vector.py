@@ -53,8 +53,8 @@ class StateVector(StateOptions):
             In a slot that other types may fill, too, these are missing. All things where it is None.
         factors: what is shown of them, in this order: factors or their names, sub-classes included. All but the hidden
             ones, the user's own among them, where it is None.
-        hidden: factors or names, sub-classes included, that are not shown. Where no ``factors`` are chosen, those of
-            ``HIDDEN`` are not, either.
+        hidden: factors or names, sub-classes included, that are not shown; also of ``parameters``. Where no ``factors``
+            are chosen, those of ``HIDDEN`` are not, either.
         form: "vector" or "table".
         slots: rows of the table; those that the levels do not need are missing. As many as needed where it is None.
         types: whether type numbers are shown; None for those slots (of a table: all, if there are such) whose type

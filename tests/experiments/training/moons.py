@@ -40,3 +40,20 @@ def levels(*rules, phase=0.5) -> segar.LevelDistribution:
 
 
 still, turning, different = levels(), levels(turn), levels(phase=segar.UniformNoise(0.0, 6.0))
+
+
+class Breeze(segar.Parameter, default=0.0, unit="m/s^2"):
+    """Of the air."""
+
+
+def air(breeze, gravity=9.81) -> segar.LevelDistribution:
+    """A ball and a goal in a breeze."""
+    return segar.LevelDistribution(
+        numbers=[(segar.GolfBall, 1), (segar.GoalTile, 1)],
+        priors=[segar.Prior(segar.Position, segar.RandomUniformLocation())],
+        parameters={Breeze: breeze, segar.Gravity: gravity},
+    )
+
+
+calm, stormy, airs = air(0.0), air(1.0), air(segar.UniformNoise(0.0, 1.0))
+planets = air(segar.UniformNoise(0.0, 1.0), gravity=segar.UniformNoise(1.0, 20.0))

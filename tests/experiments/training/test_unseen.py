@@ -1,11 +1,17 @@
-"""Entities without a position, which a state does not show by default, are told of where they matter, with the way out."""
+"""Entities without a position, and world parameters, which a state does not show by default, are told of where they matter,
+with the way out."""
 
 import pytest
 
 from experiments.levels.builders import environment_options, make_levels
 from experiments.settings import LevelsConfig, ObservationConfig, RunConfig, TaskConfig
 from experiments.training.run import run
-from experiments.training.unseen_entities import advice_on_entities, unseen_entities
+from experiments.training.unseen import (
+    advice_on_entities,
+    advice_on_parameters,
+    unseen_entities,
+    unseen_parameters,
+)
 from segar.envs import VectorEnv
 from segar.errors import LevelError
 from segar.observations import StateVector
@@ -16,12 +22,16 @@ HERE = "tests.experiments.training.moons"
 WAY_OUT = {"entities": ["golfball", "goal", "moon"]}
 
 
-def found(levels, options=None, name="state", **more):
-    config = RunConfig(
+def config_of(levels, options=None, name="state", **more):
+    return RunConfig(
         levels=LevelsConfig(f"{HERE}:{levels}" if hasattr(moons, levels) else levels, count=3, test_count=3, **more),
         observation=ObservationConfig(name, options or {}),
         task=TaskConfig("puttputt"),
     )
+
+
+def found(levels, options=None, name="state", **more):
+    config = config_of(levels, options, name, **more)
     train, test = make_levels(config.levels)
     return unseen_entities(config, train, test), config, train
 
@@ -65,3 +75,49 @@ def test_a_run_says_it_once_and_has_the_results_that_it_has_without_the_look(tmp
 def test_a_factor_that_no_entity_shown_has_comes_with_the_entities_that_have_it():
     with pytest.raises(LevelError, match=r"has a factor 'Phase'; .* entities=\[golfball, goal, moon\]"):
         StateVector(factors=[moons.Phase]).bind(moons.still.sample(1), 1)
+
+
+def unseen_airs(levels, options=None, name="state", **more):
+    config = config_of(levels, options, name, **more)
+    return unseen_parameters(config, *make_levels(config.levels)), config
+
+
+@pytest.mark.parametrize(
+    ("levels", "options", "more", "names", "shown"),
+    [
+        ("airs", {}, {}, ["Breeze"], "[Breeze]"),
+        ("airs", {"entities": ["golfball"]}, {}, ["Breeze"], "[Breeze]"),
+        ("calm", {}, {"test": f"{HERE}:stormy"}, ["Breeze"], "[Breeze]"),
+        ("planets", {}, {}, ["Breeze", "Gravity"], "[Breeze,Gravity]"),
+        ("planets", {"parameters": ["Gravity"]}, {}, ["Breeze"], "[Gravity,Breeze]"),
+    ],
+)
+def test_a_parameter_that_differs_is_named_with_the_settings_that_show_it_or_end_the_line(
+    levels, options, more, names, shown
+):
+    unseen, config = unseen_airs(levels, options, **more)
+    assert sorted(unseen) == names
+    said = advice_on_parameters(sorted(unseen), config)
+    assert f"does not see {', '.join(names)}, which differ" in said and "\n" not in said
+    assert f"only if they are named: observation.options.parameters={shown}." in said
+    assert f"observation.options.hidden=[{','.join(names)}] says so" in said
+    shows = {**options, "parameters": [*options.get("parameters", []), *names]}
+    assert unseen_airs(levels, shows, **more)[0] == []
+    seen = RunConfig(levels=config.levels, observation=ObservationConfig("state", shows), task=config.task)
+    shown_names = VectorEnv(make_levels(seen.levels)[0], 1, **environment_options(seen)).observation.names
+    assert {f"world.{name}" for name in names} <= {*shown_names}
+    assert unseen_airs(levels, {**options, "hidden": names}, **more)[0] == []
+
+
+@pytest.mark.parametrize(
+    ("levels", "name"), [("calm", "state"), ("airs", "rgb"), ("empty-hard", "state"), ("tilesx1-hard", "state")]
+)
+def test_nothing_is_said_of_parameters_where_none_differs_nor_of_pixels_and_named_families(levels, name):
+    assert unseen_airs(levels, name=name)[0] == []
+
+
+def test_a_run_says_which_parameters_its_agent_does_not_see(tmp_path):
+    said = []
+    run(short_run(tmp_path, levels=LevelsConfig(f"{HERE}:airs", count=2, test_count=2)), said.append)
+    (line,) = (line for line in said if "does not see Breeze" in line)
+    assert line.startswith("warning: ")

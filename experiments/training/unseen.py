@@ -1,6 +1,7 @@
-"""Abstract entities of which a state shows nothing by default, although they differ, found before training begins."""
+"""Abstract entities and world parameters that a state does not show by default, although they differ, found before training
+begins."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ from experiments.levels.builders import environment_options
 from experiments.runs.level_prints import is_own
 from experiments.settings import RunConfig
 from segar.envs import VectorEnv
-from segar.language import Factor, Position
+from segar.language import Factor, Parameter, Position
 from segar.levels import Levels
 from segar.observations import OBSERVATIONS, StateVector
 
@@ -59,6 +60,40 @@ def advice_on_entities(found: Mapping[str, list[str]], config: RunConfig, train:
     return (
         f"warning: the agent does not see {names}, which differs between levels or changes. A state shows entities without a"
         f" position only if they are named: {fix}"
+    )
+
+
+def unseen_parameters(config: RunConfig, train: Levels, test: Levels) -> list[str]:
+    """The names of the world parameters that differ between levels, of training or of test, and that the agent does not see.
+
+    A state shows the parameters that its ``parameters`` name. Nothing is found of those that its ``hidden`` names, nor of
+    named families, nor of other observations.
+    """
+    state = environment_options(config)["observation"]
+    if not (is_own(config.levels.train) and isinstance(state, StateVector)):
+        return []
+    values: dict[type[Parameter], list[np.ndarray]] = {}
+    for levels in (train, test):
+        for parameter, column in zip(levels.layout.parameters, levels.parameters.T, strict=True):
+            values.setdefault(parameter, []).append(column)
+    differing = [parameter for parameter, columns in values.items() if len(np.unique(np.concatenate(columns))) > 1]
+    chosen = (*state.chosen_parameters, *state.hidden_factors)
+    return [parameter.__name__ for parameter in differing if not issubclass(parameter, chosen)]
+
+
+def advice_on_parameters(found: Sequence[str], config: RunConfig) -> str:
+    """What to say of the parameters that :func:`unseen_parameters` found, and the settings that show them or say nothing."""
+    state = environment_options(config)["observation"]
+    shown = ",".join([*(parameter.__name__ for parameter in state.chosen_parameters), *found])
+    fix, silence = f"parameters=[{shown}]", f"hidden=[{','.join(found)}]"
+    if config.observation.name in OBSERVATIONS:
+        fix, silence = f"observation.options.{fix}", f"observation.options.{silence}"
+    else:
+        fix, silence = f"StateVector({fix})", f"StateVector({silence})"
+    return (
+        f"warning: the agent does not see {', '.join(found)}, which {'differs' if len(found) == 1 else 'differ'} between"
+        f" levels. A state shows world parameters only if they are named: {fix}. Where the agent shall not see them, {silence}"
+        " says so and ends this warning"
     )
 
 
