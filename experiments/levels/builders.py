@@ -1,7 +1,8 @@
 """What the names in the settings of a run stand for: levels, task and observation."""
 
 import inspect
-from collections.abc import Mapping
+import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -297,6 +298,8 @@ def _find(name: str, options: Mapping[str, Any], group: str, place: str) -> Any:
     for option in options:
         if option not in known_options and not takes_any:
             raise ConfigError(f"{group}.options: {name} has no '{option}'.{did_you_mean(option, known_options)}")
+    if group == "task":
+        _require_finite(name, options, known_options)
     try:
         return found(**options)
     except (TypeError, SegarError) as error:
@@ -304,3 +307,27 @@ def _find(name: str, options: Mapping[str, Any], group: str, place: str) -> Any:
     except Exception as error:  # the user's code may raise anything
         given = ", ".join(f"{option}={value!r}" for option, value in options.items()) or "no options"
         raise ConfigError(f"{group}.options: {name} with {given} raises {type(error).__name__}: {error}") from error
+
+
+def _require_finite(name: str, options: Mapping[str, Any], known: Mapping[str, inspect.Parameter]) -> None:
+    """Raises :class:`ConfigError` where an option of a task is, or holds, a number that is not finite, unless the default of
+    the option is such a number itself."""
+    for option, value in options.items():
+        default = known[option].default if option in known else None
+        found = next(_not_finite(value, f"task.options.{option}"), None)
+        if found is not None and next(_not_finite(default, ""), None) is None:
+            place, number = found
+            raise ConfigError(
+                f"{place}: the number must be finite, not {number!r}, of which the task {name} would make wrong comparisons or"
+                " rewards without a word. A task function whose option may be infinite says so by its default"
+            )
+
+
+def _not_finite(value: Any, place: str) -> Iterator[tuple[str, float]]:
+    """The numbers that are not finite in an option's plain data, with their places."""
+    if isinstance(value, float) and not math.isfinite(value):
+        yield place, value
+    elif isinstance(value, Mapping | list | tuple):
+        parts = value.items() if isinstance(value, Mapping) else enumerate(value)
+        for key, part in parts:
+            yield from _not_finite(part, f"{place}.{key}")

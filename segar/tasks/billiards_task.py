@@ -22,7 +22,14 @@ from segar.language import (
     VectorValue,
     Velocity,
 )
-from segar.tasks.puttputt_task import ARENA_DIAGONAL, DEATH_PENALTY, IMPULSE, factor_of, push_towards
+from segar.tasks.puttputt_task import (
+    ARENA_DIAGONAL,
+    DEATH_PENALTY,
+    IMPULSE,
+    factor_of,
+    push_towards,
+    require_finite,
+)
 
 CUE_SPEED = 4.0  # [m/s] of the scripted player
 REWARDS = ("distance", "potted")
@@ -54,10 +61,11 @@ def billiards(
         death_penalty: subtracted in the step in which the cue ball dies; falling into a pocket is no death.
 
     Raises:
-        SegarError: unknown reward.
+        SegarError: unknown reward, or a number that is not finite.
     """
     if reward not in REWARDS:
         raise SegarError(f"billiards has no reward '{reward}'.{did_you_mean(reward, REWARDS)}")
+    require_finite("billiards", impulse=impulse, death_penalty=death_penalty)
 
     def strike(cue: CueBall, action: Action) -> SetFactor[Velocity]:
         if cue[Mass] == 0:

@@ -52,10 +52,12 @@ def puttputt(
         death_penalty: subtracted in the step in which the ball dies.
 
     Raises:
-        SegarError: unknown reward.
+        SegarError: unknown reward, or a number that is not finite.
     """
     if reward not in ("squared", "linear"):
         raise SegarError(f"puttputt has no reward '{reward}'.{did_you_mean(reward, ('squared', 'linear'))}")
+    sizes = {"impulse": impulse, "goal_distance": goal_distance, "death_penalty": death_penalty}
+    require_finite("puttputt", **sizes, **({} if goal_speed is None else {"goal_speed": goal_speed}))
 
     def push(ball: GolfBall, action: Action) -> SetFactor[Velocity]:
         if ball[Mass] == 0:
@@ -90,6 +92,13 @@ def puttputt(
         results=RESULTS,
         demo_actions=partial(demo_actions, impulse=impulse),
     )
+
+
+def require_finite(task: str, **numbers: float) -> None:
+    """Raise :class:`SegarError` for an option of a task that is not a finite number."""
+    for name, value in numbers.items():
+        if not isinstance(value, (int, float, np.integer, np.floating)) or not np.isfinite(value):
+            raise SegarError(f"{task}: {name} must be a finite number, not {value!r}")
 
 
 def has_died(ball: GolfBall) -> bool:

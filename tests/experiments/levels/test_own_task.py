@@ -43,6 +43,9 @@ def height(ball: segar.GolfBall) -> float:
 def landing(max_steps: int = 7) -> segar.Task:
     return dataclasses.replace(segar.puttputt(max_steps=max_steps), name="landing", reward=height)
 
+def limits(enough: float = 0.4, most: float = float("inf"), weights=(1.0,), **more) -> segar.Task:
+    return landing()
+
 landed = landing()
 looks = StateVector()
 """
@@ -183,6 +186,35 @@ def test_a_variation_that_gives_named_levels_another_task_asks_for_a_choice(lab)
 def test_options_of_what_is_made_already_end_a_plan(lab, settings, says):
     with pytest.raises(ConfigError, match=says + r".* Name a function"):
         check_objects([on("landing_levels:field", **settings)])
+
+
+NAN, INFINITE = float("nan"), float("inf")
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "place", "number"),
+    [
+        ("landing_tasks:limits", {"enough": NAN}, "enough", "nan"),
+        ("landing_tasks:limits", {"enough": -INFINITE}, "enough", "-inf"),
+        ("landing_tasks:limits", {"weights": [1.0, NAN]}, "weights.1", "nan"),
+        ("landing_tasks:limits", {"weights": {"of": {"bees": INFINITE}}}, "weights.of.bees", "inf"),
+        ("landing_tasks:limits", {"other": NAN}, "other", "nan"),
+        ("landing_tasks:landing", {"max_steps": NAN}, "max_steps", "nan"),
+        ("puttputt", {"goal_distance": NAN}, "goal_distance", "nan"),
+        ("invisiball", {"goal_speed": NAN}, "goal_speed", "nan"),
+        ("billiards", {"death_penalty": INFINITE}, "death_penalty", "inf"),
+        ("experiments.levels.conditions:conditional_puttputt", {"conditions": NAN}, "conditions", "nan"),
+    ],
+)
+def test_numbers_of_task_options_that_are_not_finite_end_a_plan(lab, name, options, place, number):
+    with pytest.raises(ConfigError, match=rf"task\.options\.{place}: .* finite, not {number},.* {name} "):
+        check_objects([on("landing_levels:field", task=TaskConfig(name, options))])
+
+
+def test_a_task_function_allows_infinite_options_by_its_default(lab):
+    for most in (INFINITE, -INFINITE, 3.0):
+        task = TaskConfig("landing_tasks:limits", {"most": most, "enough": 1, "weights": [0.5]})
+        check_objects([on("landing_levels:field", task=task)])
 
 
 def test_an_observation_may_name_what_the_levels_module_defines_wherever_options_are_made_first(lab):

@@ -124,3 +124,28 @@ def test_a_component_of_an_action_that_cannot_vary_is_told(low, high):
 def test_an_action_range_of_unequal_lengths_is_refused_with_both():
     with pytest.raises(segar.SegarError, match=r"action_low \(-2.0,\) has 1, action_high \(5.0, 1.0\) has 2"):
         dataclasses.replace(segar.puttputt(), action_low=(-2.0,), action_high=(5.0, 1.0))
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, None, "2"])
+@pytest.mark.parametrize(
+    ("task", "option"),
+    [
+        *[
+            (task, name)
+            for task in ("puttputt", "invisiball")
+            for name in ("impulse", "goal_distance", "death_penalty")
+        ],
+        ("billiards", "impulse"),
+        ("billiards", "death_penalty"),
+    ],
+)
+def test_options_of_built_in_tasks_are_finite_numbers(task, option, value):
+    with pytest.raises(SegarError, match=rf"{option} must be a finite number, not {value!r}"):
+        TASKS[task](**{option: value})
+
+
+def test_a_goal_speed_is_a_finite_number_or_none():
+    assert segar.puttputt(goal_speed=None).name == segar.puttputt(goal_speed=0.5).name
+    for value in (np.nan, np.inf):
+        with pytest.raises(SegarError, match="goal_speed must be a finite number"):
+            segar.puttputt(goal_speed=value)
