@@ -27,7 +27,7 @@ from experiments.levels.builders import (
     task_name,
 )
 from experiments.runs.executed_code import changed_parts, differing_parts, executed_code, played_code, with_data
-from experiments.runs.own_modules import modules_named
+from experiments.runs.own_modules import modules_named, where_searched
 from experiments.runs.run_folder import (
     EPISODE_SCHEMA,
     EPISODES,
@@ -84,11 +84,12 @@ def evaluate(config: EvaluateConfig, say: Callable[[str], None] = print) -> Eval
     folder = Path(config.run).expanduser().resolve()
     found = read_config(folder, {EVERYTHING} if config.trust else ())
     trained = dataclasses.replace(found, num_threads=config.num_threads)
-    for name in set(modules_named(as_data(trained))):  # which define the entities that its level files name
+    for name in sorted(set(modules_named(as_data(trained)))):  # which define the entities that its level files name
         try:
             import_module(name)
         except ImportError as error:
-            raise ConfigError(f"run: its settings name {name}, which cannot be imported: {error}") from error
+            searched = where_searched(error, trained.module_path)
+            raise ConfigError(f"run: its settings name {name}, which cannot be imported: {error}{searched}") from error
     changed = [part for part in changed_parts(folder, executed_code(trained)) if part != "learner"]
     if changed:
         say(

@@ -2,7 +2,7 @@
 
 import importlib.util
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from importlib.machinery import PathFinder
 from pathlib import Path
 from typing import Any
@@ -40,6 +40,28 @@ def folders_of(settings: Any) -> tuple[str, ...]:
     outside = (path for path in files if not is_installed(path))
     folders = (path.parents[1] if path.name == "__init__.py" else path.parent for path in outside)
     return tuple(dict.fromkeys(map(str, folders)))
+
+
+def where_searched(error: ImportError, module_path: Sequence[str]) -> str:
+    """In which folders a module was looked for in vain, those of ``module_path`` that are gone among them, and what helps.
+
+    Empty where the module was found and something in it went wrong.
+    """
+    missing = getattr(error, "name", None) if isinstance(error, ModuleNotFoundError) else None
+    if not missing:
+        return ""
+    package, _, _ = missing.rpartition(".")
+    if package:
+        folders = list(getattr(sys.modules.get(package), "__path__", ()))
+    else:
+        known = (Path(place).resolve() for place in (*sys.path, *module_path))
+        folders = [str(place) for place in dict.fromkeys(known) if not is_installed(place) and place.suffix != ".zip"]
+    told = ", ".join(folder if Path(folder).is_dir() else f"{folder} (which is no longer there)" for folder in folders)
+    return (
+        f". It was looked for in {told}{'' if package else ', and among installed packages'}. A run keeps the names of its"
+        f" modules: give the module this name again, or say before the command which folder holds {missing.partition('.')[0]},"
+        " PYTHONPATH=FOLDER"
+    )
 
 
 def find_file(name: str) -> Path | None:

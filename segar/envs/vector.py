@@ -206,7 +206,12 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             name = next(iter(options))
             raise LevelError(f"reset: unknown option '{name}'.{did_you_mean(str(name), ('levels', 'reset_mask'))}")
         if chosen is not None and not ((chosen >= 0) & (chosen < len(self.levels))).all():
-            raise LevelError(f"reset: level indices must lie in 0..{len(self.levels) - 1}")
+            wrong = np.flatnonzero((chosen < 0) | (chosen >= len(self.levels)))
+            others = f"; {len(wrong)} environments have a wrong one" if len(wrong) > 1 else ""
+            raise LevelError(
+                f"reset: level indices must lie in 0..{len(self.levels) - 1}, and that of environment {wrong[0]} is"
+                f" {chosen[wrong[0]]}{others}"
+            )
         if seed is not None:
             self._now.seed = seed_of(seed)
             self._now.episodes[:] = 0

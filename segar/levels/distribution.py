@@ -37,7 +37,8 @@ class LevelDistribution:
     """A distribution of levels, as data: how many entities of which types, and priors over their factors.
 
     Args:
-        numbers: pairs (entity type or ``ThingFactory``, how many); how many is a whole number or a distribution of such.
+        numbers: pairs (entity type or ``ThingFactory``, how many), at least one; how many is a whole number or a
+            distribution of such.
         priors: :class:`segar.Prior` objects; the most specific one counts. Priors for entity types that ``numbers``
             does not name are left aside, so that distributions can share a list of priors.
         parameters: world parameter class to value or distribution; the same as ``Prior(Gravity, ...)`` in ``priors``.
@@ -69,7 +70,7 @@ class LevelDistribution:
 
     def __init__(
         self,
-        numbers: Sequence[tuple[Any, Any]],
+        numbers: Sequence[tuple[Any, Any]] = (),
         priors: Sequence[Prior] = (),
         parameters: Any = None,
         positions: Any = None,
@@ -97,7 +98,7 @@ class LevelDistribution:
         set_(self, "parameters", _check_parameters(parameters))
         set_(self, "positions", tuple(map(_check_places, _sequence("positions", positions or ()))))
         if not len(self.layout.slots) > 1:
-            raise LevelError("numbers must name at least one entity")
+            raise LevelError("numbers must name at least one entity, as in numbers=[(GolfBall, 1), (GoalTile, 1)]")
         check_priors(self.priors, self.layout.types[:-1])
         _ = self.plan  # contradictions show here, not at the first sample
 

@@ -263,6 +263,56 @@ def test_the_command_tells_mistakes_in_one_message(monkeypatch, arguments, says)
     assert str(told.value.code).startswith(says)
 
 
+@pytest.fixture
+def moved(tmp_path, monkeypatch):
+    """A run on levels of a module of one's own, and the folder that holds the module."""
+    places = [*sys.path]
+    lab = tmp_path / "before" / "moved_lab"
+    lab.mkdir(parents=True)
+    (lab / "__init__.py").touch()
+    (lab / "levels.py").write_text('import segar\n\ncalm = segar.family("empty-easy")\n')
+    monkeypatch.setattr(sys, "path", [*places, str(lab.parent)])
+    levels = LevelsConfig("moved_lab.levels:calm", count=2, test_count=2)
+    folder = run(short_run(tmp_path / "run", levels=levels), lambda line: None).folder
+    forget("moved_lab")
+    yield folder, lab
+    forget("moved_lab")
+
+
+def forget(package):
+    for name in [name for name in sys.modules if name.partition(".")[0] == package]:
+        del sys.modules[name]
+
+
+def test_a_module_that_is_not_found_is_told_with_the_folders_that_were_searched(moved):
+    folder, lab = moved
+    lab.parent.rename(lab.parent.with_name("after"))
+    with pytest.raises(ConfigError) as told:
+        evaluate(EvaluateConfig(str(folder), **QUICK))
+    says = str(told.value)
+    assert says.startswith(
+        "run: its settings name moved_lab.levels, which cannot be imported: No module named 'moved_lab'."
+    )
+    assert f"{lab.parent} (which is no longer there)" in says and "among installed packages" in says
+    assert says.endswith("which folder holds moved_lab, PYTHONPATH=FOLDER")
+
+
+def test_a_module_that_is_missing_in_a_package_is_told_with_the_folder_of_the_package(moved):
+    folder, lab = moved
+    (lab / "levels.py").rename(lab / "meadows.py")
+    with pytest.raises(
+        ConfigError, match=rf"No module named 'moved_lab.levels'. It was looked for in {lab}. A run keeps"
+    ):
+        evaluate(EvaluateConfig(str(folder), **QUICK))
+
+
+def test_a_module_that_imports_what_is_not_there_is_told_by_the_name_of_that(moved):
+    folder, lab = moved
+    (lab / "levels.py").write_text("from segar import nothing_of_the_kind\n")
+    with pytest.raises(ConfigError, match=r"cannot import name 'nothing_of_the_kind' from 'segar' [^ ]*$"):
+        evaluate(EvaluateConfig(str(folder), **QUICK))
+
+
 def test_help_names_all_settings(monkeypatch, capsys):
     monkeypatch.setattr(sys, "argv", ["evaluate", "--help"])
     run_simple_command(pytest.fail, EvaluateConfig, "What it is for.")

@@ -205,7 +205,8 @@ def test_a_bad_action_is_an_error_that_says_where(actions: np.ndarray, words: st
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"levels": np.array([0, 99, 0, 0])}, "must lie in 0..19"),
+        ({"levels": np.array([0, 99, 0, 0])}, r"must lie in 0\.\.19, and that of environment 1 is 99$"),
+        ({"levels": np.array([0, 1, -1, 20])}, r"that of environment 2 is -1; 2 environments have a wrong one$"),
         ({"levels": np.array([0, 1])}, r"shape \(4,\)"),
         ({"lewels": np.zeros(4, int)}, "Did you mean 'levels'"),
     ],

@@ -458,6 +458,12 @@ def test_entities_that_cannot_make_levels_are_refused(make, message):
     ("make", "error", "message"),
     [
         (lambda: LevelDistribution([(Ball, 1)], prior=[]), LevelError, "has no 'prior'. Did you mean 'priors'?"),
+        (lambda: LevelDistribution(number=[(Ball, 1)]), LevelError, "has no 'number'. Did you mean 'numbers'?"),
+        (
+            lambda: LevelDistribution(),
+            LevelError,
+            "numbers must name at least one entity, as in numbers=[(GolfBall, 1)",
+        ),
         (lambda: LevelDistribution({Ball: 1}), LevelError, "numbers must be a list, not dict"),
         (lambda: LevelDistribution([]), LevelError, "at least one entity"),
         (lambda: LevelDistribution([(Ball, 0)]), LevelError, "at least one entity"),
