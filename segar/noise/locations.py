@@ -199,48 +199,68 @@ class BoxLocation(PlaneNoise):
 
 
 class RandomUniformLocation(BoxLocation):
+    """Uniform in the box [-0.95, 0.95] x [-0.95, 0.95] [m]: the arena, less its margin of 0.05 m."""
+
     x_range = y_range = (LOW, HIGH)
 
 
 class RandomMiddleLocation(BoxLocation):
+    """Uniform in the box [-0.475, 0.475] x [-0.475, 0.475] [m]: the middle of the arena."""
+
     x_range = y_range = (-QUARTER, QUARTER)
 
 
 class RandomTopLocation(BoxLocation):
+    """Uniform in the box [-0.95, 0.95] x [0.475, 0.95] [m]: the top of the arena."""
+
     x_range, y_range = (LOW, HIGH), (QUARTER, HIGH)
 
 
 class RandomBottomLocation(BoxLocation):
+    """Uniform in the box [-0.95, 0.95] x [-0.95, -0.475] [m]: the bottom of the arena."""
+
     x_range, y_range = (LOW, HIGH), (LOW, -QUARTER)
 
 
 class RandomLeftLocation(BoxLocation):
+    """Uniform in the box [-0.95, -0.475] x [-0.95, 0.95] [m]: the left side of the arena."""
+
     x_range, y_range = (LOW, -QUARTER), (LOW, HIGH)
 
 
 class RandomRightLocation(BoxLocation):
+    """Uniform in the box [0.475, 0.95] x [-0.95, 0.95] [m]: the right side of the arena."""
+
     x_range, y_range = (QUARTER, HIGH), (LOW, HIGH)
 
 
 class RandomTopRightLocation(BoxLocation):
+    """Uniform in the box [0.475, 0.95] x [0.475, 0.95] [m]: the upper right corner of the arena."""
+
     x_range, y_range = (QUARTER, HIGH), (QUARTER, HIGH)
 
 
 class RandomTopLeftLocation(BoxLocation):
+    """Uniform in the box [-0.95, -0.475] x [0.475, 0.95] [m]: the upper left corner of the arena."""
+
     x_range, y_range = (LOW, -QUARTER), (QUARTER, HIGH)
 
 
 class RandomBottomRightLocation(BoxLocation):
+    """Uniform in the box [0.475, 0.95] x [-0.95, -0.475] [m]: the lower right corner of the arena."""
+
     x_range, y_range = (QUARTER, HIGH), (LOW, -QUARTER)
 
 
 class RandomBottomLeftLocation(BoxLocation):
+    """Uniform in the box [-0.95, -0.475] x [-0.95, -0.475] [m]: the lower left corner of the arena."""
+
     x_range, y_range = (LOW, -QUARTER), (LOW, -QUARTER)
 
 
 @dataclass(frozen=True, repr=False)
 class CenterLocation(PlaneNoise):
-    """The centre of the arena."""
+    """The centre of the arena, (0, 0)."""
 
     @property
     def marginals(self) -> tuple[Noise, Noise]:  # type: ignore[override]
@@ -249,7 +269,8 @@ class CenterLocation(PlaneNoise):
 
 @dataclass(frozen=True, repr=False)
 class RandomEdgeLocation(MixtureNoise):
-    """Uniform in the rim: the 12 outer cells of a 4 x 4 grid over [-0.95, 0.95]^2."""
+    """Uniform in the box [-0.95, 0.95] x [-0.95, 0.95] [m] outside [-0.475, 0.475] x [-0.475, 0.475]: the 12 outer cells of a
+    4 x 4 grid."""
 
     weights: ClassVar[tuple[float, ...]] = (1.0 / 12,) * 12
 

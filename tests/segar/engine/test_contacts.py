@@ -156,6 +156,44 @@ def test_walls_stand_where_the_world_says(engine):
     np.testing.assert_allclose(v, [5.0, -5 * 0.975])
 
 
+TOUCH = 1e-7  # [m] of docs/reference/rules.md, "Where contacts happen"
+
+
+@pytest.mark.parametrize("engine", ["interpreter", "source"])
+@pytest.mark.parametrize("damping", [0.0, 0.025, 0.5])
+def test_a_bounce_ends_where_the_reference_says_and_not_in_the_wall_by_a_ten_millionth_of_a_metre(engine, damping):
+    velocities = np.array([(5.0, 0.0), (4.0, 3.0), (1.0, -2.0), (0.3, 0.4), (-4.0, 3.0)])
+    wall = 1 - 0.1  # [m] what the centre of the ball can reach
+    begin = np.column_stack([np.sign(velocities[:, 0]) * (wall - 0.001), np.full(len(velocities), 0.2)])
+    balls = (GolfBall({Position: x, Velocity: v, Size: 0.2}) for x, v in zip(begin, velocities, strict=True))
+    goal = GoalTile({Position: (0.0, -0.8)})
+    levels = Levels.from_entities([[ball, goal] for ball in balls], parameters={segar.language.WallDamping: damping})
+    state = after(engine, [move], levels)
+    x, v = read(state, levels, Position)[:, 0], read(state, levels, Velocity)[:, 0]
+
+    way = velocities * 0.01
+    end, side = begin + way, np.sign(velocities[:, 0])
+    too_far, share = np.abs(end[:, 0]) - wall, np.abs(velocities.T) / np.linalg.norm(velocities, axis=1)
+    exact_x = side * (wall - (1 - damping) * too_far)
+    exact_y = end[:, 1] - damping * velocities[:, 1] * too_far / np.abs(velocities[:, 0])
+    np.testing.assert_allclose(v, (1 - damping) * velocities * (-1, 1), rtol=1e-15)
+    np.testing.assert_allclose(x[:, 0], exact_x - side * (2 - damping) * TOUCH * share[0], rtol=0, atol=1e-14)
+    along = np.sign(velocities[:, 1]) * damping * TOUCH * share[1]
+    np.testing.assert_allclose(x[:, 1], exact_y - along, rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize("engine", ["interpreter", "source"])
+def test_balls_that_meet_head_on_stop_two_ten_millionths_of_a_metre_apart(engine):
+    goal = GoalTile({Position: (0.0, -0.8)})
+    left = GolfBall({Position: (-0.101, 0.0), Velocity: (1.0, 0.0), Size: 0.2})
+    right = Ball({Position: (0.101, 0.0), Velocity: (-1.0, 0.0), Size: 0.2, ID: "right"})
+    levels = Levels.from_entities([[left, goal, right]])
+    state = after(engine, [move], levels)
+    x = read(state, levels, Position)[0, :, 0]
+    # They are 2 mm apart and come 20 mm nearer: 18 mm of the way are left, which lead apart; each 1e-7 m counts twice.
+    assert x[2] - x[0] - 0.2 == pytest.approx(0.018 + 2 * 2 * TOUCH, abs=1e-14)
+
+
 @pytest.mark.parametrize("walls", [0.0, -1.0, np.inf, np.nan])
 def test_walls_stand_at_a_distance(walls):
     with pytest.raises(RuleError, match="the distance of the walls must be a finite number above 0"):

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import inspect
 import itertools
+import json
 import math
 import pickle
+import re
 
 import numpy as np
 import pytest
@@ -14,6 +17,7 @@ import segar.noise as sn
 from segar.errors import PriorError
 from segar.noise.base import Noise, moments, quadrature
 from segar.support.counter_rng import LevelGenerator, stream_key
+from tests.places import ROOT
 
 DRAWS = 40_000
 MANY_DRAWS = 1_000_000
@@ -239,6 +243,37 @@ def test_locations_lie_in_their_box(location, box):
     assert x0 <= x[:, 0].min() and x[:, 0].max() <= x1 and y0 <= x[:, 1].min() and x[:, 1].max() <= y1
     assert np.allclose(distribution.support, box)
     assert np.ptp(x[:, 0]) >= 0.98 * (x1 - x0) and np.ptp(x[:, 1]) >= 0.98 * (y1 - y0)
+
+
+BOX = re.compile(r"(\[\S+, \S+\]) x (\[\S+, \S+\])")
+ROW = re.compile(r"^\| `(\w+Location)` \| (\[\S+, \S+\]|0)[^|]* \| (\[\S+, \S+\]|0) \|$", re.M)
+
+
+@pytest.mark.parametrize("location", LOCATIONS)
+def test_help_and_the_reference_name_the_box_in_which_a_location_lies(location):
+    page = (ROOT / "docs/reference/factors-and-entities.md").read_text()
+    rows = {name: (json.loads(x), json.loads(y)) for name, x, y in ROW.findall(page)}
+    assert rows.keys() == {one.__name__ for one in LOCATIONS}
+    on_page = np.array(rows[location.__name__], float).reshape(2, -1)
+    x = location().sample(np.random.default_rng(0), 20_000)
+    np.testing.assert_allclose(x.min(axis=0), on_page[:, 0], atol=1e-3)
+    np.testing.assert_allclose(x.max(axis=0), on_page[:, -1], atol=1e-3)
+    assert (x >= on_page[:, 0]).all() and (x <= on_page[:, -1]).all()
+    text = inspect.getdoc(location)
+    if location is sn.CenterLocation:
+        assert "(0, 0)" in text
+    else:
+        box = np.array([json.loads(part) for part in BOX.search(text).groups()])
+        np.testing.assert_array_equal(box, on_page)
+
+
+def test_help_names_the_inside_that_the_rim_leaves_out():
+    _, inside = BOX.findall(inspect.getdoc(sn.RandomEdgeLocation))
+    bounds = np.array([json.loads(part) for part in inside])
+    x = sn.RandomEdgeLocation().sample(np.random.default_rng(0), 20_000)
+    is_inside = ((x > bounds[:, 0]) & (x < bounds[:, 1])).all(axis=1)
+    assert not is_inside.any()
+    assert tuple(map(tuple, bounds)) == sn.RandomMiddleLocation().support
 
 
 def test_the_edge_is_the_rim_without_the_middle():
