@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
+import types
 
 import imageio.v2 as imageio
 import numpy as np
@@ -102,6 +103,25 @@ def test_where_rules_draw_evaluation_plays_the_episodes_of_the_trainings_evaluat
     rows = [row for row in evaluate_run(policy, more, train, train) if row["levels"] == "train"]
     assert len(rows) == 12
     assert rows == found.episodes
+
+
+PAGE = (CHECKOUT / "docs/how-to/run-experiments.md").read_text()
+
+
+@pytest.mark.parametrize(
+    ("program", "prints"),
+    [("play_network", "test-n3-portable True\n"), ("log_probabilities", "(4,) True\ndeterministic: True\n")],
+)
+def test_documented_programs_on_a_run_run_for_levels_with_rules_of_ones_own_too(
+    program, prints, trained_in_gusts, monkeypatch, capsys
+):
+    source = PAGE.partition(f"# my_lab/{program}.py\n")[2].partition("```")[0]
+    first_run = types.ModuleType("my_lab.first_run")
+    first_run.folder = trained_in_gusts  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "my_lab", types.ModuleType("my_lab"))
+    monkeypatch.setitem(sys.modules, "my_lab.first_run", first_run)
+    exec(compile(source, program, "exec"), {})
+    assert prints in capsys.readouterr().out
 
 
 def test_scores_lie_between_chance_and_the_oracle_on_the_same_levels(trained):
