@@ -90,6 +90,8 @@ def advice_on_parameters(found: Sequence[str], config: RunConfig) -> str:
         fix, silence = f"observation.options.{fix}", f"observation.options.{silence}"
     else:
         fix, silence = f"StateVector({fix})", f"StateVector({silence})"
+    if state.form == "table":  # in which parameters have no row
+        fix = f"StateVector(entities=[], parameters=[{shown}]) beside the table"
     return (
         f"warning: the agent does not see {', '.join(found)}, which {'differs' if len(found) == 1 else 'differ'} between"
         f" levels. A state shows world parameters only if they are named: {fix}. Where the agent shall not see them, {silence}"

@@ -116,6 +116,11 @@ def test_nothing_is_said_of_parameters_where_none_differs_nor_of_pixels_and_name
     assert unseen_airs(levels, name=name)[0] == []
 
 
+def test_of_a_table_the_way_out_is_an_observation_beside_it():
+    unseen, config = unseen_airs("airs", {"form": "table"})
+    assert "named: StateVector(entities=[], parameters=[Breeze]) beside the table." in advice_on_parameters(unseen, config)
+
+
 def test_a_run_says_which_parameters_its_agent_does_not_see(tmp_path):
     said = []
     run(short_run(tmp_path, levels=LevelsConfig(f"{HERE}:airs", count=2, test_count=2)), said.append)
