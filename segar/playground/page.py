@@ -4,6 +4,7 @@ import base64
 import gzip
 import html
 import json
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike
@@ -27,6 +28,9 @@ STATIC = Path(__file__).parent / "static"
 MOST_LEVELS = 2000  # of a set, in a page
 OF_TWO_SETS = ("measures.js", "panel_design.js", "transport.js")  # scripts that a page of one set lacks
 OF_THE_STUDIO = ("panel_studio.js",)  # that a page in a file lacks
+DOCUMENTATION = re.compile(
+    r"^[ \t]*/\*\*.*?\*/[ \t]*\n", re.MULTILINE | re.DOTALL
+)  # of a script, in lines of their own
 HEIGHT = 720  # [px] of a page in a notebook
 
 
@@ -139,11 +143,16 @@ def _require_levels(levels: Levels) -> None:
         )
 
 
+def _program(path: Path) -> bytes:
+    """A file of the program without its documentation, which is a seventh of it."""
+    return DOCUMENTATION.sub("", path.read_text(encoding="utf-8")).encode()
+
+
 def _page(title: str, about: dict[str, Any], blobs: Blobs) -> str:
     """The template with its style, its program and its data in it."""
     left_out = (() if "objective" in about else OF_TWO_SETS) + (() if "studio" in about else OF_THE_STUDIO)
     scripts = [path for path in sorted(STATIC.glob("*.js")) if path.name not in left_out]
-    about["scripts"] = {path.name: blobs.add(path.read_bytes()) for path in scripts}
+    about["scripts"] = {path.name: blobs.add(_program(path)) for path in scripts}
     about["blobs"] = blobs.places
     head = json.dumps(about, separators=(",", ":"), allow_nan=False).encode()
     head += b" " * (-len(head) % 8)
