@@ -118,7 +118,9 @@ def test_nothing_is_said_of_parameters_where_none_differs_nor_of_pixels_and_name
 
 def test_of_a_table_the_way_out_is_an_observation_beside_it():
     unseen, config = unseen_airs("airs", {"form": "table"})
-    assert "named: StateVector(entities=[], parameters=[Breeze]) beside the table." in advice_on_parameters(unseen, config)
+    assert "named: StateVector(entities=[], parameters=[Breeze]) beside the table." in advice_on_parameters(
+        unseen, config
+    )
 
 
 def test_a_run_says_which_parameters_its_agent_does_not_see(tmp_path):

@@ -49,6 +49,15 @@ def test_the_first_environment_with_its_entity_factor_and_rule_is_named(rule, fa
     assert f"(changed by {rule.where})" in said and "The same holds for 1 other environments" in said
 
 
+def test_a_rule_that_was_made_without_a_module_is_named_too():
+    names = {"SetFactor": SetFactor, "Mass": Mass, "Charge": Charge, "__name__": None}
+    exec("def made(m: Mass, q: Charge) -> SetFactor[Mass]:\n    return SetFactor[Mass](m, m / q)", names)
+    assert names["made"].__module__ is None
+    env = environments(levels_of(1.0, 0.0, rules=[names["made"]]))
+    with pytest.raises(RuleError, match=r"Mass of 'golfball' is inf \(changed by made"):
+        env.step(STILL)
+
+
 def test_a_step_that_went_wrong_is_told_again_until_the_environment_starts_anew():
     env = environments(levels_of(1.0, 0.0, rules=[divide]))
     for _ in range(2):

@@ -147,7 +147,9 @@ def test_axe_finds_nothing_wrong_in_the_panels(scheme: Any, chromium: Chromium, 
     chromium.page.get_by_role("button", name="level 0: ").first.focus()
     for key in ("ArrowRight", "ArrowDown", "Home", "ArrowRight", "ArrowRight", "Enter"):
         chromium.page.keyboard.press(key)
-    assert chromium.run("return document.querySelectorAll('.strip button[tabindex=\"0\"]').length") == len((TRAIN, TEST))
+    assert chromium.run("return document.querySelectorAll('.strip button[tabindex=\"0\"]').length") == len(
+        (TRAIN, TEST)
+    )
     assert "level 2" in chromium.page.get_by_role("status").first.inner_text()
     chromium.until("document.querySelector('details .note + .bar').style.width === '100%'")
     assert "Value of what it sees: " in chromium.page.inner_text("details >> nth=0")
