@@ -148,13 +148,11 @@ def _probes(path: Path) -> dict[str, tuple[float, float, float]]:
         if rows <= MOST_ROWS:
             is_shown = [(column, "==", value) for column, value in SHOWN.items()]
             table = parquet.read_table(path, columns=["factor", *NUMBERS], filters=is_shown)
-            return {
-                str(one["factor"]): (float(one["estimate"]), float(one["low"]), float(one["high"]))
-                for one in table.to_pylist()
-                if all(
-                    one[name] is not None and math.isfinite(one[name]) for name in NUMBERS
-                )  # it varies on these levels
-            }
+            rows_shown = [[one[name] for name in ("factor", *NUMBERS)] for one in table.to_pylist()]
+            known = [
+                row for row in rows_shown if None not in row and all(map(math.isfinite, row[1:]))
+            ]  # of what varies
+            return {str(factor): (float(r2), float(low), float(high)) for factor, r2, low, high in known}
     except (ArrowException, *DAMAGE) as cause:
         raise SegarError(f"{path} holds no probes of a run: {first_line(cause)}; {advice}") from cause
     raise SegarError(f"{path} has {rows:,} rows, and a table of probes {MOST_ROWS:,} at most; {advice}")
