@@ -253,7 +253,7 @@ def test_own_objects_are_named_where_groups_are_chosen():
     [
         ("levels=my_lab.nowhere:windy", "levels.train: 'my_lab.nowhere:windy' cannot be imported"),
         ("levels.test=os:nothing", "levels.test: 'os' has no 'nothing'"),
-        ("observation=os:patj", "observation.name: 'os' has no 'patj'. Did you mean 'path'?"),
+        ("observation=os:getcwdd", "observation.name: 'os' has no 'getcwdd'. Did you mean 'getcwd'?"),
         ("task=os.path:nothing", "task.name: 'os.path' has no 'nothing'"),
     ],
 )

@@ -42,7 +42,7 @@ def levels(*rules, phase=0.5) -> segar.LevelDistribution:
 still, turning, different = levels(), levels(turn), levels(phase=segar.UniformNoise(0.0, 6.0))
 
 
-class Breeze(segar.Parameter, default=0.0, unit="m/s^2"):
+class AirSpeed(segar.Parameter, default=0.0, unit="m/s^2"):
     """Of the air."""
 
 
@@ -51,7 +51,7 @@ def air(breeze, gravity=9.81) -> segar.LevelDistribution:
     return segar.LevelDistribution(
         numbers=[(segar.GolfBall, 1), (segar.GoalTile, 1)],
         priors=[segar.Prior(segar.Position, segar.RandomUniformLocation())],
-        parameters={Breeze: breeze, segar.Gravity: gravity},
+        parameters={AirSpeed: breeze, segar.Gravity: gravity},
     )
 
 

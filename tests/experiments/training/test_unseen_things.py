@@ -85,11 +85,11 @@ def unseen_airs(levels, options=None, name="state", **more):
 @pytest.mark.parametrize(
     ("levels", "options", "more", "names", "shown"),
     [
-        ("airs", {}, {}, ["Breeze"], "[Breeze]"),
-        ("airs", {"entities": ["golfball"]}, {}, ["Breeze"], "[Breeze]"),
-        ("calm", {}, {"test": f"{HERE}:stormy"}, ["Breeze"], "[Breeze]"),
-        ("planets", {}, {}, ["Breeze", "Gravity"], "[Breeze,Gravity]"),
-        ("planets", {"parameters": ["Gravity"]}, {}, ["Breeze"], "[Gravity,Breeze]"),
+        ("airs", {}, {}, ["AirSpeed"], "[AirSpeed]"),
+        ("airs", {"entities": ["golfball"]}, {}, ["AirSpeed"], "[AirSpeed]"),
+        ("calm", {}, {"test": f"{HERE}:stormy"}, ["AirSpeed"], "[AirSpeed]"),
+        ("planets", {}, {}, ["AirSpeed", "Gravity"], "[AirSpeed,Gravity]"),
+        ("planets", {"parameters": ["Gravity"]}, {}, ["AirSpeed"], "[Gravity,AirSpeed]"),
     ],
 )
 def test_a_parameter_that_differs_is_named_with_the_settings_that_show_it_or_end_the_line(
@@ -118,7 +118,7 @@ def test_nothing_is_said_of_parameters_where_none_differs_nor_of_pixels_and_name
 
 def test_of_a_table_the_way_out_is_an_observation_beside_it():
     unseen, config = unseen_airs("airs", {"form": "table"})
-    assert "named: StateVector(entities=[], parameters=[Breeze]) beside the table." in advice_on_parameters(
+    assert "named: StateVector(entities=[], parameters=[AirSpeed]) beside the table." in advice_on_parameters(
         unseen, config
     )
 
@@ -126,5 +126,5 @@ def test_of_a_table_the_way_out_is_an_observation_beside_it():
 def test_a_run_says_which_parameters_its_agent_does_not_see(tmp_path):
     said = []
     run(short_run(tmp_path, levels=LevelsConfig(f"{HERE}:airs", count=2, test_count=2)), said.append)
-    (line,) = (line for line in said if "does not see Breeze" in line)
+    (line,) = (line for line in said if "does not see AirSpeed" in line)
     assert line.startswith("warning: ")
