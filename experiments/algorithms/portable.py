@@ -17,9 +17,7 @@ from segar.errors import SegarError
 from segar.language import Task
 from segar.policies import Network, NetworkPolicy
 
-Outputs = dict[
-    str, Any
-]  # the layers of mean, log_std and value, and the range of log_std, as segar.policies.Network has them
+Outputs = dict[str, Any]  # mean, log_std, log_std_range and value, as segar.policies.Network has them
 
 
 def network_of(policy: object, observation_shape: tuple[int, ...], task: Task) -> Network:

@@ -100,10 +100,11 @@ def evaluate(config: EvaluateConfig, say: Callable[[str], None] = print) -> Eval
     policy: Agent
     policy, frames = load_agent(folder, trained, levels, say, found)
     options, network = options_of(folder, trained), None
+    env = VectorEnv(levels, 1, seed=0, **options)
     if config.portable:
-        network = network_of(policy, shape_in(levels, trained, options), options["task"])
+        network = network_of(policy, observation_shape(env), options["task"])
         policy = PortableAgent(network, config.num_threads)
-    repeated = config.episodes if VectorEnv(levels, 1, seed=0, **options).is_random else 1
+    repeated = config.episodes if env.is_random else 1
     rows = play_levels(policy, levels, options, config, repeated)
     baselines = find_baselines(
         levels, options["task"], rng=np.random.default_rng(config.seed), seed=config.seed,

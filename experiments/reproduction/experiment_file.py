@@ -179,6 +179,7 @@ def claim_config(claim: Any, place: str) -> ClaimConfig:
 
 Names = Annotated[tuple[str, ...], NOT_EMPTY, EACH_ONCE]
 VariationName = Annotated[str, check_variation]
+VariationNames = Annotated[tuple[VariationName, ...], NOT_EMPTY, EACH_ONCE]
 
 
 @dataclass(frozen=True)
@@ -196,9 +197,7 @@ class GridConfig:
     observations: Names = (BASE,)  # choices of the group observation
     tasks: Names = (BASE,)  # choices of the group task
     designs: Annotated[tuple[Design, ...], NOT_EMPTY, EACH_ONCE] = ("iid",)  # how training levels are picked
-    variations: Annotated[tuple[VariationName, ...], NOT_EMPTY, EACH_ONCE] = (
-        "",
-    )  # names in experiments.levels.variations
+    variations: VariationNames = ("",)  # names in experiments.levels.variations
     interval: CountFrom0 | None = None  # frames between evaluations on the test levels; None: as the scale has it
     vary: Annotated[Mapping[str, Any], check_vary] = field(default_factory=dict)  # other settings: name to values
 

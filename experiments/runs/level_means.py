@@ -1,9 +1,7 @@
 """Means over levels of what episodes returned, and their standard errors."""
 
-from collections.abc import Iterable, Mapping
-from typing import Any
-
 import numpy as np
+import pyarrow as pa
 from numpy.typing import NDArray
 
 from experiments.settings import ACTION_MODES
@@ -29,17 +27,20 @@ def level_mean(level: Floats, returns: Floats, *, fixed: bool, sampled: bool) ->
     return float(means.mean()), float(error)
 
 
-def gap_errors(episodes: Iterable[Mapping[str, Any]]) -> dict[str, float]:
+def gap_errors(episodes: pa.Table) -> dict[str, float]:
     """The standard errors of a run's gaps from its evaluation episodes, as ``gap_se_deterministic``; of each action mode in
     which both training and test levels were played, and where there is one."""
-    rows, found = list(episodes), {}
+    modes, sets, level, returns = (
+        episodes.column(name).to_numpy() for name in ("action_mode", "levels", "level", "return")
+    )
+    found = {}
     for mode in ACTION_MODES:
         errors = []
         for levels in ("train", "test"):
-            played = [row for row in rows if row["action_mode"] == mode and row["levels"] == levels]
-            if played:
-                level, returns = (np.array([row[name] for row in played], np.float64) for name in ("level", "return"))
-                errors.append(level_mean(level, returns, fixed=levels == "train", sampled=mode == "sampled")[1])
+            played = (modes == mode) & (sets == levels)
+            if played.any():
+                fixed, sampled = levels == "train", mode == "sampled"
+                errors.append(level_mean(level[played], returns[played], fixed=fixed, sampled=sampled)[1])
         if len(errors) == 2 and np.isfinite(errors).all():
             found[f"gap_se_{mode}"] = float(np.hypot(*errors))
     return found

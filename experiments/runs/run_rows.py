@@ -292,10 +292,13 @@ def _seen(folder: Path, levels: LevelsConfig, about: Mapping[str, Any]) -> float
 def _figures(folder: Path) -> dict[str, float]:
     """The figures of a finished run: those of its summary, results that older summaries lack, and the errors of its gaps."""
     summary = read_summary(folder)
-    episodes = read_episodes(folder).to_pylist() if (folder / EPISODES).exists() else []
+    if not (folder / EPISODES).exists():
+        return figures_of(summary)
+    episodes = read_episodes(folder)
     if not any(f"/{RESULTS}" in key for key in summary):
+        rows = episodes.to_pylist()
         for levels, mode in product(("train", "test"), ACTION_MODES):
-            summary |= result_figures(episodes, levels, mode)
+            summary |= result_figures(rows, levels, mode)
     return figures_of(summary) | gap_errors(episodes)
 
 

@@ -35,9 +35,7 @@ def state_not_finite(env: int, levels: Levels, level: int, values: np.ndarray, r
     for slot, factor, place in _places(layout, values, wrong):
         kind = layout.types[levels.types[level, slot]]
         changing = [rule for rule in rules if factor in changed_of_type(rule, kind)]
-        own = [
-            rule for rule in changing if not (rule.function.__module__ or "").startswith("segar.")
-        ]  # None: made by exec
+        own = [rule for rule in changing if not str(rule.function.__module__).startswith("segar.")]
         names = ", ".join(rule.where for rule in own or changing)
         said[bool(own)].append(f"{place} (changed by {names})" if names else place)
     places = (said[True] + said[False])[:MOST_PLACES]

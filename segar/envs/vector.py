@@ -205,13 +205,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         if options:
             name = next(iter(options))
             raise LevelError(f"reset: unknown option '{name}'.{did_you_mean(str(name), ('levels', 'reset_mask'))}")
-        if chosen is not None and not ((chosen >= 0) & (chosen < len(self.levels))).all():
-            wrong = np.flatnonzero((chosen < 0) | (chosen >= len(self.levels)))
-            others = f"; {len(wrong)} environments have a wrong one" if len(wrong) > 1 else ""
-            raise LevelError(
-                f"reset: level indices must lie in 0..{len(self.levels) - 1}, and that of environment {wrong[0]} is"
-                f" {chosen[wrong[0]]}{others}"
-            )
+        if chosen is not None:
+            self._require_levels(chosen)
         if seed is not None:
             self._now.seed = seed_of(seed)
             self._now.episodes[:] = 0
@@ -259,6 +254,16 @@ class VectorEnv(gymnasium.vector.VectorEnv):
     def runs_on_gpu(self) -> bool:
         """Whether episodes run on a GPU, whose number ``device`` says; then actions and results are torch tensors."""
         return self._episodes is not None
+
+    def _require_levels(self, chosen: np.ndarray) -> None:
+        """Raise :class:`LevelError` where an environment shall start on a level that there is not."""
+        wrong = np.flatnonzero((chosen < 0) | (chosen >= len(self.levels)))
+        if len(wrong):
+            others = f"; {len(wrong)} environments have a wrong one" if len(wrong) > 1 else ""
+            raise LevelError(
+                f"reset: level indices must lie in 0..{len(self.levels) - 1}, and that of environment {wrong[0]} is"
+                f" {chosen[wrong[0]]}{others}"
+            )
 
     @property
     def is_random(self) -> bool:

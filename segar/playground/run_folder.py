@@ -62,10 +62,24 @@ def read_policy(
         SegarError: there is none, which says how to write it; or something cannot be read; or the settings name a task or an
             observation of the user's own that the levels do not bring.
     """
+    place, run = _network_of(path)
+    network, settings, seen = Network.load(place), {}, observations or {}
+    if (run / CONFIG).exists():
+        settings = _settings(run / CONFIG)
+        seen = seen or _observation(run / CONFIG, settings)
+        if (run / LEVELS_TRAIN).exists():
+            train = Levels.load(run / LEVELS_TRAIN, levels.world)
+            seen = {name: trained_on(one, train) for name, one in seen.items()}
+    probes = _probes(run / PROBES) if (run / PROBES).exists() else {}
+    return RunPolicy(network, place, seen, _task(run / CONFIG, settings, levels, task), probes)
+
+
+def _network_of(path: Path) -> tuple[Path, Path]:
+    """The file of a network, and the folder of its run; no such folder is known of a file that is named itself."""
     if not path.exists():
         raise SegarError(f"there is no {path}; name a network's file, or the folder of a run")
     if not path.is_dir():
-        return RunPolicy(Network.load(path), path, observations or {}, None if task is None else make_task(task))
+        return path, path
     is_evaluation = (path / NETWORK_FILE).exists()
     found = [path / NETWORK_FILE] if is_evaluation else sorted(path.glob(IN_EVALUATIONS), key=_written)
     if not found:
@@ -73,16 +87,7 @@ def read_policy(
             f"{path}: there is no {NETWORK_FILE}, neither here nor in {IN_EVALUATIONS}, which plays without torch; write"
             f" it by: python -m experiments.evaluate run={path} portable=true"
         )
-    run = path.parent.parent if is_evaluation and not (path / CONFIG).exists() else path
-    network, probes = Network.load(found[-1]), _probes(run / PROBES) if (run / PROBES).exists() else {}
-    if not (run / CONFIG).exists():
-        return RunPolicy(network, found[-1], observations or {}, None if task is None else make_task(task), probes)
-    settings = _settings(run / CONFIG)
-    seen = observations or _observation(run / CONFIG, settings)
-    if (run / LEVELS_TRAIN).exists():
-        train = Levels.load(run / LEVELS_TRAIN, levels.world)
-        seen = {name: trained_on(one, train) for name, one in seen.items()}
-    return RunPolicy(network, found[-1], seen, _task(run / CONFIG, settings, levels, task), probes)
+    return found[-1], path.parent.parent if is_evaluation and not (path / CONFIG).exists() else path
 
 
 def _written(path: Path) -> float:

@@ -122,9 +122,11 @@ class Network:
             layers.append(replace(layer, arrays=arrays))
         return replace(self, layers=tuple(layers))
 
-    def plan(self, sampled: bool) -> Plan:
-        """What the compiled forward pass reads; it gives the mean and, where actions are sampled, ``log_std``."""
-        return make_plan(self.layers, self.shapes, (self.mean, self.log_std) if sampled else (self.mean,))
+    def plan(self, sampled: bool, *, valued: bool = False) -> Plan:
+        """What the compiled forward pass reads; it gives the mean; where actions are ``sampled``, ``log_std``; and, where it is
+        asked for and there is one, the value."""
+        value = () if self.value is None or not valued else (self.value,)
+        return make_plan(self.layers, self.shapes, (self.mean, *((self.log_std,) if sampled else ()), *value))
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write to ``path`` (npz without pickle). An existing file is replaced only by a complete one.

@@ -11,7 +11,6 @@ from segar.engine import Call, Given, Rows, Scratch, call_of
 from segar.errors import SegarError
 from segar.policies.kernels import ROWS, TILE, act, decide, forward
 from segar.policies.network import Network
-from segar.policies.plan import make_plan
 from segar.support import Team
 
 SCRATCH = 2**18  # float32 numbers that the environments of a block share, about what a processor's cache holds
@@ -101,8 +100,7 @@ class NetworkPolicy:
         components)`` and ``values`` float32 ``(envs,)``, which are written; values by networks that have them.
         """
         network, envs = self.network, ("envs",)
-        wanted = [network.mean] + [network.log_std] * self.sampled + ([] if network.value is None else [network.value])
-        plan = make_plan(network.layers, network.shapes, wanted)
+        plan = network.plan(self.sampled, valued=True)
         mean, log_std = plan.outputs[0], plan.outputs[1] if self.sampled else 0
         value = -1 if network.value is None else plan.outputs[-1]
         given = {

@@ -48,10 +48,8 @@ class Evidence:
     """
 
     least_blocks = LEAST_BLOCKS  # that an interval is given of
-    blocks: ClassVar[Mapping[tuple[str, ...], str]] = {
-        BLOCK: "blocks",
-        PANEL: "blocks",
-    }  # what they are called where there are too few
+    # What blocks of these columns are called where there are too few.
+    blocks: ClassVar[Mapping[tuple[str, ...], str]] = {BLOCK: "blocks", PANEL: "blocks"}
 
     def __init__(self, results: Results, gated: bool = True):
         self.all_results = results
