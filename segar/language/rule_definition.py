@@ -1,13 +1,14 @@
 """A rule: a plain typed function, read and traced when it is defined."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, overload
 
 from segar.errors import RuleError
 from segar.language.entities import Object, Thing, Tile
 from segar.language.factors import Factor
+from segar.language.parameters import Parameter
 from segar.language.pickling import ByName
 from segar.language.relations import Relation, as_relation
 from segar.language.signature import Pattern, Signature, code_place, read_signature, symbolic_arguments
@@ -26,6 +27,7 @@ class Rule(ByName):
         relation: the rule applies only where this holds.
         priority: how specific the rule is; among several ``SetFactor`` on one factor the highest wins.
         recheck: the rule is evaluated again, with all its effects, before velocities change (death does that).
+        active: the rule holds only in levels in which this world parameter is not 0; None: in all.
     """
 
     function: Callable[..., Any]
@@ -34,6 +36,7 @@ class Rule(ByName):
     relation: Relation | None
     priority: int
     recheck: bool
+    active: type[Parameter] | None = None
 
     def __call__(self, *arguments: Any) -> Any:
         return self.function(*arguments)
@@ -45,6 +48,24 @@ class Rule(ByName):
     @property
     def where(self) -> str:
         return code_place(self.function)
+
+    def where_active(self, parameter: type[Parameter]) -> "Rule":
+        """The same rule, which holds only in levels in which ``parameter`` is not 0.
+
+        Raises:
+            RuleError: the rule depends on another parameter in this way already.
+        """
+        if self.active is not None:
+            raise RuleError(
+                f"{self.where}: holds only where {self.active.__name__} is not 0, and cannot depend on"
+                f" {parameter.__name__} too"
+            )
+        return replace(self, active=parameter)
+
+    @property
+    def parameters(self) -> tuple[type[Parameter], ...]:
+        """The world parameters that the function takes, and the one that says where the rule holds."""
+        return (*self.signature.parameters, *(() if self.active is None else (self.active,)))
 
     @property
     def changes(self) -> frozenset[type[Factor]]:

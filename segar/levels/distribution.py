@@ -26,7 +26,7 @@ from segar.levels.sampling.draws import Streams, draw_levels
 from segar.levels.sampling.placement import MIN_DISTANCE
 from segar.levels.sampling.plan import SamplingPlan, SlotGroup, make_plan
 from segar.noise import Noise
-from segar.rules import World
+from segar.rules import RuleSpace, World
 from segar.support import Estimate, __version__
 
 CONFIG_KEYS = ("numbers", "priors", "parameters", "positions", "name", "world", "min_distance", "task")
@@ -99,6 +99,8 @@ class LevelDistribution:
         set_(self, "positions", tuple(map(_check_places, _sequence("positions", positions or ()))))
         if not len(self.layout.slots) > 1:
             raise LevelError("numbers must name at least one entity, as in numbers=[(GolfBall, 1), (GoalTile, 1)]")
+        if self.rule_space is not None:
+            self.rule_space.require_suits(self.layout.types)
         check_priors(self.priors, self.layout.types[:-1])
         _ = self.plan  # contradictions show here, not at the first sample
 
@@ -146,18 +148,29 @@ class LevelDistribution:
         slots = []
         for (types, most), (_, many) in zip(groups, self.numbers, strict=True):
             slots += [Slot(next(names), types, optional=k >= counts(many)[0]) for k in range(most)]
-        layout = layout_on_floor(slots, self._parameter_priors)
+        drawn = () if self.rule_space is None else self.rule_space.parameters
+        layout = layout_on_floor(slots, (*self._parameter_priors, *drawn))
         _check_names(layout.slots)
         return layout
 
     @cached_property
     def hash(self) -> str:
         """Sixteen hexadecimal digits of all that decides which levels are drawn and what their entities hold; name,
-        rules and task take no part. The same on every machine."""
-        return content_hash(self._content)
+        rules and task take no part, but what a rule space draws does. The same on every machine."""
+        return content_hash(self._content + ([] if self.rule_space is None else [self.rule_space.content]))
 
-    def with_rules(self, rules: Sequence[Any]) -> LevelDistribution:
-        """The same distribution, with the same levels, in a world with other ``rules``; raises :class:`RuleError`."""
+    @property
+    def rule_space(self) -> RuleSpace | None:
+        """The rule space that each level draws its rules from; None where all have the same."""
+        return None if self.world is None else self.world.space
+
+    def with_rules(self, rules: Sequence[Any] | RuleSpace) -> LevelDistribution:
+        """The same distribution, with the same levels, in a world with other ``rules``. From a
+        :class:`segar.rules.RuleSpace` each level draws rules of its own; all else of it stays as it is.
+
+        Raises:
+            RuleError: a rule cannot be traced, or an option of the space needs what no entity has.
+        """
         world = self.world if self.world is not None else World()
         return dataclasses.replace(self, world=dataclasses.replace(world, rules=rules))
 
@@ -247,6 +260,12 @@ class LevelDistribution:
             if parameter in made:
                 raise PriorError(f"{parameter.__name__} is given twice: {made[parameter]} and {prior} in parameters")
             made[parameter] = prior
+        drawn = () if self.rule_space is None else self.rule_space.parameters
+        for parameter in made:
+            if parameter in drawn:
+                raise PriorError(
+                    f"{made[parameter]}: {parameter.__name__} is drawn by the rule space; remove the prior"
+                )
         return made
 
     @cached_property
@@ -271,7 +290,7 @@ class LevelDistribution:
             slot += len(slots)
         priors = [p for p in self.priors if not issubclass(p.factor, Parameter)]
         fixed = _fixed_positions(self.layout, self.positions)
-        return make_plan(self.layout, groups, priors, self._parameter_priors, fixed, self.min_distance)
+        return make_plan(self.layout, groups, priors, self._parameter_priors, fixed, self.min_distance, self.rule_space)
 
 
 def types_of(who: type[Entity] | ThingFactory) -> tuple[type[Entity], ...]:

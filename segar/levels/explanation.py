@@ -76,6 +76,8 @@ def _explain_parameter(plan: SamplingPlan, priors: tuple[Prior, ...], factor: ty
     drawn = dict(plan.parameter_priors).get(column)
     stated = drawn or next((p for p in priors if p.factor is factor), None)
     value, subject = float(plan.parameters[column]), f"{factor.__name__} of the world"
+    if plan.rule_space is not None and factor in plan.rule_space.parameters:
+        return Explanation(subject, plan.rule_space.marginals()[factor], None, (), "drawn by the rule space")
     if stated is not None:
         only = (Candidate(stated, "wins: a parameter takes one value or distribution"),)
         return Explanation(subject, stated.value, stated, only)

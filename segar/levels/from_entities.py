@@ -88,10 +88,9 @@ def _layout(levels: Sequence[Sequence[Entity]], parameters: Mapping[type[Paramet
 def _set_parameters(table: np.ndarray, layout: Layout, given: Mapping[type[Parameter], Any]) -> None:
     for column, parameter in enumerate(layout.parameters):
         value = np.asarray(given.get(parameter, parameter.default), dtype=float)
-        low, high = parameter.bounds or (-np.inf, np.inf)
         n = len(table)
-        if value.shape not in ((), (n,)) or not (np.isfinite(value) & (value >= low) & (value <= high)).all():
+        if value.shape not in ((), (n,)) or not parameter.is_possible(value).all():
             raise LevelError(
-                f"parameters: {parameter.__name__} must be one number or {n}, from {low:g} to {high:g}, not {value!r}"
+                f"parameters: {parameter.__name__} must be one number or {n}, {parameter.possible_values()}; not {value!r}"
             )
         table[:, column] = value

@@ -80,14 +80,17 @@ class Levels(LevelData):
 
         Args:
             levels: entities such as ``GolfBall({Position: [0, 0]})``; levels with fewer leave their last slots empty.
-            parameters: world parameter class to a number, or to one number per level.
+            parameters: world parameter class to a number, or to one number per level; which options of a rule space are
+                active, and their constants, are such parameters.
             fix_overlaps: move things out of walls and of each other; by default all stay exactly where they are.
 
         Raises:
             LevelError: there are no levels, or an entity or parameter cannot be used.
             PlacementError: ``fix_overlaps`` is asked for and impossible.
         """
-        made = cls(**arrays_of_entities(levels, parameters or {}, name), world=world)
+        drawn = () if world is None or world.space is None else world.space.parameters
+        values = {p: p.default for p in drawn} | dict(parameters or {})
+        made = cls(**arrays_of_entities(levels, values, name), world=world)
         check_levels(made, "Levels.from_entities: ")
         return made.without_overlaps() if fix_overlaps else made
 

@@ -145,13 +145,17 @@ class _Run:
     def _gather(self, stage: language.Stage) -> Gathered:
         """The effects that count in the stage on each place, in order of rules and entities."""
         gathered: Gathered = {}
-        for rule in stage.rules(self.world, self.functions):
+        for rule in filter(self._is_active, stage.rules(self.world, self.functions)):
             for slots in self.state.tuples(rule.needs):
                 if rule.relation is None or self._is_related(rule.relation, slots):
                     effects = self._effects(rule, slots)
                     counted = [e for e in effects if stage.counts(rule, e.kind, e.target.factor)]
                     self._add(gathered, stage.name, rule, slots, counted)
         return gathered
+
+    def _is_active(self, rule: language.Rule) -> bool:
+        """Whether the rule holds in the level."""
+        return rule.active is None or self.state.parameters[rule.active] != 0
 
     def _add(
         self, gathered: Gathered, stage: str, rule: language.Rule, slots: Slots, effects: Sequence[language.Effect]
@@ -276,7 +280,7 @@ class _Run:
     def _notes(self, bodies: tuple[int, ...], wall: language.VectorValue | None = None) -> Changes:
         """What the rules of ``on_contact`` set, decided on the state in which the bodies meet."""
         gathered: Gathered = {}
-        for rule in self.world.on_contact:
+        for rule in filter(self._is_active, self.world.on_contact):
             for slots in itertools.permutations(bodies):
                 if len(rule.needs) == len(slots) and all(map(self.state.meets, slots, rule.needs)):
                     self._add(gathered, "contact", rule, slots, self._effects(rule, slots, wall))

@@ -9,6 +9,7 @@ from segar.language import ARENA, Rule, SetFactor, Velocity, as_rule
 from segar.rules.collisions import bounce, collide, is_solid
 from segar.rules.default_rules import DEFAULT_RULES
 from segar.rules.motion import speed_limit
+from segar.rules.rule_space import RuleSpace
 
 
 @dataclass(frozen=True, init=False)
@@ -16,7 +17,8 @@ class World:
     """Rules, and the contact rules that run after positions changed.
 
     Args:
-        rules: rules or undecorated typed functions; they replace the default ones.
+        rules: rules or undecorated typed functions, which replace the default ones; or a :class:`RuleSpace`, which says of
+            each level which of its rules hold.
         limit: applied to velocities after all other rules of velocity; None for no limit.
         wall_contact: what a wall does to a body that touches it; None: bodies stop there.
         pair_contact: what two bodies do to each other when they touch; None: bodies pass through each other.
@@ -26,6 +28,7 @@ class World:
 
         walls: distance of the arena's walls from its middle [m]. Level distributions place things in an arena of 1;
             in another, levels are made by hand (:meth:`segar.Levels.from_entities`).
+        space: the rule space that the rules are of; follows from ``rules``.
 
     Raises:
         RuleError: a rule cannot be traced, is in its sequence twice, or does not suit its place.
@@ -38,20 +41,27 @@ class World:
     solid: Rule | None
     on_contact: tuple[Rule, ...]
     walls: float
+    space: RuleSpace | None
 
     def __init__(
         self,
-        rules: Sequence[Any] = DEFAULT_RULES,
+        rules: Sequence[Any] | RuleSpace = DEFAULT_RULES,
         limit: Any = speed_limit,
         wall_contact: Any = bounce,
         pair_contact: Any = collide,
         solid: Rule | None = is_solid,
         on_contact: Sequence[Any] = (),
         walls: float = ARENA,
+        space: RuleSpace | None = None,
     ) -> None:
         set_ = object.__setattr__
-        set_(self, "rules", _as_rules("rules", rules))
-        set_(self, "on_contact", _as_rules("on_contact", on_contact))
+        given = rules.rules if isinstance(rules, RuleSpace) else _as_rules("rules", rules)
+        was_of = () if space is None else space.on_contact  # dataclasses.replace gives all fields again
+        notes = [rule for rule in _as_rules("on_contact", on_contact) if rule not in was_of]
+        space = rules if isinstance(rules, RuleSpace) else space if space is not None and given == space.rules else None
+        set_(self, "space", space)
+        set_(self, "rules", given)
+        set_(self, "on_contact", (*notes, *(() if space is None else space.on_contact)))
         set_(self, "limit", None if limit is None else as_rule(limit))
         set_(self, "wall_contact", None if wall_contact is None else as_rule(wall_contact))
         set_(self, "pair_contact", None if pair_contact is None else as_rule(pair_contact))
@@ -63,6 +73,14 @@ class World:
             raise RuleError(f"{self.limit.where}: the limit may only set Velocity")
         for rule in self.on_contact:
             _check_note(rule, self.pair_contact)
+        for name in ("limit", "wall_contact", "pair_contact"):
+            rule = getattr(self, name)
+            if rule is not None and rule.active is not None:
+                raise RuleError(f"{rule.where}: {name} holds in every level; test the parameter inside the rule")
+
+    def may_meet(self, one: Rule, other: Rule) -> bool:
+        """Whether both rules hold in some level."""
+        return self.space is None or self.space.may_meet(one.active, other.active)
 
 
 def _as_rules(name: str, rules: Sequence[Any]) -> tuple[Rule, ...]:

@@ -17,9 +17,9 @@ from tests.places import ROOT
 ORDER = [
     "segar.errors",
     "segar.support",
+    "segar.noise",
     "segar.language",
     "segar.rules",
-    "segar.noise",
     "segar.levels",
     "segar.engine",
     "segar.reference",

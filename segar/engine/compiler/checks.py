@@ -13,7 +13,7 @@ def check_rule(rule: Rule, layout: Layout, numbers: int, allows_action: bool, al
     """
     if len(rule.signature.entities) > len(VARIABLES):
         raise RuleError(f"{rule.where}: a rule can involve at most {len(VARIABLES)} entities")
-    for parameter in (*rule.signature.parameters, *_relation_parameters(rule.relation)):
+    for parameter in (*rule.parameters, *_relation_parameters(rule.relation)):
         if parameter not in layout.parameters:
             names = [p.__name__ for p in layout.parameters]
             raise RuleError(

@@ -2,13 +2,16 @@
 that are read of other entities."""
 
 from collections import defaultdict
-from collections.abc import Sequence
-from itertools import pairwise
+from collections.abc import Callable, Sequence
+from itertools import combinations
 
 from segar import language
 from segar.engine.compiler.applications import Application, application_symbols
 from segar.engine.compiler.spec import Group, Matcher
 from segar.errors import ConflictError
+
+MayMeet = Callable[[language.Rule, language.Rule], bool]
+"""Whether two rules hold in some level together."""
 
 
 def counted_effects(a: Application, leaf: language.Leaf, counts: language.Counts) -> list[language.EffectExpression]:
@@ -16,8 +19,11 @@ def counted_effects(a: Application, leaf: language.Leaf, counts: language.Counts
     return [e for e in leaf.effects if e.argument == a.target and counts(a.rule, e.kind, e.factor)]
 
 
-def check_certain_conflicts(group: Group, applications: Sequence[Application], counts: language.Counts) -> None:
-    """Raise :class:`ConflictError` where two rules on single entities always set one factor, equally specific."""
+def check_certain_conflicts(
+    group: Group, applications: Sequence[Application], counts: language.Counts, may_meet: MayMeet
+) -> None:
+    """Raise :class:`ConflictError` where two rules on single entities always set one factor, equally specific, wherever
+    both of them hold, and they do in some level."""
     setters = defaultdict(list)
     for a in applications:
         if len(a.rule.needs) == 1 and a.rule.relation is None and not isinstance(a.rule.tree, language.Branch):
@@ -25,9 +31,10 @@ def check_certain_conflicts(group: Group, applications: Sequence[Application], c
                 if e.kind is language.SetFactor:
                     setters[(e.factor, a.rule.priority)].append((a, e))
     for (factor, _), found in setters.items():
-        for (a, first), (b, second) in pairwise(found):
+        for (a, first), (b, second) in combinations(found, 2):
             # Symbols are interned: the same expression is the same object.
-            if any(p is not q for p, q in zip(first.components, second.components, strict=True)):
+            differ = any(p is not q for p, q in zip(first.components, second.components, strict=True))
+            if differ and may_meet(a.rule, b.rule):
                 raise ConflictError(
                     f"{a.rule.where} and {b.rule.where} both always set {factor.__name__} of"
                     f" {group.types[0].__name__}, and neither is more specific; remove one, add a relation, or give"

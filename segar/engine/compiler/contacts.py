@@ -9,7 +9,7 @@ from itertools import permutations
 
 from segar import language
 from segar.engine.compiler.checks import check_contact_rule
-from segar.engine.compiler.emit import Writer, bind, both, condition, match_test, over_group
+from segar.engine.compiler.emit import Writer, active_test, bind, both, condition, match_test, over_group
 from segar.engine.compiler.source import FactorSetting, Source, write_tree, write_value
 from segar.engine.compiler.spec import Group, Matcher
 from segar.errors import RuleError
@@ -54,7 +54,7 @@ class ContactNotes:
                 w.line(f"# {note.rule.name}")
                 w.groups = dict(zip(order, note.groups, strict=True))
                 tests = [match_test(body, mask) for body, mask in zip(order, note.masks, strict=True)]
-                with condition(w, both(*tests)):
+                with condition(w, both(active_test(w, note.rule), *tests)):
                     self._write_effects(w, note, order)
 
     def write(self, w: Writer) -> None:

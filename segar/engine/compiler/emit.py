@@ -6,7 +6,7 @@ from contextlib import AbstractContextManager, contextmanager
 from typing import Any
 
 from segar.engine.compiler.spec import Group
-from segar.language import Symbol, make
+from segar.language import Rule, Symbol, make
 from segar.support import mathematics
 
 BINARY = {"add": "+", "sub": "-", "mul": "*", "div": "/", "lt": "<", "le": "<=", "eq": "==", "ne": "!="}
@@ -137,6 +137,11 @@ def condition(w: Writer, test: str) -> AbstractContextManager[None]:
 def match_test(variable: str, mask: int) -> str:
     """Source of the test that an entity's bits include the mask; empty for no test."""
     return f"(bits[{variable}] & {mask}) == {mask}" if mask else ""
+
+
+def active_test(w: Writer, rule: Rule) -> str:
+    """Source of the test that the rule holds in the level; empty for no test."""
+    return "" if rule.active is None else f"{w.value(make('parameter', rule.active))} != 0.0"
 
 
 def both(*tests: str) -> str:

@@ -267,7 +267,7 @@ CONTACT_MOVES = {self._contacts_move()}
 
     def _writer(self, stage: Stage) -> StageWriter:
         rules = [(self.rules.index(rule), rule) for rule in stage.rules(self.world, self.task)]
-        return StageWriter(self.source.matcher, stage, rules, self.plain)
+        return StageWriter(self.source.matcher, stage, rules, self.world.may_meet, self.plain)
 
     def _move(self, stage: Stage) -> str:
         with self.source.function(stage_call(stage), inline=True) as w:

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from segar.engine.compiler.applications import Application, bind_tree
-from segar.engine.compiler.emit import Writer, both, condition, match_test, over_group, share
+from segar.engine.compiler.emit import Writer, active_test, both, condition, match_test, over_group, share
 from segar.engine.compiler.spec import Group
 from segar.language import Branch, Leaf, Symbol, Tree, walk
 
@@ -46,7 +46,11 @@ class SparsePairs:
             return
         w.line(f"listed_{self.name} = quiet_{self.name} = 0")
         w.groups = {"j": self.partners}
-        with over_group(w, self.partners, "j"), condition(w, match_test("j", self.mask)):
+        with (
+            condition(w, active_test(w, self.application.rule)),
+            over_group(w, self.partners, "j"),
+            condition(w, match_test("j", self.mask)),
+        ):
             with w.block(f"if {self._is_quiet(w)}:"):
                 w.line(f"quiet_{self.name} += 1")
             with w.block("else:"):

@@ -2,20 +2,27 @@
 
 All rules of a stage read the state from before the stage. A factor that some rule of the stage reads of another entity
 is therefore written to a second buffer ``W`` and copied when the stage is over; all others are written in place.
+
+The effects on one factor of one target are added up in an order that no other rule has a say in: rules on single entities
+first, then those on pairs, those to which most partners are alike last of these, then those on three entities; among each
+of these rule by rule, as the world has them, and for each rule over its partners in the order of slots. So a world in which
+some rules are not active gives the same bits as a world without these rules.
 """
 
 from collections import defaultdict
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import groupby
 
 from segar import language
 from segar.engine.compiler.applications import Application, application_symbols, bind_tree
 from segar.engine.compiler.conflicts import (
+    MayMeet,
     check_certain_conflicts,
     counted_effects,
     find_possible_conflicts,
     read_across,
 )
-from segar.engine.compiler.emit import Writer, bind, both, condition, match_test, over_group, share
+from segar.engine.compiler.emit import Writer, active_test, bind, both, condition, match_test, over_group, share
 from segar.engine.compiler.source import FactorSetting
 from segar.engine.compiler.sparse_pairs import SparsePairs, find_sparse_pairs
 from segar.engine.compiler.spec import Group, Matcher, relation_mask, simplified_truth
@@ -47,11 +54,19 @@ class StageWriter:
         stage: the effects that count, and what becomes of them. A stage that finds rates writes the differentials of
             Position to ``U`` and leaves the state as it is.
         rules: the rules of the stage with their numbers in the kernel.
+        may_meet: whether two rules hold in some level together.
         plain: loop over all partners of pair rules.
     """
 
-    def __init__(self, matcher: Matcher, stage: Stage, rules: list[tuple[int, Rule]], plain: bool = False) -> None:
-        self.matcher, self.counts = matcher, stage.counts
+    def __init__(
+        self,
+        matcher: Matcher,
+        stage: Stage,
+        rules: list[tuple[int, Rule]],
+        may_meet: MayMeet = lambda one, other: True,
+        plain: bool = False,
+    ) -> None:
+        self.matcher, self.counts, self.may_meet = matcher, stage.counts, may_meet
         self.finds_rates = stage.operation is language.Operation.FIND_RATES
         self.time_step = "dt" if stage.scales else "1.0"
         numbered = [Application(rule, n, target) for n, rule in rules for target in range(len(rule.needs))]
@@ -129,7 +144,7 @@ class StageWriter:
     def _write_target(self, w: Writer, group: Group, mine: Matching) -> list[tuple[Group, int]]:
         """Write the effects on the entities ``i`` of a group; returns the columns that are written to the buffer."""
         applications = [a for a, _ in mine]
-        check_certain_conflicts(group, applications, self.counts)
+        check_certain_conflicts(group, applications, self.counts, self.may_meet)
         self.changes = self._changes(group, applications)
         for change in self.changes.values():
             self._begin(w, change)
@@ -137,18 +152,22 @@ class StageWriter:
             self._write_topmost(w)
         self._write_unary(w, group, mine)
         plain = [(a, mask) for a, mask in mine if len(a.rule.needs) == 2 and a not in self.pairs]
-        for other in self._indistinct_groups([a for a, _ in plain]):
-            self._write_pairs(w, group, other, plain)
+        for together in self._written_together(group, plain):
+            with condition(w, active_test(w, together[0][0].rule)):
+                for other in self._partners([a for a, _ in together]):
+                    self._write_pairs(w, group, other, together)
         for a, mask in mine:
-            for other, pairs in self.pairs.get(a, ()):
-                if pairs is None:
-                    self._write_pairs(w, group, other, [(a, mask)])
-                else:
-                    with condition(w, match_test("i", mask)):
-                        self._write_sparse_pairs(w, group, pairs)
+            with condition(w, active_test(w, a.rule) if a in self.pairs else ""):
+                for other, pairs in self.pairs.get(a, ()):
+                    if pairs is None:
+                        self._write_pairs(w, group, other, [(a, mask)])
+                    else:
+                        with condition(w, match_test("i", mask)):
+                            self._write_sparse_pairs(w, group, pairs)
         for a, mask in mine:
             if len(a.rule.needs) == 3:
-                self._write_triples(w, group, a, mask)
+                with condition(w, active_test(w, a.rule)):
+                    self._write_triples(w, group, a, mask)
         if self.finds_rates:
             self._write_rates(w)
             return []
@@ -196,16 +215,39 @@ class StageWriter:
                     w.line("top_i = f")
 
     def _write_unary(self, w: Writer, group: Group, mine: Matching) -> None:
-        by_test: dict[str, list[Application]] = defaultdict(list)
-        for a, mask in mine:
-            if len(a.rule.needs) == 1:
-                by_test[match_test("i", mask)].append(a)
-        for test, applications in by_test.items():
-            with condition(w, test):
+        unary = [(a, mask) for a, mask in mine if len(a.rule.needs) == 1]
+        for (_, mask), together in groupby(unary, lambda one: (one[0].rule.active, one[1])):
+            applications = [a for a, _ in together]
+            with condition(w, both(active_test(w, applications[0].rule), match_test("i", mask))):
                 self._apply(w, applications, {"i": group})
 
+    def _written_together(self, group: Group, mine: Matching) -> list[Matching]:
+        """Pair rules that share one loop over partners: neighbours that hold in the same levels and share no sum."""
+        found: list[Matching] = []
+        for a, mask in mine:
+            last = found[-1] if found else []
+            if (
+                last
+                and last[0][0].rule.active is a.rule.active
+                and not any(self._summed(group, a, a.rule.tree) & self._summed(group, b, b.rule.tree) for b, _ in last)
+            ):
+                last.append((a, mask))
+            else:
+                found.append([(a, mask)])
+        return found
+
+    def _partners(self, applications: list[Application]) -> list[Group]:
+        """Groups of slots for loops over partners, such that the loops one after the other go in the order of slots."""
+        needs = [a.rule.needs[1 - a.target] for a in applications]
+        found = [
+            g for g in self._indistinct_groups(applications) if any(self.matcher.match(g, n) is not None for n in needs)
+        ]
+        owner = sorted((slot, k) for k, g in enumerate(found) for slot in g.slots)
+        runs = [(k, [slot for slot, _ in run]) for k, run in groupby(owner, lambda one: one[1])]
+        return [replace(found[k], slots=tuple(slots)) for k, slots in runs]
+
     def _write_pairs(self, w: Writer, group: Group, other: Group, mine: Matching) -> None:
-        by_test: dict[str, list[Application]] = defaultdict(list)
+        by_test: dict[str, list[Application]] = defaultdict(list)  # these share no sum, so their order does not count
         for a, mask in mine:
             if not (other.slots == group.slots and group.is_single):
                 other_mask = self.matcher.match(other, a.rule.needs[1 - a.target])
@@ -265,7 +307,8 @@ class StageWriter:
         return simplified_truth(self.matcher, bind(a.rule.relation.truth, a.variables, a.number), groups)
 
     def _merge(self, w: Writer, trees: list[tuple[Application, Tree]], group: Group) -> None:
-        """Write trees one after the other; those that test the same condition first share its ``if``."""
+        """Write trees one after the other; those that test the same condition first share its ``if``, unless a tree between
+        them adds to the same sum."""
         while trees:
             a, tree = trees[0]
             if isinstance(tree, Leaf):
@@ -276,8 +319,7 @@ class StageWriter:
                     self._add_effect(w, a, effect, group)
                 trees = trees[1:]
                 continue
-            same = [(b, t) for b, t in trees if isinstance(t, language.Branch) and t.condition is tree.condition]
-            trees = [(b, t) for b, t in trees if not (isinstance(t, language.Branch) and t.condition is tree.condition)]
+            same, trees = self._same_condition(trees, tree.condition, group)
             test = w.value(tree.condition)
             for header, branches in (
                 (f"if {test}:", [(b, t.yes) for b, t in same]),
@@ -286,6 +328,22 @@ class StageWriter:
                 if any(self._matters(b, t) for b, t in branches):
                     with w.block(header):
                         self._merge(w, branches, group)
+
+    def _same_condition(
+        self, trees: list[tuple[Application, Tree]], condition: Symbol, group: Group
+    ) -> tuple[list[tuple[Application, language.Branch]], list[tuple[Application, Tree]]]:
+        """The trees that test this condition first and may be written before all others, and the others."""
+        same: list[tuple[Application, language.Branch]] = []
+        others: list[tuple[Application, Tree]] = []
+        passed: set[int] = set()  # sums that trees before this one add to
+        for a, tree in trees:
+            sums = self._summed(group, a, tree)
+            if isinstance(tree, language.Branch) and tree.condition is condition and not sums & passed:
+                same.append((a, tree))
+            else:
+                others.append((a, tree))
+                passed |= sums
+        return same, others
 
     def _add_effect(self, w: Writer, a: Application, effect: EffectExpression, group: Group) -> None:
         column = self.matcher.column(group, effect.factor)
@@ -337,6 +395,11 @@ class StageWriter:
     def _counted(self, a: Application, tree: Tree) -> list[EffectExpression]:
         """The effects at the leaves of a tree that are on the application's target and count in this stage."""
         return [effect for leaf in language.leaves_of(tree) for effect in counted_effects(a, leaf, self.counts)]
+
+    def _summed(self, group: Group, a: Application, tree: Tree) -> set[int]:
+        """First columns of the factors of the group that a tree adds to."""
+        effects = self._counted(a, tree)
+        return {self.matcher.column(group, e.factor) for e in effects if e.kind is not language.SetFactor}
 
     def _matters(self, a: Application, tree: Tree) -> bool:
         return bool(self._counted(a, tree))

@@ -72,6 +72,7 @@ def entropy(plan: SamplingPlan, levels: LevelData, known: dict[tuple[Noise, ...]
 def simple_entropy(plan: SamplingPlan) -> float:
     """Entropy of counts, types, and all factors whose distribution is the same in all levels."""
     total = sum(prior.value.entropy() for _, prior in plan.parameter_priors)
+    total += 0.0 if plan.rule_space is None else plan.rule_space.entropy()
     for group in plan.groups:
         count = as_noise(group.count)
         total += count.entropy()

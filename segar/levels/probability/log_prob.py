@@ -133,7 +133,12 @@ def _composition(plan: SamplingPlan, levels: LevelData) -> np.ndarray:
 def _parameters(plan: SamplingPlan, levels: LevelData) -> np.ndarray:
     drawn = {column: prior.value for column, prior in plan.parameter_priors}
     total = np.zeros(len(levels.types))
+    of_rules = plan.rule_columns
+    if plan.rule_space is not None:
+        total += plan.rule_space.log_prob(levels.parameters[:, of_rules])
     for column, constant in enumerate(plan.parameters.tolist()):
+        if column in of_rules:
+            continue
         total += drawn.get(column, Deterministic(constant)).log_prob(levels.parameters[:, column])
     floor = levels.parameters[:, plan.layout.parameters.index(FloorFriction)]
     same = levels.sampled_values[:, -1, plan.layout.columns[Friction]] == floor

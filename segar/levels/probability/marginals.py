@@ -16,6 +16,7 @@ def marginals(plan: SamplingPlan) -> dict[str, NoiseByFactor]:
     drawn = {plan.layout.parameters[place]: prior.value for place, prior in plan.parameter_priors}
     constants = zip(plan.layout.parameters, plan.parameters.tolist(), strict=True)
     parameters: NoiseByFactor = {p: drawn.get(p) or Deterministic(value) for p, value in constants}
+    parameters |= {} if plan.rule_space is None else plan.rule_space.marginals()
     noises: dict[str, NoiseByFactor] = {}
     for group in plan.groups:
         for place, slot in enumerate(group.slots):

@@ -6,6 +6,7 @@ many are drawn at once.
 """
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -89,6 +90,9 @@ def draw_parameters(plan: SamplingPlan, streams: Streams, block: Block) -> None:
     for column, prior in plan.parameter_priors:
         rng = streams.generator(block.indices, "parameter", prior.factor.__name__)
         block.parameters[:, column] = _sample(streams, prior, prior.factor, rng, block.indices)
+    if plan.rule_space is not None:
+        draws = partial(streams.generator, block.indices, "rules")
+        block.parameters[:, plan.rule_columns] = plan.rule_space.sample(draws, len(block.indices))
     floor = block.parameters[:, plan.layout.parameters.index(FloorFriction)]
     block.sampled_values[:, -1, plan.layout.columns[Friction]] = floor
 

@@ -14,6 +14,7 @@ from segar.language import BaseShape, Entity, Factor, Layout, Order, Parameter, 
 from segar.levels.priors import Prior, factors_needed, factors_read, ranked
 from segar.levels.sampling.placement import closest_pair
 from segar.noise import Choice, Deterministic, Noise
+from segar.rules import RuleSpace
 
 RANDOM_HULL_VERTICES = 32  # room for a random hull: 100 Gaussian points have 8.8 +- 1.5 vertices on their hull
 
@@ -59,6 +60,7 @@ class SamplingPlan:
         parameter_priors: column of a parameter and the prior that it is drawn from.
         fixed_positions: slot to the place where its entity always starts.
         vertices: room for the vertices of one thing.
+        rule_space: draws the rules of each level; None where all have the same.
     """
 
     layout: Layout
@@ -71,6 +73,13 @@ class SamplingPlan:
     parameter_priors: tuple[tuple[int, Prior], ...]
     min_distance: float
     vertices: int
+    rule_space: RuleSpace | None = None
+
+    @property
+    def rule_columns(self) -> list[int]:
+        """Columns of the parameters that the rule space draws."""
+        drawn = () if self.rule_space is None else self.rule_space.parameters
+        return list(map(self.layout.parameters.index, drawn))
 
     def columns(self, factor: type[Factor]) -> slice:
         """The columns of the factor's components in arrays of values."""
@@ -94,6 +103,7 @@ def make_plan(
     parameters: Mapping[type[Parameter], Prior],
     fixed_positions: Mapping[int, tuple[float, float]],
     min_distance: float,
+    rule_space: RuleSpace | None = None,
 ) -> SamplingPlan:
     """Resolve priors for every slot and entity type.
 
@@ -118,6 +128,7 @@ def make_plan(
         tuple((layout.parameters.index(p), prior) for p, prior in parameters.items() if prior.is_random),
         min_distance,
         max((vertex_room(o.shapes) for o in outlines), default=0),
+        rule_space,
     )
     _check_constant_places(plan)
     return plan

@@ -1,0 +1,68 @@
+"""The rule sets of levels whose world has a rule space: which options are active, in words, and whether two sets share one."""
+
+import numpy as np
+
+from segar.errors import LevelError
+from segar.language import Parameter
+from segar.levels.level_data import LevelData
+from segar.rules import RuleSpace
+
+
+def rule_space_of(levels: LevelData) -> RuleSpace:
+    """The rule space of the levels' world; raises :class:`LevelError` where they have none."""
+    space = None if levels.world is None else levels.world.space
+    if space is None:
+        raise LevelError(f"{levels!r} have one world for all; give them a rule space: distribution.with_rules(space)")
+    return space
+
+
+def active_options(levels: LevelData) -> np.ndarray:
+    """Which options of their rule space are active in each level, bool ``(levels, options)``.
+
+    Raises:
+        LevelError: the levels have no rule space.
+    """
+    space = rule_space_of(levels)
+    return _columns(levels, tuple(option.active for option in space.options)) != 0
+
+
+def rules_in_words(levels: LevelData, index: int) -> tuple[str, ...]:
+    """What the active options of a level do, one text each, with the constants of the level.
+
+    Raises:
+        LevelError: the levels have no rule space.
+        IndexError: there is no such level.
+    """
+    space, active = rule_space_of(levels), active_options(levels)[index]
+    values = dict(zip(levels.layout.parameters, levels.parameters[index].tolist(), strict=True))
+    return tuple(
+        option.words.format(**{p.__name__: f"{values[p]:g}" for p in option.constants})
+        for option, is_active in zip(space.options, active, strict=True)
+        if is_active
+    )
+
+
+def shared_rule_sets(a: LevelData, b: LevelData) -> np.ndarray:
+    """Pairs of levels, one of each set, with one rule set: the same options, with the same constants.
+
+    Returns:
+        int64 ``(pairs, 2)``: for each level of ``a`` whose rule set is in ``b``, its index and that of the first such level.
+
+    Raises:
+        LevelError: the levels have no rule space, or not the same parameters.
+    """
+    names = [[p.__name__ for p in rule_space_of(levels).parameters] for levels in (a, b)]
+    if names[0] != names[1]:
+        raise LevelError(
+            "the two level sets have rule spaces with other options or constants, so they share no rule set"
+        )
+    rows = [_columns(levels, rule_space_of(levels).parameters) for levels in (a, b)]
+    first: dict[bytes, int] = {}
+    for index, row in enumerate(rows[1]):
+        first.setdefault(row.tobytes(), index)
+    pairs = [(index, first[key]) for index, row in enumerate(rows[0]) if (key := row.tobytes()) in first]
+    return np.array(pairs, dtype=np.int64).reshape(-1, 2)
+
+
+def _columns(levels: LevelData, parameters: tuple[type[Parameter], ...]) -> np.ndarray:
+    return np.ascontiguousarray(levels.parameters[:, [levels.layout.parameters.index(p) for p in parameters]]) + 0.0

@@ -1,0 +1,419 @@
+"""Rule spaces: a distribution over sets of rules and over their constants, all compiled once into one kernel.
+
+Which options are active and their constants are world parameters of a level, so a batch of environments can hold as many rule
+sets as it has environments.
+"""
+
+import copy
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from math import prod
+from typing import Any
+
+import numpy as np
+
+from segar.errors import FactorError, RuleError, did_you_mean
+from segar.language import Entity, Parameter, Pattern, Rule, as_rule, holds
+from segar.noise import (
+    Bernoulli,
+    Choice,
+    Deterministic,
+    DiscreteRangeNoise,
+    LogUniform,
+    Mixture,
+    Noise,
+    UniformNoise,
+    as_noise,
+)
+from segar.rules.combinations import Combinations, make_combinations
+from segar.rules.constants import Activity, activity
+from segar.rules.default_rules import DEFAULT_RULES
+
+TWO_TO_FOUR = DiscreteRangeNoise(2, 4)
+SPLITS = ("combinations", "rules", "constants")
+
+
+@dataclass(frozen=True, eq=False, init=False, repr=False)
+class RuleOption:
+    """Rules that hold together in a level, or not at all.
+
+    Args:
+        name: of the option; ``wind`` makes the parameter ``wind_active``. None: the name of the only rule.
+        rules: rules or typed functions, one or several.
+        constants: world parameters that these rules take, to a number or to the distribution from which each level in
+            which the option is active draws it. Where the option is not active the parameter has its default.
+        on_contact: rules that note a contact; see :class:`segar.World`.
+        weight: how likely the option is compared with others; see :class:`RuleSpace`.
+        words: what the rules do, for people; ``{name}`` stands for the value of the constant of that name.
+
+    Raises:
+        RuleError: there is no rule, a rule takes a parameter in no known way, or the weight is no positive number.
+        FactorError: a constant's value or distribution does not suit it.
+    """
+
+    name: str
+    rules: tuple[Rule, ...]
+    constants: Mapping[type[Parameter], Noise]
+    on_contact: tuple[Rule, ...]
+    weight: float
+    words: str
+    active: type[Activity] = field(repr=False)
+
+    def __init__(
+        self,
+        name: str | None = None,
+        rules: Any = (),
+        constants: Mapping[type[Parameter], Any] | None = None,
+        on_contact: Any = (),
+        weight: float = 1.0,
+        words: str = "",
+    ) -> None:
+        set_ = object.__setattr__
+        set_(self, "rules", _rules(rules))
+        set_(self, "on_contact", _rules(on_contact))
+        together = self.rules + self.on_contact
+        if not together:
+            raise RuleError(f"the option {name!r} of a rule space has no rule; give it rules=... or on_contact=...")
+        set_(self, "name", together[0].name if name is None and len(together) == 1 else name)
+        if self.name is None:
+            raise RuleError(f"an option of {len(together)} rules ({', '.join(r.name for r in together)}) needs a name")
+        set_(self, "active", activity(self.name))
+        set_(self, "words", words or " and ".join(r.name.replace("_", " ") for r in together))
+        if isinstance(weight, bool) or not isinstance(weight, (int, float)) or not 0 < weight < np.inf:
+            raise RuleError(f"the option '{self.name}': its weight must be a positive number, not {weight!r}")
+        set_(self, "weight", float(weight))
+        set_(self, "constants", {p: _law(self.name, p, value) for p, value in (constants or {}).items()})
+        taken = {p for rule in together for p in rule.signature.parameters}
+        for parameter in self.constants:
+            if parameter not in taken:
+                names = [p.__name__ for p in taken]
+                raise RuleError(
+                    f"the option '{self.name}': none of its rules takes {parameter.__name__}."
+                    f"{did_you_mean(parameter.__name__, names)}"
+                )
+
+    def __repr__(self) -> str:
+        constants = ", ".join(f"{p.__name__}: {law!r}" for p, law in self.constants.items())
+        return f"RuleOption('{self.name}'{f', {{{constants}}}' if constants else ''})"
+
+
+class RuleSpace:
+    """A distribution over sets of rules and over their constants.
+
+    A level draws how many options are active, then which ones: among all combinations of that size, each with a probability
+    that is proportional to the product of its options' weights. Then each constant of an active option is drawn from its
+    distribution, and constants of others have their defaults.
+
+    ``distribution.with_rules(space)`` and ``World(space)`` have the rules of the space: environments, kernels, the interpreter
+    and all measures take such worlds as any other.
+
+    Args:
+        options: :class:`RuleOption` objects, rules or typed functions.
+        active: how many of them are active in a level: a number or a distribution of whole numbers.
+        always: rules that hold in every level.
+        exclusive: groups of names of options, of which at most one is active.
+
+    Attributes:
+        rules: those that always hold, then those of the options, which hold only where their option is active.
+        on_contact: the rules of the options that note a contact.
+        combinations: which options can be active together, and how likely that is.
+        laws: distribution of each constant in levels in which its option is active.
+
+    Raises:
+        RuleError: there are no options, two have one name, a constant belongs to two options, a name in ``exclusive`` is not
+            known, or no combination is left.
+    """
+
+    def __init__(
+        self,
+        options: Sequence[Any],
+        active: int | Noise = TWO_TO_FOUR,
+        always: Sequence[Any] = DEFAULT_RULES,
+        exclusive: Sequence[Sequence[str]] = (),
+    ) -> None:
+        self.options = tuple(one if isinstance(one, RuleOption) else RuleOption(rules=one) for one in _listed(options))
+        if not self.options:
+            raise RuleError("a rule space needs options: rules that hold in some levels")
+        self.names = tuple(option.name for option in self.options)
+        for name in self.names:
+            if self.names.count(name) > 1:
+                raise RuleError(f"two options of the rule space are called '{name}'; give one another name=")
+        self.always = tuple(map(as_rule, always))
+        self.exclusive = tuple(tuple(map(self.index, group)) for group in exclusive)
+        self.count, self.splits = _count(active, len(self.options)), ()
+        self.combinations = make_combinations(self.names, [o.weight for o in self.options], self.count, self._never)
+        self.laws: dict[type[Parameter], Noise] = {}
+        for option in self.options:
+            for parameter, law in option.constants.items():
+                if parameter in self.laws:
+                    owner = next(o.name for o in self.options if parameter in o.constants)
+                    raise RuleError(
+                        f"{parameter.__name__} is a constant of the options '{owner}' and '{option.name}'; give each its own"
+                    )
+                self.laws[parameter] = law
+        gated = {o.name: tuple(r.where_active(o.active) for r in o.rules) for o in self.options}
+        self.rules = (*self.always, *(rule for o in self.options for rule in gated[o.name]))
+        self.on_contact = tuple(r.where_active(o.active) for o in self.options for r in o.on_contact)
+
+    @cached_property
+    def parameters(self) -> tuple[type[Parameter], ...]:
+        """The world parameters that the space draws: whether each option is active, then the constants."""
+        return (*(option.active for option in self.options), *self.laws)
+
+    @property
+    def rule_sets(self) -> int:
+        """How many distinct rule sets there are; a constant with a density counts as one value."""
+        values = [prod(_values(self.laws[p]) for p in option.constants) for option in self.options]
+        return int(np.where(self.combinations.active, np.array(values, dtype=object), 1).prod(axis=1).sum())
+
+    def index(self, name: str) -> int:
+        """The place of the option of that name; raises :class:`RuleError`."""
+        if name not in self.names:
+            raise RuleError(f"the rule space has no option '{name}'.{did_you_mean(str(name), self.names)}")
+        return self.names.index(name)
+
+    def may_meet(self, one: type[Parameter] | None, other: type[Parameter] | None) -> bool:
+        """Whether two options, by their activities, are active in one level; None: what always holds."""
+        places = {option.active: k for k, option in enumerate(self.options)}
+        if one not in places or other not in places:
+            return True
+        return bool(self.combinations.together[places[one], places[other]])  # type: ignore[index]
+
+    def rules_of(self, active: Sequence[str]) -> tuple[Rule, ...]:
+        """The rules of a world in which these options hold in every level, and no others."""
+        chosen = sorted(map(self.index, active))
+        return (*self.always, *(rule for k in chosen for rule in self.options[k].rules))
+
+    def on_contact_of(self, active: Sequence[str]) -> tuple[Rule, ...]:
+        """As :meth:`rules_of`, the rules that note a contact."""
+        return tuple(rule for k in sorted(map(self.index, active)) for rule in self.options[k].on_contact)
+
+    # -- the distribution ----------------------------------------------------------------------------------------
+
+    def sample(self, generator: Any, n: int) -> np.ndarray:
+        """The parameters of ``n`` levels, float64 ``(n, parameters)`` in the order of :attr:`parameters`.
+
+        Args:
+            generator: from texts that name what is drawn to a generator of random numbers for it.
+        """
+        active = self.combinations.sample(np.asarray(generator("combination").random(n)))
+        found = np.empty((n, len(self.parameters)))
+        found[:, : len(self.options)] = active
+        for column, (parameter, law, k) in enumerate(self._constants, len(self.options)):
+            drawn = np.asarray(law.sample(generator("constant", parameter.__name__), n), dtype=float)
+            found[:, column] = np.where(active[:, k], drawn, parameter.default)
+        return found
+
+    def log_prob(self, values: np.ndarray) -> np.ndarray:
+        """Log mass and density of each row of parameters, float64 ``(n,)``; -inf where the space cannot draw it."""
+        switches = values[:, : len(self.options)]
+        active = switches != 0
+        total = np.where(((switches == 0) | (switches == 1)).all(axis=1), self.combinations.log_prob(active), -np.inf)
+        for column, (parameter, law, k) in enumerate(self._constants, len(self.options)):
+            value = values[:, column]
+            idle = np.where(value == parameter.default, 0.0, -np.inf)
+            total = total + np.where(active[:, k], law.log_prob(value), idle)
+        return total
+
+    def entropy(self) -> float:
+        """Entropy [nats] with respect to the measure of :meth:`log_prob`, in closed form."""
+        activity = self.combinations.activity
+        return self.combinations.entropy() + sum(float(activity[k] * law.entropy()) for _, law, k in self._constants)
+
+    def marginals(self) -> dict[type[Parameter], Noise]:
+        """The distribution of each parameter over all levels."""
+        share = self.combinations.activity.tolist()
+        found: dict[type[Parameter], Noise] = {}
+        for option, p in zip(self.options, share, strict=True):
+            found[option.active] = Deterministic(round(p)) if p in (0.0, 1.0) else Bernoulli(p)
+        for parameter, law, k in self._constants:
+            idle, p = Deterministic(parameter.default), min(share[k], 1.0)
+            found[parameter] = law if p == 1 else idle if p == 0 else Mixture((idle, law), (1 - p, p))
+        return found
+
+    @property
+    def content(self) -> list[Any]:
+        """What decides which parameters are drawn, as plain data and distributions."""
+        laws = [[p.__name__, p.default, law] for p, law in self.laws.items()]
+        weights = [option.weight for option in self.options]
+        return ["RuleSpace", self.names, weights, self.count, self.exclusive, laws, *self.splits]
+
+    # -- splits --------------------------------------------------------------------------------------------------
+
+    def split(
+        self, part: str, by: str = "combinations", share: float = 0.2, seed: int = 0, rules: Sequence[str] = ()
+    ) -> "RuleSpace":
+        """One part of the space; no rule set of one part is in the other. Both have the same rules, so they share a kernel.
+
+        Args:
+            part: ``"train"`` or ``"test"``.
+            by: ``"combinations"``: each combination of options is in one part. ``"rules"``: some options are active in test
+                alone, and there at least one of them is. ``"constants"``: constants of active options are drawn from the
+                lower end of their distributions for training and from the upper end for the test, where at least one
+                option with constants is active.
+            share: the part of the combinations, of the options, or of the mass of each constant that is for the test.
+            seed: decides which combinations and options are for the test.
+            rules: names of the options for the test, with ``by="rules"``, instead of ``share`` of them.
+
+        Raises:
+            RuleError: an argument is not known, or nothing is left of a part, or an option is not trained at all.
+        """
+        if part not in ("train", "test"):
+            raise RuleError(f"split: the part must be 'train' or 'test', not {part!r}")
+        if by not in SPLITS:
+            raise RuleError(f"split: there is no by={by!r}.{did_you_mean(str(by), SPLITS)}")
+        if isinstance(share, bool) or not isinstance(share, (int, float)) or not 0 < share < 1:
+            raise RuleError(f"split: the share of the test must be a number between 0 and 1, not {share!r}")
+        if rules and by != "rules":
+            raise RuleError(f"split: rules= names the options of a split by='rules', and this one is by={by!r}")
+        if by == "constants":
+            return self._by_constants(part, share)
+        is_test = self._test_combinations(by, share, seed, rules)
+        if not is_test.any() or is_test.all():
+            nothing = "training" if is_test.all() else "the test"
+            raise RuleError(
+                f"split by={by!r} leaves nothing for {nothing} of {len(is_test)} combinations; choose another share or seed"
+            )
+        train = self.combinations.where(~is_test)
+        if by == "combinations":
+            missing = [n for n, p in zip(self.names, train.activity, strict=True) if not p]
+            if missing:
+                raise RuleError(
+                    f"split by='combinations': no training combination has {', '.join(missing)}; choose a smaller share or"
+                    " another seed, or split by='rules'"
+                )
+        name = [part, by, share, seed, list(rules)]
+        return self._restricted(train if part == "train" else self.combinations.where(is_test), self.laws, name)
+
+    def _test_combinations(self, by: str, share: float, seed: int, rules: Sequence[str]) -> np.ndarray:
+        """Which combinations are for the test, bool ``(combinations,)``."""
+        if by == "combinations":
+            return self.combinations.fraction(seed) < share
+        if rules:
+            chosen = list(map(self.index, _listed(rules)))
+        else:
+            order = make_combinations(self.names, [1.0] * len(self.names), as_noise(1), lambda _: False).fraction(seed)
+            chosen = np.argsort(order)[: max(1, round(share * len(self.names)))].tolist()
+        return self.combinations.active[:, chosen].any(axis=1)
+
+    def _by_constants(self, part: str, share: float) -> "RuleSpace":
+        laws, with_constants = dict(self.laws), np.zeros(len(self.options), dtype=bool)
+        for parameter, law, k in self._constants:
+            halves = _halves(parameter, law, 1 - share)
+            if halves is not None:
+                laws[parameter] = halves[part == "test"]
+                with_constants[k] = True
+        kept = np.asarray(self.combinations.active[:, with_constants].any(axis=1))
+        if not kept.any():
+            raise RuleError(
+                "split by='constants': no option has a constant of more than one value; split by='combinations'"
+            )
+        name = [part, "constants", share]
+        return self._restricted(self.combinations if part == "train" else self.combinations.where(kept), laws, name)
+
+    def _restricted(self, table: Combinations, laws: dict[type[Parameter], Noise], name: list[Any]) -> "RuleSpace":
+        part = copy.copy(self)
+        part.combinations, part.laws, part.splits = table, laws, (*self.splits, name)
+        part.__dict__.pop("_constants", None)
+        return part
+
+    @cached_property
+    def _constants(self) -> tuple[tuple[type[Parameter], Noise, int], ...]:
+        """Each constant, its distribution, and the place of its option."""
+        owners = {p: k for k, option in enumerate(self.options) for p in option.constants}
+        return tuple((p, law, owners[p]) for p, law in self.laws.items())
+
+    def require_suits(self, types: Sequence[type[Entity]]) -> None:
+        """Raise :class:`RuleError` where no entity of these types has what the rules of an option need."""
+        for option in self.options:
+            for one in (*option.rules, *option.on_contact):
+                for pattern in one.needs:
+                    if not any(_matches(kind, pattern) for kind in types):
+                        named = ", ".join(f.__name__ for f in pattern.factors)
+                        named = named if pattern.entity_type is None else pattern.entity_type.__name__
+                        raise RuleError(
+                            f"the option '{option.name}' of the rule space: {one.where} needs an entity with {named}, and the"
+                            f" levels have only {', '.join(t.__name__ for t in types)}; leave the option out"
+                        )
+
+    def _never(self, places: tuple[int, ...]) -> bool:
+        return any(len(set(group) & set(places)) > 1 for group in self.exclusive)
+
+    def __repr__(self) -> str:
+        return f"<rule space of {len(self.options)} options, {len(self.combinations)} combinations>"
+
+
+def _matches(kind: type[Entity], pattern: Pattern) -> bool:
+    is_kind = pattern.entity_type is None or issubclass(kind, pattern.entity_type)
+    return is_kind and all(holds(kind, factor) is not None for factor in pattern.factors)
+
+
+def _listed(given: Any) -> Sequence[Any]:
+    if isinstance(given, str) or not isinstance(given, Sequence):
+        raise RuleError(f"a list is needed, not {given!r}")
+    return given
+
+
+def _rules(given: Any) -> tuple[Rule, ...]:
+    return tuple(map(as_rule, given)) if isinstance(given, Sequence) else (as_rule(given),)
+
+
+def _count(active: Any, options: int) -> Noise:
+    """The distribution of how many options are active."""
+    is_number = isinstance(active, (int, np.integer)) and not isinstance(active, bool)
+    if not is_number and not isinstance(active, Noise):
+        raise RuleError(f"active must be a whole number or a distribution of such, not {active!r}")
+    count = as_noise(active)
+    values, masses = count.atoms if count.width == 1 else (np.zeros(0), np.zeros(0))
+    if abs(masses.sum() - 1) > 1e-9 or (values != np.rint(values)).any() or (values < 0).any():
+        raise RuleError(f"active must be a distribution of whole numbers from 0 up, not {active!r}")
+    if values.max() > options:
+        raise RuleError(f"{int(values.max())} options cannot be active: the rule space has {options}")
+    return count
+
+
+def _law(option: str, parameter: Any, value: Any) -> Noise:
+    """The distribution of a constant; raises :class:`FactorError` where it does not suit the parameter."""
+    if not (isinstance(parameter, type) and issubclass(parameter, Parameter)):
+        raise RuleError(f"the option '{option}': {parameter!r} is not a world parameter class such as Gravity")
+    place = f"the option '{option}': {parameter.__name__}"
+    if not isinstance(value, Noise):
+        value = parameter.check(value)
+        if not parameter.is_possible(np.array([value])).all():
+            raise FactorError(f"{place} is {value!r}, and must be {parameter.possible_values()}")
+        return Deterministic(value)
+    if value.width != 1:
+        raise FactorError(f"{place} needs a distribution on the line, not {value!r}")
+    if not parameter.is_possible(np.array(value.support)).all() and parameter.bounds is not None:
+        raise FactorError(
+            f"{place} has the distribution {value!r}, which gives numbers from {value.support[0]:g} to {value.support[1]:g};"
+            f" it must be {parameter.possible_values()}"
+        )
+    return value
+
+
+def _values(law: Noise) -> int:
+    """How many values a constant has; 1 where it has a density."""
+    values, masses = law.atoms
+    return len(values) if abs(masses.sum() - 1) < 1e-9 else 1
+
+
+def _halves(parameter: type[Parameter], law: Noise, at: float) -> tuple[Noise, Noise] | None:
+    """The distribution below and above the quantile ``at``; None where it has one value only."""
+    values, masses = law.atoms
+    if abs(masses.sum() - 1) < 1e-9:
+        if len(values) < 2:
+            return None
+        last = min(max(int(np.searchsorted(np.cumsum(masses), at - 1e-12)), 0), len(values) - 2)
+        parts = (values[: last + 1], masses[: last + 1]), (values[last + 1 :], masses[last + 1 :])
+        low, high = (Choice(v.tolist(), (m / m.sum()).tolist()) for v, m in parts)
+        return low, high
+    if isinstance(law, (UniformNoise, LogUniform)):
+        low, high = law.support
+        middle = float(law.icdf(at))
+        return type(law)(low, middle), type(law)(float(np.nextafter(middle, np.inf)), high)
+    raise RuleError(
+        f"split by='constants': {parameter.__name__} has the distribution {law!r}, which cannot be cut; use UniformNoise,"
+        " LogUniform or a Choice, or split by='combinations'"
+    )

@@ -1,0 +1,69 @@
+"""The built-in rule space: the default physics is one point of it."""
+
+from segar.language import ZERO, Acceleration, Aggregate, Charge, Magnetism, Mass, rule
+from segar.noise import DiscreteRangeNoise, Noise
+from segar.rules.default_rules import DEFAULT_RULES
+from segar.rules.fields import lorentz_law
+from segar.rules.friction import apply_friction, record_drag
+from segar.rules.rule_space import RuleOption, RuleSpace
+from segar.rules.templates.changes import contagion, growth, sharing, unlocking
+from segar.rules.templates.forces import (
+    anchor_spring,
+    central_force,
+    drag,
+    magnetic_field,
+    pair_spring,
+    rotating_field,
+    uniform_field,
+)
+from segar.rules.templates.places import drifting, hiding, one_way_wall, portal
+
+
+@rule
+def free_motion(a: Acceleration) -> Aggregate[Acceleration]:
+    """Without a force there is no acceleration; without this rule the last one would stay."""
+    return Aggregate[Acceleration](a, ZERO)
+
+
+def dynamics_space(active: int | Noise | None = None) -> RuleSpace:
+    """A space of 29 options over the objects and the goal that all named families have.
+
+    The default rules are the options ``lorentz`` and ``friction`` together; the rest of them hold in every level.
+
+    Args:
+        active: how many options are active; None for 2 to 4.
+    """
+    options = [
+        RuleOption("lorentz", lorentz_law, words="the Lorentz law between charged bodies and magnets"),
+        RuleOption("friction", [apply_friction, record_drag], words="kinetic friction of the floor"),
+        central_force("charge_constant", exponent=0),
+        central_force("charge_inverse", exponent=1),
+        central_force("charge_cubic", exponent=3),
+        central_force("gravitation", Mass, Mass, exponent=2),
+        central_force("gravitation_inverse", Mass, Mass, exponent=1),
+        central_force("magnet_square", Magnetism, Charge, exponent=2),
+        central_force("magnet_inverse", Magnetism, Charge, exponent=1),
+        pair_spring("springs"),
+        anchor_spring("anchor"),
+        drag("viscous_drag", 1),
+        drag("turbulent_drag", 2),
+        uniform_field("electric_field"),
+        uniform_field("slope", Mass),
+        rotating_field("vortex"),
+        rotating_field("charge_vortex", Charge),
+        magnetic_field("magnetic_field"),
+        portal("portal"),
+        portal("second_portal"),
+        one_way_wall("one_way_x", 0),
+        one_way_wall("one_way_y", 1),
+        growth("charge_growth", Charge),
+        growth("magnet_growth", Magnetism),
+        contagion("contagion", Charge),
+        sharing("sharing", Charge),
+        drifting("drifting_goal"),
+        hiding("hidden_goal"),
+        unlocking("unlocking"),
+    ]
+    always = [free_motion, *(r for r in DEFAULT_RULES if r not in (lorentz_law, apply_friction, record_drag))]
+    exclusive = [("contagion", "sharing"), ("portal", "second_portal")]
+    return RuleSpace(options, DiscreteRangeNoise(2, 4) if active is None else active, always, exclusive)
