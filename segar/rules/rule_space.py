@@ -289,7 +289,9 @@ class RuleSpace:
     def _test_combinations(self, by: str, share: float, seed: int, rules: Sequence[str]) -> np.ndarray:
         """Which combinations are for the test, bool ``(combinations,)``."""
         if by == "combinations":
-            return self.combinations.fraction(seed) < share
+            is_test = np.zeros(len(self.combinations), dtype=bool)
+            is_test[np.argsort(self.combinations.fraction(seed))[: max(1, round(share * len(is_test)))]] = True
+            return is_test
         if rules:
             chosen = list(map(self.index, _listed(rules)))
         else:

@@ -1,0 +1,113 @@
+"""One kernel for all rule sets of a space: it agrees with the interpreter, and to the bit with the world of each rule set."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import segar
+from segar.engine import Simulator
+from segar.envs import VectorEnv
+from segar.language import Charge, Magnetism, Mass
+from segar.levels import Levels, active_options, families, family, rule_space_of
+from segar.noise import DiscreteRangeNoise
+from segar.rules import World
+from segar.rules.templates import dynamics_space
+from tests.segar.engine.worlds import compare, random_states, start, uncompiled
+
+SPACE = dynamics_space()
+
+
+def specialised(levels: Levels) -> Levels:
+    """One level in a world that has its rules alone."""
+    space = rule_space_of(levels)
+    names = [name for name, is_active in zip(space.names, active_options(levels)[0], strict=True) if is_active]
+    return dataclasses.replace(levels, world=World(space.rules_of(names), on_contact=space.on_contact_of(names)))
+
+
+def charged(levels: Levels) -> Levels:
+    """The levels with charges, magnetism and masses that are all different, so that every force has an effect."""
+    values, rng = levels.values.copy(), np.random.default_rng(0)
+    for factor in (Charge, Magnetism, Mass):
+        column = levels.layout.columns[factor]
+        part = values[:, :, column]
+        part[:] = np.where(np.isnan(part), np.nan, rng.uniform(0.3, 1.5, part.shape))
+    return dataclasses.replace(levels, values=values)
+
+
+def ends(levels: Levels, make=Simulator, sub_steps: int = 25) -> np.ndarray:
+    """The states of levels after some sub-steps from their start with random velocities."""
+    simulator, state, rng = make(levels.world, levels.layout), start(levels), np.random.default_rng(1)
+    column = levels.layout.columns[segar.Velocity]
+    part = state.values[..., column : column + 2]
+    part[:] = np.where(np.isnan(part), np.nan, rng.uniform(-2, 2, part.shape[1:]))
+    state.key[:] = 7
+    simulator.step(state, levels, sub_steps)
+    return state.values
+
+
+@pytest.mark.parametrize("name", ["objectsx2-hard", pytest.param("tilesx3-hard", marks=pytest.mark.slow)])
+def test_kernel_and_interpreter_agree_on_random_rule_sets(name, request):
+    count = 60 if name == "objectsx2-hard" else 1000
+    levels = charged(family(name).with_rules(dynamics_space(DiscreteRangeNoise(0, 6))).sample(count, seed=2))
+    state = random_states(levels, count, np.random.default_rng(3), speed=1.0)
+    state.level[:] = np.arange(count)
+    found = compare(Simulator(levels.world or World(), levels.layout), levels, state, n=2)
+    assert found.worst <= 1e-12 and found.worst_crowded <= 1e-6, found
+    assert found.contacts > 0
+
+
+@pytest.mark.parametrize("index", range(6))
+def test_a_rule_set_of_the_space_equals_the_world_of_its_rules_to_the_bit(index):
+    levels = charged(family("objectsx3-hard").with_rules(SPACE).sample(6, seed=11))
+    together = ends(levels)
+    alone = ends(specialised(levels[index]), uncompiled)
+    assert together[index].tobytes() == alone[0].tobytes()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("index", range(12))
+def test_a_compiled_rule_set_of_the_space_equals_the_world_of_its_rules_to_the_bit(index):
+    levels = charged(family("tilesx2-hard").with_rules(SPACE).sample(12, seed=5))
+    assert ends(levels, sub_steps=200)[index].tobytes() == ends(specialised(levels[index]), sub_steps=200)[0].tobytes()
+
+
+@pytest.mark.parametrize("name", ["objectsx3-hard", "tilesx3-hard", "empty-hard"])
+def test_the_default_physics_is_a_point_of_the_space(name):
+    """The options lorentz and friction together are the default rules, to the bit."""
+    assert name in families()
+    plain = family(name).sample(5, seed=3)
+    space = SPACE
+    chosen = {space.options[space.index(option)].active: 1.0 for option in ("lorentz", "friction")}
+    levels = family(name).with_rules(space).sample(5, seed=3)
+    parameters = np.array([[chosen.get(p, p.default) for p in levels.layout.parameters]] * 5)
+    known = [levels.layout.parameters.index(p) for p in plain.layout.parameters]
+    parameters[:, known] = plain.parameters
+    point = dataclasses.replace(levels, parameters=parameters)
+    assert ends(dataclasses.replace(plain, world=World())).tobytes() == ends(point).tobytes()
+
+
+def test_results_do_not_depend_on_batch_or_threads():
+    levels = family("objectsx2-hard").with_rules(SPACE).sample(40, seed=6)
+    seen = []
+    for num_envs, threads in ((40, 1), (40, 2), (8, 1)):
+        rows = []
+        for first in range(0, 40, num_envs):
+            env = VectorEnv(levels, num_envs, observation="state", num_threads=threads)
+            env.reset(seed=1, options={"levels": np.arange(first, first + num_envs)})
+            rng = np.random.default_rng(2)
+            actions = rng.uniform(-1, 1, (10, 1, 2)).astype(np.float32)
+            rows.append([env.step(np.repeat(action, num_envs, axis=0))[0].copy() for action in actions])
+        seen.append(np.concatenate([np.stack(part, axis=1) for part in rows]))
+    assert seen[0].tobytes() == seen[1].tobytes() == seen[2].tobytes()
+
+
+def test_ten_thousand_rule_sets_share_one_kernel():
+    levels = family("objectsx2-hard").with_rules(SPACE).sample(14_000, seed=1)
+    columns = [levels.layout.parameters.index(p) for p in SPACE.parameters]
+    _, first = np.unique(levels.parameters[:, columns], axis=0, return_index=True)
+    distinct = levels[np.sort(first)[:10_000]]
+    assert len(distinct) == 10_000
+    after = ends(distinct, sub_steps=5)
+    assert np.isfinite(after[~np.isnan(distinct.values)]).all()
+    assert len(np.unique(np.nan_to_num(after).reshape(10_000, -1), axis=0)) == 10_000
