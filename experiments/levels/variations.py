@@ -16,6 +16,7 @@ from segar.language import FloorFriction, GolfBall, Gravity, Mass, Parameter
 from segar.levels import LevelDistribution, Prior
 from segar.noise import UniformNoise
 from segar.rules import DEFAULT_RULES, apply_friction, lorentz_law, lorentz_law_r2, record_drag
+from segar.rules.templates import dynamics_space
 
 Variation = Callable[[LevelDistribution], LevelDistribution]
 
@@ -47,6 +48,11 @@ def without(*rules: Any) -> Variation:
     return with_rules(lambda known: tuple(rule for rule in known if rule not in rules))
 
 
+def with_rule_space(part: str, by: str) -> Variation:
+    """The variation in which each level draws its rules, from one part of the built-in rule space."""
+    return lambda dist: dist.with_rules(dynamics_space().split(part, by))
+
+
 VARIATIONS: Mapping[str, Variation] = {
     "ball_mass": with_prior(Prior(Mass, MASSES, entity_type=GolfBall)),
     "ball_heavy": with_prior(Prior(Mass, 3.0, entity_type=GolfBall)),
@@ -59,6 +65,10 @@ VARIATIONS: Mapping[str, Variation] = {
     "without_fields": without(lorentz_law),
     "fields_r2": with_rules(lambda known: tuple(lorentz_law_r2 if rule is lorentz_law else rule for rule in known)),
     "conditions": with_conditions,
+    "rule_space": with_rule_space("train", "combinations"),
+    "rule_space_unseen": with_rule_space("test", "combinations"),
+    "rule_space_train_rules": with_rule_space("train", "rules"),
+    "rule_space_unseen_rules": with_rule_space("test", "rules"),
 }
 
 

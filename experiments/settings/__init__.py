@@ -30,6 +30,7 @@ from experiments.settings.algorithms import (
 from experiments.settings.checks import (
     DESIGNS,
     MATCHED_DESIGNS,
+    RULE_SETS_DESIGN,
     TARGET_DESIGN,
     Count,
     CountFrom0,
@@ -95,16 +96,17 @@ from experiments.settings.run import (
 from experiments.settings.yaml_text import read_yaml
 
 __all__ = [
-    "ACTION_MODES", "CHECKOUT", "DEFAULT_TASK", "DESIGNS", "DIFFICULTIES", "KINDS", "MATCHED_DESIGNS", "OBJECT_NAME",
-    "OWN_TASK", "RENAMED", "TARGET", "TARGET_DESIGN", "TRACKERS", "TYPE_IS_GONE", "ActionMode", "AlgorithmConfig",
-    "AuxiliaryConfig", "CURLConfig", "CheckpointError", "ConfigError", "Count", "CountFrom0", "Design", "Difficulty",
-    "DrQConfig", "EvaluateConfig", "EvaluationConfig", "Family", "GridPoint", "LevelsConfig", "NotNegative",
-    "ObservationConfig", "OffPolicyConfig", "PPOConfig", "Positive", "PositiveOrNull", "RecurrentPPOConfig",
-    "RunConfig", "RunFolderError", "SACConfig", "SPRConfig", "ScaleConfig", "Seed", "Settings", "Share", "TaskConfig",
-    "TrackingConfig", "TrackingError", "TrainingError", "Widths", "add_module_path", "added_later", "algorithm_named",
-    "as_data", "config_at", "construct", "design", "design_hash", "flat", "grid_point", "hand_on_password",
-    "import_object", "is_distribution", "is_level_file", "kind_of", "label_in_0_1", "level_file", "one_of",
-    "panel_parts", "paper_grid", "paper_seeds", "path_of", "read_yaml", "require", "require_design", "require_known",
-    "require_seed", "run_config", "scheme", "sqlite_address", "that", "with_new_names", "with_password",
-    "without_files", "without_folder", "without_password",
+    "ACTION_MODES", "CHECKOUT", "DEFAULT_TASK", "DESIGNS", "DIFFICULTIES", "KINDS", "MATCHED_DESIGNS",
+    "OBJECT_NAME", "OWN_TASK", "RENAMED", "RULE_SETS_DESIGN", "TARGET", "TARGET_DESIGN", "TRACKERS", "TYPE_IS_GONE",
+    "ActionMode", "AlgorithmConfig", "AuxiliaryConfig", "CURLConfig", "CheckpointError", "ConfigError", "Count",
+    "CountFrom0", "Design", "Difficulty", "DrQConfig", "EvaluateConfig", "EvaluationConfig", "Family", "GridPoint",
+    "LevelsConfig", "NotNegative", "ObservationConfig", "OffPolicyConfig", "PPOConfig", "Positive",
+    "PositiveOrNull", "RecurrentPPOConfig", "RunConfig", "RunFolderError", "SACConfig", "SPRConfig", "ScaleConfig",
+    "Seed", "Settings", "Share", "TaskConfig", "TrackingConfig", "TrackingError", "TrainingError", "Widths",
+    "add_module_path", "added_later", "algorithm_named", "as_data", "config_at", "construct", "design",
+    "design_hash", "flat", "grid_point", "hand_on_password", "import_object", "is_distribution", "is_level_file",
+    "kind_of", "label_in_0_1", "level_file", "one_of", "panel_parts", "paper_grid", "paper_seeds", "path_of",
+    "read_yaml", "require", "require_design", "require_known", "require_seed", "run_config", "scheme",
+    "sqlite_address", "that", "with_new_names", "with_password", "without_files", "without_folder",
+    "without_password",
 ]  # fmt: skip

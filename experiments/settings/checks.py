@@ -24,6 +24,7 @@ MATCHED_DESIGNS: Mapping[str, Mapping[str, Any]] = {
     "matched_sparse": {"w2": 0.0, "radius": 3.0, "effective_number": -2.0},
     "matched_far_sparse": {"w2": 3.0, "radius": 3.0, "effective_number": -2.0},
 }
+RULE_SETS_DESIGN = re.compile(r"rule_sets_([1-9]\d*)")  # how many rule sets of a rule space the training levels share
 TARGET_DESIGN = re.compile(r"w2_(x?)(\d+(?:\.\d+)?)")  # the kind target of segar.design, in the mode exact
 SEEDS = 2**63  # how many different seeds all generators take
 
@@ -45,13 +46,16 @@ def require_known(place: str, name: str, names: Iterable[str]) -> None:
 
 def require_design(place: str, name: str) -> None:
     """Raises :class:`ConfigError` unless ``name`` is in DESIGNS or MATCHED_DESIGNS, says a W2 between training and test
-    levels, or is the ``module:function`` of a design of the user's own.
+    levels or a number of rule sets, or is the ``module:function`` of a design of the user's own.
 
-    ``w2_4.2`` is that distance; ``w2_x1.2`` is 1.2 times the mean distance of independent sets of as many levels.
+    ``w2_4.2`` is that distance; ``w2_x1.2`` is 1.2 times the mean distance of independent sets of as many levels;
+    ``rule_sets_10`` are levels that share ten rule sets.
     """
     target = TARGET_DESIGN.fullmatch(name)
-    if OBJECT_NAME.fullmatch(name):
+    if OBJECT_NAME.fullmatch(name) or RULE_SETS_DESIGN.fullmatch(name):
         return
+    if target is None and name.startswith("rule_sets"):
+        raise ConfigError(f"{place}: '{name}' says no number of rule sets; rule_sets_10 does")
     if target is None and name.startswith("w2_"):
         raise ConfigError(
             f"{place}: '{name}' says no distance; w2_4.2 does, and w2_x1.2, 1.2 times that of independent sets"

@@ -15,7 +15,7 @@ from segar.levels.moments import PointSets, entity_types, gather, source_moments
 from segar.levels.named_families import DIFFICULTIES, TASK_LEVELS, TASKS, families, family
 from segar.levels.priors import Prior, factors_needed
 from segar.levels.probability.marginals import marginals, mix, slot_distributions
-from segar.levels.rule_sets import active_options, rule_space_of, rules_in_words, shared_rule_sets
+from segar.levels.rule_sets import active_options, rule_space_of, rules_in_words, share_rule_sets, shared_rule_sets
 from segar.levels.sampling.plan import Draw, SamplingPlan, SlotGroup
 from segar.levels.validity import check_levels
 
@@ -24,5 +24,5 @@ __all__ = [
     "PointSets", "Prior", "Provenance", "SamplingPlan", "SlotGroup", "active_options", "all_subclasses",
     "check_levels", "checks", "content_hash", "description_of", "entity_types", "factors_needed", "families",
     "family", "gather", "hash_of_levels", "levels_from_data", "marginals", "mix", "moments", "rule_space_of",
-    "rules_in_words", "shared_rule_sets", "slot_distributions", "source_moments",
+    "rules_in_words", "share_rule_sets", "shared_rule_sets", "slot_distributions", "source_moments",
 ]  # fmt: skip

@@ -1,10 +1,13 @@
 """The rule sets of levels whose world has a rule space: which options are active, in words, and whether two sets share one."""
 
+import dataclasses
+
 import numpy as np
 
 from segar.errors import LevelError
 from segar.language import Parameter
 from segar.levels.level_data import LevelData
+from segar.levels.level_set import Levels
 from segar.rules import RuleSpace
 
 
@@ -62,6 +65,23 @@ def shared_rule_sets(a: LevelData, b: LevelData) -> np.ndarray:
         first.setdefault(row.tobytes(), index)
     pairs = [(index, first[key]) for index, row in enumerate(rows[0]) if (key := row.tobytes()) in first]
     return np.array(pairs, dtype=np.int64).reshape(-1, 2)
+
+
+def share_rule_sets(levels: Levels, count: int) -> Levels:
+    """The same levels with the rule sets of the first ``count`` of them: level i has that of level i modulo ``count``.
+
+    So there are at most as many rule sets in training as one wants, however many levels there are; those of a smaller ``count``
+    are among those of a greater one.
+
+    Raises:
+        LevelError: the levels have no rule space, or ``count`` is not a number from 1 to that of levels.
+    """
+    columns = [levels.layout.parameters.index(p) for p in rule_space_of(levels).parameters]
+    if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or not 1 <= count <= len(levels):
+        raise LevelError(f"rule sets: there must be 1 to {len(levels)}, the number of levels, not {count!r}")
+    parameters = levels.parameters.copy()
+    parameters[:, columns] = levels.parameters[np.arange(len(levels)) % count][:, columns]
+    return dataclasses.replace(levels, parameters=parameters)
 
 
 def _columns(levels: LevelData, parameters: tuple[type[Parameter], ...]) -> np.ndarray:
