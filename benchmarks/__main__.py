@@ -10,6 +10,7 @@ from benchmarks.frameworks import frameworks
 from benchmarks.mathematics import speed
 from benchmarks.measure import print_parts
 from benchmarks.networks import networks
+from benchmarks.rule_sets import rule_sets
 from benchmarks.scaling import bodies, threads
 from benchmarks.targets import targets
 from benchmarks.yardsticks import against_pymunk, handwritten
@@ -28,6 +29,7 @@ PARTS = {
     "networks": networks,
     "startup": startup,
     "targets": targets,
+    "rule_sets": rule_sets,
     "mathematics": speed,
 }
 
