@@ -9,7 +9,7 @@ from typing import Any
 import pandas as pd
 import yaml
 
-from analysis.report.claims import gap, information, learning
+from analysis.report.claims import gap, information, learning, rule_sets
 from analysis.report.claims.claim import ALL_RUNS, METRIC_2022, METRIC_OURS, OF_PAPER, Claim, Finding
 from analysis.report.claims.evidence import GIVEN_CELL, Evidence
 from analysis.report.claims.specifications import specifications, survives
@@ -34,6 +34,7 @@ ROWS: Mapping[str, Rows] = {
     "probes with masses": information.probes_with_masses,
     "SAC": lambda evidence: evidence.results.of("appendix_sac"),
     "distances without training": learning.distances_of_empty,
+    "numbers of rule sets": rule_sets.rule_set_runs,
 }
 
 # The test of each claim of statements.yaml: its findings, from the evidence and the rows of its evidence.
@@ -66,6 +67,7 @@ TESTS: Mapping[str, Test] = {
     "A-sac-easy": learning.sac_beside_ppo,
     "A-sac-hard": learning.sac_easy_beside_hard,
     "A-ks": learning.rate_of_ks,
+    "rule-sets": rule_sets.gap_by_rule_sets,
 }
 # Numbers that the sentences of a claim name in braces, from its evidence and rows.
 NUMBERS: Mapping[str, Callable[[Evidence, pd.DataFrame], Mapping[str, str]]] = {"A-ks": learning.slope_of_ks}

@@ -10,6 +10,7 @@ from analysis.plotting import style
 from analysis.plotting.figures import DOT, draw_points, legend_of, new_figure, zero_line
 from analysis.plotting.names import design_name, family_name
 from analysis.report.claims.evidence import Evidence
+from analysis.report.claims.rule_sets import rule_set_runs
 from analysis.report.figures.drawing import (
     CELL,
     GAP,
@@ -89,6 +90,34 @@ def rules(evidence: Evidence) -> Drawn | str:
         return "it was not run (`experiments=[rules]`)"
     table = pick(part, [*CELL, "trained", "test_variation", "difference", "gap", "gap_se", SUCCESS])
     return Drawn(dots(table, "test_variation", "difference", COST, "trained"), table)
+
+
+def rule_sets(evidence: Evidence) -> Drawn | str:
+    """Success on training levels and on unseen rule sets against the number of rule sets in training."""
+    runs = rule_set_runs(evidence)
+    if runs.empty:
+        return "it was not run (`experiments=[rule_sets]`)"
+    table = pick(runs, [*CELL, "rule_sets", "success_train_deterministic", SUCCESS, "gap_success", "gap"])
+    figure = new_figure(8.6, 3.9)
+    left, right = figure.subplots(1, 2)
+    players = (
+        (left, "success_train_deterministic", "training levels"),
+        (left, SUCCESS, "unseen rule sets"),
+        (right, "gap_success", ""),
+    )
+    for k, (axes, value, label) in enumerate(players):
+        parts = [(number, column(part, value)) for number, part in table.groupby("rule_sets")]
+        means = pd.DataFrame([mean_of_replicates(values).row(rule_sets=number) for number, values in parts])
+        look = {"marker": style.MARKERS[k], "color": style.PALETTE[k], "capsize": 2.5, "label": label}
+        axes.errorbar(column(means, "rule_sets"), column(means, "estimate"), yerr=error_bars(means, "estimate"), **look)
+        axes.scatter(column(table, "rule_sets"), column(table, value), s=12, color=style.PALETTE[k], alpha=0.5)
+        log_axis(axes, sorted(set(table["rule_sets"])))
+        axes.set_xlabel("rule sets in training")
+    left.set_ylabel("success")
+    left.legend(loc="best")
+    zero_line(right)
+    right.set_ylabel("gap in success (unseen − training)")
+    return Drawn(figure, table)
 
 
 def visual(evidence: Evidence) -> Drawn | str:
