@@ -106,12 +106,12 @@ def rule_sets(evidence: Evidence) -> Drawn | str:
         (right, "gap_success", ""),
     )
     for k, (axes, value, label) in enumerate(players):
-        parts = [(number, column(part, value)) for number, part in table.groupby("rule_sets")]
+        parts = [(int(number), column(part, value)) for number, part in table.groupby("rule_sets")]  # type: ignore[arg-type]
         means = pd.DataFrame([mean_of_replicates(values).row(rule_sets=number) for number, values in parts])
         look = {"marker": style.MARKERS[k], "color": style.PALETTE[k], "capsize": 2.5, "label": label}
         axes.errorbar(column(means, "rule_sets"), column(means, "estimate"), yerr=error_bars(means, "estimate"), **look)
         axes.scatter(column(table, "rule_sets"), column(table, value), s=12, color=style.PALETTE[k], alpha=0.5)
-        log_axis(axes, sorted(set(table["rule_sets"])))
+        log_axis(axes, sorted(set(means["rule_sets"])))
         axes.set_xlabel("rule sets in training")
     left.set_ylabel("success")
     left.legend(loc="best")
