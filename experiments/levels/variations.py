@@ -15,8 +15,7 @@ from segar.errors import did_you_mean
 from segar.language import FloorFriction, GolfBall, Gravity, Mass, Parameter
 from segar.levels import LevelDistribution, Prior
 from segar.noise import UniformNoise
-from segar.rules import DEFAULT_RULES, apply_friction, lorentz_law, lorentz_law_r2, record_drag
-from segar.rules.templates import dynamics_space
+from segar.rules import DEFAULT_RULES, apply_friction, lorentz_law, lorentz_law_r2, record_drag, templates
 
 Variation = Callable[[LevelDistribution], LevelDistribution]
 
@@ -50,7 +49,7 @@ def without(*rules: Any) -> Variation:
 
 def with_rule_space(part: str, by: str) -> Variation:
     """The variation in which each level draws its rules, from one part of the built-in rule space."""
-    return lambda dist: dist.with_rules(dynamics_space().split(part, by))
+    return lambda dist: dist.with_rules(templates.dynamics_space().split(part, by))
 
 
 VARIATIONS: Mapping[str, Variation] = {

@@ -229,7 +229,7 @@ class RuleSpace:
             found[option.active] = Deterministic(round(p)) if p in (0.0, 1.0) else Bernoulli(p)
         for parameter, law, k in self._constants:
             idle, p = Deterministic(parameter.default), min(share[k], 1.0)
-            found[parameter] = law if p == 1 else idle if p == 0 else Mixture((idle, law), (1 - p, p))
+            found[parameter] = law if p == 1 or law == idle else idle if p == 0 else Mixture((idle, law), (1 - p, p))
         return found
 
     @property
