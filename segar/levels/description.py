@@ -14,6 +14,7 @@ from segar.errors import LevelError, did_you_mean
 from segar.language import Entity, GlobalFriction, Layout, Parameter, Slot
 from segar.levels.level_data import LevelData, Provenance
 from segar.levels.moments import Moments, source_moments
+from segar.rules import World
 
 ORIGIN = ("name", "distribution", "seed", "split")
 CLASS = {"name": str, "module": str, "qualname": str}
@@ -60,17 +61,17 @@ def description_of(levels: LevelData) -> dict[str, Any]:
     }
 
 
-def layout_of(description: Mapping[str, Any], path: Path) -> Layout:
-    """The layout that a description of the right form names, of the classes that are defined here.
+def layout_of(description: Mapping[str, Any], path: Path, world: World | None) -> Layout:
+    """The layout that a description of the right form names, of the classes that are defined here; of several world parameters
+    of one name and module, the one that rules of ``world`` take.
 
     Raises:
         LevelError: a class is not defined, or has other factors than it had; or the slots are not those of levels.
     """
     types = [_find(address, all_subclasses(Entity), "entity type", path) for address in description["types"]]
-    extra = [
-        _find(address, all_subclasses(Parameter), "world parameter", path)
-        for address in description["extra_parameters"]
-    ]
+    taken = () if world is None else (p for rule in (*world.rules, *world.on_contact) for p in rule.parameters)
+    parameters = [*all_subclasses(Parameter), *dict.fromkeys(taken)]
+    extra = [_find(address, parameters, "world parameter", path) for address in description["extra_parameters"]]
     described = description["slots"]
     strange = [s["name"] for s in described if not s["types"] or not all(0 <= k < len(types) for k in s["types"])]
     if strange:
@@ -153,7 +154,7 @@ def _find(address: dict[str, Any], classes: Iterable[type], kind: str, path: Pat
     exact = [c for c in same_name if (c.__module__, c.__qualname__) == (address["module"], address["qualname"])]
     if address["module"].startswith("segar."):
         exact += [c for c in same_name if c.__module__.startswith("segar.")]
-    if exact or len(same_name) == 1:
+    if exact or len(set(same_name)) == 1:
         return (exact or same_name)[-1]
     if same_name:
         modules = ", ".join(sorted({c.__module__ for c in same_name}))

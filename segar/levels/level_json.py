@@ -19,6 +19,7 @@ from segar.language import CIRCLE, HULL, Entity, Factor, FloorFriction, Friction
 from segar.levels.description import DESCRIPTION, description_of, layout_of, origin_of
 from segar.levels.level_data import Block, LevelData
 from segar.levels.validity import check_levels, level_forms
+from segar.rules import World
 from segar.support import __version__, check_size, misfit, read_handwritten_json, replacing, shown
 
 SUFFIX = ".json"
@@ -66,22 +67,23 @@ def write_json(path: Path, levels: LevelData) -> None:
         beside.write_text(text, encoding="ascii")
 
 
-def read_json(path: Path) -> dict[str, Any]:
+def read_json(path: Path, world: World | None) -> dict[str, Any]:
     """The arguments of :class:`segar.Levels` that a file holds, all but the world.
 
     Raises:
         LevelError: there is no such file, it is no JSON, or as :func:`fields_of`.
     """
-    return fields_of(read_handwritten_json(path, "a level file in JSON", LevelError), path, "")
+    return fields_of(read_handwritten_json(path, "a level file in JSON", LevelError), path, "", world)
 
 
-def fields_of(data: Any, path: Path, inside: str) -> dict[str, Any]:
+def fields_of(data: Any, path: Path, inside: str, world: World | None) -> dict[str, Any]:
     """The arguments of :class:`segar.Levels`, all but the world, from the data of a level file.
 
     What is left out has its default. Arrays have the right forms; :func:`check_levels` checks their numbers.
 
     Args:
         inside: where the data stand in the file ``path``, for messages; empty, or such as ``levels.``.
+        world: the rules of the levels; None for the default ones.
 
     Raises:
         LevelError: a part is absent, unknown or of another form; the message names it. Or the levels would take more
@@ -94,7 +96,7 @@ def fields_of(data: Any, path: Path, inside: str) -> dict[str, Any]:
         raise LevelError(f"{where}description: {wrong}")
     _check_texts(said, where)
     description = DEFAULTS | said
-    layout = layout_of(description, path)
+    layout = layout_of(description, path, world)
     _check_names(layout, path)
     block = _block_of(data["levels"], layout, description["most_vertices"], path, where)
     _check_floor(layout, block.values, block.parameters, where)

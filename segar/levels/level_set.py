@@ -63,7 +63,7 @@ class Levels(LevelData):
                 expand to more than the limit (see ``docs/reference/files.md``).
         """
         path = Path(path)
-        levels = cls(**(read_json(path) if is_json(path) else _read_npz(path)), world=world)
+        levels = cls(**(read_json if is_json(path) else _read_npz)(path, world), world=world)
         check_levels(levels, f"{path}: ")
         return levels
 
@@ -184,18 +184,18 @@ def levels_from_data(data: Any, path: Path, inside: str, world: World | None) ->
     Raises:
         LevelError: as :meth:`Levels.load`.
     """
-    levels = Levels(**fields_of(data, path, inside), world=world)
+    levels = Levels(**fields_of(data, path, inside, world), world=world)
     check_levels(levels, f"{path}: {inside}")
     return levels
 
 
-def _read_npz(path: Path) -> dict[str, Any]:
+def _read_npz(path: Path, world: World | None) -> dict[str, Any]:
     """The arguments of :class:`Levels` that an npz file holds, all but the world; the arrays have the right forms."""
     layouts: list[Layout] = []
 
     def forms(description: dict[str, Any]) -> Mapping[str, Form]:
         FORMAT.check(path, description, DESCRIPTION)
-        layouts.append(layout_of(description, path))
+        layouts.append(layout_of(description, path, world))
         return level_forms(layouts[0])
 
     found, description = FORMAT.read(path, forms)

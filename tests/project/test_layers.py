@@ -17,8 +17,8 @@ from tests.places import ROOT
 ORDER = [
     "segar.errors",
     "segar.support",
-    "segar.noise",
     "segar.language",
+    "segar.noise",
     "segar.rules",
     "segar.levels",
     "segar.engine",
