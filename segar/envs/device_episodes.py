@@ -17,6 +17,7 @@ from segar.engine.cuda.driver import Device, Driver, Kernel
 from segar.envs.episode_calls import check_call, count_call, observation_calls, start_call
 from segar.envs.episode_kernel import ACTION_NOT_FINITE
 from segar.envs.snapshots import EPISODE_ARRAYS, STATE_ARRAYS, Snapshot
+from segar.envs.trials import trial_info
 from segar.errors import ActionError, ConflictError, LevelError, RuleError, SegarError
 from segar.levels import Levels
 from segar.observations import BoundObservation, map_leaves
@@ -71,6 +72,7 @@ class DeviceEpisodes:
         observation: what is observed; made by compiled functions alone.
         now: the states on the processor, which :meth:`pull` brings up to date and :meth:`push` takes over.
         copy: whether tensors that a step returns are the caller's to keep.
+        trials: episodes in a row on each level.
 
     Raises:
         SegarError: the observation has no compiled form for a GPU; a rule calls what a GPU does not have; the GPU lacks
@@ -78,15 +80,22 @@ class DeviceEpisodes:
     """
 
     def __init__(
-        self, gpu: GPU, simulator: Simulator, levels: Levels, observation: BoundObservation, now: Snapshot, copy: bool
+        self,
+        gpu: GPU,
+        simulator: Simulator,
+        levels: Levels,
+        observation: BoundObservation,
+        now: Snapshot,
+        copy: bool,
+        trials: int,
     ) -> None:
         advice = "choose one of these, or device='cpu'"
         seen = observation_calls(observation, "a GPU", advice, in_rows=True)
         self.device = gpu.tensors
         self._gpu, self._simulator, self._levels, self._now, self._copy = gpu, simulator, levels, now, copy
-        self._space, self._num_envs = observation.space, len(now)
+        self._space, self._num_envs, self._trials = observation.space, len(now), trials
         self._step = step_entry(simulator.world, levels.layout, simulator.task, BY_NUMBER)
-        self._start = tuple(map(self._threads, (start_call(levels), *seen.start)))
+        self._start = tuple(map(self._threads, (start_call(levels, trials), *seen.start)))
         self._advance = tuple(map(self._threads, seen.advance))
         self._write = tuple(map(self._threads, seen.write))
         self._count = self._threads(count_call())
@@ -279,7 +288,8 @@ class DeviceEpisodes:
     def _info(self, success: torch.Tensor, death: torch.Tensor) -> dict[str, torch.Tensor]:
         """The info about all running episodes."""
         counts = {name: self._tensors[array].clone() for name, array in COUNTS.items()}
-        return {**counts, "return": self._tensors["returns"].clone(), "success": success, "death": death}
+        trials = trial_info(self._trials, self._tensors["episodes"], self._tensors["lengths"])
+        return {**counts, "return": self._tensors["returns"].clone(), "success": success, "death": death, **trials}
 
     def _outputs(self) -> tuple[Any, dict[str, torch.Tensor]]:
         """Tensors for observations, and for what comes of a step."""

@@ -14,11 +14,14 @@ _ENVS = ("envs",)
 _NUMBER, _SUM, _FLAG = Given("int64", _ENVS), Given("float64", _ENVS), Given("bool", _ENVS)
 
 
-def start_call(levels: Levels) -> Call:
-    """Start episodes; the caller gives ``seed`` and ``chosen`` beside the states, as :func:`start_episodes` has them."""
+def start_call(levels: Levels, trials: int) -> Call:
+    """Start episodes, ``trials`` in a row on each level.
+
+    The caller gives ``seed`` and ``chosen`` beside the states, as :func:`start_episodes` has them.
+    """
     values = Given("float64", (*_ENVS, *levels.values.shape[1:]))
     batch = [values, _NUMBER, Given("uint64", _ENVS), *[_NUMBER] * 3, _SUM, *[_NUMBER] * 2]
-    given = [Rows(), Given("uint64", None), _NUMBER, np.ascontiguousarray(levels.values), *batch]
+    given = [Rows(), Given("uint64", None), trials, _NUMBER, np.ascontiguousarray(levels.values), *batch]
     return call_of("start_episodes", start_episodes, given, {"level_values": ("levels", None, None)})
 
 

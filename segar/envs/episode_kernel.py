@@ -9,18 +9,22 @@ _options = {"nogil": True, "error_model": "numpy", "_nrt": False}
 
 @cached(**_options)
 def start_episodes(
-    rows, seed, chosen, level_values, values, level, key, tick, contacts, unresolved, returns, lengths, episodes
+    rows, seed, trials, chosen, level_values, values, level, key, tick, contacts, unresolved, returns, lengths, episodes
 ):
     """Start episodes in ``rows``: on ``chosen[env]`` where it is not negative, else on a level drawn uniformly.
 
-    The draw depends on (seed, environment, episode) alone, so environment e meets the same levels in any batch.
+    ``trials`` episodes in a row are on one level: those whose number, divided by ``trials``, gives the same whole number. A
+    chosen level begins such a row. The draws depend on (seed, environment, episode) alone, so environment e meets the same
+    levels in any batch.
     """
     for r in range(len(rows)):
         e = rows[r]
-        k = mix(np.uint64(seed) + mix(np.uint64(e) * np.uint64(GOLDEN) + np.uint64(episodes[e])))
         at = chosen[e]
+        if at >= 0:
+            episodes[e] += -episodes[e] % trials
+        k = mix(np.uint64(seed) + mix(np.uint64(e) * np.uint64(GOLDEN) + np.uint64(episodes[e])))
         if at < 0:
-            at = np.int64(uniform(k) * len(level_values))
+            at = level[e] if episodes[e] % trials else np.int64(uniform(k) * len(level_values))
         level[e] = at
         for i in range(values.shape[1]):
             for c in range(values.shape[2]):

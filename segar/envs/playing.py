@@ -1,4 +1,4 @@
-"""The loop that plays episodes: one in each row of a batch, from its start until all of them are over."""
+"""The loop that plays episodes: one in each row of a batch, or all trials of a level, from the start until all are over."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -6,25 +6,28 @@ from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 
-ROW_ARRAYS = ("episodes", "action", "reward", "terminated", "truncated", "played", "running")
+ROW_ARRAYS = ("episodes", "trial", "action", "reward", "terminated", "truncated", "played", "running")
 
 
 @dataclass(frozen=True, eq=False)
 class TimeStep:
-    """What is known after the start, or after a step, of episodes that are played side by side.
+    """What is known after the start, or after a step, of rows of episodes that are played side by side.
 
     Attributes:
         time: steps that were taken; 0 after the start.
-        episodes: int64 ``(n,)``, the number of the episode that each row of the arrays is about.
+        episodes: int64 ``(n,)``, the number of the episode that each row of the arrays is about; with several trials, that
+            of the row of episodes.
+        trial: int64 ``(n,)``, which episode of its row the step belongs to, from 0.
         observation, info: as the source of the steps gave them.
         action: float ``(n, action size)``, what led here; reward: float64 ``(n,)``; terminated, truncated: bool
             ``(n,)``. All are zero after the start.
-        played: bool ``(n,)``, whether the step belongs to the row's episode. It does not where that was over before.
-        running: bool ``(n,)``, whether the row's episode goes on.
+        played: bool ``(n,)``, whether the step belongs to an episode of the row. It does not where all were over before.
+        running: bool ``(n,)``, whether the row's episode goes on, or another one follows.
     """
 
     time: int
     episodes: np.ndarray
+    trial: np.ndarray
     observation: Any
     info: dict[str, Any]
     action: np.ndarray
@@ -36,8 +39,8 @@ class TimeStep:
 
     @property
     def ended(self) -> np.ndarray:
-        """Bool ``(n,)``: whether this step was the last one of the row's episode."""
-        return self.played & ~self.running
+        """Bool ``(n,)``: whether this step was the last one of an episode."""
+        return self.played & (self.terminated | self.truncated)
 
 
 Act: TypeAlias = Callable[[TimeStep], np.ndarray]
@@ -58,8 +61,8 @@ class StepSource(Protocol):
         ...
 
 
-def play(source: StepSource, act: Act, start: tuple[Any, dict[str, Any]]) -> Iterator[TimeStep]:
-    """Play one episode in each row of ``source``: yields the start, then every step, until all episodes are over.
+def play(source: StepSource, act: Act, start: tuple[Any, dict[str, Any]], trials: int = 1) -> Iterator[TimeStep]:
+    """Play one episode, or several trials, in each row of ``source``: yields the start, then every step, until all are over.
 
     Rows whose episode is over are stepped on, because a batch moves as one, unless the source drops them. To stop
     early, stop iterating.
@@ -72,10 +75,12 @@ def play(source: StepSource, act: Act, start: tuple[Any, dict[str, Any]]) -> Ite
     Args:
         act: chooses the actions of a step; it is called when the caller asks for that step.
         start: observations and info from which the episodes begin, e.g. ``env.reset(options={"levels": levels})``.
+        trials: episodes of each row. Where there are several, the source starts the next one in the step that ends one, as
+            environments with ``trials`` and ``autoreset_mode`` SAME_STEP do.
     """
     n = source.num_envs
-    none, zero = np.zeros(n, np.bool_), np.zeros(n)
-    now = TimeStep(0, np.arange(n), *start, np.zeros((n, 0)), zero, none, none, played=none, running=~none)
+    none, zero, first = np.zeros(n, np.bool_), np.zeros(n), np.zeros(n, np.int64)
+    now = TimeStep(0, np.arange(n), first, *start, np.zeros((n, 0)), zero, none, none, played=none, running=~none)
     yield now
     shrink = getattr(source, "shrink", None)
     while now.running.any():
@@ -83,9 +88,11 @@ def play(source: StepSource, act: Act, start: tuple[Any, dict[str, Any]]) -> Ite
             rows = {name: getattr(now, name)[now.running] for name in ROW_ARRAYS}
             now = replace(now, observation=shrink(now.running), **rows)
         action = act(now)
+        trial = now.trial + (now.ended & now.running)
         observation, reward, terminated, truncated, info = source.step(action)
+        is_over = (terminated | truncated) & (trial == trials - 1)
         now = TimeStep(
-            now.time + 1, now.episodes, observation, info, action, reward, terminated, truncated,
-            played=now.running, running=now.running & ~(terminated | truncated),
+            now.time + 1, now.episodes, trial, observation, info, action, reward, terminated, truncated,
+            played=now.running, running=now.running & ~is_over,
         )  # fmt: skip
         yield now

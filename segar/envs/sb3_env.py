@@ -30,7 +30,7 @@ class SB3VecEnv(VecEnv):
     ``infos[e]`` is empty while an episode goes on. Where one ended it holds ``terminal_observation``,
     ``TimeLimit.truncated``, ``episode`` (``r``, ``l`` and ``t``: return, length, seconds since the environments were made,
     as ``Monitor`` has them, so that neither ``Monitor`` nor ``VecMonitor`` is needed), ``level``, ``is_success`` and
-    ``death``. ``reset_infos[e]`` holds the ``level`` that a reset chose.
+    ``death``, with several trials also ``trial``. ``reset_infos[e]`` holds the ``level`` that a reset chose.
 
     The environments of a batch have one seed and one set of attributes. So ``seed(s)`` seeds the batch with ``s``;
     ``env_method`` calls the method of ``vector_env`` once, and returns what it returned for each environment; ``get_attr``
@@ -103,6 +103,7 @@ class SB3VecEnv(VecEnv):
     def _describe_ends(self, infos: list[dict[str, Any]], ended: np.ndarray, terminated: np.ndarray) -> None:
         """Fill the infos of the environments whose episodes ended."""
         last, final = self.info["final_obs"], self.info["final_info"]
+        trials = final["trial"] if self.vector_env.trials > 1 else None
         seconds = round(time.time() - self._began, 6)
         for e in ended.tolist():
             infos[e] = {
@@ -113,6 +114,8 @@ class SB3VecEnv(VecEnv):
                 "is_success": bool(final["success"][e]),
                 "death": bool(final["death"][e]),
             }
+            if trials is not None:
+                infos[e]["trial"] = int(trials[e])
 
     def close(self) -> None:
         """Close the window, if there is one."""

@@ -45,7 +45,7 @@ def environment_calls(env: VectorEnv) -> EnvironmentCalls:
     advice = "give it a method calls(when) as in segar.observations.protocol.RunsOnTargets"
     seen = observation_calls(env.observation, "other targets", advice)
     step = step_entry(env.simulator.world, env.levels.layout, env.task)
-    return EnvironmentCalls(step, (start_call(env.levels), *seen.start), seen.advance, seen.write)
+    return EnvironmentCalls(step, (start_call(env.levels, env.trials), *seen.start), seen.advance, seen.write)
 
 
 def build_environment(env: VectorEnv, target: str) -> TargetKernel:

@@ -11,6 +11,7 @@ from torchrl.data import Binary, Bounded, Composite, Unbounded
 from torchrl.envs import EnvBase
 
 from segar.envs.snapshots import Snapshot
+from segar.envs.trials import trial_info
 from segar.envs.vector import VectorEnv
 from segar.errors import SegarError
 from segar.levels import Levels
@@ -24,6 +25,7 @@ EPISODE_KEYS = {
     "success": torch.bool,
     "death": torch.bool,
 }
+TRIAL_KEYS = {"trial": torch.int64, "new_level": torch.bool}  # where there are several
 
 
 class TorchRLEnv(EnvBase):
@@ -33,7 +35,8 @@ class TorchRLEnv(EnvBase):
     under ``"observation"`` (float32, e.g. ``[num_envs, d]``), a dict's parts under their names, a tuple's under
     ``("observation", "0")`` and so on; ``"reward"`` float32, ``"done"``, ``"terminated"``, ``"truncated"`` bool; and about
     the running episode ``"level"`` (index in ``levels``), ``"return"`` (all rewards so far), ``"length"``,
-    ``"success"``, ``"death"``; all of these ``[num_envs, 1]``. Nothing is reset by a step, so that a finished
+    ``"success"``, ``"death"``, with several trials also ``"trial"`` and ``"new_level"``; all of these
+    ``[num_envs, 1]``. Nothing is reset by a step, so that a finished
     episode's last observation stays readable; ``reset`` honours TorchRL's ``"_reset"`` mask, and takes
     ``levels=`` (int array ``[num_envs]``) to choose the levels that start. Tensors share the memory of the engine's
     arrays, which later steps do not overwrite. Actions: float32 ``[num_envs, 2]`` in [-1, 1]. With
@@ -55,14 +58,15 @@ class TorchRLEnv(EnvBase):
         )
         super().__init__(device=vector_env.device, batch_size=torch.Size([num_envs]))
         self.vector_env = vector_env
+        self._episode_keys = EPISODE_KEYS | (TRIAL_KEYS if vector_env.trials > 1 else {})
         space = self.vector_env.single_observation_space
         self.observation_key = _key_of(space) if isinstance(space, spaces.Box) else None
         seen = _named(space)
-        for name in seen.keys() & {*EPISODE_KEYS, "action", "reward", "done", "terminated", "truncated"}:
+        for name in seen.keys() & {*self._episode_keys, "action", "reward", "done", "terminated", "truncated"}:
             raise SegarError(f"TorchRLEnv: an observation's part cannot be called '{name}', as another entry is")
         self.observation_spec = Composite(
             {key: _spec(part, num_envs) for key, part in seen.items()}
-            | {key: _column(num_envs, t) for key, t in EPISODE_KEYS.items()},
+            | {key: _column(num_envs, t) for key, t in self._episode_keys.items()},
             shape=self.batch_size,
         ).to(self.device)
         self.action_spec = _bounded(self.vector_env.action_space, torch.float32).to(self.device)
@@ -103,6 +107,7 @@ class TorchRLEnv(EnvBase):
         never = np.zeros(self.num_envs, dtype=bool)
         info = {"level": snapshot.state.level, "return": snapshot.returns, "length": snapshot.lengths}
         info = {key: value.copy() for key, value in info.items()} | {"success": never, "death": never}
+        info |= trial_info(self.vector_env.trials, snapshot.episodes, snapshot.lengths)
         return self._tensordict(
             observation, {key: torch.from_numpy(part).to(self.device) for key, part in info.items()}
         )
@@ -116,7 +121,7 @@ class TorchRLEnv(EnvBase):
         never = {
             key: torch.zeros(self.num_envs, dtype=torch.bool, device=self.device) for key in ("terminated", "truncated")
         }
-        columns = never | given | {key: _tensor(info[key], self.num_envs) for key in EPISODE_KEYS}
+        columns = never | given | {key: _tensor(info[key], self.num_envs) for key in self._episode_keys}
         columns["done"] = columns["terminated"] | columns["truncated"]
         if "reward" in outcome:
             columns["reward"] = columns["reward"].to(torch.float32)

@@ -24,6 +24,7 @@ from segar.envs.checks import (
 )
 from segar.envs.episode_kernel import count_step, record_ends, start_episodes
 from segar.envs.snapshots import Snapshot
+from segar.envs.trials import MOST_TRIALS, trial_info
 from segar.errors import LevelError, SegarError, did_you_mean, must_be
 from segar.language import Factor, Factors, Results, Task
 from segar.levels import Levels, check_levels
@@ -59,12 +60,15 @@ class VectorEnv(gymnasium.vector.VectorEnv):
     >>> env.step(np.zeros((64, 2), np.float32))[1].shape
     (64,)
 
-    Each episode starts on a level drawn uniformly from the set (the epistemic POMDP). Environment ``e`` behaves in the
-    same way for all ``num_envs`` and ``num_threads``.
+    Each episode starts on a level drawn uniformly from the set (the epistemic POMDP). With ``trials=k``, the next k - 1
+    episodes of the environment start on the same level, too, with randomness of their own. Environment ``e`` behaves in
+    the same way for all ``num_envs`` and ``num_threads``.
 
     ``info`` holds ``level`` (int64, index in ``levels``), ``return`` (float64, every reward counted) and ``length`` of
     the running episode, ``success`` and ``death`` (bool), ``factors`` (mapping of the true factors, gathered on
-    access) and ``results`` (mapping of what the task says of them, computed on access). Where an episode ended under
+    access) and ``results`` (mapping of what the task says of them, computed on access). With several trials it also holds
+    ``trial`` (int64, from 0, which episode on its level runs) and ``new_level`` (bool, whether the first one on a level has
+    just started). Where an episode ended under
     ``SAME_STEP``, ``final_obs`` and ``final_info`` hold its end in the rows that the masks ``_final_obs`` and
     ``_final_info`` name, and the rest of ``info`` is about the next episode.
 
@@ -83,6 +87,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         unit_actions: whether each component of an action lies in [-1, 1], which is mapped linearly to the task's range;
             otherwise actions have the task's range themselves.
         world: rules; those of the levels' distribution where it is None.
+        trials: episodes in a row on each level, from 1 up.
         render_mode: None, 'rgb_array' (:meth:`render` gives a frame of each environment, drawn for people) or 'human'
             (a window shows them).
         view: a :class:`segar.rendering.View`: size of the frames, labels, hints.
@@ -119,11 +124,13 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         render_mode: str | None = None,
         view: View | None = None,
         device: Any = "cpu",
+        trials: int = 1,
     ) -> None:
         self._arguments = {name: value for name, value in locals().items() if name not in ("self", "__class__")}
         instance("levels", levels, Levels, "segar.Levels, as segar.family('empty-hard').sample(100) makes them")
         num_envs = whole_number("num_envs", num_envs, 1, MOST_ENVIRONMENTS)
         num_threads = whole_number("num_threads", num_threads, 1, MOST_THREADS)
+        self.trials = whole_number("trials", trials, 1, MOST_TRIALS)
         instance("task", task, (Task, NoneType), "a segar.Task, such as segar.puttputt(), or None")
         instance("world", world, (World, NoneType), "a segar.World, such as segar.World(rules=...), or None")
         instance("view", view, (View, NoneType), "a segar.rendering.View, or None")
@@ -183,12 +190,14 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self.device: Any = "cpu" if self._episodes is None else self._episodes.device
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict]:
-        """Start new episodes; return observations and info.
+        """Start the next episodes; return observations and info.
+
+        The next one of several trials is on the same level, unless the last one ran, or a seed or levels are given.
 
         Args:
             seed: starts the sequence of episodes anew; where it is None the sequence goes on.
-            options: ``levels`` (int, ``(num_envs,)``): the level that each environment starts on; ``reset_mask``
-                (bool, ``(num_envs,)``): which environments start anew, all where it is absent.
+            options: ``levels`` (int, ``(num_envs,)``): the level that each environment starts on, with its first trial;
+                ``reset_mask`` (bool, ``(num_envs,)``): which environments start anew, all where it is absent.
 
         Raises:
             LevelError: a level index is out of range, or an option is unknown or of the wrong shape.
@@ -305,7 +314,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         """Go on from a snapshot of ``num_envs`` environments on these levels; return the observations.
 
         The snapshot holds what observations show of the past. Where it does not, because its environment observed
-        something else, observations are as if the episode had started now.
+        something else, observations are as if the episode had started now. Which trial runs follows from the number of
+        episodes that the snapshot counts, and from the ``trials`` of these environments.
 
         Raises:
             SegarError: the snapshot is of another number of environments, or of other levels, or holds the past of
@@ -315,6 +325,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         snapshot.check_fits(self.levels, self.num_envs)
         self._detach_factors()
         everywhere = np.ones(self.num_envs, np.bool_)
+        self._hooks.forget(everywhere)
         self._hooks.start(snapshot.state.key, snapshot.state.level, everywhere)
         self._hooks.recall(snapshot.memory)
         self._now = replace(snapshot, memory={}).copy()
@@ -378,7 +389,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         from segar.envs.device_episodes import DeviceEpisodes, open_gpu
 
         gpu = open_gpu(device)
-        return DeviceEpisodes(gpu, self.simulator, self.levels, self.observation, self._now, self.copy)
+        return DeviceEpisodes(gpu, self.simulator, self.levels, self.observation, self._now, self.copy, self.trials)
 
     def _step_on_device(self, episodes: "DeviceEpisodes", actions: Any) -> tuple[Any, ...]:
         """:meth:`step` on a GPU."""
@@ -398,6 +409,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             return observations
         self.simulator.act(self._now.state, self.levels, actions, self._outcome)
         self._hooks.advance(actions)
+        self._hooks.rewarded(self._outcome.reward)
         return self._observe_all()
 
     def _count_step(self) -> tuple[np.ndarray, np.ndarray]:
@@ -416,15 +428,16 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         return reward, out.terminated.copy(), out.success.copy(), out.death.copy()
 
     def _start_episodes(self, rows: np.ndarray, chosen: np.ndarray | None = None) -> None:
-        """Start episodes in these rows, on the chosen levels or on ones drawn uniformly."""
+        """Start episodes in these rows, on the chosen levels or on ones drawn uniformly, or the next trials there."""
         now, state = self._now, self._now.state
         chosen = self._any_level if chosen is None else chosen
         start_episodes(
-            rows, np.uint64(now.seed), chosen, self.levels.values, state.values, state.level, state.key, state.tick,
-            state.contacts, now.state.unresolved_contacts, now.returns, now.lengths, now.episodes,
+            rows, np.uint64(now.seed), self.trials, chosen, self.levels.values, state.values, state.level, state.key,
+            state.tick, state.contacts, now.state.unresolved_contacts, now.returns, now.lengths, now.episodes,
         )  # fmt: skip
         mask = np.zeros(self.num_envs, np.bool_)
         mask[rows] = True
+        self._hooks.forget(mask if self.trials == 1 else mask & ((now.episodes - 1) % self.trials == 0))
         self._hooks.start(state.key, state.level, mask)
         self.observation.begin(state.values, state.level, mask)
 
@@ -457,7 +470,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             now.state.contacts.copy(),
             now.state.unresolved_contacts.copy(),
         )
-        return self._named_info(counts, now.returns.copy(), success, death, factors)
+        trials = trial_info(self.trials, now.episodes, now.lengths)
+        return self._named_info(counts, now.returns.copy(), success, death, factors) | trials
 
     def _final(self, observations: Any, ended: np.ndarray, success: np.ndarray, death: np.ndarray) -> dict[str, Any]:
         """The last observations and info of episodes that ended, in full-sized arrays with masks.
@@ -475,7 +489,11 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             returns, flags,
         )  # fmt: skip
         factors = Factors(self.levels.layout, state.values[ended], ended, self.num_envs)
-        final_info = self._named_info(counts, returns, flags[0], flags[1], factors)
+        trials = {
+            name: np.where(flags[2], array, np.zeros_like(array))
+            for name, array in trial_info(self.trials, now.episodes, now.lengths).items()
+        }
+        final_info = self._named_info(counts, returns, flags[0], flags[1], factors) | trials
         return {"final_obs": final_obs, "_final_obs": flags[2], "final_info": final_info, "_final_info": flags[3]}
 
     def _named_info(

@@ -4,7 +4,9 @@ The room imports the levels, the engine and the textures. Other rooms use the na
 """
 
 from segar.observations.composed.actions import PreviousActions
+from segar.observations.composed.joined import Joined
 from segar.observations.composed.multi import Multi, OneOf, make_observation, trained_on
+from segar.observations.composed.previous_step import PreviousStep
 from segar.observations.composed.stack import Stack
 from segar.observations.copying import copy_rows, copy_squares
 from segar.observations.pixels.solid_colours import COLOURS, RGB, Colour, Pixels, colour_of
@@ -32,8 +34,8 @@ from segar.observations.state.state_vector import AllObjects, AllState, AllTiles
 
 __all__ = [
     "COLOURS", "OBSERVATIONS", "RGB", "SHIPPED", "AllObjects", "AllState", "AllTiles", "Arrays", "BoundObservation",
-    "Colour", "Multi", "ObjectState", "Observation", "ObservationLike", "OneOf", "Pixels", "PreviousActions",
-    "RunsOnTargets", "Stack", "StateVector", "TexturedPixels", "TileState", "calls_of", "colour_of", "copy_rows",
-    "copy_squares", "draws_per_episode", "empty_batch", "for_task", "hooks_of", "leaves", "make_observation",
+    "Colour", "Joined", "Multi", "ObjectState", "Observation", "ObservationLike", "OneOf", "Pixels", "PreviousActions",
+    "PreviousStep", "RunsOnTargets", "Stack", "StateVector", "TexturedPixels", "TileState", "calls_of", "colour_of",
+    "copy_rows", "copy_squares", "draws_per_episode", "empty_batch", "for_task", "hooks_of", "leaves", "make_observation",
     "map_leaves", "own_arrays", "simulator_reads", "trained_on", "without_calls",
 ]  # fmt: skip

@@ -6,12 +6,14 @@ batch of environments and holds its caches. It reads arrays of states and never 
 An environment calls a bound observation in this order; hooks in brackets are optional, and are called only where the bound
 observation has them:
 
-* episodes start: [:meth:`EpisodeHook.start`], then ``begin``, then ``write``;
-* a step was taken: [:meth:`StepHook.advance`], then ``write``;
+* episodes start: [:meth:`LevelHook.forget`, of those that are the first on their level], [:meth:`EpisodeHook.start`], then
+  ``begin``, then ``write``;
+* a step was taken: [:meth:`StepHook.advance`], [:meth:`RewardHook.rewarded`], then ``write``;
 * a step is taken, and the observation is :class:`WrittenBySimulator`: the simulator writes it, and ``write`` is not called;
 * the caller intervened in the states: ``begin``, then ``write``;
 * a snapshot is taken: [:meth:`HasMemory.memory`];
-* a snapshot is restored: [:meth:`EpisodeHook.start`], [:meth:`HasMemory.recall`], then ``begin``, then ``write``.
+* a snapshot is restored: [:meth:`LevelHook.forget`], [:meth:`EpisodeHook.start`], [:meth:`HasMemory.recall`], then
+  ``begin``, then ``write``.
 
 ``write`` fills arrays of the environment, or those of the observation itself where it :class:`OwnsBuffers`.
 
@@ -89,6 +91,22 @@ class StepHook(Protocol):
 
     def advance(self, actions: np.ndarray) -> None:
         """Note that all environments took a step by these actions, float32 ``[env, action size]``."""
+
+
+@runtime_checkable
+class LevelHook(Protocol):
+    """A bound observation that remembers something over the trials of a level, which are episodes in a row."""
+
+    def forget(self, mask: np.ndarray) -> None:
+        """Forget what was before where ``mask`` (bool ``[env]``) is true: the first episode on a level starts."""
+
+
+@runtime_checkable
+class RewardHook(Protocol):
+    """A bound observation that follows the rewards of steps."""
+
+    def rewarded(self, reward: np.ndarray) -> None:
+        """Note the rewards of the step that all environments took, float64 ``[env]``."""
 
 
 @runtime_checkable
@@ -211,6 +229,8 @@ class Hooks:
 
     start: Callable[[np.ndarray, np.ndarray, np.ndarray], None]
     advance: Callable[[np.ndarray], None]
+    rewarded: Callable[[np.ndarray], None]
+    forget: Callable[[np.ndarray], None]
     memory: Callable[[], dict[str, np.ndarray]]
     recall: Callable[[Mapping[str, np.ndarray]], None]
 
@@ -220,6 +240,8 @@ def hooks_of(observation: BoundObservation) -> Hooks:
     return Hooks(
         getattr(observation, "start", _do_nothing),
         getattr(observation, "advance", _do_nothing),
+        getattr(observation, "rewarded", _do_nothing),
+        getattr(observation, "forget", _do_nothing),
         getattr(observation, "memory", dict),
         getattr(observation, "recall", _do_nothing),
     )

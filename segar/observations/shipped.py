@@ -4,6 +4,8 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+from segar.observations.composed.joined import Joined
+from segar.observations.composed.previous_step import PreviousStep
 from segar.observations.composed.stack import Stack
 from segar.observations.pixels.solid_colours import Pixels
 from segar.observations.pixels.textured import TexturedPixels
@@ -17,12 +19,18 @@ def _stacked(frames: type[Pixels | TexturedPixels], n: int, **options: Any) -> S
     return Stack(frames(**options), n)
 
 
+def _with_past(reward_scale: float = 1.0, **options: Any) -> Joined:
+    """The state, and whether an episode has just begun, the last action and its reward; options are those of the state."""
+    return Joined([StateVector(**options), PreviousStep(reward_scale=reward_scale)])
+
+
 SHIPPED: dict[str, Callable[..., Observation]] = {
     "state": StateVector,
     "rgb": Pixels,
     "textures": TexturedPixels,
     "textures_stack4": partial(_stacked, TexturedPixels, n=4),
     "state_normalised": partial(StateVector, normalise=True),  # in units of the prior
+    "state_past": _with_past,  # and the last step, also over the trials of a level
     "rgb_stack2": partial(_stacked, Pixels, n=2),
     "rgb_stack4": partial(_stacked, Pixels, n=4),
 }

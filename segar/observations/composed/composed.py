@@ -35,6 +35,16 @@ class BoundComposed:
         for hooks in self._hooks.values():
             hooks.advance(actions)
 
+    def rewarded(self, reward: np.ndarray) -> None:
+        """Tell all members the rewards of the step."""
+        for hooks in self._hooks.values():
+            hooks.rewarded(reward)
+
+    def forget(self, mask: np.ndarray) -> None:
+        """Let all members forget where ``mask`` is true."""
+        for hooks in self._hooks.values():
+            hooks.forget(mask)
+
     def memory(self) -> dict[str, np.ndarray]:
         """What the members remember, by ``member/name``."""
         return {f"{name}/{key}": array for name, hooks in self._hooks.items() for key, array in hooks.memory().items()}

@@ -16,7 +16,7 @@ from segar.engine.cuda.driver import Driver
 from segar.envs import TorchRLEnv, VectorEnv, device_episodes
 from segar.envs.device_episodes import GPU, STEPS_BETWEEN_CHECKS
 from segar.errors import ActionError, LevelError, RuleError, SegarError
-from segar.observations import OneOf, Pixels, PreviousActions, Stack, StateVector
+from segar.observations import OneOf, Pixels, PreviousActions, PreviousStep, Stack, StateVector
 from tests.segar.engine.cuda.stub_driver import StubDriver
 
 N = 12
@@ -104,6 +104,26 @@ def test_episodes_are_those_of_the_processor(stub, levels, name):
     launched = {name for name, *_ in stub.launches}
     assert {"check_actions", "advance_range", "count_rows", "start_episodes"} < launched
     assert len(device.single_observation_space.shape or ()) < 3 or {"draw_rows", "paint_rows"} < launched
+
+
+@pytest.mark.parametrize("mode", ["SameStep", "Disabled"])
+def test_trials_are_those_of_the_processor(stub, levels, mode):
+    options: dict[str, Any] = {"seed": 3, "max_steps": 4, "trials": 3, "autoreset_mode": mode}
+    host, device = VectorEnv(levels, N, **options), VectorEnv(levels, N, device="cuda", **options)
+    assert same_info(host.reset()[1], device.reset()[1])
+    play_both(host, device, actions_of(0, 10))
+    chosen, mask = np.arange(N) % 7, np.arange(N) % 3 == 0
+    given = {"levels": chosen, "reset_mask": mask}
+    assert same_info(
+        host.reset(options=given)[1], device.reset(options={**given, "reset_mask": torch.from_numpy(mask)})[1]
+    )
+    play_both(host, device, actions_of(1, 20))
+    assert same_info(host.reset()[1], device.reset()[1])
+
+
+def test_what_a_gpu_does_not_remember_over_trials_is_refused(stub, levels):
+    with pytest.raises(SegarError, match="the observation BoundPreviousStep has no compiled form for a GPU"):
+        VectorEnv(levels, N, device="cuda", trials=2, observation=PreviousStep())
 
 
 @pytest.mark.parametrize("mode", ["SameStep", "Disabled"])

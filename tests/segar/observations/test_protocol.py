@@ -10,7 +10,17 @@ import pytest
 
 import segar
 from segar.envs import VectorEnv
-from segar.observations import Multi, OneOf, Pixels, PreviousActions, Stack, StateVector, TexturedPixels
+from segar.observations import (
+    Joined,
+    Multi,
+    OneOf,
+    Pixels,
+    PreviousActions,
+    PreviousStep,
+    Stack,
+    StateVector,
+    TexturedPixels,
+)
 from segar.observations.protocol import (
     BoundObservation,
     Composed,
@@ -19,15 +29,17 @@ from segar.observations.protocol import (
     HasMemory,
     KnowsTask,
     KnowsTraining,
+    LevelHook,
     Observation,
     OwnsBuffers,
+    RewardHook,
     StepHook,
     WrittenBySimulator,
     draws_per_episode,
 )
 
 LEVELS = segar.family("objectsx1-hard").sample(4, seed=0)
-HOOKS = ("start", "advance", "memory", "recall")
+HOOKS = ("forget", "start", "advance", "rewarded", "memory", "recall")
 
 
 class Recorder:
@@ -58,6 +70,12 @@ class Recorder:
     def _advance(self, actions: np.ndarray) -> None:
         self.calls.append("advance")
 
+    def _forget(self, mask: np.ndarray) -> None:
+        self.calls.append("forget")
+
+    def _rewarded(self, reward: np.ndarray) -> None:
+        self.calls.append("rewarded")
+
     def _memory(self) -> dict[str, np.ndarray]:
         self.calls.append("memory")
         return {"note": np.ones((2, 1))}
@@ -76,10 +94,11 @@ def calls_of(recorder: Recorder, observation: Any) -> list[str]:
     return recorder.calls
 
 
-EVERY = ["start", "begin", "write", "advance", "write", "begin", "write", "memory", "start", "recall", "begin", "write"]
+EVERY = ["forget", "start", "begin", "write", "advance", "rewarded", "write", "begin", "write", "memory", "forget", "start",
+         "recall", "begin", "write"]  # fmt: skip
 
 
-@pytest.mark.parametrize("hooks", [HOOKS, (), ("start",), ("advance",), ("memory", "recall"), ("start", "advance")])
+@pytest.mark.parametrize("hooks", [HOOKS, (), ("start",), ("advance",), ("memory", "recall"), ("forget", "rewarded")])
 @pytest.mark.parametrize(
     "composed", [lambda o: o, lambda o: (o, "state"), lambda o: OneOf([o])], ids=["alone", "tuple", "one"]
 )
@@ -113,18 +132,21 @@ def test_hooks_that_a_wrapper_forwards_are_called():
         np.testing.assert_array_equal(plain.step(action)[0], wrapped.step(action)[0])
 
 
+REMEMBERING = (EpisodeHook, StepHook, LevelHook, RewardHook)  # what an observation of others hands on to them
 BUILT_IN = {
     "state": (StateVector(), {WrittenBySimulator}, {KnowsTraining}),
     "rgb": (Pixels(), set(), {DrawsPlanes}),
     "textures": (TexturedPixels(), {EpisodeHook, HasMemory}, {DrawsPlanes}),
     "actions": (PreviousActions(), {EpisodeHook, StepHook, HasMemory}, {KnowsTask}),
-    "stack": (Stack("rgb", 2), {EpisodeHook, StepHook, HasMemory, OwnsBuffers}, {KnowsTask, KnowsTraining, Composed}),
+    "step": (PreviousStep(), {EpisodeHook, StepHook, LevelHook, RewardHook, HasMemory}, {KnowsTask}),
+    "joined": (Joined(["state"]), {*REMEMBERING, HasMemory}, {KnowsTask, KnowsTraining, Composed}),
+    "stack": (Stack("rgb", 2), {*REMEMBERING, HasMemory, OwnsBuffers}, {KnowsTask, KnowsTraining, Composed}),
     "tuple": (
         Multi(("rgb", "state")),
-        {EpisodeHook, StepHook, HasMemory, OwnsBuffers},
+        {*REMEMBERING, HasMemory, OwnsBuffers},
         {KnowsTask, KnowsTraining, Composed},
     ),
-    "one of several": (OneOf(["rgb"]), {EpisodeHook, StepHook, HasMemory}, {KnowsTask, KnowsTraining, Composed}),
+    "one of several": (OneOf(["rgb"]), {*REMEMBERING, HasMemory}, {KnowsTask, KnowsTraining, Composed}),
 }
 
 
@@ -162,9 +184,7 @@ def test_an_observation_of_ones_own_that_hears_of_episodes_is_taken_to_draw_unle
 def test_built_in_observations_have_the_protocols_that_they_are_documented_with(observation, of_bound, of_description):
     bound = observation.bind(LEVELS, 2)
     assert isinstance(observation, Observation) and isinstance(bound, BoundObservation)
-    assert {
-        p for p in (EpisodeHook, StepHook, HasMemory, OwnsBuffers, WrittenBySimulator) if isinstance(bound, p)
-    } == of_bound
+    assert {p for p in (*REMEMBERING, HasMemory, OwnsBuffers, WrittenBySimulator) if isinstance(bound, p)} == of_bound
     assert {
         p for p in (DrawsPlanes, KnowsTask, KnowsTraining, Composed) if isinstance(observation, p)
     } == of_description

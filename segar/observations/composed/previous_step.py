@@ -1,0 +1,118 @@
+"""The last action and its reward, and whether an episode has just begun, as an observation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import gymnasium
+import numpy as np
+
+from segar.errors import SegarError
+from segar.language import Factor, Task
+from segar.levels import Levels
+from segar.observations.composed.composed import recall_array
+from segar.observations.state.state_options import FACTOR_LIMIT
+from segar.tasks import task_of
+
+
+@dataclass(frozen=True)
+class PreviousStep:
+    """Whether an episode has just begun, the last action and its reward: float32 ``[1 + action size + 1]``.
+
+    The first number is 1 where no step of the episode was taken, else 0. The action is clipped to its range. Over the trials
+    of a level, which are episodes in a row (``trials`` of :class:`segar.envs.VectorEnv`), action and reward are remembered: the
+    first observation of a trial shows those of the last step of the trial before. They are 0 where a level begins. A policy
+    with a memory can learn from this what came of the earlier trials (Duan et al. 2016, RL²).
+
+    Args:
+        action, reward: whether they are shown.
+        reward_scale: what rewards are divided by; afterwards they are clipped to 1e6.
+        task: the task of the actions; environments give theirs. The task that the levels name where it is None.
+
+    Raises:
+        SegarError: the scale is no finite number above 0.
+    """
+
+    action: bool = True
+    reward: bool = True
+    reward_scale: float = 1.0
+    task: Task | None = None
+
+    def __post_init__(self) -> None:
+        scale = self.reward_scale
+        if isinstance(scale, bool) or not isinstance(scale, (int, float)) or not 0 < scale < np.inf:
+            raise SegarError(f"PreviousStep: reward_scale must be a finite number above 0, not {scale!r}")
+
+    def shows(self, factor: type[Factor]) -> bool:
+        """Whether the last action and its reward change with the factor's present values: never."""
+        return False
+
+    def for_task(self, task: Task) -> PreviousStep:
+        """The steps of this task."""
+        return replace(self, task=task)
+
+    def bind(self, levels: Levels, num_envs: int) -> BoundPreviousStep:
+        """The observation at work."""
+        return BoundPreviousStep(self, self.task or task_of(levels), num_envs)
+
+
+class BoundPreviousStep:
+    """:class:`PreviousStep` in one batch of environments.
+
+    See :class:`segar.observations.protocol.LevelHook`, :class:`segar.observations.protocol.RewardHook` and
+    :class:`segar.observations.protocol.HasMemory`.
+
+    Attributes:
+        names: what each number is: ``episode.begins``, ``action.0`` and so on, ``reward``.
+    """
+
+    draws_per_episode = False
+
+    def __init__(self, step: PreviousStep, task: Task, num_envs: int) -> None:
+        self._low, self._high = np.array(task.action_low, np.float32), np.array(task.action_high, np.float32)
+        size = len(self._low) if step.action else 0
+        self._actions = slice(1, 1 + size)
+        self._reward = 1 + size if step.reward else None
+        self._scale = float(step.reward_scale)
+        actions = [f"action.{k}" for k in range(size)]
+        self.names = ["episode.begins", *actions, *(["reward"] if step.reward else [])]
+        limit = [FACTOR_LIMIT] if step.reward else []
+        low = [0.0, *np.minimum(self._low, 0)[:size], *(-one for one in limit)]  # 0: no action yet
+        high = [1.0, *np.maximum(self._high, 0)[:size], *limit]
+        self.space = gymnasium.spaces.Box(np.array(low, np.float32), np.array(high, np.float32), dtype=np.float32)
+        self._numbers = np.zeros((num_envs, len(low)), np.float32)
+
+    def forget(self, mask: np.ndarray) -> None:
+        """Forget action and reward where a level begins."""
+        self._numbers[mask] = 0.0
+
+    def start(self, key: np.ndarray, level: np.ndarray, mask: np.ndarray) -> None:
+        """Note that episodes begin where ``mask`` is true."""
+        self._numbers[mask, 0] = 1.0
+
+    def begin(self, values: np.ndarray, level: np.ndarray, mask: np.ndarray) -> None:
+        """Nothing to prepare."""
+
+    def advance(self, actions: np.ndarray) -> None:
+        """Remember the actions of a step."""
+        self._numbers[:, 0] = 0.0
+        if self._actions.stop > 1:
+            np.clip(actions, self._low, self._high, out=self._numbers[:, self._actions])
+
+    def rewarded(self, reward: np.ndarray) -> None:
+        """Remember the rewards of a step."""
+        if self._reward is not None:
+            self._numbers[:, self._reward] = np.clip(reward / self._scale, -FACTOR_LIMIT, FACTOR_LIMIT)
+
+    def memory(self) -> dict[str, np.ndarray]:
+        """A copy of the numbers."""
+        return {"step": self._numbers.copy()}
+
+    def recall(self, memory: Mapping[str, np.ndarray]) -> None:
+        """Remember the numbers in ``memory``."""
+        recall_array(memory, "step", self._numbers)
+
+    def write(self, values: np.ndarray, level: np.ndarray, out: np.ndarray, rows: np.ndarray) -> None:
+        """Fill ``out[rows]``."""
+        out[rows] = self._numbers[rows]
