@@ -5,9 +5,17 @@ The room plays policies of any framework, and knows none. Other rooms, and ``exp
 
 from segar.evaluation.baselines import Baselines, find_baselines, idle_actions
 from segar.evaluation.episodes import QUANTITIES, PlayedEpisodes, play_episodes
-from segar.evaluation.policy_evaluation import Evaluation, Interval, LevelSetResult, Policy, evaluate_policy
+from segar.evaluation.policy_evaluation import (
+    TRIAL_QUANTITIES,
+    Evaluation,
+    Interval,
+    LevelSetResult,
+    Policy,
+    adaptation_gain,
+    evaluate_policy,
+)
 
 __all__ = [
-    "QUANTITIES", "Baselines", "Evaluation", "Interval", "LevelSetResult", "PlayedEpisodes", "Policy",
-    "evaluate_policy", "find_baselines", "idle_actions", "play_episodes",
+    "QUANTITIES", "TRIAL_QUANTITIES", "Baselines", "Evaluation", "Interval", "LevelSetResult", "PlayedEpisodes", "Policy",
+    "adaptation_gain", "evaluate_policy", "find_baselines", "idle_actions", "play_episodes",
 ]  # fmt: skip

@@ -1,8 +1,8 @@
-"""The loop behind every evaluation: one episode on each of some levels, and what came of it."""
+"""The loop behind every evaluation: one episode, or several trials, on each of some levels, and what came of them."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from segar.envs import Act, StepSource, TimeStep, VectorEnv, play
 from segar.levels import Levels
 
 BATCH = 512  # episodes that are played at once
+Columns: TypeAlias = tuple[dict[str, np.ndarray], dict[str, np.ndarray]]  # arrays, and the task's results, by name
 QUANTITIES = ("return", "return_ref", "length", "success", "death")
 
 
@@ -24,6 +25,7 @@ class PlayedEpisodes:
         length: int64 ``(n,)``, steps.
         success, death: bool ``(n,)``.
         results: what the task says of the last states, by name.
+        trial: int64 ``(n,)``, which episode in a row on its level each was, from 0; all 0 where none are given.
     """
 
     level: np.ndarray
@@ -33,64 +35,78 @@ class PlayedEpisodes:
     success: np.ndarray
     death: np.ndarray
     results: Mapping[str, np.ndarray] = field(default_factory=dict)
+    trial: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
+
+    def __post_init__(self) -> None:
+        if not len(self.trial):
+            object.__setattr__(self, "trial", np.zeros(len(self.level), np.int64))
 
     def __len__(self) -> int:
         return len(self.level)
 
     def columns(self) -> dict[str, np.ndarray]:
-        """The arrays by the names that tables of episodes have: ``level``, and :data:`QUANTITIES`."""
+        """The arrays by the names that tables of episodes have: ``level``, :data:`QUANTITIES`, and ``trial`` if there are
+        several."""
         quantities = (self.returns, self.returns_ref, self.length, self.success, self.death)
-        return {"level": self.level, **dict(zip(QUANTITIES, quantities, strict=True))}
+        trial = {"trial": self.trial} if self.trial.any() else {}
+        return {"level": self.level, **dict(zip(QUANTITIES, quantities, strict=True)), **trial}
 
 
 def play_episodes(
     levels: Levels, indices: np.ndarray, make_act: Callable[[VectorEnv], Act], *, seed: int, **options: Any
 ) -> PlayedEpisodes:
-    """One episode on each level that ``indices`` (int ``(n,)``) names, in that order.
+    """One episode on each level that ``indices`` (int ``(n,)``) names, in that order; with several trials, first all that are
+    the first on their level, then all second ones, and so on.
 
     Args:
         make_act: gives what :func:`segar.envs.play` asks for actions; called when the episodes of a batch have started.
         seed: of the environments, for tasks whose physics is random.
-        options: of :class:`segar.envs.VectorEnv`.
+        options: of :class:`segar.envs.VectorEnv`, such as ``trials``.
     """
     parts = []
     for first in range(0, len(indices), BATCH):
         batch = indices[first : first + BATCH]
         env = VectorEnv(levels, len(batch), seed=seed + first, **options)
         start = env.reset(seed=seed + first, options={"levels": batch})
-        parts.append(_played(env, make_act(env), start))
+        parts.append(_played(env, make_act(env), start, env.trials))
         env.close()
     return _joined(parts)
 
 
-def _played(env: StepSource, act: Act, start: tuple[Any, dict[str, Any]]) -> PlayedEpisodes:
-    """The episodes of one batch, in the order of its rows."""
-    n = env.num_envs
-    whole = {name: np.zeros(n, np.int64) for name in ("level", "length")}
-    whole |= {name: np.zeros(n) for name in ("returns", "returns_ref")}
-    whole |= {name: np.zeros(n, np.bool_) for name in ("success", "death")}
+def _played(env: StepSource, act: Act, start: tuple[Any, dict[str, Any]], trials: int) -> Columns:
+    """The episodes of one batch, ``[trial, row]``."""
+    shape = (trials, env.num_envs)
+    whole = {name: np.zeros(shape, np.int64) for name in ("level", "length")}
+    whole |= {name: np.zeros(shape) for name in ("returns", "returns_ref")}
+    whole |= {name: np.zeros(shape, np.bool_) for name in ("success", "death")}
+    whole["trial"] = np.broadcast_to(np.arange(trials)[:, None], shape)
     results: dict[str, np.ndarray] = {}
-    for now in play(env, act, start):
+    for now in play(env, act, start, trials):
         if now.ended.any():
-            _note(now, np.flatnonzero(now.ended), whole, results)
-    return PlayedEpisodes(**whole, results=results)
+            _note(now, np.flatnonzero(now.ended), whole, results, trials)
+    return whole, results
 
 
-def _note(now: TimeStep, ended: np.ndarray, whole: Mapping[str, np.ndarray], results: dict[str, np.ndarray]) -> None:
-    """Write what came of the episodes that end in this step into the rows ``ended``."""
-    final = now.info["final_info"]
+def _note(
+    now: TimeStep, ended: np.ndarray, whole: Mapping[str, np.ndarray], results: dict[str, np.ndarray], trials: int
+) -> None:
+    """Write what came of the episodes that end in this step, those of the rows ``ended``."""
+    final, place = now.info["final_info"], (now.trial[ended], ended)
     for name in ("level", "length", "success", "death"):
-        whole[name][ended] = final[name][ended]
-    whole["returns"][ended] = final["return"][ended]
-    whole["returns_ref"][ended] = final["return"][ended] - now.reward[ended]
+        whole[name][place] = final[name][ended]
+    whole["returns"][place] = final["return"][ended]
+    whole["returns_ref"][place] = final["return"][ended] - now.reward[ended]
     for name, values in final["results"].items():
         values = np.asarray(values)
-        results.setdefault(name, np.zeros(values.shape, values.dtype))[ended] = values[ended]
+        results.setdefault(name, np.zeros((trials, *values.shape), values.dtype))[place] = values[ended]
 
 
-def _joined(parts: list[PlayedEpisodes]) -> PlayedEpisodes:
-    """All episodes of several batches."""
-    arrays = [{name: array for name, array in vars(part).items() if name != "results"} for part in parts]
-    whole = {name: np.concatenate([part[name] for part in arrays]) for name in arrays[0]}
-    results = {name: np.concatenate([part.results[name] for part in parts]) for name in parts[0].results}
+def _joined(parts: list[Columns]) -> PlayedEpisodes:
+    """All episodes of several batches, trial by trial."""
+
+    def join(arrays: list[np.ndarray]) -> np.ndarray:
+        whole = np.concatenate(arrays, axis=1)
+        return whole.reshape(-1, *whole.shape[2:])
+
+    whole, results = ({name: join([part[k][name] for part in parts]) for name in parts[0][k]} for k in (0, 1))
     return PlayedEpisodes(**whole, results=results)

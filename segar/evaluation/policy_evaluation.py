@@ -16,6 +16,7 @@ from segar.observations import trained_on
 from segar.support import aligned
 
 CONFIDENCE = 0.95
+TRIAL_QUANTITIES = ("return", "success")  # quantities that are told trial by trial
 SHARES = ("success", "death")  # quantities that are shares of episodes
 
 
@@ -23,7 +24,8 @@ class Policy(Protocol):
     """What is evaluated: a function, or an object that can be called.
 
     A policy that remembers, or that reads more than observations, has a method ``begin(env)``, too. It is called when the
-    episodes of a batch have started in a :class:`segar.envs.VectorEnv`, before the first actions are asked for.
+    episodes of a batch have started in a :class:`segar.envs.VectorEnv`, before the first actions are asked for. With several
+    trials it is called when the first one starts, and not between trials.
     """
 
     def __call__(self, observations: Any, /) -> Any:
@@ -57,16 +59,36 @@ class LevelSetResult:
     levels: int
     baselines: Baselines | None = None
 
-    def of_levels(self, quantity: str) -> np.ndarray:
-        """The mean of one of :data:`segar.evaluation.QUANTITIES` on each level, float64 ``(levels,)``."""
-        return self.episodes.columns()[quantity].astype(float).reshape(-1, self.levels).mean(axis=0)
+    @property
+    def trials(self) -> int:
+        """How many episodes in a row were played on each level."""
+        return int(self.episodes.trial.max()) + 1
 
-    def mean(self, quantity: str = "return") -> Interval:
+    def of_levels(self, quantity: str, trial: int | None = None) -> np.ndarray:
+        """The mean of one of :data:`segar.evaluation.QUANTITIES` on each level, float64 ``(levels,)``.
+
+        Args:
+            trial: the one that counts, from 0; all where it is None.
+
+        Raises:
+            SegarError: there is no such trial.
+        """
+        if trial is not None and not 0 <= trial < self.trials:
+            raise SegarError(f"trial must lie in 0..{self.trials - 1}, as so many were played, not {trial!r}")
+        counts = np.ones(len(self.episodes), np.bool_) if trial is None else self.episodes.trial == trial
+        return self.episodes.columns()[quantity][counts].astype(float).reshape(-1, self.levels).mean(axis=0)
+
+    def mean(self, quantity: str = "return", trial: int | None = None) -> Interval:
         """The mean over levels, with Student's interval over levels; that of a share, ``success`` or ``death``, ends at 0 and
-        1."""
-        of_levels = self.of_levels(quantity)
+        1. Arguments as of :meth:`of_levels`."""
+        of_levels = self.of_levels(quantity, trial)
         found = _interval(of_levels.mean(), [of_levels])
         return _within(found, 0.0, 1.0) if quantity in SHARES else found
+
+    def adaptation_gain(self, quantity: str = "return") -> Interval:
+        """What the policy gains from the first trial on a level to the last one; see :func:`adaptation_gain`."""
+        played = self.episodes
+        return adaptation_gain(played.level, played.trial, played.columns()[quantity])
 
     def score(self) -> float:
         """The normalised score: 0 for the better of idle and random play on each level, 1 for the planner.
@@ -120,6 +142,7 @@ class Evaluation:
         for name, result in (("train", self.train), ("test", self.test)):
             for quantity in QUANTITIES:
                 found |= _ends(f"{name}/{quantity}", result.mean(quantity))
+            found |= _of_trials(name, result)
             if result.baselines is not None:
                 for player in ("random", "idle", "floor", "oracle"):
                     found[f"{name}/{player}"] = float(getattr(result.baselines, player).mean())
@@ -137,6 +160,10 @@ class Evaluation:
             row += [f"{result.mean('length').value:.1f}"]
             rows.append(row + ([f"{result.score():.3f}", f"{result.regret():.4g}"] if scored else []))
         lines = [aligned(rows), f"gap (test - train)  {self.gap()}"]
+        for name, result in (("train", self.train), ("test", self.test)) if self.train.trials > 1 else ():
+            of_trials = [f"{result.mean('success', trial).value:.3f}" for trial in range(result.trials)]
+            gain = f"adaptation gain of the return {result.adaptation_gain()}"
+            lines.append(f"{name}: success in trials 0 to {result.trials - 1}  {' '.join(of_trials)}; {gain}")
         lines += [f"W2 ({mode})  {value:.4g}" for mode, value in self.w2.items()]
         return "\n".join(lines)
 
@@ -159,7 +186,8 @@ def evaluate_policy(
     >>> found.gap().low < found.gap().value < found.gap().high
     True
 
-    Each level is played ``episodes`` times, up to 512 episodes side by side. The policy gets the observations of all
+    Each level is played ``episodes`` times, up to 512 episodes side by side; with ``trials=k``, each time by k episodes in a
+    row, and a policy that remembers can adapt to the level. The policy gets the observations of all
     environments of a batch in each step, also those whose episode is over; the actions of these have no effect.
 
     Args:
@@ -192,6 +220,43 @@ def evaluate_policy(
     _require_one_space(sets, options)
     found = {name: _result(policy, levels, episodes, seed, scores, options) for name, levels in sets.items()}
     return Evaluation(**found, w2={mode: float(w2(train, test, mode=mode)) for mode in distances})
+
+
+def adaptation_gain(level: np.ndarray, trial: np.ndarray, values: np.ndarray) -> Interval:
+    """The mean over levels of the last trial's value minus the first trial's, with Student's interval over levels.
+
+    It is 0 on average for a policy that carries nothing from one trial of a level to the next. That of a share (bool values)
+    ends at -1 and 1.
+
+    Args:
+        level, trial: int ``(n,)``, the level of each episode, and which episode in a row on it it was, from 0.
+        values: ``(n,)``, such as returns or successes.
+
+    Raises:
+        SegarError: a level lacks its first or its last trial.
+    """
+    names, place = np.unique(level, return_inverse=True)
+    ends = []
+    for which in (trial == trial.max(), trial == 0):
+        counts = np.bincount(place[which], minlength=len(names))
+        if not counts.all():
+            raise SegarError(f"adaptation_gain: level {names[counts.argmin()]} lacks its first or its last trial")
+        ends.append(np.bincount(place[which], np.asarray(values, float)[which], len(names)) / counts)
+    gains = ends[0] - ends[1]
+    found = _interval(gains.mean(), [gains])
+    return _within(found, -1.0, 1.0) if np.asarray(values).dtype == np.bool_ else found
+
+
+def _of_trials(name: str, result: LevelSetResult) -> dict[str, float]:
+    """Figures of a level set's trials; none where each level was played once in a row."""
+    if result.trials == 1:
+        return {}
+    found = {}
+    for quantity in TRIAL_QUANTITIES:
+        for trial in range(result.trials):
+            found |= _ends(f"{name}/{quantity}_trial_{trial}", result.mean(quantity, trial))
+        found |= _ends(f"{name}/{quantity}_adaptation_gain", result.adaptation_gain(quantity))
+    return found
 
 
 def _require_one_space(sets: Mapping[str, Levels], options: Mapping[str, Any]) -> None:
