@@ -11,7 +11,9 @@ Its curve (training seed 0, 100 test levels, deterministic actions):
 
 Read from :meth:`PPO.iterate` downwards: each iteration collects ``num_steps`` steps in every environment, estimates
 advantages, and takes ``epochs`` passes over ``minibatches``. A truncated episode bootstraps from the value of its last
-observation (:meth:`experiments.collection.collector.Collector.bootstrap`), a terminated one from 0.
+observation (:meth:`experiments.collection.collector.Collector.bootstrap`), a terminated one from 0. Where returns go on over
+the trials of a level (:class:`experiments.algorithms.recurrent_ppo.RecurrentPPO`), this holds for the last trial alone: all
+others bootstrap from the value of the next trial's first observation.
 """
 
 from __future__ import annotations
@@ -64,7 +66,7 @@ class PPO:
         if env.runs_on_gpu and config.overlap:
             raise ConfigError("algorithm.overlap: environments on a GPU do not collect ahead; set it to false")
         collector = DeviceCollector if env.runs_on_gpu else AsyncCollector if config.overlap else Collector
-        self.collector: Any = collector(env, self.policy, config.num_steps, self.device)
+        self.collector: Any = collector(env, self.policy, config.num_steps, self.device, self.joins_trials)
         self.loss = self.make_loss()
         self.figures = compiled(self.losses) if config.compile else self.losses
         self.optimizer = torch.optim.Adam(
@@ -72,6 +74,11 @@ class PPO:
         )
         self.scale = ReturnScale(env.num_envs, config.gamma) if config.reward_normalise else None
         self.frames = 0
+
+    @property
+    def joins_trials(self) -> bool:
+        """Whether returns go on over the trials of a level; a policy without a memory gains nothing in later ones."""
+        return False
 
     @staticmethod
     def make_env(levels: Levels, num_envs: int, **options: Any) -> VectorEnv:
@@ -121,16 +128,17 @@ class PPO:
         """The rollout with advantages and value targets, [T, N], as the loss reads it."""
         config = self.config
         reward = learner_reward(config, rollout.reward)
+        ends = rollout.level_done if self.joins_trials else rollout.done
         if self.scale is not None:
-            reward = self.scale(reward, rollout.done)
+            reward = self.scale(reward, ends)
         advantage, target = generalized_advantage_estimate(
             config.gamma,
             config.gae_lambda,
             rollout.value,
             rollout.next_value,
             reward,
-            rollout.done,
-            rollout.terminated,
+            ends,
+            rollout.terminated & ends,
             time_dim=0,
         )
         entries = {

@@ -1,6 +1,10 @@
 """PPO with a memory: TorchRL's GRU or LSTM between the encoder and the heads, trained through whole rollouts.
 
-A minibatch holds all steps of some environments. The memory is set to 0 where an episode begins.
+A minibatch holds all steps of some environments. The memory is set to 0 where an episode begins on another level. With
+``trials=k`` it is kept over the k episodes on a level, and so are returns: what is maximised is the discounted sum of the
+rewards of all trials (RL²: Duan et al. 2016, Wang et al. 2016), for which exploring in an early trial can pay in a later one.
+A trial that ends, also by its time limit, is then no end of the return; the value of the next trial's first observation
+follows. With ``algorithm.joins_trials=false``, the return ends with each trial.
 """
 
 import math
@@ -101,6 +105,11 @@ class RecurrentPPO(PPO):
 
     config: RecurrentPPOConfig
 
+    @property
+    def joins_trials(self) -> bool:
+        """Whether returns go on over the trials of a level."""
+        return self.config.joins_trials
+
     @staticmethod
     def make_policy(config: Any, observation_shape: tuple[int, ...], actions: int) -> Any:
         """The policy's network; its weights are to be drawn or loaded."""
@@ -120,9 +129,9 @@ class RecurrentPPO(PPO):
             return self.loss(minibatch)
 
     def make_batch(self, rollout: Rollout) -> TensorDict:
-        """PPO's batch [T, N], with marks where episodes began, and the memory before the first step."""
+        """PPO's batch [T, N], with marks where memories began, and the memory before the first step."""
         batch = super().make_batch(rollout)
-        batch["is_init"] = torch.cat([torch.zeros_like(rollout.done[:1]), rollout.done[:-1]])
+        batch["is_init"] = torch.cat([torch.zeros_like(rollout.level_done[:1]), rollout.level_done[:-1]])
         for name, first in zip(self.policy.states, rollout.memory.chunk(len(self.policy.states), -1), strict=True):
             # The core reads the memory where a sequence begins, and nowhere else.
             batch[name] = first.new_zeros(*batch.shape, 1, first.shape[-1])

@@ -25,16 +25,23 @@ class AsyncCollector:
         policy: a module that is a :class:`experiments.collection.collector.StepPolicy`; a copy of it acts.
         num_steps: of each environment, per collection.
         device: where policy and rollouts live. On a GPU the collection has a stream of its own.
+        joins_trials: as of :class:`experiments.collection.collector.Collector`.
         executor: carries out the collections; None makes a thread.
     """
 
     def __init__(
-        self, env: VectorEnv, policy: Any, num_steps: int, device: torch.device, executor: Executor | None = None
+        self,
+        env: VectorEnv,
+        policy: Any,
+        num_steps: int,
+        device: torch.device,
+        joins_trials: bool = False,
+        executor: Executor | None = None,
     ) -> None:
         self.policy = policy
         # Without gradients also because autocast would share its casts of the weights between threads.
         self.behaviour = copy.deepcopy(policy).requires_grad_(False)
-        self.collector = Collector(env, self.behaviour, num_steps, device, storages=2)
+        self.collector = Collector(env, self.behaviour, num_steps, device, joins_trials, storages=2)
         # MKL keeps a number of threads for each thread that calls it, and sums in another order where it is another number.
         self.executor = executor or ThreadPoolExecutor(
             1, "collect", initializer=torch.set_num_threads, initargs=(torch.get_num_threads(),)

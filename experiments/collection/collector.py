@@ -54,10 +54,13 @@ class Rollout:
     loc: Tensor
     scale: Tensor
     value: Tensor
-    next_value: Tensor  # within the same episode; where it was truncated, the value of its last observation
+    next_value: (
+        Tensor  # of the next observation; where returns end by truncation, the value of the episode's last observation
+    )
     reward: Tensor
     terminated: Tensor
-    done: Tensor
+    done: Tensor  # whether the episode ended
+    level_done: Tensor  # whether it was the last one in a row on its level, so that the memory ends, too
     memory: Tensor  # [N, memory_width], of the policy before the first step
 
 
@@ -80,16 +83,27 @@ class Storage:
         self.value = torch.empty((steps + 1, num_envs, 1), device=device)
         self.reward = np.empty(size, np.float32)
         self.terminated, self.done = np.empty(size, np.bool_), np.empty(size, np.bool_)
+        self.level_done = np.empty(size, np.bool_)
 
     def rollout(self, next_value: Tensor, memory: Tensor) -> Rollout:
         """The content on the device, see :class:`Rollout`; only what environments returned is copied, and only to a GPU."""
-        reward, terminated, done = (
+        reward, terminated, done, level_done = (
             torch.from_numpy(array)[..., None].to(self.value.device)
-            for array in (self.reward, self.terminated, self.done)
+            for array in (self.reward, self.terminated, self.done, self.level_done)
         )
         value = self.value[:-1]
         return Rollout(
-            self.observation, self.u, self.loc, self.scale, value, next_value, reward, terminated, done, memory
+            self.observation,
+            self.u,
+            self.loc,
+            self.scale,
+            value,
+            next_value,
+            reward,
+            terminated,
+            done,
+            level_done,
+            memory,
         )
 
 
@@ -122,13 +136,21 @@ class Collector(RunningEpisodes):
         policy: its actions are sampled.
         num_steps: of each environment, per collection.
         device: where policy and rollout live.
+        joins_trials: whether returns go on over the trials of a level, so that only the last one's truncation is an end.
         storages: number of rollouts that are kept; each collection overwrites the oldest.
     """
 
     def __init__(
-        self, env: VectorEnv, policy: StepPolicy, num_steps: int, device: torch.device, storages: int = 1
+        self,
+        env: VectorEnv,
+        policy: StepPolicy,
+        num_steps: int,
+        device: torch.device,
+        joins_trials: bool = False,
+        storages: int = 1,
     ) -> None:
         self.env, self.policy, self.num_steps, self.device = env, policy, num_steps, device
+        self.joins_trials = joins_trials
         self.current, _ = env.reset()
         self.memory = torch.zeros((env.num_envs, policy.memory_width), device=device)
         frames = torch.from_numpy(self.current)
@@ -164,13 +186,15 @@ class Collector(RunningEpisodes):
                 self.current, reward, terminated, truncated, info = self.env.step(u.tanh().cpu().numpy())
                 np.logical_or(terminated, truncated, out=storage.done[t])
                 storage.reward[t], storage.terminated[t] = reward, terminated
+                storage.level_done[t] = info.get("new_level", storage.done[t])
                 if "_final_obs" in info:
                     ended.append(figures_at_end(info))
-                    if truncated.any():
-                        rows = np.flatnonzero(truncated)
+                    is_cut = truncated & storage.level_done[t] if self.joins_trials else truncated
+                    if is_cut.any():
+                        rows = np.flatnonzero(is_cut)
                         last = torch.from_numpy(info["final_obs"][rows]).to(self.device)
                         cut.append((t, rows, last, memory[torch.from_numpy(rows)]))
-                    memory = memory * torch.from_numpy(~storage.done[t])[:, None].to(self.device)
+                    memory = memory * torch.from_numpy(~storage.level_done[t])[:, None].to(self.device)
             last = torch.from_numpy(np.ascontiguousarray(self.current))
             storage.value[-1] = policy.step(last.to(self.device), memory)[2]
         self.memory = memory
@@ -187,11 +211,11 @@ class Collector(RunningEpisodes):
             place.copy_(torch.from_numpy(self.current))
 
     def bootstrap(self, value: Tensor, cut: list[tuple[int, np.ndarray, Tensor, Tensor]]) -> Tensor:
-        """The values of the next observations [T, N, 1]; where an episode was truncated, the value of its last observation.
+        """The values of the next observations [T, N, 1]; where returns end by truncation, the value of the last observation.
 
         Args:
             value: of all observations [T + 1, N, 1].
-            cut: truncated episodes: time, environments, last observations, and the policy's memory there.
+            cut: the episodes that were truncated there: time, environments, last observations, and the policy's memory there.
         """
         next_value = value[1:].clone()
         if cut:

@@ -31,13 +31,17 @@ class DeviceCollector(RunningEpisodes):
         policy: its actions are sampled.
         num_steps: of each environment, per collection.
         device: where policy and rollout live; the environments' GPU.
+        joins_trials: as of :class:`experiments.collection.collector.Collector`.
 
     Raises:
         ConfigError: policy and environments are on different devices.
     """
 
-    def __init__(self, env: VectorEnv, policy: StepPolicy, num_steps: int, device: torch.device) -> None:
+    def __init__(
+        self, env: VectorEnv, policy: StepPolicy, num_steps: int, device: torch.device, joins_trials: bool = False
+    ) -> None:
         require_one_device(device, env)
+        self.joins_trials = joins_trials
         self.env: Any = env  # which takes and gives tensors, not arrays
         self.policy, self.num_steps, self.device = policy, num_steps, env.device
         self.current, _ = env.reset()
@@ -48,7 +52,7 @@ class DeviceCollector(RunningEpisodes):
         )
         self.u, self.loc, self.scale = (self._new((*size, actions)) for _ in range(3))
         self.value, self.reward = self._new((num_steps + 1, env.num_envs, 1)), self._new(size)
-        self.terminated, self.truncated = (self._new(size, torch.bool) for _ in range(2))
+        self.terminated, self.truncated, self.level_done = (self._new(size, torch.bool) for _ in range(3))
         self.remembered = self._new((*size, policy.memory_width))
 
     def _new(self, shape: tuple[int, ...], dtype: torch.dtype = torch.float32) -> Tensor:
@@ -71,20 +75,22 @@ class DeviceCollector(RunningEpisodes):
                 self.reward[t], self.terminated[t], self.truncated[t] = reward, terminated, truncated
                 self.last[t], self.remembered[t] = info["final_obs"], memory
                 figures.append({key: info["final_info"][key] for key in EPISODE_FIGURES})
-                memory = memory * ~(terminated | truncated)[:, None]
+                self.level_done[t] = info.get("new_level", terminated | truncated)
+                memory = memory * ~self.level_done[t][:, None]
             self.value[-1] = policy.step(self.current, memory)[2]
         self.memory = memory
         done = self.terminated | self.truncated
         rollout = Rollout(
             self.observation, self.u, self.loc, self.scale, self.value[:-1], self._bootstrap(), self.reward[..., None],
-            self.terminated[..., None], done[..., None], first_memory,
+            self.terminated[..., None], done[..., None], self.level_done[..., None], first_memory,
         )  # fmt: skip
         ended = {key: torch.stack([one[key] for one in figures])[done].cpu().numpy() for key in EPISODE_FIGURES}
         return rollout, mean_figures([ended])
 
     def _bootstrap(self) -> Tensor:
-        """The values of the next observations [T, N, 1]; where an episode was truncated, the value of its last observation."""
+        """The values of the next observations [T, N, 1]; where returns end by truncation, the value of the last observation."""
         next_value = self.value[1:].clone()
-        if self.truncated.any():
-            next_value[self.truncated] = self.policy.step(self.last[self.truncated], self.remembered[self.truncated])[2]
+        is_cut = self.truncated & self.level_done if self.joins_trials else self.truncated
+        if is_cut.any():
+            next_value[is_cut] = self.policy.step(self.last[is_cut], self.remembered[is_cut])[2]
         return next_value

@@ -16,7 +16,7 @@ from experiments.settings import ACTION_MODES, RunConfig
 from segar import evaluation
 from segar.envs import Act, TimeStep, VectorEnv
 from segar.errors import UnseenDifferenceWarning
-from segar.evaluation import QUANTITIES
+from segar.evaluation import QUANTITIES, TRIAL_QUANTITIES, adaptation_gain
 from segar.levels import Levels
 from segar.metrics import coverage, effective_number, ks, sample_entropy, unseen_differences, w2
 
@@ -55,7 +55,8 @@ def play_in_modes(
     modes: Iterable[str] = ACTION_MODES,
     rounds: int = 1,
 ) -> list[dict[str, Any]]:
-    """``rounds`` episodes on each level in each action mode; rows as in ``run_folder.EPISODE_SCHEMA``.
+    """``rounds`` episodes, or rows of trials, on each level in each action mode; rows as in ``run_folder.EPISODE_SCHEMA``, and
+    ``trial`` where there are several.
 
     Args:
         name: what the column ``levels`` says.
@@ -83,7 +84,7 @@ def play_episodes(
     rng: torch.Generator | None,
     seed: int,
 ) -> list[dict[str, Any]]:
-    """One episode on each level that ``indices`` (int ``[n]``) names, in that order.
+    """One episode on each level that ``indices`` (int ``[n]``) names, in that order; with several trials, trial by trial.
 
     Args:
         rng: source of sampled actions; None plays the deterministic policy.
@@ -121,10 +122,29 @@ def actions_of(policy: Agent, env: VectorEnv, rng: torch.Generator | None) -> Ac
 
 def mean_figures(rows: Sequence[Mapping[str, Any]], levels: str, mode: str) -> dict[str, float]:
     """Means over the episodes of a level set in an action mode, e.g. ``evaluation/test/success/sampled``, and those of
-    the task's own results, e.g. ``evaluation/test/results/distance_to_goal/sampled``."""
+    the task's own results, e.g. ``evaluation/test/results/distance_to_goal/sampled``; of several trials, also those of
+    :func:`trial_figures`."""
     chosen = [row for row in rows if row["levels"] == levels and row["action_mode"] == mode]
     means = {f"evaluation/{levels}/{key}/{mode}": float(np.mean([row[key] for row in chosen])) for key in QUANTITIES}
-    return means | result_figures(chosen, levels, mode)
+    of_trials = {f"evaluation/{levels}/{key}/{mode}": value for key, value in trial_figures(chosen).items()}
+    return means | of_trials | result_figures(chosen, levels, mode)
+
+
+def trial_figures(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """Of return and success: the mean of each trial, as ``success_trial_0``, and the gain from the first to the last one with
+    its interval of 95 % over levels, as ``success_adaptation_gain`` and that with ``_low`` and ``_high``. Nothing where rows
+    are of a single trial; no interval where there is a single level."""
+    if not rows or "trial" not in rows[0]:
+        return {}
+    level, trial = (np.array([row[key] for row in rows]) for key in ("level", "trial"))
+    found: dict[str, float] = {}
+    for quantity in TRIAL_QUANTITIES:
+        values = np.array([row[quantity] for row in rows])
+        found |= {f"{quantity}_trial_{k}": float(values[trial == k].mean()) for k in range(int(trial.max()) + 1)}
+        gain = adaptation_gain(level, trial, values)
+        ends = {"": gain.value, "_low": gain.low, "_high": gain.high}
+        found |= {f"{quantity}_adaptation_gain{end}": value for end, value in ends.items() if np.isfinite(value)}
+    return found
 
 
 def evaluation_figures(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:

@@ -17,7 +17,7 @@ from experiments.algorithms.portable import PortableAgent, network_of
 from experiments.collection.collector import observation_shape
 from experiments.commands import process_defaults as runtime
 from experiments.evaluation.baselines import IdleAgent
-from experiments.evaluation.episodes import Agent, action_rng, actions_of, play_in_modes
+from experiments.evaluation.episodes import Agent, action_rng, actions_of, play_in_modes, trial_figures
 from experiments.evaluation.transfers import LEVELS
 from experiments.levels.builders import (
     distribution_of,
@@ -249,7 +249,7 @@ def figures(rows: Sequence[Mapping[str, Any]], baselines: Baselines | None) -> d
     by_level = mean_returns(rows)
     of_levels = list(by_level.values())
     error = float(np.std(of_levels, ddof=1) / np.sqrt(len(of_levels))) if len(of_levels) > 1 else float("nan")
-    found = {**means, "return_error": error}
+    found = {**means, "return_error": error, **trial_figures(rows)}
     if baselines is None:
         return found
     above = sum(value > baselines.oracle[level] for level, value in by_level.items())
@@ -331,7 +331,7 @@ def record_video(
     rng: torch.Generator | None,
     seed: int,
 ) -> int:
-    """Record one episode of a policy on a level; return the number of frames.
+    """Record one episode of a policy on a level, or all trials; return the number of frames.
 
     Args:
         path: ends in .mp4 or .gif.
@@ -341,15 +341,17 @@ def record_video(
     Raises:
         SegarError: the extra ``render`` is not installed, or the file cannot be written.
     """
-    options = dict(autoreset_mode="Disabled", render_mode="rgb_array", view=VIEW)
-    env = VectorEnv(levels, 1, seed=seed, **options, **env_options)
+    trials = env_options.get("trials", 1)
+    mode = "Disabled" if trials == 1 else "SameStep"
+    env = VectorEnv(levels, 1, seed=seed, autoreset_mode=mode, render_mode="rgb_array", view=VIEW, **env_options)
 
     def frames() -> Iterator[np.ndarray]:
         start = env.reset(seed=seed, options={"levels": np.array([level])})
-        for _ in play(env, actions_of(policy, env, rng), start):
+        for now in play(env, actions_of(policy, env, rng), start, trials):
             images = env.render()
             assert images is not None  # the render mode is rgb_array
-            yield images[0]
+            if trials == 1 or now.running.all():  # after the last trial the next level is there
+                yield images[0]
 
     try:
         return write_video(path, frames(), env.metadata["render_fps"])

@@ -214,6 +214,7 @@ def environment_options(config: RunConfig, num_envs: int | None = None, train: L
         "observation": seen if train is None else trained_on(seen, train),
         "task": task,
         "num_threads": min(config.num_threads, most),
+        "trials": config.trials,
         "unit_actions": True,  # which policies give, whatever the range of the task
     }
 

@@ -136,6 +136,8 @@ class RecurrentPPOConfig(PPOConfig):
 
     core: Core = "gru"  # or lstm
     core_width: Count = 128  # numbers that the heads read
+    # Of several trials on a level: whether returns go on over them, as in RL², or end with each one.
+    joins_trials: bool = added_later(True)
 
     def __post_init__(self) -> None:
         super().__post_init__()

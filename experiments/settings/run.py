@@ -171,6 +171,8 @@ class RunConfig(Settings):
     scale: ScaleConfig = field(default_factory=ScaleConfig)
     evaluation: EvaluationConfig = field(default_factory=EvaluationConfig)
     tracking: TrackingConfig = field(default_factory=TrackingConfig)
+    # Episodes in a row on each level, between which policies with a memory keep it, in training and in evaluation.
+    trials: Count = added_later(1)  # noqa: RUF009 - a field
     seed: Seed = 0  # of training: weights, actions, order of levels
     root: str | None = None  # where run folders are made; None: runs/ of the checkout
     folder: str | None = None  # the run folder; None: named by its settings, under root
@@ -223,7 +225,7 @@ class RunConfig(Settings):
         """
         data = as_data(self.resolved(), without_later_defaults=True)
         algorithm = {key: value for key, value in data["algorithm"].items() if key not in NAMES_OF_CLASS}
-        names = ("levels", "task", "observation", "evaluation", "seed", "determinism")
+        names = ("levels", "task", "observation", "evaluation", "trials", "seed", "determinism")
         parts = {key: data[key] for key in names if key in data}
         for name in ("train", "test"):
             parts["levels"][name] = without_folder(parts["levels"][name] or "") or None

@@ -194,6 +194,13 @@ def _prepare(
     if parameters := unseen_parameters(config, train, test):
         say(advice_on_parameters(parameters, config))
     learner = make_learner(kind, config.algorithm, env, config.scale.frames, config.seed)
+    if config.trials > 1 and not hasattr(learner.policy, "begin"):
+        say(
+            f"warning: trials={config.trials}, and the policy of algorithm={config.algorithm.name} has no memory: it can carry"
+            f" nothing from one trial to the next. It meets each level {config.trials} times in a row, and its trials differ by"
+            " chance alone, so that the adaptation gain says nothing of it. An algorithm with a memory adapts:"
+            " algorithm=ppo_recurrent"
+        )
     code = executed_code(config) if code is None else with_data(code)
     training = Training(config, folder, learner, journal, signals, train, code)
     hashes = {"train": levels_hash(train), "test": levels_hash(test)}

@@ -144,7 +144,8 @@ def numbered_rollout(steps=9, envs=4, seed=0):
     u = (10 * env + step)[..., None].expand(-1, -1, 2) / 100.0
     column = torch.zeros(steps, envs, 1)
     empty = torch.zeros(envs, 0)
-    return Rollout(observation, u, u, u, column, column, column, done[..., None], done[..., None], empty)
+    ends = done[..., None]
+    return Rollout(observation, u, u, u, column, column, column, ends, ends, ends, empty)
 
 
 @pytest.mark.parametrize("horizon", [1, 3, 8])

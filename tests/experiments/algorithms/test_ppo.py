@@ -103,6 +103,7 @@ def random_rollout(steps=9, envs=4, seed=0):
         reward=numbers(1),
         terminated=terminated,
         done=done,
+        level_done=done,
         memory=torch.zeros(envs, 0),
     )
 
