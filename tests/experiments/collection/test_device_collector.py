@@ -28,6 +28,7 @@ FRAMES = {**SIZE, "num_envs": 4, "num_steps": 6, "encoder": "keypoints", "precis
 KINDS = {
     "ppo": (PPO, PPOConfig(**SIZE), "state"),
     "recurrent": (RecurrentPPO, RecurrentPPOConfig(core_width=8, **SIZE), "state"),
+    "recurrent, apart": (RecurrentPPO, RecurrentPPOConfig(core_width=8, joins_trials=False, **SIZE), "state"),
     "ppo, stacks": (PPO, PPOConfig(**FRAMES), STACK),
 }
 OTHERS = {
@@ -52,9 +53,11 @@ def learner(kind, **options):
     return learns(config, env, 1000, 0)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_ppo_collects_and_learns_on_a_gpu_what_it_does_on_the_processor(kind):
-    host, device = learner(kind), learner(kind, device="cuda")
+@pytest.mark.parametrize(
+    ("kind", "trials"), [*((kind, 1) for kind in KINDS), ("recurrent", 2), ("recurrent, apart", 2), ("ppo", 2)]
+)
+def test_ppo_collects_and_learns_on_a_gpu_what_it_does_on_the_processor(kind, trials):
+    host, device = learner(kind, trials=trials), learner(kind, trials=trials, device="cuda")
     assert isinstance(device.collector, DeviceCollector)
     for _ in range(3):
         (ours, our_figures), (theirs, their_figures) = host.collect(), device.collect()
