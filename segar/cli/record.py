@@ -31,6 +31,7 @@ def add_commands(commands: Any) -> None:
     made.add_argument("--observation", choices=list(OBSERVATIONS), default="rgb", help="(default: %(default)s)")
     made.add_argument("--task", help=arguments.TASK_HELP)
     arguments.add_number(made, "--shard", "episodes per file", least=1, default=64)
+    arguments.add_number(made, "--trials", "episodes of the dataset in a row on each level", least=1, default=1)
     made.add_argument("--minari", metavar="ID", help="also write a Minari dataset, e.g. segar/empty-hard-v0")
     made.add_argument("--check", action="store_true", help="play all again and compare")
     arguments.add_number(made, "--level", "of the video", least=0, default=0)
@@ -58,6 +59,7 @@ def run(chosen: argparse.Namespace) -> None:
         task=task,
         seed=chosen.seed,
         episodes_per_shard=chosen.shard,
+        trials=chosen.trials,
         policy_name=chosen.policy,
         progress=None if chosen.json else show_progress,
     )

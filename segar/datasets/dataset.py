@@ -23,6 +23,7 @@ from segar.support import DAMAGE, LIMIT_VARIABLE, Form, file_limit, first_line, 
 INTEGERS = ("episode", "step", "level")
 TRUTHS = ("terminated", "truncated", "success", "death")
 ENVIRONMENT, SEED = "environment", "seed"
+TRIAL = "trial"  # a column where there are several
 COMPONENTS = ("x", "y")  # of a vector
 ACTION = "action."  # how the names of the columns of actions begin
 LIMIT = 4 * 2**30  # [bytes] of a shard with frames
@@ -35,10 +36,12 @@ class Episode:
     Attributes:
         number: of the episode in the dataset.
         level: index of the level that was played.
-        seed, environment: an environment in this place of a batch, reset with this seed, plays it again.
+        seed, environment: an environment in this place of a batch, reset with this seed, plays it again; where it is
+            not the first trial, after as many further resets.
         actions: float32 ``(T, n)``; rewards float64 ``(T,)``; terminated, truncated, success, death bool ``(T,)``.
         observations: name -> array ``(T + 1, ...)``.
         factors: name -> float64 ``(T + 1, entities)`` or ``(T + 1, entities, 2)``; nan where an entity lacks it.
+        trial: which episode in a row on its level it is, from 0.
     """
 
     number: int
@@ -53,6 +56,7 @@ class Episode:
     death: np.ndarray
     observations: dict[str, np.ndarray]
     factors: dict[str, np.ndarray]
+    trial: int = 0
 
     def __len__(self) -> int:
         return len(self.rewards)
@@ -64,7 +68,7 @@ class Shard:
 
     Attributes:
         number: of the shard.
-        seed: of its environments; the episode in place k was played by environment k.
+        seed: of its environments; the episode in place k was played by environment k, or the k-th row of trials.
         rollouts: what happened.
         layout: what the axes of ``rollouts.values`` mean.
     """
@@ -91,13 +95,15 @@ class Shard:
         """The episodes, one after the other."""
         r = self.rollouts
         starts = [*np.flatnonzero(r.step == 0), len(r)]
+        trials = int(r.trial.max()) + 1
         for place, (first, stop) in enumerate(pairwise(starts)):
             all_rows, taken = slice(first, stop), slice(first, stop - 1)
             yield Episode(
                 number=int(r.episode[first]),
                 level=int(r.level[first]),
                 seed=self.seed,
-                environment=place,
+                environment=place // trials,
+                trial=int(r.trial[first]),
                 actions=r.action[taken],
                 rewards=r.reward[taken],
                 **{name: getattr(r, name)[taken] for name in TRUTHS},
@@ -155,6 +161,7 @@ def read_shard(folder: Path, number: int, manifest: Manifest, layout: Layout) ->
         observations = npz.read(forms)
     rollouts = Rollouts(
         **{name: columns[name] for name in (*INTEGERS, *TRUTHS, "reward")},
+        trial=columns.get(TRIAL, np.zeros(entry.rows, np.int64)),
         action=np.stack(actions, axis=1),
         values=_values(columns, manifest, layout),
         observations=observations,
@@ -168,6 +175,7 @@ def _read_table(path: Path, rows: int, manifest: Manifest) -> dict[str, np.ndarr
     from pyarrow import ArrowException, parquet, types
 
     settings = manifest.settings
+    trial = (TRIAL,) if settings.trials > 1 else ()
     most = settings.episodes_per_shard * (settings.max_steps + 1)
     if rows > most:
         raise SegarError(f"{path}: its manifest says {rows:,} rows, and the episodes of a shard have {most:,} at most")
@@ -175,7 +183,7 @@ def _read_table(path: Path, rows: int, manifest: Manifest) -> dict[str, np.ndarr
         with parquet.ParquetFile(path) as file:
             schema: Any = file.schema_arrow
             numbers = {name: k for k, name in enumerate(n for n in schema.names if n.startswith(ACTION))}
-            expected = {name: types.is_int64 for name in (*INTEGERS, ENVIRONMENT)} | {SEED: types.is_uint64}
+            expected = {name: types.is_int64 for name in (*INTEGERS, *trial, ENVIRONMENT)} | {SEED: types.is_uint64}
             expected |= dict.fromkeys(numbers, types.is_float32) | {"reward": types.is_float64}
             expected |= dict.fromkeys(TRUTHS, types.is_boolean)
             expected |= dict.fromkeys((column["name"] for column in manifest.columns), types.is_float64)
@@ -207,6 +215,8 @@ def _check_rows(rollouts: Rollouts, number: int, manifest: Manifest, path: Path)
     starts = rollouts.step == 0
     goes_on = (np.diff(rollouts.step) == 1) & (np.diff(rollouts.episode) == 0) & (np.diff(rollouts.level) == 0)
     in_order = starts[0] and (starts[1:] | goes_on).all()
+    of_row, trial = np.divmod(rollouts.episode, manifest.settings.trials)
+    in_order &= (rollouts.trial == trial).all() and ((np.diff(of_row) == 1) | (np.diff(rollouts.level) == 0)).all()
     if not in_order or rollouts.episode[starts].tolist() != list(manifest.settings.episodes_of(number)):
         raise SegarError(f"{path}: its rows are not the episodes of shard {number}, step by step; record again")
     for level in rollouts.level[(rollouts.level < 0) | (rollouts.level >= manifest.settings.number_of_levels)][:1]:
@@ -218,7 +228,10 @@ def _check_rows(rollouts: Rollouts, number: int, manifest: Manifest, path: Path)
 def _table(rollouts: Rollouts, seed: int, layout: Layout) -> dict[str, np.ndarray]:
     """The columns of a table in their order."""
     columns = {name: getattr(rollouts, name) for name in INTEGERS}
-    columns[ENVIRONMENT] = rollouts.episode - rollouts.episode[0]
+    trials = int(rollouts.trial.max()) + 1
+    if trials > 1:
+        columns[TRIAL] = rollouts.trial
+    columns[ENVIRONMENT] = (rollouts.episode - rollouts.episode[0]) // trials
     columns[SEED] = np.full(len(rollouts), seed, np.uint64)
     columns |= {f"action.{k}": rollouts.action[:, k] for k in range(rollouts.action.shape[1])}
     columns["reward"] = rollouts.reward

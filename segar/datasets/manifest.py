@@ -4,7 +4,7 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import MISSING, asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -13,7 +13,7 @@ import numpy as np
 from segar.errors import SegarError
 from segar.support import __version__, first_line, from_json, misfit, replacing
 
-FORMAT, FORMAT_VERSION = "segar-dataset", 1
+FORMAT, FORMAT_VERSION = "segar-dataset", 2  # 1 where there are no trials
 MANIFEST, LEVELS = "manifest.json", "levels.npz"
 LONGEST = 256 * 2**20  # [bytes] of a manifest; an entry of a shard takes 300
 RESTORE = "restore it from a copy, or record into another folder"
@@ -30,6 +30,7 @@ class Settings:
         observation, policy: in words.
         seed: of the episodes.
         episodes: how many, ``episodes_per_shard`` of them in each file but the last.
+        trials: episodes in a row on each level.
     """
 
     levels: str
@@ -43,6 +44,7 @@ class Settings:
     seed: int
     episodes: int
     episodes_per_shard: int
+    trials: int = 1
 
     @property
     def shards(self) -> int:
@@ -57,9 +59,10 @@ class Settings:
 
 SMALLEST = {
     "number_of_levels": 1, "max_steps": 1, "sub_steps": 1, "seed": 0, "episodes": 1, "episodes_per_shard": 1,
+    "trials": 1,
 }  # fmt: skip
 FORM = {
-    "settings": {setting.name: setting.type for setting in fields(Settings)},
+    "settings": {f"{one.name}{'' if one.default is MISSING else '?'}": one.type for one in fields(Settings)},
     "columns": [{str: str}],
     "arrays": {str: {"shape": [int], "dtype": str}},
     "shards": {str: {"seed": int, "rows": int, "files": {str: str}}},
@@ -101,7 +104,10 @@ class Manifest:
 
     def write(self, folder: Path) -> None:
         """Replace the manifest in a folder; raises :class:`SegarError`."""
-        content = {"format": FORMAT, "format_version": FORMAT_VERSION, **asdict(self)}
+        several = self.settings.trials > 1
+        content = {"format": FORMAT, "format_version": FORMAT_VERSION if several else 1, **asdict(self)}
+        if not several:
+            del content["settings"]["trials"]
         with replacing(folder / MANIFEST, "the manifest") as beside:
             beside.write_text(json.dumps(content, indent=1) + "\n")
 
@@ -133,7 +139,7 @@ class Manifest:
         wrong = wrong or misfit(content, FORM) or _wrong_number(content)
         if wrong:
             raise SegarError(f"{path} is damaged: {wrong}; {RESTORE}")
-        settings = Settings(**{one.name: content["settings"][one.name] for one in fields(Settings)})
+        settings = _settings(content)
         shards = {
             int(number): ShardEntry(entry["seed"], entry["rows"], entry["files"])
             for number, entry in content["shards"].items()
@@ -146,13 +152,19 @@ def shard_files(number: int) -> tuple[str, str]:
     return f"shard-{number:05d}.parquet", f"shard-{number:05d}.npz"
 
 
+def _settings(content: Mapping[str, Any]) -> Settings:
+    """The settings in a manifest that has its form."""
+    given = content["settings"]
+    return Settings(**{one.name: given[one.name] for one in fields(Settings) if one.name in given})
+
+
 def _wrong_number(content: Mapping[str, Any]) -> str | None:
     """What is wrong with the numbers and names of a manifest that has its form."""
     settings = content["settings"]
     for name, least in SMALLEST.items():
-        if settings[name] < least:
+        if settings.get(name, least) < least:
             return f"'settings.{name}' is {settings[name]} and must be at least {least}"
-    shards = Settings(**{one.name: settings[one.name] for one in fields(Settings)}).shards
+    shards = _settings(content).shards
     for name, described in content["arrays"].items():
         if described["dtype"] not in DTYPES or min(described["shape"], default=0) < 0:
             return f"'arrays.{name}' is {described['dtype']} of shape {described['shape']}, which no observation is"

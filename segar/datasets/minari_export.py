@@ -60,7 +60,7 @@ def to_minari(
         warnings.filterwarnings("ignore", category=UserWarning, module="minari")
         made = minari.create_dataset_from_buffers(
             dataset_id,
-            _buffers(next(shards).episodes(), env),
+            _buffers(next(shards).episodes(), env, settings.trials),
             env=_spec_of(dataset),
             observation_space=env.single_observation_space,
             action_space=env.single_action_space,
@@ -71,7 +71,7 @@ def to_minari(
             jpeg_encoding=False,
         )
         for shard in shards:
-            made.update_dataset_from_buffer(_buffers(shard.episodes(), env))
+            made.update_dataset_from_buffer(_buffers(shard.episodes(), env, settings.trials))
         target.parent.mkdir(parents=True, exist_ok=True)
         os.replace(root / dataset_id, target)
     _list_group(dataset_id.rpartition("/")[0])
@@ -113,14 +113,17 @@ def _task_options(dataset: Dataset) -> dict[str, Any]:
     return {"max_steps": settings.max_steps, "sub_steps": settings.sub_steps}
 
 
-def _buffers(episodes: Iterator[Episode], env: VectorEnv) -> list[Any]:
+def _buffers(episodes: Iterator[Episode], env: VectorEnv, trials: int) -> list[Any]:
     """Episodes as Minari takes them."""
     from minari.data_collector import EpisodeBuffer
 
     return [
         EpisodeBuffer(
             seed=None,
-            options={"level": episode.level, "seed": np.uint64(episode.seed), "environment": episode.environment},
+            options={
+                **{"level": episode.level, "seed": np.uint64(episode.seed), "environment": episode.environment},
+                **({"trial": episode.trial} if trials > 1 else {}),
+            },
             observations=from_leaves(episode.observations, env.single_observation_space),
             actions=episode.actions,  # type: ignore[arg-type]
             rewards=episode.rewards,  # type: ignore[arg-type]
@@ -156,6 +159,8 @@ def _spec_of(dataset: Dataset) -> EnvSpec | None:
         return None
     spec = gymnasium.spec(id_)
     options = {"num_levels": n, "seed": origin.seed, "split": origin.split, **_task_options(dataset)}
+    if settings.trials > 1:
+        options["trials"] = settings.trials
     return EnvSpec(
         id_, entry_point=spec.entry_point, vector_entry_point=spec.vector_entry_point, kwargs={**spec.kwargs, **options}
     )

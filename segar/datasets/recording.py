@@ -40,11 +40,13 @@ def record(
     max_steps: int | None = None,
     sub_steps: int | None = None,
     world: World | None = None,
+    trials: int = 1,
     progress: Callable[[int, int], None] | None = None,
 ) -> Dataset:
     """Record episodes with all that was seen and all true factors into a folder, and return the dataset.
 
-    Episode i plays level ``i % len(levels)``. A shard depends on the settings and its number alone, so a recording that
+    Episode i plays level ``i % len(levels)``; with ``trials=k``, episodes i k to i k + k - 1 play it, one after the other. A
+    shard depends on the settings and its number alone, so a recording that
     was killed goes on with the shards that are missing, to the same bits; shards that are damaged are recorded again.
 
     Args:
@@ -52,8 +54,9 @@ def record(
         levels: what is played; they are saved in the folder, too.
         policy: function of the batch of observations, ``info`` (with ``info["factors"]``) and a random generator, that
             gives actions, float32 ``(episodes of the shard, n)``; uniform where it is None.
-        episodes: how many, ``episodes_per_shard`` of them in one file, played side by side.
-        observation, task, max_steps, sub_steps, world: as :class:`segar.envs.VectorEnv` takes them.
+        episodes: how many, ``episodes_per_shard`` of them in one file, played side by side; a multiple of ``trials``, to which
+            those of a file are rounded down.
+        observation, task, max_steps, sub_steps, world, trials: as :class:`segar.envs.VectorEnv` takes them.
         seed: of the randomness in rules, observations and policy.
         policy_name: for the manifest; else what the policy is called.
         progress: called with the number of shards that are there and of all.
@@ -66,8 +69,11 @@ def record(
     if episodes < 1 or episodes_per_shard < 1:
         raise SegarError(f"episodes and episodes_per_shard must be at least 1, not {episodes} and {episodes_per_shard}")
     options = {"observation": observation, "task": task, "max_steps": max_steps, "sub_steps": sub_steps, "world": world}
+    options["trials"] = trials
     make_env = partial(VectorEnv, levels, seed=seed, autoreset_mode="Disabled", **options)
     one = make_env(1)
+    if episodes % one.trials:
+        raise SegarError(f"episodes must be a multiple of trials, {one.trials}, not {episodes}")
     settings = Settings(
         levels=hash_of_levels(levels),
         number_of_levels=len(levels),
@@ -79,7 +85,8 @@ def record(
         policy=policy_name or (UNIFORM if policy is None else fingerprint_text(policy)),
         seed=seed,
         episodes=episodes,
-        episodes_per_shard=episodes_per_shard,
+        episodes_per_shard=max(episodes_per_shard // one.trials, 1) * one.trials,
+        trials=one.trials,
     )
     folder = Path(folder)
     _require_dataset_or_empty(folder)
@@ -135,10 +142,11 @@ def _record_shard(
 ) -> ShardEntry:
     """Play the episodes of a shard and write them."""
     numbers = np.array(settings.episodes_of(number))
-    env = make_env(len(numbers))
+    rows = numbers[:: settings.trials] // settings.trials
+    env = make_env(len(rows))
     seed = int(np.random.SeedSequence([settings.seed, number]).generate_state(1, np.uint64)[0])
     rng = np.random.default_rng([settings.seed, number])
-    rollouts = roll_out(env, numbers % len(env.levels), int(numbers[0]), seed, policy or _uniform(env), rng)
+    rollouts = roll_out(env, rows % len(env.levels), int(numbers[0]), seed, policy or _uniform(env), rng)
     return write_shard(folder, number, rollouts, seed, env.levels.layout)
 
 

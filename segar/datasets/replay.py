@@ -34,7 +34,7 @@ def check_replay(
     if observation is None and settings.observation in OBSERVATIONS:
         observation = settings.observation
     for shard in dataset:
-        starts = np.flatnonzero(shard.rollouts.step == 0)
+        starts = np.flatnonzero((shard.rollouts.step == 0) & (shard.rollouts.trial == 0))
         env = VectorEnv(
             dataset.levels,
             len(starts),
@@ -44,6 +44,7 @@ def check_replay(
             max_steps=settings.max_steps,
             sub_steps=settings.sub_steps,
             world=world,
+            trials=settings.trials,
         )
         try:
             _compare(shard, _play_again(shard, starts, env), observation is not None)
@@ -58,10 +59,13 @@ def check_replay(
 
 
 def _play_again(shard: Shard, starts: np.ndarray, env: VectorEnv) -> Rollouts:
-    """The episodes of a shard, whose first rows are ``starts``, as their actions lead through them now."""
+    """The episodes of a shard as their actions lead through them now; ``starts`` are the rows in which environments start."""
     recorded = shard.rollouts
-    actions = np.zeros((int(recorded.step.max()) + 1, len(starts), recorded.action.shape[1]), np.float32)
-    actions[recorded.step, recorded.episode - recorded.episode[0]] = np.nan_to_num(recorded.action)
+    taken = ~np.isnan(recorded.action).any(axis=1)
+    before, place = np.cumsum(taken) - taken, np.cumsum(np.isin(np.arange(len(recorded)), starts)) - 1
+    time = before - before[starts][place]
+    actions = np.zeros((int(time.max()) + 1, len(starts), recorded.action.shape[1]), np.float32)
+    actions[time[taken], place[taken]] = recorded.action[taken]
     steps = chain(actions, repeat(np.zeros_like(actions[0])))  # after its recorded end an episode does nothing
     policy: Policy = lambda observations, info, rng: next(steps)  # noqa: E731
     first, levels = int(recorded.episode[0]), recorded.level[starts]

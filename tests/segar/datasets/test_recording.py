@@ -293,7 +293,7 @@ def test_a_policy_sees_observations_and_true_factors(tmp_path, levels):
 )
 def test_what_is_no_dataset_is_told(tmp_path, recorded, content, message):
     if content == "newer":
-        content = json.dumps(json.loads((recorded.folder / "manifest.json").read_text()) | {"format_version": 2})
+        content = json.dumps(json.loads((recorded.folder / "manifest.json").read_text()) | {"format_version": 3})
     if content is not None:
         (tmp_path / "manifest.json").write_text(content)
     with pytest.raises(segar.SegarError, match=message):
