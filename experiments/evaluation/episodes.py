@@ -132,7 +132,7 @@ def mean_figures(rows: Sequence[Mapping[str, Any]], levels: str, mode: str) -> d
 
 def trial_figures(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     """Of return and success: the mean of each trial, as ``success_trial_0``, and the gain from the first to the last one with
-    its interval of 95 % over levels, as ``success_adaptation_gain`` and that with ``_low`` and ``_high``. Nothing where rows
+    its interval of 95 % over levels, as ``adaptation_gain_success`` and that with ``_low`` and ``_high``. Nothing where rows
     are of a single trial; no interval where there is a single level."""
     if not rows or "trial" not in rows[0]:
         return {}
@@ -143,7 +143,7 @@ def trial_figures(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
         found |= {f"{quantity}_trial_{k}": float(values[trial == k].mean()) for k in range(int(trial.max()) + 1)}
         gain = adaptation_gain(level, trial, values)
         ends = {"": gain.value, "_low": gain.low, "_high": gain.high}
-        found |= {f"{quantity}_adaptation_gain{end}": value for end, value in ends.items() if np.isfinite(value)}
+        found |= {f"adaptation_gain_{quantity}{end}": value for end, value in ends.items() if np.isfinite(value)}
     return found
 
 

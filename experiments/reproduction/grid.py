@@ -121,7 +121,7 @@ def varied_columns(config: RunConfig, varied: Iterable[str]) -> dict[str, str]:
     Where the grid varies settings of the observation or of the task, ``observation.kind`` or ``task.kind`` is what remains of
     it without these: the columns ``observation`` and ``task`` contain their options.
     """
-    stated, varied = flat(config.identity()), list(varied)
+    stated, varied = {**flat(as_data(config)), **flat(config.identity())}, list(varied)
     found = {name: str(stated.get(name)) for name in varied}
     parts = (("observation", config.observation, config.observation.name), ("task", config.task, task_column(config)))
     for group, part, whole in parts:

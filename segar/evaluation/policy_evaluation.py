@@ -255,7 +255,7 @@ def _of_trials(name: str, result: LevelSetResult) -> dict[str, float]:
     for quantity in TRIAL_QUANTITIES:
         for trial in range(result.trials):
             found |= _ends(f"{name}/{quantity}_trial_{trial}", result.mean(quantity, trial))
-        found |= _ends(f"{name}/{quantity}_adaptation_gain", result.adaptation_gain(quantity))
+        found |= _ends(f"{name}/adaptation_gain_{quantity}", result.adaptation_gain(quantity))
     return found
 
 

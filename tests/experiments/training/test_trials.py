@@ -9,6 +9,7 @@ import torch
 from experiments.evaluation.episodes import action_rng, play_episodes
 from experiments.evaluation.evaluator import evaluate
 from experiments.levels.builders import environment_options
+from experiments.reproduction.grid import varied_columns, with_settings
 from experiments.runs.run_folder import read_episodes, read_summary
 from experiments.settings import (
     ConfigError,
@@ -47,15 +48,15 @@ def test_a_run_tells_and_writes_each_trial_and_the_gain(tmp_path):
             for trial in range(3):
                 found = summary[f"evaluation/{levels}/return_trial_{trial}/{mode}"]
                 assert found == pytest.approx(of_trials[trial], rel=1e-12)
-            gain = summary[f"evaluation/{levels}/return_adaptation_gain/{mode}"]
+            gain = summary[f"evaluation/{levels}/adaptation_gain_return/{mode}"]
             assert gain == pytest.approx(of_trials[2] - of_trials[0], abs=1e-12)
-            low, high = (summary[f"evaluation/{levels}/return_adaptation_gain_{end}/{mode}"] for end in ("low", "high"))
+            low, high = (summary[f"evaluation/{levels}/adaptation_gain_return_{end}/{mode}"] for end in ("low", "high"))
             assert low <= gain <= high
     done = evaluate(EvaluateConfig(run=str(folder), scores=False, videos="gif"), lambda line: None)
     assert done.summary["players"]["deterministic"]["return_trial_2"] == pytest.approx(
         summary["evaluation/test/return_trial_2/deterministic"], rel=1e-12
     )
-    assert done.summary["players"]["no-op"]["return_adaptation_gain"] == 0.0
+    assert done.summary["players"]["no-op"]["adaptation_gain_return"] == 0.0
 
 
 def test_a_run_without_trials_writes_what_it_wrote(tmp_path):
@@ -100,6 +101,12 @@ def test_a_recurrent_agent_keeps_its_memory_between_trials_in_evaluation():
 def test_a_wrong_number_of_trials_is_refused_by_its_name(wrong):
     with pytest.raises(ConfigError, match=r"^trials: "):
         run_config({**as_data(RunConfig()), "trials": wrong})
+
+
+def test_a_study_varies_trials_and_its_tables_say_how_many_also_by_default():
+    runs = [with_settings(RunConfig(), {"trials": trials}) for trials in (1, 4)]
+    assert [one.trials for one in runs] == [1, 4]
+    assert [varied_columns(one, ["trials"]) for one in runs] == [{"trials": "1"}, {"trials": "4"}]
 
 
 def test_trials_are_part_of_a_run_s_name_only_where_there_are_several():

@@ -58,7 +58,7 @@ def test_a_policy_that_learns_is_measured_trial_by_trial(monkeypatch, batch):
         gains = after.train.of_levels(quantity) - before.train.of_levels(quantity)
         assert found.train.adaptation_gain(quantity).value == pytest.approx(gains.mean(), abs=1e-12)
     figures, gain = found.figures(), found.test.adaptation_gain("return")
-    names = ("test/return_adaptation_gain", "test/return_adaptation_gain_low", "test/return_adaptation_gain_high")
+    names = ("test/adaptation_gain_return", "test/adaptation_gain_return_low", "test/adaptation_gain_return_high")
     assert tuple(figures[name] for name in names) == gain and gain.value != 0
     assert figures["train/success_trial_0"] == before.train.mean("success").value
     assert "test: success in trials 0 to 2" in str(found) and "adaptation gain" not in str(before)
