@@ -62,6 +62,7 @@ from segar.rendering import View, write_video
 
 COUNT = 100  # levels of a distribution, where the number is not given
 VIEW = View(size=384)  # of videos
+GAIN = "adaptation_gain_return"  # a figure of several trials
 OWN = {"train": LEVELS_TRAIN, "test": LEVELS_TEST}  # the run's own level sets
 
 
@@ -401,13 +402,17 @@ def described(config: EvaluateConfig, levels: Levels) -> str:
 
 
 def as_table(title: str, players: Mapping[str, Mapping[str, float]], baselines: Baselines | None) -> str:
-    """One line per player: mean return and its error, success, death, score, regret."""
-    shown = ("return", "return_error", "success", "death", *(("score", "regret") if baselines is not None else ()))
+    """One line per player: mean return and its error, success, death, with several trials the adaptation gain of the return,
+    score, regret."""
+    gain = (GAIN,) if any(GAIN in player for player in players.values()) else ()
+    scores = ("score", "regret") if baselines is not None else ()
+    shown = ("return", "return_error", "success", "death", *gain, *scores)
     rows = [[name, *(player[key] for key in shown)] for name, player in players.items()]
     if baselines is not None:
         ends = {"random": baselines.random, "floor": baselines.floor, "best known": baselines.oracle}
         for name, returns in ends.items():
             value = float(returns.mean())
-            rows.append([name, value, None, None, None, baselines.normalised(value), baselines.regret(value)])
-    head = ["", "return", "± error", *shown[2:]]
+            nothing = [None] * (len(shown) - 3)
+            rows.append([name, value, *nothing, baselines.normalised(value), baselines.regret(value)])
+    head = ["", "return", "± error", *("gain" if key == GAIN else key for key in shown[2:])]
     return f"{title}\n{table(head, rows)}"

@@ -66,12 +66,14 @@ from segar.envs.torchrl_env import TorchRLEnv
 from segar.errors import RuleError, SegarError
 from segar.levels import Levels
 
-SHOWN = {  # figures of the closing lines, and their names there
+SHOWN = {  # figures of the closing lines, where there are such, and their names there
     "evaluation/train/return/deterministic": "return on training levels",
     "evaluation/test/return/deterministic": "return on test levels",
     "evaluation/gap/deterministic": "generalization gap",
     "evaluation/train/success/deterministic": "success on training levels",
     "evaluation/test/success/deterministic": "success on test levels",
+    "evaluation/train/adaptation_gain_return/deterministic": "gain over training trials",
+    "evaluation/test/adaptation_gain_return/deterministic": "gain over test trials",
 }
 
 
@@ -290,7 +292,7 @@ def _closing_lines(config: RunConfig, folder: Path, summary: Mapping[str, Any]) 
     speed = summary["frames"] / max(summary["seconds"], 1e-9)
     lines = [f"{config.label()}: {summary['frames']:,} frames in {summary['seconds']:.0f} s ({speed:,.0f} frames/s)"]
     lines.append(f"  task                        {task_name(config)}")
-    lines += [f"  {name:<27} {summary[key]:8.3f}" for key, name in SHOWN.items()]
+    lines += [f"  {name:<27} {summary[key]:8.3f}" for key, name in SHOWN.items() if key in summary]
     lines += [f"  W2, {key[3:]:<23} {value:8.3f}" for key, value in summary.items() if key.startswith("w2/")]
     lines.append(f"  computed with               {computed_with(read_versions(folder))}")
     return "\n".join([*lines, f"  run folder                  {folder}"])

@@ -41,8 +41,10 @@ def add_commands(commands: Any) -> None:
 def run(chosen: argparse.Namespace) -> None:
     """``segar record``."""
     is_video = _is_video(chosen.output)
-    if is_video and (chosen.minari or chosen.check):
-        raise SegarError(f"--minari and --check are for datasets, and {chosen.output} is a video; name a folder")
+    if is_video and (chosen.minari or chosen.check or chosen.trials > 1):
+        raise SegarError(
+            f"--minari, --check and --trials are for datasets, and {chosen.output} is a video; name a folder"
+        )
     if chosen.minari is not None:
         minari_place(chosen.minari)  # before hours of recording
     levels = arguments.sampled_levels(chosen)

@@ -24,7 +24,7 @@ from experiments.settings import (
 from experiments.training.run import run
 from segar import family
 from segar.envs import VectorEnv
-from tests.experiments.short_runs import short_run
+from tests.experiments.short_runs import killed_after, same_results, short_run
 
 SMALL = {"num_envs": 8, "num_steps": 8, "widths": (8,), "head_width": 0}
 RECURRENT = RecurrentPPOConfig(core_width=8, minibatches=2, **SMALL)
@@ -52,11 +52,25 @@ def test_a_run_tells_and_writes_each_trial_and_the_gain(tmp_path):
             assert gain == pytest.approx(of_trials[2] - of_trials[0], abs=1e-12)
             low, high = (summary[f"evaluation/{levels}/adaptation_gain_return_{end}/{mode}"] for end in ("low", "high"))
             assert low <= gain <= high
-    done = evaluate(EvaluateConfig(run=str(folder), scores=False, videos="gif"), lambda line: None)
+    printed: list[str] = []
+    done = evaluate(
+        EvaluateConfig(run=str(folder), planner_samples=8, planner_iterations=1, videos="gif"), printed.append
+    )
+    head, *lines = next(text for text in printed if "± error" in text).splitlines()[1:]
+    assert head.split()[-3:] == ["gain", "score", "regret"] and len(lines) == 6
     assert done.summary["players"]["deterministic"]["return_trial_2"] == pytest.approx(
         summary["evaluation/test/return_trial_2/deterministic"], rel=1e-12
     )
     assert done.summary["players"]["no-op"]["adaptation_gain_return"] == 0.0
+
+
+def test_a_run_that_was_killed_between_trials_ends_with_the_same_bits(tmp_path, monkeypatch):
+    changes = {"algorithm": RECURRENT, "observation": PAST, "trials": 3}
+    run(short_run(tmp_path / "whole", **changes), lambda line: None)
+    with killed_after(2, monkeypatch):
+        run(short_run(tmp_path / "parts", **changes), lambda line: None)
+    run(short_run(tmp_path / "parts", **changes), lambda line: None)
+    assert same_results(tmp_path / "whole", tmp_path / "parts")
 
 
 def test_a_run_without_trials_writes_what_it_wrote(tmp_path):
@@ -68,6 +82,7 @@ def test_a_run_without_trials_writes_what_it_wrote(tmp_path):
 def test_an_algorithm_without_a_memory_is_told_what_trials_mean_for_it(tmp_path):
     said: list[str] = []
     run(short_run(tmp_path / "run", trials=2), said.append)
+    assert "gain over test trials" in said[-1]
     (line,) = (line for line in said if "no memory" in line)
     assert line.startswith("warning: trials=2, and the policy of algorithm=ppo has no memory")
     assert "its trials differ by chance alone" in line and "algorithm=ppo_recurrent" in line
