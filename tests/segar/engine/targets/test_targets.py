@@ -13,11 +13,11 @@ from segar.engine.compiler.kernel import CONFLICT
 from segar.engine.targets import numba_ir
 from segar.engine.targets.build import COMPILED
 from segar.engine.targets.wasm_linker import leb, link, padded, signed_leb
-from segar.envs import VectorEnv, build_environment
+from segar.envs import VectorEnv, build_environment, environment_calls
 from segar.errors import ConflictError, RuleError, SegarError
 from segar.language import Ball, Charge, GoalTile, GolfBall, Mass, Position, SetFactor
 from segar.levels import TASK_LEVELS, families
-from segar.observations import OneOf, Pixels, PreviousActions, Stack
+from segar.observations import OneOf, Pixels, PreviousActions, PreviousStep, Stack
 from tests.places import ROOT
 from tests.segar.engine.random_rules import Author, mixed_levels
 from tests.segar.engine.targets.functions import doubled, foreign
@@ -51,9 +51,9 @@ def play(env: VectorEnv, target: str, steps: int, rng: np.random.Generator) -> T
     return twin
 
 
-def environment(name: str, observation: Any, count: int = 20) -> VectorEnv:
+def environment(name: str, observation: Any, count: int = 20, trials: int = 1) -> VectorEnv:
     levels = segar.family(name).sample(count, seed=4)
-    return VectorEnv(levels, count, observation=observation, seed=SEED, autoreset_mode="Disabled")
+    return VectorEnv(levels, count, observation=observation, seed=SEED, autoreset_mode="Disabled", trials=trials)
 
 
 @pytest.mark.parametrize(
@@ -103,6 +103,20 @@ PAST: dict[str, Any] = {
 )
 def test_what_observations_show_of_the_past_agrees(target, name):
     play(environment("objectsx1-hard", PAST[name]), target, 30, np.random.default_rng(2))
+
+
+@pytest.mark.parametrize("target", sorted(MACHINES))
+def test_trials_agree(target):
+    env = environment("empty-hard", "state", trials=3)
+    play(env, target, 60, np.random.default_rng(3))
+    assert {*(env.state().episodes % 3)} == {0, 1, 2}
+
+
+def test_what_has_no_compiled_form_is_refused():
+    with pytest.raises(
+        segar.SegarError, match="the observation BoundPreviousStep has no compiled form for other targets"
+    ):
+        environment_calls(environment("empty-hard", {"past": PreviousStep()}))
 
 
 def test_every_sub_step_agrees_without_the_task():
