@@ -64,7 +64,8 @@ class Env(gymnasium.Env):
         return self._batch.task
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict]:
-        """Start an episode on a level drawn uniformly, or on ``options["level"]``."""
+        """Start an episode on a level drawn uniformly, or on ``options["level"]``; or the next trial on the same level, see
+        :meth:`VectorEnv.reset`."""
         super().reset(seed=None if seed is None else seed_of(seed))
         instance("reset: options", options, (Mapping, NoneType), "a mapping such as {'level': 3}, or None")
         options = dict(options or {})
