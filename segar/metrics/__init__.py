@@ -4,13 +4,24 @@ The room imports ``levels``, ``textures`` and the rooms below them, and never th
 imported here; each measure names its options and its source in its docstring.
 """
 
+from segar.metrics.dynamics import (
+    DynamicsDistance,
+    DynamicsW2,
+    HasOutcomes,
+    Outcomes,
+    Readings,
+    dynamics_distance,
+    dynamics_w2,
+    readings_of,
+    rule_set_distances,
+)
 from segar.metrics.entropy_estimate import SampleEntropy, sample_entropy
 from segar.metrics.kolmogorov import FactorKS, KSReport, dkw_band, ks, ks_by_factor, ks_report
 from segar.metrics.level_design import design
 from segar.metrics.level_vectors import TwoSampleTest, classifier_test, embed, energy_test, mmd_test
 from segar.metrics.marginal_distributions import component, factor_distribution, parameter_distribution
 from segar.metrics.matched_sets import matched_set
-from segar.metrics.points import relevant_factors, spread
+from segar.metrics.points import Spread, relevant_factors, spread
 from segar.metrics.representative_sets import (
     Coverage,
     Representativeness,
@@ -33,11 +44,13 @@ from segar.metrics.w2_variants import (
 from segar.metrics.wasserstein import MISMATCH, W2Report, w2, w2_report
 
 __all__ = [
-    "MISMATCH", "Coverage", "DebiasedW2", "Decomposition", "EntropicW2", "FactorKS", "Floor", "KSReport",
-    "Representativeness", "SampleEntropy", "SlicedW2", "TwoSampleTest", "UnbalancedW2", "VisualDistance", "W2Report",
-    "classifier_test", "clustering_w2", "component", "coverage", "decompose", "design", "dkw_band",
-    "effective_number", "embed", "energy_test", "factor_distribution", "ks", "ks_by_factor", "ks_report", "matched_set",
-    "mmd_test", "parameter_distribution", "relevant_factors", "representativeness", "same_distribution_floor",
-    "sample_entropy", "spread", "unseen_differences", "visual_distance", "visual_w2", "w2", "w2_debiased",
-    "w2_entropic", "w2_partial", "w2_report", "w2_sliced", "w2_unbalanced",
+    "MISMATCH", "Coverage", "DebiasedW2", "Decomposition", "DynamicsDistance", "DynamicsW2", "EntropicW2",
+    "FactorKS", "Floor", "HasOutcomes", "KSReport", "Outcomes", "Readings", "Representativeness", "SampleEntropy",
+    "SlicedW2", "Spread", "TwoSampleTest", "UnbalancedW2", "VisualDistance", "W2Report", "classifier_test",
+    "clustering_w2", "component", "coverage", "decompose", "design", "dkw_band", "dynamics_distance", "dynamics_w2",
+    "effective_number", "embed", "energy_test", "factor_distribution", "ks", "ks_by_factor", "ks_report",
+    "matched_set", "mmd_test", "parameter_distribution", "readings_of", "relevant_factors", "representativeness",
+    "rule_set_distances", "same_distribution_floor", "sample_entropy", "spread", "unseen_differences",
+    "visual_distance", "visual_w2", "w2", "w2_debiased", "w2_entropic", "w2_partial", "w2_report", "w2_sliced",
+    "w2_unbalanced",
 ]  # fmt: skip

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -139,29 +139,42 @@ def w2_report(
     cost = cost_function("w2_report", a, b, mode, mismatch, scale, factors)
     unseen = warn_of_unseen("w2_report", a, b, mode, factors, scale)
     between = cost(a, b)
-    value = float(np.sqrt(emd(between)))
-    n, m = between.shape
+    pooled = np.block([[cost(a, a), between], [cost(b, a), cost(b, b)]])
+    return W2Report(
+        **resampled(pooled, len(a), rng, resamples)._asdict(), mode=mode, resamples=resamples, unseen=unseen
+    )
+
+
+class Resampled(NamedTuple):
+    """A distance with its interval, floor and p-value; see :class:`W2Report`."""
+
+    value: float
+    low: float
+    high: float
+    floor: float
+    p_value: float
+
+
+def resampled(pooled: np.ndarray, n: int, rng: np.random.Generator, resamples: int) -> Resampled:
+    """The W2 distance of the first ``n`` points and all others, by bootstrap draws and random deals of them.
+
+    Args:
+        pooled: squared distances of all points, float64 ``[n + m, n + m]``.
+    """
+    between = pooled[:n, n:]
+    value, m = float(np.sqrt(emd(between))), between.shape[1]
     drawn = []
     for _ in range(resamples):
         times_a, times_b = rng.multinomial(n, np.full(n, 1 / n)), rng.multinomial(m, np.full(m, 1 / m))
         kept = between[np.ix_(times_a > 0, times_b > 0)]
         drawn.append(np.sqrt(emd(kept, times_a[times_a > 0] / n, times_b[times_b > 0] / m)))
     margin = 1.96 * float(np.std(drawn, ddof=1))
-    pooled = np.block([[cost(a, a), between], [cost(b, a), cost(b, b)]])
     dealt = []
     for _ in range(resamples):
         deal = rng.permutation(n + m)
         dealt.append(np.sqrt(emd(pooled[np.ix_(deal[:n], deal[n:])])))
-    return W2Report(
-        value=value,
-        low=max(value - margin, 0.0),
-        high=value + margin,
-        floor=float(np.mean(dealt)),
-        p_value=float((1 + sum(d >= value for d in dealt)) / (1 + resamples)),
-        mode=mode,
-        resamples=resamples,
-        unseen=unseen,
-    )
+    p_value = float((1 + sum(d >= value for d in dealt)) / (1 + resamples))
+    return Resampled(value, max(value - margin, 0.0), value + margin, float(np.mean(dealt)), p_value)
 
 
 def cost_function(
