@@ -20,9 +20,9 @@ from experiments.evaluation.baselines import IdleAgent
 from experiments.evaluation.episodes import Agent, action_rng, actions_of, play_in_modes, trial_figures
 from experiments.evaluation.transfers import LEVELS
 from experiments.levels.builders import (
-    distribution_of,
     environment_options,
     find_distribution,
+    in_own_world,
     levels_in,
     task_name,
 )
@@ -161,9 +161,7 @@ def find_levels(config: EvaluateConfig, folder: Path, trained: RunConfig) -> Lev
         path = folder / OWN[name]
         if not path.exists():
             raise RunFolderError(f"the run in {folder} has no levels yet: there is no {path.name}")
-        levels = Levels.load(path)
-        if levels.provenance.rules:  # which a file does not hold; the run's distribution does
-            levels = dataclasses.replace(levels, world=distribution_of(trained.levels, name).world)
+        levels = in_own_world(Levels.load(path), trained.levels, name)
     else:
         levels = levels_in(Path(name).expanduser(), config.world, "levels", "world")
     if config.n is not None and config.n > len(levels):
@@ -218,10 +216,8 @@ def training_levels(folder: Path) -> Levels | None:
 
 def shape_in(levels: Levels, trained: RunConfig, options: Mapping[str, Any]) -> tuple[int, ...]:
     """The shape of what the run's agent observes in these levels."""
-    if levels.provenance.rules and levels.world is None:
-        levels = dataclasses.replace(levels, world=distribution_of(trained.levels, "train").world)
     try:
-        return observation_shape(VectorEnv(levels, 1, seed=0, **options))
+        return observation_shape(VectorEnv(in_own_world(levels, trained.levels, "train"), 1, seed=0, **options))
     except RuleError as error:
         reason = str(error).partition("; choose the task")[0]
         raise ConfigError(

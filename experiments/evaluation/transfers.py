@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from experiments.evaluation.probing import ProbeConfig, is_probed
-from experiments.levels.builders import distribution_of, task_name
+from experiments.levels.builders import distribution_of, in_own_world, task_name
 from experiments.levels.mixed_levels import mixed_levels
 from experiments.runs.executed_code import differing_parts, played_code
 from experiments.runs.journal import read_journal
@@ -81,7 +81,10 @@ class Transfer:
             return distribution_of(self.levels_config(), "test").sample(
                 self.test_count, seed=self.test_seed, split="test"
             )
-        train, test = (Levels.load(folder_path(run) / name) for name in (LEVELS_TRAIN, LEVELS_TEST))
+        files = {"train": LEVELS_TRAIN, "test": LEVELS_TEST}
+        train, test = (
+            in_own_world(Levels.load(folder_path(run) / name), run.levels, which) for which, name in files.items()
+        )
         chosen = dict.fromkeys(self.mixture.changed, True)
         return mixed_levels(train[np.arange(len(test)) % len(train)], test, self.mixture.groups, chosen)
 

@@ -1,5 +1,6 @@
 """What the names in the settings of a run stand for: levels, task and observation."""
 
+import dataclasses
 import inspect
 import math
 from collections.abc import Iterator, Mapping
@@ -116,6 +117,13 @@ def levels_in(path: Path, world: str | None, place: str, setting: str) -> Levels
             f" file does not hold; name them: {setting}=module:attribute, of a World, a LevelDistribution or a list of rules"
         )
     return levels
+
+
+def in_own_world(levels: Levels, config: LevelsConfig, which: str) -> Levels:
+    """Levels from the file of a run, with the rules of the ``"train"`` or the ``"test"`` distribution, which no file holds."""
+    if not levels.provenance.rules or levels.world is not None:
+        return levels
+    return dataclasses.replace(levels, world=distribution_of(config, which).world)
 
 
 def pick_levels(distribution: Any, config: LevelsConfig, test: Any) -> Any:

@@ -14,9 +14,12 @@ from segar.support import __version__
 REST, SEPARATOR = "rest", "+"  # what no group of factors names; between the names of groups that are changed
 RESERVED = (REST, "pair", "value", "total")  # no names of groups: the tables of an attribution have columns called so
 
+RULES = "World"  # stands for the rules in a group of factors
+
 Groups = Mapping[str, Sequence[Any]]
-"""Name to factors and world parameters, as classes or by name. What no group names is the group "rest": types of
-entities, outlines of hulls, and all other factors."""
+"""Name to factors and world parameters, as classes or by name; ``World`` (``segar.World``) stands for the rules, with which
+options of a rule space are active and their constants. What no group names is the group "rest": types of entities, outlines
+of hulls, and all other factors."""
 
 
 def mixed_levels(train: Levels, test: Levels, groups: Groups, chosen: Mapping[str, Any]) -> Levels:
@@ -51,10 +54,11 @@ def mixed_levels(train: Levels, test: Levels, groups: Groups, chosen: Mapping[st
     if Friction in train.layout.columns:  # the floor's is the parameter's
         floor = table[:, train.layout.parameters.index(FloorFriction)]
         arrays["values"][:, -1, train.layout.columns[Friction]] = floor
+    of_rules = next((name for name, members in groups.items() if RULES in map(_name, members)), REST)
+    world = (test if chosen.get(of_rules) else train).world
     made = Provenance("between training and test", "", __version__, 0, "", np.arange(len(train)))
-    return dataclasses.replace(
-        train, **arrays, parameters=table, sampled_values=arrays["values"].copy(), provenance=made, distribution=None
-    )
+    arrays |= {"parameters": table, "sampled_values": arrays["values"].copy()}
+    return dataclasses.replace(train, **arrays, world=world, provenance=made, distribution=None)
 
 
 def check_fits(train: Levels, test: Levels) -> None:
@@ -69,6 +73,8 @@ def places(levels: Levels, groups: Groups) -> tuple[dict[str, list[int]], dict[s
     """The columns of ``values`` and of ``parameters`` that each group names."""
     layout = levels.layout
     known = [parameter.__name__ for parameter in layout.parameters]
+    space = None if levels.world is None else levels.world.space
+    of_rules = () if space is None else tuple(parameter.__name__ for parameter in space.parameters)
     columns: dict[str, list[int]] = {}
     parameters: dict[str, list[int]] = {}
     seen: dict[str, str] = {}
@@ -76,8 +82,8 @@ def places(levels: Levels, groups: Groups) -> tuple[dict[str, list[int]], dict[s
         if name in RESERVED:
             raise LevelError(f"a group cannot be called '{name}'")
         columns[name], parameters[name] = [], []
-        for member in members:
-            factor = member if isinstance(member, str) else member.__name__
+        named = [_name(member) for member in members]
+        for factor in (*named, *(of_rules if RULES in named else ())):
             if factor in seen:
                 raise LevelError(f"{factor} is in the groups '{seen[factor]}' and '{name}'; it can be in one alone")
             seen[factor] = name
@@ -86,7 +92,11 @@ def places(levels: Levels, groups: Groups) -> tuple[dict[str, list[int]], dict[s
                 columns[name] += range(first, first + kind.width)
             elif factor in known:
                 parameters[name].append(known.index(factor))
-            else:
-                near = did_you_mean(factor, [*layout.by_name, *known])
+            elif factor != RULES:
+                near = did_you_mean(factor, [*layout.by_name, *known, RULES])
                 raise LevelError(f"group '{name}': these levels have no factor or parameter '{factor}'.{near}")
     return columns, parameters
+
+
+def _name(member: Any) -> str:
+    return member if isinstance(member, str) else member.__name__

@@ -80,7 +80,8 @@ def readings_of(what: str, states: Levels, scale: Spread | None, factors: Sequen
     slot, column = np.nonzero(scales.any(axis=0))
     if not len(slot):
         raise LevelError(f"{what}: no entity of these states has a factor that counts")
-    return Readings(slot, column, *(array[:, slot, column] for array in (scales, periods, part)), names)
+    scales, periods, part = (array[:, slot, column] for array in (scales, periods, part))
+    return Readings(slot, column, scales, periods, part, names)
 
 
 def _counted(kind: type[Entity], factors: Sequence[type[Factor]] | None) -> list[type[Factor]]:

@@ -10,7 +10,16 @@ import scipy
 
 from segar.errors import UnseenDifferenceWarning
 from segar.language import Entity, Factor, Order, Parameter, Tile
-from segar.levels import LevelDistribution, Levels, checks, entity_types, moments
+from segar.levels import (
+    LevelDistribution,
+    Levels,
+    active_options,
+    checks,
+    entity_types,
+    moments,
+    rule_space_of,
+    shared_rule_sets,
+)
 from segar.metrics.points import IRRELEVANT, Spread, all_parameters, relevant_factors
 from segar.rules import World
 
@@ -34,6 +43,10 @@ def unseen_differences(
     other distances see these, and leave out what things have at the start of Visible, Alive, Done, Acceleration, Drag and
     Density, and by their Order, which of two tiles lies on top of the other.
 
+    Where both sets have one rule space and their rule sets have different distributions, a text says which share of the second
+    set's rule sets occurs in the first. Distances take the parameters of rules as numbers;
+    :func:`segar.metrics.dynamics_w2` compares what the rules do.
+
     Whether numbers differ is decided by mean and spread of the distributions that the levels come from, and by a
     two-sample test of the levels at hand. Rules differ if one set has a rule that the other lacks; levels from a file know
     the names of their rules only.
@@ -49,12 +62,12 @@ def unseen_differences(
         LevelError: not two level sets or distributions.
     """
     sets = [_levels(one) for one in (a, b)]
-    found = []
+    found, of_rules = [], _parameters_of_rules(*sets)
     if mode != "exact":
         found += [
             f"parameter {p.__name__}: {_ranges(sets, Parameter, p)}; mode 'exact' sees it"
             for p in all_parameters(*sets)
-            if _differ(sets, Parameter, p)
+            if p not in of_rules and _differ(sets, Parameter, p)
         ]
     else:
         present = [entity_types(one) for one in sets]
@@ -68,6 +81,8 @@ def unseen_differences(
         found += _piles(sets, [kind for kind in tiles if kind in present[1]])
     if mode == "reference":
         found += _merged_types(sets)
+    if of_rules and _rule_sets_differ(*sets, parameters=of_rules):
+        found.append(_shared(*sets, mode=mode))
     return (*found, *_rules(*sets))
 
 
@@ -222,6 +237,37 @@ def _merged_types(sets: Sequence[Levels]) -> list[str]:
 
 def _is_shipped(kind: type[Entity]) -> bool:
     return kind.__module__.partition(".")[0] == "segar"
+
+
+def _parameters_of_rules(a: Levels, b: Levels) -> tuple[type[Parameter], ...]:
+    """The parameters that say which rules hold in a level, with their constants, where both sets have the same ones."""
+    first, second = (None if levels.world is None else levels.world.space for levels in (a, b))
+    if first is None or second is None or first.parameters != second.parameters:
+        return ()
+    return first.parameters
+
+
+def _rule_sets_differ(a: Levels, b: Levels, parameters: Sequence[type[Parameter]]) -> bool:
+    """Whether the rule sets have different distributions: by their rule spaces, and of levels made by hand by a test of each
+    parameter."""
+    if all(levels.provenance.distribution for levels in (a, b)):
+        return rule_space_of(a).content != rule_space_of(b).content
+    columns = [[_values(levels, Parameter, p)[:, 0] for levels in (a, b)] for p in parameters]
+    tested = [scipy.stats.ks_2samp(x, y).pvalue for x, y in columns]  # type: ignore[union-attr]
+    return min(tested) < SIGNIFICANT / len(tested)
+
+
+def _shared(a: Levels, b: Levels, mode: str) -> str:
+    """Which share of the second set's rule sets is in the first set, in words."""
+    known = {row.tobytes() for row in active_options(a)}
+    options = np.mean([row.tobytes() in known for row in active_options(b)])
+    numbers = (
+        "their parameters count as numbers" if mode == "exact" else "mode 'exact' takes their parameters as numbers"
+    )
+    return (
+        f"rule sets: {len(shared_rule_sets(b, a)) / len(b):.0%} of the second set's occur in the first,"
+        f" {options:.0%} but for their constants; {numbers}, and segar.metrics.dynamics_w2 compares what they do"
+    )
 
 
 def _rules(a: Levels, b: Levels) -> list[str]:

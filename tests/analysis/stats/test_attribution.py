@@ -1,5 +1,7 @@
 """What makes the gap: mixed levels, and shares that add up to what is to be explained."""
 
+import dataclasses
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -21,9 +23,15 @@ from experiments.evaluation.baselines import IdleAgent
 from experiments.evaluation.episodes import play_episodes
 from segar import Charge, Position, Size
 from segar.errors import LevelError, SegarError
+from segar.hardness import make_situations
 from segar.language.parameters import FloorFriction, Gravity
+from segar.levels import shared_rule_sets
+from segar.metrics import rule_set_distances
+from segar.rules import DEFAULT_RULES, World, apply_friction, record_drag
+from segar.rules.templates import dynamics_space
 
 GROUPS = {"position": [Position], "size": ["Size"]}
+FRICTIONLESS = [rule for rule in DEFAULT_RULES if rule not in (apply_friction, record_drag)]
 NAMES = ["position", "size", REST]
 
 
@@ -51,6 +59,35 @@ def test_one_group_changes_and_the_rest_stays(sets):
     assert np.array_equal(column(made, "goal", Position), column(test, "goal", Position))
     assert np.array_equal(column(made, "golfball", Size), column(train, "golfball", Size))
     assert np.array_equal(made.types, train.types)
+
+
+def test_the_group_of_rules_has_the_rule_sets_of_test_levels_and_the_reverse_all_else():
+    dist, space = segar.family("objectsx1-hard"), dynamics_space()
+    train, test = (dist.with_rules(space.split(part)).sample(12, seed=0, split=part) for part in ("train", "test"))
+    groups = {"rules": ["World"]}
+    ruled, rest = (mixed_levels(train, test, groups, {name: True}) for name in ("rules", REST))
+    for made, of_rules, of_rest in ((ruled, test, train), (rest, train, test)):
+        assert np.array_equal(shared_rule_sets(made, of_rules)[:, 0], np.arange(12)) and made.world is of_rules.world
+        assert np.array_equal(made.values, of_rest.values, equal_nan=True)
+    assert not len(shared_rule_sets(ruled, train))
+    # What the group does to the dynamics is the distance of the rule sets; the rest does nothing to them.
+    there = make_situations(dist.sample(3, seed=1), rng=np.random.default_rng(0), horizons=[5])
+    apart = [np.diag(rule_set_distances(made, test, there)) for made in (ruled, rest)]
+    assert apart[0].max() == 0 and np.median(apart[1]) > 0.1
+    with pytest.raises(LevelError, match="slope_x is in the groups 'rules' and 'slope'; it can be in one alone"):
+        mixed_levels(train, test, {**groups, "slope": ["slope_x"]}, {})
+
+
+def test_rules_without_a_group_are_those_of_the_rest(sets):
+    train, test = sets
+    changed = dataclasses.replace(test, world=World(FRICTIONLESS))
+    for groups, chosen, expected in (
+        (GROUPS, {"position": True}, train),
+        (GROUPS, {REST: True}, changed),
+        ({**GROUPS, "rules": [World]}, {REST: True}, train),
+        ({**GROUPS, "rules": [World]}, {"rules": True}, changed),
+    ):
+        assert mixed_levels(train, changed, groups, chosen).world is expected.world
 
 
 def test_a_parameter_can_be_a_group_and_the_floor_follows_it():

@@ -10,10 +10,13 @@ import pytest
 
 from experiments.evaluation.transfer_evaluation import evaluate_transfer
 from experiments.evaluation.transfers import FactorSwap, RunTask, Transfer
+from experiments.levels.builders import distribution_of
 from experiments.reproduce import carry_out
 from experiments.runs.run_folder import CHECKPOINT, SUMMARY, folder_path, read_summary, write_json
 from experiments.settings import ConfigError, ObservationConfig, PPOConfig
 from experiments.training.run import run
+from segar import World
+from segar.envs import world_of
 from segar.errors import LevelError
 from tests.experiments.short_runs import short_run
 
@@ -81,6 +84,20 @@ def test_levels_in_between_end_in_those_of_training_and_of_the_test(trained, cha
     summary, of_run = evaluate_transfer(trained, between, say=lambda line: None), read_summary(folder_path(trained))
     name = "evaluation/{}/return/deterministic"
     assert summary[name.format("test")] == pytest.approx(of_run[name.format(levels)], abs=1e-9)
+
+
+def test_levels_in_between_have_the_rules_of_training_or_of_the_test_as_their_group_says(trained):
+    config = dataclasses.replace(
+        trained,
+        levels=dataclasses.replace(trained.levels, test_variation="frictionless"),
+        folder=trained.folder + "-rules",
+    )
+    run(config, say=lambda line: None)
+    worlds = [distribution_of(config.levels, which).world for which in ("train", "test")]
+    for changed, world in (((), worlds[0]), (("rest",), worlds[0]), (("rules",), worlds[1])):
+        between = Transfer("x", "empty-easy", "", STATE, mixture=FactorSwap({"rules": ["World"]}, changed))
+        rules = [rule.where for rule in world_of(between.levels(config)).rules]
+        assert rules == [rule.where for rule in (world or World()).rules]
 
 
 def test_a_group_that_names_no_factor_is_told(trained):

@@ -15,6 +15,8 @@ from segar.cli import main
 from segar.errors import UnseenDifferenceWarning
 from segar.language import Density, Drag, Order, SandTile, Tile, Visible
 from segar.metrics import decompose, spread, unseen_differences, w2, w2_report
+from segar.rules import RuleSpace
+from segar.rules.templates import dynamics_space
 
 RNG = np.random.default_rng
 
@@ -253,3 +255,45 @@ def test_a_distance_stops_growing_where_two_entities_are_not_matched_any_more():
     assert w2(at(0), at(4.8), scale=unit) == pytest.approx(4.8)
     assert w2(at(0), at(6), scale=unit) == w2(at(0), at(100), scale=unit) == pytest.approx(24**0.5)
     assert decompose(at(0), at(6), scale=unit).by_factor["unmatched"] == pytest.approx(24)
+
+
+def ruled(part: RuleSpace, seed: int = 0) -> segar.Levels:
+    return segar.family("empty-hard").with_rules(part).sample(40, seed=seed)
+
+
+def test_sets_whose_rule_sets_have_different_distributions_are_told_which_share_they_have_in_common():
+    space = dynamics_space()
+    train, test = (ruled(space.split(part)) for part in ("train", "test"))
+    text = (
+        r"rule sets: 0% of the second set's occur in the first, 0% but for their constants; their parameters count as numbers,"
+        r" and segar.metrics.dynamics_w2 compares what they do"
+    )
+    with pytest.warns(UnseenDifferenceWarning, match=text):
+        w2(train, test)
+    with pytest.warns(UnseenDifferenceWarning, match=text):
+        segar.metrics.ks(train, test)
+    (told,) = unseen_differences(train, test, "paper")
+    assert told.endswith(
+        "mode 'exact' takes their parameters as numbers, and segar.metrics.dynamics_w2 compares what they do"
+    )
+    (told,) = unseen_differences(train, ruled(space))
+    shared = len(segar.levels.shared_rule_sets(ruled(space), train)) / 40
+    assert f"rule sets: {shared:.0%} of the second set's" in told
+
+
+@pytest.mark.parametrize("mode", ["exact", "paper"])
+def test_two_samples_of_one_rule_space_are_not_told_apart(mode):
+    space = dynamics_space()
+    assert unseen_differences(ruled(space), ruled(space, 1), mode) == ()
+    assert unseen_differences(ruled(space), ruled(dynamics_space(), 1), mode) == ()
+    assert unseen_differences(ruled(space.split("test")), ruled(space.split("test"), 1), mode) == ()
+
+
+def test_levels_made_by_hand_are_told_apart_by_their_parameters():
+    space = dynamics_space()
+    slope, spring = (next(o.active for o in space.options if o.name == name) for name in ("slope", "anchor"))
+    entities = [[GolfBall({Position: [0.0, 0.0]}), GoalTile({Position: [0.5, 0.5]})]] * 12
+    one, other = (segar.Levels.from_entities(entities, {p: 1.0}, segar.World(space)) for p in (slope, spring))
+    (told,) = unseen_differences(one, other)
+    assert "rule sets: 0% of the second set's occur in the first, 0% but for" in told
+    assert unseen_differences(one, one[:6]) == ()
