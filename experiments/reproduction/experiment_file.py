@@ -15,6 +15,7 @@ One file of ``conf/experiment/``, or one that ``experiments.study`` is given, is
       - observation: textures_far
     attribution:                                 # agents are also tested between training and test levels: in these groups
       position: [Position]                       # of factors, in every combination
+      rules: [World]                             # World stands for the rules, with those of a rule space
     probes: true                                 # ask what the representations know of the factors
     study: w2                                    # a study that needs no training
     options: {seeds: 20}                         # of the study, by name

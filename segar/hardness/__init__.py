@@ -1,4 +1,5 @@
-"""How hard levels are, what can be done in them, and how alike they are in that: all without training."""
+"""How hard levels are, what can be done in them, and how alike they are in that; and situations, in which worlds are
+compared: all without training."""
 
 from segar.hardness.controllability import FactorInfluence, Influence, influence
 from segar.hardness.planner import Plan, plan, replay

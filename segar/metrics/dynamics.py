@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from scipy.spatial.distance import cdist
@@ -106,6 +106,7 @@ class Outcomes:
     is_random: bool
 
 
+@runtime_checkable
 class HasOutcomes(Protocol):
     """What these distances need of situations; :class:`segar.hardness.Situations` has it."""
 
@@ -190,12 +191,13 @@ def dynamics_distance(a: Levels, b: Levels, situations: HasOutcomes) -> Dynamics
 
     Source: the "what if" comparison of structural causal models (Pearl 2009, chapter 7): other mechanisms, all else equal.
     """
+    _require("dynamics_distance", a, b, situations)
     x, y = (_one_rule_set(levels, situations.outcomes(levels)) for levels in (a, b))
     chance = [_by_chance(*each, situations) for each in ((x, a), (y, b))]
-    squares, readings = _differences(x, y), x.readings
-    names = dict(enumerate(readings.names))
-    by_part = {name: np.where(readings.part == k, 1.0, 0.0)[:, None] * squares for k, name in names.items()}
-    summed = {name: each.sum(axis=-1) for name, each in by_part.items()}  # [situation, horizon]
+    squares, part = _differences(x, y), x.readings.part[:, None]
+    summed = {  # [situation, horizon]
+        name: np.where(part == k, squares, 0.0).sum(axis=-1) for k, name in enumerate(x.readings.names)
+    }
     total = sum(summed.values(), np.zeros(squares.shape[:2]))
     value, error = _root(total.mean(axis=1))
     return DynamicsDistance(
@@ -220,7 +222,7 @@ def rule_set_distances(a: Levels, b: Levels, situations: HasOutcomes) -> np.ndar
     Raises:
         LevelError: as :func:`dynamics_distance`.
     """
-    checks.require_levels("rule_set_distances", a, b)
+    _require("rule_set_distances", a, b, situations)
     x = situations.outcomes(a)
     y = x if a is b else situations.outcomes(b)
     return np.sqrt(_squares(x, y, 1)[0])[np.ix_(x.of_level, y.of_level)]
@@ -240,7 +242,7 @@ def dynamics_w2(
     Raises:
         LevelError: as :func:`dynamics_distance`, or too few resamples.
     """
-    checks.require_levels("dynamics_w2", a, b)
+    _require("dynamics_w2", a, b, situations)
     checks.require_generator("dynamics_w2", rng)
     if resamples < 2:
         raise LevelError(f"dynamics_w2 needs at least 2 resamples, not {resamples}")
@@ -258,6 +260,15 @@ def dynamics_w2(
         resamples=resamples,
         rule_sets=(len(x.values), len(y.values)),
     )
+
+
+def _require(what: str, a: Levels, b: Levels, situations: HasOutcomes) -> None:
+    checks.require_levels(what, a, b)
+    if not isinstance(situations, HasOutcomes):
+        raise LevelError(
+            f"{what} needs situations; a {type(situations).__name__} is none. Make them of levels:"
+            " segar.hardness.make_situations(levels, rng=rng)"
+        )
 
 
 def _one_rule_set(levels: Levels, outcomes: Outcomes) -> Outcomes:
@@ -279,7 +290,6 @@ def _by_chance(found: Outcomes, levels: Levels, situations: HasOutcomes) -> floa
 
 def _differences(x: Outcomes, y: Outcomes) -> np.ndarray:
     """Squared differences of the first rule sets, in the mean over plays, float64 ``(situations, horizons, R)``."""
-    _require_same(x, y)
     apart, periods = x.values[0] - y.values[0], x.readings.periods[:, None, None]
     flat = shorter_way(apart.reshape(-1), np.broadcast_to(periods, apart.shape).reshape(-1))
     return (flat.reshape(apart.shape) ** 2).mean(axis=1)
@@ -287,7 +297,6 @@ def _differences(x: Outcomes, y: Outcomes) -> np.ndarray:
 
 def _squares(x: Outcomes, y: Outcomes, blocks: int) -> np.ndarray:
     """Squared distances of all rule sets in each block of situations, float64 ``(blocks, rule sets of x, of y)``."""
-    _require_same(x, y)
     plays, horizons = x.values.shape[2:4]
     found = []
     for part in _blocks(x, blocks):
@@ -309,14 +318,8 @@ def _blocks(x: Outcomes, blocks: int) -> list[np.ndarray]:
 
 def _joined(x: Outcomes, y: Outcomes) -> Outcomes:
     """The rule sets of both, one after the other."""
-    _require_same(x, y)
     of_level = np.concatenate([x.of_level, len(x.values) + y.of_level])
     return replace(x, values=np.concatenate([x.values, y.values]), of_level=of_level)
-
-
-def _require_same(x: Outcomes, y: Outcomes) -> None:
-    if x.readings is not y.readings:
-        raise LevelError("the two sets of worlds were rolled out in different situations, so they cannot be compared")
 
 
 def _root(squares: np.ndarray) -> Estimate:

@@ -60,7 +60,7 @@ def test_where_a_run_is_tested_anyway_is_no_transfer(tmp_path):
 
 
 def test_what_makes_the_gap_is_asked_in_every_combination_but_those_of_the_run_itself(tmp_path):
-    data = {**MAIN, "attribution": {"position": ["Position"], "size": ["Size", "Mass"]}}
+    data = {**MAIN, "attribution": {"position": ["Position"], "size": ["Size", "Mass", "World"]}}
     work = plan_of(tmp_path, mine=data).runs[0]
     changed = [one.mixture.changed for one in work.transfers]
     assert changed == [

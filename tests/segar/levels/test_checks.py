@@ -20,6 +20,7 @@ MEASURES: dict[str, Callable[..., Any]] = {
     "ks": lambda a, **options: metrics.ks(a, a, **options),
     "coverage": lambda a, **options: metrics.coverage(a, a, **options),
     "effective_number": lambda a, **options: metrics.effective_number(a, **options),
+    "make_situations": lambda a, **options: hardness.make_situations(a, rng=RNG, **options),
     "sample_entropy": lambda a, **options: metrics.sample_entropy(a, "mean_field", **options),
 }
 DRAWING: dict[str, Callable[..., Any]] = {
@@ -35,6 +36,8 @@ DRAWING: dict[str, Callable[..., Any]] = {
     "hardness": lambda a, rng: hardness.hardness(a, rng=rng),
     "plan": lambda a, rng: hardness.plan(a, rng=rng),
     "influence": lambda a, rng: hardness.influence(a, rng=rng),
+    "make_situations": lambda a, rng: hardness.make_situations(a, rng=rng),
+    "dynamics_w2": lambda a, rng: metrics.dynamics_w2(a, a, hardness.make_situations(a, rng=RNG), rng=rng),
     "dynamics_distances": lambda a, rng: hardness.dynamics_distances(a, a, rng=rng),
 }
 

@@ -280,6 +280,10 @@ def test_what_cannot_be_compared_is_refused():
         LevelError, match=r"have 2 rule sets; take one level, as levels\[0\], or compare all by dynamics_w2"
     ):
         dynamics_distance(worlds("", "pull"), still, there)
+    with pytest.raises(
+        LevelError, match=r"needs situations; a Levels is none. Make them of levels: segar.hardness.make_"
+    ):
+        dynamics_distance(still, still, starting(small(2)))  # type: ignore[arg-type]
     other = segar.family("objectsx1-hard").sample(2)
     with pytest.raises(
         LevelError, match=r"the levels have the entities golfball, goal, object1, .*same numbers and types"
