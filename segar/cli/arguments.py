@@ -10,7 +10,7 @@ from typing import Any
 from segar.errors import LevelError, SegarError
 from segar.language import Task
 from segar.levels import TASK_LEVELS, LevelDistribution, Levels, families, family
-from segar.rules import World
+from segar.rules import RuleSpace, World
 from segar.support import aligned, named_or_made
 from segar.tasks import make_task, task_of
 
@@ -19,8 +19,8 @@ NAME_HELP = (
 )
 TASK_HELP = "puttputt, billiards, invisiball, or 'module:attribute'; by default what the levels name"
 WORLD_HELP = (
-    "rules of your own, which level files do not hold: 'module:attribute' of a World, a LevelDistribution, a list of rules,"
-    " or a function that makes one. Importing the module also defines the entities in it"
+    "rules of your own, which level files do not hold: 'module:attribute' of a World, a LevelDistribution, a RuleSpace, a list"
+    " of rules, or a function that makes one. Importing the module also defines the entities in it"
 )
 FILE_HELP = "a level file, as `segar sample` and Levels.save write it"
 
@@ -45,10 +45,10 @@ def find_world(name: str) -> World:
     found = named_or_made(name)
     if isinstance(found, LevelDistribution):
         found = found.world or World()
-    if isinstance(found, (list, tuple)):
+    if isinstance(found, (list, tuple, RuleSpace)):
         found = World(rules=found)
     if not isinstance(found, World):
-        raise SegarError(f"'{name}' is no World, LevelDistribution or list of rules, but {found!r}")
+        raise SegarError(f"'{name}' is no World, LevelDistribution, RuleSpace or list of rules, but {found!r}")
     return found
 
 

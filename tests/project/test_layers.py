@@ -33,6 +33,7 @@ ORDER = [
     "segar.policies",
     "segar.evaluation",
     "segar.datasets",
+    "segar.queries",
     "segar.playground",
     "segar.cli",
     "segar",
@@ -98,7 +99,7 @@ OPTIONAL = {
     "segar.rendering.painter",
     "segar.rendering.window",
 }
-MOST_ROOMS = {"segar": 21, "experiments": 21}
+MOST_ROOMS = {"segar": 22, "experiments": 21}
 PACKAGES = ("segar", "experiments", "analysis")
 
 

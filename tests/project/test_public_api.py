@@ -24,7 +24,7 @@ SNAPSHOT = Path(__file__).with_name("public_api.txt")
 ROOMS = (
     "segar", "segar.language", "segar.rules", "segar.noise", "segar.levels", "segar.tasks", "segar.textures", "segar.metrics",
     "segar.observations", "segar.rendering", "segar.envs", "segar.hardness", "segar.policies", "segar.evaluation",
-    "segar.datasets", "segar.playground", "segar.errors", "experiments.settings", "experiments.algorithms",
+    "segar.datasets", "segar.queries", "segar.playground", "segar.errors", "experiments.settings", "experiments.algorithms",
 )  # fmt: skip
 MOST_NAMES = 77  # at the root
 

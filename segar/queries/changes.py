@@ -1,0 +1,194 @@
+"""Changes of one thing: a factor of an entity, a world parameter, a rule, or an action. Each is data, and says itself in words.
+
+A change takes place before the first step.
+"""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any, ClassVar, Protocol, TypeAlias
+
+import numpy as np
+
+from segar.errors import FactorError, LevelError, SegarError, did_you_mean
+from segar.language import Factor, FloorFriction, Friction, Parameter
+from segar.levels import Levels, rule_space_of
+from segar.queries.numbers import parameter_value, vector, with_unit
+from segar.queries.words import option_in_words
+from segar.support import misfit
+
+Case: TypeAlias = tuple[Levels, np.ndarray]
+"""A single level, and the actions that are taken on it, float ``(steps, action size)``."""
+
+
+class Change(Protocol):
+    """What all changes can do."""
+
+    what: ClassVar[str]
+
+    def applied(self, level: Levels, actions: np.ndarray) -> Case:
+        """The level and the actions with this change; raises :class:`SegarError` where it does not fit them."""
+        ...
+
+    def words(self, level: Levels, actions: np.ndarray) -> str:
+        """What is different after the change, as a part of a sentence."""
+        ...
+
+
+@dataclass(frozen=True)
+class FactorChange:
+    """A factor of an entity, one number, has another value."""
+
+    what: ClassVar[str] = "factor"
+    entity: str
+    factor: str
+    value: float
+
+    def applied(self, level: Levels, actions: np.ndarray) -> Case:
+        slot, factor = self._place(level)
+        values = level.values.copy()
+        values[0, slot, level.layout.columns[factor]] = checked(factor, self.value)
+        return replace(level, values=values), actions
+
+    def words(self, level: Levels, actions: np.ndarray) -> str:
+        slot, factor = self._place(level)
+        before = level.values[0, slot, level.layout.columns[factor]]
+        return (
+            f"{self.factor} of {self.entity} is {with_unit(self.value, factor)} instead of {with_unit(before, factor)}"
+        )
+
+    def _place(self, level: Levels) -> tuple[int, type[Factor]]:
+        slot, factor = level.layout.slot_index(self.entity), level.layout.factor(self.factor)
+        if factor.width != 1 or np.isnan(level.values[0, slot, level.layout.columns[factor]]):
+            raise LevelError(f"'{self.entity}' has no {self.factor} that is one number")
+        return slot, factor
+
+
+@dataclass(frozen=True)
+class ParameterChange:
+    """A world parameter, which may be a constant of a rule, has another value."""
+
+    what: ClassVar[str] = "parameter"
+    parameter: str
+    value: float
+
+    def applied(self, level: Levels, actions: np.ndarray) -> Case:
+        parameter = parameter_of(level, self.parameter)
+        changed = with_parameters(level, {parameter: checked(parameter, self.value)})
+        if parameter is FloorFriction:  # the floor is an entity, too, and rules read its factor
+            values = changed.values.copy()
+            values[0, -1, level.layout.columns[Friction]] = self.value
+            changed = replace(changed, values=values)
+        return changed, actions
+
+    def words(self, level: Levels, actions: np.ndarray) -> str:
+        parameter = parameter_of(level, self.parameter)
+        before = parameter_value(level, parameter)
+        return f"{self.parameter} is {with_unit(self.value, parameter)} instead of {with_unit(before, parameter)}"
+
+
+@dataclass(frozen=True)
+class RuleChange:
+    """A rule of the level's rule space holds that did not, with these constants; or one that held does not."""
+
+    what: ClassVar[str] = "rule"
+    option: str
+    active: bool
+    constants: Mapping[str, float] = field(default_factory=dict)
+
+    def applied(self, level: Levels, actions: np.ndarray) -> Case:
+        space = rule_space_of(level)
+        option = space.options[space.index(self.option)]
+        if (parameter_value(level, option.active) != 0) == self.active:
+            raise LevelError(f"the rule '{self.option}' {'holds already' if self.active else 'does not hold here'}")
+        known = {p.__name__: p for p in option.constants}
+        needed = set(known) if self.active else set()
+        for name in sorted(needed ^ set(self.constants)):
+            raise LevelError(
+                f"the constants of the rule '{self.option}' are {sorted(needed)}, and '{name}' is not as they say"
+            )
+        new: dict[type[Parameter], float] = {p: p.default for p in known.values()}
+        new |= {known[name]: checked(known[name], value) for name, value in self.constants.items()}
+        return with_parameters(level, {option.active: float(self.active), **new}), actions
+
+    def words(self, level: Levels, actions: np.ndarray) -> str:
+        space = rule_space_of(level)
+        option = space.options[space.index(self.option)]
+        constants = self.constants or {p.__name__: parameter_value(level, p) for p in option.constants}
+        rule = option_in_words(option, constants)
+        return f"there is one more rule: {rule}" if self.active else f"one rule does not hold: {rule}"
+
+
+@dataclass(frozen=True)
+class ActionChange:
+    """The action of one step, counted from 1, is another."""
+
+    what: ClassVar[str] = "action"
+    step: int
+    action: list[float]
+
+    def applied(self, level: Levels, actions: np.ndarray) -> Case:
+        if not 1 <= self.step <= len(actions) or len(self.action) != actions.shape[1]:
+            raise SegarError(
+                f"there are {len(actions)} actions of {actions.shape[1]} numbers, and none is changed by action {self.step} of"
+                f" {len(self.action)} numbers"
+            )
+        changed = actions.copy()
+        changed[self.step - 1] = self.action
+        return level, changed
+
+    def words(self, level: Levels, actions: np.ndarray) -> str:
+        return f"the action of step {self.step} is {vector(self.action)} instead of {vector(actions[self.step - 1])}"
+
+
+KINDS: dict[str, type[Any]] = {kind.what: kind for kind in (FactorChange, ParameterChange, RuleChange, ActionChange)}
+FORMS: dict[str, dict[str, Any]] = {
+    "factor": {"what": str, "entity": str, "factor": str, "value": float},
+    "parameter": {"what": str, "parameter": str, "value": float},
+    "rule": {"what": str, "option": str, "active": bool, "constants": {str: float}},
+    "action": {"what": str, "step": int, "action": [float]},
+}
+
+
+def change_data(change: Change) -> dict[str, Any]:
+    """A change as plain data."""
+    return {"what": change.what, **asdict(change)}  # type: ignore[call-overload]
+
+
+def change_of(data: Any, at: str) -> Change:
+    """The change that plain data name.
+
+    Args:
+        at: where the data stand, for messages.
+
+    Raises:
+        SegarError: the data are no change; the message names the field.
+    """
+    wrong = misfit(data, {"what": str}, at)
+    if wrong is None and data["what"] not in KINDS:
+        wrong = f"'{at}.what': there is no change of '{data['what']}'.{did_you_mean(data['what'], KINDS)}"
+    if wrong := wrong or misfit(data, FORMS[data["what"]], at, only=True):
+        raise SegarError(wrong)
+    return KINDS[data["what"]](**{name: value for name, value in data.items() if name != "what"})
+
+
+def parameter_of(level: Levels, name: str) -> type[Parameter]:
+    """The world parameter of that name; raises :class:`LevelError`."""
+    known = {p.__name__: p for p in level.layout.parameters}
+    if name not in known:
+        raise LevelError(f"these levels have no world parameter '{name}'.{did_you_mean(name, known)}")
+    return known[name]
+
+
+def with_parameters(level: Levels, new: Mapping[type[Parameter], float]) -> Levels:
+    """A single level with other values of some world parameters."""
+    parameters = level.parameters.copy()
+    for parameter, value in new.items():
+        parameters[0, level.layout.parameters.index(parameter)] = value
+    return replace(level, parameters=parameters)
+
+
+def checked(factor: type[Factor], value: float) -> float:
+    """The value, if the factor can have it; raises :class:`FactorError`."""
+    if not factor.is_possible(np.array([value])).all():
+        raise FactorError(f"{factor.__name__} is {value:g} after the change, and must be {factor.possible_values()}")
+    return float(value)

@@ -1,0 +1,85 @@
+"""Grades answers: what is true is found by the simulator, from the questions alone."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from segar.errors import SegarError
+from segar.evaluation import Interval
+from segar.queries.kind import Mark
+from segar.queries.making import KINDS
+from segar.queries.question import Question, places_of, told
+from segar.queries.trajectories import Player
+from segar.support import shown
+
+QUANTILE = 1.959964  # of the standard normal distribution, for intervals of 95 %
+
+
+@dataclass(frozen=True, eq=False)
+class Grades:
+    """The marks of answers; what is missing has the worst one.
+
+    Attributes:
+        kinds: the kind of each question, by id.
+        marks: the mark of each question, by id.
+        missing: ids of questions without an answer.
+    """
+
+    kinds: Mapping[str, str]
+    marks: Mapping[str, Mark]
+    missing: tuple[str, ...]
+
+    def of(self, kind: str | None = None) -> list[Mark]:
+        """The marks of the questions of a kind; of all where it is None."""
+        return [mark for name, mark in self.marks.items() if kind in (None, self.kinds[name])]
+
+    def correct(self, kind: str | None = None) -> Interval:
+        """The share of right answers, with Wilson's interval of 95 % over questions; of all kinds where it is None."""
+        return wilson([float(mark.correct) for mark in self.of(kind)])
+
+    def score(self, kind: str | None = None) -> Interval:
+        """The mean score, with Wilson's interval over questions, which is too wide rather than too narrow for scores between
+        0 and 1."""
+        return wilson([mark.score for mark in self.of(kind)])
+
+
+def grade(questions: Sequence[Question], answers: Mapping[str, Any]) -> Grades:
+    """The marks of answers, which have the forms that their questions ask for.
+
+    Args:
+        answers: by the ids of the questions, as :func:`segar.queries.read_answers` gives them.
+
+    Raises:
+        SegarError: the simulator does not lead to the history that a question tells.
+    """
+    players: dict[str, Player] = {}
+    marks: dict[str, Mark] = {}
+    for question in questions:
+        player = players.setdefault(question.task_name, Player(question.task))
+        given = question.id in answers
+        if given:
+            _check_history(question, player)
+        marks[question.id] = (
+            KINDS[question.kind].mark(question, answers[question.id], player) if given else Mark(False, 0.0)
+        )
+    missing = tuple(question.id for question in questions if question.id not in answers)
+    return Grades({question.id: question.kind for question in questions}, marks, missing)
+
+
+def wilson(values: Sequence[float]) -> Interval:
+    """The mean of values between 0 and 1, with Wilson's interval of 95 % for a share (Wilson, 1927)."""
+    n, mean = len(values), sum(values) / len(values)
+    z2 = QUANTILE**2
+    middle = (mean + z2 / (2 * n)) / (1 + z2 / n)
+    half = QUANTILE / (1 + z2 / n) * (mean * (1 - mean) / n + z2 / (4 * n * n)) ** 0.5
+    return Interval(mean, middle - half if mean > 0 else 0.0, middle + half if mean < 1 else 1.0)
+
+
+def _check_history(question: Question, player: Player) -> None:
+    """Raise :class:`SegarError` unless the actions of a question lead to its history, to the bit."""
+    states = player.play(question.level, question.actions).states[0]
+    if told(question.level, states, places_of(question.level, question.states)) != list(question.states):
+        raise SegarError(
+            f"question {shown(question.id)}: its actions lead to another history than it tells. Its rules or its task are not those"
+            " with which it was written (--world, --task), or it was changed"
+        )
