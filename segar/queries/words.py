@@ -166,8 +166,9 @@ def task_in_words(name: str, task: Task) -> str:
     low, high = (vector(bound) for bound in (task.action_low, task.action_high))
     functions = task.functions()
     texts = {part: " ".join(map(_said, getattr(functions, part))) for part in ("act", "success", "terminated")}
+    size = "one number" if len(task.action_low) == 1 else f"{len(task.action_low)} numbers"
     return "\n".join([
-        f"An action is {len(task.action_low)} numbers from {low} to {high}. {texts['act']}",
+        f"An action is {size} from {low} to {high}. {texts['act']}",
         f"Success: {texts['success'] or 'there is none.'}",
         f"The task is over: {texts['terminated'] or 'never before its last step.'}",
     ])  # fmt: skip

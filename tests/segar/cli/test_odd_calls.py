@@ -122,6 +122,23 @@ record empty-easy -o x.mp4 --check           | --check
 record empty-easy -o x.mp4 --size 1          | '1'
 record empty-easy -o x.mp4 --size 65         | 65
 record empty-easy -o x.mp4 --level -1        | '-1'
+queries                                      | command
+queries nope                                 | nope
+queries write                                | family
+queries write empty-easy                     | output
+queries write nope -o q.jsonl                | nope
+queries write empty-easy -o folder           | folder
+queries write empty-easy -o q.jsonl -n 0     | '0'
+queries write empty-easy -o q.jsonl --kinds  | kinds
+queries write empty-easy -o q.jsonl --kinds guess | guess
+queries write empty-easy -o q.jsonl --kinds plan plan | different
+queries write empty-easy -o q.jsonl --task nope | nope
+queries write empty-easy -o q.jsonl --world nope | nope
+queries grade                                | QUESTIONS
+queries grade nope.jsonl nope.jsonl          | nope.jsonl
+queries grade file file                      | file: line 1
+queries grade folder folder                  | folder
+queries grade ok.npz ok.npz                  | ok.npz: line 1
 play nope                                    | nope
 play empty-easy --size 1                     | '1'
 play empty-easy --speed x                    | 'x'
@@ -138,6 +155,7 @@ OWN = (  # commands that take an object of the user's
     "kernel show {}",
     "distance ok.npz ok.npz --world {}",
     "hardness ok.npz --task {}",
+    "queries write {} -o q.jsonl",
 )
 NAMES = {
     ".:x": "module:attribute",
