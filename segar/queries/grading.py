@@ -80,6 +80,6 @@ def _check_history(question: Question, player: Player) -> None:
     states = player.play(question.level, question.actions).states[0]
     if told(question.level, states, places_of(question.level, question.states)) != list(question.states):
         raise SegarError(
-            f"question {shown(question.id)}: its actions lead to another history than it tells. Its rules or its task are not those"
-            " with which it was written (--world, --task), or it was changed"
+            f"question {shown(question.id)}: its actions lead to another history than it tells. Its rules or its task are not"
+            " those with which it was written (--world, --task), or it was changed"
         )

@@ -10,7 +10,7 @@ import pytest
 import segar
 from segar.errors import SegarError
 from segar.levels import active_options
-from segar.queries import KINDS, FactorChange, ParameterChange, RuleChange, grade, make_questions
+from segar.queries import KINDS, ActionChange, FactorChange, ParameterChange, RuleChange, grade, make_questions
 from segar.queries.changes import change_of
 from segar.queries.making import LARGEST_SHARE
 from segar.queries.plans import steady_players
@@ -65,7 +65,7 @@ def test_an_environment_in_which_one_intervenes_agrees_about_what_would_be(made)
         env.reset(options={"levels": [0]})
         if isinstance(change, FactorChange):
             env.intervene(change.entity, question.level.layout.factor(change.factor), change.value)
-        elif change.what == "action":
+        elif isinstance(change, ActionChange):
             actions[change.step - 1] = change.action
         else:
             continue

@@ -22,7 +22,9 @@ FACTOR = re.compile(rf"^(\w+) (?:\(({NUMBER}), ({NUMBER})\)|({NUMBER}))(?: (\S+)
 
 def read_factor(text):
     """Name, values and unit of a factor that words state."""
-    name, x, y, single, unit = FACTOR.match(text).groups()
+    found = FACTOR.match(text)
+    assert found, text
+    name, x, y, single, unit = found.groups()
     return name, [float(v) for v in (x, y, single) if v is not None], unit or ""
 
 
@@ -125,8 +127,8 @@ def test_rules_and_tasks_of_ones_own_speak_by_their_docstrings():
         """The action is the new velocity."""
         return segar.SetFactor[segar.Velocity](v, segar.Velocity((action[0], 0.0)))
 
-    def is_far(x: Position) -> bool:
-        return x.norm() > 0.5
+    def is_far(m: segar.Mass) -> bool:
+        return m > 0.5
 
     levels = segar.family("empty-easy").with_rules([segar.move, blow, hum_a_tune]).sample(1)
     assert {"The wind of nowhere blows east.", "hum a tune"} <= set(rules_of(levels))
