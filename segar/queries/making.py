@@ -13,7 +13,7 @@ from segar.queries.numeric import Counterfactual, Predict
 from segar.queries.plans import MakePlan
 from segar.queries.question import Question, text_of
 from segar.queries.trajectories import Player
-from segar.tasks import find_task, make_task
+from segar.tasks import make_task
 
 KINDS: Mapping[str, Kind] = {
     "predict": Predict(),
@@ -63,8 +63,9 @@ def make_questions(
         raise SegarError(f"kinds must be different names, one at least, not {list(kinds)}")
     if isinstance(number, bool) or not isinstance(number, (int, np.integer)) or number < 1:
         raise SegarError(f"the number of questions must be a whole number above 0, not {number!r}")
+    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
+        raise SegarError(f"the seed must be a whole number that is not negative, not {seed!r}")
     name = task or distribution.task or "puttputt"
-    find_task(name)
     player = Player(make_task(name))
     if player.task.max_steps < LEAST_STEPS:
         raise SegarError(f"questions need a task of {LEAST_STEPS} steps at least; {name} has {player.task.max_steps}")

@@ -27,6 +27,10 @@ FORM: dict[str, Any] = {
 }  # fmt: skip
 """The form of a line of a file of questions; see :func:`segar.support.misfit`."""
 
+MOTION = (Position, Velocity)  # what is seen of a world whose change is to be found
+STRENGTH = 0.3  # of drawn actions, as a share of half the range
+ACTING = 0.5  # share of the steps with an action that is not idle
+
 Place: TypeAlias = tuple[int, type[Factor]]
 """A factor of the entity in a slot."""
 
@@ -148,10 +152,6 @@ def draw_actions(task: Task, steps: int, rng: np.random.Generator) -> np.ndarray
     return np.vectorize(rounded, otypes=[float])(chosen)
 
 
-STRENGTH = 0.3  # of drawn actions, as a share of half the range
-ACTING = 0.5  # share of the steps with an action that is not idle
-
-
 def changing_places(level: Levels, trajectories: np.ndarray, seen: Iterable[type[Factor]] = ()) -> list[Place]:
     """The factors of entities that change in some of the trajectories, float64 ``(n, steps + 1, entities, columns)``.
 
@@ -220,7 +220,3 @@ def text_of(
         f"What happened:\n{history}",
     )
     return "\n\n".join([*parts, asked])
-
-
-MOTION = (Position, Velocity)
-"""What is seen of a world whose change is to be found."""

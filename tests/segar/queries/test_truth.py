@@ -225,6 +225,7 @@ def test_rules_that_draw_numbers_are_refused():
         ({"kinds": ["plan", "plan"]}, "different names"),
         ({"kinds": []}, "different names, one at least"),
         ({"number": 0}, "must be a whole number above 0, not 0"),
+        ({"seed": -1}, "seed must be a whole number that is not negative, not -1"),
         ({"task": "golf"}, "no task is called 'golf'"),
     ],
 )
