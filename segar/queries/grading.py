@@ -44,24 +44,21 @@ class Grades:
 
 
 def grade(questions: Sequence[Question], answers: Mapping[str, Any]) -> Grades:
-    """The marks of answers, which have the forms that their questions ask for.
+    """The marks of answers.
 
     Args:
         answers: by the ids of the questions, as :func:`segar.queries.read_answers` gives them.
 
     Raises:
-        SegarError: the simulator does not lead to the history that a question tells.
+        SegarError: an answer does not have the form that its question asks for, or the simulator does not lead to the history
+            that a question tells.
     """
     players: dict[str, Player] = {}
     marks: dict[str, Mark] = {}
     for question in questions:
         player = players.setdefault(question.task_name, Player(question.task))
-        given = question.id in answers
-        if given:
-            _check_history(question, player)
-        marks[question.id] = (
-            KINDS[question.kind].mark(question, answers[question.id], player) if given else Mark(False, 0.0)
-        )
+        is_missing = question.id not in answers
+        marks[question.id] = Mark(False, 0.0) if is_missing else _marked(question, answers[question.id], player)
     missing = tuple(question.id for question in questions if question.id not in answers)
     return Grades({question.id: question.kind for question in questions}, marks, missing)
 
@@ -73,6 +70,13 @@ def wilson(values: Sequence[float]) -> Interval:
     middle = (mean + z2 / (2 * n)) / (1 + z2 / n)
     half = QUANTILE / (1 + z2 / n) * (mean * (1 - mean) / n + z2 / (4 * n * n)) ** 0.5
     return Interval(mean, middle - half if mean > 0 else 0.0, middle + half if mean < 1 else 1.0)
+
+
+def _marked(question: Question, answer: Any, player: Player) -> Mark:
+    if wrong := KINDS[question.kind].misfit(question, answer):
+        raise SegarError(f"question {shown(question.id)}: {wrong}")
+    _check_history(question, player)
+    return KINDS[question.kind].mark(question, answer, player)
 
 
 def _check_history(question: Question, player: Player) -> None:

@@ -176,6 +176,14 @@ def test_scores_fall_with_the_error_and_answers_are_right_up_to_the_tolerance(de
         assert mark.correct == (error <= 0.05) and mark.score == pytest.approx(np.exp(-error / scale), abs=1e-12)
 
 
+def test_an_answer_of_another_form_is_refused(default_rules):
+    question = default_rules.of("plan")[0]
+    with pytest.raises(
+        SegarError, match=f"question '{question.id}': 'answer' must be a list of a list of float, not 3"
+    ):
+        grade([question], {question.id: 3})
+
+
 def test_a_missing_answer_counts_as_wrong_and_is_told(default_rules):
     some = {q.id: default_rules.answers[q.id] for q in default_rules.of("predict", "plan")[5:]}
     found = grade(default_rules.questions, some)
