@@ -327,6 +327,7 @@ def run_row(
         **distances(summary),
         **performance_by_mode(episodes),
         **task_results(episodes),
+        **success_by_trial(episodes),
         "hours": seconds / 3600,
         "finished": ends[-1] if ends else "",
         **software(read_versions(folder)),
@@ -374,6 +375,7 @@ def transfer_row(
         **distances(summary),
         **performance_by_mode(whole),
         **task_results(whole),
+        **success_by_trial(whole),
     }
 
 
@@ -397,6 +399,17 @@ def task_results(episodes: pd.DataFrame) -> dict[str, float]:
     for levels, mode in product(("train", "test"), ACTION_MODES):
         found |= result_figures(rows, levels, mode)
     return figures_of(found)
+
+
+def success_by_trial(episodes: pd.DataFrame) -> dict[str, float]:
+    """The share of levels that are solved in each trial, e.g. ``success_trial_0_test_deterministic``; none without trials."""
+    if "trial" not in episodes or column(episodes, "trial").max() == 0:
+        return {}
+    keys = ["trial", "levels", "action_mode"]
+    means = pd.DataFrame(episodes.groupby(keys, as_index=False)["success"].mean()).to_dict("records")
+    return {
+        f"success_trial_{one['trial']}_{one['levels']}_{one['action_mode']}": float(one["success"]) for one in means
+    }
 
 
 def level_rows(episodes: pd.DataFrame, place: Mapping[str, Any]) -> pd.DataFrame:

@@ -35,6 +35,7 @@ ROWS: Mapping[str, Rows] = {
     "SAC": lambda evidence: evidence.results.of("appendix_sac"),
     "distances without training": learning.distances_of_empty,
     "numbers of rule sets": rule_sets.rule_set_runs,
+    "trials": rule_sets.trial_runs,
 }
 
 # The test of each claim of statements.yaml: its findings, from the evidence and the rows of its evidence.
@@ -68,6 +69,7 @@ TESTS: Mapping[str, Test] = {
     "A-sac-hard": learning.sac_easy_beside_hard,
     "A-ks": learning.rate_of_ks,
     "rule-sets": rule_sets.gap_by_rule_sets,
+    "memory": rule_sets.memory_beside_none,
 }
 # Numbers that the sentences of a claim name in braces, from its evidence and rows.
 NUMBERS: Mapping[str, Callable[[Evidence, pd.DataFrame], Mapping[str, str]]] = {"A-ks": learning.slope_of_ks}

@@ -200,6 +200,7 @@ EXPERIMENTS: Sequence[tuple[str, str, Callable[[Evidence], list[Block]] | None]]
     ("Diversity of the training set", "diversity", None),
     ("Other physics", "rules", physics),
     ("Unseen rule sets", "rule_sets", None),
+    ("A memory over trials", "trials", None),
     ("Other textures", "visual", looks),
     ("Hardness by reward", "hardness", None),
     ("Agents that see the factors", "upper_bound", true_factors),

@@ -10,7 +10,7 @@ from analysis.plotting import style
 from analysis.plotting.figures import DOT, draw_points, legend_of, new_figure, zero_line
 from analysis.plotting.names import design_name, family_name
 from analysis.report.claims.evidence import Evidence
-from analysis.report.claims.rule_sets import rule_set_runs
+from analysis.report.claims.rule_sets import rule_set_runs, trial_columns, trial_runs
 from analysis.report.figures.drawing import (
     CELL,
     GAP,
@@ -117,6 +117,29 @@ def rule_sets(evidence: Evidence) -> Drawn | str:
     left.legend(loc="best")
     zero_line(right)
     right.set_ylabel("gap in success (unseen − training)")
+    return Drawn(figure, table)
+
+
+def trials(evidence: Evidence) -> Drawn | str:
+    """Success on unseen rule sets trial by trial, with a memory and without."""
+    runs = trial_runs(evidence)
+    if runs.empty:
+        return "it was not run (`experiments=[trials]`)"
+    names = trial_columns(runs)
+    table = pick(runs, [*CELL, "algorithm", "memory", *names])
+    figure = new_figure(5.4, 3.8)
+    axes = figure.subplots()
+    for k, (memory, label) in enumerate(((True, "with a memory"), (False, "without a memory"))):
+        part = keep(table, table["memory"] == memory)
+        if len(part):
+            values = [column(part, name) for name in names]
+            means = pd.DataFrame([mean_of_replicates(one).row(trial=n + 1) for n, one in enumerate(values)])
+            look = {"marker": style.MARKERS[k], "color": style.PALETTE[k], "capsize": 2.5, "label": label}
+            axes.errorbar(column(means, "trial"), column(means, "estimate"), yerr=error_bars(means, "estimate"), **look)
+    axes.set_xticks(range(1, len(names) + 1))
+    axes.set_xlabel("trial on the level")
+    axes.set_ylabel("success on unseen rule sets")
+    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
     return Drawn(figure, table)
 
 
