@@ -84,7 +84,7 @@ def unseen_parameters(config: RunConfig, train: Levels, test: Levels) -> list[st
 def advice_on_parameters(found: Sequence[str], config: RunConfig) -> str:
     """What to say of the parameters that :func:`unseen_parameters` found, and the settings that show them or say nothing."""
     state = environment_options(config)["observation"]
-    shown = ",".join([*(parameter.__name__ for parameter in state.chosen_parameters), *found])
+    shown = ",".join(dict.fromkeys([*(parameter.__name__ for parameter in state.chosen_parameters), *found]))
     fix, silence = f"parameters=[{shown}]", f"hidden=[{','.join(found)}]"
     if config.observation.name in OBSERVATIONS:
         fix, silence = f"observation.options.{fix}", f"observation.options.{silence}"

@@ -4,7 +4,17 @@ from segar.language import entities, factors
 from segar.language.effects import Aggregate, Differential, Effect, SetFactor
 from segar.language.entities import *  # noqa: F403
 from segar.language.factors import *  # noqa: F403
-from segar.language.layout import Factors, Layout, Results, SingleFactors, SingleResults, Slot, holds, name_slots
+from segar.language.layout import (
+    Factors,
+    Layout,
+    Results,
+    SingleFactors,
+    SingleResults,
+    Slot,
+    holds,
+    name_slots,
+    require_own_names,
+)
 from segar.language.parameters import (
     BUILT_IN_PARAMETERS,
     FloorFriction,

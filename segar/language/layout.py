@@ -5,7 +5,7 @@ distribution can have; a slot lists the entity types that may fill it. All slots
 lacks a factor holds nan there.
 """
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -38,10 +38,19 @@ class Slot:
 
 @dataclass(frozen=True)
 class Layout:
-    """The slots of a level distribution and its extra parameters, and the columns that follow from them."""
+    """The slots of a level distribution and its extra parameters, and the columns that follow from them.
+
+    Raises:
+        LevelError: two entity types, two factors with columns or two world parameters have one name.
+    """
 
     slots: tuple[Slot, ...]
     extra_parameters: tuple[type[Parameter], ...] = ()
+
+    def __post_init__(self) -> None:
+        require_own_names("entity types", self.types)
+        require_own_names("factors", self.factors)
+        require_own_names("world parameters", self.parameters)
 
     @cached_property
     def types(self) -> tuple[type[Entity], ...]:
@@ -90,14 +99,31 @@ class Layout:
 
     def factor(self, name: str) -> type[Factor]:
         """The factor class called ``name``; raises :class:`LevelError`."""
+        if name in self.by_name:
+            return self.by_name[name][0]
         if name in (p.__name__ for p in self.parameters):
             raise LevelError(
                 f"no entity has a factor '{name}', which is a world parameter: it belongs to the level, in Levels.parameters."
                 " To change it, take levels with another value"
             )
-        if name not in self.by_name:
-            raise LevelError(f"no entity has a factor '{name}'.{did_you_mean(name, self.by_name)}")
-        return self.by_name[name][0]
+        raise LevelError(f"no entity has a factor '{name}'.{did_you_mean(name, self.by_name)}")
+
+
+def require_own_names(what: str, classes: Iterable[type]) -> None:
+    """Raise :class:`LevelError` where two different classes have one name, by which results could not tell them apart.
+
+    Args:
+        what: the classes in words, with where they stand, for the message; such as ``"factors"``.
+    """
+    owners: dict[str, type] = {}
+    for cls in classes:
+        other = owners.setdefault(cls.__name__, cls)
+        if other is not cls:
+            raise LevelError(
+                f"two {what} are called '{cls.__name__}': {_address(other)} and {_address(cls)}; give one of them another"
+                " name"
+                + ("" if _address(other) != _address(cls) else ", or define it once: make the levels of both anew")
+            )
 
 
 def holds(entity: type[Entity], factor: type[Factor]) -> type[Factor] | None:
@@ -105,6 +131,10 @@ def holds(entity: type[Entity], factor: type[Factor]) -> type[Factor] | None:
     if factor in entity.declared:
         return factor
     return next((f for f in entity.declared if issubclass(f, factor)), None)
+
+
+def _address(cls: type) -> str:
+    return f"{cls.__module__}.{cls.__qualname__}"
 
 
 def name_slots(groups: Sequence[tuple[tuple[type[Entity], ...], int]]) -> list[str]:

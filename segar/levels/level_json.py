@@ -6,7 +6,6 @@ files too. Whatever does not belong into a level file is refused, and the messag
 
 import json
 import math
-from collections import Counter
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -54,7 +53,6 @@ def write_json(path: Path, levels: LevelData) -> None:
             there.
     """
     check_levels(levels, f"{path}: ")
-    _check_names(levels.layout, path)
     _check_floor(levels.layout, levels.values, levels.parameters, f"{path}: ")
     description = description_of(levels)
     _check_texts(description, f"{path}: ")
@@ -98,6 +96,7 @@ def fields_of(data: Any, path: Path, inside: str, world: World | None) -> dict[s
     description = DEFAULTS | said
     layout = layout_of(description, path, world)
     _check_names(layout, path)
+    layout = layout_of(description, path)
     block = _block_of(data["levels"], layout, description["most_vertices"], path, where)
     _check_floor(layout, block.values, block.parameters, where)
     return origin_of(description, layout, block.indices, path) | block.arrays
@@ -338,18 +337,6 @@ def _check_keys(at: str, given: Any, needed: Collection[str], others: Collection
 
 
 # What both directions ask for.
-
-
-def _check_names(layout: Layout, path: Path) -> None:
-    """Raise :class:`LevelError` where two classes have one name, by which JSON could not tell them apart."""
-    groups = {"factors": layout.factors, "world parameters": layout.parameters}
-    groups |= {f"types of the slot '{slot.name}'": dict.fromkeys(slot.types) for slot in layout.slots}
-    for what, classes in groups.items():
-        name, count = Counter(c.__name__ for c in classes).most_common(1)[0]
-        if count > 1:
-            raise LevelError(
-                f"{path}: {count} {what} are called '{name}', which JSON cannot tell apart; use a file in npz"
-            )
 
 
 def _check_texts(said: Any, where: str) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import scipy
 
 from segar.errors import LevelError
-from segar.language import Factor
+from segar.language import Factor, require_own_names
 from segar.levels import LevelDistribution, Levels, checks
 from segar.metrics.distribution_functions import Curve, SampleAgainstDistribution, TwoSamples, factor_marginals
 from segar.metrics.joint_kernel import largest_difference
@@ -98,9 +98,12 @@ def ks_by_factor(a: Side, b: Side, *, factors: Sequence[type[Factor]] | None = N
 
     Names are ``"Charger.Charge"``, ``"GolfBall.Position.x"``, ``"Charger.count"`` (entities of the type per level) and
     ``"world.Gravity"``. A factor is compared among the entities that there are: of a type that one side lacks, there is
-    the count alone. Arguments and errors are those of :func:`ks`.
+    the count alone. Arguments and errors are those of :func:`ks`; besides, two entity types or two world parameters of
+    both sides must not have one name.
     """
-    found = {m.name: m.largest_difference() for m in factor_marginals("ks", a, b, factors)}
+    marginals = factor_marginals("ks_by_factor", a, b, factors)
+    _require_own_names("ks_by_factor", a, b)
+    found = {m.name: m.largest_difference() for m in marginals}
     warn_of_unseen("ks_by_factor", a, b, "exact", factors)
     return found
 
@@ -135,6 +138,7 @@ def ks_report(
     if not isinstance(a, Levels):
         raise LevelError("ks_report: the distance of two distributions is exact; use ks(a, b) or ks_by_factor(a, b)")
     marginals = factor_marginals("ks_report", a, b, factors)
+    _require_own_names("ks_report", a, b)
     value = joint_difference([m.curve() for m in marginals])
     null = _dealt(marginals, a, b, rng, resamples) if isinstance(b, Levels) else _drawn(a, b, factors, rng, resamples)
     found = [_factor_report(m, confidence) for m in marginals]
@@ -146,6 +150,12 @@ def ks_report(
         resamples=resamples,
         unseen=warn_of_unseen("ks_report", a, b, "exact", factors),
     )
+
+
+def _require_own_names(what: str, a: Side, b: Side) -> None:
+    """Raise :class:`LevelError` where names of marginals would be ambiguous."""
+    require_own_names(f"entity types in {what}", [*a.layout.types, *b.layout.types])
+    require_own_names(f"world parameters in {what}", [*a.layout.parameters, *b.layout.parameters])
 
 
 def dkw_band(n: int, confidence: float = 0.95) -> float:

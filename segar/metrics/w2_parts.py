@@ -8,7 +8,7 @@ import numpy as np
 import scipy
 
 from segar.errors import LevelError
-from segar.language import Factor, Parameter
+from segar.language import Factor, Parameter, require_own_names
 from segar.levels import LevelDistribution, Levels, PointSets, checks, entity_types
 from segar.metrics.points import Spread, Units, shorter_way, spread
 from segar.metrics.unseen import warn_of_unseen
@@ -43,17 +43,33 @@ class Decomposition:
 
     @property
     def by_entity(self) -> dict[str, float]:
-        """Entity type's name (``"world"`` for parameters) to its share of the square, largest first."""
+        """Entity type's name (``"world"`` for parameters) to its share of the square, largest first.
+
+        Raises:
+            LevelError: two entity types have one name; ``parts`` tells them apart.
+        """
+        require_own_names("entity types in a decomposition", [entity for entity, _ in self.parts])
         return _sums((_entity(entity), part) for (entity, _), part in self.parts.items())
 
     @property
     def by_factor(self) -> dict[str, float]:
-        """Factor's name (``"unmatched"`` for entities that are not matched) to its share of the square, largest first."""
+        """Factor's name (``"unmatched"`` for entities that are not matched) to its share of the square, largest first.
+
+        Raises:
+            LevelError: two factors or world parameters have one name; ``parts`` tells them apart.
+        """
+        require_own_names("factors in a decomposition", [factor for _, factor in self.parts if factor is not None])
         return _sums((_factor(factor), part) for (_, factor), part in self.parts.items())
 
     @property
     def by_name(self) -> dict[str, float]:
-        """``"Charger.Charge"``, ``"Charger.unmatched"``, ``"world.Gravity"`` to its share of the square, largest first."""
+        """``"Charger.Charge"``, ``"Charger.unmatched"``, ``"world.Gravity"`` to its share of the square, largest first.
+
+        Raises:
+            LevelError: two entity types or two world parameters have one name; ``parts`` tells them apart.
+        """
+        require_own_names("entity types in a decomposition", [entity for entity, _ in self.parts])
+        require_own_names("world parameters in a decomposition", [f for e, f in self.parts if f and e is Parameter])
         return _sums((f"{_entity(e)}.{_factor(f)}", part) for (e, f), part in self.parts.items())
 
 

@@ -1,8 +1,8 @@
 """The options of state observations: which entities and factors are shown, and in which form."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, Literal
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal, Self
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from segar.language import (
     Entity,
     Factor,
     InfiniteEnergy,
+    Layout,
     Order,
     Parameter,
     Visible,
@@ -24,35 +25,62 @@ from segar.levels import Levels
 
 
 def factors_of(
-    where: str, given: Iterable[str | type[Factor]], kind: type[Factor] = Factor
+    where: str, given: Iterable[str | type[Factor]], kind: type[Factor] | None = Factor
 ) -> tuple[type[Factor], ...]:
-    """The factor classes that are given by class or by name.
+    """The factor classes that are given by class or by name; a name stands for all classes that are called so.
 
     Args:
         where: who asks, for messages.
-        kind: of what a name that nothing has was probably meant to be: a factor, or a :class:`Parameter`.
+        kind: what a name stands for: factors of entities, world parameters (:class:`Parameter`), or both (None).
 
     Raises:
         FactorError: one is no factor, has no number, or no factor is called so.
     """
     if isinstance(given, str):
         given = [given]
-    return tuple(dict.fromkeys(_factor(where, one, kind) for one in given))
+    return tuple(dict.fromkeys(factor for one in given for factor in _factors(where, one, kind)))
 
 
-def _factor(where: str, given: Any, kind: type[Factor]) -> type[Factor]:
-    if isinstance(given, str):
-        by_name = {factor.__name__: factor for factor in concrete_factors()}  # of several, the one defined last
-        if given not in by_name:
-            noun = "world parameter" if issubclass(kind, Parameter) else "factor"
-            known = [name for name, factor in by_name.items() if issubclass(factor, kind)]
-            raise FactorError(f"{where}: no {noun} is called '{given}'.{did_you_mean(given, known)}")
-        given = by_name[given]
-    if not (isinstance(given, type) and issubclass(given, Factor)):
-        raise FactorError(f"{where}: {given!r} is not a factor")
-    if not given.width:
-        raise FactorError(f"{where}: {given.__name__} is not a number, so that no state shows it")
-    return given
+def _factors(where: str, given: Any, kind: type[Factor] | None) -> list[type[Factor]]:
+    found = _called(where, given, kind) if isinstance(given, str) else [given]
+    for factor in found:
+        if not (isinstance(factor, type) and issubclass(factor, Factor)):
+            raise FactorError(f"{where}: {given!r} is not a factor")
+        if not factor.width:
+            raise FactorError(f"{where}: {factor.__name__} is not a number, so that no state shows it")
+    return found
+
+
+def _called(where: str, name: str, kind: type[Factor] | None) -> list[type[Factor]]:
+    """The classes of that name, of that kind where there are such."""
+    known = list(concrete_factors())
+    found = [factor for factor in known if factor.__name__ == name]
+    fitting = [factor for factor in found if kind is None or issubclass(factor, Parameter) == (kind is Parameter)]
+    if found:
+        return fitting or found
+    noun = "world parameter" if kind is Parameter else "factor"
+    names = [factor.__name__ for factor in known if kind is None or issubclass(factor, kind)]
+    raise FactorError(f"{where}: no {noun} is called '{name}'.{did_you_mean(name, names)}")
+
+
+def _of_levels(where: str, given: Any, kind: type[Factor] | None, layout: Layout) -> list[Any]:
+    """What is given; for a name, of the classes that are called so, those that levels of this layout have.
+
+    Raises:
+        FactorError: several are called so, and the levels do not say which of them is meant.
+    """
+    if not isinstance(given, str):
+        return [given]
+    found, here = _called(where, given, kind), (*layout.factors, *layout.parameters)
+    exact = [factor for factor in found if factor in here]
+    chosen = exact or [factor for factor in found if any(issubclass(f, factor) for f in here)] or found
+    if len(chosen) > 1 and kind is not None:
+        places = ", ".join(sorted(f"{factor.__module__}.{factor.__qualname__}" for factor in chosen))
+        raise FactorError(
+            f"{where}: several classes are called '{given}' ({places}), and these levels do not say which is meant; give"
+            " the class in place of its name, or rename all but one"
+        )
+    return chosen
 
 
 HIDDEN: tuple[type[Factor], ...] = (Acceleration, Drag, Density, Done, InfiniteEnergy, Order, Visible)
@@ -108,6 +136,23 @@ class StateOptions:
             )
         _ = self.chosen_factors, self.hidden_factors, self.chosen_parameters, self.scales  # raise for what is no factor
 
+    def on(self, layout: Layout) -> Self:
+        """The same options, with the classes of these levels in place of names of factors and parameters.
+
+        Raises:
+            FactorError: several classes have a name, and the levels do not say which of them is meant.
+        """
+
+        def classes(option: str, given: Iterable[Any], kind: type[Factor] | None) -> tuple[Any, ...]:
+            given = [given] if isinstance(given, str) else given
+            return tuple(f for one in given for f in _of_levels(f"StateVector: {option}", one, kind, layout))
+
+        scale = {f: value for one, value in self.scale.items() for f in classes("scale", [one], None)}
+        factors = None if self.factors is None else classes("factors", self.factors, Factor)
+        hidden = classes("hidden", self.hidden, None)
+        parameters = classes("parameters", self.parameters, Parameter)
+        return replace(self, factors=factors, hidden=hidden, parameters=parameters, scale=scale)
+
     def shows(self, factor: type[Factor]) -> bool:
         """Whether the vector changes with the factor's values, of the entities shown that have it."""
         return self.has_number_of(factor) or (factor is Visible and not self.sees_invisible)
@@ -148,13 +193,13 @@ class StateOptions:
         """The classes that ``scale`` names, and what their numbers are divided by."""
         if not isinstance(self.scale, Mapping):
             raise FactorError(f"StateVector: scale maps factors to numbers, as in {{Mass: 2.0}}, not {self.scale!r}")
-        factors = [factors_of("StateVector: scale", [factor])[0] for factor in self.scale]
-        for factor, value in zip(factors, self.scale.values(), strict=True):
+        pairs = [(f, x) for one, x in self.scale.items() for f in factors_of("StateVector: scale", [one], None)]
+        for factor, value in pairs:
             if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0 < value < np.inf:
                 raise FactorError(
                     f"StateVector: scale: {factor.__name__} is divided by a finite number above 0, not by {value!r}"
                 )
-        return dict(zip(factors, map(float, self.scale.values()), strict=True))
+        return {factor: float(value) for factor, value in pairs}
 
     def scale_of(self, factor: type[Factor]) -> float | None:
         """What the factor's numbers are divided by, by its nearest class in ``scale``; None where it names none."""
@@ -163,4 +208,4 @@ class StateOptions:
     @property
     def hidden_factors(self) -> tuple[type[Factor], ...]:
         """The classes of the factors that are not shown."""
-        return (HIDDEN if self.factors is None else ()) + factors_of("StateVector: hidden", self.hidden)
+        return (HIDDEN if self.factors is None else ()) + factors_of("StateVector: hidden", self.hidden, None)

@@ -87,6 +87,8 @@ class StateVector(StateOptions):
 
         Raises:
             LevelError: they lack a chosen entity, factor or parameter, or, to be normalised, know no distribution.
+            FactorError: several classes have the name of a factor or parameter that is given by name, and these levels do
+                not say which is meant.
         """
         return BoundStateVector(self, levels)
 
@@ -99,6 +101,7 @@ class BoundStateVector:
     """
 
     def __init__(self, state: StateVector, levels: Levels) -> None:
+        state = state.on(levels.layout)
         self._places = lay_out(state, levels.layout)
         self.names = self._places.names
         self._shift, self._scale = shift_and_scale(state, self._places, levels)

@@ -441,17 +441,4 @@ def test_levels_that_could_not_be_read_again_are_not_written(tmp_path):
         LevelError, match=r"x.json: levels\[1\].*Friction: is 0.75, and the parameter FloorFriction is 0.05"
     ):
         floor.save(path)
-
-    def tank():
-        class Fuel(segar.Scalar): ...
-
-        class Tank(Tile):
-            fuel: Fuel = 0.5
-
-        return Tank()
-
-    with pytest.raises(
-        LevelError, match=r"x.json: 2 factors are called 'Fuel', which JSON cannot tell apart; use a file in npz"
-    ):
-        Levels.from_entities([[Rocket(), tank()]]).save(path)
     assert not path.exists()
