@@ -74,6 +74,7 @@ def data_read(readers: Collection[Path]) -> dict[str, str]:
 def data_to_read(readers: Collection[Path]) -> dict[str, str]:
     """As :func:`data_read`, for what begins now: what functions read has the content that they will find, and what an import
     read has the content that the module was made from. Files that are gone, which only functions read, are left out."""
+    linecache.checkcache()  # which keeps what it has read, also when the file changes
     chosen = _read_by(readers)
     found = {one.name: file_digest(one.path) for one in chosen if not one.at_import and one.path.is_file()}
     return found | {one.name: content for one, content in chosen.items() if one.at_import}
@@ -141,7 +142,8 @@ def _own_readers(frame: FrameType | None) -> tuple[dict[Path, Path], bool]:
     """The own modules on the stack, innermost first, up to ours or up to an import: the source file of each, and the folder
     from which the module is imported; and whether it was an import.
 
-    Of a module that is being loaded, these are the modules that load it. Text for a traceback or a warning has no reader.
+    Of a module that is being loaded, these are the modules that load it. Source that Python reads through linecache, for the
+    text of a traceback or a warning, has no reader; what an own module reads through linecache has.
     """
     found: dict[Path, Path] = {}
     is_import = False
@@ -153,7 +155,10 @@ def _own_readers(frame: FrameType | None) -> tuple[dict[Path, Path], bool]:
         if file == IMPORT:
             return found, True
         if file == linecache.__file__:
-            return {}, False
+            frame = _caller_of_linecache(frame)
+            if frame is None:
+                return {}, False
+            continue
         if module.partition(".")[0] in ("experiments", "analysis"):
             break
         root = _import_folder(module, file)
@@ -161,6 +166,16 @@ def _own_readers(frame: FrameType | None) -> tuple[dict[Path, Path], bool]:
             found[Path(os.path.realpath(file))] = root
         frame = frame.f_back
     return found, is_import
+
+
+def _caller_of_linecache(frame: FrameType | None) -> FrameType | None:
+    """The frame that called linecache, if it is an own module's; else None."""
+    while frame is not None and frame.f_code.co_filename == linecache.__file__:
+        frame = frame.f_back
+    if frame is None:
+        return None
+    module = frame.f_globals.get("__name__", "__main__")
+    return None if _import_folder(module, frame.f_code.co_filename) is None else frame
 
 
 @cache

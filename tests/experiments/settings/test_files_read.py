@@ -1,6 +1,7 @@
 """The record of the data files that a user's own modules read."""
 
 import importlib
+import linecache
 import py_compile
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -171,12 +172,33 @@ def test_what_a_loaded_module_loads_is_recorded_for_those_who_loaded_it(lab):
     assert not read_by(lab, "other")
 
 
-def test_source_that_a_warning_shows_is_not_read(lab):
-    (lab / "levels.py").write_text(
-        "import linecache\nfrom pathlib import Path\nlinecache.getlines(str(Path(__file__).parent / 'reader.py'))\n"
-    )
+@pytest.mark.parametrize(
+    "code",
+    [
+        "import warnings\nwarnings.formatwarning('odd', UserWarning, str(HERE / 'reader.py'), 1)",
+        "import traceback\ntry:\n    exec(compile('1 / 0', str(HERE / 'reader.py'), 'exec'))\n"
+        "except ZeroDivisionError:\n    traceback.format_exc()",
+    ],
+    ids=["warning", "traceback"],
+)
+def test_source_that_a_warning_or_a_traceback_shows_is_not_read(lab, code):
+    linecache.clearcache()
+    (lab / "levels.py").write_text(f"from pathlib import Path\nHERE = Path(__file__).parent\n{code}\n")
     importlib.import_module("some_lab.levels")
     assert not read_by(lab, "levels")
+
+
+def test_a_line_that_own_code_reads_through_linecache_is_read_also_after_an_edit(lab):
+    (lab / "levels.py").write_text(
+        "import linecache\nfrom pathlib import Path\n\n\ndef line():\n"
+        "    return linecache.getline(str(Path(__file__).parent / 'late.json'), 1)\n"
+    )
+    line = importlib.import_module("some_lab.levels").line
+    assert called(line) == "1\n"
+    assert read_by(lab) == {"some_lab/late.json": file_digest(lab / "late.json")}
+    (lab / "late.json").write_text("22")
+    assert data_to_read([lab / "levels.py"]) == {"some_lab/late.json": file_digest(lab / "late.json")}
+    assert called(line) == "22\n"
 
 
 def test_a_file_of_another_language_with_the_suffix_of_python_counts_as_it_is(lab):
