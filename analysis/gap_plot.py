@@ -28,6 +28,7 @@ from analysis.runs import (
     column_name,
     finished,
     names_of,
+    number_column,
     number_of_pairs,
     read_runs,
     settings_varied,
@@ -81,12 +82,12 @@ def gap_plot(
         cells: draw the mean of the runs that differ by their seeds alone, instead of each run.
 
     Raises:
-        SegarError: a column does not exist, no run has both figures, or the file cannot be written.
+        SegarError: a column does not exist or holds text, no run has both figures, or the file cannot be written.
     """
     if path is not None and Path(path).suffix not in METADATA:
         raise SegarError(f"'{path}' ends in none of {', '.join(METADATA)}, which say what is written")
     table = runs if isinstance(runs, pd.DataFrame) else read_runs(runs)
-    asked, (x, y) = x, (column_name(table, name) for name in (x, y))
+    asked, (x, y) = x, (number_column(table, name) for name in (x, y))
     done = finished(table)
     both = cast(pd.DataFrame, done[done[[x, y]].notna().all(axis=1)]).reset_index(drop=True)
     if both.empty:

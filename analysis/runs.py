@@ -287,6 +287,19 @@ def column_name(runs: pd.DataFrame, name: str) -> str:
     raise SegarError(f"the runs have no column '{name}'.{several}")
 
 
+def number_column(runs: pd.DataFrame, name: str) -> str:
+    """The column that a name means, as :func:`column_name`; raises :class:`SegarError` also where it holds no numbers."""
+    found = column_name(runs, name)
+    try:
+        column(runs, found)
+    except (TypeError, ValueError):
+        words = list(dict.fromkeys(str(one) for one in runs[found] if not isinstance(one, int | float)))
+        raise SegarError(
+            f"the column {found} holds text, such as '{words[0]}', and numbers are needed; name a column of numbers"
+        ) from None
+    return found
+
+
 def _groups(table: pd.DataFrame, by: Sequence[str]) -> Iterator[tuple[dict[str, Any], pd.DataFrame]]:
     """The values of the columns ``by`` and the rows that have them, in order of first appearance; one group without any."""
     if not by:

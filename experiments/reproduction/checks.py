@@ -119,6 +119,8 @@ def check_claims(experiment: Experiment, works: Sequence[RunTask]) -> None:
             for column in columns:
                 check_setting(f"{place}.{key}", column, known)
                 check_result(f"{place}.{key}", column, works)
+                if key == "of" or (key == "against" and claim.test == "correlation"):
+                    check_numbers(f"{place}.{key}", column, known)
         for key, asked in (("between", claim.between), ("where", claim.where)):
             for column, values in asked.items():
                 check_setting(f"{place}.{key}", column, known)
@@ -242,6 +244,18 @@ def check_setting(place: str, column: str, known: Collection[str]) -> None:
     """Raises :class:`ConfigError` for a dotted name of a setting that the grid does not vary."""
     if "." in column and not column.startswith(RESULTS) and column not in known:
         raise ConfigError(f"{place}: runs do not differ in {column}; grid.vary has such settings")
+
+
+def check_numbers(place: str, column: str, known: Mapping[str, Collection[str]]) -> None:
+    """Raises :class:`ConfigError` for a column of which the plan knows that it holds text."""
+    for value in sorted(known.get(column, ())):
+        try:
+            float(value)
+        except ValueError:
+            raise ConfigError(
+                f"{place}: the column {column} holds text, such as '{value}', and numbers are needed; name a column of numbers,"
+                f" or compare two values by test: difference and between: {{{column}: [...]}}"
+            ) from None
 
 
 def check_groups(experiment: Experiment, levels: LevelsConfig) -> None:

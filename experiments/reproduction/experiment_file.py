@@ -65,10 +65,12 @@ STEPS = {"harder": 1, "easier": -1}  # difficulties relative to that of the trai
 
 
 def check_transfers(place: str, transfers: Sequence[TransferConfig] | None) -> None:
-    """Raises :class:`ConfigError` unless something differs in each transfer."""
+    """Raises :class:`ConfigError` unless something differs in each transfer, also from the other transfers."""
     for i, transfer in enumerate(transfers or ()):
         differs = transfer != TransferConfig()
         require(differs, f"{place}[{i}]", {}, "a family, difficulty, variation or observation that differs")
+        stated = {name: value for name, value in vars(transfer).items() if value is not None}
+        require(transfer not in (transfers or ())[:i], f"{place}[{i}]", stated, "another transfer than those before it")
 
 
 def check_groups(place: str, groups: Mapping[str, Sequence[str]]) -> None:
@@ -126,11 +128,16 @@ def check_test(place: str, name: str) -> None:
 
 
 def check_between(place: str, between: Mapping[str, Any]) -> None:
-    """Raises :class:`ConfigError` unless there is at most one column, with two values."""
-    pairs = all(isinstance(values, list | tuple) and len(values) == 2 for values in between.values())
+    """Raises :class:`ConfigError` unless there is at most one column, with two different values."""
+    pairs = all(
+        isinstance(values, list | tuple) and len({*map(str, values)}) == 2 == len(values) for values in between.values()
+    )
     check_columns(place, between)
     require(
-        len(between) < 2 and pairs, place, dict(between), "one column with two values, such as {algorithm: [curl, ppo]}"
+        len(between) < 2 and pairs,
+        place,
+        dict(between),
+        "one column with two different values, such as {algorithm: [curl, ppo]}",
     )
 
 

@@ -196,7 +196,8 @@ def works_of(experiment: Experiment, base: RunConfig, probes: ProbeConfig) -> It
     for run in grid_runs(experiment.grid, base):
         found = [one for one in (transfer_of(transfer, run) for transfer in experiment.transfers) if one is not None]
         found += mixtures_of(experiment, run)
-        yield RunTask(run, tuple(found), probes if experiment.probes else None)
+        once = {one.folder_name(): one for one in found}  # for some agents, `harder` is what another transfer names
+        yield RunTask(run, tuple(once.values()), probes if experiment.probes else None)
 
 
 def transfer_of(transfer: TransferConfig, run: RunConfig) -> Transfer | None:

@@ -293,6 +293,8 @@ def test_what_cannot_be_plotted_is_an_error_that_names_it(folder, tmp_path):
         SegarError, match=r"no column 'famly'. Settings that colours can show: levels.train, levels.count$"
     ):
         gap_plot(table(), group="famly")
+    with pytest.raises(SegarError, match=r"the column levels.train holds text, such as '.*', and numbers are needed"):
+        gap_plot(table(), x="levels.train")
     assert list(tmp_path.iterdir()) == []
 
 

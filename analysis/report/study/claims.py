@@ -1,6 +1,6 @@
 """A study's claims, each tested on its runs."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from analysis.report.number_format import plain
 from analysis.report.results import PANEL, paired
 from analysis.report.rules import MARGINS
 from analysis.report.study.reading import OWN_UNITS, Study
-from analysis.runs import column_name, number_of_pairs
+from analysis.runs import column_name, number_column, number_of_pairs
 from analysis.stats.estimate import Estimate
 from analysis.tables import column, keep
 from experiments.reproduction.experiment_file import OF_TASK, SIGNS, ClaimConfig, claim_config
@@ -56,15 +56,11 @@ def tested(study: Study, name: str, claim: ClaimConfig) -> tuple[str, str, Estim
     """What is tested in words, what the estimate is, the estimate, and the margin below which it does not matter."""
     rows = chosen(study.tested_on(claim.tested_on) if claim.tested_on else study.runs, claim.where)
     if ":" in claim.test:
-        found = import_object(claim.test, "test")(rows)
-        if not isinstance(found, Estimate):
-            raise ConfigError(
-                f"test: {claim.test} returns {type(found).__name__}, not an analysis.stats.estimate.Estimate"
-            )
-        return claim.test, "estimate", found, claim.margin or 0.0
-    of = named(rows, "of", claim.of)
+        return claim.test, "estimate", own_estimate(claim.test, rows), claim.margin or 0.0
+    of = named(rows, "of", claim.of, number_column)
     if claim.test == "correlation":
-        against, given = named(rows, "against", claim.against), [named(rows, "given", one) for one in claim.given]
+        against = named(rows, "against", claim.against, number_column)
+        given = [named(rows, "given", one) for one in claim.given]
         rows = keep(rows, np.isfinite(column(rows, of)) & np.isfinite(column(rows, against)))
         x, y = column(rows, against), column(rows, of)
         is_same = len(set(x)) > 1 and np.array_equal(x, y)  # such as gap and gap_deterministic
@@ -78,6 +74,23 @@ def tested(study: Study, name: str, claim: ClaimConfig) -> tuple[str, str, Estim
         words, rows = differences(study, rows, of, claim.between)
     margin = claim.margin or small_difference(rows)
     return words, "mean difference" if claim.between else "mean", study.evidence.mean(rows), margin
+
+
+def own_estimate(test: str, rows: pd.DataFrame) -> Estimate:
+    """What a test of the user's own finds; raises :class:`ConfigError` where it goes wrong or finds no estimate."""
+    try:
+        found = import_object(test, "test")(rows)
+    except SegarError:
+        raise
+    except Exception as error:  # the function is the user's, and may go wrong in any way
+        raise ConfigError(f"test: {test} raises {type(error).__name__}: {error}") from error
+    if not isinstance(found, Estimate):
+        raise ConfigError(f"test: {test} returns {type(found).__name__}, not an analysis.stats.estimate.Estimate")
+    if found.low > found.high:
+        raise ConfigError(
+            f"test: {test} returns an interval from {found.low:g} to {found.high:g}; its low must not be above its high"
+        )
+    return found
 
 
 def chosen(runs: pd.DataFrame, where: Mapping[str, Any]) -> pd.DataFrame:
@@ -115,10 +128,10 @@ def differences(
     return f"{of}: {first} less {second}, same {', '.join(at)}", found
 
 
-def named(runs: pd.DataFrame, setting: str, name: str) -> str:
-    """The column that a claim names; raises :class:`ConfigError`."""
+def named(runs: pd.DataFrame, setting: str, name: str, find: Callable[[pd.DataFrame, str], str] = column_name) -> str:
+    """The column that a claim names, as ``find`` finds it; raises :class:`ConfigError`."""
     try:
-        return column_name(runs, name)
+        return find(runs, name)
     except SegarError as error:
         # The plan has seen that the task has the result.
         why = " Only results that are one number or truth per environment have columns." if OF_TASK.match(name) else ""

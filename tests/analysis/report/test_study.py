@@ -146,9 +146,19 @@ def test_kinds_of_agents_and_blocks_are_those_of_the_study(folder):
             "tested_on: no agent was tested on 'empty-medium'. Did you mean 'empty-hard'?",
         ),
         ({"test": "nowhere_to_be:found"}, "claims.mine: test: 'nowhere_to_be:found' cannot be imported"),
+        (
+            {"test": "correlation", "against": "family"},
+            "claims.mine: against: the column family holds text, such as 'empty'",
+        ),
+        ({"test": "mean", "of": "task"}, "claims.mine: of: the column task holds text, such as 'levels'"),
+        (
+            {"test": f"{__name__}:upside_down"},
+            f"claims.mine: test: {__name__}:upside_down returns an interval from 0.6 to 0.4",
+        ),
+        ({"test": f"{__name__}:wrong"}, f"claims.mine: test: {__name__}:wrong raises KeyError: 'no such column'"),
     ],
 )
-def test_a_claim_about_what_is_not_there_is_told(folder, claim, message):
+def test_a_claim_that_these_runs_cannot_decide_is_told(folder, claim, message):
     with pytest.raises(ConfigError) as caught:
         claim_of(read_study(folder), "mine", ClaimConfig(says="", expected="negative", **claim))
     assert message in str(caught.value)
@@ -156,9 +166,13 @@ def test_a_claim_about_what_is_not_there_is_told(folder, claim, message):
 
 def test_a_claim_that_cannot_be_tested_keeps_no_other_from_the_report(folder):
     study = read_study(folder)
-    lost = claim_or_reason(study, "mine", {"says": "x", "test": "mean", "where": {"n": 3}, "expected": "none"})
-    assert lost.verdict("tested") == "cannot be tested"
-    assert "no run has {'n': 3}" in lost.needs
+    for asked, reason in (
+        ({"test": "mean", "where": {"n": 3}}, "no run has {'n': 3}"),
+        ({"test": "correlation", "against": "family"}, "the column family holds text"),
+    ):
+        lost = claim_or_reason(study, "mine", {"says": "x", "expected": "none", **asked})
+        assert lost.verdict("tested") == "cannot be tested"
+        assert reason in lost.needs
 
 
 def test_the_levels_of_a_transfer_stand_in_the_words_of_the_test(folder):
@@ -193,6 +207,8 @@ def test_what_is_not_testable_is_printed_with_the_reason(tmp_path, capsys):
         ({"on": "empty-hard"}, "name the levels of a transfer by tested_on: ...; YAML takes the key `on` for true"),
         ({"test": "nowhere_to_be:found"}, "claims.mine.test: 'nowhere_to_be:found' cannot be imported"),
         ({True: "empty-hard"}, "name the levels of a transfer by tested_on: ...; YAML takes the key `on` for true"),
+        ({"test": "correlation", "against": "family"}, "claims.mine.against: the column family holds text, such as 'empty'"),
+        ({"of": "observation"}, "claims.mine.of: the column observation holds text, such as 'state'"),
     ],
 )  # fmt: skip
 def test_a_claim_about_what_no_run_of_the_plan_has_ends_the_plan(tmp_path, claim, message):
@@ -449,6 +465,14 @@ def test_success_has_a_line_for_training_and_one_for_test_levels_inside_the_axes
 
 def half(runs):
     return Estimate(0.5, 0.4, 0.6, len(runs), 0.001)
+
+
+def upside_down(runs):
+    return Estimate(0.5, 0.6, 0.4, len(runs), 0.001)
+
+
+def wrong(runs):
+    raise KeyError("no such column")
 
 
 def test_a_test_of_ones_own_gets_the_runs_and_returns_an_estimate(folder):

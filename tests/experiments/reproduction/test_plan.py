@@ -52,6 +52,16 @@ def test_a_setting_that_no_file_states_is_told(tmp_path):
         plan_of(tmp_path, mine={**MAIN, "grid": {"algorithms": ["curl_fst"]}})
 
 
+def test_a_transfer_that_two_entries_name_for_some_agents_is_one(tmp_path):
+    grid = {**MAIN["grid"], "counts": [10], "difficulties": ["easy", "medium"]}
+    data = {**MAIN, "grid": grid, "transfers": [{"difficulty": "harder"}, {"difficulty": "hard"}]}
+    works = plan_of(tmp_path, mine=data).members["mine"]
+    assert {work.run.levels.train: [one.label for one in work.transfers] for work in works} == {
+        "empty-easy": ["empty-medium", "empty-hard"],
+        "empty-medium": ["empty-hard"],
+    }
+
+
 def test_where_a_run_is_tested_anyway_is_no_transfer(tmp_path):
     grid = {"counts": [1], "observations": ["textures_far"]}
     data = {**MAIN, "grid": grid, "transfers": [{"observation": "textures_far"}, {"observation": "textures_close"}]}

@@ -50,6 +50,15 @@ WRONG = {
     "no counts": (["grid", "counts"], [], "grid.counts: [] is not allowed; it must be a list of one or more"),
     "a count twice": (["grid", "counts"], [2, 2], "grid.counts: [2, 2] is not allowed; it must be a list in which each stands"),
     "a family twice": (["grid", "families"], ["billiards"] * 2, "grid.families: ['billiards', 'billiards'] is not allowed"),
+    "between equal values": (
+        ["claims", "distance"],
+        {"says": "x", "test": "difference", "expected": "none", "between": {"n": [1, "1"]}},
+        "claims.distance.between: {'n': [1, '1']} is not allowed; it must be one column with two different values",
+    ),
+    "a transfer twice": (
+        ["transfers"], [{"family": "billiards"}] * 2,
+        "transfers[1]: {'family': 'billiards'} is not allowed; it must be another transfer than those before it",
+    ),
     "a value twice": (["grid", "vary"], {"algorithm.gamma": [0.9, 0.9]}, "grid.vary.algorithm.gamma: [0.9, 0.9] is not all"),
     "a name of its own": (["grid", "vary"], {"seed": [1]}, "grid.vary.seed: 'seed' is not allowed; it must be varied by"),
 }  # fmt: skip
@@ -95,6 +104,14 @@ def test_every_key_is_explained_in_the_help_and_the_schema():
 def test_a_wrong_file_is_told_with_its_name_and_the_place(tmp_path, place, value, message):
     path = written(tmp_path, changed(place, value))
     with pytest.raises(ConfigError, match=re.escape(f"{path}: {message}")):
+        read_study(path)
+
+
+def test_a_transfer_in_two_spellings_is_refused_as_the_same(tmp_path):
+    (tmp_path / "far_away.py").write_text("import segar\nlevels = segar.family('empty-hard')\n")
+    transfers = [{"family": "far_away.py:levels"}, {"family": "far_away:levels"}]
+    path = written(tmp_path, {**GOOD, "transfers": transfers})
+    with pytest.raises(ConfigError, match=r"transfers\[1\]: .* must be another transfer than those before it"):
         read_study(path)
 
 
