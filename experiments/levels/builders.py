@@ -269,9 +269,14 @@ def check_observations(config: RunConfig, train: Levels, test: Levels) -> None:
     )
 
 
-def check_results(config: RunConfig, train: Levels, test: Levels) -> None:
-    """Raises :class:`ConfigError` unless each of the task's own results can be computed of the states at a reset, twice the
-    same."""
+def check_results(config: RunConfig, train: Levels, test: Levels) -> list[str]:
+    """The names of the results that are several numbers per environment, of which tables have no columns, where the task is
+    the user's.
+
+    Raises:
+        ConfigError: a result cannot be computed of the states at a reset, twice the same, or is no number.
+    """
+    several: dict[str, None] = {}
     options = environment_options(config, train=train)
     for levels in (train, test):
         env = VectorEnv(levels, RESULT_ENVS, seed=0, **options)
@@ -289,12 +294,19 @@ def check_results(config: RunConfig, train: Levels, test: Levels) -> None:
             shape = np.shape(values)
             if shape[:1] != (RESULT_ENVS,):
                 raise ConfigError(f"{result} has the shape {shape} for {RESULT_ENVS} environments. {fix}")
+            if np.asarray(values).dtype.kind not in "biuf":
+                raise ConfigError(
+                    f"{result} is made of {type(np.asarray(values).flat[0]).__name__}, not of numbers or truths, so that no"
+                    f" table could hold its mean. {fix}"
+                )
+            several |= {name: None} if len(shape) > 1 else {}
             if repr(np.asarray(values).tolist()) != repr(np.asarray(again).tolist()):
                 raise ConfigError(
                     f"{result} differs when it is computed again of the same factors. It may draw random numbers, read a clock,"
                     " or count its calls, so nobody could repeat it. Compute it from the factors alone"
                 )
         env.close()
+    return [] if task_name(config) in KNOWN_TASKS else list(several)
 
 
 def _find(name: str, options: Mapping[str, Any], group: str, place: str) -> Any:

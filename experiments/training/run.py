@@ -174,7 +174,11 @@ def _prepare(
     train, test = make_levels(config.levels)
     env = _make_environment(kind, config, train)
     check_observations(config, train, test)
-    check_results(config, train, test)
+    for name in check_results(config, train, test):
+        say(
+            f"warning: the task's result '{name}' is several numbers per environment: the files of episodes hold it, and tables"
+            " and claims have no column of it. Give each number a result of its own, such as lambda factors: ...[:, 0]"
+        )
     task = environment_options(config)["task"]
     if not task.functions().reward:
         say(

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from numbers import Real
+from typing import Any
 
 import numpy as np
 
@@ -49,11 +51,12 @@ class Units:
         """
         checks.require_levels(what, *sets)
         checks.require_factors(what, factors, *sets)
-        if scale is not None and not isinstance(scale, Mapping):
+        if factors is not None and not len(factors):
             raise LevelError(
-                f"{what}: scale must map (entity type, factor) to a standard deviation, as segar.metrics.spread(a, b)"
-                f" does, not {scale!r}"
+                f"{what}: factors lists none, so that nothing would be compared; leave it out to compare all"
             )
+        if scale is not None:
+            _check_scale(what, scale)
         return cls(spread(*sets) if scale is None else scale, factors)
 
     def factors(self, entity: type[Entity]) -> list[type[Factor]]:
@@ -80,6 +83,23 @@ class Units:
             return PointSets(found.counts, found.points / unit)
         periods = np.repeat([np.inf if f.period is None else f.period for f in factors], [f.width for f in factors])
         return PointSets(found.counts, found.points / unit, periods / unit)
+
+
+def _check_scale(what: str, scale: Any) -> None:
+    """Raise :class:`LevelError` in the name of ``what`` unless this maps factors of entity types, and world parameters, to
+    finite numbers that are not negative. It may name entity types that the sets lack: units of several pairs do."""
+    form = "as segar.metrics.spread(a, b) does"
+    if not isinstance(scale, Mapping):
+        raise LevelError(f"{what}: scale must map (entity type, factor) to a standard deviation, {form}, not {scale!r}")
+    for key, unit in scale.items():
+        owner, factor = key if isinstance(key, tuple) and len(key) == 2 else (None, None)
+        if not (isinstance(owner, type) and isinstance(factor, type) and issubclass(owner, (Entity, Parameter))):
+            raise LevelError(f"{what}: scale is keyed by (entity type, factor), {form}, not by {key!r}")
+        if not (issubclass(factor, Parameter) if owner is Parameter else factor in getattr(owner, "declared", ())):
+            raise LevelError(f"{what}: scale gives a unit to {factor.__name__} of {owner.__name__}, which has none")
+        if isinstance(unit, (bool, np.bool_)) or not isinstance(unit, Real) or not 0 <= unit < np.inf:
+            name = f"{'world' if owner is Parameter else owner.__name__}.{factor.__name__}"
+            raise LevelError(f"{what}: the scale of {name} must be a finite number of at least 0, not {unit!r}")
 
 
 def cut(values: np.ndarray, factor: type[Factor]) -> np.ndarray:

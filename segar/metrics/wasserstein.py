@@ -102,7 +102,8 @@ def w2(
         factors: ``exact`` only: count these factors and no others, e.g. ``[Position]``.
 
     Raises:
-        LevelError: not two level sets, an unknown mode, or an option that the mode does not have.
+        LevelError: not two level sets, an unknown mode, or an option that the mode does not have; ``scale`` has a key that is
+            no factor of an entity type and no world parameter, or a unit that is negative or not finite; no ``factors``.
 
     Warns:
         UnseenDifferenceWarning: the sets differ in something that the mode leaves out (world parameters in ``reference`` and

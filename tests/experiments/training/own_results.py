@@ -42,4 +42,9 @@ random_result, counting, clock = (
     with_result(lambda factors: np.full(factors.num_envs, time.perf_counter())),
 )
 raising, misshapen = with_result(wrong), with_result(lambda factors: np.zeros(3))
+text, none = (
+    with_result(lambda factors: np.array(["left"] * factors.num_envs)),
+    with_result(lambda factors: [None] * factors.num_envs),
+)
+place = with_result(lambda factors: factors["Position"][:, 0])
 single, partial = with_result(lambda factors: 1.0), with_result(right_of_centre)

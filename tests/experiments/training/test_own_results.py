@@ -22,6 +22,8 @@ HERE = "tests.experiments.training.own_results"
             r"the task own: its result 'mine', wrong \(own_results.py:\d+\), raises KeyError: 'Fuel'. A result is a function",
         ),
         ("misshapen", r"its result 'mine', <lambda> \(own_results.py:\d+\), has the shape \(3,\) for 7 environments"),
+        ("text", r"its result 'mine', <lambda> \(own_results.py:\d+\), is made of str_?, not of numbers or truths"),
+        ("none", r"its result 'mine', <lambda> \(own_results.py:\d+\), is made of NoneType, not of numbers or truths"),
         ("single", r"its result 'mine', <lambda> \(own_results.py:\d+\), has the shape \(\) for 7 environments"),
         ("random_result", r"its result 'mine', drawn \(own_results.py:\d+\), differs when it is computed again"),
         ("counting", r"its result 'mine', counted \(own_results.py:\d+\), differs when it is computed again"),
@@ -44,6 +46,17 @@ def test_a_result_that_is_no_number_in_some_episodes_is_told_with_its_share_and_
     assert line.startswith(
         f"warning: the task's result 'mine' is no finite number in {wrong} of {len(values)} episodes ({share:.0%})"
     )
+
+
+def test_a_result_of_several_numbers_is_told_to_have_no_column(tmp_path):
+    said = []
+    run(short_run(tmp_path / "run", task=TaskConfig(f"{HERE}:place")), said.append)
+    (line,) = (line for line in said if "several numbers per environment" in line)
+    assert line.startswith("warning: the task's result 'mine' is several numbers")
+    assert len(read_episodes(tmp_path / "run").to_pandas()["results/mine"][0]) == 2
+    said.clear()
+    run(short_run(tmp_path / "other"), said.append)  # PuttPutt, among whose results is a velocity
+    assert not any("several numbers per environment" in line for line in said)
 
 
 def test_test_levels_that_are_training_levels_are_told_before_training_and_in_the_table(tmp_path):

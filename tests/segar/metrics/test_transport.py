@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from itertools import combinations, permutations, product
 
 os.environ.setdefault("POT_BACKEND_DISABLE_PYTORCH", "1")
@@ -269,12 +270,26 @@ def test_a_report_repeats_and_contains_its_value():
     [
         ({"mode": "refrence"}, "Did you mean 'reference'"),
         ({"mode": "paper", "factors": [Position]}, "mode='paper' takes neither scale nor factors"),
+        ({"factors": []}, "w2: factors lists none"),
+        (
+            {"scale": {"Position": 1.0}},
+            "scale is keyed by (entity type, factor), as segar.metrics.spread(a, b) does, not by 'Pos",
+        ),
+        ({"scale": {(SandTile, segar.Mass): 1.0}}, "scale gives a unit to Mass of SandTile, which has none"),
+        ({"scale": {(Parameter, segar.Mass): 1.0}}, "scale gives a unit to Mass of Parameter, which has none"),
+        *(
+            (
+                {"scale": {(GolfBall, Position): unit}},
+                f"w2: the scale of GolfBall.Position must be a finite number of at least 0, not {unit!r}",
+            )
+            for unit in (-1.0, float("nan"), float("inf"), "1", None, True)
+        ),
         ({"mismatch": -1.0}, "mismatch must be a finite number of at least 0, not -1.0"),
     ],
 )
 def test_wrong_options_are_named(options, message):
     levels = segar.family("empty-easy").sample(2, seed=0, split="train")
-    with pytest.raises(LevelError, match=message):
+    with pytest.raises(LevelError, match=re.escape(message)):
         w2(levels, levels, **options)
 
 
