@@ -97,7 +97,7 @@ def _check_scale(what: str, scale: Any) -> None:
             raise LevelError(f"{what}: scale is keyed by (entity type, factor), {form}, not by {key!r}")
         if not (issubclass(factor, Parameter) if owner is Parameter else factor in getattr(owner, "declared", ())):
             raise LevelError(f"{what}: scale gives a unit to {factor.__name__} of {owner.__name__}, which has none")
-        if isinstance(unit, (bool, np.bool_)) or not isinstance(unit, Real) or not 0 <= unit < np.inf:
+        if isinstance(unit, (bool, np.bool_)) or not isinstance(unit, Real) or not 0 <= float(unit) < np.inf:
             name = f"{'world' if owner is Parameter else owner.__name__}.{factor.__name__}"
             raise LevelError(f"{what}: the scale of {name} must be a finite number of at least 0, not {unit!r}")
 
