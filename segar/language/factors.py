@@ -15,6 +15,8 @@ from segar.errors import FactorError, did_you_mean
 from segar.language.shapes import BaseShape
 from segar.language.values import Number, VectorValue
 
+TRUTHS = (bool, np.bool_)
+NO_NUMBERS = "bSU"  # kinds of numpy: truths and texts, which float() would take
 LARGEST = 1e30
 """The largest size of a number in a level, in any unit: products of several such numbers do not overflow float64."""
 
@@ -87,7 +89,9 @@ class Scalar(Factor):
     default = 0.0
 
     def __new__(cls, value: Any) -> Any:
-        return value if _is_symbol(value) else Number(cls.check(value))
+        if _is_symbol(value):
+            return value
+        return Number(cls.check(float(value) if isinstance(value, TRUTHS) else value))  # rules may count truths
 
     @classmethod
     def check(cls, value: Any) -> float:
@@ -95,6 +99,8 @@ class Scalar(Factor):
             number = float(value)
         except (TypeError, ValueError):
             raise FactorError(f"{cls.__name__} takes a number, not {value!r}") from None
+        if np.asarray(value).dtype.kind in NO_NUMBERS:
+            raise FactorError(f"{cls.__name__} takes a number, not {value!r}")
         if not np.isfinite(number):
             raise FactorError(f"{cls.__name__} must be finite, not {number!r}")
         return number
@@ -166,6 +172,8 @@ class Vector(Factor):
             raise FactorError(f"{cls.__name__} takes two numbers, not {value!r}") from None
         if array.shape != (2,):
             raise FactorError(f"{cls.__name__} takes two numbers, not shape {array.shape}")
+        if any(np.asarray(one).dtype.kind in NO_NUMBERS for one in value):
+            raise FactorError(f"{cls.__name__} takes two numbers, not {value!r}")
         if not np.isfinite(array).all():
             raise FactorError(f"{cls.__name__} must be finite, not {value!r}")
         return float(array[0]), float(array[1])

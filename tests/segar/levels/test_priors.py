@@ -60,6 +60,9 @@ class BigCharger(Charger):
 class Temperature(segar.Scalar, default=20.0, unit="degC"): ...
 
 
+class Floors(segar.Count): ...
+
+
 class HotTemperature(Temperature, default=90.0): ...
 
 
@@ -288,6 +291,19 @@ def test_two_equally_specific_priors_of_a_type_with_two_parents_are_an_error():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
+        *(
+            (
+                lambda factor=factor, value=value: Prior(factor, value),
+                rf"{factor.__name__} takes (a|two) numbers?, not ",
+            )
+            for factor, values in (
+                (Mass, ("2.5", b"2.5", True, np.True_, np.array(True), np.array("2.5"))),
+                (Gravity, ("2.5", True)),
+                (Floors, ("2", True, np.True_)),
+                (segar.Velocity, (("1", "2"), (True, False), (0.5, True), np.array([True, False]))),
+            )
+            for value in values
+        ),
         (lambda: Prior(Mass, "heavy"), r"Prior\(Mass, 'heavy'\): Mass takes a number"),
         (lambda: Prior(Position, UniformNoise(0, 1)), r"on the line does not suit.*Independent\(x, y\)"),
         (lambda: Prior(Mass, RandomEdgeLocation()), "on the plane does not suit a factor on the line"),
@@ -349,3 +365,9 @@ def test_marginals_are_the_distributions_that_levels_follow():
             )
     assert distributions["parameters"][Gravity] == UniformNoise(8, 12)
     assert distributions["global_friction"][Friction].mean == 0.05
+
+
+def test_numbers_of_numpy_are_values_of_priors():
+    for number in (np.float32(2.0), np.int64(2), np.array(2.0), np.array(2, np.uint8)):
+        assert Prior(Mass, number).value == Prior(Floors, number).value == 2.0
+    assert Prior(Velocity, np.array([1, 2])).value == (1.0, 2.0)
