@@ -147,7 +147,7 @@ def advice_on(name: str, settings: Mapping[str, Any], known: Sequence[str]) -> s
     first, second, *_ = (*name.split("."), "", "")
     is_own_algorithm = first == "algorithm" and TARGET in settings["algorithm"]
     if is_own_algorithm or (first == "grids" and second in settings["grids"]):
-        file = settings["algorithm"]["name"] if is_own_algorithm else second
+        file = settings["algorithm"].get("name", settings["algorithm"][TARGET]) if is_own_algorithm else second
         return f"the file of {file} does not state {name}; ++ adds what it does not: ++{name}=..."
     return f"no setting is called '{name}'.{did_you_mean(name, known)}"
 

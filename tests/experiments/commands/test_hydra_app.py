@@ -189,12 +189,13 @@ def test_a_target_that_is_no_algorithm_is_told(my_lab, target, says):
 
 
 def test_a_setting_that_an_own_algorithm_s_file_leaves_out_is_told_how_to_be_added(my_lab):
-    (my_lab / "conf" / "algorithm" / "bare.yaml").write_text("_target_: my_lab.mine.MineConfig\nname: bare\n")
-    places = with_search_path(["algorithm=bare"], ["pkg://my_lab.conf"])
-    with pytest.raises(
-        ConfigError, match=r"the file of bare does not state algorithm.layers; .* \+\+algorithm.layers="
-    ):
-        compose([*places, "algorithm.layers=5"])
+    for stated, named in (("name: bare\n", "bare"), ("", r"my_lab\.mine\.MineConfig")):
+        (my_lab / "conf" / "algorithm" / "bare.yaml").write_text(f"_target_: my_lab.mine.MineConfig\n{stated}")
+        places = with_search_path(["algorithm=bare"], ["pkg://my_lab.conf"])
+        with pytest.raises(
+            ConfigError, match=rf"the file of {named} does not state algorithm.layers; .* \+\+algorithm.layers="
+        ):
+            compose([*places, "algorithm.layers=5"])
     assert compose([*places, "++algorithm.layers=5"]).algorithm.layers == 5  # type: ignore[attr-defined]
 
 
