@@ -7,6 +7,7 @@ blocks there is no interval.
 """
 
 import dataclasses
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, cast
@@ -22,7 +23,7 @@ from analysis.stats.resampling import no_interval
 from analysis.tables import Floats, column, select, write_table
 from experiments.reproduction.experiment_file import FEWEST_BLOCKS
 from experiments.runs.run_folder import root_folder
-from experiments.runs.run_rows import FINISHED, as_columns, in_short, run_rows
+from experiments.runs.run_rows import FINISHED, as_columns, copies_warning, in_short, once_each, run_rows
 from experiments.settings import RunFolderError
 from segar.cli import table as text_table
 from segar.errors import SegarError, did_you_mean
@@ -60,7 +61,7 @@ def read_runs(*folders: str | Path, sweep: str | None = None) -> pd.DataFrame:
     ``problem``   why a run failed
     ``folder``    its path
 
-    What a run does not have is missing (NaN or None).
+    What a run does not have is missing (NaN or None). A run that lies in several folders counts once, and a warning names them.
 
     Args:
         folders: that hold run folders, or are run folders; none: runs/ of the checkout.
@@ -70,10 +71,12 @@ def read_runs(*folders: str | Path, sweep: str | None = None) -> pd.DataFrame:
         RunFolderError: a folder does not exist, or there is no such run.
     """
     places = [root_folder(str(folder)) for folder in folders] or [root_folder(None)]
-    rows = [row for row in run_rows(places) if sweep in (None, row.sweep)]
+    rows = once_each([row for row in run_rows(places) if sweep in (None, row.sweep)])
     if not rows:
         which = f" of the sweep {sweep}" if sweep else ""
         raise RunFolderError(f"there is no run{which} in {', '.join(map(str, places))}")
+    if said := copies_warning(rows):
+        warnings.warn(said.removeprefix("warning: "), stacklevel=2)
     return pd.DataFrame(as_columns(rows))
 
 

@@ -24,8 +24,10 @@ from experiments.runs.run_rows import (
     RunRow,
     as_columns,
     code_warning,
+    copies_warning,
     in_short,
     named_settings,
+    once_each,
     run_rows,
     score_warnings,
     seen_warning,
@@ -71,7 +73,7 @@ def results(config: ResultsConfig, say: Callable[[str], None] = print) -> None:
     """
     places = [root_folder(config.root), *(root_folder(place) for place in config.more)]
     found = run_rows(places)
-    chosen = [row for row in found if config.sweep in (None, row.sweep)]
+    chosen = once_each([row for row in found if config.sweep in (None, row.sweep)])
     if not chosen:
         sweeps = sorted({row.sweep for row in found if row.sweep})
         known = f"; there are the sweeps {', '.join(sweeps)}" if sweeps else ""
@@ -87,7 +89,7 @@ def results(config: ResultsConfig, say: Callable[[str], None] = print) -> None:
     averaged = ""
     if any(row.state == FINISHED for row in chosen):
         averaged = find_plugin(SUMMARIES, "default").load()(rows, *([means] if means else []))
-    warnings = (code_warning(chosen), seen_warning(chosen), *score_warnings(chosen))
+    warnings = (copies_warning(chosen), code_warning(chosen), seen_warning(chosen), *score_warnings(chosen))
     summary = "\n\n".join(text for text in (averaged, *warnings) if text)
     if summary:
         say(f"\n{summary}")

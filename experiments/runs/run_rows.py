@@ -8,7 +8,7 @@ calls ``charge`` among its results is ``results/charge_test_deterministic``. Set
 import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -75,6 +75,8 @@ class RunRow:
     seen: float = 0.0  # the share of the test levels that are among the training levels
     unscored: str = ""  # why score and regret of its evaluation are left out
     planner: str = ""  # the search behind its score, as settings of experiments.evaluate; empty where that is not known
+    name: str = ""  # that of the run, by its settings, whatever its folder is called; empty where it cannot be read
+    copies: tuple[str, ...] = ()  # other folders of the same run, which do not count, with what they hold
 
 
 def run_rows(places: Iterable[Path], trusted: Collection[str] = ()) -> list[RunRow]:
@@ -95,6 +97,36 @@ def run_rows(places: Iterable[Path], trusted: Collection[str] = ()) -> list[RunR
         found = [place] if (place / CONFIG).exists() else sorted(run_folders(place), key=_in_words_and_numbers)
         folders |= dict.fromkeys(found)
     return [_row(folder, trusted) for folder in folders]
+
+
+def once_each(rows: Sequence[RunRow]) -> list[RunRow]:
+    """The rows with each run once, however many folders hold it: the first finished one, else the first; ``copies`` of it
+    names the others. Runs are the same that have the same name, and so the same settings."""
+    folders: dict[str, list[RunRow]] = {}
+    for row in rows:
+        folders.setdefault(row.name or str(row.folder), []).append(row)
+    found: dict[Path, RunRow] = {}
+    for same in folders.values():
+        kept = next((row for row in same if row.state == FINISHED), same[0])
+        copies = tuple(f"{row.folder} ({_compared(row, kept)})" for row in same if row is not kept)
+        found[kept.folder] = replace(kept, copies=copies)
+    return [found[row.folder] for row in rows if row.folder in found]
+
+
+def _compared(copy: RunRow, kept: RunRow) -> str:
+    """What a folder of a run holds beside the one that counts."""
+    if copy.state != kept.state:
+        return copy.state
+    return "equal results" if repr(copy.figures) == repr(kept.figures) and copy.code == kept.code else "other results"
+
+
+def copies_warning(rows: Iterable[RunRow]) -> str:
+    """Which folders hold a run that another folder holds, too, and do not count; empty where none does."""
+    found = [f"{', '.join(row.copies)} beside {row.folder}, which counts" for row in rows if row.copies]
+    if not found:
+        return ""
+    more = f"; and so do {len(found) - NAMED} more runs" * (len(found) > NAMED)
+    return f"warning: the same run lies in several folders, and counts once: {'; '.join(found[:NAMED])}{more}"
 
 
 def named_settings(rows: Sequence[RunRow]) -> list[str]:
@@ -259,15 +291,16 @@ def _row(folder: Path, trusted: Collection[str]) -> RunRow:
         state = state_of(folder)
         if state != FINISHED:
             journal = read_journal(folder)
-            return RunRow(folder, state, journal[-1].get("error", "") if journal else "", settings, sweep=sweep)
+            problem = journal[-1].get("error", "") if journal else ""
+            return RunRow(folder, state, problem, settings, sweep=sweep, name=config.label())
         about = read_versions(folder) if (folder / VERSIONS).exists() else {}
         code = about.get("code", {})
         parts = {"all": code} if isinstance(code, str) else without_modules(code)  # 0.1 recorded no parts
         figures, seen = _figures(folder), _seen(folder, config.levels, about)
         scores, unscored, planner = _score(folder, config)
-        return RunRow(
-            folder, state, "", settings, figures | scores, sweep, computed_with(about), parts, seen, unscored, planner
-        )
+        made_with, figures = computed_with(about), figures | scores
+        known = {"seen": seen, "unscored": unscored, "planner": planner, "name": config.label()}
+        return RunRow(folder, state, "", settings, figures, sweep, made_with, parts, **known)
     except (SegarError, OSError, ValueError) as error:
         return RunRow(folder, UNREADABLE, str(error))
 
@@ -304,10 +337,14 @@ def _figures(folder: Path) -> dict[str, float]:
 
 def _score(folder: Path, config: RunConfig) -> tuple[dict[str, float], str, str]:
     """What ``experiments.evaluate levels=test`` found of a finished run on its own test levels, if asked, by the code of the
-    run: score and regret; why these are left out where they are of other weights; and the planner's search."""
-    found = read_evaluation(folder / EVALUATIONS / f"test-n{config.levels.test_count}") or {}
+    run: score and regret; why these are left out where they are of other weights; and the planner's search. A portable
+    evaluation counts where there is no other.
+    """
+    name = f"test-n{config.levels.test_count}"
+    places = (folder / EVALUATIONS / one for one in (name, f"{name}-portable"))
+    found = next((one for one in map(read_evaluation, places) if "floor" in (one or {}).get("anchors", {})), None)
     # Evaluations of 0.1 have no floor: their scores are on another scale, on which random play has 0.
-    if "floor" not in found.get("anchors", {}):
+    if found is None:
         return {}, "", ""
     changed = found.get("changed_code")
     by_other_code = f" is by other code than the run's ({', '.join(changed)})" if changed else ""

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import shutil
 import threading
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from analysis.runs import read_runs
 from experiments.commands.hydra_app import compose
 from experiments.results import ResultsConfig, results
 from experiments.runs.run_folder import (
@@ -21,11 +23,22 @@ from experiments.runs.run_folder import (
     use_run_folder,
     write_json,
 )
-from experiments.runs.run_rows import RunRow, as_columns, figures_of, in_short, mixed_code, run_rows, state_of
+from experiments.runs.run_rows import (
+    RunRow,
+    as_columns,
+    copies_warning,
+    figures_of,
+    in_short,
+    mixed_code,
+    once_each,
+    run_rows,
+    state_of,
+)  # fmt: skip
 from experiments.runs.versions import computed_with
 from experiments.settings import ConfigError, EvaluationConfig, LevelsConfig, RunFolderError, TaskConfig, TrackingConfig
 from experiments.training.run import run
 from tests.experiments.short_runs import before_iteration, killed_after, short_run
+from tests.synthetic_runs import settings, write_run
 
 
 def test_the_table_says_what_differs_how_far_it_is_and_what_came_of_it(tmp_path, monkeypatch):
@@ -182,6 +195,44 @@ def test_all_rows_are_written_to_a_file_or_none(tmp_path, suffix, monkeypatch):
 def test_a_format_that_there_is_not_is_refused_before_anything_is_read(tmp_path):
     with pytest.raises(ConfigError, match=r"output: 'runs.xls' ends in none of .csv, .parquet, .md"):
         ResultsConfig(root=str(tmp_path), output="runs.xls")
+
+
+def test_a_score_of_a_portable_evaluation_counts_where_there_is_no_other(tmp_path):
+    config = settings(tmp_path)
+    folder = write_run(config)
+    assert "score_deterministic" not in run_rows([tmp_path])[0].figures
+    for suffix, score in (("-portable", 0.5), ("", 0.75)):
+        place = folder / "evaluations" / f"test-n{config.levels.test_count}{suffix}"
+        place.mkdir(parents=True)
+        found = {"anchors": {"floor": 0}, "players": {"deterministic": {"score": score, "regret": 0.0}}}
+        write_json(place / "summary.json", found)
+        assert run_rows([tmp_path])[0].figures["score_deterministic"] == score
+
+
+def test_a_run_in_several_folders_counts_once_and_the_folders_are_named(tmp_path):
+    folder, other = write_run(settings(tmp_path / "here")), write_run(settings(tmp_path / "here", seed=5))
+    for place in ("copy", "changed"):
+        shutil.copytree(folder, tmp_path / "there" / place)
+    summary = tmp_path / "there" / "changed" / "summary.json"
+    write_json(summary, {**json.loads(summary.read_text()), "ks": 0.75})
+    said = []
+    results(ResultsConfig(root=str(tmp_path / "here"), more=(str(tmp_path / "there"),)), said.append)
+    copies = (
+        f"{tmp_path}/there/changed (other results), {tmp_path}/there/copy (equal results) beside {folder}, which counts"
+    )
+    assert f"warning: the same run lies in several folders, and counts once: {copies}" in said[-1]
+    with pytest.warns(UserWarning, match="the same run lies in several folders, and counts once"):
+        table = read_runs(tmp_path / "there", tmp_path / "here")
+    assert sorted(table["folder"]) == sorted([str(tmp_path / "there" / "changed"), str(other)])
+    rows = once_each(run_rows([tmp_path / "here"]))
+    assert [row.copies for row in rows] == [(), ()] and not copies_warning(rows)
+
+
+def test_a_finished_folder_of_a_run_counts_before_an_unfinished_one(tmp_path):
+    write_run(settings(tmp_path / "a"), finished=False)
+    folder = write_run(settings(tmp_path / "b"))
+    (row,) = once_each(run_rows([tmp_path / "a", tmp_path / "b"]))
+    assert row.folder == folder and "(not begun)" in row.copies[0]
 
 
 def test_several_folders_and_single_runs_make_one_table_and_a_run_counts_once(tmp_path):
