@@ -78,7 +78,7 @@ def unseen_parameters(config: RunConfig, train: Levels, test: Levels) -> list[st
             values.setdefault(parameter, []).append(column)
     differing = [parameter for parameter, columns in values.items() if len(np.unique(np.concatenate(columns))) > 1]
     chosen = (*state.chosen_parameters, *state.hidden_factors)
-    return [parameter.__name__ for parameter in differing if not issubclass(parameter, chosen)]
+    return list(dict.fromkeys(parameter.__name__ for parameter in differing if not issubclass(parameter, chosen)))
 
 
 def advice_on_parameters(found: Sequence[str], config: RunConfig) -> str:

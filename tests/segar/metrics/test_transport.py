@@ -6,6 +6,7 @@ import json
 import os
 import re
 from itertools import combinations, permutations, product
+from pathlib import Path
 
 os.environ.setdefault("POT_BACKEND_DISABLE_PYTORCH", "1")
 
@@ -263,6 +264,29 @@ def test_a_report_repeats_and_contains_its_value():
     assert first == second
     assert first.low <= first.value <= first.high and first.value == w2(a, b)
     assert 0 < first.p_value <= 1 and first.floor > 0
+
+
+class Nectar(segar.Scalar): ...
+
+
+class Flower(segar.Tile):
+    nectar: Nectar
+
+
+@pytest.mark.parametrize("kinds", list(product([Flower, SandTile], repeat=2)), ids=str)
+def test_the_program_of_the_documentation_takes_sets_of_which_one_has_factors_of_its_own(kinds):
+    """The page runs it on named families, whose entities have the same factors."""
+    page = (Path(__file__).parents[3] / "docs" / "reference" / "distances.md").read_text()
+    (program,) = (part for part in re.findall(r"```python\n(.*?)```", page, re.DOTALL) if "def reference_w2" in part)
+    names: dict = {}
+    exec(program.partition("\npairs = ")[0], names)
+    a, b = (
+        segar.LevelDistribution(
+            [(GolfBall, 1), (kind, 2)], [segar.Prior(Position, segar.RandomUniformLocation())]
+        ).sample(6, seed)
+        for seed, kind in enumerate(kinds)
+    )
+    assert names["reference_w2"](a, b) == pytest.approx(w2(a, b, mode="reference"))
 
 
 @pytest.mark.parametrize(
