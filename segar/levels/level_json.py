@@ -95,8 +95,6 @@ def fields_of(data: Any, path: Path, inside: str, world: World | None) -> dict[s
     _check_texts(said, where)
     description = DEFAULTS | said
     layout = layout_of(description, path, world)
-    _check_names(layout, path)
-    layout = layout_of(description, path)
     block = _block_of(data["levels"], layout, description["most_vertices"], path, where)
     _check_floor(layout, block.values, block.parameters, where)
     return origin_of(description, layout, block.indices, path) | block.arrays
