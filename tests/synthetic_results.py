@@ -138,6 +138,7 @@ def everything(rng: np.random.Generator, **main: Any) -> dict[str, pd.DataFrame]
             run_rows(rng, "hardness", task=f"conditional_puttputt(conditions={task})", observation="state", **short)
         )
     parts.append(run_rows(rng, "upper_bound", observation="state", seeds=1))
+    parts += [rule_set_rows(rng), trial_rows(rng, gain=0.2)]
     looks = run_rows(rng, "visual", observation="textures(textures=baseline)", **two, **short)
     runs = pd.concat([*parts, looks], ignore_index=True)
     moved = [
@@ -149,6 +150,45 @@ def everything(rng: np.random.Generator, **main: Any) -> dict[str, pd.DataFrame]
     ]
     tables = {"runs": runs, "transfers": pd.concat(moved, ignore_index=True), "curves": curve_rows(runs)}
     return tables | {"probes": probe_rows(rng, runs)}
+
+
+RULE_SETS = {"rule_sets_1": 4.0, "rule_sets_10": 3.5, "rule_sets_10_near": 3.0, "rule_sets_10_far": 4.2, "rule_sets_100": 2.7}
+"""Designs, and how far their rule sets are from those of the test."""
+
+
+def rule_set_rows(
+    rng: np.random.Generator, *, seeds: int = 3, of_distance: float = 0.0, of_number: float = 0.0
+) -> pd.DataFrame:
+    """Runs on few and many rule sets, whose gap in success falls by ``of_distance`` per unit of distance between dynamics and
+    rises by ``of_number`` per factor of e in their number."""
+    place = {"families": ("objectsx1",), "difficulties": ("medium",), "counts": (1_000,), "seeds": seeds}
+    parts = []
+    for design, distance in RULE_SETS.items():
+        runs = run_rows(rng, "rule_sets", design=design, variation="rule_space", observation="state", **place)
+        number = np.log(float(design.split("_")[2]))
+        gap = -0.3 - of_distance * distance + of_number * number + 0.01 * rng.normal(size=len(runs))
+        parts.append(runs.assign(success_test_deterministic=runs["success_train_deterministic"] + gap))
+    return pd.concat(parts, ignore_index=True)
+
+
+def rule_set_distances(runs: pd.DataFrame) -> pd.DataFrame:
+    """The table of the study ``rule_set_distances`` of these runs."""
+    table = runs[["family", "difficulty", "n", "seed", "design"]]
+    return table.assign(dynamics_w2=[RULE_SETS[design] for design in table["design"]])
+
+
+def trial_rows(rng: np.random.Generator, gain: float, seeds: int = 3) -> pd.DataFrame:
+    """Runs over three trials, with a memory and without: it solves more in the last trial by ``gain``."""
+    place = {"families": ("objectsx1",), "difficulties": ("medium",), "counts": (1_000,), "seeds": seeds}
+    place |= {"variation": "rule_space", "observation": "state_past"}
+    parts = []
+    for algorithm, memory in (("ppo_recurrent", 1.0), ("ppo_fast", 0.0)):
+        runs = run_rows(rng, "trials", algorithm=algorithm, **place)
+        for trial in range(3):
+            noise = 0.01 * rng.normal(size=len(runs))
+            runs[f"success_trial_{trial}_test_deterministic"] = 0.5 + gain * memory * trial / 2 + noise
+        parts.append(runs)
+    return pd.concat(parts, ignore_index=True)
 
 
 def player_rows(floor: float = -10.0, oracle: float = 0.0) -> pd.DataFrame:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from experiments.levels.conditions import conditional_puttputt
+from experiments.levels.rule_sets import levels_of_rule_sets
 from experiments.levels.variations import vary
 from experiments.settings import (
     DEFAULT_TASK,
@@ -31,7 +32,7 @@ from segar.cli import load_levels
 from segar.envs import VectorEnv
 from segar.errors import LevelError, SegarError, did_you_mean
 from segar.language import Order, code_place
-from segar.levels import LevelDistribution, Levels, family, share_rule_sets
+from segar.levels import LevelDistribution, Levels, family
 from segar.metrics import design, matched_set, w2
 from segar.observations import OBSERVATIONS, trained_on
 from segar.tasks import TASKS
@@ -132,8 +133,8 @@ def pick_levels(distribution: Any, config: LevelsConfig, test: Any) -> Any:
         return levels_at_target(distribution, config, test)
     if config.design == "iid":  # a user's own distribution need not be a LevelDistribution for this design
         return distribution.sample(config.count, seed=config.seed, split="train")
-    if shared := RULE_SETS_DESIGN.fullmatch(config.design):
-        return levels_of_rule_sets(distribution, config, int(shared[1]))
+    if RULE_SETS_DESIGN.fullmatch(config.design):
+        return levels_of_rule_sets(distribution, config, test)
     if config.design in MATCHED_DESIGNS:
         return matched_set(distribution, config.count, test=test, seed=config.seed, **MATCHED_DESIGNS[config.design])
     if config.design not in DESIGNS:
@@ -153,15 +154,6 @@ def own_design(distribution: Any, config: LevelsConfig, test: Any) -> Levels:
         made = f"{len(levels)} levels" if isinstance(levels, Levels) else type(levels).__name__
         raise ConfigError(f"levels.design: {config.design} returns {made}, not {config.count} levels (segar.Levels)")
     return levels
-
-
-def levels_of_rule_sets(distribution: Any, config: LevelsConfig, count: int) -> Levels:
-    """Training levels that share ``count`` rule sets; raises :class:`ConfigError` if there are fewer levels or no space."""
-    levels = distribution.sample(config.count, seed=config.seed, split="train")
-    try:
-        return share_rule_sets(levels, count)
-    except LevelError as error:
-        raise ConfigError(f"levels.design: {config.design}: {error}") from error
 
 
 def levels_at_target(distribution: Any, config: LevelsConfig, test: Any) -> Any:

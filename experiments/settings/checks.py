@@ -24,7 +24,7 @@ MATCHED_DESIGNS: Mapping[str, Mapping[str, Any]] = {
     "matched_sparse": {"w2": 0.0, "radius": 3.0, "effective_number": -2.0},
     "matched_far_sparse": {"w2": 3.0, "radius": 3.0, "effective_number": -2.0},
 }
-RULE_SETS_DESIGN = re.compile(r"rule_sets_([1-9]\d*)")  # how many rule sets of a rule space the training levels share
+RULE_SETS_DESIGN = re.compile(r"rule_sets_([1-9]\d*)(?:_(near|far))?")  # how many rule sets the training levels share
 TARGET_DESIGN = re.compile(r"w2_(x?)(\d+(?:\.\d+)?)")  # the kind target of segar.design, in the mode exact
 SEEDS = 2**63  # how many different seeds all generators take
 
@@ -49,13 +49,13 @@ def require_design(place: str, name: str) -> None:
     levels or a number of rule sets, or is the ``module:function`` of a design of the user's own.
 
     ``w2_4.2`` is that distance; ``w2_x1.2`` is 1.2 times the mean distance of independent sets of as many levels;
-    ``rule_sets_10`` are levels that share ten rule sets.
+    ``rule_sets_10`` are levels that share ten rule sets; ``rule_sets_10_near`` and ``rule_sets_10_far`` pick them.
     """
     target = TARGET_DESIGN.fullmatch(name)
     if OBJECT_NAME.fullmatch(name) or RULE_SETS_DESIGN.fullmatch(name):
         return
     if target is None and name.startswith("rule_sets"):
-        raise ConfigError(f"{place}: '{name}' says no number of rule sets; rule_sets_10 does")
+        raise ConfigError(f"{place}: '{name}' says no number of rule sets; rule_sets_10 does, and rule_sets_10_near")
     if target is None and name.startswith("w2_"):
         raise ConfigError(
             f"{place}: '{name}' says no distance; w2_4.2 does, and w2_x1.2, 1.2 times that of independent sets"

@@ -1,6 +1,7 @@
 """The rule sets of levels whose world has a rule space: which options are active, in words, and whether two sets share one."""
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -67,21 +68,35 @@ def shared_rule_sets(a: LevelData, b: LevelData) -> np.ndarray:
     return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 
 
-def share_rule_sets(levels: Levels, count: int) -> Levels:
-    """The same levels with the rule sets of the first ``count`` of them: level i has that of level i modulo ``count``.
+def share_rule_sets(levels: Levels, rule_sets: int | Sequence[int] | np.ndarray) -> Levels:
+    """The same levels with few rule sets, which they take in turns.
 
-    So there are at most as many rule sets in training as one wants, however many levels there are; those of a smaller ``count``
-    are among those of a greater one.
+    Args:
+        rule_sets: how many, those of the first levels: level i gets that of level i modulo the number, and those of a smaller
+            number are among those of a greater one. Or the indices of the levels whose rule sets are shared.
 
     Raises:
-        LevelError: the levels have no rule space, or ``count`` is not a number from 1 to that of levels.
+        LevelError: the levels have no rule space, or ``rule_sets`` is no number from 1 to that of levels, nor indices of them.
     """
     columns = [levels.layout.parameters.index(p) for p in rule_space_of(levels).parameters]
-    if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or not 1 <= count <= len(levels):
-        raise LevelError(f"rule sets: there must be 1 to {len(levels)}, the number of levels, not {count!r}")
+    sources = _sources(rule_sets, len(levels))
     parameters = levels.parameters.copy()
-    parameters[:, columns] = levels.parameters[np.arange(len(levels)) % count][:, columns]
+    parameters[:, columns] = levels.parameters[np.resize(sources, len(levels))][:, columns]
     return dataclasses.replace(levels, parameters=parameters)
+
+
+def _sources(rule_sets: int | Sequence[int] | np.ndarray, levels: int) -> np.ndarray:
+    """The levels whose rule sets are shared, int64 ``(rule sets,)``."""
+    if isinstance(rule_sets, (int, np.integer)) and not isinstance(rule_sets, bool):
+        if not 1 <= rule_sets <= levels:
+            raise LevelError(f"rule sets: there must be 1 to {levels}, the number of levels, not {rule_sets}")
+        return np.arange(rule_sets)
+    found = np.asarray(rule_sets)
+    if found.dtype.kind not in "iu" or found.ndim != 1 or not found.size or found.min() < 0 or found.max() >= levels:
+        raise LevelError(
+            f"rule sets: {rule_sets!r} is neither a number of them nor a list of levels from 0 to {levels - 1}"
+        )
+    return found
 
 
 def _columns(levels: LevelData, parameters: tuple[type[Parameter], ...]) -> np.ndarray:

@@ -35,6 +35,7 @@ ROWS: Mapping[str, Rows] = {
     "SAC": lambda evidence: evidence.results.of("appendix_sac"),
     "distances without training": learning.distances_of_empty,
     "numbers of rule sets": rule_sets.rule_set_runs,
+    "ten rule sets": rule_sets.runs_on_ten,
     "trials": rule_sets.trial_runs,
 }
 
@@ -69,6 +70,7 @@ TESTS: Mapping[str, Test] = {
     "A-sac-hard": learning.sac_easy_beside_hard,
     "A-ks": learning.rate_of_ks,
     "rule-sets": rule_sets.gap_by_rule_sets,
+    "rule-set-distance": rule_sets.gap_by_distance,
     "memory": rule_sets.memory_beside_none,
 }
 # Numbers that the sentences of a claim name in braces, from its evidence and rows.

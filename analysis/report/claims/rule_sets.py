@@ -1,34 +1,60 @@
-"""The tests of the questions about rule sets: how many of them agents train on, and what a memory gains."""
+"""The tests of the questions about rule sets: how many agents train on, how far they are, and what a memory gains."""
 
 from collections.abc import Iterator
 
 import numpy as np
 import pandas as pd
 
-from analysis.report.claims.claim import METRIC_OURS, Finding, mean_difference
+from analysis.report.claims.claim import METRIC_OURS, Finding, correlation, mean_difference
 from analysis.report.claims.evidence import Evidence
 from analysis.report.claims.information import beside
 from analysis.report.rules import MARGINS
-from analysis.tables import keep
+from analysis.tables import keep, select
 
 GAP_IN_SUCCESS = "gap_success"
+OF_SET = ("family", "difficulty", "n", "seed", "design")
 SUCCESS_IN_TRIAL = "success_trial_{}_test_deterministic"
 
 
-def rule_set_runs(evidence: Evidence) -> pd.DataFrame:
-    """The runs on a chosen number of rule sets, with the column ``rule_sets`` and its logarithm ``log_rule_sets``."""
+def all_rule_set_runs(evidence: Evidence) -> pd.DataFrame:
+    """The runs on a chosen number of rule sets: that number ``rule_sets``, its logarithm ``log_rule_sets``, ``chosen`` (near,
+    far, or empty), and ``dynamics_w2``, their distance to those of the test, which is none where it was not measured."""
     runs = evidence.results.of("rule_sets")
     if runs.empty:
         return runs
-    number = runs["design"].astype(str).str.extract(r"^rule_sets_(\d+)$")[0].astype(float)
-    return keep(runs.assign(rule_sets=number, log_rule_sets=np.log(number)), number.notna())
+    parts = runs["design"].astype(str).str.extract(r"^rule_sets_(?P<number>\d+)(?:_(?P<chosen>near|far))?$")
+    number = parts["number"].astype(float)
+    found = runs.assign(rule_sets=number, log_rule_sets=np.log(number), chosen=parts["chosen"].fillna(""))
+    study = evidence.results.studies.get("rule_set_distances", {}).get("rule_sets", pd.DataFrame())
+    if study.empty:
+        return found.assign(dynamics_w2=np.nan)
+    return found.merge(study[[*OF_SET, "dynamics_w2"]], on=list(OF_SET), how="left")
+
+
+def rule_set_runs(evidence: Evidence) -> pd.DataFrame:
+    """The runs whose rule sets are the first of a sample, see :func:`all_rule_set_runs`."""
+    runs = all_rule_set_runs(evidence)
+    return select(runs, chosen="") if len(runs) else runs
+
+
+def runs_on_ten(evidence: Evidence) -> pd.DataFrame:
+    """The runs on ten rule sets, whether the first, near or far ones, whose distance to the test was measured."""
+    runs = all_rule_set_runs(evidence)
+    return keep(runs, (runs["rule_sets"] == 10) & runs["dynamics_w2"].notna()) if len(runs) else runs
 
 
 def gap_by_rule_sets(evidence: Evidence, runs: pd.DataFrame) -> Iterator[Finding]:
     """Whether the gap in success to unseen rule sets shrinks as training has more of them, at one number of levels."""
     found = evidence.correlation(runs, "log_rule_sets", GAP_IN_SUCCESS, ("panel",))
-    words = "gap in success to unseen rule sets and the logarithm of the number of rule sets in training, given panel"
-    yield Finding(METRIC_OURS, words, "r", found, MARGINS["correlation"], 1)
+    words = "gap in success to unseen rule sets and the logarithm of the number of rule sets in training"
+    yield correlation(METRIC_OURS, words, found, 1, ("panel",))
+
+
+def gap_by_distance(evidence: Evidence, runs: pd.DataFrame) -> Iterator[Finding]:
+    """Whether the gap in success is worse where the dynamics of training and test are farther apart, at ten rule sets."""
+    found = evidence.correlation(runs, "dynamics_w2", GAP_IN_SUCCESS, ("panel",))
+    words = "gap in success to unseen rule sets and the distance between dynamics, ten rule sets in training"
+    yield correlation(METRIC_OURS, words, found, -1, ("panel",))
 
 
 def trial_runs(evidence: Evidence) -> pd.DataFrame:

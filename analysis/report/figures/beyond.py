@@ -10,7 +10,7 @@ from analysis.plotting import style
 from analysis.plotting.figures import DOT, draw_points, legend_of, new_figure, zero_line
 from analysis.plotting.names import design_name, family_name
 from analysis.report.claims.evidence import Evidence
-from analysis.report.claims.rule_sets import rule_set_runs, trial_columns, trial_runs
+from analysis.report.claims.rule_sets import all_rule_set_runs, trial_columns, trial_runs
 from analysis.report.figures.drawing import (
     CELL,
     GAP,
@@ -93,30 +93,40 @@ def rules(evidence: Evidence) -> Drawn | str:
 
 
 def rule_sets(evidence: Evidence) -> Drawn | str:
-    """Success on training levels and on unseen rule sets against the number of rule sets in training."""
-    runs = rule_set_runs(evidence)
+    """Success on training levels and on unseen rule sets against the number of rule sets in training, and the gap against that
+    number and against the distance between the dynamics of both."""
+    runs = all_rule_set_runs(evidence)
     if runs.empty:
         return "it was not run (`experiments=[rule_sets]`)"
-    table = pick(runs, [*CELL, "rule_sets", "success_train_deterministic", SUCCESS, "gap_success", "gap"])
-    figure = new_figure(8.6, 3.9)
-    left, right = figure.subplots(1, 2)
+    measures = ["dynamics_w2", "success_train_deterministic", SUCCESS, "gap_success", "gap"]
+    table = pick(runs, [*CELL, "rule_sets", "chosen", *measures])
+    figure = new_figure(10.4, 3.9)
+    left, middle, right = figure.subplots(1, 3)
     players = (
         (left, "success_train_deterministic", "training levels"),
         (left, SUCCESS, "unseen rule sets"),
-        (right, "gap_success", ""),
+        (middle, "gap_success", ""),
     )
+    numbered = select(table, chosen="")
     for k, (axes, value, label) in enumerate(players):
-        parts = [(int(number), column(part, value)) for number, part in table.groupby("rule_sets")]  # type: ignore[arg-type]
+        parts = [(int(number), column(part, value)) for number, part in numbered.groupby("rule_sets")]  # type: ignore[arg-type]
         means = pd.DataFrame([mean_of_replicates(values).row(rule_sets=number) for number, values in parts])
         look = {"marker": style.MARKERS[k], "color": style.PALETTE[k], "capsize": 2.5, "label": label}
         axes.errorbar(column(means, "rule_sets"), column(means, "estimate"), yerr=error_bars(means, "estimate"), **look)
-        axes.scatter(column(table, "rule_sets"), column(table, value), s=12, color=style.PALETTE[k], alpha=0.5)
+        axes.scatter(column(numbered, "rule_sets"), column(numbered, value), s=12, color=style.PALETTE[k], alpha=0.5)
         log_axis(axes, sorted(set(means["rule_sets"])))
         axes.set_xlabel("rule sets in training")
     left.set_ylabel("success")
     left.legend(loc="best")
-    zero_line(right)
-    right.set_ylabel("gap in success (unseen − training)")
+    middle.set_ylabel("gap in success (unseen − training)")
+    for k, (number, chosen) in enumerate(sorted(set(zip(table["rule_sets"], table["chosen"], strict=True)))):
+        part, label = select(table, rule_sets=number, chosen=chosen), f"{number:,.0f} {chosen}".strip()
+        look = {"color": style.PALETTE[k % len(style.PALETTE)], "marker": style.MARKERS[k % len(style.MARKERS)], **DOT}
+        right.scatter(column(part, "dynamics_w2"), column(part, "gap_success"), s=26, label=label, **look)
+    for axes in (middle, right):
+        zero_line(axes)
+    right.set_xlabel("W2 between dynamics, training to test")
+    right.legend(title="rule sets", loc="center left", bbox_to_anchor=(1.0, 0.5))
     return Drawn(figure, table)
 
 

@@ -1,0 +1,66 @@
+"""The claims about rule sets and trials, on tables with effects of a known size."""
+
+import numpy as np
+import pytest
+
+from analysis.report.claims.claim import METRIC_OURS
+from analysis.report.claims.evidence import Evidence
+from analysis.report.claims.reading import read_claims
+from analysis.report.claims.rule_sets import all_rule_set_runs, runs_on_ten
+from analysis.report.claims.verdicts import NOT_SUPPORTED, NOT_TESTABLE, SUPPORTED
+from analysis.report.results import read_results
+from tests.synthetic_results import rule_set_distances, rule_set_rows, trial_rows, write_results
+
+
+def evidence_of(folder, runs, distances=None):
+    write_results(folder, {"runs": runs})
+    if distances is not None:
+        study = folder / "studies" / "rule_set_distances"
+        study.mkdir(parents=True)
+        distances.to_csv(study / "rule_sets.csv", index=False)
+    return Evidence(read_results(folder))
+
+
+def claims_of(evidence):
+    return {claim.name: claim for claim in read_claims(evidence)}
+
+
+@pytest.mark.parametrize(
+    ("planted", "of_number", "of_distance"),
+    [
+        ({"of_number": 0.05}, SUPPORTED, NOT_SUPPORTED),
+        ({"of_distance": 0.2}, SUPPORTED, SUPPORTED),  # more of them are nearer
+        ({"of_number": -0.05}, NOT_SUPPORTED, NOT_SUPPORTED),
+    ],
+)
+def test_what_number_and_distance_do_is_found(tmp_path, planted, of_number, of_distance):
+    runs = rule_set_rows(np.random.default_rng(0), seeds=10, **planted)
+    found = claims_of(evidence_of(tmp_path, runs, rule_set_distances(runs)))
+    assert found["rule-sets"].verdict(METRIC_OURS) == of_number
+    if "of_distance" in planted:
+        assert found["rule-set-distance"].verdict(METRIC_OURS) == of_distance
+
+
+def test_picked_rule_sets_do_not_count_among_numbers(tmp_path):
+    runs = rule_set_rows(np.random.default_rng(0), seeds=6)
+    evidence = evidence_of(tmp_path, runs, rule_set_distances(runs))
+    both, ten = all_rule_set_runs(evidence), runs_on_ten(evidence)
+    assert len(both) == 30 and set(ten["design"]) == {"rule_sets_10", "rule_sets_10_near", "rule_sets_10_far"}
+    assert dict(zip(ten["chosen"], ten["dynamics_w2"], strict=True)) == {"": 3.5, "near": 3.0, "far": 4.2}
+    (one,) = claims_of(evidence)["rule-sets"].tests(METRIC_OURS)
+    assert one.found.n == 18
+
+
+def test_distances_that_were_not_measured_leave_the_other_question(tmp_path):
+    runs = rule_set_rows(np.random.default_rng(0), seeds=6, of_number=0.05)
+    found = claims_of(evidence_of(tmp_path, runs))
+    assert found["rule-sets"].verdict(METRIC_OURS) == SUPPORTED
+    assert found["rule-set-distance"].verdict(METRIC_OURS) == NOT_TESTABLE
+    assert "rule_set_distances" in found["rule-set-distance"].needs
+
+
+@pytest.mark.parametrize(("gain", "verdict"), [(0.2, SUPPORTED), (0.0, NOT_SUPPORTED), (-0.2, NOT_SUPPORTED)])
+def test_what_a_memory_gains_is_found(tmp_path, gain, verdict):
+    found = claims_of(evidence_of(tmp_path, trial_rows(np.random.default_rng(0), gain, seeds=6)))["memory"]
+    assert found.verdict(METRIC_OURS) == verdict
+    assert found.tests(METRIC_OURS)[0].found.estimate == pytest.approx(gain, abs=0.02)
