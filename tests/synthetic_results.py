@@ -152,7 +152,13 @@ def everything(rng: np.random.Generator, **main: Any) -> dict[str, pd.DataFrame]
     return tables | {"probes": probe_rows(rng, runs)}
 
 
-RULE_SETS = {"rule_sets_1": 4.0, "rule_sets_10": 3.5, "rule_sets_10_near": 3.0, "rule_sets_10_far": 4.2, "rule_sets_100": 2.7}
+RULE_SETS = {
+    "rule_sets_1": 4.0,
+    "rule_sets_10": 3.5,
+    "rule_sets_10_near": 3.0,
+    "rule_sets_10_far": 4.2,
+    "rule_sets_100": 2.7,
+}
 """Designs, and how far their rule sets are from those of the test."""
 
 

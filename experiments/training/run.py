@@ -56,6 +56,7 @@ from experiments.tracking.mlflow_sync import files_of
 from experiments.tracking.tracker import Tracker, start_tracking
 from experiments.training.large_numbers import advice, large_numbers
 from experiments.training.training_loop import Training
+from experiments.training.trials import advice_on_trials
 from experiments.training.unseen import (
     advice_on_entities,
     advice_on_parameters,
@@ -200,13 +201,8 @@ def _prepare(
     if parameters := unseen_parameters(config, train, test):
         say(advice_on_parameters(parameters, config))
     learner = make_learner(kind, config.algorithm, env, config.scale.frames, config.seed)
-    if config.trials > 1 and not hasattr(learner.policy, "begin"):
-        say(
-            f"warning: trials={config.trials}, and the policy of algorithm={config.algorithm.name} has no memory: it can carry"
-            f" nothing from one trial to the next. It meets each level {config.trials} times in a row, and its trials differ by"
-            " chance alone, so that the adaptation gain says nothing of it. An algorithm with a memory adapts:"
-            " algorithm=ppo_recurrent"
-        )
+    for line in advice_on_trials(config, train, learner.policy):
+        say(line)
     code = executed_code(config) if code is None else with_data(code)
     training = Training(config, folder, learner, journal, signals, train, code)
     hashes = {"train": levels_hash(train), "test": levels_hash(test)}

@@ -18,11 +18,12 @@ from experiments.settings import (
     PPOConfig,
     RecurrentPPOConfig,
     RunConfig,
+    TaskConfig,
     as_data,
     run_config,
 )
 from experiments.training.run import run
-from segar import family
+from segar import GoalTile, GolfBall, Position, family, puttputt
 from segar.envs import VectorEnv
 from tests.experiments.short_runs import killed_after, same_results, short_run
 
@@ -129,3 +130,31 @@ def test_trials_are_part_of_a_run_s_name_only_where_there_are_several():
     ppo = dataclasses.replace(RunConfig(), algorithm=PPOConfig())
     assert ppo.label() != dataclasses.replace(ppo, trials=2).label()
     assert run_config(as_data(RunConfig(trials=4))).trials == 4
+
+
+@pytest.mark.parametrize(
+    ("task", "algorithm", "expected"),
+    [
+        (TaskConfig(), RECURRENT, True),
+        (TaskConfig(), dataclasses.replace(RECURRENT, joins_trials=False), False),
+        (TaskConfig(f"{__name__}:for_success"), RECURRENT, False),
+    ],
+)
+def test_an_agent_that_does_well_not_to_end_trials_is_told(tmp_path, task, algorithm, expected):
+    said: list[str] = []
+    config = dataclasses.replace(
+        short_run(tmp_path / "run", trials=2), algorithm=algorithm, task=task, observation=PAST
+    )
+    run(config, said.append)
+    assert sum("may learn not to end any" in line for line in said) == expected
+    run(dataclasses.replace(config, trials=1, folder=str(tmp_path / "one")), said.append)
+    assert sum("may learn not to end any" in line for line in said) == expected
+
+
+def for_success():
+    """PuttPutt that rewards arriving, and nothing else."""
+
+    def reached(ball: GolfBall, goal: GoalTile) -> float:
+        return 1.0 if (ball[Position] - goal[Position]).norm() < 0.05 else 0.0
+
+    return dataclasses.replace(puttputt(), name="success", reward=reached)
