@@ -8,6 +8,7 @@ from segar.levels import checks, moments
 from segar.levels.conditional import Dependent
 from segar.levels.description import all_subclasses, description_of
 from segar.levels.distribution import LevelDistribution
+from segar.levels.distribution_text import read_distribution, written
 from segar.levels.hashing import content_hash, hash_of_levels
 from segar.levels.level_data import LEVEL_ARRAYS, Provenance
 from segar.levels.level_set import Levels, levels_from_data
@@ -23,6 +24,6 @@ __all__ = [
     "DIFFICULTIES", "LEVEL_ARRAYS", "TASKS", "TASK_LEVELS", "Dependent", "Draw", "LevelDistribution", "Levels",
     "PointSets", "Prior", "Provenance", "SamplingPlan", "SlotGroup", "active_options", "all_subclasses",
     "check_levels", "checks", "content_hash", "description_of", "entity_types", "factors_needed", "families",
-    "family", "gather", "hash_of_levels", "levels_from_data", "marginals", "mix", "moments", "rule_space_of",
-    "rules_in_words", "share_rule_sets", "shared_rule_sets", "slot_distributions", "source_moments",
+    "family", "gather", "hash_of_levels", "levels_from_data", "marginals", "mix", "moments", "read_distribution", "rule_space_of",
+    "rules_in_words", "share_rule_sets", "shared_rule_sets", "slot_distributions", "source_moments", "written",
 ]  # fmt: skip

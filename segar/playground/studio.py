@@ -14,10 +14,9 @@ from segar.envs import VectorEnv
 from segar.errors import LevelError, SegarError, UnseenDifferenceWarning
 from segar.hardness import Plan, hardness, influence, plan
 from segar.language import Position, Task
-from segar.levels import LevelDistribution, Levels
+from segar.levels import LevelDistribution, Levels, read_distribution, written
 from segar.metrics import ks_report, w2_report
 from segar.observations import Observation
-from segar.playground.distribution_text import read_distribution, written
 from segar.playground.page import MOST_LEVELS, make_playground
 from segar.playground.run_folder import read_policy
 from segar.policies import NETWORK_FILE

@@ -112,7 +112,13 @@ def rule_sets(evidence: Evidence) -> Drawn | str:
         parts = [(int(number), column(part, value)) for number, part in numbered.groupby("rule_sets")]  # type: ignore[arg-type]
         means = pd.DataFrame([mean_of_replicates(values).row(rule_sets=number) for number, values in parts])
         line = "-" if len(means) > 3 else "none"
-        look = {"marker": style.MARKERS[k], "color": style.PALETTE[k], "capsize": 2.5, "label": label, "linestyle": line}
+        look = {
+            "marker": style.MARKERS[k],
+            "color": style.PALETTE[k],
+            "capsize": 2.5,
+            "label": label,
+            "linestyle": line,
+        }
         axes.errorbar(column(means, "rule_sets"), column(means, "estimate"), yerr=error_bars(means, "estimate"), **look)
         axes.scatter(column(numbered, "rule_sets"), column(numbered, value), s=12, color=style.PALETTE[k], alpha=0.5)
         log_axis(axes, sorted(set(means["rule_sets"])))

@@ -12,7 +12,11 @@ import numpy as np
 from segar import language, noise
 from segar.errors import LevelError, SegarError, did_you_mean
 from segar.language import BaseShape, Entity, Factor, Relation, Symbol, ThingFactory
-from segar.levels import Dependent, LevelDistribution, Prior, all_subclasses, content_hash
+from segar.levels.conditional import Dependent
+from segar.levels.description import all_subclasses
+from segar.levels.distribution import LevelDistribution
+from segar.levels.hashing import content_hash
+from segar.levels.priors import Prior
 from segar.noise import Noise
 
 PARTS = ("numbers", "priors", "parameters", "positions", "min_distance")

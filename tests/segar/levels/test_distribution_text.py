@@ -6,9 +6,8 @@ import pytest
 import segar
 from segar import Ball, Charge, Circle, GoalTile, Gravity, Mass, Position, Prior, Shape, Size, UniformNoise
 from segar.language import RandomConvexHull
-from segar.levels import TASK_LEVELS, Dependent, families
+from segar.levels import TASK_LEVELS, Dependent, families, read_distribution, written
 from segar.noise import Affine, Choice, Empirical, GaussianNoise, Independent, Mixture
-from segar.playground.distribution_text import read_distribution, written
 
 
 class Warmth(segar.Scalar, default=3.0):
