@@ -24,6 +24,6 @@ __all__ = [
     "DIFFICULTIES", "LEVEL_ARRAYS", "TASKS", "TASK_LEVELS", "Dependent", "Draw", "LevelDistribution", "Levels",
     "PointSets", "Prior", "Provenance", "SamplingPlan", "SlotGroup", "active_options", "all_subclasses",
     "check_levels", "checks", "content_hash", "description_of", "entity_types", "factors_needed", "families",
-    "family", "gather", "hash_of_levels", "levels_from_data", "marginals", "mix", "moments", "read_distribution", "rule_space_of",
-    "rules_in_words", "share_rule_sets", "shared_rule_sets", "slot_distributions", "source_moments", "written",
+    "family", "gather", "hash_of_levels", "levels_from_data", "marginals", "mix", "moments", "read_distribution",
+    "rule_space_of", "rules_in_words", "share_rule_sets", "shared_rule_sets", "slot_distributions", "source_moments", "written",
 ]  # fmt: skip
