@@ -4,6 +4,7 @@ The room puts engine, levels, tasks, observations and rendering together. Other 
 """
 
 from segar.envs.gym_env import Env
+from segar.envs.level_pool import LevelPool
 from segar.envs.playing import Act, StepSource, TimeStep, play
 from segar.envs.registration import REWARDS, register_all
 from segar.envs.snapshots import Snapshot
@@ -12,7 +13,7 @@ from segar.envs.vector import VectorEnv, world_of
 from segar.support import need
 
 __all__ = [
-    "REWARDS", "Act", "Env", "EnvironmentCalls", "SB3VecEnv", "Snapshot", "StepSource", "TimeStep", "TorchRLEnv",
+    "REWARDS", "Act", "Env", "EnvironmentCalls", "LevelPool", "SB3VecEnv", "Snapshot", "StepSource", "TimeStep", "TorchRLEnv",
     "VectorEnv", "build_environment", "environment_calls", "play", "register_all", "world_of",
 ]  # fmt: skip
 

@@ -36,6 +36,32 @@ def start_episodes(
 
 
 @cached(**_options)
+def draw_levels(rows, seed, trials, count, cumulative, episodes, chosen):
+    """Write into ``chosen[env]``, where it is negative, the level on which the episode that starts there begins.
+
+    It is one of the first ``count`` levels, drawn uniformly where ``cumulative`` is empty, and else with probabilities that
+    sum up to ``cumulative``. It stays negative where another trial on the last level follows. A uniform draw is that of
+    :func:`start_episodes`.
+    """
+    for r in range(len(rows)):
+        e = rows[r]
+        if chosen[e] >= 0 or episodes[e] % trials:
+            continue
+        u = uniform(mix(np.uint64(seed) + mix(np.uint64(e) * np.uint64(GOLDEN) + np.uint64(episodes[e]))))
+        if len(cumulative) == 0:
+            chosen[e] = np.int64(u * count)
+            continue
+        total, low, high = cumulative[count - 1], 0, count - 1
+        while low < high:  # the first level whose sum exceeds the draw, or reaches all there is
+            middle = (low + high) // 2
+            if cumulative[middle] > u * total or cumulative[middle] == total:
+                high = middle
+            else:
+                low = middle + 1
+        chosen[e] = low
+
+
+@cached(**_options)
 def record_ends(ended, level, lengths, contacts, unresolved, returns, success, death, counts, sums, flags):
     """Write the results of the episodes that ended into arrays of all environments, which are 0 elsewhere.
 

@@ -88,6 +88,16 @@ class Env(gymnasium.Env):
         self._show(episode_verdict(info, terminated, truncated))
         return _first(observations), float(rewards[0]), terminated, truncated, info
 
+    def replace_levels(self, indices: Any, levels: Levels) -> None:
+        """Take other levels for the episodes that begin from now on; see :meth:`VectorEnv.replace_levels`."""
+        self._batch.replace_levels(indices, levels)
+        if self._camera is not None:
+            self._camera.show_levels(self._batch.pool.levels)
+
+    def set_level_weights(self, weights: Any) -> None:
+        """Draw levels with these weights from now on; see :meth:`VectorEnv.set_level_weights`."""
+        self._batch.set_level_weights(weights)
+
     def render(self) -> np.ndarray | None:
         """A frame, uint8 ``view.shape``; None without a render mode, and for 'human', where a window shows it.
 
@@ -110,7 +120,7 @@ class Env(gymnasium.Env):
         """What draws for people; None without a render mode."""
         if self.render_mode is None:
             return None
-        return Camera(self.levels, self._batch.simulator.world, self.task, 1, self.render_mode, self._view)
+        return Camera(self._batch.pool.levels, self._batch.simulator.world, self.task, 1, self.render_mode, self._view)
 
     def _show(self, verdict: str) -> None:
         """Note how the episode ended, and show the state where the render mode is a window."""

@@ -10,6 +10,7 @@ from tensordict import TensorDict, TensorDictBase
 from torchrl.data import Binary, Bounded, Composite, Unbounded
 from torchrl.envs import EnvBase
 
+from segar.envs.level_pool import LevelPool
 from segar.envs.snapshots import Snapshot
 from segar.envs.trials import trial_info
 from segar.envs.vector import VectorEnv
@@ -101,11 +102,24 @@ class TorchRLEnv(EnvBase):
         """A copy of everything that decides how the episodes go on; see :meth:`segar.envs.VectorEnv.state`."""
         return self.vector_env.state()
 
-    def restore(self, snapshot: Snapshot) -> TensorDict:
-        """Go on from a snapshot; return the entries of a reset, about the episodes that run in the snapshot."""
-        observation = self.vector_env.restore(snapshot)
+    def replace_levels(self, indices: Any, levels: Levels) -> None:
+        """Take other levels for the episodes that begin from now on; see :meth:`segar.envs.VectorEnv.replace_levels`."""
+        self.vector_env.replace_levels(indices, levels)
+
+    def set_level_weights(self, weights: Any) -> None:
+        """Draw levels with these weights from now on; see :meth:`segar.envs.VectorEnv.set_level_weights`."""
+        self.vector_env.set_level_weights(weights)
+
+    def restore(self, snapshot: Snapshot, pool: LevelPool | None = None) -> TensorDict:
+        """Go on from a snapshot, on the levels of a pool where one is given; return the entries of a reset, about the episodes
+        that run in the snapshot."""
+        observation = self.vector_env.restore(snapshot, pool)
         never = np.zeros(self.num_envs, dtype=bool)
-        info = {"level": snapshot.state.level, "return": snapshot.returns, "length": snapshot.lengths}
+        info = {
+            "level": self.vector_env.pool.named(snapshot.state.level),
+            "return": snapshot.returns,
+            "length": snapshot.lengths,
+        }
         info = {key: value.copy() for key, value in info.items()} | {"success": never, "death": never}
         info |= trial_info(self.vector_env.trials, snapshot.episodes, snapshot.lengths)
         return self._tensordict(

@@ -22,7 +22,8 @@ from segar.envs.checks import (
     shown,
     whole_number,
 )
-from segar.envs.episode_kernel import count_step, record_ends, start_episodes
+from segar.envs.episode_kernel import count_step, draw_levels, record_ends, start_episodes
+from segar.envs.level_pool import LevelPool
 from segar.envs.snapshots import Snapshot
 from segar.envs.trials import MOST_TRIALS, trial_info
 from segar.errors import LevelError, SegarError, did_you_mean, must_be
@@ -60,9 +61,10 @@ class VectorEnv(gymnasium.vector.VectorEnv):
     >>> env.step(np.zeros((64, 2), np.float32))[1].shape
     (64,)
 
-    Each episode starts on a level drawn uniformly from the set (the epistemic POMDP). With ``trials=k``, the next k - 1
-    episodes of the environment start on the same level, too, with randomness of their own. Environment ``e`` behaves in
-    the same way for all ``num_envs`` and ``num_threads``.
+    Each episode starts on a level drawn uniformly from the set (the epistemic POMDP); :meth:`set_level_weights` and
+    :meth:`replace_levels` change weights and levels for the episodes that follow, on the processor. With ``trials=k``, the
+    next k - 1 episodes of the environment start on the same level, too, with randomness of their own. Environment ``e``
+    behaves in the same way for all ``num_envs`` and ``num_threads``.
 
     ``info`` holds ``level`` (int64, index in ``levels``), ``return`` (float64, every reward counted) and ``length`` of
     the running episode, ``success`` and ``death`` (bool), ``factors`` (mapping of the true factors, gathered on
@@ -142,7 +144,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         task = task or task_of(levels)
         limits = {"max_steps": max_steps, "sub_steps": sub_steps}
         self.task = replace(task, **{name: value for name, value in limits.items() if value is not None})
-        self.levels, self.num_envs, self.copy = levels, num_envs, copy
+        self.levels, self.pool, self.num_envs, self.copy = levels, LevelPool.of(levels), num_envs, copy
         if not isinstance(autoreset_mode, AutoresetMode) and autoreset_mode not in [
             mode.value for mode in AutoresetMode
         ]:
@@ -153,9 +155,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         modes = {"autoreset_mode": self.autoreset_mode, "render_modes": offered_modes()}
         self.metadata = {**type(self).metadata, **modes}
         self.simulator = Simulator(world or world_of(levels), levels.layout, self.task, num_threads)
-        described = for_task(make_observation(observation), self.task)
-        self.observation = described.bind(replace(levels, world=self.simulator.world), num_envs)
-        self._hooks, self._reads = hooks_of(self.observation), simulator_reads(self.observation)
+        self._described = for_task(make_observation(observation), self.task)
+        self._bind_observation()
         self._team = Team(num_threads)
         self.single_observation_space = self.observation.space
         low, high = np.array(self.task.action_low, np.float32), np.array(self.task.action_high, np.float32)
@@ -171,7 +172,6 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self._ended = np.empty(num_envs, np.int64)
         self._any_level = np.full(num_envs, -1)
         self._outcome = StepResult.empty(num_envs)
-        self._buffers = Buffers(num_envs, copy, self.observation)
         self._last_factors: weakref.ref[Factors] | None = None
         self._started = False
         self._now = Snapshot(
@@ -310,8 +310,11 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             self._episodes.pull()
         return replace(self._now.copy(), memory=self._hooks.memory())
 
-    def restore(self, snapshot: Snapshot) -> Any:
+    def restore(self, snapshot: Snapshot, pool: LevelPool | None = None) -> Any:
         """Go on from a snapshot of ``num_envs`` environments on these levels; return the observations.
+
+        A snapshot says levels by their places. Where levels were replaced before or after it was taken, give the
+        environment's ``pool`` of that moment, too.
 
         The snapshot holds what observations show of the past. Where it does not, because its environment observed
         something else, observations are as if the episode had started now. Which trial runs follows from the number of
@@ -322,8 +325,11 @@ class VectorEnv(gymnasium.vector.VectorEnv):
                 another observation.
         """
         instance("snapshot", snapshot, Snapshot, "a segar.envs.Snapshot, as env.state() makes it")
-        snapshot.check_fits(self.levels, self.num_envs)
+        snapshot.check_fits((pool or self.pool).levels, self.num_envs)
         self._detach_factors()
+        if pool is not None:
+            self._require_processor("restore with a pool")
+            self._use_pool(pool)
         everywhere = np.ones(self.num_envs, np.bool_)
         self._hooks.forget(everywhere)
         self._hooks.start(snapshot.state.key, snapshot.state.level, everywhere)
@@ -338,14 +344,17 @@ class VectorEnv(gymnasium.vector.VectorEnv):
     def __reduce__(self) -> tuple[Any, ...]:
         """A pickle holds the arguments, the episodes that run, and the random generators of spaces; nothing compiled."""
         kept = {name: value for name, value in vars(self).items() if name in KEPT_IN_PICKLES}
-        return _remade, (type(self), self._arguments), (self._started, self.state(), kept)
+        return _remade, (type(self), self._arguments), (self._started, self.state(), self.pool, kept)
 
-    def __setstate__(self, state: tuple[bool, Snapshot, dict[str, Any]]) -> None:
-        started, snapshot, kept = state
+    def __setstate__(self, state: tuple[bool, Snapshot, LevelPool, dict[str, Any]]) -> None:
+        started, snapshot, pool, kept = state
         vars(self).update(kept)
-        if started:
+        if started and self._episodes is None:
+            self.restore(snapshot, pool)
+        elif started:
             self.restore(snapshot)
         else:
+            self._use_pool(pool)
             self._now = replace(snapshot, memory={})
 
     def intervene(self, entity: str, factor: type[Factor], value: Any, where: np.ndarray | None = None) -> Any:
@@ -378,6 +387,64 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             self._episodes.push(self._now)
         return self._observe_all()
 
+    def replace_levels(self, indices: Any, levels: Levels) -> None:
+        """Take other levels in place of those at ``indices``, for all episodes that begin from now on.
+
+        Running episodes go on as they would have, and further trials are on the same level, with random draws of their own;
+        ``info`` says -1 as the ``level`` of those whose level was replaced. Weights stay with their places. Nothing is
+        compiled.
+
+        Args:
+            indices: int ``(k,)``, each once.
+            levels: ``k`` levels with the same layout, rules and task.
+
+        Raises:
+            LevelError: the indices or the levels do not fit. SegarError: episodes run on a GPU.
+        """
+        self._require_processor("replace_levels")
+        pool, rows = self.pool.replaced(indices, levels, self._now.state.level if self._started else None)
+        if rows is None:
+            self._use_pool(pool)
+            return
+        snapshot = self.state()
+        snapshot.state.level[:] = rows
+        self.restore(snapshot, pool)
+
+    def set_level_weights(self, weights: Any) -> None:
+        """Draw the levels of all episodes that begin from now on with these weights.
+
+        Args:
+            weights: float ``(levels,)``, at least 0, relative to each other; None for a uniform draw.
+
+        Raises:
+            LevelError: the weights do not fit the levels. SegarError: episodes run on a GPU.
+        """
+        self._require_processor("set_level_weights")
+        self.pool = self.pool.weighted(weights)
+
+    def _require_processor(self, method: str) -> None:
+        if self._episodes is not None:
+            raise SegarError(
+                f"{method}: episodes on a GPU keep their levels; use device='cpu', or make other environments"
+            )
+
+    def _use_pool(self, pool: LevelPool) -> None:
+        """Play the levels of a pool; the rows of running episodes are the caller's to set."""
+        self._detach_factors()
+        if pool.levels is not self.pool.levels:
+            self.pool, self.levels = pool, pool.drawn
+            self._bind_observation()
+            if self._camera is not None:
+                self._camera.show_levels(pool.levels)
+        self.pool = pool
+
+    def _bind_observation(self) -> None:
+        """Make what observes the levels of the pool."""
+        levels = replace(self.pool.levels, world=self.simulator.world)
+        self.observation = self._described.bind(levels, self.num_envs)
+        self._hooks, self._reads = hooks_of(self.observation), simulator_reads(self.observation)
+        self._buffers = Buffers(self.num_envs, self.copy, self.observation)
+
     def _episodes_on(self, device: Any) -> "DeviceEpisodes":
         """The episodes on a GPU."""
         if self.render_mode is not None:
@@ -405,9 +472,9 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         """Step all states by the actions; return the observations of the states that follow."""
         if self._reads is not None:  # the simulator writes the observations while it has the states at hand
             observations = self._buffers.output()
-            self.simulator.act(self._now.state, self.levels, actions, self._outcome, self._reads, observations)
+            self.simulator.act(self._now.state, self.pool.levels, actions, self._outcome, self._reads, observations)
             return observations
-        self.simulator.act(self._now.state, self.levels, actions, self._outcome)
+        self.simulator.act(self._now.state, self.pool.levels, actions, self._outcome)
         self._hooks.advance(actions)
         self._hooks.rewarded(self._outcome.reward)
         return self._observe_all()
@@ -428,11 +495,14 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         return reward, out.terminated.copy(), out.success.copy(), out.death.copy()
 
     def _start_episodes(self, rows: np.ndarray, chosen: np.ndarray | None = None) -> None:
-        """Start episodes in these rows, on the chosen levels or on ones drawn uniformly, or the next trials there."""
+        """Start episodes in these rows, on the chosen levels or on ones that are drawn, or the next trials there."""
         now, state = self._now, self._now.state
         chosen = self._any_level if chosen is None else chosen
+        if not self.pool.is_plain:
+            chosen, sums = chosen.copy(), self.pool.cumulative
+            draw_levels(rows, np.uint64(now.seed), self.trials, self.pool.count, sums, now.episodes, chosen)
         start_episodes(
-            rows, np.uint64(now.seed), self.trials, chosen, self.levels.values, state.values, state.level, state.key,
+            rows, np.uint64(now.seed), self.trials, chosen, self.pool.levels.values, state.values, state.level, state.key,
             state.tick, state.contacts, now.state.unresolved_contacts, now.returns, now.lengths, now.episodes,
         )  # fmt: skip
         mask = np.zeros(self.num_envs, np.bool_)
@@ -465,7 +535,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         factors = Factors(self.levels.layout, now.state.values)
         self._last_factors = weakref.ref(factors)
         counts = (
-            now.state.level.copy(),
+            self.pool.named(now.state.level),
             now.lengths.copy(),
             now.state.contacts.copy(),
             now.state.unresolved_contacts.copy(),
@@ -488,6 +558,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             ended, state.level, now.lengths, state.contacts, state.unresolved_contacts, now.returns, success, death, counts,
             returns, flags,
         )  # fmt: skip
+        counts[0] = self.pool.named(counts[0])
         factors = Factors(self.levels.layout, state.values[ended], ended, self.num_envs)
         trials = {
             name: np.where(flags[2], array, np.zeros_like(array))

@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, Protocol
 
@@ -72,6 +73,11 @@ class Camera:
             self._show(now, verdicts)
             return None
         return tuple(self._frames(now, range(self._num_envs), verdicts))
+
+    def show_levels(self, levels: Levels) -> None:
+        """Draw the states of other levels of the same layout, in the same window."""
+        self._stage = replace(self._stage, levels=levels)
+        vars(self).pop("_plain", None)
 
     def close(self) -> None:
         """Close the window, if there is one."""
