@@ -13,6 +13,7 @@ from segar.levels.hashing import content_hash, hash_of_levels
 from segar.levels.level_data import LEVEL_ARRAYS, Provenance
 from segar.levels.level_set import Levels, levels_from_data
 from segar.levels.moments import PointSets, entity_types, gather, source_moments
+from segar.levels.mutation import mutate
 from segar.levels.named_families import DIFFICULTIES, TASK_LEVELS, TASKS, families, family
 from segar.levels.priors import Prior, factors_needed
 from segar.levels.probability.marginals import marginals, mix, slot_distributions
@@ -24,6 +25,7 @@ __all__ = [
     "DIFFICULTIES", "LEVEL_ARRAYS", "TASKS", "TASK_LEVELS", "Dependent", "Draw", "LevelDistribution", "Levels",
     "PointSets", "Prior", "Provenance", "SamplingPlan", "SlotGroup", "active_options", "all_subclasses",
     "check_levels", "checks", "content_hash", "description_of", "entity_types", "factors_needed", "families",
-    "family", "gather", "hash_of_levels", "levels_from_data", "marginals", "mix", "moments", "read_distribution",
-    "rule_space_of", "rules_in_words", "share_rule_sets", "shared_rule_sets", "slot_distributions", "source_moments", "written",
+    "family", "gather", "hash_of_levels", "levels_from_data", "marginals", "mix", "moments", "mutate",
+    "read_distribution", "rule_space_of", "rules_in_words", "share_rule_sets", "shared_rule_sets",
+    "slot_distributions", "source_moments", "written",
 ]  # fmt: skip

@@ -29,6 +29,7 @@ from segar.noise import Noise
 from segar.rules import RuleSpace, World
 from segar.support import Estimate, __version__
 
+MOST_LEVELS = 2**62  # indices of a split end before it
 CONFIG_KEYS = ("numbers", "priors", "parameters", "positions", "name", "world", "min_distance", "task")
 
 
@@ -104,11 +105,11 @@ class LevelDistribution:
         check_priors(self.priors, self.layout.types[:-1])
         _ = self.plan  # contradictions show here, not at the first sample
 
-    def sample(self, n: int, seed: int = 0, split: str = "train") -> Levels:
-        """The first ``n`` levels of a split. Level i depends on (distribution, seed, split, i) alone.
+    def sample(self, n: int, seed: int = 0, split: str = "train", start: int = 0) -> Levels:
+        """``n`` levels of a split, from index ``start`` on. Level i depends on (distribution, seed, split, i) alone.
 
         Raises:
-            LevelError: n, seed or split is of the wrong kind, or the levels do not fit into memory.
+            LevelError: n, seed, split or start is of the wrong kind, or the levels do not fit into memory.
             PlacementError: the things of a level find no place; the message names level and things.
             PriorError: a distribution gave a value that its factor cannot take.
         """
@@ -118,8 +119,10 @@ class LevelDistribution:
             raise LevelError(f"{self}: the seed must be a whole number, not {seed!r}")
         if not isinstance(split, str):
             raise LevelError(f"{self}: the split must be a text such as 'train' or 'test', not {split!r}")
+        if isinstance(start, bool) or not isinstance(start, (int, np.integer)) or not 0 <= start <= MOST_LEVELS - n:
+            raise LevelError(f"{self}: the start must be the index of a level, a whole number from 0 up, not {start!r}")
         self._check_room(int(n))
-        indices = np.arange(int(n), dtype=np.int64)
+        indices = np.arange(start, start + n, dtype=np.int64)
         block = draw_levels(self.plan, Streams(str(self), self._stream, int(seed), split), indices)
         return Levels(
             **block.arrays,

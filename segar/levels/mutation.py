@@ -1,0 +1,208 @@
+"""Mutation: levels that differ from given ones in a few factors, which are drawn anew from the priors of the distribution."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from segar.errors import LevelError
+from segar.language import FloorFriction, Friction, Order, Position, Size
+from segar.levels.distribution import LevelDistribution
+from segar.levels.level_data import LEVEL_ARRAYS, Provenance
+from segar.levels.level_set import Levels
+from segar.levels.sampling.placement import fix_block
+from segar.levels.sampling.plan import SamplingPlan
+from segar.noise import Noise
+from segar.support import __version__
+
+MOST_TRIES = 100  # a level is mutated anew at most so often, as placement tries 100 times
+OUTLINE = ("shape_kind", "vertex_count", "vertices")
+
+
+@dataclass(frozen=True)
+class Site:
+    """What one change draws anew.
+
+    Attributes:
+        what: for people, such as ``golfball.Mass`` or ``Gravity``.
+        slot: the slot of an entity, None for a world parameter.
+        columns: of the values of the slot; or the one column of the parameter.
+        is_shape: whether the shape is drawn anew, too.
+        is_entity: whether it is drawn anew if there is an entity, and of which type.
+    """
+
+    what: str
+    slot: int | None
+    columns: tuple[int, ...]
+    is_shape: bool = False
+    is_entity: bool = False
+
+
+def mutate(levels: Levels, rng: np.random.Generator, changes: int = 1) -> Levels:
+    """Levels that each differ from the given one by ``changes`` changes in a row.
+
+    A change is one of a factor, a position, a shape, an entity or a world parameter.
+
+    What changes is drawn anew from its prior. Changes that the distribution cannot draw together with what stays (two things
+    too close, a relation of a conditional prior that holds no more) are refused, and others are tried, so that
+    ``distribution.log_prob`` is finite for each mutated level. Overlaps are fixed as in sampled levels.
+
+    Args:
+        levels: as they were sampled from a distribution, or mutated.
+        rng: decides what changes, and to what.
+        changes: at least 1.
+
+    Returns:
+        As many levels, whose provenance names no distribution, since no seed and index draw them again.
+
+    Raises:
+        LevelError: the levels know no distribution; it draws nothing; or a level admits no change.
+        PriorError: the distribution has no ``log_prob``, see :meth:`segar.LevelDistribution.log_prob`.
+    """
+    distribution = levels.distribution
+    if not isinstance(distribution, LevelDistribution):
+        raise LevelError(
+            f"{levels!r} know no distribution from which factors could be drawn anew; sample levels from one"
+        )
+    if isinstance(changes, bool) or not isinstance(changes, (int, np.integer)) or changes < 1:
+        raise LevelError(f"changes must be a whole number above 0, not {changes!r}")
+    sites = mutable_sites(distribution.plan)
+    if not sites:
+        raise LevelError(f"{distribution} draws nothing but ranks in the pile, so its levels cannot be mutated")
+    origin = levels.provenance
+    provenance = Provenance(origin.name, "", __version__, 0, "", origin.indices, origin.rules)
+    mutated = dataclasses.replace(levels, provenance=provenance)
+    for _ in range(changes):
+        mutated = _changed_once(distribution, sites, mutated, rng)
+    return mutated
+
+
+def _changed_once(
+    distribution: LevelDistribution, sites: list[Site], levels: Levels, rng: np.random.Generator
+) -> Levels:
+    """The levels with one change each; raises :class:`LevelError`."""
+    mutated = {name: getattr(levels, name).copy() for name in LEVEL_ARRAYS}
+    left = np.arange(len(levels))
+    for _ in range(MOST_TRIES):
+        donors = distribution.sample(len(left), seed=int(rng.integers(2**63)), split="mutation")
+        arrays, changed = _exchanged(levels[left], donors, sites, rng.integers(len(sites), size=len(left)))
+        tried = dataclasses.replace(levels[left], **arrays)
+        fits = changed & _can_be_drawn(distribution, tried)
+        for name, array in arrays.items():
+            mutated[name][left[fits]] = array[fits]
+        left = left[~fits]
+        if not len(left):
+            return dataclasses.replace(levels, **mutated)
+    raise LevelError(
+        f"level {left[0]}: {MOST_TRIES} tries to change something gave no other level that {distribution} can draw; leave this"
+        " level out"
+    )
+
+
+def mutable_sites(plan: SamplingPlan) -> list[Site]:
+    """All that the plan draws, each with what it changes; ranks in the pile are left as they are."""
+    layout, sites = plan.layout, []
+    parameters = [column for column, _ in plan.parameter_priors] + plan.rule_columns
+    for column in parameters:
+        sites.append(Site(layout.parameters[column].__name__, None, (column,)))
+    drawn: dict[tuple[int, Any], None] = {
+        (d.slot, d.factor): None for d in plan.draws if not issubclass(d.factor, Order)
+    }
+    for slot, factor in drawn:
+        if slot not in plan.fixed_positions or not issubclass(factor, Position):
+            columns = plan.columns(factor)
+            name = f"{layout.names[slot]}.{factor.__name__}"
+            sites.append(Site(name, slot, tuple(range(columns.start, columns.stop))))
+    for outline in plan.outlines:
+        if getattr(outline.shapes, "keys", None) is not None or getattr(outline.shapes, "is_random", False):
+            size = (layout.columns[Size],) if Size in layout.columns else ()
+            sites.append(Site(f"{layout.names[outline.slot]}.Shape", outline.slot, size, is_shape=True))
+    for group in plan.groups:
+        if isinstance(group.count, Noise) or len(group.types) > 1:
+            for slot in group.slots:
+                everything = tuple(range(layout.width))
+                sites.append(Site(layout.names[slot], slot, everything, is_shape=True, is_entity=True))
+    return sites
+
+
+def _exchanged(
+    levels: Levels, donors: Levels, sites: list[Site], chosen: np.ndarray
+) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """The arrays of levels with the chosen sites of donors, and whether these changed something, bool ``(n,)``.
+
+    Args:
+        chosen: int ``(n,)``, indices of sites.
+    """
+    arrays = {name: getattr(levels, name).copy() for name in LEVEL_ARRAYS}
+    changed = np.zeros(len(levels), np.bool_)
+    for k, site in enumerate(sites):
+        rows = np.flatnonzero(chosen == k)
+        if len(rows):
+            changed[rows] = _exchange(arrays, donors, site, rows)
+    return arrays, changed
+
+
+def _exchange(arrays: dict[str, np.ndarray], donors: Levels, site: Site, rows: np.ndarray) -> np.ndarray:
+    """Take one site of donors in these rows; whether it differs, bool ``(rows,)``."""
+    if site.slot is None:
+        return _exchange_parameter(arrays, donors, site.columns[0], rows)
+    slot = site.slot
+    same_type = arrays["types"][rows, slot] == donors.types[rows, slot]
+    differs = ~same_type if site.is_entity else np.zeros(len(rows), np.bool_)
+    if not site.is_entity:
+        rows_alike = rows[same_type & (donors.types[rows, slot] >= 0)]
+        differs[np.isin(rows, rows_alike)] = _differ(arrays, donors, site, rows_alike)
+        rows = rows_alike
+    layout = donors.layout
+    order = layout.columns.get(Order)
+    for name in ("sampled_values", "values"):
+        before = arrays[name][rows, slot]
+        taken = before.copy()
+        taken[:, list(site.columns)] = getattr(donors, name)[rows, slot][:, list(site.columns)]
+        if order is not None and site.is_entity:
+            had, has = ~np.isnan(before[:, order]), ~np.isnan(taken[:, order])
+            taken[had & has, order] = before[had & has, order]
+        arrays[name][rows, slot] = taken
+    if site.is_entity:
+        arrays["types"][rows, slot] = donors.types[rows, slot]
+    for name in OUTLINE if site.is_shape else ():
+        arrays[name][rows, slot] = getattr(donors, name)[rows, slot]
+    return differs
+
+
+def _exchange_parameter(arrays: dict[str, np.ndarray], donors: Levels, column: int, rows: np.ndarray) -> np.ndarray:
+    """Take a world parameter of donors in these rows; whether it differs, bool ``(rows,)``."""
+    layout, value = donors.layout, donors.parameters[rows, column]
+    differs = arrays["parameters"][rows, column] != value
+    arrays["parameters"][rows, column] = value
+    if layout.parameters[column] is FloorFriction:  # which is the friction of the arena's floor, too
+        for name in ("sampled_values", "values"):
+            arrays[name][rows, -1, layout.columns[Friction]] = value
+    return differs
+
+
+def _differ(arrays: dict[str, np.ndarray], donors: Levels, site: Site, rows: np.ndarray) -> np.ndarray:
+    """Whether a donor has another value, or another shape, at the site, bool ``(rows,)``."""
+    pairs = [(arrays["sampled_values"][rows, site.slot][:, list(site.columns)],
+              donors.sampled_values[rows, site.slot][:, list(site.columns)])]  # fmt: skip
+    if site.is_shape:
+        pairs += [(arrays[name][rows, site.slot], getattr(donors, name)[rows, site.slot]) for name in OUTLINE]
+    found = np.zeros(len(rows), np.bool_)
+    for ours, theirs in pairs:
+        found |= (ours != theirs).any(axis=tuple(range(1, ours.ndim)))
+    return found
+
+
+def _can_be_drawn(distribution: LevelDistribution, tried: Levels) -> np.ndarray:
+    """Whether the distribution can draw each of these levels, bool ``(n,)``; fixes their overlaps in place."""
+    layout = tried.layout
+    if Position in layout.columns:
+        x = layout.columns[Position]
+        tried.values[:, :, x : x + 2] = tried.sampled_values[:, :, x : x + 2]
+    stuck = fix_block(layout, tried)
+    fits = np.isfinite(distribution.log_prob(tried, normalised=False))
+    fits[stuck] = False
+    return fits
