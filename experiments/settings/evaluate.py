@@ -20,7 +20,7 @@ class EvaluateConfig(Settings):
     levels: str = "test"  # train, test, a family, module:attribute, or a level file
     n: Count | None = None  # how many levels; None: 100 of a distribution, all of a set
     seed: Seed = 0  # which levels of a distribution; also of the actions of the sampled policy
-    split: Split = "test"  # of a distribution: test never meets train, whatever the seeds
+    split: Split = "test"  # of a distribution: test and train are different random streams
     world: str | None = None  # rules for a level file that was saved with rules of its own, as module:attribute
     episodes: Count = 1  # on each level; one with deterministic actions where neither world nor observation is random
     modes: Modes = ACTION_MODES

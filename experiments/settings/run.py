@@ -86,7 +86,7 @@ class LevelsConfig(Settings):
     variation: str = ""  # of both distributions: a name in experiments.levels.variations, or ``module:function``
     test_variation: str | None = None  # None: the same
     test_count: Count = 100
-    test_seed: Seed = 0  # which test levels; they never meet training levels, whatever the seeds
+    test_seed: Seed = 0  # which test levels; of another random stream than training levels
     world: str | None = added_later(None)  # the rules of level files that were saved with rules of their own
 
     @property

@@ -14,9 +14,10 @@ import numpy as np
 
 from segar.errors import LevelError, PriorError, did_you_mean
 from segar.language import Entity, Factor, GlobalFriction, Layout, Parameter, Slot, ThingFactory, name_slots
+from segar.levels.apart import check_within, near_levels
 from segar.levels.explanation import Explanation, explain
 from segar.levels.hashing import content_hash
-from segar.levels.level_data import Provenance, layout_on_floor
+from segar.levels.level_data import LevelData, Provenance, layout_on_floor
 from segar.levels.level_set import Levels
 from segar.levels.priors import Prior, check_priors
 from segar.levels.probability.entropy import acceptance, entropy, log_acceptance
@@ -30,6 +31,7 @@ from segar.rules import RuleSpace, World
 from segar.support import Estimate, __version__
 
 MOST_LEVELS = 2**62  # indices of a split end before it
+MOST_TRIES, FEWEST_TRIES = 10, 1000  # levels per level that is asked for, and in all, before sampling apart gives up
 CONFIG_KEYS = ("numbers", "priors", "parameters", "positions", "name", "world", "min_distance", "task")
 
 
@@ -105,11 +107,26 @@ class LevelDistribution:
         check_priors(self.priors, self.layout.types[:-1])
         _ = self.plan  # contradictions show here, not at the first sample
 
-    def sample(self, n: int, seed: int = 0, split: str = "train", start: int = 0) -> Levels:
+    def sample(
+        self,
+        n: int,
+        seed: int = 0,
+        split: str = "train",
+        start: int = 0,
+        apart_from: LevelData | None = None,
+        within: float = 0.0,
+    ) -> Levels:
         """``n`` levels of a split, from index ``start`` on. Level i depends on (distribution, seed, split, i) alone.
 
+        Args:
+            apart_from: levels that are left out, such as those of a test: a level is passed over where one of these has the
+                same entities and shapes, and all numbers that count differ by at most ``within``. The order of drawing and
+                quantities that follow from others do not count. ``provenance.indices`` says which levels were taken.
+            within: in standard deviations of this distribution; in their own unit for numbers without spread.
+
         Raises:
-            LevelError: n, seed, split or start is of the wrong kind, or the levels do not fit into memory.
+            LevelError: an argument is of the wrong kind, the levels do not fit into memory, or too few lie apart from
+                ``apart_from``.
             PlacementError: the things of a level find no place; the message names level and things.
             PriorError: a distribution gave a value that its factor cannot take.
         """
@@ -122,7 +139,25 @@ class LevelDistribution:
         if isinstance(start, bool) or not isinstance(start, (int, np.integer)) or not 0 <= start <= MOST_LEVELS - n:
             raise LevelError(f"{self}: the start must be the index of a level, a whole number from 0 up, not {start!r}")
         self._check_room(int(n))
-        indices = np.arange(start, start + n, dtype=np.int64)
+        if apart_from is None:
+            return self._drawn(np.arange(start, start + n, dtype=np.int64), seed, split)
+        if not isinstance(apart_from, LevelData):
+            raise LevelError(f"{self}: apart_from takes levels (segar.Levels), not a {type(apart_from).__name__}")
+        check_within(within)
+        kept, tried = np.empty(0, np.int64), 0
+        while len(kept) < n:
+            block = self._drawn(np.arange(start + tried, start + tried + n, dtype=np.int64), seed, split)
+            tried += n
+            kept = np.append(kept, block.provenance.indices[~near_levels(block, apart_from, within, self)])
+            if len(kept) < n and tried >= MOST_TRIES * n + FEWEST_TRIES:
+                raise LevelError(
+                    f"{self}: of {tried} levels only {len(kept)} lie apart from the {len(apart_from)} levels of apart_from, and"
+                    f" {n} are asked for; ask for fewer, or for a smaller distance within which two count as the same"
+                )
+        return self._drawn(kept[:n], seed, split)
+
+    def _drawn(self, indices: np.ndarray, seed: int, split: str) -> Levels:
+        """The levels of a split with these indices, int64 ``(n,)``."""
         block = draw_levels(self.plan, Streams(str(self), self._stream, int(seed), split), indices)
         return Levels(
             **block.arrays,
