@@ -35,6 +35,10 @@ class LevelError(SegarError):
     """Levels or a level file cannot be used in this way."""
 
 
+class SuiteError(SegarError):
+    """There is no such suite, or a file of it is not what it was when the suite was frozen."""
+
+
 class ActionError(SegarError):
     """An action has the wrong shape or is not finite."""
 

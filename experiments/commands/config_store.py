@@ -16,6 +16,7 @@ from omegaconf import OmegaConf
 from experiments.settings import CHECKOUT, KINDS, OWN_TASK, TRACKERS, ConfigError, RunConfig, algorithm_named, as_data
 from segar.levels import TASK_LEVELS, families
 from segar.observations import OBSERVATIONS
+from segar.suites import outline, suites
 from segar.tasks import TASKS
 
 WITH_OPTIONS = ("task", "observation")
@@ -46,6 +47,10 @@ def register_settings(config_name: str = "config", settings: Mapping[str, Any] |
     store.store(name="base_config", node=base)
     for kind, config in KINDS.items():
         store.store(group="algorithm", name=f"base_{kind}", node=as_data(config()))
+    for name in suites():
+        about = outline(name)
+        levels = {"train": name, "count": about["training_levels"], "test_count": about["test_levels"]}
+        store.store(group="suite", name=name, node=levels, package="levels")
     choices = {
         "levels": ("train", (*families(), *TASK_LEVELS)),
         "task": ("name", (OWN_TASK, *TASKS)),

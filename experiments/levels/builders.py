@@ -12,6 +12,7 @@ import numpy as np
 
 from experiments.levels.conditions import conditional_puttputt
 from experiments.levels.rule_sets import levels_of_rule_sets
+from experiments.levels.suite_levels import SuiteLevels, levels_of_suite, options_of_suite
 from experiments.levels.variations import vary
 from experiments.settings import (
     DEFAULT_TASK,
@@ -86,6 +87,11 @@ def distribution_of(config: LevelsConfig, which: str) -> Any:
     name, variation = config.named(which)
     place, place_of_variation = f"levels.{which}", "levels.variation" if which == "train" else "levels.test_variation"
     path = level_file(name, place)
+    of_suite = levels_of_suite(name, which, place)
+    if of_suite is not None:
+        if variation:
+            raise ConfigError(f"{place_of_variation}: the suite {name} is frozen and cannot be varied")
+        return of_suite
     if path is None:
         return vary(find_distribution(name, place), variation, place_of_variation)
     if which == "test" and config.test is None:
@@ -131,6 +137,8 @@ def pick_levels(distribution: Any, config: LevelsConfig, test: Any) -> Any:
     """The training levels that the settings ask for; raises :class:`LevelError` where no levels meet their design."""
     if TARGET_DESIGN.fullmatch(config.design):
         return levels_at_target(distribution, config, test)
+    if isinstance(distribution, SuiteLevels) and config.design != "iid":
+        raise ConfigError(f"levels.design: the suite {distribution.name} draws its training levels; leave {config.design} out")
     if config.design == "iid":  # a user's own distribution need not be a LevelDistribution for this design
         return distribution.sample(config.count, seed=config.seed, split="train")
     if RULE_SETS_DESIGN.fullmatch(config.design):
@@ -207,9 +215,11 @@ def environment_options(config: RunConfig, num_envs: int | None = None, train: L
             import_object(name, f"levels.{setting}")
     is_own = config.task.name == OWN_TASK
     place = f"levels.train: the task that {config.levels.train} names" if is_own else "task.name"
-    task = _find(task_name(config), config.task.options, "task", place)
+    suite = levels_of_suite(config.levels.train, "train", "levels.train")
+    task = suite.task_of(config) if suite and is_own else _find(task_name(config), config.task.options, "task", place)
     most = config.num_threads if num_envs is None else max(num_envs // ENVS_PER_THREAD, 1)
-    seen = _find(config.observation.name, config.observation.options, "observation", "observation.name")
+    observed = config.observation.options if suite is None else options_of_suite(suite.suite, config.observation)
+    seen = _find(config.observation.name, observed, "observation", "observation.name")
     return {
         "observation": seen if train is None else trained_on(seen, train),
         "task": task,

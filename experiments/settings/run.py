@@ -36,6 +36,7 @@ from experiments.settings.checks import (
 from experiments.settings.own_code import OBJECT_NAME, is_level_file, without_folder
 from experiments.settings.processor import multiplies_bf16
 from segar.levels import TASK_LEVELS, families, family
+from segar.suites import suites
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 ACTION_MODES = ("deterministic", "sampled")  # of evaluation
@@ -54,7 +55,9 @@ def require_family(place: str, name: str) -> None:
 def is_distribution(name: str) -> bool:
     """Whether ``name`` is that of one level distribution (``empty-hard``, ``billiards``, ``module:attribute``, a level file)
     rather than of a family, which has several difficulties."""
-    return name in (*families(), *TASK_LEVELS) or is_level_file(name) or OBJECT_NAME.fullmatch(name) is not None
+    return (
+        name in (*families(), *TASK_LEVELS, *suites()) or is_level_file(name) or OBJECT_NAME.fullmatch(name) is not None
+    )
 
 
 Family = Annotated[str, require_family]

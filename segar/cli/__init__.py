@@ -8,7 +8,7 @@ import sys
 from collections.abc import Sequence
 from typing import NoReturn
 
-from segar.cli import cite, gallery, hardness, kernels, levels, play, playground, queries, record, studio
+from segar.cli import cite, gallery, hardness, kernels, levels, play, playground, queries, record, studio, suites
 from segar.cli.arguments import load_levels, table
 from segar.errors import SegarError
 from segar.support import __version__
@@ -56,6 +56,6 @@ def make_parser() -> argparse.ArgumentParser:
     parser = Parser("segar", description=__doc__)
     parser.add_argument("--version", action="version", version=f"segar {__version__}")
     commands = parser.add_subparsers(required=True, metavar="command")
-    for module in (levels, hardness, kernels, gallery, play, playground, studio, record, queries, cite):
+    for module in (levels, hardness, kernels, gallery, play, playground, studio, record, queries, suites, cite):
         module.add_commands(commands)
     return parser

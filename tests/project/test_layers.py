@@ -34,6 +34,7 @@ ORDER = [
     "segar.evaluation",
     "segar.datasets",
     "segar.queries",
+    "segar.suites",
     "segar.playground",
     "segar.cli",
     "segar",
@@ -99,7 +100,7 @@ OPTIONAL = {
     "segar.rendering.painter",
     "segar.rendering.window",
 }
-MOST_ROOMS = {"segar": 22, "experiments": 21}
+MOST_ROOMS = {"segar": 23, "experiments": 21}
 PACKAGES = ("segar", "experiments", "analysis")
 
 

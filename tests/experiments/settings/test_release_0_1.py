@@ -16,6 +16,7 @@ from experiments.runs.run_folder import folder_path, read_config
 from experiments.settings import CHECKOUT, ConfigError, RunFolderError, as_data, label_in_0_1, run_config
 
 LABELS = json.loads((Path(__file__).parent / "labels_0_1.json").read_text())  # that release 0.1 itself printed
+LATER = {"ppo_recurrent_trials"}  # algorithms that came after it
 OLD_TYPES = {
     "ppo": "experiments.config:PPOConfig",
     "ppo_recurrent": "experiments.recurrent_ppo:RecurrentPPOConfig",
@@ -34,7 +35,7 @@ def test_the_names_that_0_1_gave_are_known_for_every_algorithm_and_task(algorith
 
 
 def test_the_names_that_0_1_gave_cover_every_shipped_algorithm():
-    assert {*LABELS} == {path.stem for path in (conf_dir() / "algorithm").glob("*.yaml")}
+    assert {*LABELS} | LATER == {path.stem for path in (conf_dir() / "algorithm").glob("*.yaml")}
 
 
 @pytest.mark.parametrize(("scale", "runs"), [("quick", 45), ("standard", 135)])

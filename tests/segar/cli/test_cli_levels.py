@@ -203,7 +203,7 @@ def test_rules_that_a_level_file_only_names_are_asked_for(capsys, tmp_path):
         "these levels have rules of their own" in (said := capsys.readouterr().err) and "give them by --world" in said
     )
     assert cli.main(["hardness", str(tmp_path / "free.npz"), "--world", "segar:GolfBall"]) == 2
-    assert "'segar:GolfBall' is no World, LevelDistribution or list of rules" in capsys.readouterr().err
+    assert "'segar:GolfBall' is no World, LevelDistribution, RuleSpace or list of rules" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,86 @@
+"""The levels of suites, under the names by which runs know them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from experiments.settings import ConfigError, ObservationConfig, RunConfig
+from segar.errors import SuiteError
+from segar.language import Task
+from segar.levels import Levels
+from segar.suites import Suite, suite, suites
+
+
+@dataclass(frozen=True)
+class SuiteLevels:
+    """The training or the test levels of a suite, as a distribution: those of training are drawn, those of the test frozen."""
+
+    suite: Suite
+    which: str  # train or test
+
+    @property
+    def world(self) -> Any:
+        """Their rules."""
+        return getattr(self.suite, self.which).world
+
+    @property
+    def task(self) -> str:
+        """The name of their task."""
+        return str(self.suite.train.task)
+
+    def task_of(self, config: RunConfig) -> Task:
+        """What is played; raises :class:`ConfigError` where options ask for something else."""
+        if config.task.options:
+            raise ConfigError(
+                f"task.options: the suite {self.name} says what is played, so that results compare; take its levels without"
+                f" it, or leave {', '.join(config.task.options)} out"
+            )
+        return self.suite.task
+
+    @property
+    def name(self) -> str:
+        """The suite's name."""
+        return self.suite.name
+
+    def sample(self, n: int, seed: int = 0, split: str = "train") -> Levels:
+        """``n`` training levels of a seed, none of which is a test level; or the first ``n`` of the test, whatever the seed.
+
+        Raises:
+            ConfigError: the test has fewer.
+        """
+        if self.which == "train":
+            return self.suite.sample(seed, n)
+        if n > len(self.suite.test_levels):
+            raise ConfigError(
+                f"levels.test_count: the suite {self.name} has {len(self.suite.test_levels)} test levels, not {n}"
+            )
+        return self.suite.test_levels[:n]
+
+
+def options_of_suite(suite: Suite, observation: ObservationConfig) -> Mapping[str, Any]:
+    """The options of an observation of states with those factors hidden that the suite hides.
+
+    Raises:
+        ConfigError: the suite is about textures, of which runs see one set.
+    """
+    if suite.textures:
+        raise ConfigError(
+            f"levels.train: the suite {suite.name} has textures of the set {suite.textures[0]} in training and of the set"
+            f" {suite.textures[1]} in the test, and a run sees one set. Train on levels.train=MODULE:ATTRIBUTE of"
+            f" segar.suites.suite('{suite.name}').train with observation=textures, and test by experiments.evaluate with"
+            f" observation.options.textures={suite.textures[1]}"
+        )
+    if not suite.hidden or not observation.name.startswith("state"):
+        return observation.options  # frames show no factors
+    hidden = [*observation.options.get("hidden", ()), *(factor.__name__ for factor in suite.hidden)]
+    return {**observation.options, "hidden": list(dict.fromkeys(hidden))}
+
+
+def levels_of_suite(name: str, which: str, place: str) -> SuiteLevels | None:
+    """The levels of the suite of that name; None where no suite has it. Raises :class:`ConfigError` for a damaged one."""
+    if name not in suites():
+        return None
+    try:
+        return SuiteLevels(suite(name), which)
+    except SuiteError as error:
+        raise ConfigError(f"{place}: {error}") from error

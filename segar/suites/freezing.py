@@ -1,0 +1,187 @@
+"""Makes suites: freezes test levels, finds the plans that solve them, and measures whether a suite is fit for comparisons."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from segar.envs import VectorEnv, play
+from segar.errors import SuiteError
+from segar.hardness import PLAN_ARRAYS, Plan, make_starts, plan, random_episodes, replay
+from segar.language import Factor, Task
+from segar.levels import LevelDistribution, Levels, hash_of_levels, written
+from segar.rules import World
+from segar.suites.suite_file import (
+    FORMAT,
+    HASHED,
+    LEVELS,
+    PLANS,
+    SIDES,
+    Suite,
+    distribution_of,
+    hash_of_plans,
+    read_suite,
+    suite_hash,
+)
+from segar.support import replacing
+from segar.tasks import TASKS
+
+TEST_LEVELS = 200
+TEST_SEED = 0
+SEARCH = 3  # of the planner's random numbers
+PLAYS = 20  # random episodes per level
+LEAST_SOLVED = 0.99  # share of test levels that the planner solves
+MOST_BY_CHANCE = 0.2  # share that idle and random play may solve
+
+
+@dataclass(frozen=True)
+class Admission:
+    """What a suite is measured by before methods are compared on it; shares of the test levels.
+
+    Attributes:
+        planner: solved by the stored plans, played again. idle: by doing nothing. random: by uniform actions, on average.
+    """
+
+    planner: float
+    idle: float
+    random: float
+
+    @property
+    def is_fit(self) -> bool:
+        """Whether the levels can be solved, and neither idle nor random play solves many of them."""
+        return self.planner >= LEAST_SOLVED and max(self.idle, self.random) <= MOST_BY_CHANCE
+
+
+def admission(suite: Suite, plays: int = PLAYS) -> Admission:
+    """Play the plans of a suite again, do nothing on its test levels, and play ``plays`` random episodes on each."""
+    starts = make_starts(suite.test_levels, suite.task, TEST_SEED)
+    solved, _ = random_episodes(starts, plays, np.random.default_rng(SEARCH))
+    certified = suite.plans.solved & replay(suite.test_levels, suite.plans, suite.task)
+    return Admission(float(certified.mean()), float(_idle(suite).mean()), float(solved.mean()))
+
+
+def _idle(suite: Suite) -> np.ndarray:
+    """Whether doing nothing succeeds, bool ``(test levels,)``."""
+    n = len(suite.test_levels)
+    env = VectorEnv(suite.test_levels, n, task=suite.task, seed=TEST_SEED, autoreset_mode="Disabled")
+    nothing, solved = np.zeros((n, len(suite.task.action_low)), np.float32), np.zeros(n, np.bool_)
+    for now in play(env, lambda now: nothing, env.reset(options={"levels": np.arange(n)})):
+        solved |= now.ended & now.info.get("success", False)
+    return solved
+
+
+def freeze(
+    path: str | PathLike[str],
+    *,
+    axis: str,
+    shift: str,
+    says: str,
+    train: LevelDistribution,
+    test: LevelDistribution,
+    training_levels: int,
+    rules: tuple[str, str] = ("default", "default"),
+    task: str = "puttputt",
+    options: Mapping[str, Any] | None = None,
+    hidden: Sequence[type[Factor]] = (),
+    textures: Sequence[str] = (),
+    test_levels: int = TEST_LEVELS,
+    samples: int = 128,
+    iterations: int = 10,
+) -> Suite:
+    """Write a suite: ``path``, which ends in ``.toml``, and beside it its test levels and the plans that solve them.
+
+    Args:
+        axis: one of :data:`segar.suites.AXES`. shift: the kind of the difference. says: what differs, in a sentence.
+        train, test: distributions that can be written as text; their rules are those that ``rules`` names.
+        training_levels: how many levels a method trains on.
+        rules: names of :data:`segar.suites.RULES`, of training and test.
+        task, options: a name of :data:`segar.tasks.TASKS`, and its arguments.
+        hidden: factors that no observation of states may show.
+        textures: the sets of textures of training and test, or none.
+        test_levels: how many are frozen: the first ones of the split ``test`` that the planner solves.
+        samples, iterations: of the planner, see :func:`segar.hardness.plan`.
+
+    Raises:
+        SuiteError: a distribution is not the same when it is read from its text, or the files cannot be written.
+    """
+    path = Path(path)
+    made = TASKS[task](**(options or {}))
+    levels, plans, unsolved = _solved(path, test, test_levels, made, samples, iterations)
+    description: dict[str, Any] = {
+        "format": FORMAT,
+        "name": path.stem,
+        "axis": axis,
+        "shift": shift,
+        "says": says,
+        "training_levels": training_levels,
+        "test_levels": test_levels,
+        "textures": list(textures),
+        "unsolved": unsolved,
+        "hidden": [factor.__name__ for factor in hidden],
+        "task": {"name": task, "options": dict(options or {})},
+    }
+    for side, distribution, name in zip(SIDES, (train, test), rules, strict=True):
+        description[side] = {"rules": name, "distribution": written(distribution)}
+    named = {side: distribution_of(path, description, side) for side in SIDES}
+    for side, distribution in zip(SIDES, (train, test), strict=True):
+        if named[side].hash != distribution.hash or _rules(named[side]) != _rules(distribution):
+            raise SuiteError(
+                f"{path}: the distribution of {side} is not the same when it is read from its text with the rules"
+                f" '{description[side]['rules']}'; see segar.levels.written for what has no text, and segar.suites.RULES"
+            )
+    hashes = {side: distribution.hash for side, distribution in named.items()}
+    hashes |= {"levels": hash_of_levels(levels), "plans": hash_of_plans(plans)}
+    hashes["suite"] = suite_hash(description, hashes)
+    levels.save(path.with_suffix(LEVELS))
+    plans.save(path.with_suffix(PLANS))
+    with replacing(path, "the suite", SuiteError) as beside:
+        beside.write_text(_toml({**description, "hashes": {what: hashes[what] for what in HASHED}}), encoding="utf-8")
+    return read_suite(path)
+
+
+def _solved(
+    path: Path, test: LevelDistribution, number: int, task: Task, samples: int, iterations: int
+) -> tuple[Levels, Plan, int]:
+    """The first levels that the planner solves, their plans, and how many others it met before the last of them."""
+    levels = test.sample(number + number // 4 + 1, seed=TEST_SEED, split="test")
+    plans = plan(levels, task, rng=np.random.default_rng(SEARCH), samples=samples, iterations=iterations)
+    chosen = np.flatnonzero(plans.solved)[:number]
+    if len(chosen) < number:
+        raise SuiteError(
+            f"{path}: the planner solves only {len(chosen)} of {len(levels)} levels of the test; choose a distribution whose"
+            " levels can be solved, or a larger search: samples, iterations"
+        )
+    kept = dataclasses.replace(plans, **{name: getattr(plans, name)[chosen] for name in PLAN_ARRAYS})
+    return levels[chosen], kept, int(chosen[-1]) + 1 - number
+
+
+def _rules(distribution: LevelDistribution) -> list[str]:
+    """The names of the rules; constants and activities of a rule space are in the hash of the distribution."""
+    world = distribution.world or World()
+    return [rule.name for rule in (*world.rules, *world.on_contact)]
+
+
+def _toml(description: Mapping[str, Any]) -> str:
+    """The text of a description; texts of several lines stand between three quotation marks."""
+    lines, tables = [], []
+    for key, value in description.items():
+        if isinstance(value, Mapping):
+            tables += ["", f"[{key}]", *(f"{name} = {_value(item)}" for name, item in value.items())]
+        else:
+            lines.append(f"{key} = {_value(value)}")
+    return "\n".join([*lines, *tables]) + "\n"
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, str) and "\n" in value:
+        return f"'''\n{value}'''"
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{name} = {_value(item)}" for name, item in value.items()) + "}"
+    return json.dumps(value, ensure_ascii=False)

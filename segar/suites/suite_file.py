@@ -1,0 +1,252 @@
+"""A suite, read from its files, every part of which is compared with its hash."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from segar.errors import SegarError, SuiteError, did_you_mean
+from segar.hardness import Plan
+from segar.language import Factor, Task
+from segar.levels import LevelDistribution, Levels, all_subclasses, family, hash_of_levels, read_distribution
+from segar.suites.rules_by_name import RULES, rules_of
+from segar.support import misfit
+from segar.tasks import TASKS
+
+AXES: Mapping[str, str] = {
+    "place": "where things are",
+    "number": "how many objects and tiles there are",
+    "kind": "which things meet",
+    "property": "mass, charge and size of things",
+    "world": "gravity, friction of the floor, walls",
+    "rules": "which rules hold, with which constants",
+    "look": "textures",
+    "sight": "what the agent does not see",
+    "goal": "how the goal moves",
+}
+"""In what training and test of a suite differ, and what that is."""
+
+FORMAT = 1
+HASH_DIGITS = 16
+DATA = Path(__file__).parent / "data"
+SUFFIX, LEVELS, PLANS = ".toml", ".levels.npz", ".plans.npz"
+SIDES = ("train", "test")
+LOOKS = ("baseline", "close", "far")  # sets of textures that a suite can have
+HASHED = ("train", "test", "levels", "plans", "suite")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Suite:
+    """A training distribution, a test distribution, and the test levels that all methods are compared on.
+
+    Attributes:
+        name: with its version, such as ``"place-between-v1"``. axis: one of :data:`AXES`. shift: the kind of the difference.
+        says: what differs, in a sentence.
+        train, test: the level distributions.
+        test_levels: the frozen levels of the test.
+        plans: for each of them, the best episode that was found, with the actions that certify it.
+        training_levels: how many levels a method trains on, unless it draws levels without end.
+        task: what is played.
+        hidden: factors that no observation of states may show.
+        textures: the sets of textures of training and of the test, which agents see as frames; empty where any observation
+            will do.
+        unsolved: how many levels were left out of the test because the planner found no way to solve them.
+        hash: sixteen digits that change with anything that a result depends on.
+    """
+
+    name: str
+    axis: str
+    shift: str
+    says: str
+    train: LevelDistribution
+    test: LevelDistribution
+    test_levels: Levels
+    plans: Plan
+    training_levels: int
+    task: Task
+    hidden: tuple[type[Factor], ...]
+    textures: tuple[str, ...]
+    unsolved: int
+    hash: str
+
+    def __repr__(self) -> str:
+        return f"<suite {self.name}: {self.axis}, {self.shift}; {len(self.test_levels)} test levels; {self.hash}>"
+
+    def sample(self, seed: int, n: int | None = None) -> Levels:
+        """Levels to train on, none of which is a level of the test; ``training_levels`` of them where ``n`` is None.
+
+        Raises:
+            LevelError: there are not as many.
+        """
+        return self.train.sample(self.training_levels if n is None else n, seed=seed, apart_from=self.test_levels)
+
+
+def suites() -> tuple[str, ...]:
+    """The names of all suites that come with SEGAR, in the order of their axes."""
+    axes = list(AXES)
+    names = sorted(path.stem for path in DATA.glob(f"*{SUFFIX}"))
+    return tuple(sorted(names, key=lambda name: axes.index(name.split("-")[0])))
+
+
+@cache
+def suite(name: str) -> Suite:
+    """The suite of that name, see :func:`suites`.
+
+    Raises:
+        SuiteError: there is no such suite, or a file of it is not what it was when the suite was frozen.
+    """
+    if name not in suites():
+        raise SuiteError(f"there is no suite '{name}'.{did_you_mean(str(name), suites())}")
+    return read_suite(DATA / f"{name}{SUFFIX}")
+
+
+def outline(name: str) -> dict[str, Any]:
+    """What the file of a suite says, as data and before any hash is compared; raises :class:`SuiteError`."""
+    return _read(DATA / f"{name}{SUFFIX}")
+
+
+def read_suite(path: str | PathLike[str]) -> Suite:
+    """The suite of a file, whose levels and plans lie beside it.
+
+    The file is data: distributions are read as text of constructors, rules by their names in :data:`segar.suites.RULES`, and
+    nothing in it is imported or called.
+
+    Raises:
+        SuiteError: the file is no suite, or something in it or beside it has another hash than it says.
+    """
+    path = Path(path)
+    found = _read(path)
+    hidden = tuple(_factor(path, name) for name in found["hidden"])
+    given = {side: distribution_of(path, found, side) for side in SIDES}
+    try:
+        levels = Levels.load(path.with_suffix(LEVELS), world=given["test"].world)
+        plans = Plan.load(path.with_suffix(PLANS))
+    except SegarError as error:
+        raise SuiteError(f"{path}: {error}") from error
+    hashes = {
+        "train": given["train"].hash,
+        "test": given["test"].hash,
+        "levels": hash_of_levels(levels),
+        "plans": hash_of_plans(plans),
+    }
+    hashes["suite"] = suite_hash(found, hashes)
+    for what in HASHED:
+        if hashes[what] != found["hashes"][what]:
+            raise SuiteError(
+                f"{path}: {_WHERE[what]} is not what was frozen: its hash is {hashes[what]}, and the suite says"
+                f" {found['hashes'][what]}. Results on it compare with no others; an edited suite gets a name and a version of"
+                " its own, and hashes of its own"
+            )
+    return Suite(
+        **{key: found[key] for key in ("name", "axis", "shift", "says", "training_levels", "unsolved")},
+        train=given["train"],
+        test=given["test"],
+        test_levels=levels,
+        plans=plans,
+        task=TASKS[found["task"]["name"]](**found["task"]["options"]),
+        hidden=hidden,
+        textures=tuple(found["textures"]),
+        hash=hashes["suite"],
+    )
+
+
+_WHERE = {
+    "train": "the training distribution, [train]",
+    "test": "the test distribution, [test]",
+    "levels": "the file of test levels beside it",
+    "plans": "the file of plans beside it",
+    "suite": "the description (name, axis, shift, task, hidden, training_levels or rules)",
+}
+
+
+_SIDE = {"rules": str, "distribution": str}
+_FORM = {
+    "format": int,
+    "name": str,
+    "axis": str,
+    "shift": str,
+    "says": str,
+    "training_levels": int,
+    "test_levels": int,
+    "hidden": [str],
+    "textures": [str],
+    "unsolved": int,
+    "task": {"name": str, "options": {str: (bool, int, float, str)}},
+    "train": _SIDE,
+    "test": _SIDE,
+    "hashes": dict.fromkeys(HASHED, str),
+}
+
+
+def suite_hash(description: Mapping[str, Any], hashes: Mapping[str, str]) -> str:
+    """Sixteen digits of all that a result depends on: the description, and the hashes of distributions, levels and plans."""
+    parts = {
+        key: description[key]
+        for key in ("name", "axis", "shift", "training_levels", "hidden", "textures", "unsolved", "task")
+    }
+    parts |= {"rules": [description[side]["rules"] for side in SIDES]}
+    parts |= {"hashes": [hashes[what] for what in HASHED[:-1]]}
+    text = json.dumps(parts, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()[:HASH_DIGITS]
+
+
+def _read(path: Path) -> dict[str, Any]:
+    """The description in a file, of which all keys and kinds of values are right."""
+    try:
+        found = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise SuiteError(f"{path}: {error.strerror or error}") from error
+    except ValueError as error:
+        raise SuiteError(f"{path} is no TOML text: {error}") from error
+    wrong = misfit(found, _FORM, only=True)
+    if wrong:
+        raise SuiteError(f"{path}: {wrong}")
+    if found["format"] != FORMAT:
+        raise SuiteError(f"{path}: format {found['format']} is not the one that this version reads, {FORMAT}")
+    known = (("name", [path.stem]), ("axis", AXES), ("task.name", TASKS), ("train.rules", RULES), ("test.rules", RULES))
+    for key, names in known:
+        value = found
+        for part in key.split("."):
+            value = value[part]
+        if value not in names:
+            raise SuiteError(f"{path}: {key}: '{value}' is not known here.{did_you_mean(str(value), names)}")
+    if found["textures"] and (len(found["textures"]) != 2 or not set(found["textures"]) <= set(LOOKS)):
+        raise SuiteError(f"{path}: textures must be none or two of {', '.join(LOOKS)}, not {found['textures']}")
+    if found["training_levels"] < 1:
+        raise SuiteError(f"{path}: training_levels must be 1 or more, not {found['training_levels']}")
+    return found
+
+
+def distribution_of(path: Path, found: Mapping[str, Any], side: str) -> LevelDistribution:
+    """The distribution that a description has for training or test."""
+    origin = dataclasses.replace(family("empty-hard"), task=found["task"]["name"])  # its names are SEGAR's alone
+    try:
+        read = read_distribution(found[side]["distribution"], origin)
+        return dataclasses.replace(read, name=f"{found['name']}-{side}", world=rules_of(found[side]["rules"]))
+    except SegarError as error:
+        raise SuiteError(f"{path}: [{side}]: {error}") from error
+
+
+def _factor(path: Path, name: str) -> type[Factor]:
+    known = {kind.__name__: kind for kind in all_subclasses(Factor)}
+    if name not in known:
+        raise SuiteError(f"{path}: hidden: no factor is called '{name}'.{did_you_mean(name, known)}")
+    return known[name]
+
+
+def hash_of_plans(plans: Plan) -> str:
+    """Sixteen digits of what certifies the plans: the actions, and what they come to."""
+    found = hashlib.sha256(f"{plans.task} {plans.seed}".encode())
+    for array in (plans.solved, plans.died, plans.steps, plans.returns, plans.actions, plans.values):
+        found.update(np.ascontiguousarray(array).tobytes())
+    return found.hexdigest()[:HASH_DIGITS]

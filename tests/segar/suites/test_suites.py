@@ -1,0 +1,190 @@
+"""Suites: what is frozen stays what it was, and what is compared on it is fit for comparisons."""
+
+import dataclasses
+import shutil
+
+import numpy as np
+import pytest
+
+import segar
+from segar import suites
+from segar.errors import SuiteError
+from segar.language import Mass, Position
+from segar.levels import hash_of_levels
+from segar.suites import AXES, RULES, Suite, admission, freeze, read_suite
+
+OWN = {
+    "axis": "place",
+    "shift": "extrapolation",
+    "says": "The ball starts below in training, and anywhere in the test.",
+    "training_levels": 5,
+    "options": {"max_steps": 50},
+    "test_levels": 6,
+    "samples": 16,
+    "iterations": 2,
+}
+
+
+@pytest.fixture(scope="module")
+def own(tmp_path_factory):
+    """A small suite of one's own."""
+    path = tmp_path_factory.mktemp("suites") / "mine-v1.toml"
+    return path, freeze(path, train=segar.family("empty-medium"), test=segar.family("empty-hard"), hidden=[Mass], **OWN)
+
+
+def copied(path, folder):
+    for one in path.parent.glob(f"{path.stem}.*"):
+        shutil.copy(one, folder / one.name)
+    return folder / path.name
+
+
+def test_names_begin_with_their_axis_and_end_with_their_version():
+    names = suites.suites()
+    assert len(names) == len(set(names)) >= 24
+    for name in names:
+        assert name.split("-")[0] in AXES and name.rsplit("-", 1)[1].startswith("v")
+
+
+@pytest.mark.parametrize("name", suites.suites())
+def test_a_suite_is_what_was_frozen(name):
+    suite = suites.suite(name)
+    assert isinstance(suite, Suite) and suite.name == name and suite.axis == name.split("-")[0]
+    assert len(suite.test_levels) == len(suite.plans) == 200
+    again = suite.test.sample(200 + suite.unsolved, seed=0, split="test")[suite.test_levels.provenance.indices]
+    assert hash_of_levels(again) == hash_of_levels(suite.test_levels)
+    assert suite.plans.solved.all() and suite.unsolved <= 20
+    assert suite.train.layout.slots == suite.test.layout.slots  # a state shows the same numbers in both
+
+
+@pytest.mark.parametrize("name", suites.suites())
+def test_no_training_level_is_a_test_level(name):
+    suite = suites.suite(name)
+    train = suite.sample(seed=1, n=20)
+    assert train.provenance.split == "train"
+    rows = {row.tobytes() for row in suite.test_levels.values.reshape(200, -1)}
+    assert not any(row.tobytes() in rows for row in train.values.reshape(20, -1))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", suites.suites())
+def test_plans_solve_the_levels_and_chance_does_not(name):
+    found = admission(suites.suite(name))
+    assert found.is_fit, found
+
+
+def test_plans_of_a_suite_of_ones_own_are_played_again(own):
+    found = admission(own[1], plays=2)
+    assert found.planner == 1 and 0 <= found.idle <= 1 and 0 <= found.random <= 1
+
+
+def test_an_unfit_suite_is_told(own):
+    unfit = dataclasses.replace(own[1], plans=dataclasses.replace(own[1].plans, solved=np.zeros(6, np.bool_)))
+    assert not admission(unfit, plays=1).is_fit and admission(unfit, plays=1).planner == 0
+
+
+def test_a_suite_reads_as_it_was_written(own):
+    path, made = own
+    read = read_suite(path)
+    assert read.hash == made.hash and read.hidden == (Mass,) and read.task.max_steps == 50
+    assert read.train.hash == segar.family("empty-medium").hash and read.test_levels == made.test_levels
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "culprit"),
+    [
+        ("training_levels = 5", "training_levels = 6", "the description"),
+        ('axis = "place"', 'axis = "goal"', "the description"),
+        ("max_steps = 50", "max_steps = 51", "the description"),
+        ("RandomTopLocation()", "RandomBottomLocation()", r"the training distribution, \[train\]"),
+        ('rules = "default"', 'rules = "without friction"', "the description"),
+    ],
+)
+def test_an_edited_description_is_refused_by_its_hash(own, tmp_path, old, new, culprit):
+    path = copied(own[0], tmp_path)
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+    with pytest.raises(SuiteError, match=f"{culprit}.* is not what was frozen: its hash is [0-9a-f]{{16}}"):
+        read_suite(path)
+
+
+def test_edited_levels_and_plans_are_refused_by_their_hashes(own, tmp_path):
+    path = copied(own[0], tmp_path)
+    values = own[1].test_levels.values.copy()
+    values[0, 0, own[1].test_levels.layout.columns[Position]] += 1e-9
+    levels = dataclasses.replace(own[1].test_levels, values=values)
+    levels.save(path.with_suffix(".levels.npz"))
+    with pytest.raises(SuiteError, match="the file of test levels beside it is not what was frozen"):
+        read_suite(path)
+    path = copied(own[0], tmp_path)
+    dataclasses.replace(own[1].plans, returns=own[1].plans.returns + 1).save(path.with_suffix(".plans.npz"))
+    with pytest.raises(SuiteError, match="the file of plans beside it is not what was frozen"):
+        read_suite(path)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('axis = "place"', 'axis = "plaice"', "axis: 'plaice' is not known here. Did you mean 'place'"),
+        ('name = "mine-v1"', 'name = "yours-v1"', "name: 'yours-v1' is not known here. Known: mine-v1"),
+        ('rules = "default"', 'rules = "os.system"', "train.rules: 'os.system' is not known here"),
+        ('name = "puttputt"', 'name = "putt"', "task.name: 'putt' is not known here. Did you mean 'puttputt'"),
+        ('hidden = ["Mass"]', 'hidden = ["Mess"]', "hidden: no factor is called 'Mess'. Did you mean 'Mass'"),
+        ("training_levels = 5", "training_levels = 0", "training_levels must be 1 or more, not 0"),
+        ("training_levels = 5", 'training_levels = "five"', "'training_levels' must be int"),
+        ("shift", "shyft", "'shift' is absent"),
+        ("textures = []", 'textures = ["far"]', "textures must be none or two of baseline, close, far"),
+        ("textures = []", 'textures = ["far", "away"]', "textures must be none or two of baseline, close, far"),
+        ("format = 1", "format = 2", "format 2 is not the one that this version reads"),
+        ("format = 1", "format 1", "is no TOML text: .*line 1"),
+        ("LevelDistribution(", "open(", r"\[train\]: line 1: the text must be LevelDistribution"),
+        ("RandomTopLocation()", "__import__('os')", r"\[train\]: line \d+: "),
+    ],
+)
+def test_a_file_that_is_no_suite_is_told_with_its_place(own, tmp_path, old, new, message):
+    path = copied(own[0], tmp_path)
+    path.write_text(path.read_text().replace(old, new, 1))
+    with pytest.raises(SuiteError, match=message) as caught:
+        read_suite(path)
+    assert str(path) in str(caught.value)
+
+
+def test_a_missing_file_and_an_unknown_name_are_told(own, tmp_path):
+    with pytest.raises(SuiteError, match="No such file"):
+        read_suite(tmp_path / "none-v1.toml")
+    path = copied(own[0], tmp_path)
+    path.with_suffix(".levels.npz").unlink()
+    with pytest.raises(SuiteError, match=r"mine-v1\.levels\.npz"):
+        read_suite(path)
+    with pytest.raises(SuiteError, match=r"there is no suite 'place-fw-v1'\. Did you mean 'place-few-v1'"):
+        suites.suite("place-fw-v1")
+
+
+def test_levels_that_the_planner_does_not_solve_are_left_out(tmp_path):
+    far = {**OWN, "options": {"max_steps": 20}, "test_levels": 12, "iterations": 1, "samples": 8}
+    made = freeze(
+        tmp_path / "short-v1.toml", train=segar.family("empty-hard"), test=segar.family("objectsx3-hard"), **far
+    )
+    indices = made.test_levels.provenance.indices
+    assert made.unsolved == indices[-1] + 1 - 12 > 0 and made.plans.solved.all()
+    with pytest.raises(SuiteError, match=r"the planner solves only \d+ of 16 levels"):
+        still = {**far, "options": {"max_steps": 1}}
+        freeze(tmp_path / "none-v1.toml", train=segar.family("empty-hard"), test=segar.family("empty-hard"), **still)
+    assert not (tmp_path / "none-v1.toml").exists()
+
+
+def test_two_versions_stand_side_by_side(own, tmp_path):
+    first = copied(own[0], tmp_path)
+    second = freeze(tmp_path / "mine-v2.toml", train=segar.family("empty-easy"), test=segar.family("empty-hard"), **OWN)
+    assert read_suite(first).hash == own[1].hash != second.hash == read_suite(tmp_path / "mine-v2.toml").hash
+
+
+def test_rules_that_have_no_name_cannot_be_frozen(tmp_path):
+    bare = segar.family("empty-hard").with_rules([segar.move])
+    with pytest.raises(SuiteError, match="the distribution of train is not the same when it is read from its text"):
+        freeze(tmp_path / "bare-v1.toml", train=bare, test=segar.family("empty-hard"), **OWN)
+    assert not (tmp_path / "bare-v1.toml").exists()
+
+
+def test_rules_have_names_of_their_own():
+    assert len(set(RULES)) == len(RULES) and RULES[0] == "default"
