@@ -12,7 +12,7 @@ import numpy as np
 
 from experiments.levels.conditions import conditional_puttputt
 from experiments.levels.rule_sets import levels_of_rule_sets
-from experiments.levels.suite_levels import SuiteLevels, levels_of_suite, options_of_suite
+from experiments.levels.suite_levels import levels_of_suite, options_of_suite
 from experiments.levels.variations import vary
 from experiments.settings import (
     DEFAULT_TASK,
@@ -137,7 +137,7 @@ def pick_levels(distribution: Any, config: LevelsConfig, test: Any) -> Any:
     """The training levels that the settings ask for; raises :class:`LevelError` where no levels meet their design."""
     if TARGET_DESIGN.fullmatch(config.design):
         return levels_at_target(distribution, config, test)
-    if isinstance(distribution, SuiteLevels) and config.design != "iid":
+    if config.design != "iid" and hasattr(distribution, "suite"):
         raise ConfigError(f"levels.design: the suite {distribution.name} draws its training levels; leave {config.design} out")
     if config.design == "iid":  # a user's own distribution need not be a LevelDistribution for this design
         return distribution.sample(config.count, seed=config.seed, split="train")

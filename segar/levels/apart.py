@@ -1,7 +1,7 @@
 """Whether levels of two sets are the same, or nearly so, in what happens in them."""
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from segar.errors import LevelError
 from segar.language import Acceleration, Density, Drag, Factor, Order, Parameter
@@ -30,7 +30,7 @@ def near_levels(levels: LevelData, others: LevelData, within: float, source: Lev
     rows, other_rows = (_numbers(one, source if within else None) for one in (levels, others))
     for kind, places in mine.items():
         if kind in theirs:
-            distance, _ = cKDTree(other_rows[theirs[kind]]).query(rows[places], p=np.inf)
+            distance, _ = KDTree(other_rows[theirs[kind]]).query(rows[places], p=np.inf)
             found[places] = distance <= within
     return found
 
