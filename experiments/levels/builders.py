@@ -138,7 +138,9 @@ def pick_levels(distribution: Any, config: LevelsConfig, test: Any) -> Any:
     if TARGET_DESIGN.fullmatch(config.design):
         return levels_at_target(distribution, config, test)
     if config.design != "iid" and hasattr(distribution, "suite"):
-        raise ConfigError(f"levels.design: the suite {distribution.name} draws its training levels; leave {config.design} out")
+        raise ConfigError(
+            f"levels.design: the suite {distribution.name} draws its training levels; leave {config.design} out"
+        )
     if config.design == "iid":  # a user's own distribution need not be a LevelDistribution for this design
         return distribution.sample(config.count, seed=config.seed, split="train")
     if RULE_SETS_DESIGN.fullmatch(config.design):

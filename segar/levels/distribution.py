@@ -136,9 +136,9 @@ class LevelDistribution:
             raise LevelError(f"{self}: the seed must be a whole number, not {seed!r}")
         if not isinstance(split, str):
             raise LevelError(f"{self}: the split must be a text such as 'train' or 'test', not {split!r}")
+        self._check_room(int(n))
         if isinstance(start, bool) or not isinstance(start, (int, np.integer)) or not 0 <= start <= MOST_LEVELS - n:
             raise LevelError(f"{self}: the start must be the index of a level, a whole number from 0 up, not {start!r}")
-        self._check_room(int(n))
         if apart_from is None:
             return self._drawn(np.arange(start, start + n, dtype=np.int64), seed, split)
         if not isinstance(apart_from, LevelData):
