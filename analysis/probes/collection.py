@@ -51,12 +51,13 @@ def collect_run(
     folder = Path(folder).expanduser().resolve()
     trained = read_config(folder)
     distribution = distribution_of(trained.levels, "train" if levels == "train" else "test")
+    which = levels if isinstance(levels, str) else "train"
     if isinstance(levels, str):
         if levels not in OWN:
             raise LevelError(f"levels must be 'train', 'test' or a level set, not '{levels}'")
         levels = dataclasses.replace(Levels.load(folder / OWN[levels]), world=distribution.world)
     policy, _ = load_agent(folder, trained, levels, lambda line: None)
-    options = options_of(folder, trained)
+    options = options_of(folder, trained, which)
     columns = varying_columns(distribution, {"task": options["task"]})
     found = collect(
         policy, levels, columns, options, frames=frames, num_envs=num_envs, rng=action_rng(mode, seed), seed=seed

@@ -39,10 +39,11 @@ def evaluate_run(policy: Agent, config: RunConfig, train: Levels, test: Levels) 
     """Episodes on all training levels (each equally often, ``evaluation.episodes`` in all at least) and on each test
     level once, with deterministic and with sampled actions; rows as in ``run_folder.EPISODE_SCHEMA``."""
     options, seed = environment_options(config, train=train), config.evaluation.seed
+    options_of_test = environment_options(config, train=train, which="test")
     rounds = -(-config.evaluation.episodes // len(train))
     return [
         *play_in_modes(policy, "train", train, options, seed, rounds=rounds),
-        *play_in_modes(policy, "test", test, options, seed),
+        *play_in_modes(policy, "test", test, options_of_test, seed),
     ]
 
 

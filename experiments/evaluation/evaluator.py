@@ -26,6 +26,7 @@ from experiments.levels.builders import (
     levels_in,
     task_name,
 )
+from experiments.levels.suite_levels import levels_of_suite
 from experiments.runs.executed_code import changed_parts, differing_parts, executed_code, played_code, with_data
 from experiments.runs.own_modules import modules_named, where_searched
 from experiments.runs.run_folder import (
@@ -100,7 +101,7 @@ def evaluate(config: EvaluateConfig, say: Callable[[str], None] = print) -> Eval
     code = {**played_code(played(config, trained)), "levels": levels_hash(levels)}
     policy: Agent
     policy, frames = load_agent(folder, trained, levels, say, found)
-    options, network = options_of(folder, trained), None
+    options, network = options_of(folder, trained, config.levels, config.split), None
     env = VectorEnv(levels, 1, seed=0, **options)
     if config.portable:
         network = network_of(policy, observation_shape(env), options["task"])
@@ -155,6 +156,10 @@ def code_replaced(out: Path, code: Mapping[str, str]) -> list[str]:
 def find_levels(config: EvaluateConfig, folder: Path, trained: RunConfig) -> Levels:
     """The levels that ``config`` names; raises :class:`SegarError` if there are none, or fewer than asked for."""
     name = config.levels
+    if of_suite := levels_of_suite(name, config.split, "levels"):
+        return of_suite.sample(
+            config.n or (COUNT if config.split == "train" else len(of_suite.suite.test_levels)), config.seed
+        )
     if name not in OWN and not is_level_file(name):
         return find_distribution(name, "levels").sample(config.n or COUNT, seed=config.seed, split=config.split)
     if name in OWN:
@@ -203,9 +208,18 @@ def new_policy(trained: RunConfig, observation_shape: tuple[int, ...]) -> Any:
     )
 
 
-def options_of(folder: Path, trained: RunConfig) -> dict[str, Any]:
-    """Options of the environments in which a run's agent plays any levels: it observes them as it did in training."""
-    return environment_options(trained, train=training_levels(folder))
+def options_of(folder: Path, trained: RunConfig, levels: str = "train", split: str = "test") -> dict[str, Any]:
+    """Options of the environments in which a run's agent plays any levels: it observes them as it did in training.
+
+    Args:
+        levels: ``"test"`` for the run's own test levels, which look different in suites of textures; or the name of a suite,
+            which says what is played, and what is seen of the levels of this split.
+    """
+    suite = levels_of_suite(levels, split, "levels")
+    which = levels if suite is None else split
+    if suite is not None:
+        trained = dataclasses.replace(trained, levels=dataclasses.replace(trained.levels, train=suite.name))
+    return environment_options(trained, train=training_levels(folder), which="test" if which == "test" else "train")
 
 
 def training_levels(folder: Path) -> Levels | None:

@@ -26,7 +26,8 @@ def evaluate_transfer(run: RunConfig, transfer: Transfer, say: Callable[[str], N
     folder, test, code = folder_path(run), transfer.levels(run), transfer.code(run)
     as_seen = dataclasses.replace(run, observation=transfer.observation)
     policy, frames = load_agent(folder, as_seen, test, say)
-    rows = play_in_modes(policy, "test", test, options_of(folder, as_seen), run.evaluation.seed)
+    options = options_of(folder, as_seen, transfer.panel if transfer.mixture is None else "train")
+    rows = play_in_modes(policy, "test", test, options, run.evaluation.seed)
     figures: dict[str, float] = {}
     for mode in ACTION_MODES:
         figures |= mean_figures(rows, "test", mode)

@@ -200,13 +200,16 @@ def find_distribution(name: str, place: str) -> Any:
         raise ConfigError(f"{place}: {error}") from error
 
 
-def environment_options(config: RunConfig, num_envs: int | None = None, train: Levels | None = None) -> dict[str, Any]:
+def environment_options(
+    config: RunConfig, num_envs: int | None = None, train: Levels | None = None, which: str = "train"
+) -> dict[str, Any]:
     """Keyword arguments of ``VectorEnv`` and ``TorchRLEnv`` that the configuration states, for any levels.
 
     Args:
         num_envs: how many environments a policy steps at a time; few of them are stepped by fewer threads.
         train: the levels that the agent is trained on, whatever levels it plays: what it observes may depend on them.
             None where nothing is played, or training levels are.
+        which: whether the ``"train"`` or the ``"test"`` levels of the run are played, which look different in some suites.
 
     Raises:
         ConfigError: there is no such observation or task.
@@ -220,7 +223,7 @@ def environment_options(config: RunConfig, num_envs: int | None = None, train: L
     suite = levels_of_suite(config.levels.train, "train", "levels.train")
     task = suite.task_of(config) if suite and is_own else _find(task_name(config), config.task.options, "task", place)
     most = config.num_threads if num_envs is None else max(num_envs // ENVS_PER_THREAD, 1)
-    observed = config.observation.options if suite is None else options_of_suite(suite.suite, config.observation)
+    observed = config.observation.options if suite is None else options_of_suite(suite.suite, config.observation, which)
     seen = _find(config.observation.name, observed, "observation", "observation.name")
     return {
         "observation": seen if train is None else trained_on(seen, train),
@@ -257,8 +260,11 @@ def task_name(config: RunConfig) -> str:
 
 def check_observations(config: RunConfig, train: Levels, test: Levels) -> None:
     """Raises :class:`ConfigError` if the agent would not observe the same numbers in the test levels as in training."""
-    options = environment_options(config, train=train)
-    seen, shown = (VectorEnv(levels, 1, seed=0, **options) for levels in (train, test))
+    sides = {"train": train, "test": test}
+    seen, shown = (
+        VectorEnv(levels, 1, seed=0, **environment_options(config, train=train, which=which))
+        for which, levels in sides.items()
+    )
     space, other = seen.single_observation_space, shown.single_observation_space
     names, others = (list(getattr(env.observation, "names", ())) for env in (seen, shown))
     if space.shape == other.shape and type(space) is type(other) and names == others:

@@ -57,19 +57,23 @@ class SuiteLevels:
         return self.suite.test_levels[:n]
 
 
-def options_of_suite(suite: Suite, observation: ObservationConfig) -> Mapping[str, Any]:
-    """The options of an observation of states with those factors hidden that the suite hides.
+def options_of_suite(suite: Suite, observation: ObservationConfig, which: str) -> Mapping[str, Any]:
+    """The options of an observation with what the suite says of it: factors that states hide, and the set of textures.
+
+    Args:
+        which: whose textures, those of the ``"train"`` or of the ``"test"`` levels.
 
     Raises:
-        ConfigError: the suite is about textures, of which runs see one set.
+        ConfigError: the suite is about textures, and the observation shows none, or asks for a set.
     """
     if suite.textures:
-        raise ConfigError(
-            f"levels.train: the suite {suite.name} has textures of the set {suite.textures[0]} in training and of the set"
-            f" {suite.textures[1]} in the test, and a run sees one set. Train on levels.train=MODULE:ATTRIBUTE of"
-            f" segar.suites.suite('{suite.name}').train with observation=textures, and test by experiments.evaluate with"
-            f" observation.options.textures={suite.textures[1]}"
-        )
+        if not observation.name.startswith("textures") or "textures" in observation.options:
+            raise ConfigError(
+                f"observation: the suite {suite.name} shows the set of textures {suite.textures[0]} in training and the set"
+                f" {suite.textures[1]} in the test; choose observation=textures, or textures_stack4, without"
+                " observation.options.textures"
+            )
+        return {**observation.options, "textures": suite.textures[which == "test"]}
     if not suite.hidden or not observation.name.startswith("state"):
         return observation.options  # frames show no factors
     hidden = [*observation.options.get("hidden", ()), *(factor.__name__ for factor in suite.hidden)]

@@ -137,7 +137,8 @@ class Training:
 
     def evaluate(self, test: Levels) -> dict[str, float]:
         """Mean figures on the levels ``test``, one episode each, in both action modes."""
-        options, seed = environment_options(self.config, train=self.levels), self.config.evaluation.seed
+        options = environment_options(self.config, train=self.levels, which="test")
+        seed = self.config.evaluation.seed
         rows = play_in_modes(self.learner.policy, "test", test, options, seed)
         figures: dict[str, float] = {}
         for mode in ACTION_MODES:

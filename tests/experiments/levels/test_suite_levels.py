@@ -2,14 +2,17 @@
 
 import dataclasses
 
+import numpy as np
 import pytest
 
 from experiments.commands.config_store import register_settings
 from experiments.commands.hydra_app import compose
 from experiments.levels.builders import environment_options, make_levels, task_name
 from experiments.settings import ConfigError, LevelsConfig, ObservationConfig, RunConfig, TaskConfig
+from segar.envs import VectorEnv
 from segar.language import Mass
 from segar.levels import hash_of_levels
+from segar.observations import TexturedPixels
 from segar.suites import suite
 
 NAME = "place-few-v1"
@@ -66,8 +69,23 @@ def test_options_of_a_task_and_textures_are_told():
     options = dataclasses.replace(config_of(), task=TaskConfig(options={"max_steps": 30}))
     with pytest.raises(ConfigError, match=r"task\.options: the suite place-few-v1 says what is played"):
         environment_options(options)
-    with pytest.raises(ConfigError, match="the suite look-far-v1 has textures of the set baseline in training and of"):
-        environment_options(config_of("look-far-v1"))
+    message = "the suite look-far-v1 shows the set of textures baseline in training and the set far in the test"
+    for observation in (ObservationConfig("state"), ObservationConfig("textures", {"textures": "close"})):
+        with pytest.raises(ConfigError, match=message):
+            environment_options(dataclasses.replace(config_of("look-far-v1"), observation=observation))
+
+
+def test_training_and_test_levels_of_a_suite_about_looks_look_different():
+    config = dataclasses.replace(config_of("look-far-v1"), observation=ObservationConfig("textures"))
+    _, test = make_levels(config.levels)
+    frames = {}
+    for which, shown in (("train", "baseline"), ("test", "far")):
+        options = environment_options(config, which=which)
+        frames[which], _ = VectorEnv(test, 4, seed=0, **options).reset(options={"levels": np.arange(4)})
+        own = {**options, "observation": TexturedPixels(textures=shown)}
+        same, _ = VectorEnv(test, 4, seed=0, **own).reset(options={"levels": np.arange(4)})
+        np.testing.assert_array_equal(frames[which], same)
+    assert (frames["train"] != frames["test"]).mean() > 0.1
 
 
 def test_hydra_knows_suites():
