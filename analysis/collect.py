@@ -28,7 +28,6 @@ from analysis.distances import COMMON, count_pairs, in_one_unit, own_levels, tra
 from analysis.runs import shared_levels, training_sets
 from analysis.tables import column, performance, select, write_csv
 from experiments.commands.hydra_app import run_simple_command
-from experiments.levels.mixed_levels import SEPARATOR
 from experiments.reproduction.experiment_file import PLAN, STUDY
 from experiments.reproduction.grid import name_with_options, run_columns, varied_columns
 from experiments.reproduction.imported_results import RUNS, TRANSFERS
@@ -52,6 +51,7 @@ from experiments.runs.run_rows import figures_of, result_figures
 from experiments.runs.versions import computed_with
 from experiments.settings import ACTION_MODES, RunConfig, RunFolderError, panel_parts
 from segar.errors import SegarError
+from segar.levels import SEPARATOR
 
 LEVELS, CURVES = "levels.parquet", "curves.parquet"
 FILES = {"runs": RUNS, "transfers": TRANSFERS, "levels": LEVELS, "curves": CURVES, "probes": PROBES}  # of all tables

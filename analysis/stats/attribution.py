@@ -13,9 +13,8 @@ import pandas as pd
 from analysis.stats.association import require
 from analysis.stats.estimate import mean_of_replicates
 from analysis.tables import Floats, column
-from experiments.levels.mixed_levels import REST, Groups, mixed_levels
 from segar.errors import SegarError
-from segar.levels import Levels
+from segar.levels import REST, Groups, Levels, mixed_levels
 
 MOST_GROUPS = 8  # 256 sets of levels
 

@@ -17,6 +17,7 @@ from experiments.algorithms.portable import PortableAgent, network_of
 from experiments.collection.collector import observation_shape
 from experiments.commands import process_defaults as runtime
 from experiments.evaluation.baselines import IdleAgent
+from experiments.evaluation.causes import CAUSES, play_twins, suite_played, write_causes
 from experiments.evaluation.episodes import Agent, action_rng, actions_of, play_in_modes, trial_figures
 from experiments.evaluation.transfers import LEVELS
 from experiments.levels.builders import (
@@ -60,6 +61,7 @@ from segar.evaluation import QUANTITIES, Baselines, find_baselines
 from segar.levels import Levels
 from segar.policies import NETWORK_FILE, Network
 from segar.rendering import View, write_video
+from segar.suites import twins
 
 COUNT = 100  # levels of a distribution, where the number is not given
 VIEW = View(size=384)  # of videos
@@ -98,6 +100,7 @@ def evaluate(config: EvaluateConfig, say: Callable[[str], None] = print) -> Eval
             f"note: the run was made by other code; changed since: {', '.join(changed)}. These episodes are played by today's"
         )
     levels = find_levels(config, folder, trained)
+    with_twins = suite_played(config, trained) if config.twins else None
     code = {**played_code(played(config, trained)), "levels": levels_hash(levels)}
     policy: Agent
     policy, frames = load_agent(folder, trained, levels, say, found)
@@ -131,6 +134,12 @@ def evaluate(config: EvaluateConfig, say: Callable[[str], None] = print) -> Eval
     say(as_table(f"{folder.name} after {frames:,} frames, on {described(config, levels)}:", players, baselines))
     for line in scores_above_1(players, len(levels), config):
         say(line)
+    if with_twins is not None:
+        made = twins(with_twins, n=None if config.n is None else min(config.n, len(with_twins.test_levels)))
+        causes = play_twins(policy, made, trained, lambda run: options_of(folder, run), config.modes, config.seed)
+        write_causes(out / CAUSES, causes)
+        for mode, found_causes in causes.items():
+            say(f"{mode} actions, {found_causes}")
     if config.videos != "none":
         say(make_videos(out, config, policy, levels, options, rows))
     say(f"results: {out}")
@@ -306,6 +315,7 @@ def write(
         raise RunFolderError(f"cannot make the folder {out}: {error.strerror}") from error
     (out / SUMMARY).unlink(missing_ok=True)  # it is there if and only if it belongs to the other files
     levels.save(out / LEVELS)
+    (out / CAUSES).unlink(missing_ok=True)
     (out / NETWORK_FILE).unlink(missing_ok=True)  # of an evaluation that is replaced
     if network is not None:
         network.save(out / NETWORK_FILE)

@@ -14,7 +14,6 @@ import numpy as np
 
 from experiments.evaluation.probing import ProbeConfig, is_probed
 from experiments.levels.builders import distribution_of, in_own_world, task_name
-from experiments.levels.mixed_levels import mixed_levels
 from experiments.runs.executed_code import differing_parts, played_code
 from experiments.runs.journal import read_journal
 from experiments.runs.run_folder import (
@@ -29,7 +28,7 @@ from experiments.runs.run_folder import (
 from experiments.runs.versions import levels_hash
 from experiments.settings import LevelsConfig, ObservationConfig, RunConfig, as_data
 from experiments.settings.run import digest
-from segar.levels import Levels
+from segar.levels import Levels, mixed_levels
 
 LEVELS = "levels.npz"  # in the folder of an evaluation: what was played
 

@@ -7,7 +7,6 @@ from typing import Any
 
 from experiments.evaluation.transfers import RunTask
 from experiments.levels.builders import check_observations, distribution_of, environment_options
-from experiments.levels.mixed_levels import check_fits, places
 from experiments.reproduction.experiment_file import (
     FEWEST_BLOCKS,
     OF_GRID,
@@ -29,6 +28,7 @@ from experiments.reproduction.grid import (
 from experiments.runs.run_folder import RESULTS
 from experiments.settings import ConfigError, LevelsConfig, RunConfig, grid_point, import_object
 from segar.errors import LevelError, SegarError, did_you_mean
+from segar.levels import check_fits, places
 
 NUMBERS = ("n", "levels", "seed", AGENT_SEED)  # columns of numbers, which tell no panels apart
 PICTURES = ("rgb", "textures")  # how the names of observations begin that fit all levels

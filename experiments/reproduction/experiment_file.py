@@ -35,7 +35,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Annotated, Any
 
-from experiments.levels.mixed_levels import RESERVED, SEPARATOR
 from experiments.levels.variations import VARIATIONS
 from experiments.runs.run_folder import RESULTS
 from experiments.settings import (
@@ -56,6 +55,7 @@ from experiments.settings import (
     that,
 )
 from segar.errors import did_you_mean
+from segar.levels import RESERVED_GROUPS, SEPARATOR
 
 PLAN, STUDY = "plan.json", "study.yaml"  # in a results folder: what is run, and what a study of one's own asks
 BASE = "base"  # in a grid: the algorithm, observation or task of the scale
@@ -79,7 +79,12 @@ def check_groups(place: str, groups: Mapping[str, Sequence[str]]) -> None:
     for name, members in groups.items():
         listed = not isinstance(members, str) and bool(members) and all(isinstance(one, str) for one in members)
         require(listed, f"{place}.{name}", members, "a list of factors and parameters, such as [Position, Size]")
-        require(name not in RESERVED, f"{place}.{name}", name, f"another name: {', '.join(RESERVED)} are taken")
+        require(
+            name not in RESERVED_GROUPS,
+            f"{place}.{name}",
+            name,
+            f"another name: {', '.join(RESERVED_GROUPS)} are taken",
+        )
         require(SEPARATOR not in name, f"{place}.{name}", name, f"a name without {SEPARATOR}")
 
 

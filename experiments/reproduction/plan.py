@@ -13,7 +13,6 @@ from typing import Any
 
 from experiments.evaluation.probing import ProbeConfig, assumed_seconds, read_about
 from experiments.evaluation.transfers import FactorSwap, RunTask, Transfer
-from experiments.levels.mixed_levels import REST, SEPARATOR
 from experiments.reproduction.checks import (
     check_claims,
     check_groups,
@@ -39,6 +38,7 @@ from experiments.runs.run_folder import (
 from experiments.settings import ConfigError, RunConfig, ScaleConfig, as_data, grid_point
 from experiments.settings.run import digest
 from segar.cli import table
+from segar.levels import REST, SEPARATOR
 
 # [frames/s] of one process, while nothing has been measured: what two cores of a small server gave.
 ASSUMED_SPEED = {

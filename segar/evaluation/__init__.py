@@ -12,10 +12,13 @@ from segar.evaluation.policy_evaluation import (
     LevelSetResult,
     Policy,
     adaptation_gain,
+    evaluate_levels,
     evaluate_policy,
+    mean_of_levels,
 )
 
 __all__ = [
     "QUANTITIES", "TRIAL_QUANTITIES", "Baselines", "Evaluation", "Interval", "LevelSetResult", "PlayedEpisodes", "Policy",
-    "adaptation_gain", "evaluate_policy", "find_baselines", "idle_actions", "play_episodes",
+    "adaptation_gain", "evaluate_levels", "evaluate_policy", "find_baselines", "idle_actions", "mean_of_levels",
+    "play_episodes",
 ]  # fmt: skip

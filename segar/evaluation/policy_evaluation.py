@@ -222,6 +222,20 @@ def evaluate_policy(
     return Evaluation(**found, w2={mode: float(w2(train, test, mode=mode)) for mode in distances})
 
 
+def evaluate_levels(
+    policy: Policy, levels: Levels, *, episodes: int = 1, seed: int = 0, scores: bool = False, **options: Any
+) -> LevelSetResult:
+    """What a policy achieves on one level set; arguments as of :func:`evaluate_policy`."""
+    return _result(policy, levels, episodes, seed, scores, options)
+
+
+def mean_of_levels(values: np.ndarray, least: float = -np.inf, most: float = np.inf) -> Interval:
+    """The mean of one number per level, with Student's interval over levels, which ends at ``least`` and ``most``."""
+    if not len(values):
+        return Interval(np.nan, np.nan, np.nan)
+    return _within(_interval(values.mean(), [values]), least, most)
+
+
 def adaptation_gain(level: np.ndarray, trial: np.ndarray, values: np.ndarray) -> Interval:
     """The mean over levels of the last trial's value minus the first trial's, with Student's interval over levels.
 

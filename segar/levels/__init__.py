@@ -10,8 +10,11 @@ from segar.levels.description import all_subclasses, description_of
 from segar.levels.distribution import LevelDistribution
 from segar.levels.distribution_text import read_distribution, written
 from segar.levels.hashing import content_hash, hash_of_levels
+from segar.levels.interventions import ENTITIES, drawn_mechanisms, mechanisms, set_as, with_mechanisms
 from segar.levels.level_data import LEVEL_ARRAYS, Provenance
 from segar.levels.level_set import Levels, levels_from_data
+from segar.levels.mixing import RESERVED as RESERVED_GROUPS
+from segar.levels.mixing import REST, SEPARATOR, Groups, check_fits, mixed_levels, places
 from segar.levels.moments import PointSets, entity_types, gather, source_moments
 from segar.levels.mutation import mutate
 from segar.levels.named_families import DIFFICULTIES, TASK_LEVELS, TASKS, families, family
@@ -22,10 +25,11 @@ from segar.levels.sampling.plan import Draw, SamplingPlan, SlotGroup
 from segar.levels.validity import check_levels
 
 __all__ = [
-    "DIFFICULTIES", "LEVEL_ARRAYS", "TASKS", "TASK_LEVELS", "Dependent", "Draw", "LevelDistribution", "Levels",
-    "PointSets", "Prior", "Provenance", "SamplingPlan", "SlotGroup", "active_options", "all_subclasses",
-    "check_levels", "checks", "content_hash", "description_of", "entity_types", "factors_needed", "families",
-    "family", "gather", "hash_of_levels", "levels_from_data", "marginals", "mix", "moments", "mutate",
-    "read_distribution", "rule_space_of", "rules_in_words", "share_rule_sets", "shared_rule_sets",
-    "slot_distributions", "source_moments", "written",
+    "DIFFICULTIES", "ENTITIES", "LEVEL_ARRAYS", "RESERVED_GROUPS", "REST", "SEPARATOR", "TASKS", "TASK_LEVELS",
+    "Dependent", "Draw", "Groups", "LevelDistribution", "Levels", "PointSets", "Prior", "Provenance", "SamplingPlan",
+    "SlotGroup", "active_options", "all_subclasses", "check_fits", "check_levels", "checks", "content_hash",
+    "description_of", "drawn_mechanisms", "entity_types", "factors_needed", "families", "family", "gather",
+    "hash_of_levels", "levels_from_data", "marginals", "mechanisms", "mix", "mixed_levels", "moments", "mutate",
+    "places", "read_distribution", "rule_space_of", "rules_in_words", "set_as", "share_rule_sets", "shared_rule_sets",
+    "slot_distributions", "source_moments", "with_mechanisms", "written",
 ]  # fmt: skip

@@ -1,11 +1,16 @@
 """Suites: pairs of level distributions with frozen test levels, on which methods are compared. Each is data: a text file, the
 levels of its test, and the plans that solve them, all with their hashes.
 
-The room imports ``hardness``, ``tasks`` and what lies below them.
+The room imports ``evaluation``, ``tasks`` and what lies below them.
 """
 
+from segar.suites.causes import Cause, Causes, causes_of, find_causes
 from segar.suites.freezing import Admission, admission, freeze
 from segar.suites.rules_by_name import RULES
 from segar.suites.suite_file import AXES, Suite, outline, read_suite, suite, suites
+from segar.suites.causal_twins import Twin, Twins, twins
 
-__all__ = ["AXES", "RULES", "Admission", "Suite", "admission", "freeze", "outline", "read_suite", "suite", "suites"]
+__all__ = [
+    "AXES", "RULES", "Admission", "Cause", "Causes", "Suite", "Twin", "Twins", "admission", "causes_of", "find_causes",
+    "freeze", "outline", "read_suite", "suite", "suites", "twins",
+]  # fmt: skip

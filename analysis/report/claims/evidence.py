@@ -22,9 +22,9 @@ from analysis.stats.mixed import mixed_model
 from analysis.stats.prediction import left_out
 from analysis.stats.resampling import cluster_jackknife, cosine, no_interval, permutation_of_blocks
 from analysis.tables import column, count_of, keep, pick, select
-from experiments.levels.mixed_levels import REST, SEPARATOR
 from experiments.reproduction.grid import compares_panels
 from segar.errors import SegarError
+from segar.levels import REST, SEPARATOR
 
 BLOCKS, PERMUTATION = "(panel, seed) blocks", "permutation"  # of whole blocks within panels
 SEED = 2022  # of all permutations

@@ -8,7 +8,8 @@ import numpy as np
 
 from segar.errors import LevelError, did_you_mean
 from segar.language import FloorFriction, Friction
-from segar.levels import Levels, Provenance
+from segar.levels.level_data import Provenance
+from segar.levels.level_set import Levels
 from segar.support import __version__
 
 REST, SEPARATOR = "rest", "+"  # what no group of factors names; between the names of groups that are changed

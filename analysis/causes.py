@@ -1,0 +1,153 @@
+"""``python -m analysis.causes FOLDERS -o causes.png``: what failures on suites come from, as bars with intervals.
+
+``FOLDERS`` hold evaluations that ``experiments.evaluate ... twins=true`` made, at any depth. There is a panel for each suite and a bar
+for each group of factors: what the success gains where this group alone is as in training. Blue groups differ between
+training and test; grey ones are controls, whose bars show chance.
+"""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from analysis.plotting import style
+from analysis.plotting.figures import METADATA, new_figure, save_figure
+from analysis.stats.estimate import mean_of_replicates
+from analysis.tables import column, select
+from segar.errors import SegarError
+
+CAUSES = "causes.csv"  # as experiments.evaluation.causes writes it
+DIFFERS, CONTROL = "#0072B2", "#BBBBBB"
+ACROSS = 3  # panels side by side
+FIGURES = ("effect", "attributed")
+
+
+def read_causes(*folders: str | Path) -> pd.DataFrame:
+    """One row per evaluation, action mode and group, from the files below these folders; ``folder`` says where each lay.
+
+    Raises:
+        SegarError: there is none.
+    """
+    paths = sorted(path for folder in folders for path in Path(folder).expanduser().rglob(CAUSES))
+    if not paths:
+        raise SegarError(
+            f"there is no {CAUSES} below {', '.join(map(str, folders))}; experiments.evaluate run=FOLDER twins=true writes one"
+        )
+    return pd.concat([pd.read_csv(path).assign(folder=str(path.parent)) for path in paths], ignore_index=True)
+
+
+def profile_of_causes(causes: pd.DataFrame, mode: str = "deterministic") -> pd.DataFrame:
+    """One row per suite and group: ``effect`` and ``attributed``, each with ``_low`` and ``_high``, and ``runs``.
+
+    Of one run the intervals are those over levels, paired. Of several runs they are Student's over runs.
+
+    Args:
+        causes: of :func:`read_causes`, or :meth:`segar.suites.Causes.rows` as a table.
+        mode: the action mode that counts, where the table has several.
+
+    Raises:
+        SegarError: no row has this action mode.
+    """
+    chosen = select(causes, action_mode=mode) if "action_mode" in causes else causes
+    if chosen.empty:
+        raise SegarError(f"no evaluation has the action mode '{mode}'")
+    rows = []
+    for (suite, group), part in chosen.groupby(["suite", "group"], sort=False):
+        row: dict[str, object] = {"suite": suite, "group": group, "differs": bool(part["differs"].iloc[0])}
+        for name in FIGURES:
+            values = column(part, name)
+            values = values[np.isfinite(values)]
+            if len(part) == 1:
+                row |= {f"{name}{end}": float(part[f"{name}{end}"].iloc[0]) for end in ("", "_low", "_high")}
+            else:
+                found = mean_of_replicates(values) if len(values) else None
+                ends = (np.nan,) * 3 if found is None else (found.estimate, found.low, found.high)
+                row |= dict(zip((name, f"{name}_low", f"{name}_high"), ends, strict=True))
+        rows.append({**row, "runs": len(part)})
+    return pd.DataFrame(rows)
+
+
+def causes_plot(
+    causes: pd.DataFrame, path: str | Path | None = None, figure: str = "effect", mode: str = "deterministic"
+) -> Figure:
+    """Bars with intervals: what each group of factors has to do with failures, a panel per suite.
+
+    Args:
+        causes: as of :func:`profile_of_causes`.
+        path: where the figure is written, as ``.png``, ``.pdf`` or ``.svg``.
+        figure: ``"effect"``, the success gained where the group is as in training; or ``"attributed"``, the share of failures
+            that do not happen there.
+
+    Raises:
+        SegarError: the path has another suffix, there is no such figure, or no row has this action mode.
+    """
+    if path is not None and Path(path).suffix not in METADATA:
+        raise SegarError(f"'{path}' ends in none of {', '.join(METADATA)}, which say what is written")
+    if figure not in FIGURES:
+        raise SegarError(f"figure must be one of {', '.join(FIGURES)}, not '{figure}'")
+    table = profile_of_causes(causes, mode)
+    suites = list(dict.fromkeys(table["suite"]))
+    across = min(ACROSS, len(suites))
+    down = -(-len(suites) // across)
+    most = max(len(select(table, suite=name)) for name in suites)
+    with style.applied():
+        drawn = new_figure(0.8 + 3.1 * across, 0.9 + down * (0.6 + 0.3 * most))
+        grid = np.atleast_1d(drawn.subplots(down, across, sharex=True, squeeze=False)).ravel()
+        for axes, name in zip(grid, suites, strict=False):
+            _draw(axes, select(table, suite=name), figure, str(name))
+        for axes in grid[len(suites) :]:
+            axes.axis("off")
+        what = "success gained" if figure == "effect" else "share of failures that end"
+        drawn.supxlabel(f"{what} where this group alone is as in training, 95 %", fontsize=10)
+    if path is not None:
+        place = Path(path).expanduser().resolve()
+        save_figure(drawn, place, (place.suffix,))
+    return drawn
+
+
+def _draw(axes: Axes, part: pd.DataFrame, figure: str, title: str) -> None:
+    """One suite."""
+    at = np.arange(len(part))[::-1]
+    value, low, high = (column(part, f"{figure}{end}") for end in ("", "_low", "_high"))
+    bars = np.nan_to_num(np.array([value - low, high - value])).clip(min=0)
+    colours = [DIFFERS if differs else CONTROL for differs in part["differs"]]
+    axes.barh(at, np.nan_to_num(value), height=0.62, color=colours, zorder=2)
+    axes.errorbar(
+        np.nan_to_num(value), at, xerr=bars, fmt="none", ecolor="#333333", elinewidth=1.2, capsize=2.5, zorder=3
+    )
+    axes.axvline(0, color="#999999", linewidth=0.8, zorder=1)
+    axes.set_yticks(at, [str(name) for name in part["group"]])
+    axes.grid(axis="y", visible=False)
+    runs = int(cast(int, part["runs"].max()))
+    axes.set_title(f"{title}{f', {runs} runs' if runs > 1 else ''}", loc="left")
+
+
+def main(arguments: Sequence[str]) -> None:
+    """The command line."""
+    parser = argparse.ArgumentParser(
+        prog="python -m analysis.causes", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("folders", nargs="+", metavar="FOLDERS", help="folders below which evaluations lie")
+    parser.add_argument(
+        "-o", "--output", default="causes.png", help="the figure: .png, .pdf or .svg (default: causes.png)"
+    )
+    parser.add_argument("--figure", choices=FIGURES, default="effect", help="what the bars show (default: effect)")
+    parser.add_argument("--mode", default="deterministic", help="the action mode that counts (default: deterministic)")
+    chosen = parser.parse_args(arguments)
+    try:
+        causes = read_causes(*chosen.folders)
+        causes_plot(causes, chosen.output, chosen.figure, chosen.mode)
+    except SegarError as error:
+        sys.exit(f"error: {error}")
+    print(profile_of_causes(causes, chosen.mode).to_string(index=False))
+    print(Path(chosen.output).expanduser().resolve())
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
