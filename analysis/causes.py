@@ -1,8 +1,8 @@
 """``python -m analysis.causes FOLDERS -o causes.png``: what failures on suites come from, as bars with intervals.
 
-``FOLDERS`` hold evaluations that ``experiments.evaluate ... twins=true`` made, at any depth. There is a panel for each suite and a bar
-for each group of factors: what the success gains where this group alone is as in training. Blue groups differ between
-training and test; grey ones are controls, whose bars show chance.
+``FOLDERS`` hold evaluations that ``experiments.evaluate ... twins=true`` made, at any depth. There is a panel for each suite
+and a bar for each group of factors: what the success gains where this group alone is as in training. Blue groups differ
+between training and test; grey ones are controls, whose bars show chance.
 """
 
 import argparse

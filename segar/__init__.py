@@ -6,7 +6,7 @@ is compiled from the rules, and measured. See README.md for a first run.
 Here stand the names that most programs need. All others stand in the rooms: ``segar.language`` (factors, entities,
 parameters, shapes, relations, effects, mathematics of rules), ``segar.rules``, ``segar.noise``, ``segar.levels``,
 ``segar.tasks``, ``segar.observations``, ``segar.envs``, ``segar.metrics``, ``segar.textures``, ``segar.rendering``,
-``segar.hardness``, ``segar.policies``, ``segar.evaluation``, ``segar.datasets`` and ``segar.errors``.
+``segar.hardness``, ``segar.policies``, ``segar.evaluation``, ``segar.datasets``, ``segar.suites`` and ``segar.errors``.
 """
 
 from typing import Any, Tuple  # noqa: UP035 - the paper's rules are written with Tuple
@@ -75,6 +75,7 @@ from segar.noise import (
 )
 from segar.reference import Interpreter
 from segar.rules import DEFAULT_RULES, World, apply_friction, lorentz_law, move
+from segar.suites import register_suites
 from segar.support import __version__, deprecated_names, find_moved
 from segar.tasks import puttputt
 
@@ -138,3 +139,4 @@ def __getattr__(name: str) -> Any:
 
 
 envs.register_all()
+register_suites()

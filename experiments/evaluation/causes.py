@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from experiments.evaluation.episodes import Agent, play_in_modes
-from experiments.runs.run_folder import RunFolderError
 from experiments.settings import ConfigError, EvaluateConfig, RunConfig, RunFolderError
 from segar.levels import Levels
 from segar.suites import Causes, Suite, Twin, Twins, causes_of, suite, suites

@@ -1,4 +1,4 @@
-"""Causal twins: the test levels of a suite, each with one thing set as a training level has it, so that a failure has a cause."""
+"""Causal twins: test levels of a suite, each with one thing set as a training level has it, so that failures have causes."""
 
 from __future__ import annotations
 

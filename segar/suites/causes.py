@@ -17,13 +17,13 @@ from segar.evaluation import Interval, Policy, evaluate_levels, mean_of_levels
 from segar.hardness import wilson_interval
 from segar.levels import Levels
 from segar.observations import StateVector, TexturedPixels, trained_on
-from segar.suites.suite_file import Suite
 from segar.suites.causal_twins import Twin, Twins
+from segar.suites.suite_file import Suite
 from segar.support import aligned, replacing
 
 HEAD = (
-    "group", "differs", "twins", "success_level", "success_twin", "effect", "effect_low", "effect_high", "failures", "attributed",
-    "attributed_low", "attributed_high",
+    "group", "differs", "twins", "success_level", "success_twin", "effect", "effect_low", "effect_high", "failures",
+    "attributed", "attributed_low", "attributed_high",
 )  # fmt: skip
 
 

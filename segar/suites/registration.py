@@ -1,0 +1,78 @@
+"""Gymnasium ids of suites: ``Segar/<suite>-<train|test>-<rgb|state>``, such as ``Segar/place-between-v1-train-state``.
+
+The version is the one in the suite's name. The ids have none of their own: a second version of a suite is another question, and
+does not make the first one out of date, which Gymnasium would say otherwise.
+"""
+
+from typing import Any
+
+import gymnasium
+
+from segar.envs import Env, VectorEnv, known_options, require_known
+from segar.errors import SuiteError
+from segar.observations import StateVector, TexturedPixels, trained_on
+from segar.suites.suite_file import SIDES, suite, suites
+
+OBSERVATION_NAMES = ("rgb", "state")
+OF_LEVELS = {"num_levels", "seed"}
+FIXED = {"task", "world"}  # what the suite says
+ENTRY_POINT, VECTOR_ENTRY_POINT = (f"segar.suites.registration:{name}" for name in ("make_env", "make_vector_env"))
+
+
+def register_suites() -> None:
+    """Register the ids of all suites, of which no file is read; ids that are registered already stay as they are."""
+    for name in suites():
+        for side in SIDES:
+            for observation in OBSERVATION_NAMES:
+                id_ = f"Segar/{name}-{side}-{observation}"
+                if id_ not in gymnasium.registry:
+                    kwargs = {"suite_name": name, "side": side, "observation": observation}
+                    gymnasium.register(
+                        id_, entry_point=ENTRY_POINT, vector_entry_point=VECTOR_ENTRY_POINT, kwargs=kwargs
+                    )
+
+
+def make_env(suite_name: str, side: str, **options: Any) -> gymnasium.Env:
+    """The single environment of an id; see :func:`make_vector_env`."""
+    return Env(**_arguments(suite_name, side, options))
+
+
+def make_vector_env(suite_name: str, side: str, num_envs: int = 1, **options: Any) -> gymnasium.vector.VectorEnv:
+    """The batched environment of an id.
+
+    Args:
+        side: ``train`` or ``test``.
+        num_envs: number of environments.
+        options: ``seed`` (default 0) draws the training levels, and is the seed of the environment. ``num_levels``: of
+            training, as many as the suite says by default; of the test, the first ones, by default all. All others, but
+            for ``task`` and ``world``, go to :class:`segar.envs.VectorEnv`. The observation ``state`` hides what the
+            suite hides, and ``rgb`` has the textures of the side.
+
+    Raises:
+        SuiteError: the suite is about textures, and the observation is ``state``; or there are not so many test levels.
+    """
+    return VectorEnv(num_envs=num_envs, **_arguments(suite_name, side, options))
+
+
+def _arguments(suite_name: str, side: str, options: dict[str, Any]) -> dict[str, Any]:
+    found = suite(suite_name)
+    require_known(options, OF_LEVELS | (known_options(VectorEnv) | known_options(Env)) - FIXED)
+    seed, number = options.pop("seed", 0), options.pop("num_levels", None)
+    observation = options.pop("observation")
+    if found.textures and observation == "state":
+        raise SuiteError(
+            f"{suite_name} is about textures, which states do not show; make Segar/{suite_name}-{side}-rgb"
+        )
+    if observation == "state":
+        observation = StateVector(hidden=found.hidden)
+    elif observation == "rgb" and found.textures:
+        observation = TexturedPixels(found.textures[SIDES.index(side)])
+    if side == "train":
+        levels = found.sample(seed, number)
+    else:
+        levels, count = found.test_levels, len(found.test_levels)
+        if number is not None and not 1 <= number <= count:
+            raise SuiteError(f"num_levels: {suite_name} has {count} test levels, not {number!r}")
+        levels = levels if number is None else levels[:number]
+        observation = trained_on(observation, found.sample(seed))  # a test has the units of training
+    return {"levels": levels, "seed": seed, "task": found.task, "observation": observation, **options}
