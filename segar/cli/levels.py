@@ -10,8 +10,9 @@ from segar import metrics
 from segar.cli import arguments
 from segar.cli.figures import draw_marginals
 from segar.cli.priors_text import composition, described
-from segar.errors import UnseenDifferenceWarning
+from segar.errors import PriorError, UnseenDifferenceWarning
 
+AMONG = 200  # levels, such as those of a training, among which another may be
 MODES = ("exact", "reference", "paper")
 
 
@@ -82,14 +83,29 @@ def describe(chosen: argparse.Namespace) -> None:
     if chosen.output:
         draw_marginals(distribution, chosen.output, chosen.name)
     answer = {"name": chosen.name, "distribution": distribution.hash, "entities": slots, "marginals": rows}
+    answer["shared"] = shared = _shared(distribution)
     entities = [(name, " | ".join(_shares(slot)), slot["there"]) for name, slot in slots.items()]
     head = ("entity", "factor", "distribution", "mean", "sd", "low", "high")
     text = arguments.table(("entity", "types", "there"), entities)
     text += "\n\n" + arguments.table(head, [list(row.values()) for row in rows])
+    if shared is None:
+        text += "\n\nshared levels: priors depend on other factors, or too many levels have a probability; sample, and count"
+    else:
+        text += f"\n\ntwo draws are the same level with probability {shared['two']:.3g} (+- {shared['two_error']:.1g})"
+        text += f"; a level is one of {AMONG} others with {shared['among']:.3g} (+- {shared['among_error']:.1g})"
     if chosen.output:
         answer["figure"] = chosen.output
         text += f"\n\n{chosen.output}: all marginals that are not constant"
     arguments.print_answer(chosen, answer, text)
+
+
+def _shared(distribution: Any) -> dict[str, float] | None:
+    """How likely two draws are the same level, and that a level is one of 200 others; None where that is not known exactly."""
+    try:
+        two, among = distribution.shared_probability(), distribution.shared_probability(AMONG)
+    except PriorError:
+        return None
+    return {"two": two.value, "two_error": two.error, "among": among.value, "among_error": among.error, "levels": AMONG}
 
 
 def _shares(slot: dict[str, Any]) -> list[str]:

@@ -20,9 +20,10 @@ from segar.levels.hashing import content_hash
 from segar.levels.level_data import LevelData, Provenance, layout_on_floor
 from segar.levels.level_set import Levels
 from segar.levels.priors import Prior, check_priors
-from segar.levels.probability.entropy import acceptance, entropy, log_acceptance
+from segar.levels.probability.entropy import acceptance, acceptance_of, entropy, log_acceptance
 from segar.levels.probability.log_prob import log_probability
 from segar.levels.probability.marginals import marginals
+from segar.levels.probability.shared import shared_probability
 from segar.levels.sampling.draws import Streams, draw_levels
 from segar.levels.sampling.placement import MIN_DISTANCE
 from segar.levels.sampling.plan import SamplingPlan, SlotGroup, make_plan
@@ -250,6 +251,36 @@ class LevelDistribution:
         Placement tries 100 times per level: with a share p, it fails for a level with probability ``(1 - p)^100``.
         """
         return acceptance(self.plan, Streams(str(self), self._stream, int(seed), "acceptance"), draws)
+
+    def shared_probability(self, n: int = 1, other: LevelDistribution | None = None) -> Estimate:
+        """The probability that a level of ``other`` (None: of this distribution) is one of ``n`` levels of this one.
+
+        With ``n=1``, that two draws are the same level, as ``sample(apart_from=...)`` understands it. It is 0 for
+        distributions in which something always has a density, and exact, with an error of 0, where no two things can be drawn
+        too close to each other; else the error bounds what the minimal distance takes off.
+
+        >>> segar.family("empty-hard").shared_probability().value < 1e-6
+        True
+
+        Args:
+            n: how many independent levels, such as those of training.
+            other: whose levels are asked for, such as the distribution of a test.
+
+        Raises:
+            LevelError: ``n`` is no whole number above 0.
+            PriorError: a factor with atoms depends on other factors, or there are too many kinds of levels to go through.
+        """
+        if isinstance(n, bool) or not isinstance(n, (int, np.integer)) or n < 1:
+            raise LevelError(f"{self}: the number of levels must be a whole number above 0, not {n!r}")
+        known: dict[Any, Estimate] = {}
+
+        def accepted(places: tuple[Noise, ...], min_distance: float) -> Estimate:
+            key = places, min_distance
+            if key not in known:
+                known[key] = acceptance_of(places, min_distance)
+            return known[key]
+
+        return shared_probability(self.plan, (self if other is None else other).plan, int(n), accepted)
 
     def entropy(self, draws: int = 20_000, seed: int = 0) -> Estimate:
         """Entropy [nats] with respect to the measure of ``log_prob``, with its standard error.

@@ -25,14 +25,14 @@ from segar.noise.locations import (
     RandomTopRightLocation,
     RandomUniformLocation,
 )
-from segar.noise.mixture import GaussianMixtureNoise, Mixture
+from segar.noise.mixture import GaussianMixtureNoise, Mixture, MixtureNoise
 from segar.noise.transforms import Affine
 from segar.noise.truncated import TruncatedGaussianNoise
 from segar.noise.wrapped import VonMises, Wrapped, wrap
 
 __all__ = [
     "Affine", "Bernoulli", "CenterLocation", "Choice", "Deterministic", "DiscreteRangeNoise", "Empirical",
-    "GaussianMixtureNoise", "GaussianNoise", "GaussianNoise2D", "Independent", "LogUniform", "Mixture", "Noise",
+    "GaussianMixtureNoise", "GaussianNoise", "GaussianNoise2D", "Independent", "LogUniform", "Mixture", "MixtureNoise", "Noise",
     "RandomBottomLeftLocation", "RandomBottomLocation", "RandomBottomRightLocation", "RandomEdgeLocation",
     "RandomLeftLocation", "RandomMiddleLocation", "RandomRightLocation", "RandomTopLeftLocation", "RandomTopLocation",
     "RandomTopRightLocation", "RandomUniformLocation", "TruncatedGaussianNoise", "UniformNoise", "VonMises",

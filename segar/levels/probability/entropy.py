@@ -48,7 +48,7 @@ def log_acceptance(
     for k, kind in enumerate(kinds):
         noises = tuple(found.distributions[i] for i in kind if i >= 0)
         if noises not in known:
-            known[noises] = _acceptance_of(noises, plan.min_distance)
+            known[noises] = acceptance_of(noises, plan.min_distance)
         share = known[noises]
         if not share.value:
             raise PlacementError(
@@ -100,7 +100,8 @@ def _slot_entropy(plan: SamplingPlan, group: SlotGroup, slot: int) -> float:
     return total
 
 
-def _acceptance_of(noises: tuple[Noise, ...], min_distance: float) -> Estimate:
+def acceptance_of(noises: tuple[Noise, ...], min_distance: float) -> Estimate:
+    """The share of places, drawn from these distributions, of which no two are too close."""
     if len(noises) < 2:
         return Estimate(1.0)
     rng, accepted = np.random.default_rng(0), 0
