@@ -107,8 +107,13 @@ $(ENVIRONMENT_PAGES): $(SITE_STAMP) docs/site/environments.py docs/site/playgrou
 		$(wildcard segar/*.py segar/*/*.py segar/*/*/*.py segar/*/*/*/*.py)
 	$(PY) docs/site/environments.py
 
+# So are the cards of suites.
+SUITE_PAGES := build/site-source/suites/index.md
+$(SUITE_PAGES): $(ENVIRONMENT_PAGES) docs/site/suites.py $(wildcard segar/suites/data/*.toml docs/results/benchmark/scores.csv)
+	$(PY) docs/site/suites.py
+
 # The playgrounds in the tutorial are made by its own commands, again only if these or the sources changed.
-site: $(ENVIRONMENT_PAGES)
+site: $(SUITE_PAGES)
 	$(PY) docs/site/playgrounds.py
 	$(PY) docs/site/pages.py
 	rm -rf build/site

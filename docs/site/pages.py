@@ -18,7 +18,7 @@ ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 SOURCE = ROOT / "build" / "site-source"
 FILES = ROOT / "build" / "site-files"
-GENERATED = ("environments",)  # folders of the source that others write
+GENERATED = ("environments", "suites")  # folders of the source that others write
 BESIDE = ("CHANGELOG.md", "CONTRIBUTING.md")
 
 FENCE = re.compile(r"^```.*?^```$", re.M | re.S)
@@ -36,6 +36,7 @@ Overview <README>
 tutorial
 how-to/index
 environments/index
+suites/index
 glossary
 ```
 

@@ -11,6 +11,7 @@ from segar.cli import arguments
 from segar.cli.figures import draw_marginals
 from segar.cli.priors_text import composition, described
 from segar.errors import PriorError, UnseenDifferenceWarning
+from segar.levels import level_schema
 
 AMONG = 200  # levels, such as those of a training, among which another may be
 MODES = ("exact", "reference", "paper")
@@ -22,6 +23,11 @@ def add_commands(commands: Any) -> None:
     arguments.add_levels(sampling)
     arguments.add_output(
         sampling, "the level file to be written, in JSON where it ends in .json, else in npz", required=True
+    )
+
+    schema = arguments.command(commands, "schema", show_schema, "print the JSON Schema of level files, for editors")
+    schema.add_argument(
+        "name", metavar="family", nargs="?", help=f"with its entities and factors: {arguments.NAME_HELP}"
     )
 
     comparing = arguments.command(commands, "distance", distance, "measure how far two level sets are apart")
@@ -52,6 +58,11 @@ def sample(chosen: argparse.Namespace) -> None:
     answer = {"file": chosen.output, "levels": len(levels), "name": origin.name, "distribution": origin.distribution}
     answer |= {"seed": origin.seed, "split": origin.split}
     arguments.print_answer(chosen, answer, f"{chosen.output}: {repr(levels).strip('<>')}")
+
+
+def show_schema(chosen: argparse.Namespace) -> None:
+    """``segar schema``."""
+    arguments.print_json(level_schema(None if chosen.name is None else arguments.find_distribution(chosen.name).layout))
 
 
 def distance(chosen: argparse.Namespace) -> None:

@@ -12,6 +12,7 @@ from segar.levels.distribution_text import read_distribution, written
 from segar.levels.hashing import content_hash, hash_of_levels
 from segar.levels.interventions import ENTITIES, drawn_mechanisms, mechanisms, set_as, with_mechanisms
 from segar.levels.level_data import LEVEL_ARRAYS, Provenance
+from segar.levels.level_json import level_schema
 from segar.levels.level_set import Levels, levels_from_data
 from segar.levels.mixing import RESERVED as RESERVED_GROUPS
 from segar.levels.mixing import REST, SEPARATOR, Groups, check_fits, mixed_levels, places
@@ -29,7 +30,7 @@ __all__ = [
     "Dependent", "Draw", "Groups", "LevelDistribution", "Levels", "PointSets", "Prior", "Provenance", "SamplingPlan",
     "SlotGroup", "active_options", "all_subclasses", "check_fits", "check_levels", "checks", "content_hash",
     "description_of", "drawn_mechanisms", "entity_types", "factors_needed", "families", "family", "gather",
-    "hash_of_levels", "levels_from_data", "marginals", "mechanisms", "mix", "mixed_levels", "moments", "mutate",
+    "hash_of_levels", "level_schema", "levels_from_data", "marginals", "mechanisms", "mix", "mixed_levels", "moments", "mutate",
     "places", "read_distribution", "rule_space_of", "rules_in_words", "set_as", "share_rule_sets", "shared_rule_sets",
     "slot_distributions", "source_moments", "with_mechanisms", "written",
 ]  # fmt: skip

@@ -19,7 +19,7 @@ from segar.levels.description import DESCRIPTION, description_of, layout_of, ori
 from segar.levels.level_data import Block, LevelData
 from segar.levels.validity import check_levels, level_forms
 from segar.rules import World
-from segar.support import __version__, check_size, misfit, read_handwritten_json, replacing, shown
+from segar.support import __version__, check_size, misfit, read_handwritten_json, replacing, shown, with_line
 
 SUFFIX = ".json"
 FORMAT, VERSION = "segar-levels", 1
@@ -71,7 +71,11 @@ def read_json(path: Path, world: World | None) -> dict[str, Any]:
     Raises:
         LevelError: there is no such file, it is no JSON, or as :func:`fields_of`.
     """
-    return fields_of(read_handwritten_json(path, "a level file in JSON", LevelError), path, "", world)
+    data = read_handwritten_json(path, "a level file in JSON", LevelError)
+    try:
+        return fields_of(data, path, "", world)
+    except LevelError as error:
+        raise LevelError(with_line(path, str(error))) from error
 
 
 def fields_of(data: Any, path: Path, inside: str, world: World | None) -> dict[str, Any]:
@@ -98,6 +102,64 @@ def fields_of(data: Any, path: Path, inside: str, world: World | None) -> dict[s
     block = _block_of(data["levels"], layout, description["most_vertices"], path, where)
     _check_floor(layout, block.values, block.parameters, where)
     return origin_of(description, layout, block.indices, path) | block.arrays
+
+
+def level_schema(layout: Layout | None = None) -> dict[str, Any]:
+    """The JSON Schema of level files, for editors and validators; with the entities and factors of a layout where one is given.
+
+    It says what has which form. What only SEGAR knows, such as the range of a factor, is checked when a file is read.
+    """
+    number = {"type": "number"}
+    value = {"anyOf": [number, {"type": "array", "items": number, "minItems": 2, "maxItems": 2}]}
+    parameters: dict[str, Any] = {"type": "object", "additionalProperties": number}
+    entities: dict[str, Any] = {"type": "object", "additionalProperties": _entity_schema(None, value)}
+    if layout is not None:
+        parameters = _closed({p.__name__: number for p in layout.parameters}, ())
+        slots = {s.name: {"anyOf": [_entity_schema(kind, value) for kind in s.types]} for s in layout.slots}
+        entities = _closed(slots, [s.name for s in layout.slots[:-1] if not s.optional])
+    level = _closed(
+        {"index": {"type": "integer", "minimum": 0}, "parameters": parameters, "entities": entities}, ["entities"]
+    )
+    parts = {
+        "format": {"const": FORMAT},
+        "version": {"type": "integer", "minimum": 1, "maximum": VERSION},
+        "description": _schema(FORM),
+        "levels": {"type": "array", "minItems": 1, "items": level},
+    }
+    head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "levels of SEGAR"}
+    return head | _closed(parts, list(parts))
+
+
+def _entity_schema(kind: type[Entity] | None, value: dict[str, Any]) -> dict[str, Any]:
+    """The schema of an entity, of any type or of one."""
+    number = {"type": "number"}
+    pair = {"type": "array", "items": number, "minItems": 2, "maxItems": 2}
+    hull = {"type": "array", "items": pair, "minItems": 3, "maxItems": int(MOST_VERTICES)}
+    factors: dict[str, Any] = {"type": "object", "additionalProperties": value}
+    sampled, name, shapes = factors, {"type": "string"}, list(SHAPES)
+    if kind is not None:
+        of_kind = {f.__name__: number if f.width == 1 else pair for f in kind.declared if f.width}
+        factors, sampled, name = _closed(of_kind, list(of_kind)), _closed(of_kind, ()), {"const": kind.__name__}
+        shapes = [shape for shape in SHAPES if (shape is None) == (Shape not in kind.declared)]
+    parts = {"type": name, "shape": {"enum": shapes}, "vertices": hull, "factors": factors, "sampled": sampled}
+    return _closed(parts, ["type", "factors"])
+
+
+def _closed(parts: Mapping[str, Any], needed: Collection[str]) -> dict[str, Any]:
+    """The schema of a mapping that has these parts and no others."""
+    return {"type": "object", "properties": dict(parts), "required": list(needed), "additionalProperties": False}
+
+
+def _schema(form: Any) -> dict[str, Any]:
+    """The schema of a form of :func:`segar.support.misfit`."""
+    if isinstance(form, tuple):
+        return {"anyOf": [_schema(one) for one in form]}
+    if isinstance(form, list):
+        return {"type": "array", "items": _schema(form[0])}
+    if isinstance(form, Mapping):
+        parts = {key.removesuffix("?"): _schema(one) for key, one in form.items()}
+        return _closed(parts, [key for key in form if not key.endswith("?")])
+    return {"type": {None: "null", str: "string", bool: "boolean", int: "integer", float: "number"}[form]}
 
 
 # Writing.

@@ -24,7 +24,7 @@ from segar.levels.level_json import fields_of, is_json, read_json, write_json
 from segar.levels.sampling.placement import fix_block
 from segar.levels.validity import check_levels, level_forms
 from segar.rules import World
-from segar.support import ArchiveFormat, Form
+from segar.support import ArchiveFormat, Form, with_line
 
 if TYPE_CHECKING:
     from segar.playground import Playground
@@ -64,7 +64,10 @@ class Levels(LevelData):
         """
         path = Path(path)
         levels = cls(**(read_json if is_json(path) else _read_npz)(path, world), world=world)
-        check_levels(levels, f"{path}: ")
+        try:
+            check_levels(levels, f"{path}: ")
+        except LevelError as error:
+            raise (LevelError(with_line(path, str(error))) if is_json(path) else error) from error.__cause__
         return levels
 
     @classmethod

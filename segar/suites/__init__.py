@@ -4,6 +4,7 @@ levels of its test, and the plans that solve them, all with their hashes.
 The room imports ``evaluation``, ``tasks`` and what lies below them.
 """
 
+from segar.suites.card import card
 from segar.suites.causal_twins import Twin, Twins, twins
 from segar.suites.causes import Cause, Causes, causes_of, find_causes
 from segar.suites.freezing import Admission, admission, freeze
@@ -12,6 +13,6 @@ from segar.suites.rules_by_name import RULES
 from segar.suites.suite_file import AXES, Suite, outline, read_suite, suite, suites
 
 __all__ = [
-    "AXES", "RULES", "Admission", "Cause", "Causes", "Suite", "Twin", "Twins", "admission", "causes_of", "find_causes",
+    "AXES", "RULES", "Admission", "Cause", "Causes", "Suite", "Twin", "Twins", "admission", "card", "causes_of", "find_causes",
     "freeze", "outline", "read_suite", "register_suites", "suite", "suites", "twins",
 ]  # fmt: skip

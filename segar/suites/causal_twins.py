@@ -159,6 +159,16 @@ def twins(suite: Suite, *, seed: int = 0, n: int | None = None, groups: Sequence
     return Twins(suite, seed, suite.test_levels[:count], tuple(_first(one, count) for one in made))
 
 
+def groups_in_words(suite: Suite) -> dict[str, str]:
+    """Name of each group in which training and test of a suite differ, and what it is; none for one distribution."""
+    return {name: _in_words(suite, name) for name, (_, differs) in _groups(suite).items() if differs}
+
+
+def _in_words(suite: Suite, group: str) -> str:
+    kind = "factor" if group in suite.test.layout.by_name else "world parameter"
+    return SAYS.get(group, f"the {kind} {group}")
+
+
 def _groups(suite: Suite) -> dict[str, tuple[tuple[str, ...], bool]]:
     """Name of each group to its mechanisms and whether training and test differ in it."""
     of_train, of_test = mechanisms(suite.train), mechanisms(suite.test)
@@ -215,8 +225,7 @@ def _twin(suite: Suite, group: str, names: tuple[str, ...], differs: bool, seed:
         left = left[~found[left]]
         if not len(left):
             break
-    kind = "factor" if group in suite.test.layout.by_name else "world parameter"
-    says = SAYS.get(group, f"the {kind} {group}")
+    says = _in_words(suite, group)
     textures = suite.textures[1] if suite.textures else ""
     return Twin(group, says, names, differs, levels if made is None else made, found, plans, textures)
 

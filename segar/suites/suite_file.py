@@ -62,6 +62,7 @@ class Suite:
             will do.
         unsolved: how many levels were left out of the test because the planner found no way to solve them.
         hash: sixteen digits that change with anything that a result depends on.
+        hashes: those of its parts: train, test, levels, plans.
     """
 
     name: str
@@ -78,6 +79,7 @@ class Suite:
     textures: tuple[str, ...]
     unsolved: int
     hash: str
+    hashes: Mapping[str, str]
 
     def __repr__(self) -> str:
         return f"<suite {self.name}: {self.axis}, {self.shift}; {len(self.test_levels)} test levels; {self.hash}>"
@@ -157,6 +159,7 @@ def read_suite(path: str | PathLike[str]) -> Suite:
         hidden=hidden,
         textures=tuple(found["textures"]),
         hash=hashes["suite"],
+        hashes={what: value for what, value in hashes.items() if what != "suite"},
     )
 
 

@@ -2,8 +2,9 @@
 
 import json
 import math
+import re
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from segar.errors import SegarError, did_you_mean
 from segar.support.npz import first_line
 
 LARGEST_INTEGER = 2**64  # in size; larger ones have no place in an array
+STEP = re.compile(r"\[(\d+)\]|'([^']*)'|(\w+)")  # of a place: an index, an odd name, a name
 LONGEST_SHOWN = 60  # [characters] of a wrong value in a message
 
 
@@ -56,6 +58,60 @@ def read_handwritten_json(path: Path, kind: str, error: type[SegarError]) -> Any
         return from_handwritten_json(path.read_bytes())
     except (ValueError, OSError) as cause:
         raise error(f"{path} is not {kind}, or only part of one: {first_line(cause)}") from cause
+
+
+def with_line(path: Path, message: str) -> str:
+    """A message about a JSON file, with the line of the place that it names behind it; as it is where it names none.
+
+    A place is written as ``levels[0].entities.goal.factors``; a key in quotation marks after it is looked for there.
+    """
+    found = re.match(rf"{re.escape(str(path))}: ((?:\w+|\['[^']*'\]|'[^']*'|\[\d+\]|\.)+): (.*)", message, re.S)
+    if found is None:
+        return message
+    steps: list[str | int] = [int(k) if k else name or odd for k, odd, name in STEP.findall(found[1])]
+    named = re.search(r"'([^']*)'", found[2])
+    try:
+        text = path.read_text(encoding="utf-8")
+        at = next(
+            p for p in (place_of(text, [*steps, named[1]] if named else steps), place_of(text, steps)) if p is not None
+        )
+    except (OSError, ValueError, StopIteration, RecursionError):
+        return message
+    return f"{message} (line {text.count(chr(10), 0, at) + 1})"
+
+
+def place_of(text: str, steps: Sequence[str | int]) -> int | None:
+    """Where the part of a JSON text starts that these keys and indices lead to; None where they lead nowhere.
+
+    Raises:
+        ValueError: it is no JSON text.
+    """
+    decoder, at = json.JSONDecoder(), _blank(text, 0)
+    for step in steps:
+        if text[at] != ("[" if isinstance(step, int) else "{"):
+            return None
+        at, count = _blank(text, at + 1), 0
+        while True:
+            if text[at] in "]}":
+                return None
+            start, key = at, None
+            if isinstance(step, str):
+                key, at = decoder.raw_decode(text, at)
+                at = _blank(text, _blank(text, at) + 1)
+            if step == (count if key is None else key):
+                at = start if step is steps[-1] else at
+                break
+            _, at = decoder.raw_decode(text, at)
+            at, count = _blank(text, at), count + 1
+            at = _blank(text, at + 1) if text[at] == "," else at
+    return at
+
+
+def _blank(text: str, at: int) -> int:
+    """The place of the next character that is no blank."""
+    while text[at : at + 1].isspace():
+        at += 1
+    return at
 
 
 def shown(value: Any) -> str:

@@ -68,6 +68,7 @@ ORDER = [
     "analysis.level_sets",
     "analysis.runs",
     "analysis.gap_plot",
+    "analysis.causes",
     "analysis.probes",
     "analysis.studies",
     "analysis.experiment_runs",

@@ -147,6 +147,13 @@ def test_a_named_distribution_has_a_page_with_its_factors(name):
     assert not [factor for factor in factors if f">{factor}<" not in text]
 
 
+@pytest.mark.parametrize("name", suites())
+def test_a_suite_has_a_card_with_its_hashes_and_the_index_links_it(name):
+    text = (SITE / "suites" / f"{name}.html").read_text()
+    assert not [value for value in (suite(name).hash, *suite(name).hashes.values()) if value not in text]
+    assert f"{name}.html" in page_at(SITE / "suites" / "index.html").links
+
+
 def test_the_sections_of_a_docstring_become_lists_and_keep_all_words():
     place = importlib.util.spec_from_file_location("site_api", DOCS / "site" / "api.py")
     assert place and place.loader

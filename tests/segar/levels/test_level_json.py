@@ -7,6 +7,7 @@ import json
 import os
 from pathlib import Path
 
+import jsonschema
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -16,7 +17,7 @@ import segar
 from segar import Ball, Circle, GoalTile, GolfBall, Gravity, Levels, Mass, Object, Position, Shape, Size, Tile
 from segar.errors import LevelError
 from segar.language import ConvexHull, FloorFriction, Parameter
-from segar.levels import LEVEL_ARRAYS, families
+from segar.levels import LEVEL_ARRAYS, families, level_schema
 from tests.crafted import assert_clean_errors, crafted_descriptions, crafted_texts
 from tests.places import ROOT
 
@@ -442,3 +443,43 @@ def test_levels_that_could_not_be_read_again_are_not_written(tmp_path):
     ):
         floor.save(path)
     assert not path.exists()
+
+
+@pytest.mark.parametrize("name", ["empty-easy", "tilesx2-medium", "objectsx3-hard", "puttputt", "billiards"])
+def test_files_fit_the_schema_and_what_is_refused_does_not(name, tmp_path):
+    levels, path = segar.family(name).sample(4, seed=0), tmp_path / "levels.json"
+    levels.save(path)
+    data = json.loads(path.read_text())
+    for schema in (level_schema(), level_schema(levels.layout)):
+        jsonschema.Draft202012Validator.check_schema(schema)
+        jsonschema.validate(data, schema)
+    wrong = json.loads(path.read_text())
+    entity = next(iter(wrong["levels"][1]["entities"].values()))
+    entity["factors"]["Mas"] = 1.0
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(wrong, level_schema(levels.layout))
+    del wrong["levels"][1]["entities"]
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(wrong, level_schema())
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('"Mass": 1.0', '"Mas": 1.0', r"levels\[0\]\.entities\.golfball\.factors: .*'Mas'.*\(line LINE\)"),
+        ('"Mass": 1.0', '"Mass": "heavy"', r"levels\[0\]\.entities\.golfball\.factors\.Mass: must be .*\(line LINE\)"),
+        ('"Mass": 1.0', '"Mass": -1.0', r"Mass.*\(line LINE\)"),
+        ('"golfball": {', '"golfbal": {', r"levels\[0\]\.entities: has no 'golfbal'.*\(line LINE\)"),
+    ],
+)
+@pytest.mark.parametrize("indent", [None, 2])
+def test_errors_say_the_line(tmp_path, old, new, message, indent):
+    path = tmp_path / "levels.json"
+    segar.family("empty-easy").sample(3, seed=0).save(path)
+    if indent:
+        path.write_text(json.dumps(json.loads(path.read_text()), indent=indent))
+    text = path.read_text()
+    path.write_text(text.replace(old, new, 1))
+    line = text[: text.index(old)].count("\n") + 1
+    with pytest.raises(LevelError, match=message.replace("LINE", str(line))):
+        segar.Levels.load(path)

@@ -1,0 +1,215 @@
+"""The site's cards of suites: pictures of training and test, what differs, distances, certificates, results of methods.
+
+``python docs/site/suites.py`` writes them to ``build/site-source/suites``.
+"""
+
+from __future__ import annotations
+
+import csv
+import shutil
+from collections.abc import Mapping
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import Any
+
+from environments import GAP, SIDE, draw, table
+from PIL import Image
+from playgrounds import BUILD
+
+from segar.envs import VectorEnv
+from segar.levels import Levels
+from segar.observations import TexturedPixels
+from segar.suites import AXES, Suite, card, suite, suites
+
+FOLDER = BUILD / "site-source" / "suites"
+SCORES = Path(__file__).parents[1] / "results" / "benchmark" / "scores.csv"  # of the shipped table of methods
+PICTURES = 4  # levels of each side
+SEED = 1  # of the training levels
+FIGURES = ("success", "score", "train", "test", "gap", "regret")  # of methods, where the table has them
+
+PAGE = """# {name}
+
+{says}
+
+| axis | kind of difference | training levels | test levels |
+|---|---|---|---|
+| {axis} | {shift} | {training_levels} | {test_levels} |
+
+![Training levels of {name}]({name}-train.png)
+
+Training levels of seed 1, each drawn from the training distribution.
+
+![Test levels of {name}]({name}-test.png)
+
+The first of the frozen test levels.
+
+## What differs
+
+{differs}
+
+{hidden}
+
+## How far apart training and test are
+
+The exact W2 distance of the test levels to the training levels of seed 1 is {w2:.3g}, and it is made of:
+
+{w2_by_factor}
+
+Parts of factors that do not differ come from having few levels. The Kolmogorov-Smirnov statistic of the two distributions is
+{ks:.3g}, exactly. It is above 0 in:
+
+{ks_by_factor}
+
+{unseen}{shared}
+
+## What certifies it
+
+{certificates}
+
+Of the levels that were drawn for the test, {unsolved} were left out because the planner found no way to solve them.
+
+## Results
+
+{results}
+
+## Train on it
+
+```sh
+python -m experiments.train suite={name} seed=1 levels.seed=1
+```
+
+```python
+train = gymnasium.make_vec("Segar/{name}-train-{observation}", num_envs=64, vectorization_mode="vector_entry_point")
+test = gymnasium.make("Segar/{name}-test-{observation}")
+```
+
+[Compare on a suite](../how-to/compare-on-a-suite.md) says more. `segar suites {name}` prints the numbers of this page.
+
+## Hashes
+
+{hashes}
+"""
+
+INDEX = """# Suites
+
+{number} suites over {axes} axes: each has a distribution of training levels, another one of the test, and frozen test levels.
+[Compare on a suite](../how-to/compare-on-a-suite.md) says how they are used.
+
+{groups}
+```{{toctree}}
+:hidden:
+
+{pages}
+```
+"""
+
+
+def write_suites() -> None:
+    """Write a card for every suite, and their index."""
+    shutil.rmtree(FOLDER, ignore_errors=True)
+    FOLDER.mkdir(parents=True)
+    with ProcessPoolExecutor() as pool:
+        for name, page in zip(suites(), pool.map(card_page, suites()), strict=True):
+            (FOLDER / f"{name}.md").write_text(page)
+    (FOLDER / "index.md").write_text(index_page())
+
+
+def card_page(name: str) -> str:
+    """The card of a suite, whose pictures are written beside it."""
+    one = suite(name)
+    for side, levels in (("train", one.sample(SEED)[:PICTURES]), ("test", one.test_levels[:PICTURES])):
+        sheet = FOLDER / f"{name}-{side}.png"
+        if one.textures:
+            draw_textures(levels, one.textures[side == "test"], sheet)
+        else:
+            draw(levels, sheet, FOLDER / f"{name}-{side}-first.png")
+    return page_of(one, card(one))
+
+
+def page_of(one: Suite, told: Mapping[str, Any]) -> str:
+    """The text of a card."""
+    differs = [(f"`{name}`", words) for name, words in told["differs"].items()]
+    nothing = "Nothing: training and test have one distribution, and the question is what few training levels teach."
+    unseen = "".join(f"Not seen by W2: {text}.\n\n" for text in told["unseen"])
+    certificates = [
+        ("the planner, by its stored plans", f"{told['solved_by_planner']:.3f}"),
+        ("doing nothing", f"{told['solved_by_idle']:.3f}"),
+        ("random actions", f"{told['solved_by_random']:.3f}"),
+    ]
+    plain = {
+        key: told[key]
+        for key in ("name", "says", "axis", "shift", "training_levels", "test_levels", "w2", "ks", "unsolved")
+    }
+    return PAGE.format(
+        **plain,
+        differs=table(("group", "in words"), differs) if differs else nothing,
+        hidden=f"Hidden from observations of states: {told['hidden']}. Textures: {told['textures']}.",
+        w2_by_factor=table(
+            ("factor", "share of squared W2"), [(f"`{k}`", f"{v:.3f}") for k, v in told["w2_by_factor"].items()]
+        ),
+        ks_by_factor=table(("marginal", "KS"), [(f"`{k}`", f"{v:.3f}") for k, v in told["ks_by_factor"].items()])
+        if told["ks_by_factor"] else "none.",
+        unseen=unseen,
+        shared="" if told["shared_probability"] is None else (
+            f"A test level would be among {one.training_levels} training levels with a probability of"
+            f" {told['shared_probability']:.2g}; training leaves such levels out."
+        ),
+        certificates=table(("player", "share of test levels solved"), certificates),
+        results=results_of(one.name),
+        observation="rgb" if one.textures else "state",
+        hashes=table(("part", "hash"), [("suite", f"`{one.hash}`"), *((k, f"`{v}`") for k, v in told["hashes"].items())]),
+    )  # fmt: skip
+
+
+def results_of(name: str) -> str:
+    """What methods achieve on a suite, by the shipped table, if it has rows of it: means over seeds."""
+    rows = []
+    if SCORES.exists():
+        with SCORES.open(newline="") as file:
+            rows = [row for row in csv.DictReader(file) if row.get("suite") == name]
+    if not rows:
+        return "There are no results of methods on this suite yet."
+    numbers = [key for key in rows[0] if key not in ("suite", "seed") and all(_is_number(row[key]) for row in rows)]
+    shown = [key for key in numbers if any(part in key for part in FIGURES)][:8]
+    by = "row" if "row" in rows[0] else next(iter(rows[0]))
+    found: dict[str, list[dict[str, str]]] = {}
+    for row in rows:
+        found.setdefault(row[by], []).append(row)
+    lines = [
+        (method, str(len(of)), *(f"{sum(float(row[key]) for row in of) / len(of):.3f}" for key in shown))
+        for method, of in found.items()
+    ]
+    return table((by, "runs", *shown), lines)
+
+
+def draw_textures(levels: Levels, textures: str, sheet: Path) -> None:
+    """Write the frames that an agent sees, side by side."""
+    env = VectorEnv(levels, len(levels), observation=TexturedPixels(textures), seed=0)
+    frames, _ = env.reset(options={"levels": list(range(len(levels)))})
+    step = SIDE + GAP
+    image = Image.new("RGBA", (len(levels) * step - GAP, SIDE))
+    for k, frame in enumerate(frames):
+        image.paste(Image.fromarray(frame).resize((SIDE, SIDE), Image.Resampling.NEAREST), (k * step, 0))
+    image.quantize(256, dither=Image.Dither.NONE).save(sheet, optimize=True)
+
+
+def index_page() -> str:
+    """The index, axis by axis."""
+    groups = ""
+    for axis, words in AXES.items():
+        members = [suite(name) for name in suites() if suite(name).axis == axis]
+        rows = [(f"[{one.name}]({one.name}.md)", one.shift, one.says) for one in members]
+        groups += f"## {axis}: {words}\n\n{table(('suite', 'difference', 'what differs'), rows)}\n\n"
+    return INDEX.format(number=len(suites()), axes=len(AXES), groups=groups, pages="\n".join(suites()))
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+if __name__ == "__main__":
+    write_suites()
