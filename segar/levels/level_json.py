@@ -6,6 +6,7 @@ files too. Whatever does not belong into a level file is refused, and the messag
 
 import json
 import math
+import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -102,6 +103,14 @@ def fields_of(data: Any, path: Path, inside: str, world: World | None) -> dict[s
     block = _block_of(data["levels"], layout, description["most_vertices"], path, where)
     _check_floor(layout, block.values, block.parameters, where)
     return origin_of(description, layout, block.indices, path) | block.arrays
+
+
+def told_with_line(path: Path, message: str) -> str:
+    """A message about the numbers of a level in a file, with the line of the factor behind it."""
+    found = re.search(r"level (\d+): (\w+) of '([^']*)'", message)
+    return with_line(
+        path, message, ["levels", int(found[1]), "entities", found[3], "factors", found[2]] if found else ()
+    )
 
 
 def level_schema(layout: Layout | None = None) -> dict[str, Any]:

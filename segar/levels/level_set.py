@@ -20,11 +20,11 @@ from segar.language import Entity, Layout, Parameter
 from segar.levels.description import DESCRIPTION, description_of, layout_of, origin_of
 from segar.levels.from_entities import arrays_of_entities
 from segar.levels.level_data import LEVEL_ARRAYS, LevelData
-from segar.levels.level_json import fields_of, is_json, read_json, write_json
+from segar.levels.level_json import fields_of, is_json, read_json, told_with_line, write_json
 from segar.levels.sampling.placement import fix_block
 from segar.levels.validity import check_levels, level_forms
 from segar.rules import World
-from segar.support import ArchiveFormat, Form, with_line
+from segar.support import ArchiveFormat, Form
 
 if TYPE_CHECKING:
     from segar.playground import Playground
@@ -67,7 +67,7 @@ class Levels(LevelData):
         try:
             check_levels(levels, f"{path}: ")
         except LevelError as error:
-            raise (LevelError(with_line(path, str(error))) if is_json(path) else error) from error.__cause__
+            raise (LevelError(told_with_line(path, str(error))) if is_json(path) else error) from error.__cause__
         return levels
 
     @classmethod

@@ -60,16 +60,19 @@ def read_handwritten_json(path: Path, kind: str, error: type[SegarError]) -> Any
         raise error(f"{path} is not {kind}, or only part of one: {first_line(cause)}") from cause
 
 
-def with_line(path: Path, message: str) -> str:
+def with_line(path: Path, message: str, steps: Sequence[str | int] = ()) -> str:
     """A message about a JSON file, with the line of the place that it names behind it; as it is where it names none.
 
-    A place is written as ``levels[0].entities.goal.factors``; a key in quotation marks after it is looked for there.
+    ``steps``, keys and indices, lead to the place where they are given. Else a place is written as
+    ``levels[0].entities.goal.factors``; a key in quotation marks after it is looked for there.
     """
     found = re.match(rf"{re.escape(str(path))}: ((?:\w+|\['[^']*'\]|'[^']*'|\[\d+\]|\.)+): (.*)", message, re.S)
-    if found is None:
+    if found is None and not steps:
         return message
-    steps: list[str | int] = [int(k) if k else name or odd for k, odd, name in STEP.findall(found[1])]
-    named = re.search(r"'([^']*)'", found[2])
+    named = None
+    if found is not None and not steps:
+        steps = [int(k) if k else name or odd for k, odd, name in STEP.findall(found[1])]
+        named = re.search(r"'([^']*)'", found[2])
     try:
         text = path.read_text(encoding="utf-8")
         at = next(

@@ -16,6 +16,7 @@ import pytest
 
 import segar
 from segar.levels import TASK_LEVELS
+from segar.suites import suite, suites
 from tests.places import ROOT
 from tests.project.test_public_api import ROOMS, promised
 
