@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
@@ -55,6 +55,8 @@ LOGGED = {
 
 class PPO:
     """The learner, see :class:`experiments.algorithms.learner.Learner`."""
+
+    logged: ClassVar[Mapping[str, str]] = LOGGED
 
     def __init__(self, config: PPOConfig, env: VectorEnv, frames: int, seed: int) -> None:
         self.config, self.budget = config, frames
@@ -120,7 +122,7 @@ class PPO:
             for name, value in (*figures.items(), ("gradient_norm", norm)):
                 totals[name] = totals.get(name, 0.0) + value.detach()
         updates = config.epochs * config.minibatches
-        means = {LOGGED[name]: float(total) / updates for name, total in totals.items() if name in LOGGED}
+        means = {self.logged[name]: float(total) / updates for name, total in totals.items() if name in self.logged}
         return {**means, "policy/std": float(rollout.scale.mean())}
 
     @torch.no_grad()

@@ -4,12 +4,23 @@ Authors of algorithms import from here. The modules of ``experiments`` name the 
 resumed under is only the code that it executes.
 """
 
-from experiments.networks.augmentations import random_crop, random_intensity, random_shift
+from experiments.networks.augmentations import (
+    greyscale,
+    random_colour_jitter,
+    random_convolution,
+    random_crop,
+    random_cutout,
+    random_flip,
+    random_intensity,
+    random_rotation,
+    random_shift,
+)
 from experiments.networks.devices import usable_device
 from experiments.networks.encoders import MLP, FrameEncoder, initialize, make_encoder
 from experiments.networks.policies import Actor, SquashedNormal, actions_of, make_head, representation_of
 
 __all__ = [
-    "MLP", "Actor", "FrameEncoder", "SquashedNormal", "actions_of", "initialize", "make_encoder", "make_head",
-    "random_crop", "random_intensity", "random_shift", "representation_of", "usable_device",
+    "MLP", "Actor", "FrameEncoder", "SquashedNormal", "actions_of", "greyscale", "initialize", "make_encoder",
+    "make_head", "random_colour_jitter", "random_convolution", "random_crop", "random_cutout", "random_flip",
+    "random_intensity", "random_rotation", "random_shift", "representation_of", "usable_device",
 ]  # fmt: skip

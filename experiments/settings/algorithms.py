@@ -23,6 +23,8 @@ from experiments.settings.own_code import import_object
 
 # The CNNs that have a name: functions in experiments.networks.encoders.
 CNNS = ("small", "keypoints", "nature", "impala", "impala_15", "cnn_2022")
+# Changes of frames that DrAC knows: entries of experiments.algorithms.drac.AUGMENTATIONS.
+AUGMENTATIONS = ("crop", "greyscale", "cutout", "cutout_colour", "random_conv", "colour_jitter", "flip", "rotate")
 TARGET = "_target_"  # as in Hydra: the setting that holds an import path
 NAMES_OF_CLASS = ("kind", TARGET)  # settings that name the class of an algorithm
 
@@ -39,6 +41,7 @@ Encoder = Annotated[str, require_encoder]
 EnvDevice = Annotated[str, one_of("cpu", "cuda")]
 Core = Annotated[str, one_of("gru", "lstm")]
 PredictionModel = Annotated[str, one_of("action_projection", "transition")]
+Augmentation = Annotated[str, one_of(*AUGMENTATIONS)]
 Window = Annotated[float, that(lambda x: 0 < x <= 1, "more than 0, and at most 1")]
 Tau = Annotated[float, that(lambda x: 0 < x <= 0.5, "more than 0, and at most 0.5")]
 TauOr1 = Annotated[float, that(lambda x: 0 < x <= 0.5 or x == 1, "more than 0 and at most 0.5, or 1")]
@@ -204,6 +207,29 @@ class SPRConfig(AuxiliaryConfig):
 
 
 @dataclass(frozen=True)
+class DrACConfig(PPOConfig):
+    """DrAC; with several augmentations it is UCB-DrAC. The defaults of what it adds to PPO are its authors'."""
+
+    name: str = "drac"
+    kind: ClassVar[str] = "drac"
+    learner: ClassVar[str] = "experiments.algorithms.drac:DrAC"
+
+    # The changes among which the upper confidence bound chooses. Those that flip or rotate frames are left out, because
+    # they change which action is right.
+    augmentations: tuple[Augmentation, ...] = AUGMENTATIONS[:6]
+    invariance_coef: NotNegative = 0.1  # alpha_r, of the change of the policy and of the value under an augmentation
+    shift: Count = 12  # pixels by which "crop" moves frames at most
+    ucb_exploration: NotNegative = 0.1  # c, in units of the learner's returns
+    ucb_window: Count = 10  # K, the rollouts after an augmentation whose returns say what it is worth
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        named = self.augmentations
+        holds = 0 < len(set(named)) == len(named)
+        require(holds, "algorithm.augmentations", list(named), f"one or more of {', '.join(AUGMENTATIONS)}, each once")
+
+
+@dataclass(frozen=True)
 class OffPolicyConfig(AlgorithmConfig):
     """How steps and gradient steps alternate, and what is remembered."""
 
@@ -285,7 +311,7 @@ def check_minibatches(config: PPOConfig, most: int, wanted: str) -> None:
 
 
 KINDS: Mapping[str, type[PPOConfig] | type[SACConfig]] = {
-    cls.kind: cls for cls in (PPOConfig, RecurrentPPOConfig, CURLConfig, SPRConfig, SACConfig, DrQConfig)
+    cls.kind: cls for cls in (PPOConfig, RecurrentPPOConfig, CURLConfig, SPRConfig, DrACConfig, SACConfig, DrQConfig)
 }
 
 

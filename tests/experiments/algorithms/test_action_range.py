@@ -8,6 +8,7 @@ from experiments.algorithms.learner import learner_class, make_learner
 from experiments.evaluation.episodes import play_episodes
 from experiments.settings import (
     CURLConfig,
+    DrACConfig,
     DrQConfig,
     PPOConfig,
     RecurrentPPOConfig,
@@ -27,6 +28,7 @@ ALGORITHMS = {
     "sac": (SACConfig(**OFF_POLICY), "state", 2_000),
     "drq": (DrQConfig(**OFF_POLICY), "rgb", 1_000),
     "curl": (CURLConfig(**FAST, **FRAMES), "rgb", 6_000),
+    "drac": (DrACConfig(**FAST, **FRAMES, augmentations=("crop", "cutout")), "rgb", 6_000),
     "spr": (SPRConfig(**FAST, **FRAMES), "rgb", 6_000),
 }
 

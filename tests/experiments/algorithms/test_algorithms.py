@@ -25,6 +25,8 @@ TINY = {
     "drq_2022": ("rgb", FEW),
     "curl": ("rgb", SOME),
     "curl_original": ("rgb", SOME),
+    "drac": ("rgb", PLAIN),
+    "drac_fast": ("rgb", {**PLAIN, "encoder": "keypoints"}),
     "spr": ("rgb", SOME),
     "spr_original": ("rgb", SOME),
 }

@@ -7,10 +7,11 @@ import pytest
 import torch
 
 from experiments.algorithms.curl import CURL
+from experiments.algorithms.drac import DrAC
 from experiments.algorithms.ppo import PPO
 from experiments.algorithms.recurrent_ppo import RecurrentPPO, RecurrentPPOConfig
 from experiments.collection.async_collector import AsyncCollector
-from experiments.settings import CURLConfig, PPOConfig
+from experiments.settings import CURLConfig, DrACConfig, PPOConfig
 from experiments.training.run import run
 from segar import family
 from segar.errors import ActionError
@@ -24,6 +25,7 @@ KINDS = {
     "stacks": (PPO, dataclasses.replace(SMALL, encoder="keypoints", steps_together=4), "rgb_stack2"),
     "recurrent": (RecurrentPPO, RecurrentPPOConfig(widths=(16,), core_width=8, **SIZE), "state"),
     "curl": (CURL, CURLConfig(encoder="small", auxiliary_minibatches=2, **SIZE), "rgb"),
+    "drac": (DrAC, DrACConfig(encoder="small", **SIZE), "rgb"),
 }
 BATCH = SMALL.num_envs * SMALL.num_steps
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from experiments.commands.kernels import choose_kernels
 from experiments.settings import (
     CURLConfig,
+    DrACConfig,
     DrQConfig,
     EvaluationConfig,
     LevelsConfig,
@@ -30,6 +31,7 @@ ALGORITHMS = {
     "ppo_recurrent": (RecurrentPPOConfig(**ROLLOUT), FRAMES),
     "curl": (CURLConfig(**ROLLOUT, shift=2, intensity=0.05), FRAMES),
     "spr": (SPRConfig(**ROLLOUT, horizon=2, model="transition"), FRAMES),
+    "drac": (DrACConfig(**ROLLOUT, augmentations=("colour_jitter", "random_conv"), shift=2), FRAMES),
     "sac": (SACConfig(**REPLAY), STATE),
     "drq": (DrQConfig(**REPLAY), FRAMES),
 }

@@ -1,0 +1,213 @@
+"""DrAC: its two terms by hand, whom their gradient reaches, what they do to a policy, and which augmentation is chosen."""
+
+import copy
+import dataclasses
+
+import numpy as np
+import pytest
+import torch
+
+from experiments.algorithms.drac import AUGMENTATIONS, DrAC, UpperConfidenceBound, changes_under
+from experiments.algorithms.ppo import PPO
+from experiments.settings import ConfigError, DrACConfig, PPOConfig
+from experiments.settings.algorithms import AUGMENTATIONS as NAMES
+from segar import family
+
+LEVELS = family("objectsx2-easy").sample(5, seed=0)
+SMALL = {
+    "num_envs": 4,
+    "num_steps": 16,
+    "encoder": "small",
+    "minibatches": 2,
+    "precision": "fp32",
+    "learning_rate": 1e-3,
+}
+CONFIG = DrACConfig(**SMALL, augmentations=("crop",), shift=4)
+
+
+def learner(config=CONFIG, seed=0, kind=DrAC, observation="rgb"):
+    return kind(config, kind.make_env(LEVELS, config.num_envs, seed=seed, observation=observation), 10_000, seed)
+
+
+def minibatch_of(one):
+    rollout, _ = one.collect()
+    return next(one.minibatches(one.make_batch(rollout)))
+
+
+def test_every_augmentation_that_settings_know_exists():
+    assert set(NAMES) == set(AUGMENTATIONS)
+
+
+def test_the_terms_are_the_divergence_of_gaussians_and_half_the_squared_difference_of_values():
+    one = learner()
+    minibatch = minibatch_of(one)
+    with torch.no_grad():
+        here, there = (one.policy(minibatch[name]) for name in ("observation", "augmented"))
+        found = changes_under(one.policy, minibatch["augmented"], *here)
+    (m, s, v), (m2, s2, v2) = ([part.double().numpy() for part in side] for side in (here, there))
+    divergence = np.log(s2 / s) + (s**2 + (m - m2) ** 2) / (2 * s2**2) - 0.5
+    assert found[0].item() == pytest.approx(divergence.sum(-1).mean(), rel=1e-3)
+    assert found[1].item() == pytest.approx(0.5 * ((v - v2) ** 2).mean(), rel=1e-3)
+    assert divergence.sum(-1).mean() > 0
+
+
+def test_the_gradient_of_the_policys_term_is_on_average_that_of_the_authors_estimate():
+    """They draw an action at s, and raise its log-probability at f(s)."""
+    rng = torch.Generator().manual_seed(0)
+    loc, scale = torch.tensor([[0.3, -0.8]]), torch.tensor([[0.6, 0.9]])
+    at_changed = [torch.tensor([[0.1, -0.2]], requires_grad=True), torch.tensor([[0.8, 0.5]], requires_grad=True)]
+
+    def policy(frames):
+        return (*at_changed, torch.zeros(1, 1))
+
+    term, _ = changes_under(policy, torch.zeros(1), loc, scale, torch.zeros(1, 1))  # type: ignore[arg-type]
+    exact = torch.autograd.grad(term, at_changed)
+    actions = loc + scale * torch.randn(200_000, 2, generator=rng)
+    estimate = torch.autograd.grad(
+        -torch.distributions.Normal(*at_changed).log_prob(actions).sum(-1).mean(), at_changed
+    )
+    for a, b in zip(exact, estimate, strict=True):
+        torch.testing.assert_close(a, b, atol=0.03, rtol=0.02)
+
+
+def test_the_gradient_of_the_terms_passes_through_augmented_frames_alone():
+    one = learner()
+    minibatch = minibatch_of(one)
+    here = one.policy(minibatch["observation"])
+    for value in here:
+        value.retain_grad()
+    sum(changes_under(one.policy, minibatch["augmented"], *here)).backward()  # type: ignore[union-attr]
+    assert all(value.grad is None for value in here)
+    assert all(weight.grad is not None and weight.grad.any() for weight in one.policy.parameters() if weight.dim() > 1)
+
+
+def test_without_the_terms_the_loss_and_its_gradient_are_those_of_ppo():
+    one, plain = learner(dataclasses.replace(CONFIG, invariance_coef=0.0)), learner(PPOConfig(**SMALL), kind=PPO)
+    minibatch, same = minibatch_of(one), minibatch_of(plain)
+    assert torch.equal(minibatch["observation"], same["observation"])
+    figures, expected = one.losses(minibatch), plain.losses(same)
+    assert figures["loss_policy_change"] == figures["loss_value_change"] == 0
+    for name in expected.keys():
+        torch.testing.assert_close(figures[name], expected[name])
+    for policy, found in ((one.policy, figures), (plain.policy, expected)):
+        sum(value for name, value in found.items() if name.startswith("loss_")).backward()
+        assert all(weight.grad is not None for weight in policy.parameters())
+    for a, b in zip(one.policy.parameters(), plain.policy.parameters(), strict=True):
+        torch.testing.assert_close(a.grad, b.grad)
+
+
+@pytest.mark.parametrize("name", ["crop", "colour_jitter"])
+def test_the_policy_changes_less_under_the_augmentation_than_ppos(name):
+    """From the same weights, on the same rollouts of PPO."""
+    few = {"num_envs": 16, "epochs": 4, "initial_std": 0.6, "gamma": 0.9, "head_width": 0, "reward_transform": "sqrt"}
+    config = dataclasses.replace(CONFIG, augmentations=(name,), invariance_coef=1.0, **few)
+    ours, plain = learner(config), learner(dataclasses.replace(config, invariance_coef=0.0))
+    for _ in range(5):
+        rollout, _ = plain.collect()
+        ours.learn(rollout)
+        plain.learn(rollout)
+    frames = plain.collect()[0].observation.flatten(0, 1)
+    augmented = AUGMENTATIONS[name](frames, config, torch.Generator().manual_seed(1))
+    with torch.no_grad():
+        changes = [changes_under(one.policy, augmented, *one.policy(frames)) for one in (ours, plain)]
+    assert changes[0][0] < 0.9 * changes[1][0] and changes[0][1] < 0.9 * changes[1][1]
+
+
+def test_stacks_are_augmented_as_frames_also_where_the_encoder_reads_places_in_a_pool():
+    config = dataclasses.replace(CONFIG, encoder="keypoints", steps_together=4)
+    one = learner(config, observation="rgb_stack2")
+    minibatch = minibatch_of(one)
+    assert minibatch["observation"].dtype == torch.int64
+    assert minibatch["augmented"].shape == (32, 64, 64, 6) and minibatch["augmented"].dtype == torch.uint8
+    assert "frames" not in minibatch
+
+
+def test_states_are_refused_as_they_have_no_pixels():
+    with pytest.raises(ConfigError, match=r"drac augments frames, not .*; observation=rgb shows frames"):
+        learner(observation="state")
+
+
+@pytest.mark.parametrize(
+    ("setting", "value", "wanted"),
+    [
+        ("augmentations", (), "one or more of crop, .*each once"),
+        ("augmentations", ("crop", "crop"), "each once"),
+        ("augmentations", ("crpo",), "Did you mean 'crop'"),
+        ("invariance_coef", -0.1, "0 or more"),
+        ("ucb_window", 0, "at least 1"),
+    ],
+)
+def test_settings_that_make_no_sense_are_refused_by_name(setting, value, wanted):
+    with pytest.raises(ConfigError, match=rf"algorithm\.{setting}.*({wanted})"):
+        dataclasses.replace(CONFIG, **{setting: value})
+
+
+def test_the_defaults_leave_out_what_changes_which_action_is_right():
+    assert set(NAMES) - set(DrACConfig().augmentations) == {"flip", "rotate"}
+
+
+def test_the_bound_is_that_of_its_definition():
+    rng = np.random.default_rng(0)
+    choice = UpperConfidenceBound("abc", exploration=0.7, window=3)
+    history: list[tuple[str, float]] = []
+    for t in range(40):
+        if t < 3:
+            expected = "abc"[t]
+        else:
+            bounds = {}
+            for arm in "abc":
+                rewards = [reward for chosen, reward in history if chosen == arm]
+                bounds[arm] = np.mean(rewards[-3:]) + 0.7 * np.sqrt(np.log(t) / len(rewards))
+            expected = max(bounds, key=bounds.__getitem__)
+        assert choice.choose() == expected == choice.last
+        history.append((expected, rng.normal()))
+        choice.judge(history[-1][1])
+
+
+def test_the_best_arm_is_found_by_its_returns_and_left_when_it_becomes_the_worst():
+    rng = np.random.default_rng(0)
+    choice = UpperConfidenceBound(AUGMENTATIONS, exploration=0.1, window=10)
+    worth = dict.fromkeys(AUGMENTATIONS, -1.0) | {"cutout": -0.5}
+    chosen = []
+    for t in range(1000):
+        if t == 500:
+            worth["cutout"] = -2.0
+        chosen.append(choice.choose())
+        choice.judge(worth[chosen[-1]] + 0.1 * rng.normal())
+    assert chosen[100:500].count("cutout") > 0.9 * 400
+    assert chosen[700:].count("cutout") < 0.1 * 300
+
+
+def test_a_choice_is_judged_by_the_rollout_that_its_weights_collect():
+    choice = UpperConfidenceBound("ab", exploration=0.0, window=5, lag=2)
+    for reward in (1.0, 2.0, 3.0, 4.0):  # a rollout, and then an update
+        choice.judge(reward)
+        choice.choose()
+    # The first two rollouts were collected before the first update could matter.
+    assert [list(rewards) for rewards in choice.rewards] == [[3.0], [4.0]]
+
+
+def test_the_mean_value_target_of_the_next_rollout_judges_an_augmentation():
+    one = learner(dataclasses.replace(CONFIG, augmentations=("crop", "cutout")))
+    first, _ = one.collect()
+    figures = one.learn(first)
+    assert figures["augmentation/crop"] == 1.0 and figures["augmentation/cutout"] == 0.0
+    second, _ = one.collect()
+    expected = PPO.make_batch(one, second)["value_target"].mean().item()
+    assert one.learn(second)["augmentation/cutout"] == 1.0
+    assert [list(rewards) for rewards in one.choice.rewards] == [[expected], []]
+
+
+def test_choices_go_on_from_a_saved_state():
+    choice = UpperConfidenceBound("abc", exploration=0.5, window=2)
+    rng = np.random.default_rng(0)
+    for _ in range(7):
+        choice.choose()
+        choice.judge(rng.normal())
+    other = UpperConfidenceBound("abc", exploration=0.5, window=2)
+    other.load_state_dict(copy.deepcopy(choice.state_dict()))
+    for _ in range(10):
+        assert choice.choose() == other.choose()
+        reward = rng.normal()
+        choice.judge(reward)
+        other.judge(reward)
