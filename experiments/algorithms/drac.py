@@ -75,7 +75,8 @@ class DrAC(PPO):
         shape = observation_shape(env)
         if len(shape) != 3:
             raise ConfigError(
-                f"algorithm: {config.name} augments frames, not observations of shape {list(shape)}; observation=rgb shows frames"
+                f"algorithm: {config.name} augments frames, not observations of shape {list(shape)};"
+                " observation=rgb shows frames"
             )
         super().__init__(config, env, frames, seed)
         # A rollout that was collected ahead comes from the weights before the last update.
@@ -135,8 +136,8 @@ class DrAC(PPO):
 def changes_under(
     policy: nn.Module, augmented: Tensor, loc: Tensor, scale: Tensor, value: Tensor
 ) -> tuple[Tensor, Tensor]:
-    """G_pi [nats] and G_V: how far the policy and the value at augmented frames are from ``loc``, ``scale`` and ``value``, which
-    are held fixed; means over frames."""
+    """G_pi [nats] and G_V: how far policy and value at augmented frames are from ``loc``, ``scale`` and ``value``, which are held
+    fixed; means over frames."""
     there = policy(augmented)
     fixed = SquashedNormal(loc.detach(), scale.detach())
     policy_change = kl_divergence(fixed, SquashedNormal(*there[:2])).mean()

@@ -7,6 +7,7 @@ import numpy as np
 import torch
 
 from experiments.algorithms.drq import DrQPolicy
+from experiments.algorithms.ppg import PPGPolicy
 from experiments.algorithms.ppo import PPOPolicy
 from experiments.algorithms.recurrent_ppo import RecurrentPolicy
 from experiments.algorithms.sac import GaussianActor, SACPolicy
@@ -118,6 +119,7 @@ def _value(layers: Layers, add: Callable[[], int]) -> Outputs:
 
 POLICIES: Mapping[type, Callable[[Layers, Any], Outputs]] = {
     PPOPolicy: _ppo,
+    PPGPolicy: _ppo,
     RecurrentPolicy: _recurrent,
     SACPolicy: _sac,
     DrQPolicy: _drq,

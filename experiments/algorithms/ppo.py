@@ -108,9 +108,7 @@ class PPO:
         """Takes ``epochs x minibatches`` gradient steps on a rollout; returns the means of the losses' figures."""
         config = self.config
         batch = self.make_batch(rollout)
-        rate = config.learning_rate * (max(1.0 - self.frames / self.budget, 0.0) if config.anneal else 1.0)
-        for group in self.optimizer.param_groups:
-            group["lr"] = rate
+        self.set_rate(self.optimizer, config.learning_rate)
         totals: dict[str, Tensor] = {}
         for minibatch in self.minibatches(batch):
             figures = self.figures(minibatch)
@@ -124,6 +122,12 @@ class PPO:
         updates = config.epochs * config.minibatches
         means = {self.logged[name]: float(total) / updates for name, total in totals.items() if name in self.logged}
         return {**means, "policy/std": float(rollout.scale.mean())}
+
+    def set_rate(self, optimizer: torch.optim.Optimizer, rate: float) -> None:
+        """Sets the learning rate of an optimiser, which falls to 0 with the frames where the settings say so."""
+        rate *= max(1.0 - self.frames / self.budget, 0.0) if self.config.anneal else 1.0
+        for group in optimizer.param_groups:
+            group["lr"] = rate
 
     @torch.no_grad()
     def make_batch(self, rollout: Rollout) -> TensorDict:
@@ -156,17 +160,8 @@ class PPO:
     def minibatches(self, batch: TensorDict) -> Iterator[TensorDict]:
         """Random disjoint parts of the steps in a batch [T, N], ``epochs`` times over; ``steps_together`` successive steps of
         an environment stay together."""
-        flat: Any = batch.flatten()
-        together, num_envs = self.config.steps_together, batch.shape[1]
-        steps = torch.arange(len(flat), device=self.device).view(-1, together, num_envs).transpose(1, 2)
-        pieces = steps.flatten(0, 1)  # [pieces, together]
         for _ in range(self.config.epochs):
-            order = torch.randperm(len(pieces), generator=self.rng).to(self.device)
-            for chosen in order.tensor_split(self.config.minibatches):
-                rows = pieces[chosen].flatten()
-                # As batch[rows], whose indexing takes four times as long for frames.
-                parts = {key: value.index_select(0, rows) for key, value in flat.items()}
-                yield TensorDict._new_unsafe(parts, batch_size=rows.shape)
+            yield from random_parts(batch, self.config.steps_together, self.config.minibatches, self.rng)
 
     def losses(self, minibatch: TensorDict) -> TensorDictBase:
         """The loss's figures; those named ``loss_...`` add up to what is minimised."""
@@ -242,6 +237,21 @@ class PPOPolicy(nn.Module):
     def represent(self, observation: np.ndarray) -> np.ndarray:
         """The representation phi, float32 [n, width]."""
         return representation_of(self.actor.encoder, observation)
+
+
+def random_parts(batch: TensorDict, together: int, parts: int, rng: torch.Generator) -> Iterator[TensorDict]:
+    """Random disjoint ``parts`` of the steps in a batch [T, N], all of them once; ``together`` successive steps of an environment
+    stay together."""
+    flat: Any = batch.flatten()
+    device = flat.device or next(iter(flat.values())).device
+    steps = torch.arange(len(flat), device=device).view(-1, together, batch.shape[1]).transpose(1, 2)
+    pieces = steps.flatten(0, 1)  # [pieces, together]
+    order = torch.randperm(len(pieces), generator=rng).to(device)
+    for chosen in order.tensor_split(parts):
+        rows = pieces[chosen].flatten()
+        # As batch[rows], whose indexing takes four times as long for frames.
+        chosen_rows = {key: value.index_select(0, rows) for key, value in flat.items()}
+        yield TensorDict._new_unsafe(chosen_rows, batch_size=rows.shape)
 
 
 def clipped_loss(config: PPOConfig, network: Sequence[Any], critic: TensorDictModule) -> ClipPPOLoss:

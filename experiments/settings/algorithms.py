@@ -230,6 +230,33 @@ class DrACConfig(PPOConfig):
 
 
 @dataclass(frozen=True)
+class PPGConfig(PPOConfig):
+    """PPG; the defaults of what it adds to PPO are its authors'."""
+
+    name: str = "ppg"
+    kind: ClassVar[str] = "ppg"
+    learner: ClassVar[str] = "experiments.algorithms.ppg:PPG"
+
+    shared: bool | None = False  # always: that policy and value have networks of their own is what PPG is about
+    phase: Count = 32  # N_pi, rollouts from one auxiliary phase to the next
+    auxiliary_epochs: Count = 6  # E_aux
+    auxiliary_minibatches: Count = 16  # of each epoch, for each rollout of the phase
+    auxiliary_learning_rate: Positive = 5e-4  # of an Adam of its own; annealed where learning_rate is
+    clone_coef: NotNegative = 1.0  # beta_clone, of the KL from the policy before the auxiliary phase
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require(
+            self.shared is False, "algorithm.shared", self.shared, "false: policy and value have networks of their own"
+        )
+        pieces = self.num_envs * self.num_steps // self.steps_together
+        most = f"at most the {pieces} pieces of steps_together={self.steps_together} in a rollout"
+        require(
+            self.auxiliary_minibatches <= pieces, "algorithm.auxiliary_minibatches", self.auxiliary_minibatches, most
+        )
+
+
+@dataclass(frozen=True)
 class OffPolicyConfig(AlgorithmConfig):
     """How steps and gradient steps alternate, and what is remembered."""
 
@@ -311,7 +338,8 @@ def check_minibatches(config: PPOConfig, most: int, wanted: str) -> None:
 
 
 KINDS: Mapping[str, type[PPOConfig] | type[SACConfig]] = {
-    cls.kind: cls for cls in (PPOConfig, RecurrentPPOConfig, CURLConfig, SPRConfig, DrACConfig, SACConfig, DrQConfig)
+    cls.kind: cls
+    for cls in (PPOConfig, RecurrentPPOConfig, CURLConfig, SPRConfig, DrACConfig, PPGConfig, SACConfig, DrQConfig)
 }
 
 

@@ -10,6 +10,7 @@ from experiments.settings import (
     CURLConfig,
     DrACConfig,
     DrQConfig,
+    PPGConfig,
     PPOConfig,
     RecurrentPPOConfig,
     SACConfig,
@@ -25,6 +26,7 @@ FRAMES = {"encoder": "small"}
 ALGORITHMS = {
     "ppo": (PPOConfig(**FAST, widths=(32,)), "state", 6_000),
     "ppo_recurrent": (RecurrentPPOConfig(**FAST, widths=(32,)), "state", 6_000),
+    "ppg": (PPGConfig(**FAST, widths=(32,), phase=4, auxiliary_minibatches=4), "state", 6_000),
     "sac": (SACConfig(**OFF_POLICY), "state", 2_000),
     "drq": (DrQConfig(**OFF_POLICY), "rgb", 1_000),
     "curl": (CURLConfig(**FAST, **FRAMES), "rgb", 6_000),

@@ -27,6 +27,8 @@ TINY = {
     "curl_original": ("rgb", SOME),
     "drac": ("rgb", PLAIN),
     "drac_fast": ("rgb", {**PLAIN, "encoder": "keypoints"}),
+    "ppg": ("rgb", {**SOME, "phase": 2, "auxiliary_epochs": 2}),
+    "ppg_fast": ("state", {**SOME, "phase": 2}),
     "spr": ("rgb", SOME),
     "spr_original": ("rgb", SOME),
 }

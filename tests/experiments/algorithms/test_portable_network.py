@@ -9,11 +9,12 @@ from torch import nn
 
 from experiments.algorithms.drq import DrQ
 from experiments.algorithms.portable import PortableAgent, network_of
+from experiments.algorithms.ppg import PPG
 from experiments.algorithms.ppo import PPO, PPOPolicy
 from experiments.algorithms.recurrent_ppo import RecurrentPPO
 from experiments.algorithms.sac import SAC
 from experiments.networks.encoders import FrameEncoder, initialize
-from experiments.settings import ConfigError, DrQConfig, PPOConfig, RecurrentPPOConfig, SACConfig
+from experiments.settings import ConfigError, DrQConfig, PPGConfig, PPOConfig, RecurrentPPOConfig, SACConfig
 from experiments.settings.algorithms import CNNS
 from segar.policies import NetworkPolicy
 from segar.policies.kernels import normal
@@ -29,6 +30,7 @@ CASES = {
     **{f"{name}, frames": (PPO, PPOConfig(encoder=name, **FLOAT32), FRAMES) for name in CNNS},
     **{f"{name}, stacks": (PPO, PPOConfig(encoder=name, **FLOAT32), STACKS) for name in CNNS},
     "odd frames": (PPO, PPOConfig(encoder="impala", **FLOAT32), (37, 51, 4)),
+    "ppg": (PPG, PPGConfig(encoder="small", **FLOAT32), FRAMES),
     "gru": (RecurrentPPO, RecurrentPPOConfig(encoder="small", core_width=37, **FLOAT32), FRAMES),
     "lstm": (RecurrentPPO, RecurrentPPOConfig(core="lstm"), VECTORS),
     "sac": (SAC, SACConfig(), VECTORS),

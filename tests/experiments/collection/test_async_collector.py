@@ -8,10 +8,11 @@ import torch
 
 from experiments.algorithms.curl import CURL
 from experiments.algorithms.drac import DrAC
+from experiments.algorithms.ppg import PPG
 from experiments.algorithms.ppo import PPO
 from experiments.algorithms.recurrent_ppo import RecurrentPPO, RecurrentPPOConfig
 from experiments.collection.async_collector import AsyncCollector
-from experiments.settings import CURLConfig, DrACConfig, PPOConfig
+from experiments.settings import CURLConfig, DrACConfig, PPGConfig, PPOConfig
 from experiments.training.run import run
 from segar import family
 from segar.errors import ActionError
@@ -25,6 +26,7 @@ KINDS = {
     "stacks": (PPO, dataclasses.replace(SMALL, encoder="keypoints", steps_together=4), "rgb_stack2"),
     "recurrent": (RecurrentPPO, RecurrentPPOConfig(widths=(16,), core_width=8, **SIZE), "state"),
     "curl": (CURL, CURLConfig(encoder="small", auxiliary_minibatches=2, **SIZE), "rgb"),
+    "ppg": (PPG, PPGConfig(phase=1, auxiliary_minibatches=2, widths=(16,), **SIZE), "state"),
     "drac": (DrAC, DrACConfig(encoder="small", **SIZE), "rgb"),
 }
 BATCH = SMALL.num_envs * SMALL.num_steps

@@ -9,12 +9,22 @@ import torch
 from experiments.algorithms.curl import CURL
 from experiments.algorithms.drac import DrAC
 from experiments.algorithms.drq import DrQ
+from experiments.algorithms.ppg import PPG
 from experiments.algorithms.ppo import PPO
 from experiments.algorithms.recurrent_ppo import RecurrentPPO, RecurrentPPOConfig
 from experiments.algorithms.sac import SAC
 from experiments.algorithms.spr import SPR
 from experiments.collection.device_collector import DeviceCollector
-from experiments.settings import ConfigError, CURLConfig, DrACConfig, DrQConfig, PPOConfig, SACConfig, SPRConfig
+from experiments.settings import (
+    ConfigError,
+    CURLConfig,
+    DrACConfig,
+    DrQConfig,
+    PPGConfig,
+    PPOConfig,
+    SACConfig,
+    SPRConfig,
+)
 from segar import family
 from segar.engine.cuda.driver import Driver
 from segar.envs import device_episodes
@@ -36,6 +46,7 @@ OTHERS = {
     "curl": (CURL, CURLConfig(auxiliary_minibatches=2, **FRAMES), STACK),
     "spr": (SPR, SPRConfig(auxiliary_minibatches=2, model_width=8, **FRAMES), STACK),
     "drac": (DrAC, DrACConfig(shift=2, **FRAMES), STACK),
+    "ppg": (PPG, PPGConfig(phase=2, auxiliary_minibatches=2, **FRAMES), STACK),
     "sac": (SAC, SACConfig(num_envs=4, num_steps=12, warmup=12, batch_size=8, capacity=60, widths=(16,)), "state"),
     "drq": (DrQ, DrQConfig(num_envs=4, num_steps=6, warmup=8, steps_per_update=8, batch_size=4, capacity=60, widths=(16,),
                            precision="fp32"), STACK),

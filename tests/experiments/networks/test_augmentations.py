@@ -17,7 +17,6 @@ from experiments.networks.augmentations import (
     windows_by_index,
 )
 
-
 RANDOM = {
     "cutout": lambda f, g: random_cutout(f, False, g),
     "cutout_colour": lambda f, g: random_cutout(f, True, g),

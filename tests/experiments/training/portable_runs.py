@@ -14,6 +14,7 @@ from experiments.settings import (
     EvaluationConfig,
     LevelsConfig,
     ObservationConfig,
+    PPGConfig,
     PPOConfig,
     RecurrentPPOConfig,
     RunConfig,
@@ -32,6 +33,7 @@ ALGORITHMS = {
     "curl": (CURLConfig(**ROLLOUT, shift=2, intensity=0.05), FRAMES),
     "spr": (SPRConfig(**ROLLOUT, horizon=2, model="transition"), FRAMES),
     "drac": (DrACConfig(**ROLLOUT, augmentations=("colour_jitter", "random_conv"), shift=2), FRAMES),
+    "ppg": (PPGConfig(**ROLLOUT, phase=2, auxiliary_minibatches=2), FRAMES),
     "sac": (SACConfig(**REPLAY), STATE),
     "drq": (DrQConfig(**REPLAY), FRAMES),
 }
