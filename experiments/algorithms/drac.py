@@ -136,8 +136,8 @@ class DrAC(PPO):
 def changes_under(
     policy: nn.Module, augmented: Tensor, loc: Tensor, scale: Tensor, value: Tensor
 ) -> tuple[Tensor, Tensor]:
-    """G_pi [nats] and G_V: how far policy and value at augmented frames are from ``loc``, ``scale`` and ``value``, which are held
-    fixed; means over frames."""
+    """G_pi [nats] and G_V: how far policy and value at augmented frames are from ``loc``, ``scale`` and ``value``; means over
+    frames. These three are held fixed."""
     there = policy(augmented)
     fixed = SquashedNormal(loc.detach(), scale.detach())
     policy_change = kl_divergence(fixed, SquashedNormal(*there[:2])).mean()

@@ -127,8 +127,8 @@ class PPG(PPO):
 
 
 def auxiliary_losses(policy: PPGPolicy, minibatch: TensorDict) -> list[Tensor]:
-    """The KL [nats] from the policy of ``loc`` and ``scale``, and half the squared errors of the values by the policy network and
-    by the value network; means over steps."""
+    """The KL [nats] from the policy of ``loc`` and ``scale``, and half the squared errors of the values by the policy network
+    and by the value network; means over steps."""
     loc, scale, *values = policy.both(minibatch["observation"])
     old = SquashedNormal(minibatch["loc"], minibatch["scale"])
     clone = kl_divergence(old, SquashedNormal(loc, scale)).mean()

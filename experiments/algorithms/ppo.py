@@ -240,8 +240,8 @@ class PPOPolicy(nn.Module):
 
 
 def random_parts(batch: TensorDict, together: int, parts: int, rng: torch.Generator) -> Iterator[TensorDict]:
-    """Random disjoint ``parts`` of the steps in a batch [T, N], all of them once; ``together`` successive steps of an environment
-    stay together."""
+    """Random disjoint ``parts`` of the steps in a batch [T, N], all of them once; ``together`` successive steps of an
+    environment stay together."""
     flat: Any = batch.flatten()
     device = flat.device or next(iter(flat.values())).device
     steps = torch.arange(len(flat), device=device).view(-1, together, batch.shape[1]).transpose(1, 2)

@@ -75,7 +75,7 @@ def test_an_auxiliary_phase_lowers_the_error_of_both_values_and_the_clone_term_k
         changed[coef], *errors[coef] = losses_of(one, batch)
         assert before[0] == pytest.approx(0.0, abs=1e-6)
         assert errors[coef][0] < 0.5 * before[1] and errors[coef][1] < 0.5 * before[2]
-    assert changed[1.0] < 0.2 * changed[0.0] and changed[10.0] < 0.2 * changed[1.0]
+    assert changed[1.0] < 0.2 * changed[0.0] and changed[10.0] < 0.5 * changed[1.0]
     assert errors[1.0][0] < 1.3 * errors[0.0][0]
 
 
