@@ -101,19 +101,21 @@ class DrAC(PPO):
         return batch
 
     def minibatches(self, batch: TensorDict) -> Iterator[TensorDict]:
-        """PPO's minibatches, each with its frames augmented."""
+        """PPO's minibatches, ``steps``, each with the first of its frames, whose order is random, ``augmented``."""
         augment = AUGMENTATIONS[self.choice.last]
-        for minibatch in super().minibatches(batch):
-            frames = minibatch.pop("frames", minibatch["observation"])
+        for steps in super().minibatches(batch):
+            frames = steps.pop("frames", steps["observation"])
+            frames = frames[: math.ceil(self.config.augmented_share * len(frames))]
             parts = frames.split(CACHED if frames.device.type == "cpu" else len(frames))
-            minibatch["augmented"] = torch.cat([augment(part, self.config, self.rng) for part in parts])
-            yield minibatch
+            augmented = torch.cat([augment(part, self.config, self.rng) for part in parts])
+            yield TensorDict({"steps": steps, "augmented": augmented})
 
     def losses(self, minibatch: TensorDict) -> TensorDictBase:
         """The figures of PPO's loss, and both terms."""
-        loc, scale, value = self.policy(minibatch["observation"])
-        figures = self.loss(minibatch.clone(recurse=False).update({"loc": loc, "scale": scale, "value": value}))
-        changes = changes_under(self.policy, minibatch["augmented"], loc, scale, value)
+        steps, augmented = minibatch["steps"], minibatch["augmented"]
+        loc, scale, value = self.policy(steps["observation"])
+        figures = self.loss(steps.clone(recurse=False).update({"loc": loc, "scale": scale, "value": value}))
+        changes = changes_under(self.policy, augmented, *(part[: len(augmented)] for part in (loc, scale, value)))
         for name, change in zip(("loss_policy_change", "loss_value_change"), changes, strict=True):
             figures[name] = self.config.invariance_coef * change
         return figures

@@ -218,6 +218,7 @@ class DrACConfig(PPOConfig):
     # they change which action is right.
     augmentations: tuple[Augmentation, ...] = AUGMENTATIONS[:6]
     invariance_coef: NotNegative = 0.1  # alpha_r, of the change of the policy and of the value under an augmentation
+    augmented_share: Window = 1.0  # of each minibatch, on which both changes are measured
     shift: Count = 12  # pixels by which "crop" moves frames at most
     ucb_exploration: NotNegative = 0.1  # c, in units of the learner's returns
     ucb_window: Count = 10  # K, the rollouts after an augmentation whose returns say what it is worth

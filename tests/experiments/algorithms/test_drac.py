@@ -42,7 +42,7 @@ def test_the_terms_are_the_divergence_of_gaussians_and_half_the_squared_differen
     one = learner()
     minibatch = minibatch_of(one)
     with torch.no_grad():
-        here, there = (one.policy(minibatch[name]) for name in ("observation", "augmented"))
+        here, there = (one.policy(minibatch[name]) for name in (("steps", "observation"), "augmented"))
         found = changes_under(one.policy, minibatch["augmented"], *here)
     (m, s, v), (m2, s2, v2) = ([part.double().numpy() for part in side] for side in (here, there))
     divergence = np.log(s2 / s) + (s**2 + (m - m2) ** 2) / (2 * s2**2) - 0.5
@@ -73,7 +73,7 @@ def test_the_gradient_of_the_policys_term_is_on_average_that_of_the_authors_esti
 def test_the_gradient_of_the_terms_passes_through_augmented_frames_alone():
     one = learner()
     minibatch = minibatch_of(one)
-    here = one.policy(minibatch["observation"])
+    here = one.policy(minibatch["steps", "observation"])
     for value in here:
         value.retain_grad()
     sum(changes_under(one.policy, minibatch["augmented"], *here)).backward()  # type: ignore[union-attr]
@@ -84,7 +84,7 @@ def test_the_gradient_of_the_terms_passes_through_augmented_frames_alone():
 def test_without_the_terms_the_loss_and_its_gradient_are_those_of_ppo():
     one, plain = learner(dataclasses.replace(CONFIG, invariance_coef=0.0)), learner(PPOConfig(**SMALL), kind=PPO)
     minibatch, same = minibatch_of(one), minibatch_of(plain)
-    assert torch.equal(minibatch["observation"], same["observation"])
+    assert torch.equal(minibatch["steps", "observation"], same["observation"])
     figures, expected = one.losses(minibatch), plain.losses(same)
     assert figures["loss_policy_change"] == figures["loss_value_change"] == 0
     for name in expected.keys():
@@ -117,9 +117,21 @@ def test_stacks_are_augmented_as_frames_also_where_the_encoder_reads_places_in_a
     config = dataclasses.replace(CONFIG, encoder="keypoints", steps_together=4)
     one = learner(config, observation="rgb_stack2")
     minibatch = minibatch_of(one)
-    assert minibatch["observation"].dtype == torch.int64
+    assert minibatch["steps", "observation"].dtype == torch.int64
     assert minibatch["augmented"].shape == (32, 64, 64, 6) and minibatch["augmented"].dtype == torch.uint8
-    assert "frames" not in minibatch
+    assert "frames" not in minibatch["steps"].keys()
+
+
+def test_changes_are_measured_on_a_share_of_each_minibatch():
+    one = learner(dataclasses.replace(CONFIG, augmented_share=0.25))
+    minibatch = minibatch_of(one)
+    assert len(minibatch["steps"]) == 32 and len(minibatch["augmented"]) == 8
+    with torch.no_grad():
+        here = [part[:8] for part in one.policy(minibatch["steps", "observation"])]
+        expected = changes_under(one.policy, minibatch["augmented"], *here)
+        figures = one.losses(minibatch)
+    torch.testing.assert_close(figures["loss_policy_change"], 0.1 * expected[0])
+    torch.testing.assert_close(figures["loss_value_change"], 0.1 * expected[1])
 
 
 def test_states_are_refused_as_they_have_no_pixels():
