@@ -1,6 +1,7 @@
 """PPO in one file: plain torch over ``segar.envs.VectorEnv``, and at the end the generalization gap.
 
     python examples/ppo.py --levels empty-hard --count 50 --frames 400000
+    python examples/ppo.py --levels place-between-v1 --seed 1
 
 Copy this file and change it. It needs torch and segar. The trainer of this repository, ``experiments.train``, has more
 algorithms, run folders and sweeps.
@@ -9,6 +10,7 @@ algorithms, run folders and sweeps.
 import argparse
 import time
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
@@ -16,17 +18,20 @@ from torch import Tensor, nn
 from torch.distributions import Normal
 
 import segar
+from segar.suites import suite, suites
 
 
 @dataclass(frozen=True)
 class Settings:
     """What a run depends on; each is an option of the command line."""
 
-    levels: str = "empty-hard"  # a name of segar.families()
+    levels: str = "empty-hard"  # a name of segar.families(), or a suite's, whose numbers of levels are its own
     count: int = 50  # training levels
     test_count: int = 100  # test levels, from a disjoint stream of the same distribution
     frames: int = 400_000  # steps of environments
-    seed: int = 0  # of the network, the minibatches and the episodes; the levels have seed 0
+    seed: int = (
+        0  # of the network, the minibatches and the episodes, and of a suite's training levels; others have seed 0
+    )
     num_envs: int = 64
     num_steps: int = 64  # of each environment between two updates
     epochs: int = 4
@@ -77,12 +82,27 @@ class Rollout:
     returns: Tensor
 
 
-def train(settings: Settings, levels: segar.Levels) -> Agent:
+def level_sets(settings: Settings) -> tuple[segar.Levels, segar.Levels, dict[str, Any]]:
+    """Training levels, test levels, and the options of environments in which they are played."""
+    if settings.levels in suites():
+        chosen = suite(settings.levels)
+        seen = segar.observations.StateVector(hidden=chosen.hidden)
+        options = {"task": chosen.task, "observation": seen, "unit_actions": True}
+        return chosen.sample(seed=settings.seed), chosen.test_levels, options
+    family = segar.family(settings.levels)
+    sets = (
+        family.sample(settings.count, seed=0, split="train"),
+        family.sample(settings.test_count, seed=0, split="test"),
+    )
+    return *sets, {"unit_actions": True}
+
+
+def train(settings: Settings, levels: segar.Levels, options: dict[str, Any]) -> Agent:
     """An agent that was trained on these levels; prints how it fares."""
     torch.set_num_threads(1)  # networks as small as these are faster without threads
     torch.manual_seed(settings.seed)
-    # Actions lie in [-1, 1] whatever the range of the task, and a finished episode is followed by the next one.
-    env = segar.envs.VectorEnv(levels, settings.num_envs, seed=settings.seed, unit_actions=True)
+    # With unit_actions, actions lie in [-1, 1] whatever the range of the task. Finished episodes are followed by the next.
+    env = segar.envs.VectorEnv(levels, settings.num_envs, seed=settings.seed, **options)
     agent = Agent(env.single_observation_space.shape[0], env.single_action_space.shape[0])
     optimizer = torch.optim.Adam(agent.parameters(), settings.learning_rate, eps=1e-5)
     updates = max(settings.frames // (settings.num_envs * settings.num_steps), 1)
@@ -167,16 +187,14 @@ def main(arguments: list[str] | None = None) -> segar.evaluation.Evaluation:
     for name, default in vars(Settings()).items():
         parser.add_argument(f"--{name.replace('_', '-')}", type=type(default), default=default)
     settings = Settings(**vars(parser.parse_args(arguments)))
-    family = segar.family(settings.levels)
-    train_levels = family.sample(settings.count, seed=0, split="train")
-    test_levels = family.sample(settings.test_count, seed=0, split="test")
-    agent = train(settings, train_levels)
+    train_levels, test_levels, options = level_sets(settings)
+    agent = train(settings, train_levels, options)
 
     def most_likely(seen: np.ndarray) -> np.ndarray:
         with torch.no_grad():
             return agent.mean(torch.from_numpy(seen)).numpy()
 
-    found = segar.evaluate_policy(most_likely, train_levels, test_levels, unit_actions=True, distances=("exact",))
+    found = segar.evaluate_policy(most_likely, train_levels, test_levels, distances=("exact",), **options)
     print(found)
     return found
 

@@ -12,6 +12,7 @@ import torch
 
 import segar
 from examples import ppo, sb3_ppo
+from segar.suites import suite
 from tests.places import ROOT
 
 TINY = ["--levels", "empty-easy", "--count", "4", "--test-count", "5", "--num-envs", "8", "--frames", "1024"]
@@ -23,6 +24,15 @@ def test_a_script_trains_and_prints_the_gap(script, capsys):
     printed = capsys.readouterr().out
     assert str(found) in printed and f"gap (test - train)  {found.gap()}" in printed
     assert (found.train.levels, found.test.levels) == (4, 5) and found.w2["exact"] > 0
+
+
+@pytest.mark.parametrize("script", [ppo, sb3_ppo])
+@pytest.mark.parametrize("name", ["place-few-v1", "sight-mass-v1"])
+def test_a_script_trains_on_a_suite_and_plays_its_test(script, name):
+    found = script.main(["--levels", name, "--num-envs", "8", "--frames", "1024"])
+    of = suite(name)
+    assert (found.train.levels, found.test.levels) == (of.training_levels, len(of.test_levels))
+    assert found.test.episodes.length.max() <= of.task.max_steps
 
 
 @pytest.mark.parametrize("name", ["ppo", "sb3_ppo"])
@@ -38,7 +48,7 @@ def test_a_script_runs_from_any_folder(name, tmp_path):
 def test_ppo_repeats_itself():
     levels = segar.family("empty-easy").sample(4, seed=0)
     settings = ppo.Settings(num_envs=4, num_steps=8, frames=64, minibatches=2)
-    agents = [ppo.train(settings, levels) for _ in range(2)]
+    agents = [ppo.train(settings, levels, {}) for _ in range(2)]
     for a, b in zip(agents[0].parameters(), agents[1].parameters(), strict=True):
         assert torch.equal(a, b)
 
