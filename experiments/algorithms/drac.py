@@ -112,7 +112,8 @@ class DrAC(PPO):
 
     def losses(self, minibatch: TensorDict) -> TensorDictBase:
         """The figures of PPO's loss, and both terms."""
-        steps, augmented = minibatch["steps"], minibatch["augmented"]
+        parts: Any = minibatch
+        steps, augmented = parts["steps"], parts["augmented"]
         loc, scale, value = self.policy(steps["observation"])
         figures = self.loss(steps.clone(recurse=False).update({"loc": loc, "scale": scale, "value": value}))
         changes = changes_under(self.policy, augmented, *(part[: len(augmented)] for part in (loc, scale, value)))

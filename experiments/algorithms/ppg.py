@@ -110,7 +110,7 @@ class PPG(PPO):
     @torch.no_grad()
     def auxiliary_batch(self) -> TensorDict:
         """All steps of the phase, one rollout after the other, with the policy that acts at its end."""
-        batch = TensorDict.cat(self.phase)
+        batch: Any = TensorDict.cat(self.phase)
         batch["observation"] = self.policy.prepare(batch["observation"], batch.pop("done"))
         acting = [self.policy.actor(observation)[:2] for observation in batch["observation"].unbind()]
         batch["loc"], batch["scale"] = (torch.stack(parts) for parts in zip(*acting, strict=True))
