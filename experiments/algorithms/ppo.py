@@ -76,6 +76,8 @@ class PPO:
         )
         self.scale = ReturnScale(env.num_envs, config.gamma) if config.reward_normalise else None
         self.frames = 0
+        # Called with each rollout, its rewards as they are learned from and its advantages [T, N, 1]; for curricula.
+        self.listen: Callable[[Rollout, Tensor, Tensor], None] | None = None
 
     @property
     def joins_trials(self) -> bool:
@@ -147,6 +149,8 @@ class PPO:
             rollout.terminated & ends,
             time_dim=0,
         )
+        if self.listen is not None:
+            self.listen(rollout, reward, advantage)
         entries = {
             "observation": self.policy.prepare(rollout.observation, rollout.done),
             "u": rollout.u,

@@ -115,6 +115,11 @@ class RunningEpisodes:
     memory: Tensor
     device: torch.device
 
+    def restart(self) -> None:
+        """Leaves the running episodes and begins others."""
+        self.current, _ = self.env.reset()
+        self.memory = torch.zeros_like(self.memory)
+
     def state_dict(self) -> dict[str, Any]:
         """The running episodes."""
         return {"env": as_tensors(self.env.state()), "memory": self.memory}

@@ -51,6 +51,12 @@ class ReturnScale:
             seen.append(self.returns)
             self.returns = self.returns.masked_fill(ends, 0.0)
         self._count(torch.stack(seen))
+        return self.scaled(reward)
+
+    def scaled(self, reward: Tensor) -> Tensor:
+        """Rewards in the present scale, of which the scale takes no note."""
+        if self.count == 0:
+            return reward
         return (reward / max(self.squares / self.count, 1e-8) ** 0.5).clamp(-LARGEST, LARGEST)
 
     def _count(self, values: Tensor) -> None:

@@ -13,7 +13,19 @@ from typing import Any
 from hydra.core.config_store import ConfigStore
 from omegaconf import OmegaConf
 
-from experiments.settings import CHECKOUT, KINDS, OWN_TASK, TRACKERS, ConfigError, RunConfig, algorithm_named, as_data
+from experiments.settings import (
+    CHECKOUT,
+    CURRICULA,
+    KINDS,
+    NO_CURRICULUM,
+    OWN_TASK,
+    TRACKERS,
+    ConfigError,
+    RunConfig,
+    algorithm_named,
+    as_data,
+    curriculum_named,
+)
 from segar.levels import TASK_LEVELS, families
 from segar.observations import OBSERVATIONS
 from segar.suites import outline, suites
@@ -32,8 +44,8 @@ def conf_dir() -> Path:
 def register_settings(config_name: str = "config", settings: Mapping[str, Any] | None = None) -> None:
     """Registers all that Hydra is to know; may be called again.
 
-    The defaults of a kind of algorithm are the choice ``base_<kind>`` of the group ``algorithm``. Where ``conf/`` has a
-    file for a choice, the file says it all.
+    The defaults of a kind of algorithm are the choice ``base_<kind>`` of the group ``algorithm``, and so for curricula. Where
+    ``conf/`` has a file for a choice, the file says it all.
 
     Args:
         settings: the defaults of a command's own settings, which are registered as ``base_<config_name>``.
@@ -41,12 +53,15 @@ def register_settings(config_name: str = "config", settings: Mapping[str, Any] |
     store = ConfigStore.instance()
     if settings is not None:
         store.store(name=f"base_{config_name}", node=dict(settings))
-    base = {key: value for key, value in as_data(RunConfig()).items() if key != "algorithm"}
+    base = {key: value for key, value in as_data(RunConfig()).items() if key not in ("algorithm", "curriculum")}
     for group in WITH_OPTIONS:
         base[group] |= {"options": OmegaConf.create({}, flags={"struct": False})}
     store.store(name="base_config", node=base)
     for kind, config in KINDS.items():
         store.store(group="algorithm", name=f"base_{kind}", node=as_data(config()))
+    for kind, config in CURRICULA.items():
+        store.store(group="curriculum", name=f"base_{kind}", node=as_data(config()))  # type: ignore[call-arg]
+    store.store(group="curriculum", name=NO_CURRICULUM, node={"name": NO_CURRICULUM})
     for name in suites():
         about = outline(name)
         levels = {"train": name, "count": about["training_levels"], "test_count": about["test_levels"]}
@@ -78,4 +93,22 @@ def register_algorithm(name: str) -> str:
         settings["name"] = cls.__name__
     choice = name.replace(":", ".")
     ConfigStore.instance().store(group="algorithm", name=choice, node=settings)
+    return choice
+
+
+def register_curriculum(name: str) -> str:
+    """Makes the curriculum of the settings class ``module:Class`` known with its defaults; returns the choice that names it.
+
+    Raises:
+        ConfigError: it is no settings class of a curriculum, or has settings without a default.
+    """
+    choice = name.replace(":", ".")
+    cls = curriculum_named(choice)
+    try:
+        settings = as_data(cls())  # type: ignore[call-arg]
+    except TypeError as error:
+        raise ConfigError(f"curriculum: {name} has settings without a default: {error}") from error
+    if settings["name"] in CURRICULA:  # inherited: the run would be called by another curriculum's name
+        settings["name"] = cls.__name__
+    ConfigStore.instance().store(group="curriculum", name=choice, node=settings)
     return choice

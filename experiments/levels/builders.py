@@ -142,15 +142,15 @@ def pick_levels(distribution: Any, config: LevelsConfig, test: Any) -> Any:
             f"levels.design: the suite {distribution.name} draws its training levels; leave {config.design} out"
         )
     if config.design == "iid":  # a user's own distribution need not be a LevelDistribution for this design
-        return distribution.sample(config.count, seed=config.seed, split="train")
+        return distribution.sample(config.number, seed=config.seed, split="train")
     if RULE_SETS_DESIGN.fullmatch(config.design):
         return levels_of_rule_sets(distribution, config, test)
     if config.design in MATCHED_DESIGNS:
-        return matched_set(distribution, config.count, test=test, seed=config.seed, **MATCHED_DESIGNS[config.design])
+        return matched_set(distribution, config.number, test=test, seed=config.seed, **MATCHED_DESIGNS[config.design])
     if config.design not in DESIGNS:
         return own_design(distribution, config, test)
     nuisance = [Order] if config.design == "nuisance_only" else []
-    return design(distribution, config.count, config.design, seed=config.seed, nuisance=nuisance)  # type: ignore[arg-type]
+    return design(distribution, config.number, config.design, seed=config.seed, nuisance=nuisance)  # type: ignore[arg-type]
 
 
 def own_design(distribution: Any, config: LevelsConfig, test: Any) -> Levels:
@@ -159,10 +159,10 @@ def own_design(distribution: Any, config: LevelsConfig, test: Any) -> Levels:
     Raises:
         ConfigError: it returns something else, or another number of levels.
     """
-    levels = import_object(config.design, "levels.design")(distribution, config.count, config.seed, test)
-    if not isinstance(levels, Levels) or len(levels) != config.count:
+    levels = import_object(config.design, "levels.design")(distribution, config.number, config.seed, test)
+    if not isinstance(levels, Levels) or len(levels) != config.number:
         made = f"{len(levels)} levels" if isinstance(levels, Levels) else type(levels).__name__
-        raise ConfigError(f"levels.design: {config.design} returns {made}, not {config.count} levels (segar.Levels)")
+        raise ConfigError(f"levels.design: {config.design} returns {made}, not {config.number} levels (segar.Levels)")
     return levels
 
 
@@ -175,11 +175,11 @@ def levels_at_target(distribution: Any, config: LevelsConfig, test: Any) -> Any:
     relative, number = TARGET_DESIGN.fullmatch(config.design).groups()  # type: ignore[union-attr]
     target, unit = float(number), 1.0
     if relative:
-        pool = distribution.sample(INDEPENDENT_SETS * config.count, seed=config.seed, split="train")
+        pool = distribution.sample(INDEPENDENT_SETS * config.number, seed=config.seed, split="train")
         sets = np.arange(len(pool)).reshape(INDEPENDENT_SETS, -1)
         unit = float(np.mean([w2(pool[one], test) for one in sets]))
     try:
-        return design(distribution, config.count, "target", seed=config.seed, test=test, target=target * unit)
+        return design(distribution, config.number, "target", seed=config.seed, test=test, target=target * unit)
     except LevelError as error:
         times = f", which is {target:g} times the {unit:.4g} of independent levels" if relative else ""
         raise ConfigError(f"levels.design: {config.design} cannot be had{times}. {error}") from error

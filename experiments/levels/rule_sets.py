@@ -28,7 +28,7 @@ def levels_of_rule_sets(distribution: Any, config: LevelsConfig, test: Any) -> L
         ConfigError: there are fewer levels, no rule space, or too many rule sets to pick.
     """
     number, extreme = RULE_SETS_DESIGN.fullmatch(config.design).groups()  # type: ignore[union-attr]
-    levels, count = distribution.sample(config.count, seed=config.seed, split="train"), int(number)
+    levels, count = distribution.sample(config.number, seed=config.seed, split="train"), int(number)
     try:
         return share_rule_sets(levels, picked(levels, count, extreme, test, config.seed) if extreme else count)
     except LevelError as error:

@@ -225,9 +225,9 @@ def mixtures_of(experiment: Experiment, run: RunConfig) -> Iterable[Transfer]:
     if not experiment.attribution:
         return
     levels = run.levels
-    if levels.test_count % levels.count:
+    if levels.test_count % levels.number:
         raise ConfigError(
-            f"grids.{experiment.name}.attribution: {levels.test_count} test levels are no multiple of {levels.count} training "
+            f"grids.{experiment.name}.attribution: {levels.test_count} test levels are no multiple of {levels.number} training "
             "levels, which each is paired with; choose other grid.counts, or levels.test_count"
         )
     check_groups(experiment, levels)

@@ -6,6 +6,8 @@
                           ``previous.pt``: the one before it
 ``episodes.parquet``      one row per evaluation episode, see :data:`EPISODE_SCHEMA`
 ``metrics.parquet``       one row per figure and time, see :data:`METRIC_SCHEMA`
+``played.parquet``        which levels were played how often in each interval, where levels are endless or a curriculum chooses
+                          them, see :data:`experiments.curricula.played_log.PLAYED_SCHEMA`
 ``versions.json``         libraries, commit, fingerprints of the code and of the data files that own code read, content
                           hashes of the level sets, and what decided the last bits (``arithmetic``: precision, threads,
                           instruction set, limits, processor)
@@ -56,6 +58,7 @@ PREVIOUS = "checkpoint/previous.pt"
 DAMAGED = "checkpoint/damaged.pt"  # a newest checkpoint that could not be read
 EPISODES = "episodes.parquet"
 METRICS = "metrics.parquet"
+PLAYED = "played.parquet"
 EVALUATIONS = "evaluations"
 PROBES = "probes.parquet"
 VERSIONS = "versions.json"
@@ -187,7 +190,7 @@ def empty(folder: Path, config: RunConfig) -> None:
     """
     if (folder / SYNC_STATE).exists():
         (folder / SYNC_STATE).replace(folder / REPLACED)
-    names = (SUMMARY, PROBES, EPISODES, METRICS, VERSIONS, LEVELS_TRAIN, LEVELS_TEST, JOURNAL, CONFIG)
+    names = (SUMMARY, PROBES, EPISODES, METRICS, PLAYED, VERSIONS, LEVELS_TRAIN, LEVELS_TEST, JOURNAL, CONFIG)
     for name in names:  # the summary first, because it says that the run is finished
         (folder / name).unlink(missing_ok=True)
     for part in (CHECKPOINTS, EVALUATIONS):
@@ -281,11 +284,20 @@ def read_episodes(folder: Path) -> pa.Table:
 
 def read_metrics(folder: Path) -> pa.Table:
     """The figures over time, :data:`METRIC_SCHEMA`; raises :class:`RunFolderError` if they are not readable."""
-    path = Path(folder) / METRICS
+    return _read_table(Path(folder) / METRICS, "the figures of a run")
+
+
+def read_played(folder: Path) -> pa.Table:
+    """Which levels were played in each interval, :data:`experiments.curricula.played_log.PLAYED_SCHEMA`; raises
+    :class:`RunFolderError` if that is not readable, as in the folder of a run without a curriculum and with a fixed set."""
+    return _read_table(Path(folder) / PLAYED, "which levels a run played")
+
+
+def _read_table(path: Path, what: str) -> pa.Table:
     try:
         return pq.read_table(path)
     except (OSError, pa.ArrowInvalid) as error:
-        raise RunFolderError(f"cannot read the figures of a run from {path}: {error}") from error
+        raise RunFolderError(f"cannot read {what} from {path}: {error}") from error
 
 
 def write_rows(path: Path, rows: Sequence[Mapping[str, Any]], schema: pa.Schema) -> None:

@@ -31,6 +31,7 @@ from experiments.settings.algorithms import (
 )
 from experiments.settings.checks import (
     DESIGNS,
+    ENDLESS,
     MATCHED_DESIGNS,
     RULE_SETS_DESIGN,
     TARGET_DESIGN,
@@ -50,6 +51,19 @@ from experiments.settings.checks import (
     require_known,
     require_seed,
     that,
+)
+from experiments.settings.curricula import (
+    CURRICULA,
+    NO_CURRICULUM,
+    SCORES,
+    ACCELConfig,
+    CurriculumConfig,
+    PLRConfig,
+    ReplayConfig,
+    RobustPLRConfig,
+    SFLConfig,
+    UniformConfig,
+    curriculum_named,
 )
 from experiments.settings.errors import CheckpointError, ConfigError, RunFolderError, TrackingError, TrainingError
 from experiments.settings.evaluate import EvaluateConfig
@@ -98,17 +112,18 @@ from experiments.settings.run import (
 from experiments.settings.yaml_text import read_yaml
 
 __all__ = [
-    "ACTION_MODES", "CHECKOUT", "DEFAULT_TASK", "DESIGNS", "DIFFICULTIES", "KINDS", "MATCHED_DESIGNS",
-    "OBJECT_NAME", "OWN_TASK", "RENAMED", "RULE_SETS_DESIGN", "TARGET", "TARGET_DESIGN", "TRACKERS", "TYPE_IS_GONE",
-    "ActionMode", "AlgorithmConfig", "AuxiliaryConfig", "CURLConfig", "CheckpointError", "ConfigError", "Count",
-    "CountFrom0", "Design", "Difficulty", "DrACConfig", "DrQConfig", "EvaluateConfig", "EvaluationConfig", "Family",
-    "GridPoint", "LevelsConfig", "NotNegative", "ObservationConfig", "OffPolicyConfig", "PPGConfig", "PPOConfig", "Positive",
-    "PositiveOrNull", "RecurrentPPOConfig", "RunConfig", "RunFolderError", "SACConfig", "SPRConfig", "ScaleConfig",
-    "Seed", "Settings", "Share", "TaskConfig", "TrackingConfig", "TrackingError", "TrainingError", "Widths",
-    "add_module_path", "added_later", "algorithm_named", "as_data", "config_at", "construct", "design",
-    "design_hash", "flat", "grid_point", "hand_on_password", "import_object", "is_distribution", "is_level_file",
-    "kind_of", "label_in_0_1", "level_file", "one_of", "panel_parts", "paper_grid", "paper_seeds", "path_of",
-    "read_yaml", "require", "require_design", "require_known", "require_seed", "run_config", "scheme",
-    "sqlite_address", "that", "with_new_names", "with_password", "without_files", "without_folder",
-    "without_password",
+    "ACTION_MODES", "CHECKOUT", "CURRICULA", "DEFAULT_TASK", "DESIGNS", "DIFFICULTIES", "ENDLESS", "KINDS",
+    "MATCHED_DESIGNS", "NO_CURRICULUM", "OBJECT_NAME", "OWN_TASK", "RENAMED", "RULE_SETS_DESIGN", "SCORES", "TARGET",
+    "TARGET_DESIGN", "TRACKERS", "TYPE_IS_GONE", "ACCELConfig", "ActionMode", "AlgorithmConfig", "AuxiliaryConfig",
+    "CURLConfig", "CheckpointError", "ConfigError", "Count", "CountFrom0", "CurriculumConfig", "Design", "Difficulty",
+    "DrACConfig", "DrQConfig", "EvaluateConfig", "EvaluationConfig", "Family", "GridPoint", "LevelsConfig",
+    "NotNegative", "ObservationConfig", "OffPolicyConfig", "PLRConfig", "PPGConfig", "PPOConfig", "Positive",
+    "PositiveOrNull", "RecurrentPPOConfig", "ReplayConfig", "RobustPLRConfig", "RunConfig", "RunFolderError",
+    "SACConfig", "SFLConfig", "SPRConfig", "ScaleConfig", "Seed", "Settings", "Share", "TaskConfig", "TrackingConfig",
+    "TrackingError", "TrainingError", "UniformConfig", "Widths", "add_module_path", "added_later", "algorithm_named",
+    "as_data", "config_at", "construct", "curriculum_named", "design", "design_hash", "flat", "grid_point",
+    "hand_on_password", "import_object", "is_distribution", "is_level_file", "kind_of", "label_in_0_1", "level_file",
+    "one_of", "panel_parts", "paper_grid", "paper_seeds", "path_of", "read_yaml", "require", "require_design",
+    "require_known", "require_seed", "run_config", "scheme", "sqlite_address", "that", "with_new_names",
+    "with_password", "without_files", "without_folder", "without_password",
 ]  # fmt: skip

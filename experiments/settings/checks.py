@@ -9,7 +9,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 from types import UnionType
-from typing import Annotated, Any, ClassVar, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, ClassVar, Literal, Union, get_args, get_origin, get_type_hints
 
 from experiments.settings.errors import ConfigError
 from experiments.settings.own_code import OBJECT_NAME
@@ -26,6 +26,7 @@ MATCHED_DESIGNS: Mapping[str, Mapping[str, Any]] = {
 }
 RULE_SETS_DESIGN = re.compile(r"rule_sets_([1-9]\d*)(?:_(near|far))?")  # how many rule sets the training levels share
 TARGET_DESIGN = re.compile(r"w2_(x?)(\d+(?:\.\d+)?)")  # the kind target of segar.design, in the mode exact
+ENDLESS = "endless"  # the levels.count of a stream in which no level comes twice
 SEEDS = 2**63  # how many different seeds all generators take
 
 Check = Callable[[str, Any], None]
@@ -109,6 +110,7 @@ def one_of(*names: str) -> OneOf:
 
 
 Count = Annotated[int, that(lambda n: n >= 1, "at least 1")]
+LevelCount = Annotated[int | Literal["endless"], that(lambda n: n == ENDLESS or n >= 1, "at least 1, or endless")]
 CountFrom0 = Annotated[int, that(lambda n: n >= 0, "0 or more")]
 Positive = Annotated[float, that(lambda x: x > 0, "more than 0")]
 PositiveOrNull = Annotated[float | None, that(lambda x: x is None or x > 0, "more than 0, or null")]

@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 
 from experiments.settings.algorithms import NAMES_OF_CLASS, algorithm_class
 from experiments.settings.checks import check_value, hints_of, path_of
+from experiments.settings.curricula import CurriculumConfig, curriculum_class
 from experiments.settings.errors import ConfigError
 from experiments.settings.own_code import add_module_path, without_files
 from experiments.settings.release_0_1 import refuse_old_names
@@ -15,7 +16,13 @@ from experiments.settings.run import RunConfig
 from segar.errors import did_you_mean
 
 T = TypeVar("T")
-NAMING = ("levels", "task", "observation", "algorithm")  # the settings that may name objects and level files
+NAMING = (
+    "levels",
+    "task",
+    "observation",
+    "algorithm",
+    "curriculum",
+)  # the settings that may name objects and level files
 
 
 def run_config(data: Mapping[str, Any]) -> RunConfig:
@@ -34,8 +41,20 @@ def run_config(data: Mapping[str, Any]) -> RunConfig:
         raise ConfigError(f"algorithm: {settings!r} is not a group of settings")
     own = {key: value for key, value in settings.items() if key not in NAMES_OF_CLASS}
     algorithm = construct(algorithm_class(settings), own, "algorithm")
-    rest = {key: value for key, value in data.items() if key != "algorithm"}
-    return construct(RunConfig, rest, "", algorithm=algorithm)
+    curriculum = _curriculum(data.get("curriculum"))
+    rest = {key: value for key, value in data.items() if key not in ("algorithm", "curriculum")}
+    return construct(RunConfig, rest, "", algorithm=algorithm, curriculum=curriculum)
+
+
+def _curriculum(settings: Any) -> CurriculumConfig | None:
+    """The curriculum that plain data states; None where it states none."""
+    if settings is None:
+        return None
+    if not isinstance(settings, Mapping):
+        raise ConfigError(f"curriculum: {settings!r} is not a group of settings")
+    cls = curriculum_class(settings)
+    own = {key: value for key, value in settings.items() if key not in NAMES_OF_CLASS}
+    return None if cls is None else construct(cls, own, "curriculum")
 
 
 def construct(cls: type[T], data: Mapping[str, Any], place: str, **ready: Any) -> T:
@@ -79,8 +98,14 @@ def _convert(value: Any, hint: Any, path: str) -> Any:
     if origin in (types.UnionType, typing.Union):
         if value is None and type(None) in arguments:
             return None
-        (hint,) = (a for a in arguments if a is not type(None))
-        return _convert(value, hint, path)
+        words = [word for a in arguments if typing.get_origin(a) is typing.Literal for word in typing.get_args(a)]
+        if value in words:
+            return value
+        (hint,) = (a for a in arguments if a is not type(None) and typing.get_origin(a) is not typing.Literal)
+        try:
+            return _convert(value, hint, path)
+        except ConfigError as error:
+            raise ConfigError(f"{error}, or {' or '.join(words)}") if words else error from None
     if dataclasses.is_dataclass(hint) and isinstance(value, Mapping):
         return construct(typing.cast(type, hint), value, path)
     if origin is tuple and isinstance(value, list | tuple):

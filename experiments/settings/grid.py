@@ -14,7 +14,7 @@ class GridPoint:
 
     family: str
     difficulty: str  # empty where the distribution is none of the named families
-    count: int  # training levels
+    count: int | str  # training levels, or endless
     seed: int
 
     def __str__(self) -> str:

@@ -22,8 +22,10 @@ from experiments.settings.algorithms import (
     named_class,
 )
 from experiments.settings.checks import (
+    ENDLESS,
     Count,
     CountFrom0,
+    LevelCount,
     NotNegative,
     Seed,
     Settings,
@@ -33,6 +35,7 @@ from experiments.settings.checks import (
     require_known,
     that,
 )
+from experiments.settings.curricula import CurriculumConfig, named_curriculum
 from experiments.settings.own_code import OBJECT_NAME, is_level_file, without_folder
 from experiments.settings.processor import multiplies_bf16
 from segar.levels import TASK_LEVELS, families, family
@@ -43,6 +46,7 @@ ACTION_MODES = ("deterministic", "sampled")  # of evaluation
 TRACKERS = ("mlflow", "none")
 DIFFICULTIES = ("easy", "medium", "hard")
 OWN_TASK = "levels"  # the task.name that means the task of the training levels
+FIRST_OF_STREAM = 100  # levels of an endless stream that agents are evaluated on
 DEFAULT_TASK = "puttputt"  # of levels that name none
 
 
@@ -83,7 +87,7 @@ class LevelsConfig(Settings):
 
     train: str = "empty-hard"
     test: str | None = None  # None: the same as train; another one makes the test out of distribution
-    count: Count = 10  # training levels
+    count: LevelCount = 10  # training levels; endless: each episode is on another one
     seed: Seed = 0  # which training levels; a smaller count takes the first ones
     design: Design = "iid"  # how the training levels are picked from their distribution
     variation: str = ""  # of both distributions: a name in experiments.levels.variations, or ``module:function``
@@ -91,6 +95,21 @@ class LevelsConfig(Settings):
     test_count: Count = 100
     test_seed: Seed = 0  # which test levels; of another random stream than training levels
     world: str | None = added_later(None)  # the rules of level files that were saved with rules of their own
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        iid = "iid where levels.count is endless: a design picks levels, and a stream has all of them"
+        require(not self.is_endless or self.design == "iid", "levels.design", self.design, iid)
+
+    @property
+    def is_endless(self) -> bool:
+        """Whether training levels come without end."""
+        return self.count == ENDLESS
+
+    @property
+    def number(self) -> int:
+        """How many training levels there are; of an endless stream, how many of the first ones agents are evaluated on."""
+        return FIRST_OF_STREAM if self.count == ENDLESS else int(self.count)
 
     @property
     def test_distribution(self) -> str:
@@ -174,6 +193,7 @@ class RunConfig(Settings):
     scale: ScaleConfig = field(default_factory=ScaleConfig)
     evaluation: EvaluationConfig = field(default_factory=EvaluationConfig)
     tracking: TrackingConfig = field(default_factory=TrackingConfig)
+    curriculum: CurriculumConfig | None = added_later(None)  # noqa: RUF009 - a field; None: no level is chosen
     # Episodes in a row on each level, between which policies with a memory keep it, in training and in evaluation.
     trials: Count = added_later(1)  # noqa: RUF009 - a field
     seed: Seed = 0  # of training: weights, actions, order of levels
@@ -228,7 +248,7 @@ class RunConfig(Settings):
         """
         data = as_data(self.resolved(), without_later_defaults=True)
         algorithm = {key: value for key, value in data["algorithm"].items() if key not in NAMES_OF_CLASS}
-        names = ("levels", "task", "observation", "evaluation", "trials", "seed", "determinism")
+        names = ("levels", "task", "observation", "curriculum", "evaluation", "trials", "seed", "determinism")
         parts = {key: data[key] for key in names if key in data}
         for name in ("train", "test"):
             parts["levels"][name] = without_folder(parts["levels"][name] or "") or None
@@ -244,7 +264,8 @@ class RunConfig(Settings):
         levels = "-to-".join(without_folder(name) for name in (self.levels.train, self.levels.test) if name)
         special = (self.levels.variation, self.levels.design if self.levels.design != "iid" else "")
         levels = "-".join((levels, *(name for name in special if name)))
-        parts = (levels, f"n{self.levels.count}", self.observation.name, self.algorithm.name, f"s{self.seed}")
+        count, curriculum = f"n{self.levels.count}", () if self.curriculum is None else (self.curriculum.name,)
+        parts = (levels, count, self.observation.name, self.algorithm.name, *curriculum, f"s{self.seed}")
         return "-".join((*("".join(c if c.isalnum() or c in "_-." else "_" for c in p) for p in parts), self.hash()))
 
 
@@ -275,6 +296,8 @@ def as_data(config: Any, without_later_defaults: bool = False) -> dict[str, Any]
                 for f in dataclasses.fields(value)
                 if not (without_later_defaults and ADDED_LATER in f.metadata and getattr(value, f.name) == f.default)
             }
+            if isinstance(value, CurriculumConfig):
+                return {**named_curriculum(type(value)), **content}
             return {**named_class(type(value)), **content} if isinstance(value, AlgorithmConfig) else content
         if isinstance(value, Mapping):
             return {key: plain(v) for key, v in value.items()}

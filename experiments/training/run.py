@@ -13,6 +13,7 @@ from experiments.algorithms.learner import Learner, learner_class, make_learner
 from experiments.commands import process_defaults as runtime
 from experiments.commands.kernels import choose_kernels
 from experiments.commands.signals import SignalMonitor, watch_signals
+from experiments.curricula.training_levels import TrainingLevels, settings_of
 from experiments.evaluation.episodes import (
     distance_figures,
     diversity_figures,
@@ -63,6 +64,7 @@ from experiments.training.unseen import (
     unseen_entities,
     unseen_parameters,
 )
+from segar.envs import VectorEnv
 from segar.envs.torchrl_env import TorchRLEnv
 from segar.errors import RuleError, SegarError
 from segar.levels import Levels
@@ -173,7 +175,8 @@ def _prepare(
     say: Callable[[str], None],
 ) -> Prepared:
     train, test = make_levels(config.levels)
-    env = _make_environment(kind, config, train)
+    chosen = _training_levels(kind, config, train, test)
+    env = _make_environment(kind, config, train, train) if chosen is None else chosen.env
     check_observations(config, train, test)
     for name in check_results(config, train, test):
         say(
@@ -201,10 +204,12 @@ def _prepare(
     if parameters := unseen_parameters(config, train, test):
         say(advice_on_parameters(parameters, config))
     learner = make_learner(kind, config.algorithm, env, config.scale.frames, config.seed)
+    if chosen is not None:
+        chosen.connect(learner)
     for line in advice_on_trials(config, train, learner.policy):
         say(line)
     code = executed_code(config) if code is None else with_data(code)
-    training = Training(config, folder, learner, journal, signals, train, code)
+    training = Training(config, folder, learner, journal, signals, train, code, chosen)
     hashes = {"train": levels_hash(train), "test": levels_hash(test)}
     training.resume(hashes, say)
     train.save(folder / LEVELS_TRAIN)
@@ -239,6 +244,9 @@ def _carry_out(prepared: Prepared, tracker: Tracker, say: Callable[[str], None])
         say(line)
     distances = distance_figures(train, test, config.evaluation.distances)
     final = {**evaluation_figures(episodes), **distances, **diversity_figures(train, test)}
+    if training.chosen is not None:
+        final |= training.chosen.finish(learner.frames)
+        training.write_played()
     evaluation_seconds = time.perf_counter() - began
     training.history.log(final, learner.frames, training.seconds)
     write_rows(folder / EPISODES, episodes, EPISODE_SCHEMA)
@@ -265,14 +273,29 @@ def _arithmetics(config: RunConfig, learner: Learner, folder: Path, say: Callabl
     return {"arithmetic": now, **({"arithmetic_before": earlier} if earlier else {})}
 
 
-def _make_environment(kind: type[Learner], config: RunConfig, train: Levels) -> Any:
+def _training_levels(kind: type[Learner], config: RunConfig, train: Levels, test: Levels) -> TrainingLevels | None:
+    """What chooses the levels of a run; None where its environments draw from all training levels alike."""
+    if settings_of(config) is None:
+        return None
+
+    def make_trial_env(levels: Levels, number: int) -> VectorEnv:
+        options = {**environment_options(config, number, train), "trials": 1}
+        return VectorEnv(levels, number, seed=config.seed, autoreset_mode="Disabled", **options)
+
+    return TrainingLevels(
+        config, lambda levels: _make_environment(kind, config, levels, train), make_trial_env, train, test
+    )
+
+
+def _make_environment(kind: type[Learner], config: RunConfig, levels: Levels, train: Levels) -> Any:
+    """The environments that a learner wants, on these levels; what is observed may depend on ``train``."""
     make_env, num_envs = getattr(kind, "make_env", TorchRLEnv), config.algorithm.num_envs
     options = environment_options(config, num_envs, train)
     is_on_gpu = getattr(config.algorithm, "env_device", "cpu") == "cuda"
     if is_on_gpu:
         options["device"] = config.algorithm.device  # type: ignore[attr-defined]
     try:
-        return make_env(train, num_envs, seed=config.seed, **options)
+        return make_env(levels, num_envs, seed=config.seed, **options)
     except RuleError as error:
         if train.task in (None, task_name(config)):
             raise

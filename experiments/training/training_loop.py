@@ -11,6 +11,8 @@ from typing import Any
 from experiments.algorithms.checkpoint import resume_checkpoint, save_checkpoint
 from experiments.algorithms.learner import Learner
 from experiments.commands.signals import SignalMonitor
+from experiments.curricula.played_log import PLAYED_SCHEMA
+from experiments.curricula.training_levels import TrainingLevels
 from experiments.evaluation.episodes import mean_figures, play_in_modes
 from experiments.levels.builders import environment_options
 from experiments.runs.executed_code import files_of_code, with_data
@@ -18,8 +20,10 @@ from experiments.runs.journal import Journal
 from experiments.runs.run_folder import (
     METRIC_SCHEMA,
     METRICS,
+    PLAYED,
     VERSIONS,
     read_metrics,
+    read_played,
     read_versions,
     write_json,
     write_rows,
@@ -55,6 +59,7 @@ class Training:
     signals: SignalMonitor
     levels: Levels  # of training
     code: Mapping[str, str]  # the code that the run executes, and the data files that were read so far
+    chosen: TrainingLevels | None = None  # what chooses the training levels, where something does
     history: History = field(default_factory=History)
     seconds: float = 0.0  # of training, also in processes before this one
 
@@ -81,6 +86,9 @@ class Training:
         self.seconds = extra["seconds"]
         frames = self.journal.frames = self.learner.frames
         self.history.rows = [row for row in read_metrics(self.folder).to_pylist() if row["frames"] <= frames]
+        if self.chosen is not None:
+            played = read_played(self.folder).to_pylist()
+            self.chosen.load_state_dict(extra["levels"], [row for row in played if row["frames"] <= frames])
         say(f"{self.config.label()}: goes on from {frames:,} of {self.config.scale.frames:,} frames")
 
     def train(self, test: Levels) -> None:
@@ -93,6 +101,11 @@ class Training:
         config, learner, total = self.config, self.learner, self.config.scale.frames
         saved = time.monotonic()
         with closing(Progress(config.label(), total, learner.frames, shown=config.progress)) as progress, self.signals:
+            if self.chosen is not None and learner.frames == 0:
+                began = time.perf_counter()
+                figures = self.chosen.begin(learner)
+                self.seconds += time.perf_counter() - began
+                self.history.log(figures, learner.frames, self.seconds)
             while learner.frames < total:
                 before = learner.frames
                 figures = self.iterate()
@@ -109,6 +122,8 @@ class Training:
         """One iteration of the learner, in the history; raises :class:`TrainingError`."""
         before, began = self.learner.frames, time.perf_counter()
         figures = self.learner.iterate()
+        if self.chosen is not None:
+            figures = {**figures, **self.chosen.advance(self.learner)}
         duration = time.perf_counter() - began
         self.seconds += duration
         self.journal.frames = self.learner.frames
@@ -126,7 +141,16 @@ class Training:
         # Metrics first: a resumed run drops rows that are newer than its checkpoint, but cannot restore missing rows.
         self.history.write(self.folder)
         self.record_data()
-        save_checkpoint(self.folder, self.config, self.learner, {"seconds": self.seconds}, self.code)
+        extra: dict[str, Any] = {"seconds": self.seconds}
+        if self.chosen is not None:
+            self.write_played()
+            extra["levels"] = self.chosen.state_dict()
+        save_checkpoint(self.folder, self.config, self.learner, extra, self.code)
+
+    def write_played(self) -> None:
+        """Writes which levels were played, where something chooses them; raises :class:`RunFolderError`."""
+        if self.chosen is not None:
+            write_rows(self.folder / PLAYED, self.chosen.log.rows, PLAYED_SCHEMA)
 
     def record_data(self) -> None:
         """Adds the data files that own code has read since then to ``versions.json``; raises :class:`RunFolderError`."""

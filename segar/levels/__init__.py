@@ -5,6 +5,7 @@ The room imports ``errors``, ``support``, ``language``, ``rules`` and ``noise``.
 """
 
 from segar.levels import checks, moments
+from segar.levels.apart import near_levels
 from segar.levels.conditional import Dependent
 from segar.levels.description import all_subclasses, description_of
 from segar.levels.distribution import LevelDistribution
@@ -30,7 +31,7 @@ __all__ = [
     "Dependent", "Draw", "Groups", "LevelDistribution", "Levels", "PointSets", "Prior", "Provenance", "SamplingPlan",
     "SlotGroup", "active_options", "all_subclasses", "check_fits", "check_levels", "checks", "content_hash",
     "description_of", "drawn_mechanisms", "entity_types", "factors_needed", "families", "family", "gather",
-    "hash_of_levels", "level_schema", "levels_from_data", "marginals", "mechanisms", "mix", "mixed_levels", "moments", "mutate",
-    "places", "read_distribution", "rule_space_of", "rules_in_words", "set_as", "share_rule_sets", "shared_rule_sets",
-    "slot_distributions", "source_moments", "with_mechanisms", "written",
+    "hash_of_levels", "level_schema", "levels_from_data", "marginals", "mechanisms", "mix", "mixed_levels", "moments",
+    "mutate", "near_levels", "places", "read_distribution", "rule_space_of", "rules_in_words", "set_as",
+    "share_rule_sets", "shared_rule_sets", "slot_distributions", "source_moments", "with_mechanisms", "written",
 ]  # fmt: skip

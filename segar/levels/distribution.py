@@ -149,7 +149,10 @@ class LevelDistribution:
         while len(kept) < n:
             block = self._drawn(np.arange(start + tried, start + tried + n, dtype=np.int64), seed, split)
             tried += n
-            kept = np.append(kept, block.provenance.indices[~near_levels(block, apart_from, within, self)])
+            is_near = near_levels(block, apart_from, within, self)
+            if tried == n and not is_near.any():  # which is usual, and spares a second draw
+                return block
+            kept = np.append(kept, block.provenance.indices[~is_near])
             if len(kept) < n and tried >= MOST_TRIES * n + FEWEST_TRIES:
                 raise LevelError(
                     f"{self}: of {tried} levels only {len(kept)} lie apart from the {len(apart_from)} levels of apart_from, and"

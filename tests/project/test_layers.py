@@ -46,6 +46,7 @@ ORDER = [
     "experiments.networks",
     "experiments.collection",
     "experiments.algorithms",
+    "experiments.curricula",
     "experiments.tracking",
     "experiments.evaluation",
     "experiments.training",
@@ -101,7 +102,7 @@ OPTIONAL = {
     "segar.rendering.painter",
     "segar.rendering.window",
 }
-MOST_ROOMS = {"segar": 23, "experiments": 21}
+MOST_ROOMS = {"segar": 23, "experiments": 22}
 PACKAGES = ("segar", "experiments", "analysis")
 
 

@@ -1,0 +1,76 @@
+"""The protocol of curricula: what chooses the levels on which the episodes of training begin.
+
+A curriculum of your own is three things: a frozen sub-class of :class:`experiments.settings.CurriculumConfig` with its
+settings, whose ``chooser`` names a class as ``module:Class``; that class, which has the members of :class:`Curriculum`; and
+``curriculum=module:Settings`` on the command line, or a YAML in ``conf/curriculum/`` that names the settings.
+:class:`experiments.curricula.uniform.Uniform` is one to start from.
+"""
+
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+import numpy as np
+
+from experiments.curricula.episodes import Ended
+from experiments.curricula.explorer import Explorer
+from experiments.curricula.level_rows import LevelRows
+from experiments.settings import ConfigError, CurriculumConfig, import_object
+
+
+class Curriculum(Protocol):
+    """What weighs the rows of levels that environments draw from, and puts other levels into them."""
+
+    def __init__(self, config: Any, rows: LevelRows, explorer: Explorer, seed: int) -> None:
+        """``rows`` are the levels, ``explorer`` tries levels out without learning; all draws follow from ``seed``."""
+        ...
+
+    @staticmethod
+    def rows_needed(config: Any, num_envs: int) -> int:
+        """How many levels of an endless stream environments hold at a time; at least ``num_envs``."""
+        ...
+
+    def began(self, row: np.ndarray) -> np.ndarray | None:
+        """Episodes begin on these rows, int64; called in the step of the environments in which they do.
+
+        Returns rows on which these episodes shall begin instead, or None to leave them. Levels that are put into rows here do
+        not change what these episodes are on, unless they begin elsewhere.
+        """
+        ...
+
+    def ended(self, ended: Ended) -> None:
+        """Called for each rollout of an on-policy algorithm, where the settings say ``needs_scores``."""
+        ...
+
+    def advance(self, frames: int) -> Mapping[str, float]:
+        """Called before the first and after each iteration of the learner; returns figures to log.
+
+        Where the settings do not say ``needs_scores``, another rollout may be collected meanwhile, so levels must then be
+        left alone here.
+        """
+        ...
+
+    def state_dict(self) -> dict[str, Any]:
+        """All that decides the further choices, as arrays and plain data; levels and weights of the rows are stored beside."""
+        ...
+
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
+        """Continues from what :meth:`state_dict` returned."""
+        ...
+
+
+def curriculum_class_of(config: CurriculumConfig) -> type[Any]:
+    """The class that ``config.chooser`` names; raises :class:`ConfigError` that lists the methods which it lacks."""
+    name = getattr(config, "chooser", None)
+    if not isinstance(name, str):
+        raise ConfigError(
+            f"curriculum: {type(config).__module__}.{type(config).__qualname__} names no class that chooses levels;"
+            " chooser: ClassVar[str] = 'module:Class' does"
+        )
+    found = import_object(name, "curriculum")
+    lacking = [member for member in vars(Curriculum) if not member.startswith("_") and not hasattr(found, member)]
+    if lacking:
+        raise ConfigError(
+            f"curriculum: {name} is no curriculum: it lacks {', '.join(lacking)}. experiments.curricula.curriculum says what"
+            " each is for"
+        )
+    return found

@@ -1,0 +1,101 @@
+"""Prioritised level replay (Jiang et al. 2021): levels from which there is something to learn come back.
+
+    python -m experiments.train suite=place-few-v1 levels.count=endless curriculum=plr
+
+An episode is on a level that was scored before with probability ``replay``, and else on a new one. Of a fixed set, new levels
+are those that no episode began on; once there are none, all episodes replay. Of an endless stream, the ``capacity`` levels of
+the highest scores are kept.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from experiments.curricula.episodes import Ended
+from experiments.curricula.explorer import Explorer
+from experiments.curricula.level_rows import LevelRows
+from experiments.curricula.scored_rows import ScoredRows
+from experiments.curricula.scores import scores_of
+from experiments.settings import PLRConfig
+
+ROWS_PER_ENV = 4  # of new levels, beside those that are kept
+
+
+class PLR:
+    """The curriculum, see :class:`experiments.curricula.curriculum.Curriculum`."""
+
+    def __init__(self, config: PLRConfig, rows: LevelRows, explorer: Explorer, seed: int) -> None:
+        self.config, self.rows, self.explorer = config, rows, explorer
+        self.known = ScoredRows(len(rows))
+        self.is_new = np.ones(len(rows), np.bool_)  # whether no episode began there
+        self.is_left = np.zeros(len(rows), np.bool_)  # whether the level is not worth keeping
+        self.replay = np.zeros(len(rows))  # probabilities of the rows among replays; all 0 before the first
+        self.begun = self.replayed = 0  # episodes since the last figures
+
+    @staticmethod
+    def rows_needed(config: PLRConfig, num_envs: int) -> int:
+        """How many levels of an endless stream environments hold at a time."""
+        return config.capacity + ROWS_PER_ENV * num_envs
+
+    def began(self, row: np.ndarray) -> None:
+        """Takes note of the time; new levels are no longer new."""
+        self.known.began(row)
+        self.begun += len(row)
+        self.replayed += int(self.known.is_scored[row].sum())
+        if not self.is_new[row].any():
+            return
+        self.is_new[row] = False
+        if self.rows.is_endless and self.is_new.sum() < self.rows.env.num_envs and self.is_left.any():
+            left = np.flatnonzero(self.is_left)
+            self.rows.fill(left)
+            self.known.forget(left)
+            self.is_new[left], self.is_left[left] = True, False
+        self._weigh()
+
+    def ended(self, ended: Ended) -> None:
+        """Scores the levels of these episodes, and leaves those of the lowest scores where there are too many."""
+        scores = scores_of(self.config.score, ended, self.rows.levels, self.known, self.explorer)
+        there = ~self.is_left[ended.row]
+        self.known.score[ended.row[there]] = scores[there]
+        if self.rows.is_endless:
+            left = self.known.worst(self.config.capacity)
+            self.known.score[left] = np.nan
+            self.is_left[left] = True
+
+    def advance(self, frames: int) -> Mapping[str, float]:
+        """Weighs the rows by their scores and by the time since they were played."""
+        kept = self.config.capacity if self.rows.is_endless else len(self.rows)
+        scored = self.known.score[self.known.is_scored]
+        if len(scored) and len(scored) >= self.config.min_scored * kept:
+            self.replay = self.known.replay_probabilities(self.config)
+        self._weigh()
+        figures = {"scored": float(len(scored)), "replayed": self.replayed / max(self.begun, 1)}
+        self.begun = self.replayed = 0
+        return figures | ({"score": float(scored.mean())} if len(scored) else {})
+
+    def scores(self) -> np.ndarray:
+        """Of the levels in all rows, nan where there is none."""
+        return self.known.score
+
+    def state_dict(self) -> dict[str, Any]:
+        """Scores, and which rows are new or left."""
+        counts = {"begun": self.begun, "replayed": self.replayed}
+        return {
+            **self.known.state_dict(), "is_new": self.is_new, "is_left": self.is_left, "replay": self.replay, **counts
+        }  # fmt: skip
+
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
+        """Continues from ``state``."""
+        self.known.load_state_dict(state)
+        self.is_new, self.is_left, self.replay = (state[name].copy() for name in ("is_new", "is_left", "replay"))
+        self.begun, self.replayed = state["begun"], state["replayed"]
+
+    def _weigh(self) -> None:
+        """Has the environments draw a replay with its probability, and else a new level, each equally often."""
+        new = self.is_new.astype(float)
+        if not new.any() or not self.replay.any():
+            self.rows.weigh(self.replay if self.replay.any() else new)
+            return
+        share = self.config.replay
+        self.rows.weigh(share * self.replay / self.replay.sum() + (1 - share) * new / new.sum())

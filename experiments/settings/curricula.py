@@ -1,0 +1,156 @@
+"""The settings of curricula, without torch: a dataclass for each kind, and the kinds by name."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar
+
+from experiments.settings.algorithms import NAMES_OF_CLASS, TARGET
+from experiments.settings.checks import Count, Positive, Settings, Share, one_of, require, require_known, that
+from experiments.settings.errors import ConfigError
+from experiments.settings.own_code import import_object
+
+NO_CURRICULUM = "none"
+SCORES = ("value_l1", "positive_value_loss", "max_mc", "regret")  # see experiments.curricula.scores
+
+Score = Annotated[str, one_of(*SCORES)]
+Replay = Annotated[float, that(lambda x: 0 < x <= 1, "more than 0, and at most 1")]
+Samples = Annotated[int, that(lambda n: n >= 8, "at least 8")]
+
+
+@dataclass(frozen=True)
+class CurriculumConfig(Settings):
+    """The settings that all curricula share; each curriculum adds its own in a sub-class.
+
+    A curriculum of your own is such a sub-class in your package. A YAML file names it by ``_target_``, its import path.
+    """
+
+    group: ClassVar[str] = "curriculum"
+    kind: ClassVar[str]  # a short name that never changes, of the curricula that are built in
+    chooser: ClassVar[str]  # "module:Class" of what chooses levels; see experiments.curricula.curriculum
+    needs_scores: ClassVar[bool] = True  # whether it learns from the rollouts of an on-policy algorithm
+    needs_stream: ClassVar[bool] = False  # whether it plays levels beyond any fixed set, so that they must be endless
+
+    name: str
+    log_interval: Count = 25_000  # frames between two lines about the levels that were played
+
+
+@dataclass(frozen=True)
+class UniformConfig(CurriculumConfig):
+    """Every level of a fixed set equally often, or every level of an endless stream once."""
+
+    name: str = "uniform"
+    kind: ClassVar[str] = "uniform"
+    chooser: ClassVar[str] = "experiments.curricula.uniform:Uniform"
+    needs_scores: ClassVar[bool] = False
+
+
+@dataclass(frozen=True)
+class ReplayConfig(CurriculumConfig):
+    """How levels are scored and replayed, as prioritised level replay has it (Jiang et al. 2021)."""
+
+    name: str = "replay"
+    score: Score = "positive_value_loss"
+    temperature: Positive = 0.1  # beta: the k-th best level is replayed in proportion to (1 / k)^(1 / beta)
+    staleness: Share = 0.1  # rho: share of replays that go to levels in proportion to the time since they were played
+    replay: Replay = 0.5  # share of episodes on levels that were scored before; the others are on new ones
+    capacity: Count = 256  # levels of an endless stream that are kept
+    min_scored: Share = 0.5  # share of these, or of the fixed set, that is scored before any level is replayed
+    # Of score=regret: candidates of the planner's search per level and iteration, and its iterations.
+    planner_samples: Samples = 16
+    planner_iterations: Count = 4
+
+
+@dataclass(frozen=True)
+class PLRConfig(ReplayConfig):
+    """PLR; the defaults are those of Jiang et al. (2021) for Procgen, but for the score."""
+
+    name: str = "plr"
+    kind: ClassVar[str] = "plr"
+    chooser: ClassVar[str] = "experiments.curricula.plr:PLR"
+
+
+@dataclass(frozen=True)
+class RobustPLRConfig(ReplayConfig):
+    """Robust PLR (Jiang et al. 2021b): new levels are only scored, and the agent learns on replayed levels alone."""
+
+    name: str = "plr_robust"
+    kind: ClassVar[str] = "plr_robust"
+    chooser: ClassVar[str] = "experiments.curricula.robust_plr:RobustPLR"
+    needs_stream: ClassVar[bool] = True
+
+    temperature: Positive = 0.3
+    staleness: Share = 0.3
+    batch: Count = 64  # levels that are tried side by side, at a time
+    counts_tried: bool = True  # whether steps in which levels are tried are counted among the frames of the run
+
+
+@dataclass(frozen=True)
+class ACCELConfig(RobustPLRConfig):
+    """ACCEL (Parker-Holder et al. 2022): robust PLR, in which replayed levels are mutated, too."""
+
+    name: str = "accel"
+    kind: ClassVar[str] = "accel"
+    chooser: ClassVar[str] = "experiments.curricula.accel:ACCEL"
+
+    replay: Replay = 0.8
+    children: Positive = 1.0  # mutated levels that are tried per replayed episode
+    changes: Count = 1  # of a mutated level
+
+
+@dataclass(frozen=True)
+class SFLConfig(CurriculumConfig):
+    """SFL (Rutherford et al. 2024): levels of high learnability, p (1 - p) of the share p of episodes that succeed."""
+
+    name: str = "sfl"
+    kind: ClassVar[str] = "sfl"
+    chooser: ClassVar[str] = "experiments.curricula.sfl:SFL"
+
+    interval: Count = 50_000  # frames between two choices
+    candidates: Count = 128  # levels that are tried at each; of a fixed set, all
+    episodes: Count = 4  # on each of them, with sampled actions
+    kept: Count = 32  # levels of the highest learnability that are trained on until the next choice
+    share: Share = 0.5  # of episodes on these levels; the others are on levels as they come
+    batch: Count = 64  # episodes that are tried side by side
+    counts_tried: bool = True  # whether their steps are counted among the frames of the run
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require(self.kept <= self.candidates, "curriculum.kept", self.kept, f"at most candidates, {self.candidates}")
+
+
+CURRICULA: Mapping[str, type[CurriculumConfig]] = {
+    cls.kind: cls for cls in (UniformConfig, PLRConfig, RobustPLRConfig, ACCELConfig, SFLConfig)
+}
+
+
+def named_curriculum(cls: type[CurriculumConfig]) -> dict[str, str]:
+    """The setting that names the class in plain data: ``kind`` of a built-in curriculum, ``_target_`` of any other."""
+    kind = getattr(cls, "kind", "")
+    return {"kind": kind} if CURRICULA.get(kind) is cls else {TARGET: f"{cls.__module__}.{cls.__qualname__}"}
+
+
+def curriculum_class(settings: Mapping[str, Any]) -> type[CurriculumConfig] | None:
+    """The class that ``_target_``, or else ``kind``, names in the settings of a curriculum; None where there is none.
+
+    Raises:
+        ConfigError: there is no such class, or it is no sub-class of :class:`CurriculumConfig`.
+    """
+    if TARGET in settings:
+        return curriculum_named(str(settings[TARGET]))
+    if settings.get("kind") is None and settings.get("name", NO_CURRICULUM) == NO_CURRICULUM:
+        extra = [key for key in settings if key not in ("name", *NAMES_OF_CLASS)]
+        if extra:
+            raise ConfigError(f"curriculum.{extra[0]}: there is no curriculum; choose one, such as curriculum=plr")
+        return None
+    kind = settings.get("kind", settings.get("name"))
+    require_known("curriculum.kind", kind, CURRICULA)
+    return CURRICULA[kind]
+
+
+def curriculum_named(target: str) -> type[CurriculumConfig]:
+    """The settings class of a curriculum that an import path, ``module.Class``, names; raises :class:`ConfigError`."""
+    module, _, name = target.rpartition(".")
+    cls = import_object(f"{module}:{name}", "curriculum")
+    if not (isinstance(cls, type) and issubclass(cls, CurriculumConfig)):
+        raise ConfigError(f"curriculum: '{target}' is not a sub-class of experiments.settings.CurriculumConfig")
+    return cls
