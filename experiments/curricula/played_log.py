@@ -4,10 +4,10 @@ Each line is about an interval of training. Of its episodes, at most :data:`SHOW
 
 ``w2_target``, ``w2_test``: exact Wasserstein-2 from the levels of these episodes to levels of the target and of the test.
 ``ks``: the largest Kolmogorov-Smirnov statistic of a factor against the target. ``w2_floor``, ``ks_floor``: the same of as many
-independent levels of the target, which no curriculum could come below but by chance. ``effective_number``: how many levels without any likeness the episodes are worth (repeated levels
-count once for each episode). ``entropy``: of the different levels among them, in nats, factor by factor. ``choice_entropy``:
-of which level an episode is on, in nats, over all episodes; ``levels``: how many different ones; ``episodes``: how many.
-``made``: the share of episodes on levels that a curriculum made.
+independent levels of the target. ``effective_number``: how many levels without any likeness the episodes are worth (repeated
+levels count once for each episode). ``entropy``: of the different levels among them, in nats, factor by factor.
+``choice_entropy``: of which level an episode is on, in nats, over all episodes; ``levels``: how many different ones;
+``episodes``: how many. ``made``: the share of episodes on levels that a curriculum made.
 """
 
 import dataclasses

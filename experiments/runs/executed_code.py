@@ -26,7 +26,7 @@ from experiments.levels.builders import LevelFile, distribution_of, environment_
 from experiments.runs.own_modules import find_file, modules_named, source_of
 from experiments.runs.run_folder import VERSIONS, read_versions
 from experiments.runs.versions import levels_hash
-from experiments.settings import RunConfig, as_data
+from experiments.settings import RunConfig, UniformConfig, as_data
 from experiments.settings.files_read import (
     OURS,
     data_read,
@@ -42,26 +42,37 @@ from segar.envs import world_of
 from segar.levels import Levels
 
 # Where the learner's own code ends: what these rooms do decides no weight.
-LEARNING = ("experiments.algorithms", "experiments.collection", "experiments.networks")
+LEARNING = ("experiments.algorithms", "experiments.collection", "experiments.curricula", "experiments.networks")
+CHOICE = "experiments.curricula.training_levels"  # what lets a curriculum choose
 # Rooms of the library that are executed beside the kernel. The rules, the task and the engine are in the kernel's text.
 ENVIRONMENT = ("envs", "observations", "support")
 SAMPLER = ("levels", "noise", "language")
 # All others are modules of the user's own.
-PARTS = ("kernel", "levels", "learner", "environment", "sampler", "textures")
+PARTS = ("kernel", "levels", "learner", "curriculum", "environment", "sampler", "textures")
 PROBED = 8  # levels of each distribution that are looked at
 
 
 def executed_code(config: RunConfig) -> dict[str, str]:
     """Name of each part, and of each file of the user's own, to sixteen hexadecimal digits, for the run with these settings.
 
-    The parts are ``kernel``, ``levels`` (some that the distributions give), ``learner``, ``environment``, ``sampler``,
-    ``textures`` where the observation has them, and the name of every module of the user's own that a setting or the levels'
+    The parts are ``kernel``, ``levels`` (some that the distributions give), ``learner``, ``curriculum`` where levels are
+    endless or chosen, ``environment``, ``sampler``, ``textures`` where the observation has them, and the name of every module of the user's own that a setting or the levels'
     task names (``my_lab.levels``), with what it reaches (:func:`modules_reached`).
     """
     learner = config.algorithm.learner.partition(":")[0]
-    named = {*modules_named([as_data(config), task_name(config)])} - {learner}
+    choosers = {one.partition(":")[0] for one in _choosers(config)}
+    named = {*modules_named([as_data(config), task_name(config)])} - {learner, *choosers}
     parts = {**_played(config), "learner": fingerprint(learner)}
-    return _with_files(parts, named, {learner})
+    if choosers:
+        parts["curriculum"] = _digest(fingerprint(module).encode() for module in sorted({CHOICE, *choosers}))
+    return _with_files(parts, named, {learner, *choosers})
+
+
+def _choosers(config: RunConfig) -> list[str]:
+    """What chooses levels, as ``module:Class``; nothing where environments draw from a fixed set."""
+    if config.curriculum is not None:
+        return [config.curriculum.chooser]
+    return [UniformConfig.chooser] if config.levels.is_endless else []
 
 
 def played_code(config: RunConfig) -> dict[str, str]:

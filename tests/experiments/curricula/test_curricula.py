@@ -1,0 +1,192 @@
+"""Endless levels and curricula: the same to the bit again and after an interruption, and what they choose."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from experiments.curricula.scored_rows import ScoredRows
+from experiments.levels.endless import stream_of
+from experiments.runs.run_folder import read_metrics, read_played
+from experiments.settings import (
+    ACCELConfig,
+    ConfigError,
+    CURLConfig,
+    DrQConfig,
+    LevelsConfig,
+    ObservationConfig,
+    PLRConfig,
+    PPOConfig,
+    RecurrentPPOConfig,
+    RobustPLRConfig,
+    RunConfig,
+    SACConfig,
+    ScaleConfig,
+    SFLConfig,
+    SPRConfig,
+    UniformConfig,
+    run_config,
+)
+from experiments.settings.run import as_data
+from experiments.training.run import run
+from segar.levels import near_levels
+from segar.suites import suite
+from tests.experiments.short_runs import FRAMES, ITERATIONS, killed_after, same_results, short_run
+
+ENDLESS = LevelsConfig(train="empty-easy", count="endless", test_count=3)
+PPO = PPOConfig(num_envs=8, num_steps=8, widths=(8,), head_width=0)
+RECURRENT = RecurrentPPOConfig(num_envs=8, num_steps=8, widths=(8,), head_width=0, core_width=4, minibatches=2)
+SMALL = {"capacity": 16, "min_scored": 0.25, "log_interval": FRAMES}
+TRIED = {**SMALL, "batch": 8, "counts_tried": False}
+CHOSEN = {
+    "endless": (None, PPO),
+    "endless, collected ahead": (None, dataclasses.replace(PPO, overlap=True)),
+    "uniform": (UniformConfig(log_interval=FRAMES), RECURRENT),
+    "plr": (PLRConfig(**SMALL), PPO),
+    "plr, recurrent": (PLRConfig(**SMALL, score="max_mc"), RECURRENT),
+    "plr, normalised": (PLRConfig(**SMALL, score="value_l1"), dataclasses.replace(PPO, reward_normalise=True)),
+    "plr, regret": (PLRConfig(**SMALL, score="regret", planner_samples=8, planner_iterations=1), PPO),
+    "plr_robust": (RobustPLRConfig(**TRIED), PPO),
+    "accel": (ACCELConfig(**TRIED), RECURRENT),
+    "sfl": (SFLConfig(candidates=4, kept=2, episodes=2, batch=8, interval=FRAMES, counts_tried=False), PPO),
+}
+
+
+@pytest.mark.parametrize("name", CHOSEN)
+def test_an_interrupted_run_ends_like_one_that_was_not_interrupted_to_the_bit(name, tmp_path, monkeypatch):
+    curriculum, algorithm = CHOSEN[name]
+    whole, parts = (
+        short_run(tmp_path / one, levels=ENDLESS, curriculum=curriculum, algorithm=algorithm)
+        for one in ("whole", "parts")
+    )
+    run(whole, say=lambda _: None)
+    with killed_after(ITERATIONS // 2, monkeypatch):
+        run(parts, say=lambda _: None)
+    run(parts, say=lambda _: None)
+    assert same_results(tmp_path / "whole", tmp_path / "parts")
+    assert read_played(tmp_path / "whole").equals(read_played(tmp_path / "parts"))
+
+
+@pytest.mark.parametrize(
+    "algorithm",
+    [
+        SACConfig(num_envs=4, num_steps=16, warmup=8, widths=(8,), capacity=500, batch_size=4),
+        DrQConfig(num_envs=4, num_steps=16, warmup=8, widths=(8,), capacity=500, batch_size=4, encoder="small"),
+        CURLConfig(num_envs=4, num_steps=16, widths=(8,), head_width=0, encoder="small", auxiliary_minibatches=1),
+        SPRConfig(num_envs=4, num_steps=16, widths=(8,), head_width=0, encoder="small", auxiliary_minibatches=1),
+    ],
+    ids=lambda config: config.name,
+)
+@pytest.mark.slow
+def test_every_algorithm_trains_on_endless_levels_and_goes_on_to_the_bit(algorithm, tmp_path):
+    seen = ObservationConfig(name="state" if algorithm.name == "sac" else "rgb")
+    config = {"levels": ENDLESS, "algorithm": algorithm, "observation": seen}
+    whole = short_run(tmp_path / "whole", **config)
+    run(whole, say=lambda _: None)
+    run(short_run(tmp_path / "again", **config), say=lambda _: None)
+    assert same_results(tmp_path / "whole", tmp_path / "again")
+
+
+def test_each_episode_of_endless_training_is_on_another_level(tmp_path):
+    run(short_run(tmp_path, levels=ENDLESS, scale=ScaleConfig(frames=40 * FRAMES)), say=lambda _: None)
+    played = read_played(tmp_path)
+    assert set(played["episodes"].to_pylist()) == {1}
+    levels = played["level"].to_pylist()
+    assert len(set(levels)) == len(levels) > 20
+
+
+def test_a_stream_gives_the_levels_of_the_training_split_in_their_order():
+    stream, at_once = stream_of(ENDLESS), stream_of(ENDLESS).take(12)
+    assert [*stream.take(5).provenance.indices, *stream.take(7).provenance.indices] == [*at_once.provenance.indices]
+    assert (at_once.values == stream_of(ENDLESS).distribution.sample(12, seed=0, split="train").values).all()
+
+
+def test_a_stream_of_a_suite_has_no_level_of_its_test():
+    of_suite, name = suite("place-few-v1"), "place-few-v1"
+    levels = stream_of(LevelsConfig(train=name, count="endless")).take(300)
+    assert not near_levels(levels, of_suite.test_levels, 0.0, of_suite.train).any()
+
+
+def test_a_uniform_curriculum_on_a_fixed_set_changes_no_bit(tmp_path):
+    run(short_run(tmp_path / "none"), say=lambda _: None)
+    run(short_run(tmp_path / "uniform", curriculum=UniformConfig()), say=lambda _: None)
+    columns = [read_metrics(tmp_path / one).to_pylist() for one in ("none", "uniform")]
+    none, uniform = (
+        [(row["name"], row["value"]) for row in rows if row["name"].split("/")[0] not in ("speed", "played")]
+        for rows in columns
+    )
+    assert none == uniform
+
+
+def test_a_run_without_a_curriculum_keeps_its_name_and_settings():
+    config = RunConfig()
+    assert "curriculum" not in config.identity()
+    assert run_config(as_data(config)) == config
+    chosen = dataclasses.replace(config, curriculum=ACCELConfig(), levels=ENDLESS)
+    assert run_config(as_data(chosen)) == chosen
+    assert chosen.label().startswith("empty-easy-nendless-state-ppo-accel-s0-")
+
+
+def test_replay_prefers_ranks_and_stale_levels_as_published():
+    rows = ScoredRows(4)
+    rows.score[:3], rows.episodes, rows.played[:3] = (0.1, 0.3, 0.2), 10, (10, 8, 2)
+    found = rows.replay_probabilities(PLRConfig(temperature=0.5, staleness=0.2))
+    by_score = np.array([1 / 9, 1.0, 1 / 4]) / (1 + 1 / 4 + 1 / 9)
+    by_time = np.array([0.0, 2.0, 8.0]) / 10
+    np.testing.assert_allclose(found, [*(0.8 * by_score + 0.2 * by_time), 0.0])
+
+
+def test_the_highest_scores_stay_whatever_comes_in_which_order(rng=np.random.default_rng(0)):
+    scores, rows = rng.permutation(40).astype(float), ScoredRows(10)
+    for block in scores.reshape(8, 5):
+        taken, places = rows.places_for(block)
+        rows.score[places] = block[taken]
+    assert sorted(rows.score) == list(range(30, 40))
+
+
+def test_plr_plays_rare_hard_levels_more_than_uniform_does_and_the_log_shows_it(tmp_path, monkeypatch):
+    """The scores are planted: every tenth level of the set is hard."""
+    hard, shares = {*range(0, 40, 10)}, {}
+
+    def planted(name, ended, levels, known, explorer):
+        return np.array([float(row in hard) for row in ended.row])
+
+    monkeypatch.setattr("experiments.curricula.plr.scores_of", planted)
+    levels = LevelsConfig(train="empty-easy", count=40, test_count=3)
+    for curriculum in (UniformConfig(log_interval=FRAMES), PLRConfig(log_interval=FRAMES, staleness=0.1)):
+        folder = tmp_path / curriculum.name
+        config = short_run(folder, levels=levels, curriculum=curriculum, scale=ScaleConfig(frames=100 * FRAMES))
+        run(config, say=lambda _: None)
+        late = [row for row in read_played(folder).to_pylist() if row["frames"] > 50 * FRAMES]
+        of_hard = sum(row["episodes"] for row in late if row["level"] in hard)
+        shares[curriculum.name] = of_hard / sum(row["episodes"] for row in late)
+    assert shares["uniform"] < 0.3
+    assert shares["plr"] > 0.7
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"curriculum": ACCELConfig()}, "plays levels beyond any fixed set; give levels.count=endless"),
+        (
+            {"curriculum": PLRConfig(), "algorithm": SACConfig(num_envs=4, warmup=8)},
+            "SAC has none, because it learns from a replay",
+        ),
+        (
+            {"curriculum": PLRConfig(), "algorithm": dataclasses.replace(PPO, overlap=True)},
+            "no rollout can be collected ahead; give algorithm.overlap=false",
+        ),
+    ],
+)
+def test_what_does_not_fit_is_refused_and_leaves_no_folder(changes, message, tmp_path):
+    with pytest.raises(ConfigError, match=message):
+        run(short_run(tmp_path / "run", **changes), say=lambda _: None)
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_level_file_is_not_endless(tmp_path):
+    path = tmp_path / "levels.npz"
+    suite("place-few-v1").train.sample(3).save(path)
+    levels = LevelsConfig(train=str(path), test="empty-easy", count="endless")
+    with pytest.raises(ConfigError, match="has 3 levels and no others, so they are not endless"):
+        run(short_run(tmp_path / "run", levels=levels), say=lambda _: None)
