@@ -105,7 +105,8 @@ class TrainingLevels:
     def advance(self, learner: Any) -> Mapping[str, float]:
         """Lets the curriculum go on after an iteration of the learner, and logs what was played; returns figures."""
         steps = learner.frames // self.env.num_envs if self.agent is None else len(self.env.steps) + self.steps
-        began = [part for _ in range(steps - self.steps) for part in self.env.steps.popleft().began]
+        taken = min(steps - self.steps, len(self.env.steps))
+        began = [part for _ in range(taken) for part in self.env.steps.popleft().began]
         self.steps = steps
         started, self.env.started = self.env.started, []
         self.log.add([*started, *began])

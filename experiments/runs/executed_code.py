@@ -1,6 +1,6 @@
 """The code that a run executes, as one fingerprint for each part: what a checkpoint may be resumed under.
 
-A part is the kernel, the learner, the environment, the sampler of levels, or a module of the user's own. The fingerprint
+A part is the kernel, the learner, the curriculum, the environment, the sampler of levels, or a module of the user's own. The fingerprint
 of a kernel is that of its text, so it changes with the rules and with nothing else. The fingerprint of Python code does
 not change with comments, docstrings, layout, or the texts of error messages. The command line, the pictures for people,
 the tracking and the report are no part of it: a run does not execute them.
@@ -56,8 +56,9 @@ def executed_code(config: RunConfig) -> dict[str, str]:
     """Name of each part, and of each file of the user's own, to sixteen hexadecimal digits, for the run with these settings.
 
     The parts are ``kernel``, ``levels`` (some that the distributions give), ``learner``, ``curriculum`` where levels are
-    endless or chosen, ``environment``, ``sampler``, ``textures`` where the observation has them, and the name of every module of the user's own that a setting or the levels'
-    task names (``my_lab.levels``), with what it reaches (:func:`modules_reached`).
+    endless or chosen, ``environment``, ``sampler``, ``textures`` where the observation has them, and the name of every module
+    of the user's own that a setting or the levels' task names (``my_lab.levels``), with what it reaches
+    (:func:`modules_reached`).
     """
     learner = config.algorithm.learner.partition(":")[0]
     choosers = {one.partition(":")[0] for one in _choosers(config)}

@@ -175,8 +175,8 @@ def _prepare(
     say: Callable[[str], None],
 ) -> Prepared:
     train, test = make_levels(config.levels)
-    chosen = _training_levels(kind, config, train, test)
-    env = _make_environment(kind, config, train, train) if chosen is None else chosen.env
+    chosen = training_levels(kind, config, train, test)
+    env = make_environment(kind, config, train, train) if chosen is None else chosen.env
     check_observations(config, train, test)
     for name in check_results(config, train, test):
         say(
@@ -273,7 +273,7 @@ def _arithmetics(config: RunConfig, learner: Learner, folder: Path, say: Callabl
     return {"arithmetic": now, **({"arithmetic_before": earlier} if earlier else {})}
 
 
-def _training_levels(kind: type[Learner], config: RunConfig, train: Levels, test: Levels) -> TrainingLevels | None:
+def training_levels(kind: type[Learner], config: RunConfig, train: Levels, test: Levels) -> TrainingLevels | None:
     """What chooses the levels of a run; None where its environments draw from all training levels alike."""
     if settings_of(config) is None:
         return None
@@ -283,11 +283,11 @@ def _training_levels(kind: type[Learner], config: RunConfig, train: Levels, test
         return VectorEnv(levels, number, seed=config.seed, autoreset_mode="Disabled", **options)
 
     return TrainingLevels(
-        config, lambda levels: _make_environment(kind, config, levels, train), make_trial_env, train, test
+        config, lambda levels: make_environment(kind, config, levels, train), make_trial_env, train, test
     )
 
 
-def _make_environment(kind: type[Learner], config: RunConfig, levels: Levels, train: Levels) -> Any:
+def make_environment(kind: type[Learner], config: RunConfig, levels: Levels, train: Levels) -> Any:
     """The environments that a learner wants, on these levels; what is observed may depend on ``train``."""
     make_env, num_envs = getattr(kind, "make_env", TorchRLEnv), config.algorithm.num_envs
     options = environment_options(config, num_envs, train)

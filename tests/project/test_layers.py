@@ -70,6 +70,7 @@ ORDER = [
     "analysis.runs",
     "analysis.gap_plot",
     "analysis.causes",
+    "analysis.played_plot",
     "analysis.probes",
     "analysis.studies",
     "analysis.experiment_runs",

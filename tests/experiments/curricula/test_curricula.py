@@ -136,7 +136,8 @@ def test_replay_prefers_ranks_and_stale_levels_as_published():
     np.testing.assert_allclose(found, [*(0.8 * by_score + 0.2 * by_time), 0.0])
 
 
-def test_the_highest_scores_stay_whatever_comes_in_which_order(rng=np.random.default_rng(0)):
+def test_the_highest_scores_stay_whatever_comes_in_which_order():
+    rng = np.random.default_rng(0)
     scores, rows = rng.permutation(40).astype(float), ScoredRows(10)
     for block in scores.reshape(8, 5):
         taken, places = rows.places_for(block)
