@@ -91,6 +91,7 @@ def _set_parameters(table: np.ndarray, layout: Layout, given: Mapping[type[Param
         n = len(table)
         if value.shape not in ((), (n,)) or not parameter.is_possible(value).all():
             raise LevelError(
-                f"parameters: {parameter.__name__} must be one number or {n}, {parameter.possible_values()}; not {value!r}"
+                f"parameters: {parameter.__name__} must be one number, or a list of {n}, one for each level;"
+                f" each {parameter.possible_values()}; not {value.tolist()!r}"
             )
         table[:, column] = value

@@ -287,6 +287,10 @@ def test_the_program_of_the_documentation_takes_sets_of_which_one_has_factors_of
         for seed, kind in enumerate(kinds)
     )
     assert names["reference_w2"](a, b) == pytest.approx(w2(a, b, mode="reference"))
+    (other,) = (part for part in re.findall(r"```python\n(.*?)```", page, re.DOTALL) if "def exact_w2" in part)
+    exec(re.sub(r"from my_lab.*\n", "", other.partition("\npairs = ")[0]), names)
+    assert names["exact_w2"](a, b) == pytest.approx(w2(a, b))
+    assert names["paper_w2"](a, b) == pytest.approx(w2(a, b, mode="paper"))
 
 
 @pytest.mark.parametrize(
