@@ -257,7 +257,7 @@ def test_levels_by_hand_choose_their_rules():
         [[segar.GolfBall()], [segar.GolfBall()]], {option.active: [1, 0], PUSH: [0.5, 0.0]}, world=World(space)
     )
     assert active_options(levels)[:, 0].tolist() == [True, False]
-    with pytest.raises(LevelError, match="push_active must be one number, or a list of 1.*; each 0 or 1; not"):
+    with pytest.raises(LevelError, match=r"push_active must be one number, or a list of 1.*; each 0 or 1; not"):
         Levels.from_entities([[segar.GolfBall()]], {option.active: 0.5}, world=World(space))
 
 
