@@ -20,7 +20,7 @@ from experiments.settings import RunConfig, RunFolderError
 PANELS = {  # figures of the log, what their axes say, and the figure that the dashed line shows
     "w2_target": ("W2 to the target", "w2_floor"),
     "ks": ("largest KS of a factor", "ks_floor"),
-    "effective_number": ("effective number of levels", None),
+    "effective_number": ("effective number", None),
 }
 
 
@@ -72,7 +72,7 @@ def name_of(config: RunConfig) -> str:
 
 def played_figure(curves: Mapping[str, Points]) -> Figure:
     """A panel for each of :data:`PANELS`: its figure against frames, and dashed what independent levels of the target have."""
-    figure = new_figure(4.2 * len(PANELS), 3.6)
+    figure = new_figure(4.2 * len(PANELS), 3.2 + 0.13 * len(curves))
     axes = figure.subplots(1, len(PANELS))
     for ax, (name, (label, floor)) in zip(axes, PANELS.items(), strict=True):
         for k, points in enumerate(curves.values()):

@@ -1,8 +1,8 @@
 """The code that a run executes, as one fingerprint for each part: what a checkpoint may be resumed under.
 
-A part is the kernel, the learner, the curriculum, the environment, the sampler of levels, or a module of the user's own. The fingerprint
-of a kernel is that of its text, so it changes with the rules and with nothing else. The fingerprint of Python code does
-not change with comments, docstrings, layout, or the texts of error messages. The command line, the pictures for people,
+A part is the kernel, the learner, the curriculum, the environment, the sampler of levels, or a module of the user's own. The
+fingerprint of a kernel is that of its text, so it changes with the rules and with nothing else. The fingerprint of Python code
+does not change with comments, docstrings, layout, or the texts of error messages. The command line, the pictures for people,
 the tracking and the report are no part of it: a run does not execute them.
 
 Beside the parts stand the user's own files, whose names have a slash: the source files that the modules reach

@@ -193,7 +193,6 @@ class RunConfig(Settings):
     scale: ScaleConfig = field(default_factory=ScaleConfig)
     evaluation: EvaluationConfig = field(default_factory=EvaluationConfig)
     tracking: TrackingConfig = field(default_factory=TrackingConfig)
-    curriculum: CurriculumConfig | None = added_later(None)  # noqa: RUF009 - a field; None: no level is chosen
     # Episodes in a row on each level, between which policies with a memory keep it, in training and in evaluation.
     trials: Count = added_later(1)  # noqa: RUF009 - a field
     seed: Seed = 0  # of training: weights, actions, order of levels
@@ -209,6 +208,8 @@ class RunConfig(Settings):
     # "machine": the fastest kernels for this processor. "portable": float32, one thread of torch, and kernels that all
     # x86-64 processors with AVX2 have, for the same weights on unlike processors.
     determinism: Determinism = added_later("machine")  # noqa: RUF009 - a field
+    # What chooses the levels that episodes of training begin on; None: they are drawn alike.
+    curriculum: CurriculumConfig | None = added_later(None)  # noqa: RUF009 - a field
 
     def __post_init__(self) -> None:
         super().__post_init__()

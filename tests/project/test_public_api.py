@@ -25,6 +25,7 @@ ROOMS = (
     "segar", "segar.language", "segar.rules", "segar.noise", "segar.levels", "segar.tasks", "segar.textures", "segar.metrics",
     "segar.observations", "segar.rendering", "segar.envs", "segar.hardness", "segar.policies", "segar.evaluation",
     "segar.datasets", "segar.queries", "segar.playground", "segar.errors", "experiments.settings", "experiments.algorithms",
+    "experiments.curricula",
 )  # fmt: skip
 MOST_NAMES = 77  # at the root
 
