@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from segar.errors import ActionError, SegarError, did_you_mean
+from segar.support import is_whole
 
 MOST_THREADS = 1024
 MOST_ENVIRONMENTS = 10_000_000
@@ -16,20 +17,16 @@ SEEDS = 2**64
 
 def whole_number(name: str, value: Any, least: int, most: int) -> int:
     """The value, if it is a whole number from ``least`` to ``most`` and no truth; raises :class:`SegarError`."""
-    if not _is_whole(value) or not least <= value <= most:
+    if not is_whole(value) or not least <= value <= most:
         raise SegarError(f"{name} must be a whole number from {least} to {most}, not {shown(value)}")
     return int(value)
 
 
 def seed_of(value: Any) -> int:
     """The value, if it is a seed; raises :class:`SegarError`."""
-    if not _is_whole(value) or not 0 <= value < SEEDS:
+    if not is_whole(value) or not 0 <= value < SEEDS:
         raise SegarError(f"a seed is a whole number from 0 to 2^64 - 1, not {shown(value)}")
     return int(value)
-
-
-def _is_whole(value: Any) -> bool:
-    return isinstance(value, (int, np.integer)) and not isinstance(value, (bool, np.bool_))
 
 
 def instance(name: str, value: Any, kind: type | tuple[type, ...], right: str) -> None:

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from segar.envs import Act, VectorEnv
-from segar.errors import SegarError
+from segar.errors import SegarError, did_you_mean
 from segar.evaluation.baselines import Baselines, find_baselines
 from segar.evaluation.episodes import QUANTITIES, PlayedEpisodes, play_episodes
 from segar.levels import Levels
@@ -71,12 +71,12 @@ class LevelSetResult:
             trial: the one that counts, from 0; all where it is None.
 
         Raises:
-            SegarError: there is no such trial.
+            SegarError: there is no such trial or quantity.
         """
         if trial is not None and not 0 <= trial < self.trials:
             raise SegarError(f"trial must lie in 0..{self.trials - 1}, as so many were played, not {trial!r}")
         counts = np.ones(len(self.episodes), np.bool_) if trial is None else self.episodes.trial == trial
-        return self.episodes.columns()[quantity][counts].astype(float).reshape(-1, self.levels).mean(axis=0)
+        return self._of_episodes(quantity)[counts].astype(float).reshape(-1, self.levels).mean(axis=0)
 
     def mean(self, quantity: str = "return", trial: int | None = None) -> Interval:
         """The mean over levels, with Student's interval over levels; that of a share, ``success`` or ``death``, ends at 0 and
@@ -86,9 +86,12 @@ class LevelSetResult:
         return _within(found, 0.0, 1.0) if quantity in SHARES else found
 
     def adaptation_gain(self, quantity: str = "return") -> Interval:
-        """What the policy gains from the first trial on a level to the last one; see :func:`adaptation_gain`."""
-        played = self.episodes
-        return adaptation_gain(played.level, played.trial, played.columns()[quantity])
+        """What the policy gains from the first trial on a level to the last one; see :func:`adaptation_gain`.
+
+        Raises:
+            SegarError: each level was played once in a row.
+        """
+        return adaptation_gain(self.episodes.level, self.episodes.trial, self._of_episodes(quantity))
 
     def score(self) -> float:
         """The normalised score: 0 for the better of idle and random play on each level, 1 for the planner.
@@ -105,6 +108,12 @@ class LevelSetResult:
             SegarError: no scores were asked for.
         """
         return float(self._known_baselines().regret(self.mean().value))
+
+    def _of_episodes(self, quantity: str) -> np.ndarray:
+        columns = self.episodes.columns()
+        if quantity not in columns:
+            raise SegarError(f"no quantity of episodes is called '{quantity}'.{did_you_mean(str(quantity), columns)}")
+        return columns[quantity]
 
     def _known_baselines(self) -> Baselines:
         if self.baselines is None:
@@ -247,18 +256,24 @@ def adaptation_gain(level: np.ndarray, trial: np.ndarray, values: np.ndarray) ->
         values: ``(n,)``, such as returns or successes.
 
     Raises:
-        SegarError: a level lacks its first or its last trial.
+        SegarError: a level lacks its first or its last trial, there are no two trials, or the lengths differ.
     """
+    level, trial, values = map(np.asarray, (level, trial, values))
+    if not level.shape == trial.shape == values.shape or level.ndim != 1:
+        shapes = ", ".join(str(one.shape) for one in (level, trial, values))
+        raise SegarError(f"adaptation_gain: level, trial and values must be of one length, not of {shapes}")
+    if not len(trial) or trial.max() < 1:
+        raise SegarError("adaptation_gain: each level was played once in a row; play several trials on it, by trials=")
     names, place = np.unique(level, return_inverse=True)
     ends = []
     for which in (trial == trial.max(), trial == 0):
         counts = np.bincount(place[which], minlength=len(names))
         if not counts.all():
             raise SegarError(f"adaptation_gain: level {names[counts.argmin()]} lacks its first or its last trial")
-        ends.append(np.bincount(place[which], np.asarray(values, float)[which], len(names)) / counts)
+        ends.append(np.bincount(place[which], values.astype(float)[which], len(names)) / counts)
     gains = ends[0] - ends[1]
     found = _interval(gains.mean(), [gains])
-    return _within(found, -1.0, 1.0) if np.asarray(values).dtype == np.bool_ else found
+    return _within(found, -1.0, 1.0) if values.dtype == np.bool_ else found
 
 
 def _of_trials(name: str, result: LevelSetResult) -> dict[str, float]:

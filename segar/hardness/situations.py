@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +14,7 @@ from segar.hardness.rollouts import Starts, make_starts, uniform_actions
 from segar.language import Factor, FloorFriction, Friction, Task
 from segar.levels import Levels, checks
 from segar.metrics import Outcomes, Readings, Spread, readings_of
+from segar.support import is_whole
 from segar.tasks import task_of
 
 HORIZONS = (1, 5, 20)  # steps; 0.05, 0.25 and 1 second in the built-in tasks
@@ -135,18 +136,22 @@ def make_situations(
 
     Raises:
         LevelError: fewer than two states, or wrong factors or scale.
-        SegarError: no plays, or horizons that are no increasing whole numbers from 1 up.
+        SegarError: no plays, horizons that are no increasing whole numbers from 1 up, or what is no seed or no task.
     """
     checks.require_levels("make_situations", states)
     checks.require_generator("make_situations", rng)
     readings = readings_of("make_situations", states, scale, factors)
-    steps = tuple(int(h) for h in horizons)
-    if plays < 1 or not steps or steps != tuple(horizons) or (np.diff((0, *steps)) <= 0).any():
+    given = list(horizons) if isinstance(horizons, Iterable) else []
+    if not given or not all(map(is_whole, (plays, *given))) or plays < 1 or (np.diff((0, *given)) <= 0).any():
         raise SegarError(
             "make_situations needs at least one play, and horizons that are increasing whole numbers from 1 up, not"
-            f" {plays} and {horizons!r}"
+            f" {plays!r} and {horizons!r}"
         )
-    task = task or task_of(states)
+    if not is_whole(seed):
+        raise SegarError(f"make_situations: the seed must be a whole number, not {seed!r}")
+    if task is not None and not isinstance(task, Task):
+        raise SegarError(f"make_situations: task must be a task such as segar.puttputt(), not {task!r}")
+    steps, task = tuple(map(int, given)), task or task_of(states)
     drawn = uniform_actions(task, len(states) * plays, steps[-1], rng).reshape(len(states), plays, steps[-1], -1)
     drawn[:, 0] = 0.0
     return Situations(states, task, drawn, steps, readings, seed, num_threads)

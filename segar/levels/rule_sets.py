@@ -10,6 +10,7 @@ from segar.language import Parameter
 from segar.levels.level_data import LevelData
 from segar.levels.level_set import Levels
 from segar.rules import RuleSpace
+from segar.support import is_whole
 
 
 def rule_space_of(levels: LevelData) -> RuleSpace:
@@ -87,7 +88,7 @@ def share_rule_sets(levels: Levels, rule_sets: int | Sequence[int] | np.ndarray)
 
 def _sources(rule_sets: int | Sequence[int] | np.ndarray, levels: int) -> np.ndarray:
     """The levels whose rule sets are shared, int64 ``(rule sets,)``."""
-    if isinstance(rule_sets, (int, np.integer)) and not isinstance(rule_sets, bool):
+    if is_whole(rule_sets):
         if not 1 <= rule_sets <= levels:
             raise LevelError(f"rule sets: there must be 1 to {levels}, the number of levels, not {rule_sets}")
         return np.arange(rule_sets)

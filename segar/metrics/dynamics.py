@@ -18,7 +18,7 @@ from segar.language import Acceleration, Density, Drag, Entity, Factor, Order
 from segar.levels import Levels, checks, entity_types
 from segar.metrics.points import Spread, Units, shorter_way
 from segar.metrics.wasserstein import resampled
-from segar.support import Estimate, aligned, emd
+from segar.support import Estimate, aligned, emd, is_whole
 
 UNCOUNTED: tuple[type[Factor], ...] = (Order, Acceleration, Drag, Density)
 """Factors that do not count in what becomes of a state: the order of drawing, and quantities that follow from others."""
@@ -244,8 +244,8 @@ def dynamics_w2(
     """
     _require("dynamics_w2", a, b, situations)
     checks.require_generator("dynamics_w2", rng)
-    if resamples < 2:
-        raise LevelError(f"dynamics_w2 needs at least 2 resamples, not {resamples}")
+    if not is_whole(resamples) or resamples < 2:
+        raise LevelError(f"dynamics_w2 needs at least 2 resamples, not {resamples!r}")
     x, y = situations.outcomes(a), situations.outcomes(b)
     both, n = _joined(x, y), len(a)
     blocks = _squares(both, both, BLOCKS)[:, both.of_level][..., both.of_level]

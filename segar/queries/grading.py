@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from segar.errors import SegarError
+from segar.errors import SegarError, did_you_mean
 from segar.evaluation import Interval
 from segar.queries.kind import Mark
 from segar.queries.making import KINDS
@@ -30,8 +30,20 @@ class Grades:
     missing: tuple[str, ...]
 
     def of(self, kind: str | None = None) -> list[Mark]:
-        """The marks of the questions of a kind; of all where it is None."""
-        return [mark for name, mark in self.marks.items() if kind in (None, self.kinds[name])]
+        """The marks of the questions of a kind; of all where it is None.
+
+        Raises:
+            SegarError: there is no question of that kind.
+        """
+        found = [mark for name, mark in self.marks.items() if kind in (None, self.kinds[name])]
+        if not found:
+            asked = set(self.kinds.values())
+            raise SegarError(
+                "no question was graded"
+                if kind is None
+                else f"no question is of the kind '{kind}'.{did_you_mean(kind, asked)}"
+            )
+        return found
 
     def correct(self, kind: str | None = None) -> Interval:
         """The share of right answers, with Wilson's interval of 95 % over questions; of all kinds where it is None."""
@@ -47,7 +59,7 @@ def grade(questions: Sequence[Question], answers: Mapping[str, Any]) -> Grades:
     """The marks of answers.
 
     Args:
-        answers: by the ids of the questions, as :func:`segar.queries.read_answers` gives them.
+        answers: by the ids of the questions, as :func:`segar.queries.read_answers` gives them; None is no answer.
 
     Raises:
         SegarError: an answer does not have the form that its question asks for, or the simulator does not lead to the history
@@ -57,9 +69,9 @@ def grade(questions: Sequence[Question], answers: Mapping[str, Any]) -> Grades:
     marks: dict[str, Mark] = {}
     for question in questions:
         player = players.setdefault(question.task_name, Player(question.task))
-        is_missing = question.id not in answers
+        is_missing = answers.get(question.id) is None
         marks[question.id] = Mark(False, 0.0) if is_missing else _marked(question, answers[question.id], player)
-    missing = tuple(question.id for question in questions if question.id not in answers)
+    missing = tuple(question.id for question in questions if answers.get(question.id) is None)
     return Grades({question.id: question.kind for question in questions}, marks, missing)
 
 

@@ -6,13 +6,14 @@ from typing import Any
 import numpy as np
 
 from segar.errors import SegarError, did_you_mean
-from segar.levels import LevelDistribution, Levels
+from segar.levels import LevelDistribution, Levels, checks
 from segar.queries.explain import Explain
 from segar.queries.kind import Draft, Kind
 from segar.queries.numeric import Counterfactual, Predict
 from segar.queries.plans import MakePlan
 from segar.queries.question import Question, text_of
 from segar.queries.trajectories import Player
+from segar.support import is_whole
 from segar.tasks import make_task
 
 KINDS: Mapping[str, Kind] = {
@@ -56,14 +57,17 @@ def make_questions(
     Raises:
         SegarError: an argument is not known, the rules draw random numbers, or too few levels make a good question.
     """
+    checks.require_distribution("make_questions", distribution)
+    if isinstance(kinds, str):
+        raise SegarError(f"kinds must be a list of names such as ['predict'], not {kinds!r}")
     for kind in kinds:
         if kind not in KINDS:
             raise SegarError(f"there are no questions of the kind '{kind}'.{did_you_mean(kind, KINDS)}")
     if not kinds or len(set(kinds)) < len(kinds):
         raise SegarError(f"kinds must be different names, one at least, not {list(kinds)}")
-    if isinstance(number, bool) or not isinstance(number, (int, np.integer)) or number < 1:
+    if not is_whole(number) or number < 1:
         raise SegarError(f"the number of questions must be a whole number above 0, not {number!r}")
-    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
+    if not is_whole(seed) or seed < 0:
         raise SegarError(f"the seed must be a whole number that is not negative, not {seed!r}")
     name = task or distribution.task or "puttputt"
     player = Player(make_task(name))

@@ -5,10 +5,12 @@ sets as it has environments.
 """
 
 import copy
+import string
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import prod
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -29,6 +31,7 @@ from segar.noise import (
 from segar.rules.combinations import Combinations, make_combinations
 from segar.rules.constants import Activity, activity
 from segar.rules.default_rules import DEFAULT_RULES
+from segar.support import is_whole
 
 TWO_TO_FOUR = DiscreteRangeNoise(2, 4)
 SPLITS = ("combinations", "rules", "constants")
@@ -48,7 +51,8 @@ class RuleOption:
         words: what the rules do, for people; ``{name}`` stands for the value of the constant of that name.
 
     Raises:
-        RuleError: there is no rule, a rule takes a parameter in no known way, or the weight is no positive number.
+        RuleError: there is no rule, no rule takes a constant, the weight is no positive number, or the words name what is
+            no constant.
         FactorError: a constant's value or distribution does not suit it.
     """
 
@@ -79,11 +83,15 @@ class RuleOption:
         if self.name is None:
             raise RuleError(f"an option of {len(together)} rules ({', '.join(r.name for r in together)}) needs a name")
         set_(self, "active", activity(self.name))
-        set_(self, "words", words or " and ".join(r.name.replace("_", " ") for r in together))
-        if isinstance(weight, bool) or not isinstance(weight, (int, float)) or not 0 < weight < np.inf:
+        if isinstance(weight, bool) or not isinstance(weight, Real) or not 0 < weight < np.inf:
             raise RuleError(f"the option '{self.name}': its weight must be a positive number, not {weight!r}")
         set_(self, "weight", float(weight))
-        set_(self, "constants", {p: _law(self.name, p, value) for p, value in (constants or {}).items()})
+        given = {} if constants is None else constants
+        if not isinstance(given, Mapping):
+            raise RuleError(
+                f"the option '{self.name}': constants must be a mapping such as {{Gravity: 10.0}}, not {constants!r}"
+            )
+        set_(self, "constants", {p: _law(self.name, p, value) for p, value in given.items()})
         taken = {p for rule in together for p in rule.signature.parameters}
         for parameter in self.constants:
             if parameter not in taken:
@@ -92,6 +100,8 @@ class RuleOption:
                     f"the option '{self.name}': none of its rules takes {parameter.__name__}."
                     f"{did_you_mean(parameter.__name__, names)}"
                 )
+        _require_words(self.name, words, [p.__name__ for p in self.constants])
+        set_(self, "words", words or " and ".join(r.name.replace("_", " ") for r in together))
 
     def __repr__(self) -> str:
         constants = ", ".join(f"{p.__name__}: {law!r}" for p, law in self.constants.items())
@@ -121,8 +131,8 @@ class RuleSpace:
         laws: distribution of each constant in levels in which its option is active.
 
     Raises:
-        RuleError: there are no options, two have one name, a constant belongs to two options, a name in ``exclusive`` is not
-            known, or no combination is left.
+        RuleError: there are no options, two have one name, a constant belongs to two options, a rule could hold twice in one
+            level, ``exclusive`` lists no groups of known names, or no combination is left.
     """
 
     def __init__(
@@ -139,8 +149,8 @@ class RuleSpace:
         for name in self.names:
             if self.names.count(name) > 1:
                 raise RuleError(f"two options of the rule space are called '{name}'; give one another name=")
-        self.always = tuple(map(as_rule, always))
-        self.exclusive = tuple(tuple(map(self.index, group)) for group in exclusive)
+        self.always = tuple(map(as_rule, _listed(always)))
+        self.exclusive = tuple(tuple(map(self.index, _group(group))) for group in _listed(exclusive))
         self.count, self.splits = _count(active, len(self.options)), ()
         self.combinations = make_combinations(self.names, [o.weight for o in self.options], self.count, self._never)
         self.laws: dict[type[Parameter], Noise] = {}
@@ -152,6 +162,7 @@ class RuleSpace:
                         f"{parameter.__name__} is a constant of the options '{owner}' and '{option.name}'; give each its own"
                     )
                 self.laws[parameter] = law
+        self._require_once()
         gated = {o.name: tuple(r.where_active(o.active) for r in o.rules) for o in self.options}
         self.rules = (*self.always, *(rule for o in self.options for rule in gated[o.name]))
         self.on_contact = tuple(r.where_active(o.active) for o in self.options for r in o.on_contact)
@@ -265,6 +276,8 @@ class RuleSpace:
             raise RuleError(f"split: there is no by={by!r}.{did_you_mean(str(by), SPLITS)}")
         if isinstance(share, bool) or not isinstance(share, (int, float)) or not 0 < share < 1:
             raise RuleError(f"split: the share of the test must be a number between 0 and 1, not {share!r}")
+        if not is_whole(seed):
+            raise RuleError(f"split: the seed must be a whole number, not {seed!r}")
         if rules and by != "rules":
             raise RuleError(f"split: rules= names the options of a split by='rules', and this one is by={by!r}")
         if by == "constants":
@@ -272,9 +285,8 @@ class RuleSpace:
         is_test = self._test_combinations(by, share, seed, rules)
         if not is_test.any() or is_test.all():
             nothing = "training" if is_test.all() else "the test"
-            raise RuleError(
-                f"split by={by!r} leaves nothing for {nothing} of {len(is_test)} combinations; choose another share or seed"
-            )
+            mend = "name fewer rules" if rules else "choose another share or seed"
+            raise RuleError(f"split by={by!r} leaves nothing for {nothing} of {len(is_test)} combinations; {mend}")
         train = self.combinations.where(~is_test)
         if by == "combinations":
             missing = [n for n, p in zip(self.names, train.activity, strict=True) if not p]
@@ -339,6 +351,20 @@ class RuleSpace:
                             f" levels have only {', '.join(t.__name__ for t in types)}; leave the option out"
                         )
 
+    def _require_once(self) -> None:
+        """Raise :class:`RuleError` where a rule holds twice in some level: always and in an option, or in two options."""
+        holders = [("always=", self.always)]
+        holders += [(f"the option '{o.name}'", (*o.rules, *o.on_contact)) for o in self.options]
+        for k, (holder, rules) in enumerate(holders):
+            for other, (name, others) in enumerate(holders[:k]):
+                meet = other == 0 or self.combinations.together[other - 1, k - 1]
+                for rule in rules:
+                    if meet and any(rule.function is one.function and rule.relation is one.relation for one in others):
+                        raise RuleError(
+                            f"{rule.where}: the rule is in {name} and in {holder}, so its effects would count twice where both"
+                            " hold; leave it out of one of them" + (", or exclude one by exclusive=" if other else "")
+                        )
+
     def _never(self, places: tuple[int, ...]) -> bool:
         return any(len(set(group) & set(places)) > 1 for group in self.exclusive)
 
@@ -357,14 +383,39 @@ def _listed(given: Any) -> Sequence[Any]:
     return given
 
 
+def _group(given: Any) -> Sequence[Any]:
+    if isinstance(given, str) or not isinstance(given, Sequence) or len(given) < 2:
+        raise RuleError(
+            f"exclusive must list groups of two or more names, as in [('wind', 'water')], and {given!r} is none"
+        )
+    return given
+
+
 def _rules(given: Any) -> tuple[Rule, ...]:
-    return tuple(map(as_rule, given)) if isinstance(given, Sequence) else (as_rule(given),)
+    is_list = isinstance(given, Sequence) and not isinstance(given, str)
+    return tuple(map(as_rule, given)) if is_list else (as_rule(given),)
+
+
+def _require_words(option: str, words: Any, constants: Sequence[str]) -> None:
+    """Raise :class:`RuleError` unless the words are a text in which only constants stand in braces."""
+    try:
+        fields = [field for _, field, _, _ in string.Formatter().parse(words) if field is not None]
+        if set(fields) <= set(constants):
+            words.format(**dict.fromkeys(constants, "1"))
+    except (TypeError, ValueError) as error:
+        raise RuleError(
+            f"the option '{option}': its words must be a text with names of constants in braces, and {words!r} is none: {error}"
+        ) from None
+    for name in fields:
+        if name not in constants:
+            raise RuleError(
+                f"the option '{option}': its words name {{{name}}}, which is no constant of it.{did_you_mean(name, constants)}"
+            )
 
 
 def _count(active: Any, options: int) -> Noise:
     """The distribution of how many options are active."""
-    is_number = isinstance(active, (int, np.integer)) and not isinstance(active, bool)
-    if not is_number and not isinstance(active, Noise):
+    if not is_whole(active) and not isinstance(active, Noise):
         raise RuleError(f"active must be a whole number or a distribution of such, not {active!r}")
     count = as_noise(active)
     values, masses = count.atoms if count.width == 1 else (np.zeros(0), np.zeros(0))

@@ -1,6 +1,6 @@
 """A world: the rules of motion and contact that hold in it."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,7 +9,7 @@ from segar.language import ARENA, Rule, SetFactor, Velocity, as_rule
 from segar.rules.collisions import bounce, collide, is_solid
 from segar.rules.default_rules import DEFAULT_RULES
 from segar.rules.motion import speed_limit
-from segar.rules.rule_space import RuleSpace
+from segar.rules.rule_space import RuleOption, RuleSpace
 
 
 @dataclass(frozen=True, init=False)
@@ -87,6 +87,14 @@ def _as_rules(name: str, rules: Sequence[Any]) -> tuple[Rule, ...]:
     """The rules of a sequence of rules and typed functions."""
     if callable(rules):
         raise RuleError(f"{name} must be a sequence of rules, not {rules!r}; write ({rules!r},)")
+    if isinstance(rules, (str, RuleOption)) or not isinstance(rules, Iterable):
+        raise RuleError(f"{name} must be a sequence of rules, or a RuleSpace, not {rules!r}")
+    rules = tuple(rules)
+    for one in rules:
+        if isinstance(one, (RuleOption, RuleSpace)):
+            raise RuleError(
+                f"{name} lists {one!r}; options belong to a RuleSpace([...]), which stands in place of a list"
+            )
     made = tuple(as_rule(r) for r in rules)
     for rule in made:
         if sum(r is rule for r in made) > 1:

@@ -28,3 +28,4 @@ from segar.support.plain import is_plain
 from segar.support.text_table import aligned
 from segar.support.threads import Team
 from segar.support.version import __version__
+from segar.support.whole_numbers import is_whole

@@ -5,11 +5,10 @@
 
 from typing import Any, Tuple  # noqa: UP035 - the paper writes rules with typing.Tuple
 
-from segar.errors import RuleError
 from segar.language import Differential, Factor, Mass, Mobile, SetFactor, Velocity, where
 from segar.noise import Choice
-from segar.rules.constants import constant
 from segar.rules.rule_space import RuleOption
+from segar.rules.templates.arguments import made_constant, require_numbers, require_scalars
 
 RATE = Choice([-1.0, -0.3, 0.3])  # [1/s]
 
@@ -20,8 +19,8 @@ def growth(name: str, factor: type[Factor], rate: Any = RATE) -> RuleOption:
     Args:
         rate: [1/s].
     """
-    _require_number(name, factor)
-    r = constant(f"{name}_rate", 0.0, "1/s")
+    require_scalars(name, factor)
+    r = made_constant(name, "rate", 0.0, "1/s")
 
     def growth(body: Tuple[factor, Velocity], rate: r) -> Differential[factor]:
         value, _ = body
@@ -34,24 +33,25 @@ def growth(name: str, factor: type[Factor], rate: Any = RATE) -> RuleOption:
 
 def contagion(name: str, factor: type[Factor]) -> RuleOption:
     """Bodies that touch both get the factor of the one that has more of it, in size."""
-    _require_number(name, factor)
+    require_numbers(name, factor)
 
     def contagion(one: Tuple[factor, Velocity], other: Tuple[factor, Velocity]) -> SetFactor[factor]:
         (theirs, _), (own, _) = one, other
         return SetFactor[factor](own, where(abs(theirs) > abs(own), theirs, own))
 
-    return RuleOption(name, on_contact=contagion, words=f"bodies that touch both get the greater {factor.__name__}")
+    words = f"bodies that touch both get the {factor.__name__} that is greater in size"
+    return RuleOption(name, on_contact=contagion, words=words)
 
 
 def sharing(name: str, factor: type[Factor]) -> RuleOption:
     """Bodies that touch share a factor: both get the mean, so the sum stays."""
-    _require_number(name, factor)
+    require_scalars(name, factor)
 
     def sharing(one: Tuple[factor, Velocity], other: Tuple[factor, Velocity]) -> SetFactor[factor]:
         (theirs, _), (own, _) = one, other
         return SetFactor[factor](own, 0.5 * (theirs + own))
 
-    return RuleOption(name, on_contact=sharing, words=f"bodies that touch share their {factor.__name__}")
+    return RuleOption(name, on_contact=sharing, words=f"bodies that touch both get the mean of their {factor.__name__}")
 
 
 def unlocking(name: str) -> RuleOption:
@@ -62,8 +62,3 @@ def unlocking(name: str) -> RuleOption:
         return SetFactor[Mobile](is_open, where(is_key, 1.0, where(is_open, 1.0, 0.0)))
 
     return RuleOption(name, on_contact=unlocking, words="a mobile body that touches an immobile one sets it free")
-
-
-def _require_number(name: str, factor: type[Factor]) -> None:
-    if not (isinstance(factor, type) and issubclass(factor, Factor) and factor.width == 1):
-        raise RuleError(f"the template '{name}' takes a factor that is a number, such as Charge, not {factor!r}")

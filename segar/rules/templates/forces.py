@@ -7,7 +7,10 @@ templates add to Acceleration, so any of them can be active together.
 # Hints of rules name factors and constants that are arguments of the template, which pyright takes for variables.
 # pyright: reportInvalidTypeForm=false
 
+from numbers import Real
 from typing import Any, Tuple  # noqa: UP035 - the paper writes rules with typing.Tuple
+
+import numpy as np
 
 from segar.errors import RuleError
 from segar.language import (
@@ -23,8 +26,8 @@ from segar.language import (
     where,
 )
 from segar.noise import Choice
-from segar.rules.constants import constant
 from segar.rules.rule_space import RuleOption
+from segar.rules.templates.arguments import made_constant, require_numbers
 
 SIGNED = Choice([-1.0, -0.5, 0.5, 1.0])
 POSITIVE = Choice([0.25, 0.5, 1.0, 2.0])
@@ -41,9 +44,9 @@ def central_force(
         exponent: any number; 0 is a force that distance does not change, -1 a spring of length 0.
         strength: [N m^exponent] by the units of both factors; a number or a distribution.
     """
-    _require_numbers(name, source, target)
-    k = constant(f"{name}_strength", 0.0)
-    power = -0.5 * (exponent + 1.0)
+    require_numbers(name, source, target)
+    k = made_constant(name, "strength", 0.0)
+    power = -0.5 * (_finite(name, "exponent", exponent) + 1.0)
 
     def central_force(
         one: Tuple[Position, source], other: Tuple[Position, target, Mass, Acceleration], strength: k
@@ -55,7 +58,10 @@ def central_force(
         per_r2 = _power_of_square(r2, power)
         return Aggregate[Acceleration](a, away * where((r2 != 0) & (m != 0), strength * s * t * per_r2 / m, 0.0))
 
-    words = f"force {{{k.__name__}}} x {source.__name__} x {target.__name__} / distance^{exponent:g} between bodies"
+    words = (
+        f"a force {{{k.__name__}}} x {source.__name__} of another x own {target.__name__} / distance^{exponent:g} pushes each"
+        " body away from each other one"
+    )
     return RuleOption(name, central_force, {k: strength}, words=words)
 
 
@@ -66,7 +72,7 @@ def pair_spring(name: str, stiffness: Any = POSITIVE, length: Any = 0.5) -> Rule
         stiffness: [N/m].
         length: at rest [m].
     """
-    k, rest = constant(f"{name}_stiffness", 0.0, "N/m"), constant(f"{name}_length", 0.5, "m", (0.0, 4.0))
+    k, rest = made_constant(name, "stiffness", 0.0, "N/m"), made_constant(name, "length", 0.5, "m", (0.0, 4.0))
 
     def pair_spring(
         one: Tuple[Position, Mass], other: Tuple[Position, Mass, Acceleration], stiffness: k, length: rest
@@ -89,34 +95,34 @@ def anchor_spring(name: str, stiffness: Any = POSITIVE, x: Any = PLACE, y: Any =
         stiffness: [N/m].
         x, y: of the place [m].
     """
-    k = constant(f"{name}_stiffness", 0.0, "N/m")
-    cx, cy = constant(f"{name}_x", 0.0, "m", (-1.0, 1.0)), constant(f"{name}_y", 0.0, "m", (-1.0, 1.0))
+    k = made_constant(name, "stiffness", 0.0, "N/m")
+    cx, cy = made_constant(name, "x", 0.0, "m", (-1.0, 1.0)), made_constant(name, "y", 0.0, "m", (-1.0, 1.0))
 
     def anchor_spring(place: Position, m: Mass, a: Acceleration, stiffness: k, x: cx, y: cy) -> Aggregate[Acceleration]:
         back = VectorValue(x - place.x, y - place.y)
         return Aggregate[Acceleration](a, back * where(m != 0, stiffness / m, 0.0))
 
-    words = f"a spring of {{{k.__name__}}} N/m pulls bodies to ({{{cx.__name__}}}, {{{cy.__name__}}}) m"
+    words = f"a spring of {{{k.__name__}}} N/m and length 0 pulls bodies to ({{{cx.__name__}}}, {{{cy.__name__}}}) m"
     return RuleOption(name, anchor_spring, {k: stiffness, cx: x, cy: y}, words=words)
 
 
-def drag(name: str, power: int = 1, coefficient: Any = POSITIVE) -> RuleOption:
+def drag(name: str, power: float = 1, coefficient: Any = POSITIVE) -> RuleOption:
     """A force against the velocity: ``coefficient * |v|**power``.
 
     Args:
         power: 1 for viscous, 2 for turbulent drag; from 1 up.
         coefficient: [N (s/m)^power].
     """
-    if power < 1:
+    if _finite(name, "power", power) < 1:
         raise RuleError(f"drag '{name}': the power must be 1 or more, not {power!r}; apply_friction is one of power 0")
-    c = constant(f"{name}_coefficient", 0.0, "", (0.0, 1e6))
+    c = made_constant(name, "coefficient", 0.0, "", (0.0, 1e6))
 
     def drag(v: Velocity, m: Mass, a: Acceleration, coefficient: c) -> Aggregate[Acceleration]:
         v2 = v.dot(v)
         speed = _power_of_square(v2, 0.5 * (power - 1.0)) if power != 1 else 1.0
         return Aggregate[Acceleration](a, v * where((v2 != 0) & (m != 0), -coefficient * speed / m, 0.0))
 
-    words = f"drag {{{c.__name__}}} x speed^{power:g}"
+    words = f"a drag {{{c.__name__}}} x speed^{power:g} against the velocity"
     return RuleOption(name, drag, {c: coefficient}, words=words)
 
 
@@ -126,8 +132,8 @@ def uniform_field(name: str, factor: type[Factor] = Charge, x: Any = SIGNED, y: 
     Args:
         x, y: [N] by the unit of the factor.
     """
-    _require_numbers(name, factor)
-    fx, fy = constant(f"{name}_x", 0.0), constant(f"{name}_y", 0.0)
+    require_numbers(name, factor)
+    fx, fy = made_constant(name, "x", 0.0), made_constant(name, "y", 0.0)
 
     def uniform_field(body: Tuple[factor, Mass, Acceleration], x: fx, y: fy) -> Aggregate[Acceleration]:
         q, m, a = body
@@ -144,14 +150,14 @@ def rotating_field(name: str, factor: type[Factor] = Mass, strength: Any = SIGNE
     Args:
         strength: [N/m] by the unit of the factor.
     """
-    _require_numbers(name, factor)
-    k = constant(f"{name}_strength", 0.0, "N/m")
+    require_numbers(name, factor)
+    k = made_constant(name, "strength", 0.0, "N/m")
 
     def rotating_field(body: Tuple[Position, factor, Mass, Acceleration], strength: k) -> Aggregate[Acceleration]:
         x, q, m, a = body
         return Aggregate[Acceleration](a, VectorValue(-x.y, x.x) * where(m != 0, strength * q / m, 0.0))
 
-    words = f"a force {{{k.__name__}}} N/m x {factor.__name__} around the middle"
+    words = f"a force {{{k.__name__}}} N/m x {factor.__name__} x distance from the middle, counter-clockwise around it"
     return RuleOption(name, rotating_field, {k: strength}, words=words)
 
 
@@ -161,14 +167,14 @@ def magnetic_field(name: str, factor: type[Factor] = Charge, strength: Any = SIG
     Args:
         strength: [N s/m] by the unit of the factor.
     """
-    _require_numbers(name, factor)
-    k = constant(f"{name}_strength", 0.0, "N s/m")
+    require_numbers(name, factor)
+    k = made_constant(name, "strength", 0.0, "N s/m")
 
     def magnetic_field(body: Tuple[Velocity, factor, Mass, Acceleration], strength: k) -> Aggregate[Acceleration]:
         v, q, m, a = body
         return Aggregate[Acceleration](a, VectorValue(-v.y, v.x) * where(m != 0, strength * q / m, 0.0))
 
-    words = f"a force {{{k.__name__}}} N s/m x {factor.__name__} x speed across the velocity"
+    words = f"a force {{{k.__name__}}} N s/m x {factor.__name__} x speed to the left of the velocity"
     return RuleOption(name, magnetic_field, {k: strength}, words=words)
 
 
@@ -183,7 +189,8 @@ def _power_of_square(r2: Any, power: float) -> Any:
     return 1 / value if power < 0 else value
 
 
-def _require_numbers(name: str, *factors: type[Factor]) -> None:
-    for factor in factors:
-        if not (isinstance(factor, type) and issubclass(factor, Factor) and factor.width == 1):
-            raise RuleError(f"the template '{name}' takes factors that are numbers, such as Charge, not {factor!r}")
+def _finite(name: str, what: str, value: Any) -> float:
+    """The number; raises :class:`RuleError` where it is none that is finite."""
+    if isinstance(value, bool) or not isinstance(value, Real) or not np.isfinite(value):
+        raise RuleError(f"the template '{name}': the {what} must be a finite number, not {value!r}")
+    return float(value)

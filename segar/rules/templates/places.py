@@ -5,6 +5,8 @@
 
 from typing import Any, Tuple  # noqa: UP035 - the paper writes rules with typing.Tuple
 
+import numpy as np
+
 from segar.errors import RuleError
 from segar.language import (
     Differential,
@@ -21,9 +23,9 @@ from segar.language import (
     is_on,
     rule,
 )
-from segar.noise import Choice
-from segar.rules.constants import constant
+from segar.noise import Choice, as_noise
 from segar.rules.rule_space import RuleOption
+from segar.rules.templates.arguments import made_constant, require_numbers, require_tiles, require_values
 
 PLACE = Choice([-0.6, -0.2, 0.2, 0.6])  # [m], a coordinate in the arena
 EITHER_WAY = Choice([-1.0, 1.0])
@@ -42,9 +44,9 @@ def portal(
         radius: of the disc [m].
     """
     inside = (-1.0, 1.0)
-    cx, cy = constant(f"{name}_x", 0.0, "m", inside), constant(f"{name}_y", 0.0, "m", inside)
-    tx, ty = constant(f"{name}_to_x", 0.0, "m", inside), constant(f"{name}_to_y", 0.0, "m", inside)
-    r = constant(f"{name}_radius", 0.1, "m", (0.0, 1.0))
+    cx, cy = made_constant(name, "x", 0.0, "m", inside), made_constant(name, "y", 0.0, "m", inside)
+    tx, ty = made_constant(name, "to_x", 0.0, "m", inside), made_constant(name, "to_y", 0.0, "m", inside)
+    r = made_constant(name, "radius", 0.1, "m", (0.0, 1.0))
 
     def portal(
         place: Position, v: Velocity, m: Mass, x: cx, y: cy, to_x: tx, to_y: ty, radius: r
@@ -71,7 +73,10 @@ def one_way_wall(name: str, axis: int = 0, at: Any = PLACE, forward: Any = EITHE
     """
     if axis not in (0, 1):
         raise RuleError(f"one_way_wall '{name}': the axis must be 0 or 1, not {axis!r}")
-    place, way = constant(f"{name}_at", 0.0, "m", (-1.0, 1.0)), constant(f"{name}_forward", 1.0, "", (-1.0, 1.0))
+    ways, masses = as_noise(forward).atoms
+    if abs(masses.sum() - 1) > 1e-9 or not np.isin(ways, (-1.0, 1.0)).all():
+        raise RuleError(f"one_way_wall '{name}': forward must be 1 or -1, or a Choice of both, not {forward!r}")
+    place, way = made_constant(name, "at", 0.0, "m", (-1.0, 1.0)), made_constant(name, "forward", 1.0, "", (-1.0, 1.0))
 
     def one_way_wall(
         x: Position, v: Velocity, m: Mass, at: place, forward: way, framerate: Framerate
@@ -83,7 +88,10 @@ def one_way_wall(name: str, axis: int = 0, at: Any = PLACE, forward: Any = EITHE
         change = -2.0 * speed * framerate
         return Differential[Velocity](v, (change, 0.0 * change) if axis == 0 else (0.0 * change, change))
 
-    words = f"a wall at {'xy'[axis]} = {{{place.__name__}}} m is passed in the direction {{{way.__name__}}} only"
+    words = (
+        f"a wall at {'xy'[axis]} = {{{place.__name__}}} m is passed in the direction {{{way.__name__}}} only; within"
+        f" {HALF_WIDTH:g} m of it, velocities against that are reflected"
+    )
     return RuleOption(name, one_way_wall, {place: at, way: forward}, words=words)
 
 
@@ -95,9 +103,10 @@ def switch(name: str, tile: type[Tile], factor: type[Factor], value: Any) -> Rul
         factor: of bodies, one number.
         value: that it gets.
     """
-    if not (isinstance(tile, type) and issubclass(tile, Tile)):
-        raise RuleError(f"switch '{name}': {tile!r} is no type of tiles, such as SandTile")
-    to = constant(f"{name}_value", 0.0)
+    require_tiles(name, tile)
+    require_numbers(name, factor)
+    require_values(name, "value", value, factor)
+    to = made_constant(name, "value", 0.0)
 
     @rule(relation=is_on)
     def switch(body: Tuple[factor, Velocity], ground: tile, value: to) -> SetFactor[factor]:
@@ -115,7 +124,8 @@ def drifting(name: str, tile: type[Tile] = GoalTile, speed: Any = DRIFT) -> Rule
     Args:
         speed: [m/s] half-way between the middle and a wall it is about 0.75 times this; positive is clockwise.
     """
-    s = constant(f"{name}_speed", 0.0, "m/s")
+    require_tiles(name, tile)
+    s = made_constant(name, "speed", 0.0, "m/s")
 
     def drifting(thing: tile, speed: s) -> Differential[Position]:
         place = thing[Position]
@@ -124,13 +134,13 @@ def drifting(name: str, tile: type[Tile] = GoalTile, speed: Any = DRIFT) -> Rule
             place, VectorValue(2.0 * speed * y * (1.0 - x * x), -2.0 * speed * x * (1.0 - y * y))
         )
 
-    return RuleOption(
-        name, drifting, {s: speed}, words=f"a {tile.__name__} drifts around the middle at {{{s.__name__}}} m/s"
-    )
+    words = f"a {tile.__name__} at (x, y) drifts by 2 x {{{s.__name__}}} m/s x (y (1 - x^2), -x (1 - y^2))"
+    return RuleOption(name, drifting, {s: speed}, words=words)
 
 
 def hiding(name: str, tile: type[Tile] = GoalTile) -> RuleOption:
     """Tiles that cannot be seen; they act as before."""
+    require_tiles(name, tile)
 
     def hiding(thing: tile) -> SetFactor[Visible]:
         return SetFactor[Visible](thing[Visible], 0.0)

@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy import stats
 
@@ -82,9 +83,25 @@ def test_the_gain_of_a_share_ends_where_it_can():
     assert gain.value == pytest.approx(2 / 3) and gain.high == 1.0
 
 
+def test_the_gain_of_a_table_takes_lists_and_columns():
+    table = pd.DataFrame({"level": [4, 4, 9, 9], "trial": [0, 1, 0, 1], "return": [1.0, 2.0, 3.0, 5.0]})
+    expected = adaptation_gain(*(table[name].to_numpy() for name in table))
+    assert expected.value == 1.5
+    assert adaptation_gain(*(table[name] for name in table)) == expected
+    assert adaptation_gain(*(table[name].tolist() for name in table)) == expected
+
+
 def test_what_cannot_be_told_is_refused():
     with pytest.raises(SegarError, match="level 7 lacks its first or its last trial"):
         adaptation_gain(np.array([3, 3, 7]), np.array([0, 1, 0]), np.zeros(3))
+    with pytest.raises(SegarError, match=r"must be of one length, not of \(2,\), \(2,\), \(3,\)"):
+        adaptation_gain([0, 0], [0, 1], [1.0, 2.0, 3.0])
+    once = segar.evaluate_policy(idle, TRAIN, TEST)
+    with pytest.raises(SegarError, match="each level was played once in a row; play several trials on it, by trials="):
+        once.test.adaptation_gain()
+    for call in (once.test.mean, once.test.adaptation_gain):
+        with pytest.raises(SegarError, match=r"no quantity of episodes is called 'retrun'\. Did you mean 'return'"):
+            call("retrun")
     found = segar.evaluate_policy(idle, TRAIN, TEST, trials=2)
     for wrong in (2, -1):
         with pytest.raises(SegarError, match=r"trial must lie in 0\.\.1, as so many were played"):

@@ -293,9 +293,19 @@ def test_what_cannot_be_compared_is_refused():
         situations(small(1))
     with pytest.raises(SegarError, match=r"horizons that are increasing whole numbers from 1 up, not 2 and \[5, 1\]"):
         situations(small(2), horizons=[5, 1])
+    for wrong in ({"horizons": 5}, {"horizons": [1.5]}, {"horizons": []}, {"plays": 1.5}, {"plays": True}):
+        with pytest.raises(SegarError, match="at least one play, and horizons that are increasing whole numbers"):
+            situations(small(2), **wrong)
+    for wrong in ("puttputt", segar.puttputt):
+        with pytest.raises(SegarError, match=r"task must be a task such as segar.puttputt\(\), not"):
+            situations(small(2), task=wrong)
+    with pytest.raises(SegarError, match="the seed must be a whole number, not 'a'"):
+        situations(small(2), seed="a")
     with pytest.raises(SegarError, match="at least one play"):
         situations(small(2), plays=0)
     with pytest.raises(LevelError, match="dynamics_w2 needs at least 2 resamples, not 1"):
         dynamics_w2(still, still, there, rng=np.random.default_rng(0), resamples=1)
+    with pytest.raises(LevelError, match=r"dynamics_w2 needs at least 2 resamples, not 2\.5"):
+        dynamics_w2(still, still, there, rng=np.random.default_rng(0), resamples=2.5)
     with pytest.raises(LevelError, match="no entity here has the factor Turn"):
         situations(small(2), factors=[Turn])

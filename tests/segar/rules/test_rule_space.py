@@ -311,6 +311,36 @@ class Sourness(segar.Scalar, default=0.0): ...
             "constant of the options 'a' and 'b'",
         ),
         (lambda: RuleSpace([uniform_field(f"f{k}") for k in range(40)], 8), RuleError, "combinations, and can have"),
+        (lambda: RuleSpace([push], 1, exclusive=["push"]), RuleError, "must list groups of two or more names"),
+        (lambda: RuleSpace([push], 1, exclusive=[["push"]]), RuleError, "must list groups of two or more names"),
+        (lambda: RuleSpace([push], 1, always=fade), RuleError, "a list is needed, not <rule fade"),
+        (lambda: RuleSpace(["push"], 1), RuleError, "'push' is not a plain Python function"),
+        (lambda: RuleSpace([fade], 1, always=[fade]), RuleError, r"in always= and in the option 'fade', so .* count twice"),
+        (lambda: RuleSpace([lorentz_law], 1), RuleError, "is in always= and in the option 'lorentz_law'"),
+        (
+            lambda: RuleSpace([RuleOption("one", fade), RuleOption("two", [push, fade])], 2),
+            RuleError,
+            "in the option 'one' and in the option 'two', so its effects would count twice where both hold",
+        ),
+        (lambda: RuleOption("push", push, [PUSH]), RuleError, "constants must be a mapping"),
+        (lambda: RuleOption("push", push, {PUSH: 1}, words="{push}"), RuleError, "words name {push}, which is no constant"),
+        (lambda: RuleOption("push", push, words="a push of {}"), RuleError, "words name {}, which is no constant"),
+        (lambda: RuleOption("push", push, words="a push {"), RuleError, "words must be a text with names of constants"),
+        (lambda: RuleOption("push", push, words=3), RuleError, "words must be a text with names of constants"),
+        (
+            lambda: RuleOption("push", push, {PUSH: 1}, words="{push_of_tests:.2f}"),
+            RuleError,
+            "words must be a text with names of constants",
+        ),
+        (lambda: World(None), RuleError, "rules must be a sequence of rules, or a RuleSpace, not None"),
+        (lambda: EMPTY.with_rules(RuleOption("push", push)), RuleError, "must be a sequence of rules, or a RuleSpace"),
+        (lambda: EMPTY.with_rules([RuleOption("push", push)]), RuleError, r"options belong to a RuleSpace\(\[...\]\)"),
+        (lambda: small_space().split("train", seed=1.0), RuleError, "seed must be a whole number, not 1.0"),
+        (
+            lambda: small_space().split("train", "rules", rules=["push", "pull", "fade"]),
+            RuleError,
+            "leaves nothing for training of 6 combinations; name fewer rules",
+        ),
         (lambda: small_space().split("validation"), RuleError, "must be 'train' or 'test'"),
         (lambda: small_space().split("train", "rule"), RuleError, "no by='rule'. Did you mean 'rules'"),
         (lambda: small_space().split("train", share=1.5), RuleError, "between 0 and 1"),
@@ -354,8 +384,14 @@ def test_unknown_parameters_are_told_at_the_kernel():
     levels = EMPTY.sample(1)
     with pytest.raises(RuleError, match="no value is known for the world parameter lorentz_active"):
         segar.envs.VectorEnv(
-            Levels(**{**vars(levels), "world": World(RuleSpace([RuleOption("lorentz", lorentz_law)], 1))}), 1
+            Levels(**{**vars(levels), "world": World(RuleSpace([RuleOption("lorentz", lorentz_law)], 1, always=()))}), 1
         )
+
+
+def test_a_rule_may_be_in_two_options_that_exclude_each_other():
+    pair = [RuleOption("one", fade), RuleOption("two", [push, fade])]
+    assert len(RuleSpace(pair, 1).combinations) == 2
+    assert len(RuleSpace([*pair, pull], 2, exclusive=[("one", "two")]).combinations) == 2
 
 
 def test_every_two_options_of_the_built_in_space_meet_unless_they_exclude_each_other():

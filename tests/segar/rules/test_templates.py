@@ -21,7 +21,7 @@ from segar.language import (
     Visible,
 )
 from segar.levels import Levels, rules_in_words
-from segar.noise import Deterministic
+from segar.noise import Choice, Deterministic, UniformNoise
 from segar.rules import RuleOption, RuleSpace, World, accelerate, move
 from segar.rules.templates import (
     anchor_spring,
@@ -257,9 +257,25 @@ def test_a_touch_sets_what_is_immobile_free():
     ("make", "said"),
     [
         (lambda: drag("drag", 0), "power must be 1 or more"),
+        (lambda: drag("drag", "2"), "the power must be a finite number, not '2'"),
+        (lambda: central_force("force", exponent=np.nan), "the exponent must be a finite number, not nan"),
+        (lambda: central_force("force", exponent=Choice([1, 2])), "the exponent must be a finite number, not Choice"),
+        (lambda: drag(None), "needs a name such as"),
+        (lambda: one_way_wall("wall", forward=0), "forward must be 1 or -1, or a Choice of both, not 0"),
+        (lambda: one_way_wall("wall", forward=UniformNoise(-1, 1)), "forward must be 1 or -1"),
+        (lambda: switch("switch", SandTile, Position, 1.0), "takes factors that are numbers"),
+        (
+            lambda: switch("switch", SandTile, Mass, -1.0),
+            "sets Mass to numbers from -1 to -1; it must be .* not negative",
+        ),
+        (lambda: switch("switch", SandTile, Mobile, Choice([0.0, 0.5])), "sets Mobile to numbers from 0 to 0.5"),
+        (lambda: growth("growth", Mobile), "takes factors that are real numbers"),
+        (lambda: sharing("sharing", Mobile), "takes factors that are real numbers"),
+        (lambda: drifting("drift", Ball), "is no type of tiles"),
+        (lambda: hiding("hidden", "GoalTile"), "'GoalTile' is no type of tiles"),
         (lambda: one_way_wall("wall", 2), "axis must be 0 or 1"),
         (lambda: switch("switch", Ball, Charge, 1.0), "is no type of tiles"),
-        (lambda: growth("growth", Velocity), "takes a factor that is a number"),
+        (lambda: growth("growth", Velocity), "takes factors that are real numbers"),
         (lambda: uniform_field("field", Position), "takes factors that are numbers"),
     ],
 )
