@@ -62,6 +62,7 @@ class Levels(LevelData):
                 not fit them or each other, or a number that is not finite or that its factor cannot be; or it would
                 expand to more than the limit (see ``docs/reference/files.md``).
         """
+        _require_world(world)
         path = Path(path)
         levels = cls(**(read_json if is_json(path) else _read_npz)(path, world), world=world)
         try:
@@ -187,9 +188,17 @@ def levels_from_data(data: Any, path: Path, inside: str, world: World | None) ->
     Raises:
         LevelError: as :meth:`Levels.load`.
     """
+    _require_world(world)
     levels = Levels(**fields_of(data, path, inside, world), world=world)
     check_levels(levels, f"{path}: {inside}")
     return levels
+
+
+def _require_world(world: Any) -> None:
+    if not isinstance(world, World | None):
+        raise LevelError(
+            f"world must be a segar.World or None, not {world!r}; World(...) makes one of rules or a rule space"
+        )
 
 
 def _read_npz(path: Path, world: World | None) -> dict[str, Any]:

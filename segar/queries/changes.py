@@ -14,6 +14,7 @@ from segar.language import Factor, FloorFriction, Friction, Parameter
 from segar.levels import Levels, rule_space_of
 from segar.queries.numbers import parameter_value, vector, with_unit
 from segar.queries.words import option_in_words
+from segar.rules import RuleOption
 from segar.support import misfit
 
 Case: TypeAlias = tuple[Levels, np.ndarray]
@@ -83,7 +84,12 @@ class ParameterChange:
     def words(self, level: Levels, actions: np.ndarray) -> str:
         parameter = parameter_of(level, self.parameter)
         before = parameter_value(level, parameter)
-        return f"{self.parameter} is {with_unit(self.value, parameter)} instead of {with_unit(before, parameter)}"
+        text = f"{self.parameter} is {with_unit(self.value, parameter)} instead of {with_unit(before, parameter)}"
+        option = option_of(level, parameter)
+        if option is None:
+            return text
+        constants = {p.__name__: parameter_value(level, p) for p in option.constants}
+        return f"{text}; it is in the rule that says now: {option_in_words(option, constants | {self.parameter: self.value})}"
 
 
 @dataclass(frozen=True)
@@ -177,6 +183,12 @@ def parameter_of(level: Levels, name: str) -> type[Parameter]:
     if name not in known:
         raise LevelError(f"these levels have no world parameter '{name}'.{did_you_mean(name, known)}")
     return known[name]
+
+
+def option_of(level: Levels, parameter: type[Parameter]) -> RuleOption | None:
+    """The option of the level's rule space that has this constant; None where there is none."""
+    space = None if level.world is None else level.world.space
+    return None if space is None else next((o for o in space.options if parameter in o.constants), None)
 
 
 def with_parameters(level: Levels, new: Mapping[type[Parameter], float]) -> Levels:

@@ -23,11 +23,13 @@ def write_questions(path: str | PathLike[str], questions: Sequence[Question], an
     Existing files are replaced only by complete ones.
 
     Raises:
-        SegarError: a file cannot be written.
+        SegarError: a question has no answer, or a file cannot be written.
     """
     path = Path(path)
     key = path.with_name(f"{path.stem}.key{path.suffix}")
     lines = [_line(question.data()) for question in questions]
+    if without := [question.id for question in questions if question.id not in answers]:
+        raise SegarError(f"the questions {', '.join(without)} have no answers, and the key must have all")
     answered = [_line({"id": question.id, "answer": answers[question.id]}) for question in questions]
     with replacing(path, "the questions") as beside, replacing(key, "the answers") as beside_key:
         beside.write_text("".join(lines), encoding="ascii")

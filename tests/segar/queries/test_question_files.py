@@ -173,7 +173,7 @@ def test_a_file_is_replaced_only_by_a_complete_one(files, monkeypatch):
     made, path, key = files
     before = path.read_bytes(), key.read_bytes()
     unanswered = [question for question in made.of("plan")[3:5]]
-    with pytest.raises(KeyError):
+    with pytest.raises(SegarError, match="have no answers, and the key must have all"):
         write_questions(path, unanswered, {})
     with pytest.raises(SegarError, match="the questions cannot be written"):
         write_questions(path.parent / "nowhere" / "q.jsonl", unanswered, made.answers)

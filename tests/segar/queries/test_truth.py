@@ -194,6 +194,19 @@ def test_a_missing_answer_counts_as_wrong_and_is_told(default_rules):
     assert found.correct().value == found.score().value == 35 / 80
 
 
+def test_none_is_no_answer_and_kinds_that_were_not_asked_are_refused(default_rules):
+    questions = default_rules.of("plan")[:2]
+    found = grade(questions, {questions[0].id: None, questions[1].id: default_rules.answers[questions[1].id]})
+    assert found.missing == (questions[0].id,) and found.correct("plan").value == 0.5
+    for kind, said in (("predict", "no question is of the kind 'predict'"), ("plann", "Did you mean 'plan'")):
+        with pytest.raises(SegarError, match=said):
+            found.correct(kind)
+        with pytest.raises(SegarError, match=said):
+            found.score(kind)
+    with pytest.raises(SegarError, match="no question was graded"):
+        grade([], {}).correct()
+
+
 def test_a_question_depends_on_its_level_alone(default_rules):
     """Neither the number of questions nor the other kinds matter; another seed asks about other levels."""
     few, answers = make_questions(default_rules.distribution, 4, ["explain", "predict"], seed=3)
@@ -232,6 +245,9 @@ def test_rules_that_draw_numbers_are_refused():
         ({"kinds": ["predict", "guess"]}, "no questions of the kind 'guess'"),
         ({"kinds": ["plan", "plan"]}, "different names"),
         ({"kinds": []}, "different names, one at least"),
+        ({"kinds": "predict"}, r"kinds must be a list of names such as \['predict'\], not 'predict'"),
+        ({"distribution": segar.family("empty-easy").sample(2)}, "make_questions needs a level distribution"),
+        ({"number": True}, "must be a whole number above 0, not True"),
         ({"number": 0}, "must be a whole number above 0, not 0"),
         ({"seed": -1}, "seed must be a whole number that is not negative, not -1"),
         ({"task": "golf"}, "no task is called 'golf'"),
@@ -239,7 +255,7 @@ def test_rules_that_draw_numbers_are_refused():
 )
 def test_wrong_arguments_are_named(arguments, said):
     with pytest.raises(SegarError, match=said):
-        make_questions(segar.family("empty-easy"), **arguments)
+        make_questions(**{"distribution": segar.family("empty-easy")} | arguments)
 
 
 def test_levels_without_good_questions_are_said():

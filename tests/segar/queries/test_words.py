@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ import segar
 from segar.language import CIRCLE, Acceleration, Drag, Position
 from segar.levels import rules_in_words
 from segar.queries import make_questions
-from segar.queries.changes import change_of
+from segar.queries.changes import ParameterChange, change_of
 from segar.queries.trajectories import Player
 from segar.queries.words import RULES, first_sentence, level_in_words, rules_of, task_in_words
 from segar.rules import DEFAULT_RULES, World
@@ -97,6 +98,21 @@ def test_the_rules_of_the_space_that_hold_are_named_and_no_others(rule_space):
         named = rules_of(question.level)
         assert [text.split(". ")[0] for text in named[-len(active) :]] == [text.split(". ")[0] for text in active]
         assert all(f"- {text}\n" in question.text for text in named)
+
+
+def test_a_constant_that_changes_is_told_with_its_rule(rule_space):
+    level, actions = rule_space.questions[0].level, rule_space.questions[0].actions
+    level = replace(level, parameters=level.parameters.copy())
+    space = level.world.space
+    option = space.options[space.index("vortex")]
+    (strength,) = option.constants
+    for parameter, value in ((option.active, 1.0), (strength, 0.5)):
+        level.parameters[0, level.layout.parameters.index(parameter)] = value
+    said = ParameterChange("vortex_strength", -1.0).words(level, actions)
+    assert said == (
+        "vortex_strength is -1 N/m instead of 0.5 N/m; it is in the rule that says now: a force -1 N/m x Mass x distance from"
+        " the middle, counter-clockwise around it"
+    )
 
 
 def test_every_default_rule_has_words_of_its_own():

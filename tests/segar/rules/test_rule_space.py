@@ -179,6 +179,8 @@ def test_files_and_pickles_hold_rule_sets_to_the_bit(tmp_path, name):
     levels = EMPTY.with_rules(dynamics_space()).sample(30)
     levels.save(tmp_path / name)
     assert Levels.load(tmp_path / name, levels.world) == levels
+    with pytest.raises(LevelError, match=r"must be a segar.World or None, not <rule space .*World\(...\) makes one of"):
+        Levels.load(tmp_path / name, dynamics_space())  # type: ignore[arg-type]
     again = pickle.loads(pickle.dumps(levels))
     assert again == levels and rules_in_words(again, 3) == rules_in_words(levels, 3)
 
