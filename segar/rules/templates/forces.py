@@ -58,10 +58,9 @@ def central_force(
         per_r2 = _power_of_square(r2, power)
         return Aggregate[Acceleration](a, away * where((r2 != 0) & (m != 0), strength * s * t * per_r2 / m, 0.0))
 
-    words = (
-        f"a force {{{k.__name__}}} x {source.__name__} of another x own {target.__name__} / distance^{exponent:g} pushes each"
-        " body away from each other one"
-    )
+    s, t = source.__name__, target.__name__
+    way = "bodies away from each other" if s == t else f"what has the {t} away from what has the {s}"
+    words = f"a force {{{k.__name__}}} x {s} x {t} / distance^{exponent:g} pushes {way}"
     return RuleOption(name, central_force, {k: strength}, words=words)
 
 
