@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from segar.envs import Act, VectorEnv
 from segar.errors import SegarError, did_you_mean
@@ -245,7 +246,7 @@ def mean_of_levels(values: np.ndarray, least: float = -np.inf, most: float = np.
     return _within(_interval(values.mean(), [values]), least, most)
 
 
-def adaptation_gain(level: np.ndarray, trial: np.ndarray, values: np.ndarray) -> Interval:
+def adaptation_gain(level: ArrayLike, trial: ArrayLike, values: ArrayLike) -> Interval:
     """The mean over levels of the last trial's value minus the first trial's, with Student's interval over levels.
 
     It is 0 on average for a policy that carries nothing from one trial of a level to the next. That of a share (bool values)

@@ -7,10 +7,9 @@ templates add to Acceleration, so any of them can be active together.
 # Hints of rules name factors and constants that are arguments of the template, which pyright takes for variables.
 # pyright: reportInvalidTypeForm=false
 
+import math
 from numbers import Real
 from typing import Any, Tuple  # noqa: UP035 - the paper writes rules with typing.Tuple
-
-import numpy as np
 
 from segar.errors import RuleError
 from segar.language import (
@@ -190,6 +189,6 @@ def _power_of_square(r2: Any, power: float) -> Any:
 
 def _finite(name: str, what: str, value: Any) -> float:
     """The number; raises :class:`RuleError` where it is none that is finite."""
-    if isinstance(value, bool) or not isinstance(value, Real) or not np.isfinite(value):
+    if isinstance(value, bool) or not isinstance(value, Real) or not math.isfinite(value):
         raise RuleError(f"the template '{name}': the {what} must be a finite number, not {value!r}")
     return float(value)
