@@ -25,7 +25,7 @@ import os
 import shlex
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -138,19 +138,23 @@ def reproduce(
     config: ReproduceConfig,
     work: Callable[[Work], Any] | None = None,
     finish: Callable[[ReproduceConfig, ReproductionPlan], bool] | None = None,
+    left_out: Collection[str] = (),
 ) -> None:
     """Carries out all tasks that are not done yet, makes tables and report, and prints where they are.
 
     Args:
         work: carries out one task in another process; importable by name. None: :func:`carry_out`.
         finish: makes tables and report, and returns whether it succeeded; None: :func:`tables_and_report`.
+        left_out: labels of runs that the plan has no need of.
 
     Raises:
         TrainingError: some runs failed; the others are finished and in the tables.
         ConfigError: a study is not known.
     """
     imported = read_imported_results(config.imported_folders())
-    plan = make_plan(config.at_scale(), with_sweep_tag(config), config.folder, config.probe_config(), imported)
+    plan = make_plan(
+        config.at_scale(), with_sweep_tag(config), config.folder, config.probe_config(), imported, left_out
+    )
     speeds = measure_speeds(runs_root(config.run))
     processes = config.processes or cores()
     print(as_text(plan, speeds, processes, config.run.scale), flush=True)

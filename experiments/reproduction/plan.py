@@ -113,16 +113,20 @@ def make_plan(
     results: Path,
     probes: ProbeConfig | None = None,
     imported: ImportedResults = ImportedResults(),  # noqa: B008 - nothing can change it
+    left_out: Collection[str] = (),
 ) -> ReproductionPlan:
     """The plan for some experiments.
 
     ``probes`` says how the runs of experiments with probes are probed. A run that is not done here, but whose results are
-    ``imported``, counts as done.
+    ``imported``, counts as done. Runs whose labels are ``left_out`` are none of the plan's.
 
     Raises:
         ConfigError: a file of ``conf/`` does not exist, or runs cannot be made, transferred or asked what claims ask.
     """
-    members = {e.name: tuple(works_of(e, base, probes or ProbeConfig())) for e in experiments}
+    members = {
+        e.name: tuple(one for one in works_of(e, base, probes or ProbeConfig()) if one.run.label() not in left_out)
+        for e in experiments
+    }
     union: dict[str, RunTask] = {}
     for work in (work for works in members.values() for work in works):
         label = work.run.label()

@@ -90,17 +90,18 @@ def remove_unfinished(folder: Path, recursive: bool = True) -> None:
 
 
 @contextmanager
-def locked(folder: Path, error: type[SegarError], advice: str) -> Iterator[None]:
+def locked(folder: Path, error: type[SegarError], advice: str, timeout: float = LOCK_TIMEOUT) -> Iterator[None]:
     """Keep other processes out of a folder inside the block, by a lock on the file ``.lock`` in it.
 
     Args:
         advice: how the message ends.
+        timeout: [s] to wait for another process.
 
     Raises:
         error: another process is at work in the folder, or the file cannot be made.
     """
     try:
-        held = FileLock(folder / LOCK, timeout=LOCK_TIMEOUT).acquire()
+        held = FileLock(folder / LOCK, timeout=timeout).acquire()
     except Timeout:
         raise error(f"another process is at work in {folder}; {advice}") from None
     except (OSError, NotImplementedError) as cause:

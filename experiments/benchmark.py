@@ -1,0 +1,374 @@
+"""A method on suites, from training to a row that anybody can play again: ``python -m experiments.benchmark suite=core``.
+
+Each suite is trained on with each seed, side by side; finished runs are found, and interrupted ones resumed. The networks play
+the frozen test levels and their training levels by functions that give the same bits on every processor, and episodes and
+networks become a *row*: a folder with the hash of all that it depends on. The command prints the plan and what it costs first,
+and a table at the end.
+
+  python -m experiments.benchmark suite=core budget=laptop algorithm=ppo_fast observation=state seeds=5 dry_run=true
+  python -m experiments.benchmark verify=ppo_fast-state-laptop
+
+Settings, as name=value:
+  suite=core                 core, all, the name of a suite, or a list of names
+  budget=laptop              frames on each suite with each seed: laptop 200,000, server 5,000,000; open: scale.frames
+  algorithm=NAME             a choice of conf/algorithm, or module:Class; or a player: idle, random, script, planner
+  observation, algorithm.learning_rate, tracking, num_threads, ... as for experiments.train
+  seeds=N, seed=1            how many seeds, from which one on; each is that of an agent and of its training levels
+  policy=module:function     a method that was trained elsewhere: function(suite, seed) gives its policy, a function of
+                             observations; its actions are recorded. It needs row=NAME
+  actions=FOLDER             what a method did, as files <suite>-s<seed>.npz with an array "test" [levels, steps, components],
+                             and "train"; needs row=NAME
+  row=NAME                   the name of the row; by default made of algorithm, observation and budget
+  rows=FOLDER                where rows are; benchmark/ under root by default, and docs/results/benchmark for those shipped
+  verify=ROW                 play a row again and compare every episode to the bit; a list of rows, or all
+  dry_run=true               print the plan and run nothing
+  processes=N                runs side by side; 0, the default: one per core
+  report=false               no table and no figure
+
+On a cluster: --multirun hydra/launcher=slurm suite=NAME,NAME,... seed=1,2,3 seeds=1 adds each run to one row.
+"""
+
+import dataclasses
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from omegaconf import DictConfig
+
+from experiments.benchmarking.players import PlayerTask, make_piece
+from experiments.benchmarking.protocol import (
+    ALL,
+    BUDGETS,
+    PLAYERS,
+    SHIPPED,
+    is_about_looks,
+    piece_name,
+    row_folder,
+    suites_named,
+)
+from experiments.benchmarking.row import Method, NewPiece, Row, add_pieces, read_piece, read_row, row_of
+from experiments.benchmarking.verification import verify
+from experiments.commands.hydra_app import ends_with_its_reader, run_command, to_plain
+from experiments.commands.kernels import choose_kernels
+from experiments.evaluation.transfers import RunTask
+from experiments.reproduce import ReproduceConfig, carry_out, cores, failures, reproduce
+from experiments.reproduction.display import Display
+from experiments.reproduction.imported_results import names_of
+from experiments.reproduction.plan import ReproductionPlan, in_minutes
+from experiments.reproduction.plugin import REPORTS, run_plugin
+from experiments.reproduction.process_pool import Job, JobResult, run_jobs
+from experiments.runs.run_folder import folder_path, is_finished, runs_root
+from experiments.settings import (
+    ConfigError,
+    Count,
+    RunConfig,
+    TrainingError,
+    as_data,
+    construct,
+    require,
+    require_known,
+    run_config,
+)
+from segar.cli import table
+from segar.suites import outline, suite
+
+REPORT = "analysis.benchmark:report_rows"
+NOT_OF_METHOD = ("levels", "evaluation", "seed", "frames")  # parts of a run's identity that differ from piece to piece
+PLANNER_SECONDS, PLAYER_SECONDS = 20.0, 3.0  # assumed, per piece
+ROWS = "benchmark"  # the folder of rows, under the root of runs
+
+
+@dataclass(frozen=True)
+class BenchmarkConfig:
+    """The settings of a row, and where it goes."""
+
+    run: RunConfig = field(default_factory=RunConfig)
+    suites: tuple[str, ...] = ("core",)
+    budget: str = "laptop"
+    seeds: Count = 5
+    player: str = ""  # one without training, in place of an algorithm
+    policy: str = ""  # of a method that was trained elsewhere
+    actions: str = ""  # folder of files of actions
+    training_levels: int | None = None  # on each suite; None: as many as it says
+    row: str = ""
+    rows: str | None = None
+    verify: tuple[str, ...] = ()
+    processes: int = 0
+    dry_run: bool = False
+    report: bool = True
+
+    def __post_init__(self) -> None:
+        require_known("budget", self.budget, BUDGETS)
+        require(self.processes >= 0, "processes", self.processes, "0 or more")
+        if self.player:
+            require_known("algorithm", self.player, PLAYERS)
+        given = [name for name in ("player", "policy", "actions") if getattr(self, name)]
+        require(len(given) < 2, given[-1] if given else "", given, "one of algorithm, policy and actions")
+        if (self.policy or self.actions) and not self.row:
+            raise ConfigError("row: name the row of a method that was trained elsewhere: row=NAME")
+        suites_named(self.suites)
+
+    @property
+    def folder(self) -> Path:
+        """The folder of rows."""
+        return Path(self.rows).expanduser().resolve() if self.rows else runs_root(self.run) / ROWS
+
+    @property
+    def places(self) -> tuple[Path, ...]:
+        """The folders in which rows are looked for."""
+        return tuple(dict.fromkeys((self.folder, SHIPPED)))
+
+    def chosen_suites(self) -> tuple[str, ...]:
+        """The suites to play: those of textures need an agent that sees frames."""
+        chosen = suites_named(self.suites)
+        sees_no_textures = not self.player and not self.actions and not self.run.observation.name.startswith("textures")
+        return tuple(name for name in chosen if not (sees_no_textures and is_about_looks(name)))
+
+    def trained_run(self) -> RunConfig:
+        """The settings that all trainings share."""
+        scale, frames = self.run.scale, BUDGETS[self.budget]
+        scale = dataclasses.replace(scale, name=self.budget, frames=frames or scale.frames)
+        return dataclasses.replace(self.run, scale=scale)
+
+
+def benchmark(config: BenchmarkConfig) -> None:
+    """Verifies rows, or makes what a row lacks.
+
+    Raises:
+        SegarError: a row is not what it says; settings are wrong; or some runs failed, and the others are in the row.
+    """
+    if config.verify:
+        verify_rows(config)
+        return
+    method, seeds = method_of(config), range(config.run.seed, config.run.seed + config.seeds)
+    there = row_of(config.folder / method.name, method)
+    known = {(one.suite, one.suite_hash, one.seed) for one in there.pieces} if there else set()
+    wanted = {(name, suite(name).hash, seed) for name in config.chosen_suites() for seed in seeds}
+    left = sorted((name, seed) for name, hashed, seed in wanted - known)
+    print(f"row {method.name}: {method.says}; {len(wanted) - len(left)} of {len(wanted)} pieces are there", flush=True)
+    if left and method.kind == "networks":
+        train_pieces(config, method, left)
+    elif left:
+        play_pieces(config, method, left)
+    if config.report and not config.dry_run:
+        run_plugin(REPORTS, REPORT, config.folder, {"row": method.name})
+
+
+def method_of(config: BenchmarkConfig) -> Method:
+    """What the row is of."""
+    run = config.trained_run()
+    if config.player:
+        kind = "actions" if config.player == "planner" else "player"
+        return Method(config.row or config.player, kind, SAYS[config.player])
+    seen = {"observation": {"name": run.observation.name, "options": dict(run.observation.options)}}
+    if config.actions:
+        return Method(config.row, "actions", "actions of a method that was trained elsewhere")
+    if config.policy:
+        return Method(
+            config.row, "actions", f"{config.policy}, trained elsewhere, on {run.observation.name}", "", None, seen
+        )
+    settings = settings_of(run, config.training_levels)
+    name = "-".join([run.algorithm.name, *extras(settings), run.observation.name, config.budget])
+    says = f"{run.algorithm.name} on {run.observation.name}, {run.scale.frames:,} frames on each suite with each seed"
+    return Method(config.row or name, "networks", says, config.budget, run.scale.frames, settings)
+
+
+SAYS = {
+    "idle": "does nothing",
+    "random": "acts uniformly at random",
+    "script": "the scripted player of the task, which sees the true factors",
+    "planner": "the best actions that a search in the simulator finds",
+}
+
+
+def settings_of(run: RunConfig, training_levels: int | None = None) -> dict[str, Any]:
+    """The settings of a run that all pieces of a row share, as plain data."""
+    data = as_data(run, without_later_defaults=True)
+    shared = {key: data.get(key, value) for key, value in run.identity().items() if key not in NOT_OF_METHOD}
+    return shared | ({"training_levels": training_levels} if training_levels else {})
+
+
+def extras(settings: Mapping[str, Any]) -> list[str]:
+    """Parts of a row's name beside algorithm, observation and budget."""
+    curriculum = settings.get("curriculum")
+    name = curriculum.get("name", "") if isinstance(curriculum, Mapping) else curriculum
+    return [str(name)] if name else []
+
+
+def train_pieces(config: BenchmarkConfig, method: Method, left: Sequence[tuple[str, int]]) -> None:
+    """Trains what a row lacks, and adds it to the row; raises as :func:`experiments.reproduce.reproduce`."""
+    run, chosen = config.trained_run(), tuple(dict.fromkeys(name for name, _ in left))
+    grids = {name: experiment_of(name, config) for name in chosen}
+    plan = ReproduceConfig(run, config.processes, grids=grids, dry_run=config.dry_run, report=False)
+    all_labels = {
+        label: (one.levels.train, one.seed)
+        for one in runs_of(plan)
+        for label in names_of(one)
+    }  # fmt: skip
+    done = frozenset(label for label, key in all_labels.items() if key not in set(left))
+
+    def finish(_: ReproduceConfig, made: ReproductionPlan) -> bool:
+        runs = [work.run for work in made.runs if is_finished(folder_path(work.run))]
+        show(add(config, method, [trained_piece(one) for one in runs]))
+        return True
+
+    reproduce(plan, train_and_play, finish, done)
+
+
+def runs_of(plan: ReproduceConfig) -> list[RunConfig]:
+    """All runs of a plan, those that a row has included."""
+    from experiments.reproduction.grid import grid_runs
+
+    return [run for one in plan.at_scale() if one.grid for run in grid_runs(one.grid, plan.run)]
+
+
+def experiment_of(name: str, config: BenchmarkConfig) -> dict[str, Any]:
+    """A suite as an experiment: as many runs as there are seeds."""
+    about = outline(name)
+    count = config.training_levels or about["training_levels"]
+    return {
+        "title": about["says"],
+        "grid": {
+            "families": [name], "counts": [count], "seeds": config.seeds,
+            "vary": {"levels.test_count": [about["test_levels"]]},
+        },
+    }  # fmt: skip
+
+
+def train_and_play(work: RunTask) -> dict[str, float]:
+    """Trains or resumes a run, and plays its network; returns the final figures of the training."""
+    figures = carry_out(work)
+    trained_piece(work.run)
+    return figures
+
+
+def trained_piece(run: RunConfig) -> NewPiece:
+    """The piece of a finished run. Torch is imported here, so that planning and verifying do not load it."""
+    choose_kernels(run.determinism)
+    from experiments.benchmarking.trained import piece_of
+
+    count = outline(run.levels.train)["training_levels"]
+    own = None if run.levels.count == count else run.levels.count
+    return piece_of(run, Method("", "networks", "", settings=settings_of(run, own)))
+
+
+def play_pieces(config: BenchmarkConfig, method: Method, left: Sequence[tuple[str, int]]) -> None:
+    """Plays what a row without training lacks, and adds it to the row; raises :class:`TrainingError` where something failed."""
+    place = runs_root(config.run) / f"{ROWS}_pieces" / method.name
+    tasks = [
+        PlayerTask(method, name, seed, place / piece_name(name, seed), config.policy, config.actions)
+        for name, seed in left
+    ]
+    waiting = [task for task in tasks if not task.is_done()]
+    processes = config.processes or cores()
+    seconds = PLANNER_SECONDS if config.player == "planner" else PLAYER_SECONDS
+    head, rows = ["suite", "seeds", "about"], []
+    for name in dict.fromkeys(name for name, _ in left):
+        seeds = [task.seed for task in waiting if task.suite == name]
+        rows.append([name, ", ".join(map(str, seeds)), in_minutes(seconds * len(seeds) / processes)])
+    print(table(head, rows))
+    print(f"about {in_minutes(seconds * len(waiting) / processes)} with {processes} at a time", flush=True)
+    if config.dry_run:
+        return
+    jobs = {
+        task.folder.name: Job(task.folder.name, task, place / "logs" / f"{task.folder.name}.log") for task in waiting
+    }
+    display = Display(jobs, dict.fromkeys(jobs, seconds), ending)
+    with display.shown():
+        outcomes = run_jobs(list(jobs.values()), make_piece, max(min(processes, len(jobs)), 1), display.end)
+    failed = [one for one in outcomes if one.error is not None]
+    found = [piece for piece in (read_piece(task.folder) for task in tasks) if piece is not None]
+    if found:
+        show(add(config, method, found))
+    if failed:
+        raise TrainingError(failures(failed, len(jobs), True))
+
+
+def ending(outcome: JobResult) -> str:
+    """The result of a job in one line."""
+    name = outcome.job.name
+    return f"{name}: {outcome.error}" if outcome.error else f"{name}: {in_minutes(outcome.seconds)}"
+
+
+def add(config: BenchmarkConfig, method: Method, found: Sequence[NewPiece]) -> Row:
+    """The row with these pieces, each file of which is named by suite and seed."""
+    named = []
+    for one in found:
+        file = f"{piece_name(one.piece.suite, one.piece.seed)}.npz" if one.path else ""
+        named.append(NewPiece(dataclasses.replace(one.piece, file=file), one.episodes, one.path))
+    return add_pieces(config.folder / method.name, method, named)
+
+
+def show(row: Row) -> None:
+    """Prints where a row is, and how large."""
+    size = sum(path.stat().st_size for path in row.folder.iterdir())
+    print(
+        f"row {row.method.name}: {len(row.pieces)} pieces, {size / 1e6:.1f} MB, hash {row.hash}; {row.folder}",
+        flush=True,
+    )
+
+
+def verify_rows(config: BenchmarkConfig) -> None:
+    """Plays rows again; raises :class:`SegarError` for the first that is not what it says."""
+    names = config.verify
+    if names == (ALL,):
+        names = tuple(sorted(str(path.parent) for place in config.places for path in place.glob("*/row.json")))
+        require(bool(names), "verify", ALL, "the name of a row; there are none")
+    for name in names:
+        row, began = read_row(row_folder(name, config.places)), time.monotonic()
+        suites = () if config.suites == DEFAULT_SUITES else suites_named(config.suites)
+        count = verify(row, suites, say=lambda line: print(line, flush=True))
+        print(
+            f"row {row.method.name}, hash {row.hash}: {count:,} episodes are equal to the bit"
+            f" ({in_minutes(time.monotonic() - began)})",
+            flush=True,
+        )
+
+
+DEFAULT_SUITES = BenchmarkConfig().suites
+SETTINGS = {name: value for name, value in as_data(BenchmarkConfig()).items() if name not in ("run", "training_levels")}
+LISTS = ("suites", "verify")
+
+
+def build(config: DictConfig) -> BenchmarkConfig:
+    """Hydra's result as settings."""
+    data = to_plain(config)
+    own = {key: data.pop(key) for key in SETTINGS}
+    own |= {key: [own[key]] for key in LISTS if isinstance(own[key], str)}
+    count = data["levels"].pop("count")
+    for name in ("train", "design", "variation"):
+        usual = as_data(RunConfig())["levels"][name]
+        require(
+            data["levels"][name] == usual, f"levels.{name}", data["levels"][name], "left out: suites say the levels"
+        )
+    return construct(BenchmarkConfig, {**own, "training_levels": count}, "", run=run_config(data))
+
+
+def with_names(arguments: Sequence[str]) -> list[str]:
+    """A command line in which ``suite`` is no group of choices, and a player no algorithm."""
+    found = []
+    for text in arguments:
+        name, equals, value = text.partition("=")
+        if equals and name == "suite":
+            name = "suites"
+        if equals and name == "algorithm" and {*value.split(",")} <= {*PLAYERS}:
+            name = "player"
+        found.append(f"{name}{equals}{value}")
+    return found
+
+
+@ends_with_its_reader()
+def main() -> None:
+    """The command."""
+    if {"-h", "--help"} & {*sys.argv[1:]}:
+        print((__doc__ or "").strip())
+        return
+    sys.argv[1:] = with_names(sys.argv[1:])
+    run_command(benchmark, "benchmark", build, SETTINGS)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,133 @@
+"""Pieces of rows that need no training here: of players, of methods that were trained elsewhere, and of files of actions."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import segar
+from experiments.benchmarking.playing import (
+    hashes_of,
+    options_of,
+    play_actions,
+    play_player,
+    planned,
+    read_actions,
+    sets_of,
+    write_actions,
+)
+from experiments.benchmarking.protocol import piece_name
+from experiments.benchmarking.row import Method, Piece, read_piece, write_piece
+from experiments.runs.versions import versions
+from experiments.settings import ConfigError, import_object
+from segar.envs import VectorEnv
+from segar.levels import Levels
+from segar.suites import Suite, suite
+
+ACTIONS = "actions.npz"
+
+
+@dataclass(frozen=True)
+class PlayerTask:
+    """One piece: the method, the suite, the seed, and the folder that it is written to.
+
+    ``policy`` names a function ``(suite, seed) -> policy`` of a method that was trained elsewhere; ``actions`` is the folder
+    with its files of actions. Both are empty for the players of the benchmark.
+    """
+
+    method: Method
+    suite: str
+    seed: int
+    folder: Path
+    policy: str = ""
+    actions: str = ""
+
+    def is_done(self) -> bool:
+        """Whether the piece is there for this version of the suite; what was made elsewhere may have changed."""
+        found = read_piece(self.folder)
+        return (
+            not (self.policy or self.actions) and found is not None and found.piece.suite_hash == suite(self.suite).hash
+        )
+
+
+def make_piece(task: PlayerTask) -> dict[str, float]:
+    """Plays a piece and writes it; returns nothing to show."""
+    of, player = suite(task.suite), task.method.name
+    sets = sets_of(of, task.seed)
+    if task.method.kind == "player":
+        file, episodes = "", play_player(player, of, sets, task.seed)
+    else:
+        if task.actions:
+            actions = read_actions(action_file(Path(task.actions), task.suite, task.seed))
+        elif task.policy:
+            actions = actions_of(task.policy, of, sets, task)
+        else:
+            actions = planned(of, sets, task.seed)
+        file, episodes = ACTIONS, play_actions(actions, of, sets, task.seed)
+        write_actions(task.folder / ACTIONS, actions)
+        sets = {side: sets[side] for side in actions}
+    found = versions()
+    made_with = {name: found[name] for name in ("python", "libraries", "git")}
+    write_piece(task.folder, Piece(of.name, of.hash, task.seed, hashes_of(sets), "", file, 0, made_with), episodes)
+    return {}
+
+
+def action_file(folder: Path, suite: str, seed: int) -> Path:
+    """The file of actions of a suite with a seed: ``<suite>-s<seed>.npz``."""
+    return folder / f"{piece_name(suite, seed)}.npz"
+
+
+def actions_of(name: str, of: Suite, sets: Mapping[str, Levels], task: PlayerTask) -> dict[str, np.ndarray]:
+    """The actions that a policy takes, which ``name``, ``module:attribute``, makes for a suite and a seed; it is played by
+    :func:`segar.evaluate_policy`.
+
+    Raises:
+        ConfigError: there is no such function, or what it returns is no policy.
+    """
+    make: Callable[..., Any] = import_object(name, "policy")
+    made = make(of, task.seed) if callable(make) else None
+    if not callable(made):
+        raise ConfigError(
+            f"policy: {name} must be a function of a suite and a seed that returns a policy, a function of observations; it"
+            f" {'returns ' + type(made).__name__ if callable(make) else 'is ' + type(make).__name__}"
+        )
+    recorder, options = Recorder(made), {**options_of(of, task.method, sets["train"]), "unit_actions": False}
+    found = segar.evaluate_policy(recorder, sets["train"], sets["test"], **options)
+    rows, first = recorder.rows(), len(sets["train"])
+    return {
+        "train": joined(rows[:first], found.train.episodes.length),
+        "test": joined(rows[first:], found.test.episodes.length),
+    }
+
+
+class Recorder:
+    """A policy that remembers its actions: what another policy does, episode by episode."""
+
+    def __init__(self, policy: Callable[[Any], Any]) -> None:
+        self.policy, self.batches = policy, []  # type: ignore[var-annotated]
+
+    def begin(self, env: VectorEnv) -> None:
+        """Episodes start in ``env``."""
+        self.batches.append([])
+        if hasattr(self.policy, "begin"):
+            self.policy.begin(env)  # type: ignore[attr-defined]
+
+    def __call__(self, observations: Any) -> np.ndarray:
+        """Actions float32 [n, size]."""
+        actions = np.array(self.policy(observations), np.float32)
+        self.batches[-1].append(actions)
+        return actions
+
+    def rows(self) -> list[np.ndarray]:
+        """The actions of each episode, in the order in which they were played, [step, component]."""
+        return [row for batch in self.batches for row in np.stack(batch, axis=1)]
+
+
+def joined(rows: Sequence[np.ndarray], lengths: np.ndarray) -> np.ndarray:
+    """Actions of episodes of these lengths as one array, 0 behind the last step of each."""
+    steps = max(lengths)
+    return np.stack(
+        [np.pad(row[:length], ((0, steps - length), (0, 0))) for row, length in zip(rows, lengths, strict=True)]
+    )

@@ -1,0 +1,189 @@
+"""Plays the levels of a suite by a network, by recorded actions, or by a player without training: equal bits everywhere."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from experiments.benchmarking.protocol import RANDOM_PLAYS, SIDES
+from experiments.benchmarking.row import EPISODES, Method, Piece
+from experiments.levels.builders import environment_options
+from experiments.settings import LevelsConfig, ObservationConfig, RunConfig, RunFolderError, construct
+from segar.envs import Act, TimeStep, VectorEnv
+from segar.errors import SegarError
+from segar.evaluation import PlayedEpisodes, idle_actions, play_episodes
+from segar.hardness import plan
+from segar.language import Factors
+from segar.levels import Levels, hash_of_levels
+from segar.policies import Network, NetworkPolicy
+from segar.suites import Suite
+from segar.support import Form, open_npz
+
+MakeAct = Callable[[VectorEnv], Act]
+SEED = 0  # of the environments
+SAMPLES, ITERATIONS = 64, 5  # of the planner's search on training levels; its plans of the test come with the suite
+
+
+def sets_of(suite: Suite, seed: int, count: int | None = None) -> dict[str, Levels]:
+    """The training levels of a seed, as many as the suite says unless ``count`` does, and the test levels."""
+    return {"train": suite.sample(seed, count), "test": suite.test_levels}
+
+
+def hashes_of(sets: Mapping[str, Levels]) -> dict[str, str]:
+    """The hash of each level set."""
+    return {side: hash_of_levels(levels) for side, levels in sets.items()}
+
+
+def options_of(suite: Suite, method: Method, train: Levels) -> dict[str, Any]:
+    """Options of the environments in which a network plays: it observes what it did in training."""
+    seen = construct(ObservationConfig, method.settings.get("observation", {}), "observation")
+    run = RunConfig(levels=LevelsConfig(train=suite.name), observation=seen)
+    return environment_options(run, train=train)
+
+
+def play_network(network: Network, suite: Suite, method: Method, sets: Mapping[str, Levels], seed: int) -> pa.Table:
+    """The episodes of a network without noise, one on each level."""
+    policy, options = NetworkPolicy(network, unit_actions=True), options_of(suite, method, sets["train"])
+
+    def make_act(env: VectorEnv) -> Act:
+        policy.begin(env)
+        return lambda now: policy(now.observation)
+
+    return table_of(suite, seed, {side: play_each(levels, make_act, options) for side, levels in sets.items()})
+
+
+def play_actions(actions: Mapping[str, np.ndarray], suite: Suite, sets: Mapping[str, Levels], seed: int) -> pa.Table:
+    """The episodes of actions, float32 ``[level, step, component]`` in the task's range, one on each level of the sets that
+    have some; behind the last step nothing is done."""
+    found = {}
+    for side in (side for side in SIDES if side in actions):
+        given, levels = actions[side], sets[side]
+        shape = (len(levels), len(suite.task.action_low))
+        if given.ndim != 3 or (given.shape[0], given.shape[2]) != shape:
+            raise RunFolderError(
+                f"{suite.name}, seed {seed}: actions of the {side} levels must be [{shape[0]} levels, steps, {shape[1]}], not"
+                f" {list(given.shape)}"
+            )
+        found[side] = play_each(levels, recorded(given), {"task": suite.task})
+    return table_of(suite, seed, found)
+
+
+def recorded(actions: np.ndarray) -> MakeAct:
+    """What plays recorded actions, batch after batch of levels."""
+    first = 0
+
+    def make_act(env: VectorEnv) -> Act:
+        nonlocal first
+        rows, first = actions[first : first + env.num_envs], first + env.num_envs
+        nothing = idle_actions(env)
+        return lambda now: rows[:, now.time] if now.time < rows.shape[1] else nothing
+
+    return make_act
+
+
+def play_each(levels: Levels, make_act: MakeAct, options: Mapping[str, Any], plays: int = 1) -> PlayedEpisodes:
+    """``plays`` episodes on each level."""
+    return play_episodes(levels, np.tile(np.arange(len(levels)), plays), make_act, seed=SEED, **options)
+
+
+def play_player(player: str, suite: Suite, sets: Mapping[str, Levels], seed: int) -> pa.Table:
+    """The episodes of a player that needs no file: ``idle``, ``random`` or ``script``."""
+    options = {"task": suite.task}
+    if player == "random":
+        played = {
+            side: play_each(levels, random_player(seed, SIDES.index(side)), options, RANDOM_PLAYS)
+            for side, levels in sets.items()
+        }
+    else:
+        made = {"idle": idle_player, "script": scripted_player}[player]
+        played = {side: play_each(levels, made, options) for side, levels in sets.items()}
+    return table_of(suite, seed, played)
+
+
+def idle_player(env: VectorEnv) -> Act:
+    """What does nothing."""
+    nothing = idle_actions(env)
+    return lambda now: nothing
+
+
+def random_player(seed: int, side: int) -> MakeAct:
+    """What acts uniformly at random."""
+    batch = 0
+
+    def make_act(env: VectorEnv) -> Act:
+        nonlocal batch
+        rng, batch = np.random.default_rng([seed, side, batch]), batch + 1
+        low, high = (np.asarray(bound, np.float32) for bound in (env.task.action_low, env.task.action_high))
+        return lambda now: low + (high - low) * rng.random((env.num_envs, len(low)), np.float32)
+
+    return make_act
+
+
+def scripted_player(env: VectorEnv) -> Act:
+    """What the task's scripted player does, which sees the true factors."""
+    if env.task.demo_actions is None:
+        raise SegarError(f"the task {env.task.name} has no scripted player; leave its suites out of the row script")
+    return lambda now: env.task.scripted_actions(Factors(env.levels.layout, env.state().state.values))
+
+
+def planned(suite: Suite, sets: Mapping[str, Levels], seed: int) -> dict[str, np.ndarray]:
+    """The actions of the planner: a search on the training levels, and the plans of the test that come with the suite."""
+    rng = np.random.default_rng(seed)
+    train = plan(sets["train"], suite.task, rng=rng, samples=SAMPLES, iterations=ITERATIONS)
+    return {"train": train.actions[:, : train.steps.max()], "test": suite.plans.actions[:, : suite.plans.steps.max()]}
+
+
+def table_of(suite: Suite, seed: int, played: Mapping[str, PlayedEpisodes]) -> pa.Table:
+    """Episodes as a table, :data:`EPISODES`."""
+    parts = []
+    for side, episodes in played.items():
+        n, found = len(episodes), episodes.columns()
+        columns = {"suite": [suite.name] * n, "seed": np.full(n, seed), "levels": [side] * n}
+        parts.append(pa.table({name: pa.array({**columns, **found}[name]) for name in EPISODES.names}, EPISODES))
+    return pa.concat_tables(parts)
+
+
+def write_actions(path: Path, actions: Mapping[str, np.ndarray]) -> None:
+    """Writes actions by level set, npz without pickle."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    np.savez_compressed(path, **{side: np.asarray(one, np.float32) for side, one in actions.items()})  # type: ignore[arg-type]
+
+
+def read_actions(path: Path) -> dict[str, np.ndarray]:
+    """Actions by level set; raises :class:`RunFolderError` unless they are finite float32 ``[level, step, component]``."""
+    with open_npz(path, "file of actions", RunFolderError) as npz:
+        names = [side for side in SIDES if side in npz.names]
+        if "test" not in names:
+            raise RunFolderError(
+                f"{path} has no array 'test': float32 [levels, steps, components], and 'train' beside it"
+            )
+        found = npz.read({side: Form("float32", (f"{side} levels", f"{side} steps", "components")) for side in names})
+    for side, array in found.items():
+        if not np.isfinite(array).all():
+            raise RunFolderError(f"{path}: some actions of '{side}' are not finite")
+    return found
+
+
+def replay(method: Method, piece: Piece, suite: Suite, folder: Path) -> pa.Table:
+    """The episodes of a piece, played again by what its row holds.
+
+    Raises:
+        SegarError: training levels are not those of the row, or its file cannot be read.
+    """
+    counts = method.settings.get("training_levels")
+    sets = sets_of(suite, piece.seed, counts)
+    for side, levels in sets.items():
+        if side in piece.levels and hash_of_levels(levels) != piece.levels[side]:
+            raise RunFolderError(
+                f"{folder.name}: the {side} levels of {suite.name} with seed {piece.seed} are not those that the row was"
+                f" made on: {hash_of_levels(levels)} here, {piece.levels[side]} there"
+            )
+    if method.kind == "player":
+        return play_player(method.name, suite, sets, piece.seed)
+    if method.kind == "actions":
+        return play_actions(read_actions(folder / piece.file), suite, sets, piece.seed)
+    return play_network(Network.load(folder / piece.file), suite, method, sets, piece.seed)

@@ -1,0 +1,64 @@
+"""What all rows of the benchmark share: the suites of the core, the budgets, players without training, names."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from experiments.settings import CHECKOUT, ConfigError
+from segar.errors import did_you_mean
+from segar.suites import Suite, outline, suites
+
+CORE = (
+    "place-few-v1",
+    "place-between-v1",
+    "place-edge-to-middle-v1",
+    "number-more-v1",
+    "kind-unseen-pairs-v1",
+    "property-heavy-v1",
+    "property-charge-v1",
+    "world-slippery-v1",
+    "rules-constants-v1",
+    "sight-mass-v1",
+    "goal-moves-v1",
+)
+"""The suites that ``suite=core`` stands for."""
+ALL = "all"  # all suites that come with SEGAR
+BUDGETS: Mapping[str, int | None] = {"laptop": 200_000, "server": 5_000_000, "open": None}
+"""Frames of training on each suite with each seed; None: as many as ``scale.frames`` says."""
+PLAYERS = ("idle", "random", "script", "planner")
+"""Rows without training, which ``algorithm=`` may name."""
+RANDOM_PLAYS = 20  # episodes on each level by the random player, whose means are floors of scores
+SHIPPED = CHECKOUT / "docs" / "results" / "benchmark"
+"""The folder of the rows that come with SEGAR."""
+SIDES = ("train", "test")
+
+
+def suites_named(names: Sequence[str]) -> tuple[str, ...]:
+    """The suites that names stand for, each once: names of suites, ``core`` or ``all``; raises :class:`ConfigError`."""
+    found: dict[str, None] = {}
+    for name in names:
+        known = {"core": CORE, ALL: suites(), **{one: (one,) for one in suites()}}
+        if name not in known:
+            raise ConfigError(f"suite: no suite is called '{name}'.{did_you_mean(name, known)}")
+        found |= dict.fromkeys(known[name])
+    return tuple(found)
+
+
+def is_about_looks(suite: str) -> bool:
+    """Whether training and test of a suite differ in textures alone, which only frames show."""
+    return bool(outline(suite)["textures"])
+
+
+def piece_name(suite: str | Suite, seed: int) -> str:
+    """The name of the part of a row that is one suite with one seed."""
+    return f"{suite if isinstance(suite, str) else suite.name}-s{seed}"
+
+
+def row_folder(name: str, places: Sequence[Path]) -> Path:
+    """The folder of a row: a path, or a name in the first of some places that has it; raises :class:`ConfigError`."""
+    for folder in (Path(name).expanduser(), *(place / name for place in places)):
+        if (folder / "row.json").exists():
+            return folder.resolve()
+    known = sorted({path.parent.name for place in places for path in place.glob("*/row.json")})
+    raise ConfigError(
+        f"verify: there is no row '{name}'.{did_you_mean(name, known)} Rows: {', '.join(known) or 'none'}"
+    )

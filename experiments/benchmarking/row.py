@@ -1,0 +1,271 @@
+"""A row of the benchmark as data: what a method is, its episodes on each suite with each seed, and what replays them.
+
+A row is a folder. ``row.json`` describes it and holds the hash of every other file; ``episodes.parquet`` has all episodes,
+:data:`EPISODES`; ``<suite>-s<seed>.npz`` holds the network that played, or the actions that were taken.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import shutil
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from experiments.runs.files import locked, replacing, write_text
+from experiments.settings import RunFolderError
+from segar.support import misfit
+
+FORMAT = 1
+ROW, TABLE, PIECE = "row.json", "episodes.parquet", "piece.json"
+KINDS = ("player", "networks", "actions")
+DIGITS = 16  # of hashes
+WAIT = 600.0  # [s] for other processes that add pieces, such as the jobs of a cluster
+EPISODES = pa.schema(
+    [
+        ("suite", pa.string()),
+        ("seed", pa.int64()),
+        ("levels", pa.string()),  # "train" or "test"
+        ("level", pa.int64()),  # index in the level set
+        ("return", pa.float64()),
+        ("length", pa.int64()),  # steps
+        ("success", pa.bool_()),
+        ("death", pa.bool_()),
+    ]
+)
+KEYS = ("suite", "seed")
+FORM = {
+    "format": int,
+    "name": str,
+    "kind": str,
+    "says": str,
+    "budget": str,
+    "frames": (int, None),
+    "settings": dict,
+    "pieces": [{"suite": str, "suite_hash": str, "seed": int, "levels": {str: str}, "run": str, "file": str, "bits": int,
+                "made_with": int}],
+    "made_with": [dict],
+    "files": {str: str},
+    "hash": str,
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Piece:
+    """One suite with one seed.
+
+    Attributes:
+        suite, suite_hash, seed: what was played. levels: the hashes of the training and the test levels.
+        run: the name of the run that was trained; empty where none was.
+        file: the network or the actions, in the folder of the row; empty where a player needs none.
+        bits: of each weight, where the file is a network, else 0.
+        made_with: libraries, commit and arithmetic.
+    """
+
+    suite: str
+    suite_hash: str
+    seed: int
+    levels: Mapping[str, str]
+    run: str = ""
+    file: str = ""
+    bits: int = 0
+    made_with: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Method:
+    """What a row is of.
+
+    Attributes:
+        name: of the row. kind: one of :data:`KINDS`. says: what the method is, in a sentence.
+        budget: a name in :data:`experiments.benchmarking.protocol.BUDGETS`, or empty. frames: of each training; None where
+            nothing is trained here.
+        settings: that decide results, as plain data.
+    """
+
+    name: str
+    kind: str
+    says: str
+    budget: str = ""
+    frames: int | None = None
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row, read from its folder, all files of which have their hashes."""
+
+    method: Method
+    pieces: tuple[Piece, ...]
+    folder: Path
+    hash: str
+
+    def episodes(self) -> pa.Table:
+        """All episodes, :data:`EPISODES`, piece after piece."""
+        return pq.read_table(self.folder / TABLE)
+
+    def suites(self) -> tuple[str, ...]:
+        """The suites that were played, each once."""
+        return tuple(dict.fromkeys(piece.suite for piece in self.pieces))
+
+
+@dataclass(frozen=True)
+class NewPiece:
+    """A piece that is to become part of a row, with its episodes and the path of its file, if it has one."""
+
+    piece: Piece
+    episodes: pa.Table
+    path: Path | None
+
+
+def read_row(folder: Path) -> Row:
+    """The row in a folder.
+
+    Raises:
+        RunFolderError: there is none, or a file of it is not what its description says; the message names the file.
+    """
+    path = folder / ROW
+    data = _description(path)
+    stated = data.pop("hash")
+    if stated != hash_of(data):
+        raise RunFolderError(
+            f"{path} was edited: its hash is {hash_of(data)}, and it says {stated}. A changed row is another one: make it with"
+            " python -m experiments.benchmark"
+        )
+    there = {one.name for one in folder.iterdir() if one.is_file() and one.name != ROW}
+    for name in sorted(there ^ {*data["files"]}):
+        raise RunFolderError(f"{folder}: the file {name} {'is not part of the row' if name in there else 'is missing'}")
+    for name, known in data["files"].items():
+        if (found := file_hash(folder / name)) != known:
+            raise RunFolderError(
+                f"{folder / name} is not what the row was made of: its hash is {found}, and {ROW} says {known}"
+            )
+    made_with = data["made_with"]
+    pieces = tuple(Piece(**{**one, "made_with": made_with[one["made_with"]]}) for one in data["pieces"])
+    method = Method(**{one.name: data[one.name] for one in dataclasses.fields(Method)})
+    return Row(method, pieces, folder, stated)
+
+
+def _description(path: Path) -> dict[str, Any]:
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise RunFolderError(f"{path}: there is no row: {error.strerror}") from error
+    except ValueError as error:
+        raise RunFolderError(f"{path} is no JSON: {error}") from error
+    wrong = misfit(data, FORM, only=True)
+    if wrong:
+        raise RunFolderError(f"{path}: {wrong}")
+    if data["format"] != FORMAT or data["kind"] not in KINDS:
+        raise RunFolderError(f"{path}: format {data['format']}, kind '{data['kind']}' is not what this version reads")
+    if any(not 0 <= one["made_with"] < len(data["made_with"]) for one in data["pieces"]):
+        raise RunFolderError(f"{path}: a piece was made with what made_with does not list")
+    if any(Path(name).name != name for name in (*data["files"], *(one["file"] for one in data["pieces"]))):
+        raise RunFolderError(f"{path}: files lie beside it, in no other folder")
+    return data
+
+
+def add_pieces(folder: Path, method: Method, new: Sequence[NewPiece]) -> Row:
+    """The row with further pieces, written; those that it has of the same suite and seed are replaced.
+
+    Raises:
+        RunFolderError: the folder holds the row of another method, or cannot be written.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    with locked(folder.parent, RunFolderError, "start the command again later", WAIT):
+        before = row_of(folder, method)
+        added = {(one.piece.suite, one.piece.seed) for one in new}
+        kept = [] if before is None else [one for one in before.pieces if (one.suite, one.seed) not in added]
+        pieces = sorted([*kept, *(one.piece for one in new)], key=lambda one: (one.suite, one.seed))
+        tables = [] if before is None else [before.episodes()]
+        tables = [*(_without(one, added) for one in tables), *(one.episodes.cast(EPISODES) for one in new)]
+        for one in (one for one in new if one.path is not None):
+            assert one.path is not None
+            with replacing(folder / one.piece.file) as beside:
+                shutil.copyfile(one.path, beside)
+        episodes = pa.concat_tables(tables).sort_by([(key, "ascending") for key in KEYS])
+        with replacing(folder / TABLE) as beside:
+            pq.write_table(episodes, str(beside), compression="zstd")
+        _write(folder, method, pieces)
+    return read_row(folder)
+
+
+def row_of(folder: Path, method: Method) -> Row | None:
+    """The row of a method in a folder, None where there is none; raises :class:`RunFolderError` if it is of another method."""
+    if not (folder / ROW).exists():
+        return None
+    row = read_row(folder)
+    for one in ("kind", "budget", "frames", "settings"):
+        there, here = getattr(row.method, one), _plain(getattr(method, one))
+        if there != here:
+            raise RunFolderError(
+                f"{folder} is the row of another method: {_difference(one, there, here)}. Name yours: row=..."
+            )
+    return row
+
+
+def _difference(place: str, there: Any, here: Any) -> str:
+    """The first setting in which two differ, in words."""
+    if isinstance(there, Mapping) and isinstance(here, Mapping):
+        key = next(key for key in sorted({*there, *here}) if there.get(key) != here.get(key))
+        return _difference(f"{place}.{key}", there.get(key), here.get(key))
+    return f"{place} is {there!r} there and {here!r} here"
+
+
+def _without(episodes: pa.Table, keys: set[tuple[str, int]]) -> pa.Table:
+    names = zip(*(episodes[key].to_pylist() for key in KEYS), strict=True)
+    return episodes.filter(pa.array([key not in keys for key in names], pa.bool_()))
+
+
+def _write(folder: Path, method: Method, pieces: Sequence[Piece]) -> None:
+    """Writes the description of a row, whose other files are written already, and removes files that no piece has."""
+    kept = {TABLE, *(one.file for one in pieces if one.file)}
+    for path in folder.glob("*.npz"):
+        if path.name not in kept:
+            path.unlink()
+    made_with: list[Any] = []
+    listed = []
+    for one in pieces:
+        if one.made_with not in made_with:
+            made_with.append(one.made_with)
+        listed.append({**dataclasses.asdict(one), "made_with": made_with.index(one.made_with)})
+    data = {"format": FORMAT, **dataclasses.asdict(method), "pieces": listed, "made_with": made_with}
+    data = _plain({**data, "files": {name: file_hash(folder / name) for name in sorted(kept)}})
+    write_text(folder / ROW, json.dumps({**data, "hash": hash_of(data)}, indent=1) + "\n")
+
+
+def _plain(data: Any) -> Any:
+    """Data as JSON gives it back."""
+    return json.loads(json.dumps(data))
+
+
+def hash_of(data: Any) -> str:
+    """Sixteen digits that are equal for equal plain data."""
+    return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()[:DIGITS]
+
+
+def file_hash(path: Path) -> str:
+    """Sixteen digits of a file's content."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:DIGITS]
+
+
+def write_piece(folder: Path, piece: Piece, episodes: pa.Table) -> None:
+    """Writes a piece into a folder of its own, in which its file lies already."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with replacing(folder / TABLE) as beside:
+        pq.write_table(episodes, str(beside))
+    write_text(folder / PIECE, json.dumps(dataclasses.asdict(piece), indent=1) + "\n")
+
+
+def read_piece(folder: Path) -> NewPiece | None:
+    """The piece in a folder of its own; None where there is none."""
+    if not (folder / PIECE).exists():
+        return None
+    piece = Piece(**json.loads((folder / PIECE).read_text()))
+    return NewPiece(piece, pq.read_table(folder / TABLE), folder / piece.file if piece.file else None)

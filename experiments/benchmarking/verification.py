@@ -1,0 +1,84 @@
+"""Plays a row again by what it holds, and compares every episode to the bit."""
+
+from collections.abc import Callable, Collection
+
+import numpy as np
+import pyarrow as pa
+
+from experiments.benchmarking.playing import replay
+from experiments.benchmarking.protocol import piece_name
+from experiments.benchmarking.row import EPISODES, Piece, Row
+from experiments.settings import RunFolderError
+from segar.errors import SuiteError
+from segar.suites import suite
+
+COMPARED = ("levels", "level", "return", "length", "success", "death")
+
+
+def verify(
+    row: Row,
+    suites: Collection[str] = (),
+    seeds: Collection[int] = (),
+    say: Callable[[str], None] = lambda line: None,
+) -> int:
+    """Play the pieces of a row again; returns how many episodes are the same to the bit, which are all.
+
+    Args:
+        suites, seeds: only these; all where they are empty.
+
+    Raises:
+        RunFolderError: an episode is another one, levels are others, or a suite is another version; the message names the
+            first.
+    """
+    count, episodes = 0, row.episodes()
+    if episodes.schema != EPISODES:
+        raise RunFolderError(f"{row.folder}: the episodes have other columns than {', '.join(EPISODES.names)}")
+    recorded = {
+        key: part for key, part in _parts(episodes).items() if (not suites or key[0] in suites)
+    }  # fmt: skip
+    chosen = [one for one in row.pieces if not suites or one.suite in suites]
+    for piece in (one for one in chosen if not seeds or one.seed in seeds):
+        stated = recorded.get((piece.suite, piece.seed))
+        if stated is None:
+            raise RunFolderError(f"{row.folder}: there are no episodes of {piece_name(piece.suite, piece.seed)}")
+        _require_same(row, piece, stated, _replayed(row, piece))
+        count += len(stated)
+        say(f"{row.method.name}: {piece_name(piece.suite, piece.seed)}: {len(stated)} episodes are equal to the bit")
+    return count
+
+
+def _parts(episodes: pa.Table) -> dict[tuple[str, int], pa.Table]:
+    """The episodes of each piece."""
+    keys = list(zip(episodes["suite"].to_pylist(), episodes["seed"].to_pylist(), strict=True))
+    first = {key: i for i, key in reversed(list(enumerate(keys)))}
+    last = {key: i for i, key in enumerate(keys)}
+    return {key: episodes.slice(first[key], last[key] + 1 - first[key]) for key in first}
+
+
+def _replayed(row: Row, piece: Piece) -> pa.Table:
+    try:
+        of = suite(piece.suite)
+    except SuiteError as error:
+        raise RunFolderError(f"{row.folder.name}: {error}") from error
+    if of.hash != piece.suite_hash:
+        raise RunFolderError(
+            f"{row.folder.name}: it was played on {piece.suite} with the hash {piece.suite_hash}, and the suite of this name has"
+            f" {of.hash} here"
+        )
+    return replay(row.method, piece, of, row.folder)
+
+
+def _require_same(row: Row, piece: Piece, stated: pa.Table, played: pa.Table) -> None:
+    """Raises :class:`RunFolderError` for the first episode in which two tables differ."""
+    name = f"{row.method.name}: {piece_name(piece.suite, piece.seed)}"
+    if len(stated) != len(played):
+        raise RunFolderError(f"{name}: the row has {len(stated)} episodes, and {len(played)} were played")
+    for column in COMPARED:
+        there, here = (np.asarray(table[column].combine_chunks()) for table in (stated, played))
+        wrong = np.flatnonzero(there != here)
+        if len(wrong):
+            i = int(wrong[0])
+            raise RunFolderError(
+                f"{name}: the {column} of the episode on {stated['levels'][i]} level {stated['level'][i]} is {there[i]!r} in the"
+                f" row and {here[i]!r} when it is played; {len(wrong)} of {len(stated)} episodes differ"
+            )
