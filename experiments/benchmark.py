@@ -21,6 +21,7 @@ Settings, as name=value:
   row=NAME                   the name of the row; by default made of algorithm, observation and budget
   rows=FOLDER                where rows are; benchmark/ under root by default, and docs/results/benchmark for those shipped
   verify=ROW                 play a row again and compare every episode to the bit; a list of rows, or all
+  table=true                 make tables, figures and page of the rows that are there, and nothing else
   dry_run=true               print the plan and run nothing
   processes=N                runs side by side; 0, the default: one per core
   report=false               no table and no figure
@@ -96,6 +97,7 @@ class BenchmarkConfig:
     row: str = ""
     rows: str | None = None
     verify: tuple[str, ...] = ()
+    table: bool = False
     processes: int = 0
     dry_run: bool = False
     report: bool = True
@@ -142,6 +144,9 @@ def benchmark(config: BenchmarkConfig) -> None:
     """
     if config.verify:
         verify_rows(config)
+        return
+    if config.table:
+        run_plugin(REPORTS, REPORT, config.folder)
         return
     method, seeds = method_of(config), range(config.run.seed, config.run.seed + config.seeds)
     there = row_of(config.folder / method.name, method)

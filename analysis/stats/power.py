@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from scipy import stats
+from statsmodels.stats.power import TTestIndPower
 from statsmodels.stats.proportion import proportion_confint
 
 from analysis.stats.association import covariate_matrix, holm, labels, require
@@ -125,3 +126,12 @@ def critical_r(n: int, alpha: float = ALPHA, covariates: int = 0) -> float:
         raise SegarError(f"{n} points are too few for {covariates} covariates")
     t = float(stats.t.isf(alpha / 2, freedom))
     return t / math.sqrt(freedom + t * t)
+
+
+def detectable_difference(sd: float, n: int, power: float = 0.8, alpha: float = ALPHA) -> float:
+    """The smallest difference between the means of two groups of ``n`` with this standard deviation that Student's two-sided
+    test finds with that power; NaN of fewer than 2."""
+    if n < 2:
+        return float("nan")
+    size = TTestIndPower().solve_power(nobs1=n, power=power, alpha=alpha, alternative="two-sided")
+    return float(size) * sd

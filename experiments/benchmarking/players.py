@@ -93,13 +93,13 @@ def actions_of(name: str, of: Suite, sets: Mapping[str, Levels], task: PlayerTas
             f"policy: {name} must be a function of a suite and a seed that returns a policy, a function of observations; it"
             f" {'returns ' + type(made).__name__ if callable(make) else 'is ' + type(make).__name__}"
         )
-    recorder, options = Recorder(made), {**options_of(of, task.method, sets["train"]), "unit_actions": False}
-    found = segar.evaluate_policy(recorder, sets["train"], sets["test"], **options)
-    rows, first = recorder.rows(), len(sets["train"])
-    return {
-        "train": joined(rows[:first], found.train.episodes.length),
-        "test": joined(rows[first:], found.test.episodes.length),
-    }
+    found = {}
+    for side, levels in sets.items():  # what is seen may differ from side to side
+        recorder = Recorder(made)
+        options = {**options_of(of, task.method, sets["train"], side), "unit_actions": False}
+        played = segar.evaluate_policy(recorder, levels, levels[:1], **options)
+        found[side] = joined(recorder.rows()[: len(levels)], played.train.episodes.length)
+    return found
 
 
 class Recorder:

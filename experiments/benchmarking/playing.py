@@ -38,22 +38,23 @@ def hashes_of(sets: Mapping[str, Levels]) -> dict[str, str]:
     return {side: hash_of_levels(levels) for side, levels in sets.items()}
 
 
-def options_of(suite: Suite, method: Method, train: Levels) -> dict[str, Any]:
-    """Options of the environments in which a network plays: it observes what it did in training."""
+def options_of(suite: Suite, method: Method, train: Levels, side: str) -> dict[str, Any]:
+    """Options of the environments in which a network plays levels of a side: it observes them as it did in training."""
     seen = construct(ObservationConfig, method.settings.get("observation", {}), "observation")
     run = RunConfig(levels=LevelsConfig(train=suite.name), observation=seen)
-    return environment_options(run, train=train)
+    return environment_options(run, train=train, which=side)
 
 
 def play_network(network: Network, suite: Suite, method: Method, sets: Mapping[str, Levels], seed: int) -> pa.Table:
     """The episodes of a network without noise, one on each level."""
-    policy, options = NetworkPolicy(network, unit_actions=True), options_of(suite, method, sets["train"])
+    policy = NetworkPolicy(network, unit_actions=True)
 
     def make_act(env: VectorEnv) -> Act:
         policy.begin(env)
         return lambda now: policy(now.observation)
 
-    return table_of(suite, seed, {side: play_each(levels, make_act, options) for side, levels in sets.items()})
+    options = {side: options_of(suite, method, sets["train"], side) for side in sets}
+    return table_of(suite, seed, {side: play_each(levels, make_act, options[side]) for side, levels in sets.items()})
 
 
 def play_actions(actions: Mapping[str, np.ndarray], suite: Suite, sets: Mapping[str, Levels], seed: int) -> pa.Table:

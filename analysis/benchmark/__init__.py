@@ -1,0 +1,5 @@
+"""The benchmark's rows beside each other: scores, tables, figures, and the leaderboard page."""
+
+from analysis.benchmark.make import report_rows
+
+__all__ = ["report_rows"]

@@ -1,0 +1,58 @@
+"""Makes tables, figures and the leaderboard page of a folder of rows."""
+
+from pathlib import Path
+
+from analysis.benchmark.figures import performance_figure, profile_figure, shown_rows
+from analysis.benchmark.page import overall_table, page_text, suite_table
+from analysis.benchmark.scores import (
+    REFERENCES,
+    OVERALL,
+    figures_of,
+    improvements,
+    leaderboard,
+    profiles,
+    rows_in,
+    suites_compared,
+)
+from analysis.plotting.figures import save_figure
+from analysis.tables import write_csv
+from experiments.benchmarking.protocol import CORE, SHIPPED
+from experiments.runs.files import write_text
+
+DIGITS = 6  # of numbers in CSV files
+SCORES, BOARD, IMPROVEMENT, PROFILES = "scores.csv", "leaderboard.csv", "improvement.csv", "profiles.csv"
+PROFILE, PERFORMANCE, PAGE = "profile", "performance", "leaderboard.md"
+
+
+def report_rows(folder: Path, row: str = "") -> None:
+    """Write tables, figures and page into a folder of rows, beside which the shipped rows stand; print what the row ``row``
+    achieves.
+
+    Rows are compared on the suites of the core where the folder is that of the shipped rows, else on those that rows of the
+    folder played.
+
+    Raises:
+        SegarError: a row is damaged, or those of the references are missing.
+    """
+    folder = folder.resolve()
+    rows = rows_in(dict.fromkeys((folder, SHIPPED)))
+    table = figures_of(rows)
+    here = [name for name, one in rows.items() if one.folder.parent == folder]
+    if folder == SHIPPED:
+        names = [name for name in CORE if name in set(table["suite"])]
+    else:
+        names = [name for one in here if one not in REFERENCES for name in rows[one].suites()]
+    suites = suites_compared(table, names or list(table["suite"]))
+    board = leaderboard(table, suites)
+    if row in rows:
+        print(suite_table(table.loc[table["row"] == row]))
+        print(overall_table(rows, table, board, suites[OVERALL]))
+    improved, shares = improvements(table, suites[OVERALL]), profiles(table, suites[OVERALL])
+    for name, one in ((SCORES, table), (BOARD, board), (IMPROVEMENT, improved), (PROFILES, shares)):
+        write_csv(folder / name, one, DIGITS)
+    shown = shown_rows(board)
+    if shown:
+        save_figure(profile_figure(board, shown, list(suites)), folder / PROFILE, (".png",))
+        save_figure(performance_figure(shares, shown), folder / PERFORMANCE, (".png",))
+    write_text(folder / PAGE, page_text(rows, table, board, improved, suites))
+    print(f"{len(here)} rows here, {len(rows) - len(here)} others: {folder / PAGE}", flush=True)

@@ -1,0 +1,182 @@
+"""The leaderboard as a page, made of tables alone, so that a test can make it again."""
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import pandas as pd
+
+from analysis.benchmark.scores import FIGURES, OVERALL, REFERENCES, seed_spreads
+from analysis.stats.power import detectable_difference
+from analysis.tables import select
+from experiments.benchmarking.protocol import BUDGETS, RANDOM_PLAYS
+from experiments.benchmarking.row import Row
+
+SEEDS = (3, 5, 10)  # numbers of seeds of which the page says what they can see
+WORDS = {
+    "train_return": "return, training",
+    "test_return": "return, test",
+    "gap": "gap",
+    "regret": "regret",
+    "train_success": "success, training",
+    "test_success": "success, test",
+    "train_score": "score, training",
+    "score": "score",
+}
+
+
+def page_text(
+    rows: Mapping[str, Row],
+    table: pd.DataFrame,
+    board: pd.DataFrame,
+    improved: pd.DataFrame,
+    suites: Mapping[str, Sequence[str]],
+) -> str:
+    """The page in Markdown."""
+    overall = suites[OVERALL]
+    parts = [HEAD.format(suites=len(overall), plays=RANDOM_PLAYS, laptop=BUDGETS["laptop"], server=BUDGETS["server"])]
+    parts += ["## All suites\n", overall_table(rows, table, board, overall)]
+    parts += ["![Scores by axis](profile.png)\n", "## By axis\n", axes_table(board, suites)]
+    parts += ["## Which differences can be seen\n", power_text(table, suites)]
+    parts += ["## Probability of improvement\n", IMPROVEMENT, improvement_table(improved, board)]
+    parts += ["![Performance profiles](performance.png)\n", "## Suite by suite\n", SUITES, *suite_tables(table, suites)]
+    parts += ["## Rows\n", rows_table(rows), HOW_TO]
+    return "\n".join(parts)
+
+
+HEAD = """# Leaderboard
+
+What methods achieve on suites ([how to read it, and how to add a row](../../how-to/compare-on-a-suite.md)). A *score* is 0 for
+the better of idle and random play on each level ({plays} random episodes per level and seed), and 1 for the planner, which
+searches in the simulator. All numbers are of one episode on each of the frozen test levels, without noise in the actions.
+Square brackets hold 95 % intervals of the stratified bootstrap over seeds; suites are fixed. The mean is the interquartile
+mean (IQM) over suites and seeds. The budget `laptop` is {laptop:,} frames of training on each suite with each seed, `server`
+{server:,}. Every row can be played again to the bit.
+
+This page is made from the tables beside it by `python -m experiments.benchmark table=true rows=docs/results/benchmark`.
+"""
+IMPROVEMENT = """The probability that a run of the row scores above a run of the column, mean over the suites; ties count half.
+"""
+SUITES = """Means over seeds. *Gap*: return on test levels minus that on training levels. *Regret*: what the return on test levels
+lacks of the planner's. *Score*: on test levels.
+"""
+HOW_TO = """
+## Add a row
+
+```sh
+python -m experiments.benchmark suite=core budget=laptop algorithm=my_lab.learner:MyConfig seeds=5 rows=docs/results/benchmark
+python -m experiments.benchmark suite=core policy=my_lab.method:policy row=mine seeds=5 rows=docs/results/benchmark
+python -m experiments.benchmark suite=core actions=FOLDER row=mine seeds=5 rows=docs/results/benchmark
+python -m experiments.benchmark verify=all rows=docs/results/benchmark
+```
+
+The first command trains an algorithm of your own, the second one plays a method that was trained elsewhere and records its
+actions, the third one takes files of actions. Add the folder of the row and this page in a pull request; tests play it again.
+"""
+
+
+def markdown(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
+    """A table in Markdown, whose first column is text and the others numbers."""
+    rule = ["---", *["--:"] * (len(head) - 1)]
+    return "\n".join(f"| {' | '.join(line)} |" for line in [head, rule, *lines]) + "\n"
+
+
+def number(value: float, digits: int = 2) -> str:
+    """A number as the page has it; a dash where there is none. No zero has a sign."""
+    if pd.isna(value):
+        return "–"
+    return f"{round(float(value), digits) + 0.0:.{digits}f}"
+
+
+def interval(line: Mapping[str, float]) -> str:
+    """An estimate with its interval; without one where seeds do not differ."""
+    if line["low"] == line["high"] or pd.isna(line["low"]):
+        return number(line["estimate"])
+    return f"{number(line['estimate'])} [{number(line['low'])}, {number(line['high'])}]"
+
+
+def overall_table(rows: Mapping[str, Row], table: pd.DataFrame, board: pd.DataFrame, suites: Sequence[str]) -> str:
+    """Each row on all suites, best first, and which rows lack a suite."""
+    lines = []
+    found = select(board, axis=OVERALL)
+    for line in found.to_dict("records"):
+        own = table.loc[(table["row"] == line["row"]) & table["suite"].isin(list(suites))]
+        means = [number(own[name].mean()) for name in ("train_score", "test_success", "train_success")]
+        lines.append([f"`{line['row']}`", interval(line), *means, str(line["seeds"])])
+    text = markdown(["row", "score (IQM)", "score, training", "success, test", "success, training", "seeds"], lines)
+    lacking = [
+        f"`{name}` ({len({*row.suites()} & {*suites})} of {len(suites)} suites)"
+        for name, row in rows.items()
+        if name not in set(found["row"])
+    ]
+    return text + (f"\nNot compared, because suites are missing: {', '.join(lacking)}.\n" if lacking else "")
+
+
+def axes_table(board: pd.DataFrame, suites: Mapping[str, Sequence[str]]) -> str:
+    """The score of each row on each axis."""
+    names = list(dict.fromkeys([*select(board, axis=OVERALL)["row"], *board["row"]]))
+    lines = []
+    for axis, members in suites.items():
+        part = select(board, axis=axis).set_index("row")
+        cells = [interval(part.loc[name]) if name in part.index else "–" for name in names]  # type: ignore[arg-type]
+        lines.append([f"{axis} ({len(members)})", *cells])
+    return markdown(["axis (suites)", *(f"`{name}`" for name in names)], lines)
+
+
+def power_text(table: pd.DataFrame, suites: Mapping[str, Sequence[str]]) -> str:
+    """The smallest differences that numbers of seeds can see, by the spread of the seeds of these rows."""
+    spreads = seed_spreads(table, suites[OVERALL])
+    if spreads.empty:
+        return "There is no row with two seeds of training yet.\n"
+    mean_of_squares = float((spreads**2).mean())
+    lines = []
+    for seeds in SEEDS:
+        one = detectable_difference(mean_of_squares**0.5, seeds)
+        all_of_them = detectable_difference((mean_of_squares / len(spreads)) ** 0.5, seeds)
+        lines.append([str(seeds), number(one), number(spreads.max() * one / mean_of_squares**0.5), number(all_of_them)])
+    worst = str(spreads.idxmax())
+    head = ["seeds of each row", "one suite", f"the suite that varies most, {worst}", f"mean of all {len(spreads)}"]
+    return (
+        "Two rows must differ by so much in score for Student's test to find it with a probability of 0.8 at the level of 5 %,"
+        f" by how the seeds of the trained rows here differ (standard deviation on one suite {number(mean_of_squares**0.5)}"
+        f" on average). Smaller differences between rows say nothing.\n\n{markdown(head, lines)}"
+    )
+
+
+def improvement_table(improved: pd.DataFrame, board: pd.DataFrame) -> str:
+    """Each row against each other one."""
+    names = list(select(board, axis=OVERALL)["row"])
+    lines = []
+    for name in names:
+        part = select(improved, row=name).set_index("over")
+        lines.append([f"`{name}`", *(interval(part.loc[one]) if one in part.index else "" for one in names)])  # type: ignore[arg-type]
+    return markdown(["", *(f"`{name}`" for name in names)], lines)
+
+
+def suite_tables(table: pd.DataFrame, suites: Mapping[str, Sequence[str]]) -> list[str]:
+    """A table for each suite."""
+    found = []
+    for name in (name for axis, members in suites.items() if axis != OVERALL for name in members):
+        part = table.loc[table["suite"] == name]
+        means = part.groupby("row")[list(FIGURES)].mean().sort_values("score", ascending=False, kind="stable")
+        lines = [[f"`{row}`", *map(number, line)] for row, line in zip(means.index, means.to_numpy(), strict=True)]
+        found.append(f"### {name}\n\n{markdown(['row', *(WORDS[one] for one in FIGURES)], lines)}")
+    return found
+
+
+def suite_table(table: pd.DataFrame) -> str:
+    """The means of one row on each suite that it played."""
+    means = table.groupby("suite", sort=False)[list(FIGURES)].mean()
+    lines = [[str(name), *map(number, line)] for name, line in zip(means.index, means.to_numpy(), strict=True)]
+    return markdown(["suite", *(WORDS[one] for one in FIGURES)], lines)
+
+
+def rows_table(rows: Mapping[str, Row]) -> str:
+    """What each row is of, and its hash."""
+    lines = []
+    for name, row in sorted(rows.items(), key=lambda one: (one[0] not in REFERENCES, one[0])):
+        seeds = sorted({piece.seed for piece in row.pieces})
+        commits = sorted({str((one.made_with.get("git") or {}).get("commit", ""))[:8] for one in row.pieces} - {""})
+        lines.append(
+            [f"`{name}`", row.method.says, str(len(row.suites())), f"{seeds[0]} to {seeds[-1]}", f"`{row.hash}`",
+             ", ".join(f"`{one}`" for one in commits)]
+        )  # fmt: skip
+    return markdown(["row", "what it is", "suites", "seeds", "hash", "made by commit"], lines)
