@@ -21,18 +21,20 @@ Settings, as name=value:
   row=NAME                   the name of the row; by default made of algorithm, observation and budget
   rows=FOLDER                where rows are; benchmark/ under root by default, and docs/results/benchmark for those shipped
   verify=ROW                 play a row again and compare every episode to the bit; a list of rows, or all
+  again=ROW                  make a row anew from its description, into rows=FOLDER; a list of rows, or all
   table=true                 make tables, figures and page of the rows that are there, and nothing else
   dry_run=true               print the plan and run nothing
   processes=N                runs side by side; 0, the default: one per core
   report=false               no table and no figure
 
+What scores on the suites need of the rows idle, random and planner is made, too, where no folder of rows has it.
 On a cluster: --multirun hydra/launcher=slurm suite=NAME,NAME,... seed=1,2,3 seeds=1 adds each run to one row.
 """
 
 import dataclasses
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -44,21 +46,23 @@ from experiments.benchmarking.protocol import (
     ALL,
     BUDGETS,
     PLAYERS,
+    REFERENCES,
     SHIPPED,
     is_about_looks,
     piece_name,
     row_folder,
     suites_named,
 )
-from experiments.benchmarking.row import Method, NewPiece, Row, add_pieces, read_piece, read_row, row_of
+from experiments.benchmarking.row import ROW, Method, NewPiece, Row, add_pieces, read_piece, read_row, row_of
 from experiments.benchmarking.verification import verify
 from experiments.commands.hydra_app import ends_with_its_reader, run_command, to_plain
 from experiments.commands.kernels import choose_kernels
 from experiments.evaluation.transfers import RunTask
-from experiments.reproduce import ReproduceConfig, carry_out, cores, failures, reproduce
+from experiments.reproduce import ReproduceConfig, Work, carry_out, cores, failures, reproduce
 from experiments.reproduction.display import Display
+from experiments.reproduction.grid import grid_runs
 from experiments.reproduction.imported_results import names_of
-from experiments.reproduction.plan import ReproductionPlan, in_minutes
+from experiments.reproduction.plan import ReproductionPlan, in_minutes, measure_speeds
 from experiments.reproduction.plugin import REPORTS, run_plugin
 from experiments.reproduction.process_pool import Job, JobResult, run_jobs
 from experiments.runs.run_folder import folder_path, is_finished, runs_root
@@ -78,8 +82,9 @@ from segar.suites import outline, suite
 
 REPORT = "analysis.benchmark:report_rows"
 NOT_OF_METHOD = ("levels", "evaluation", "seed", "frames")  # parts of a run's identity that differ from piece to piece
-PLANNER_SECONDS, PLAYER_SECONDS = 20.0, 3.0  # assumed, per piece
+PLANNER_SECONDS, PLAYER_SECONDS = 8.0, 3.0  # assumed, per piece
 ROWS = "benchmark"  # the folder of rows, under the root of runs
+Key = tuple[str, int]  # a suite and a seed
 
 
 @dataclass(frozen=True)
@@ -97,6 +102,7 @@ class BenchmarkConfig:
     row: str = ""
     rows: str | None = None
     verify: tuple[str, ...] = ()
+    again: tuple[str, ...] = ()
     table: bool = False
     processes: int = 0
     dry_run: bool = False
@@ -129,6 +135,10 @@ class BenchmarkConfig:
         sees_no_textures = not self.player and not self.actions and not self.run.observation.name.startswith("textures")
         return tuple(name for name in chosen if not (sees_no_textures and is_about_looks(name)))
 
+    def all_seeds(self) -> range:
+        """The seeds."""
+        return range(self.run.seed, self.run.seed + self.seeds)
+
     def trained_run(self) -> RunConfig:
         """The settings that all trainings share."""
         scale, frames = self.run.scale, BUDGETS[self.budget]
@@ -137,29 +147,105 @@ class BenchmarkConfig:
 
 
 def benchmark(config: BenchmarkConfig) -> None:
-    """Verifies rows, or makes what a row lacks.
+    """Verifies rows, or makes what a row lacks, and what scores on its suites lack.
 
     Raises:
         SegarError: a row is not what it says; settings are wrong; or some runs failed, and the others are in the row.
     """
     if config.verify:
         verify_rows(config)
-        return
-    if config.table:
+    elif config.again:
+        make_again(config)
+    elif config.table:
         run_plugin(REPORTS, REPORT, config.folder)
-        return
-    method, seeds = method_of(config), range(config.run.seed, config.run.seed + config.seeds)
-    there = row_of(config.folder / method.name, method)
-    known = {(one.suite, one.suite_hash, one.seed) for one in there.pieces} if there else set()
-    wanted = {(name, suite(name).hash, seed) for name in config.chosen_suites() for seed in seeds}
-    left = sorted((name, seed) for name, hashed, seed in wanted - known)
-    print(f"row {method.name}: {method.says}; {len(wanted) - len(left)} of {len(wanted)} pieces are there", flush=True)
+    else:
+        name = make_row(config)
+        for reference in references_of(config) if config.report else ():
+            make_row(reference)
+        if config.report and not config.dry_run:
+            run_plugin(REPORTS, REPORT, config.folder, {"row": name})
+
+
+def make_row(config: BenchmarkConfig) -> str:
+    """Makes what a row lacks; returns its name."""
+    method = method_of(config)
+    left = missing(config, method)
+    pieces = len(config.chosen_suites()) * config.seeds
+    print(f"row {method.name}: {method.says}; {pieces - len(left)} of {pieces} pieces are there", flush=True)
     if left and method.kind == "networks":
         train_pieces(config, method, left)
     elif left:
         play_pieces(config, method, left)
+    return method.name
+
+
+def missing(config: BenchmarkConfig, method: Method) -> list[Key]:
+    """The suites and seeds that a row lacks, or has of another version of the suite."""
+    there = row_of(config.folder / method.name, method)
+    known = {(one.suite, one.suite_hash, one.seed) for one in there.pieces} if there else set()
+    return lacking(config, known)
+
+
+def lacking(config: BenchmarkConfig, known: Collection[tuple[str, str, int]]) -> list[Key]:
+    """The suites and seeds that are asked for and not among those known, which have the hashes of suites."""
+    wanted = [(name, suite(name).hash, seed) for name in config.chosen_suites() for seed in config.all_seeds()]
+    return sorted((name, seed) for name, hashed, seed in wanted if (name, hashed, seed) not in known)
+
+
+def references_of(config: BenchmarkConfig) -> Iterator[BenchmarkConfig]:
+    """The rows of idle, random and planner as far as scores on these suites need them and no folder of rows has them."""
+    for player in (one for one in REFERENCES if one != config.player):
+        rows = [read_row(place / player) for place in config.places if (place / player / ROW).exists()]
+        left = lacking(config, {(one.suite, one.suite_hash, one.seed) for row in rows for one in row.pieces})
+        if left:
+            names = tuple(dict.fromkeys(name for name, _ in left))
+            yield dataclasses.replace(config, player=player, policy="", actions="", row="", suites=names)
+
+
+def make_again(config: BenchmarkConfig) -> None:
+    """Makes rows anew from their descriptions, each after the cost of all was printed.
+
+    Raises:
+        ConfigError: the rows would be written over themselves.
+    """
+    rows = named_rows(config.again, config)
+    if any(row.folder.parent == config.folder for row in rows):
+        raise ConfigError(f"rows: {config.folder} holds the rows themselves; name another folder: rows=FOLDER")
+    known = [row for row in rows if row.method.kind == "networks" or row.method.name in PLAYERS]
+    for row in (row for row in rows if row not in known):
+        print(f"row {row.method.name}: {row.method.says}: it was made elsewhere, and is verified, not made again")
+    todo = [again(config, row) for row in known]
+    for dry_run in (True, False)[: 2 - config.dry_run]:
+        for one in todo:
+            make_row(dataclasses.replace(one, dry_run=dry_run))
+        seconds = sum(map(seconds_of, todo)) / (config.processes or cores())
+        if dry_run:
+            print(f"all rows: about {in_minutes(seconds)} with {config.processes or cores()} at a time", flush=True)
     if config.report and not config.dry_run:
-        run_plugin(REPORTS, REPORT, config.folder, {"row": method.name})
+        run_plugin(REPORTS, REPORT, config.folder)
+
+
+def again(config: BenchmarkConfig, row: Row) -> BenchmarkConfig:
+    """The settings that make a row anew."""
+    method, seeds = row.method, sorted({piece.seed for piece in row.pieces})
+    data = {key: value for key, value in as_data(config.run).items() if key not in method.settings}
+    data |= {key: value for key, value in method.settings.items() if key != "training_levels"}
+    data |= {"seed": seeds[0], "scale": {**data["scale"], "frames": method.frames or data["scale"]["frames"]}}
+    return dataclasses.replace(
+        config, run=run_config(data), suites=row.suites(), seeds=len(seeds), row=method.name,
+        budget=method.budget or config.budget, training_levels=method.settings.get("training_levels"),
+        player=method.name if method.name in PLAYERS else "",
+    )  # fmt: skip
+
+
+def seconds_of(config: BenchmarkConfig) -> float:
+    """How long what a row lacks takes, in seconds, if all of it is made one after the other."""
+    method, speeds = method_of(config), measure_speeds(runs_root(config.run))
+    left = set(missing(config, method))
+    if method.kind != "networks":
+        return len(left) * seconds_per_piece(config)
+    runs = (run for run in runs_of(plan_of(config, method, left)) if (run.levels.train, run.seed) in left)
+    return sum(speeds.seconds(RunTask(run)) for run in runs)
 
 
 def method_of(config: BenchmarkConfig) -> Method:
@@ -203,30 +289,30 @@ def extras(settings: Mapping[str, Any]) -> list[str]:
     return [str(name)] if name else []
 
 
-def train_pieces(config: BenchmarkConfig, method: Method, left: Sequence[tuple[str, int]]) -> None:
+def train_pieces(config: BenchmarkConfig, method: Method, left: Sequence[Key]) -> None:
     """Trains what a row lacks, and adds it to the row; raises as :func:`experiments.reproduce.reproduce`."""
-    run, chosen = config.trained_run(), tuple(dict.fromkeys(name for name, _ in left))
-    grids = {name: experiment_of(name, config) for name in chosen}
-    plan = ReproduceConfig(run, config.processes, grids=grids, dry_run=config.dry_run, report=False)
-    all_labels = {
-        label: (one.levels.train, one.seed)
-        for one in runs_of(plan)
-        for label in names_of(one)
-    }  # fmt: skip
-    done = frozenset(label for label, key in all_labels.items() if key not in set(left))
+    plan = plan_of(config, method, left)
+    there = [run for run in runs_of(plan) if (run.levels.train, run.seed) not in set(left)]
 
     def finish(_: ReproduceConfig, made: ReproductionPlan) -> bool:
         runs = [work.run for work in made.runs if is_finished(folder_path(work.run))]
-        show(add(config, method, [trained_piece(one) for one in runs]))
+        if runs:
+            show(add(config, method, [trained_piece(one) for one in runs]))
         return True
 
-    reproduce(plan, train_and_play, finish, done)
+    reproduce(plan, train_and_play, finish, frozenset(label for run in there for label in names_of(run)))
+
+
+def plan_of(config: BenchmarkConfig, method: Method, left: Collection[Key]) -> ReproduceConfig:
+    """The suites of which a row lacks something, as experiments; their runs share a tag in MLflow, the name of the row."""
+    run = config.trained_run()
+    run = dataclasses.replace(run, tracking=dataclasses.replace(run.tracking, sweep=run.tracking.sweep or method.name))
+    grids = {name: experiment_of(name, config) for name in dict.fromkeys(name for name, _ in left)}
+    return ReproduceConfig(run, config.processes, grids=grids, dry_run=config.dry_run, report=False)
 
 
 def runs_of(plan: ReproduceConfig) -> list[RunConfig]:
     """All runs of a plan, those that a row has included."""
-    from experiments.reproduction.grid import grid_runs
-
     return [run for one in plan.at_scale() if one.grid for run in grid_runs(one.grid, plan.run)]
 
 
@@ -243,8 +329,9 @@ def experiment_of(name: str, config: BenchmarkConfig) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def train_and_play(work: RunTask) -> dict[str, float]:
+def train_and_play(work: Work) -> dict[str, float]:
     """Trains or resumes a run, and plays its network; returns the final figures of the training."""
+    assert isinstance(work, RunTask)
     figures = carry_out(work)
     trained_piece(work.run)
     return figures
@@ -260,7 +347,7 @@ def trained_piece(run: RunConfig) -> NewPiece:
     return piece_of(run, Method("", "networks", "", settings=settings_of(run, own)))
 
 
-def play_pieces(config: BenchmarkConfig, method: Method, left: Sequence[tuple[str, int]]) -> None:
+def play_pieces(config: BenchmarkConfig, method: Method, left: Sequence[Key]) -> None:
     """Plays what a row without training lacks, and adds it to the row; raises :class:`TrainingError` where something failed."""
     place = runs_root(config.run) / f"{ROWS}_pieces" / method.name
     tasks = [
@@ -269,7 +356,7 @@ def play_pieces(config: BenchmarkConfig, method: Method, left: Sequence[tuple[st
     ]
     waiting = [task for task in tasks if not task.is_done()]
     processes = config.processes or cores()
-    seconds = PLANNER_SECONDS if config.player == "planner" else PLAYER_SECONDS
+    seconds = seconds_per_piece(config)
     head, rows = ["suite", "seeds", "about"], []
     for name in dict.fromkeys(name for name, _ in left):
         seeds = [task.seed for task in waiting if task.suite == name]
@@ -290,6 +377,11 @@ def play_pieces(config: BenchmarkConfig, method: Method, left: Sequence[tuple[st
         show(add(config, method, found))
     if failed:
         raise TrainingError(failures(failed, len(jobs), True))
+
+
+def seconds_per_piece(config: BenchmarkConfig) -> float:
+    """How long a piece without training takes, as far as that is known before."""
+    return PLANNER_SECONDS if config.player == "planner" else PLAYER_SECONDS
 
 
 def ending(outcome: JobResult) -> str:
@@ -318,13 +410,9 @@ def show(row: Row) -> None:
 
 def verify_rows(config: BenchmarkConfig) -> None:
     """Plays rows again; raises :class:`SegarError` for the first that is not what it says."""
-    names = config.verify
-    if names == (ALL,):
-        names = tuple(sorted(str(path.parent) for place in config.places for path in place.glob("*/row.json")))
-        require(bool(names), "verify", ALL, "the name of a row; there are none")
-    for name in names:
-        row, began = read_row(row_folder(name, config.places)), time.monotonic()
-        suites = () if config.suites == DEFAULT_SUITES else suites_named(config.suites)
+    suites = () if config.suites == DEFAULT_SUITES else suites_named(config.suites)
+    for row in named_rows(config.verify, config):
+        began = time.monotonic()
         count = verify(row, suites, say=lambda line: print(line, flush=True))
         print(
             f"row {row.method.name}, hash {row.hash}: {count:,} episodes are equal to the bit"
@@ -333,9 +421,17 @@ def verify_rows(config: BenchmarkConfig) -> None:
         )
 
 
+def named_rows(names: Sequence[str], config: BenchmarkConfig) -> list[Row]:
+    """The rows of these names, or all; raises :class:`SegarError` where there is none, or a damaged one."""
+    if tuple(names) == (ALL,):
+        names = sorted(str(path.parent) for place in config.places for path in place.glob(f"*/{ROW}"))
+        require(bool(names), "rows", str(config.folder), "a folder with rows")
+    return [read_row(row_folder(name, config.places)) for name in names]
+
+
 DEFAULT_SUITES = BenchmarkConfig().suites
 SETTINGS = {name: value for name, value in as_data(BenchmarkConfig()).items() if name not in ("run", "training_levels")}
-LISTS = ("suites", "verify")
+LISTS = ("suites", "verify", "again")
 
 
 def build(config: DictConfig) -> BenchmarkConfig:

@@ -6,10 +6,11 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from analysis.benchmark.scores import OVERALL, REFERENCES
+from analysis.benchmark.scores import OVERALL
 from analysis.plotting import style
 from analysis.plotting.figures import new_figure, zero_line
 from analysis.tables import column, select
+from experiments.benchmarking.protocol import REFERENCES
 
 SPREAD = 0.6  # of the width of an axis, over which rows stand side by side
 FLOOR = -0.35  # lower ends of intervals are cut there
@@ -51,7 +52,9 @@ def performance_figure(shares: pd.DataFrame, rows: Sequence[str]) -> Figure:
             part = select(shares, row=row)
             at = column(part, "threshold")
             axes.plot(at, column(part, "estimate"), color=colours[row], linewidth=style.LINE_WIDTH, label=row)
-            axes.fill_between(at, column(part, "low"), column(part, "high"), color=colours[row], alpha=0.13, linewidth=0)
+            axes.fill_between(
+                at, column(part, "low"), column(part, "high"), color=colours[row], alpha=0.13, linewidth=0
+            )
         axes.set_xlabel("score on test levels")
         axes.set_ylabel("share of runs above it")
         axes.set_ylim(-0.02, 1.02)

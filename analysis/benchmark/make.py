@@ -5,8 +5,8 @@ from pathlib import Path
 from analysis.benchmark.figures import performance_figure, profile_figure, shown_rows
 from analysis.benchmark.page import overall_table, page_text, suite_table
 from analysis.benchmark.scores import (
-    REFERENCES,
     OVERALL,
+    by_name,
     figures_of,
     improvements,
     leaderboard,
@@ -16,7 +16,7 @@ from analysis.benchmark.scores import (
 )
 from analysis.plotting.figures import save_figure
 from analysis.tables import write_csv
-from experiments.benchmarking.protocol import CORE, SHIPPED
+from experiments.benchmarking.protocol import CORE, REFERENCES, SHIPPED
 from experiments.runs.files import write_text
 
 DIGITS = 6  # of numbers in CSV files
@@ -32,11 +32,11 @@ def report_rows(folder: Path, row: str = "") -> None:
     folder played.
 
     Raises:
-        SegarError: a row is damaged, or those of the references are missing.
+        SegarError: a row is damaged.
     """
     folder = folder.resolve()
-    rows = rows_in(dict.fromkeys((folder, SHIPPED)))
-    table = figures_of(rows)
+    found = rows_in(dict.fromkeys((folder, SHIPPED)))
+    rows, table = by_name(found), figures_of(found)
     here = [name for name, one in rows.items() if one.folder.parent == folder]
     if folder == SHIPPED:
         names = [name for name in CORE if name in set(table["suite"])]

@@ -4,10 +4,10 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import pandas as pd
 
-from analysis.benchmark.scores import FIGURES, OVERALL, REFERENCES, seed_spreads
+from analysis.benchmark.scores import FIGURES, OVERALL, seed_spreads
 from analysis.stats.power import detectable_difference
-from analysis.tables import select
-from experiments.benchmarking.protocol import BUDGETS, RANDOM_PLAYS
+from analysis.tables import mean_by, select
+from experiments.benchmarking.protocol import BUDGETS, RANDOM_PLAYS, REFERENCES
 from experiments.benchmarking.row import Row
 
 SEEDS = (3, 5, 10)  # numbers of seeds of which the page says what they can see
@@ -55,8 +55,8 @@ This page is made from the tables beside it by `python -m experiments.benchmark 
 """
 IMPROVEMENT = """The probability that a run of the row scores above a run of the column, mean over the suites; ties count half.
 """
-SUITES = """Means over seeds. *Gap*: return on test levels minus that on training levels. *Regret*: what the return on test levels
-lacks of the planner's. *Score*: on test levels.
+SUITES = """Means over seeds. *Gap*: return on test levels minus that on training levels. *Regret*: what the return on test
+levels lacks of the planner's. *Score*: on test levels.
 """
 HOW_TO = """
 ## Add a row
@@ -156,16 +156,16 @@ def suite_tables(table: pd.DataFrame, suites: Mapping[str, Sequence[str]]) -> li
     found = []
     for name in (name for axis, members in suites.items() if axis != OVERALL for name in members):
         part = table.loc[table["suite"] == name]
-        means = part.groupby("row")[list(FIGURES)].mean().sort_values("score", ascending=False, kind="stable")
-        lines = [[f"`{row}`", *map(number, line)] for row, line in zip(means.index, means.to_numpy(), strict=True)]
+        means = mean_by(part, ["row"], FIGURES).sort_values("score", ascending=False, kind="stable")
+        lines = [[f"`{one['row']}`", *(number(one[name]) for name in FIGURES)] for one in means.to_dict("records")]
         found.append(f"### {name}\n\n{markdown(['row', *(WORDS[one] for one in FIGURES)], lines)}")
     return found
 
 
 def suite_table(table: pd.DataFrame) -> str:
     """The means of one row on each suite that it played."""
-    means = table.groupby("suite", sort=False)[list(FIGURES)].mean()
-    lines = [[str(name), *map(number, line)] for name, line in zip(means.index, means.to_numpy(), strict=True)]
+    means = mean_by(table, ["suite"], FIGURES).to_dict("records")
+    lines = [[str(one["suite"]), *(number(one[name]) for name in FIGURES)] for one in means]
     return markdown(["suite", *(WORDS[one] for one in FIGURES)], lines)
 
 
@@ -174,9 +174,6 @@ def rows_table(rows: Mapping[str, Row]) -> str:
     lines = []
     for name, row in sorted(rows.items(), key=lambda one: (one[0] not in REFERENCES, one[0])):
         seeds = sorted({piece.seed for piece in row.pieces})
-        commits = sorted({str((one.made_with.get("git") or {}).get("commit", ""))[:8] for one in row.pieces} - {""})
-        lines.append(
-            [f"`{name}`", row.method.says, str(len(row.suites())), f"{seeds[0]} to {seeds[-1]}", f"`{row.hash}`",
-             ", ".join(f"`{one}`" for one in commits)]
-        )  # fmt: skip
-    return markdown(["row", "what it is", "suites", "seeds", "hash", "made by commit"], lines)
+        suites = str(len(row.suites()))
+        lines.append([f"`{name}`", row.method.says, suites, f"{seeds[0]} to {seeds[-1]}", f"`{row.hash}`"])
+    return markdown(["row", "what it is", "suites", "seeds", "hash"], lines)

@@ -8,14 +8,13 @@ import numpy as np
 import pandas as pd
 
 from analysis.stats.scores import aggregates, performance_profiles, probability_of_improvement
-from analysis.tables import Floats
-from experiments.benchmarking.protocol import SIDES
+from analysis.tables import Floats, keep
+from experiments.benchmarking.protocol import PLAYERS, REFERENCES, SIDES
 from experiments.benchmarking.row import ROW, Row, read_row
-from segar.errors import SegarError
 from segar.evaluation import Baselines
 from segar.suites import AXES, outline
 
-IDLE, RANDOM, PLANNER = REFERENCES = ("idle", "random", "planner")
+IDLE, RANDOM, PLANNER = REFERENCES
 SEED = 0  # of the bootstrap
 OVERALL = "all"  # of the axes
 THRESHOLDS = np.linspace(0, 1, 41)
@@ -24,43 +23,38 @@ FIGURES = (
 )  # fmt: skip
 
 
-def rows_in(folders: Iterable[Path]) -> dict[str, Row]:
-    """The rows in some folders by name; of one name, that of the first folder. Raises :class:`SegarError` for a damaged row."""
-    found: dict[str, Row] = {}
-    for folder in folders:
-        for path in sorted(folder.glob(f"*/{ROW}")):
-            row = read_row(path.parent)
-            found.setdefault(row.method.name, row)
-    return found
+def rows_in(folders: Iterable[Path]) -> list[Row]:
+    """The rows in some folders, in their order; raises :class:`SegarError` for a damaged one."""
+    return [read_row(path.parent) for folder in folders for path in sorted(folder.glob(f"*/{ROW}"))]
 
 
-def figures_of(rows: Mapping[str, Row]) -> pd.DataFrame:
-    """One line per row, suite and seed: ``row``, ``axis``, ``suite``, ``suite_hash``, ``seed`` and :data:`FIGURES`.
+def by_name(rows: Iterable[Row]) -> dict[str, Row]:
+    """Rows by name; of one name, the first one."""
+    return {row.method.name: row for row in reversed([*rows])}
+
+
+def figures_of(rows: Sequence[Row]) -> pd.DataFrame:
+    """One line per row, suite and seed: ``row``, ``axis``, ``suite``, ``suite_hash``, ``seed`` and :data:`FIGURES`; of rows of
+    one name, the first one.
 
     Returns and their regret are in units of return; the gap is the return on test levels minus that on training levels. A
-    score is missing where a row of the references lacks the levels.
-
-    Raises:
-        SegarError: a row of the references is missing.
+    score is missing where no row of the references has played the levels.
     """
-    for name in REFERENCES:
-        if name not in rows:
-            raise SegarError(f"scores need the row '{name}': python -m experiments.benchmark algorithm={name}")
-    means = {name: LevelMeans(rows[name]) for name in REFERENCES}
+    means = {row.folder: LevelMeans(row) for row in rows}
+    players = {name: [means[row.folder] for row in rows if row.method.name == name] for name in REFERENCES}
     lines = []
-    for name, row in rows.items():
-        own = means.get(name) or LevelMeans(row)
+    for name, row in sorted(by_name(rows).items()):
+        own = means[row.folder]
         for piece in row.pieces:
             line: dict[str, Any] = {"row": name, "axis": outline(piece.suite)["axis"], "suite": piece.suite}
             line |= {"suite_hash": piece.suite_hash, "seed": piece.seed}
             for side in (side for side in SIDES if side in piece.levels):
-                key = (piece.suite, piece.seed, side)
-                returns = float(own.returns[key].mean())
-                line |= {f"{side}_return": returns, f"{side}_success": float(own.successes[key].mean())}
-                known = references(means, key, piece.levels[side])
+                returns = float(own.returns[piece.suite, piece.seed, side].mean())
+                successes = float(own.successes[piece.suite, piece.seed, side].mean())
+                line |= {f"{side}_return": returns, f"{side}_success": successes}
+                known = references(players, piece.suite, side, piece.levels[side])
                 if known is not None:
-                    score = {"train": "train_score", "test": "score"}[side]
-                    line[score] = float(known.normalised(returns))
+                    line[{"train": "train_score", "test": "score"}[side]] = float(known.normalised(returns))
                 if known is not None and side == "test":
                     line["regret"] = float(known.regret(returns))
             lines.append(line)
@@ -83,28 +77,34 @@ class LevelMeans:
             (piece.suite, piece.seed, side): digits for piece in row.pieces for side, digits in piece.levels.items()
         }
 
-    def of(self, key: tuple[str, int, str], levels: str) -> Floats | None:
-        """Mean returns on the levels of this hash: the mean over all seeds that played them; None where none did."""
-        same = [one for one, digits in self.hashes.items() if digits == levels and (one[0], one[2]) == (key[0], key[2])]
-        return np.mean([self.returns[one] for one in same], axis=0) if same else None
+    def of(self, suite: str, side: str, levels: str) -> list[Floats]:
+        """Returns on the levels of this hash, of each seed that played them."""
+        same = [key for key, digits in self.hashes.items() if digits == levels and (key[0], key[2]) == (suite, side)]
+        return [self.returns[key] for key in same]
 
 
-def references(means: Mapping[str, LevelMeans], key: tuple[str, int, str], levels: str) -> Baselines | None:
-    """The floors and the best known returns on the levels of this hash; None where a row of the references lacks them."""
-    found = [means[name].of(key, levels) for name in (RANDOM, IDLE, PLANNER)]
-    return None if any(one is None for one in found) else Baselines(*found)  # type: ignore[arg-type]
+def references(players: Mapping[str, Sequence[LevelMeans]], suite: str, side: str, levels: str) -> Baselines | None:
+    """The floors and the best known returns on the levels of this hash, each the mean over all seeds that played them; None
+    where a player did not."""
+    found = []
+    for name in (RANDOM, IDLE, PLANNER):
+        returns = [one for means in players[name] for one in means.of(suite, side, levels)]
+        if not returns:
+            return None
+        found.append(np.mean(returns, axis=0))
+    return Baselines(*found)
 
 
 def complete(table: pd.DataFrame, suites: Sequence[str]) -> pd.DataFrame:
     """The lines on these suites of rows that did all of them with each of their seeds, with scores."""
-    kept = table.loc[table["suite"].isin(list(suites)) & table["score"].notna()]
-    whole = []
+    kept = keep(table, table["suite"].isin(list(suites)) & table["score"].notna())
+    whole: list[pd.DataFrame] = []
     for _, part in kept.groupby("row", sort=False):
         seeds = [set(one["seed"]) for _, one in part.groupby("suite")]
         shared = set.intersection(*seeds)
         if len(seeds) == len(suites) and shared:
-            whole.append(part.loc[part["seed"].isin(list(shared))])
-    return pd.concat(whole, ignore_index=True) if whole else kept.iloc[:0]
+            whole.append(keep(part, part["seed"].isin(list(shared))))
+    return pd.concat(whole, ignore_index=True) if whole else keep(kept, np.zeros(len(kept), np.bool_))
 
 
 def suites_compared(table: pd.DataFrame, names: Sequence[str] | None = None) -> dict[str, list[str]]:
@@ -155,8 +155,8 @@ def improvements(table: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
 
 
 def seed_spreads(table: pd.DataFrame, names: Sequence[str]) -> pd.Series:
-    """The standard deviation of the score over seeds on each suite, of rows that are trained: its root mean square over them."""
+    """The standard deviation of the score over seeds on each suite: its root mean square over the rows that are no players."""
     part = complete(table, names)
-    spread = part.groupby(["row", "suite"])["score"].std().unstack("suite")
-    trained = spread.loc[(spread > 0).any(axis=1)]
-    return np.sqrt((trained**2).mean())  # type: ignore[return-value]
+    part = part.loc[~part["row"].isin(list(PLAYERS))]
+    variance = part.groupby(["row", "suite"])["score"].var().dropna()
+    return np.sqrt(variance.groupby("suite").mean())  # type: ignore[return-value]

@@ -11,9 +11,9 @@ import segar
 from experiments.benchmarking.playing import (
     hashes_of,
     options_of,
+    planned,
     play_actions,
     play_player,
-    planned,
     read_actions,
     sets_of,
     write_actions,

@@ -13,7 +13,7 @@ from experiments.benchmarking.protocol import RANDOM_PLAYS, SIDES
 from experiments.benchmarking.row import EPISODES, Method, Piece
 from experiments.levels.builders import environment_options
 from experiments.settings import LevelsConfig, ObservationConfig, RunConfig, RunFolderError, construct
-from segar.envs import Act, TimeStep, VectorEnv
+from segar.envs import Act, VectorEnv
 from segar.errors import SegarError
 from segar.evaluation import PlayedEpisodes, idle_actions, play_episodes
 from segar.hardness import plan

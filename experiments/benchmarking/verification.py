@@ -62,8 +62,8 @@ def _replayed(row: Row, piece: Piece) -> pa.Table:
         raise RunFolderError(f"{row.folder.name}: {error}") from error
     if of.hash != piece.suite_hash:
         raise RunFolderError(
-            f"{row.folder.name}: it was played on {piece.suite} with the hash {piece.suite_hash}, and the suite of this name has"
-            f" {of.hash} here"
+            f"{row.folder.name}: it was played on {piece.suite} with the hash {piece.suite_hash}, and the suite of this"
+            f" name has {of.hash} here"
         )
     return replay(row.method, piece, of, row.folder)
 
@@ -79,6 +79,6 @@ def _require_same(row: Row, piece: Piece, stated: pa.Table, played: pa.Table) ->
         if len(wrong):
             i = int(wrong[0])
             raise RunFolderError(
-                f"{name}: the {column} of the episode on {stated['levels'][i]} level {stated['level'][i]} is {there[i]!r} in the"
-                f" row and {here[i]!r} when it is played; {len(wrong)} of {len(stated)} episodes differ"
+                f"{name}: the {column} of the episode on {stated['levels'][i]} level {stated['level'][i]} is {there[i]!r} in"
+                f" the row and {here[i]!r} when it is played; {len(wrong)} of {len(stated)} episodes differ"
             )
