@@ -2,11 +2,12 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 
+import numpy as np
 import pandas as pd
 
-from analysis.benchmark.scores import FIGURES, OVERALL, seed_spreads
+from analysis.benchmark.scores import COMPARED, FIGURES, OVERALL, seed_spreads
 from analysis.stats.power import detectable_difference
-from analysis.tables import mean_by, select
+from analysis.tables import column, keep, mean_by, select
 from experiments.benchmarking.protocol import BUDGETS, RANDOM_PLAYS, REFERENCES
 from experiments.benchmarking.row import Row
 
@@ -34,9 +35,17 @@ def page_text(
     overall = suites[OVERALL]
     parts = [HEAD.format(suites=len(overall), plays=RANDOM_PLAYS, laptop=BUDGETS["laptop"], server=BUDGETS["server"])]
     parts += ["## All suites\n", overall_table(rows, table, board, overall)]
-    parts += ["![Scores by axis](profile.png)\n", "## By axis\n", axes_table(board, suites)]
+    parts += ["![Score and success by axis](profile.png)\n", "## By axis\n"]
+    parts += [
+        f"{WORDS_OF[one]}; in brackets, how many suites there are:\n\n{axes_table(select(board, quantity=one), suites)}"
+        for one in COMPARED
+    ]
     parts += ["## Which differences can be seen\n", power_text(table, suites)]
-    parts += ["## Probability of improvement\n", IMPROVEMENT, improvement_table(improved, board)]
+    parts += ["## Probability of improvement\n", IMPROVEMENT]
+    parts += [
+        f"{WORDS_OF[one]}:\n\n{improvement_table(select(improved, quantity=one), select(board, quantity=one))}"
+        for one in COMPARED
+    ]
     parts += ["![Performance profiles](performance.png)\n", "## Suite by suite\n", SUITES, *suite_tables(table, suites)]
     parts += ["## Rows\n", rows_table(rows), HOW_TO]
     return "\n".join(parts)
@@ -46,14 +55,20 @@ HEAD = """# Leaderboard
 
 What methods achieve on suites ([how to read it, and how to add a row](../../how-to/compare-on-a-suite.md)). A *score* is 0 for
 the better of idle and random play on each level ({plays} random episodes per level and seed), and 1 for the planner, which
-searches in the simulator. All numbers are of one episode on each of the frozen test levels, without noise in the actions.
+searches in the simulator. Returns are shaped, so that a ball that stops near the goal has a high score; *success*, the share
+of levels that are solved, stands beside it. All numbers are of one episode on each of the frozen test levels, without noise
+in the actions.
 Square brackets hold 95 % intervals of the stratified bootstrap over seeds; suites are fixed. The mean is the interquartile
 mean (IQM) over suites and seeds. The budget `laptop` is {laptop:,} frames of training on each suite with each seed, `server`
 {server:,}. Every row can be played again to the bit.
 
 This page is made from the tables beside it by `python -m experiments.benchmark table=true rows=docs/results/benchmark`.
 """
-IMPROVEMENT = """The probability that a run of the row scores above a run of the column, mean over the suites; ties count half.
+IMPROVEMENT = """The probability that a run of the row is above a run of the column, mean over the suites; ties count half.
+"""
+POWER = """Two rows must differ by so much for Student's test to find it with a probability of 0.8 at the level of 5 %, by how
+the seeds of the trained rows here differ. Smaller differences between two rows say nothing.
+
 """
 SUITES = """Means over seeds. *Gap*: return on test levels minus that on training levels. *Regret*: what the return on test
 levels lacks of the planner's. *Score*: on test levels.
@@ -71,6 +86,9 @@ python -m experiments.benchmark verify=all rows=docs/results/benchmark
 The first command trains an algorithm of your own, the second one plays a method that was trained elsewhere and records its
 actions, the third one takes files of actions. Add the folder of the row and this page in a pull request; tests play it again.
 """
+
+
+WORDS_OF = {"score": "Score on test levels", "test_success": "Success on test levels"}
 
 
 def markdown(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
@@ -96,58 +114,62 @@ def interval(line: Mapping[str, float]) -> str:
 def overall_table(rows: Mapping[str, Row], table: pd.DataFrame, board: pd.DataFrame, suites: Sequence[str]) -> str:
     """Each row on all suites, best first, and which rows lack a suite."""
     lines = []
-    found = select(board, axis=OVERALL)
+    found = select(board, axis=OVERALL, quantity="score")
+    successes = {one["row"]: one for one in select(board, axis=OVERALL, quantity="test_success").to_dict("records")}
     for line in found.to_dict("records"):
-        own = table.loc[(table["row"] == line["row"]) & table["suite"].isin(list(suites))]
-        means = [number(own[name].mean()) for name in ("train_score", "test_success", "train_success")]
-        lines.append([f"`{line['row']}`", interval(line), *means, str(line["seeds"])])
-    text = markdown(["row", "score (IQM)", "score, training", "success, test", "success, training", "seeds"], lines)
+        own = keep(table, (table["row"] == line["row"]) & table["suite"].isin(list(suites)))
+        means = [number(float(np.nanmean(column(own, name)))) for name in ("train_score", "train_success")]
+        success = interval(successes[line["row"]])
+        lines.append([f"`{line['row']}`", interval(line), success, *means, str(line["seeds"])])
+    text = markdown(["row", "score (IQM)", "success (IQM)", "score, training", "success, training", "seeds"], lines)
     lacking = [
         f"`{name}` ({len({*row.suites()} & {*suites})} of {len(suites)} suites)"
         for name, row in rows.items()
-        if name not in set(found["row"])
+        if name not in {*found["row"], *REFERENCES}
     ]
     return text + (f"\nNot compared, because suites are missing: {', '.join(lacking)}.\n" if lacking else "")
 
 
 def axes_table(board: pd.DataFrame, suites: Mapping[str, Sequence[str]]) -> str:
-    """The score of each row on each axis."""
-    names = list(dict.fromkeys([*select(board, axis=OVERALL)["row"], *board["row"]]))
-    lines = []
-    for axis, members in suites.items():
-        part = select(board, axis=axis).set_index("row")
-        cells = [interval(part.loc[name]) if name in part.index else "–" for name in names]  # type: ignore[arg-type]
-        lines.append([f"{axis} ({len(members)})", *cells])
-    return markdown(["axis (suites)", *(f"`{name}`" for name in names)], lines)
+    """One quantity of each row on each axis."""
+    parts = {axis: {one["row"]: one for one in select(board, axis=axis).to_dict("records")} for axis in suites}
+    names = list(dict.fromkeys([*parts[OVERALL], *board["row"]]))
+    lines = [
+        [f"`{name}`", *(interval(part[name]) if name in part else "–" for part in parts.values())] for name in names
+    ]
+    return markdown(["row", *(f"{axis} ({len(members)})" for axis, members in suites.items())], lines)
 
 
 def power_text(table: pd.DataFrame, suites: Mapping[str, Sequence[str]]) -> str:
     """The smallest differences that numbers of seeds can see, by the spread of the seeds of these rows."""
-    spreads = seed_spreads(table, suites[OVERALL])
-    if spreads.empty:
-        return "There is no row with two seeds of training yet.\n"
-    mean_of_squares = float((spreads**2).mean())
     lines = []
-    for seeds in SEEDS:
-        one = detectable_difference(mean_of_squares**0.5, seeds)
-        all_of_them = detectable_difference((mean_of_squares / len(spreads)) ** 0.5, seeds)
-        lines.append([str(seeds), number(one), number(spreads.max() * one / mean_of_squares**0.5), number(all_of_them)])
-    worst = str(spreads.idxmax())
-    head = ["seeds of each row", "one suite", f"the suite that varies most, {worst}", f"mean of all {len(spreads)}"]
-    return (
-        "Two rows must differ by so much in score for Student's test to find it with a probability of 0.8 at the level of 5 %,"
-        f" by how the seeds of the trained rows here differ (standard deviation on one suite {number(mean_of_squares**0.5)}"
-        f" on average). Smaller differences between rows say nothing.\n\n{markdown(head, lines)}"
-    )
+    for quantity in COMPARED:
+        spreads = seed_spreads(table, suites[OVERALL], quantity)
+        if spreads.empty:
+            return "There is no trained row with two seeds yet.\n"
+        mean_of_squares, largest = float((spreads**2).mean()), float(spreads.max())
+        deviations = (mean_of_squares**0.5, largest, (mean_of_squares / len(spreads)) ** 0.5)
+        for seeds in SEEDS:
+            found = [number(detectable_difference(one, seeds)) for one in deviations]
+            lines.append([WORDS_OF[quantity], str(seeds), *found, number(deviations[0])])
+    head = [
+        "",
+        "seeds of each row",
+        "one suite",
+        "the suite that varies most",
+        "mean of all suites",
+        "standard deviation, one suite",
+    ]
+    return POWER + markdown(head, lines)
 
 
 def improvement_table(improved: pd.DataFrame, board: pd.DataFrame) -> str:
     """Each row against each other one."""
     names = list(select(board, axis=OVERALL)["row"])
-    lines = []
-    for name in names:
-        part = select(improved, row=name).set_index("over")
-        lines.append([f"`{name}`", *(interval(part.loc[one]) if one in part.index else "" for one in names)])  # type: ignore[arg-type]
+    pairs = {(one["row"], one["over"]): one for one in improved.to_dict("records")}
+    lines = [
+        [f"`{name}`", *(interval(pairs[name, other]) if other != name else "" for other in names)] for name in names
+    ]
     return markdown(["", *(f"`{name}`" for name in names)], lines)
 
 

@@ -1,6 +1,7 @@
 """From the episodes of rows to scores: 0 is the better of idle and random play on each level, 1 the planner."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.stats.scores import aggregates, performance_profiles, probability_of_improvement
-from analysis.tables import Floats, keep
+from analysis.tables import Floats, keep, pick, select
 from experiments.benchmarking.protocol import PLAYERS, REFERENCES, SIDES
 from experiments.benchmarking.row import ROW, Row, read_row
 from segar.evaluation import Baselines
@@ -17,6 +18,8 @@ from segar.suites import AXES, outline
 IDLE, RANDOM, PLANNER = REFERENCES
 SEED = 0  # of the bootstrap
 OVERALL = "all"  # of the axes
+COMPARED = ("score", "test_success")
+"""What rows are compared by. Return is shaped, so that a ball that stops near the goal has a high score and no success."""
 THRESHOLDS = np.linspace(0, 1, 41)
 FIGURES = (
     "train_return", "test_return", "gap", "regret", "train_success", "test_success", "train_score", "score",
@@ -117,46 +120,49 @@ def suites_compared(table: pd.DataFrame, names: Sequence[str] | None = None) -> 
 
 
 def leaderboard(table: pd.DataFrame, suites: Mapping[str, Sequence[str]]) -> pd.DataFrame:
-    """The interquartile mean of the score of each row on each axis and on all, with stratified bootstrap intervals: columns
-    ``axis``, ``row``, ``estimate``, ``low``, ``high``, ``n``, ``seeds``; best first. Rows that lack a suite are left out."""
+    """The interquartile mean of each of :data:`COMPARED` of each row on each axis and on all, with stratified bootstrap
+    intervals: columns ``quantity``, ``axis``, ``row``, ``estimate``, ``low``, ``high``, ``n``, ``seeds``; best first. Rows
+    that lack a suite are left out."""
     found = []
-    for axis, names in suites.items():
+    for quantity, (axis, names) in product(COMPARED, suites.items()):
         part = complete(table, names)
         if part.empty:
             continue
-        rng = np.random.default_rng(SEED)
-        means = aggregates(part, "score", rng, by="row", task=("suite",))
-        means = means.loc[means["metric"] == "iqm", ["row", "estimate", "low", "high", "n"]]
-        seeds = part.groupby("row")["seed"].nunique()
-        found.append(means.assign(axis=axis, seeds=means["row"].map(seeds)).sort_values("estimate", ascending=False))
-    columns = ["axis", "row", "estimate", "low", "high", "n", "seeds"]
-    return pd.concat(found, ignore_index=True)[columns] if found else pd.DataFrame(columns=columns)
+        means = aggregates(part, quantity, np.random.default_rng(SEED), by="row", task=("suite",))
+        means = select(means, metric="iqm").sort_values("estimate", ascending=False, kind="stable")
+        seeds = [len(set(select(part, row=row)["seed"])) for row in means["row"]]
+        found.append(means.assign(quantity=quantity, axis=axis, seeds=seeds))
+    columns = ["quantity", "axis", "row", "estimate", "low", "high", "n", "seeds"]
+    return pick(pd.concat(found, ignore_index=True), columns) if found else pd.DataFrame(columns=columns)
 
 
 def profiles(table: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
-    """Shares of runs that score above each threshold; see :func:`analysis.stats.scores.performance_profiles`."""
-    part, rng = complete(table, names), np.random.default_rng(SEED)
-    return performance_profiles(part, "score", list(THRESHOLDS), rng, by="row", task=("suite",))
+    """Shares of runs that are above each threshold, by ``quantity``; see
+    :func:`analysis.stats.scores.performance_profiles`."""
+    part, found = complete(table, names), []
+    for quantity in COMPARED:
+        rng = np.random.default_rng(SEED)
+        shares = performance_profiles(part, quantity, list(THRESHOLDS), rng, by="row", task=("suite",))
+        found.append(shares.assign(quantity=quantity))
+    return pd.concat(found, ignore_index=True)
 
 
 def improvements(table: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
-    """The probability that a run of one row scores above one of another, mean over suites: columns ``row``, ``over``,
+    """The probability that a run of one row is above one of another, mean over suites: columns ``quantity``, ``row``, ``over``,
     ``estimate``, ``low``, ``high``."""
     part = complete(table, names)
     rows = list(dict.fromkeys(part["row"]))
     found = []
-    for better in rows:
-        for worse in (one for one in rows if one != better):
-            pair = part.loc[part["row"].isin([better, worse])]
-            rng = np.random.default_rng(SEED)
-            one = probability_of_improvement(pair, "score", better, worse, rng, by="row", task=("suite",))
-            found.append({"row": better, "over": worse, "estimate": one.estimate, "low": one.low, "high": one.high})
-    return pd.DataFrame(found, columns=["row", "over", "estimate", "low", "high"])
+    for quantity, better, worse in ((q, a, b) for q, a, b in product(COMPARED, rows, rows) if a != b):
+        pair, rng = keep(part, part["row"].isin([better, worse])), np.random.default_rng(SEED)
+        one = probability_of_improvement(pair, quantity, better, worse, rng, by="row", task=("suite",))
+        found.append([quantity, better, worse, one.estimate, one.low, one.high])
+    return pd.DataFrame(found, columns=["quantity", "row", "over", "estimate", "low", "high"])
 
 
-def seed_spreads(table: pd.DataFrame, names: Sequence[str]) -> pd.Series:
-    """The standard deviation of the score over seeds on each suite: its root mean square over the rows that are no players."""
+def seed_spreads(table: pd.DataFrame, names: Sequence[str], quantity: str) -> pd.Series:
+    """The standard deviation over seeds on each suite: its root mean square over the rows that are no players."""
     part = complete(table, names)
     part = part.loc[~part["row"].isin(list(PLAYERS))]
-    variance = part.groupby(["row", "suite"])["score"].var().dropna()
+    variance = part.groupby(["row", "suite"])[quantity].var().dropna()
     return np.sqrt(variance.groupby("suite").mean())  # type: ignore[return-value]

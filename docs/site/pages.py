@@ -93,8 +93,8 @@ class Pages:
         self.add_page("index.md", ROOT / "README.md", (ROOT / "README.md").read_text())
         self.texts["index.md"] += FRONT.format(results=results)
         self.texts["results/README.md"] += self.reports()
-        findings = sorted(page.relative_to(DOCS / "results").as_posix() for page in DOCS.glob("results/*/findings.md"))
-        self.texts["results/README.md"] += toctree(findings)
+        pages = (page for name in ("findings", "leaderboard") for page in sorted(DOCS.glob(f"results/*/{name}.md")))
+        self.texts["results/README.md"] += toctree([page.relative_to(DOCS / "results").as_posix() for page in pages])
 
     def reports(self) -> str:
         """Links to the reports, which are pages of their own."""

@@ -10,7 +10,7 @@ from experiments.benchmarking.protocol import piece_name
 from experiments.benchmarking.row import EPISODES, Piece, Row
 from experiments.settings import RunFolderError
 from segar.errors import SuiteError
-from segar.suites import suite
+from segar.suites import Suite, suite
 
 COMPARED = ("levels", "level", "return", "length", "success", "death")
 
@@ -33,15 +33,15 @@ def verify(
     count, episodes = 0, row.episodes()
     if episodes.schema != EPISODES:
         raise RunFolderError(f"{row.folder}: the episodes have other columns than {', '.join(EPISODES.names)}")
-    recorded = {
-        key: part for key, part in _parts(episodes).items() if (not suites or key[0] in suites)
-    }  # fmt: skip
+    recorded = _parts(episodes)
+    for name, seed in sorted({*recorded} - {(one.suite, one.seed) for one in row.pieces}):
+        raise RunFolderError(f"{row.folder}: there are episodes of {piece_name(name, seed)}, which is no piece of the row")
     chosen = [one for one in row.pieces if not suites or one.suite in suites]
     for piece in (one for one in chosen if not seeds or one.seed in seeds):
-        stated = recorded.get((piece.suite, piece.seed))
+        of, stated = suite_of(row, piece), recorded.get((piece.suite, piece.seed))
         if stated is None:
             raise RunFolderError(f"{row.folder}: there are no episodes of {piece_name(piece.suite, piece.seed)}")
-        _require_same(row, piece, stated, _replayed(row, piece))
+        _require_same(row, piece, stated, replay(row.method, piece, of, row.folder))
         count += len(stated)
         say(f"{row.method.name}: {piece_name(piece.suite, piece.seed)}: {len(stated)} episodes are equal to the bit")
     return count
@@ -55,7 +55,8 @@ def _parts(episodes: pa.Table) -> dict[tuple[str, int], pa.Table]:
     return {key: episodes.slice(first[key], last[key] + 1 - first[key]) for key in first}
 
 
-def _replayed(row: Row, piece: Piece) -> pa.Table:
+def suite_of(row: Row, piece: Piece) -> Suite:
+    """The suite that a piece was played on; raises :class:`RunFolderError` where there is none, or another version of it."""
     try:
         of = suite(piece.suite)
     except SuiteError as error:
@@ -65,7 +66,7 @@ def _replayed(row: Row, piece: Piece) -> pa.Table:
             f"{row.folder.name}: it was played on {piece.suite} with the hash {piece.suite_hash}, and the suite of this"
             f" name has {of.hash} here"
         )
-    return replay(row.method, piece, of, row.folder)
+    return of
 
 
 def _require_same(row: Row, piece: Piece, stated: pa.Table, played: pa.Table) -> None:

@@ -52,6 +52,7 @@ ORDER = [
     "experiments.training",
     "experiments.textures",
     "experiments.reproduction",
+    "experiments.benchmarking",
     "experiments.train",
     "experiments.evaluate",
     "experiments.results",
@@ -61,6 +62,7 @@ ORDER = [
     "experiments.search",
     "experiments.reproduce",
     "experiments.study",
+    "experiments.benchmark",
     "experiments",
     "analysis.tables",
     "analysis.stats",
@@ -78,6 +80,7 @@ ORDER = [
     "analysis.curves",
     "analysis.renderings",
     "analysis.report",
+    "analysis.benchmark",
     "analysis.ship",
     "analysis",
 ]
@@ -103,7 +106,7 @@ OPTIONAL = {
     "segar.rendering.painter",
     "segar.rendering.window",
 }
-MOST_ROOMS = {"segar": 23, "experiments": 22}
+MOST_ROOMS = {"segar": 23, "experiments": 24}
 PACKAGES = ("segar", "experiments", "analysis")
 
 

@@ -1,0 +1,83 @@
+"""The leaderboard: what the shipped page and tables say is what the shipped rows say, and scores mean what they should."""
+
+import shutil
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from analysis.benchmark.make import BOARD, IMPROVEMENT, PAGE, PROFILE, PROFILES, SCORES, report_rows
+from analysis.benchmark.scores import OVERALL, figures_of, improvements, leaderboard, rows_in, suites_compared
+from analysis.stats.power import detectable_difference
+from experiments.benchmarking import protocol
+from experiments.benchmarking.protocol import CORE, REFERENCES, SHIPPED
+from segar.suites import suite
+
+MADE = (SCORES, BOARD, IMPROVEMENT, PROFILES)
+
+
+@pytest.fixture(scope="module")
+def table():
+    return figures_of(rows_in([SHIPPED]))
+
+
+@pytest.fixture(scope="module")
+def compared(table):
+    return suites_compared(table, [name for name in CORE if name in set(table["suite"])])
+
+
+def test_the_shipped_page_and_tables_are_made_of_the_shipped_rows(tmp_path, monkeypatch):
+    shipped = tmp_path / "benchmark"
+    shutil.copytree(SHIPPED, shipped, ignore=shutil.ignore_patterns(PAGE, "*.csv", "*.png"))
+    monkeypatch.setattr("analysis.benchmark.make.SHIPPED", shipped)
+    report_rows(shipped)
+    assert (shipped / PAGE).read_text() == (SHIPPED / PAGE).read_text(), "make it again: table=true"
+    for name in MADE:
+        pd.testing.assert_frame_equal(pd.read_csv(shipped / name), pd.read_csv(SHIPPED / name), rtol=1e-4)
+    assert (shipped / f"{PROFILE}.png").stat().st_size > 1000
+
+
+def test_the_planner_scores_1_and_has_no_regret_and_idle_and_random_score_0_at_most(table):
+    planner, others = table.loc[table["row"] == "planner"], table.loc[table["row"].isin(["idle", "random"])]
+    assert np.allclose(planner[["score", "train_score"]], 1) and np.allclose(planner["regret"], 0)
+    assert (others["score"] < 0.01).all()
+
+
+def test_the_regret_is_that_of_the_plans_that_come_with_the_suite(table):
+    idle = table.loc[(table["row"] == "idle") & (table["suite"] == "place-few-v1")]
+    expected = suite("place-few-v1").plans.returns.mean() - idle["test_return"]
+    assert np.allclose(idle["regret"], expected)
+    assert np.allclose(table["gap"], table["test_return"] - table["train_return"])
+
+
+def test_every_axis_is_a_part_of_all_but_looks(compared):
+    parts = [name for axis, names in compared.items() if axis not in (OVERALL, "look") for name in names]
+    assert parts == compared[OVERALL] and len(set(parts)) == len(parts)
+
+
+def test_a_row_that_lacks_a_suite_is_not_compared_on_it(table, compared):
+    less = table.loc[(table["row"] != "script") | (table["suite"] != CORE[0])]
+    board = leaderboard(less, compared)
+    axis = next(axis for axis, names in compared.items() if CORE[0] in names)
+    for name in (OVERALL, axis):
+        assert "script" not in set(board.loc[board["axis"] == name, "row"])
+    assert "script" in set(board["row"])
+
+
+def test_either_of_two_rows_improves_on_the_other_or_they_tie(table, compared):
+    pairs = improvements(table, compared[OVERALL]).to_dict("records")
+    found = {(one["quantity"], one["row"], one["over"]): one["estimate"] for one in pairs}
+    for quantity, row, over in found:
+        assert found[quantity, row, over] + found[quantity, over, row] == pytest.approx(1)
+
+
+def test_more_seeds_see_smaller_differences():
+    seen = [detectable_difference(0.1, seeds) for seeds in (2, 3, 5, 10, 100)]
+    assert seen == sorted(seen, reverse=True) and np.isnan(detectable_difference(0.1, 1))
+    assert detectable_difference(0.2, 5) == pytest.approx(2 * detectable_difference(0.1, 5))
+    # Of many, that of the normal distribution: (z of 0.975 + z of 0.8) times sd times the root of 2 / n.
+    assert detectable_difference(1.0, 5000) == pytest.approx(2.8016 * np.sqrt(2 / 5000), rel=1e-3)
+
+
+def test_references_are_shipped():
+    assert protocol.REFERENCES == REFERENCES == ("idle", "random", "planner")

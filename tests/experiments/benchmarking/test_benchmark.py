@@ -1,0 +1,215 @@
+"""The command: a method becomes a row, which plays again to the bit; what differs is found and named."""
+
+import dataclasses
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from experiments.benchmark import BenchmarkConfig, again, benchmark, make_row, method_of, references_of, with_names
+from experiments.benchmarking import protocol
+from experiments.benchmarking.players import PlayerTask, make_piece
+from experiments.benchmarking.playing import read_actions, write_actions
+from experiments.benchmarking.protocol import CORE, PLAYERS, SHIPPED, suites_named
+from experiments.benchmarking.row import EPISODES, ROW, TABLE, add_pieces, file_hash, hash_of, read_piece, read_row
+from experiments.benchmarking.verification import verify
+from experiments.settings import (
+    CHECKOUT,
+    ConfigError,
+    PPOConfig,
+    RunConfig,
+    RunFolderError,
+    ScaleConfig,
+    TrackingConfig,
+)
+from segar.suites import AXES, outline, suite
+
+SUITE = "place-few-v1"
+LAB = "tests.experiments.benchmarking.lab_method"
+
+
+def config_of(root, **changes):
+    run = RunConfig(root=str(root), seed=1, tracking=TrackingConfig(name="none"), progress=False)
+    return BenchmarkConfig(**{"run": run, "suites": (SUITE,), "seeds": 1, "processes": 1, "report": False, **changes})
+
+
+def row_made_here(config):
+    """The row of a method without training, made in this process."""
+    method = method_of(config)
+    folder = config.folder.parent / "piece"
+    make_piece(PlayerTask(method, SUITE, 1, folder, config.policy, config.actions))
+    new = read_piece(folder)
+    assert new is not None
+    file = f"{SUITE}-s1.npz" if new.path else ""
+    return add_pieces(
+        config.folder / method.name, method, [dataclasses.replace(new, piece=dataclasses.replace(new.piece, file=file))]
+    )
+
+
+def edited(row, **changes):
+    """The row with another description whose hash is right."""
+    data = json.loads((row.folder / ROW).read_text())
+    data |= changes
+    del data["hash"]
+    (row.folder / ROW).write_text(json.dumps({**data, "hash": hash_of(data)}))
+    return read_row(row.folder)
+
+
+def test_the_core_has_twelve_suites_at_most_and_most_axes():
+    assert len(CORE) <= 12 and {outline(name)["axis"] for name in CORE} >= {*AXES} - {"look"}
+    assert suites_named(["core", SUITE]) == CORE and SUITE in suites_named(["all"])
+    with pytest.raises(ConfigError, match=r"'place-fow-v1'.*Did you mean 'place-few-v1'"):
+        suites_named(["place-fow-v1"])
+
+
+@pytest.mark.parametrize("player", ["idle", "script"])
+def test_a_player_becomes_a_row_that_plays_again_to_the_bit(tmp_path, player):
+    row = row_made_here(config_of(tmp_path, player=player))
+    of = suite(SUITE)
+    assert verify(row) == len(of.test_levels) + of.training_levels == len(row.episodes())
+
+
+def test_a_changed_episode_is_found_and_named_though_all_hashes_were_made_to_fit(tmp_path):
+    row = row_made_here(config_of(tmp_path, player="idle"))
+    episodes = row.episodes()
+    returns = episodes["return"].to_numpy().copy()
+    returns[30] = np.nextafter(returns[30], 9)
+    place = episodes.schema.get_field_index("return")
+    pq.write_table(episodes.set_column(place, EPISODES.field("return"), [returns]), row.folder / TABLE)
+    forged = edited(row, files={TABLE: file_hash(row.folder / TABLE)})
+    with pytest.raises(
+        RunFolderError, match=r"place-few-v1-s1: the return of the episode on test level 5 is .* 1 of 225"
+    ):
+        verify(forged)
+
+
+def test_another_version_of_a_suite_or_other_training_levels_are_refused(tmp_path):
+    row = row_made_here(config_of(tmp_path, player="idle"))
+    data = json.loads((row.folder / ROW).read_text())
+    piece = data["pieces"][0]
+    with pytest.raises(
+        RunFolderError, match=r"played on place-few-v1 with the hash 0000, and the suite of this name has"
+    ):
+        verify(edited(row, pieces=[{**piece, "suite_hash": "0000"}]))
+    with pytest.raises(RunFolderError, match="the train levels of place-few-v1 with seed 1 are not those"):
+        verify(edited(row, pieces=[{**piece, "levels": {**piece["levels"], "train": "0000"}}]))
+    with pytest.raises(RunFolderError, match="there is no suite 'place-few-v7'"):
+        verify(edited(row, pieces=[{**piece, "suite": "place-few-v7"}]))
+
+
+def test_a_method_from_outside_becomes_a_row_of_its_actions(tmp_path):
+    row = row_made_here(config_of(tmp_path, policy=f"{LAB}:policy", row="mine"))
+    assert row.method.kind == "actions" and verify(row) == 225
+    actions = read_actions(row.folder / f"{SUITE}-s1.npz")
+    assert actions["test"].shape[::2] == (200, 2) and np.abs(actions["test"]).max() <= 1
+
+
+def test_a_file_of_actions_becomes_a_row_with_or_without_training_levels(tmp_path):
+    actions = {"test": np.full((200, 3, 2), 0.25, np.float32)}
+    write_actions(tmp_path / "given" / f"{SUITE}-s1.npz", actions)
+    row = row_made_here(config_of(tmp_path, actions=str(tmp_path / "given"), row="mine"))
+    assert verify(row) == 200 and {*row.episodes()["levels"].to_pylist()} == {"test"}
+
+
+@pytest.mark.parametrize(
+    ("actions", "said"),
+    [
+        ({"train": np.zeros((25, 3, 2))}, "has no array 'test'"),
+        ({"test": np.zeros((199, 3, 2))}, r"must be \[200 levels, steps, 2\], not \[199, 3, 2\]"),
+        ({"test": np.full((200, 3, 2), np.nan)}, "some actions of 'test' are not finite"),
+    ],
+)
+def test_wrong_actions_are_refused(tmp_path, actions, said):
+    write_actions(tmp_path / "given" / f"{SUITE}-s1.npz", actions)
+    with pytest.raises(RunFolderError, match=said):
+        row_made_here(config_of(tmp_path, actions=str(tmp_path / "given"), row="mine"))
+
+
+@pytest.mark.parametrize("name", ["no_function", "no_policy"])
+def test_what_makes_no_policy_is_refused(tmp_path, name):
+    with pytest.raises(
+        ConfigError, match=rf"policy: {LAB}:{name} must be a function of a suite and a seed that returns a policy"
+    ):
+        row_made_here(config_of(tmp_path, policy=f"{LAB}:{name}", row="mine"))
+
+
+def test_a_method_from_outside_needs_a_name_and_methods_exclude_each_other(tmp_path):
+    with pytest.raises(ConfigError, match="row: name the row"):
+        config_of(tmp_path, policy="a:b")
+    with pytest.raises(ConfigError, match="one of algorithm, policy and actions"):
+        config_of(tmp_path, player="idle", policy="a:b", row="mine")
+
+
+def test_an_agent_that_sees_no_textures_leaves_their_suites_out(tmp_path):
+    assert config_of(tmp_path, suites=("look-far-v1", SUITE)).chosen_suites() == (SUITE,)
+
+
+def test_scores_need_references_that_no_folder_has(tmp_path, monkeypatch):
+    monkeypatch.setattr("experiments.benchmark.SHIPPED", tmp_path / "none")
+    wanted = [one.player for one in references_of(config_of(tmp_path, policy="a:b", row="mine"))]
+    assert wanted == ["idle", "random", "planner"]
+    row_made_here(config_of(tmp_path, player="idle"))
+    assert [one.player for one in references_of(config_of(tmp_path))] == ["random", "planner"]
+
+
+def test_a_command_line_names_suites_and_players():
+    given = ["suite=core", "algorithm=idle", "algorithm=ppo_fast", "seed=1,2", "--multirun"]
+    assert with_names(given) == ["suites=core", "player=idle", "algorithm=ppo_fast", "seed=1,2", "--multirun"]
+
+
+def test_a_trained_row_resumes_replays_and_can_be_made_again(tmp_path, capsys):
+    ppo = PPOConfig(num_envs=8, num_steps=8, widths=(8,), head_width=0)
+    config = config_of(tmp_path, budget="open")
+    run = dataclasses.replace(config.run, algorithm=ppo, scale=ScaleConfig(frames=256))
+    config = dataclasses.replace(config, run=run)
+    make_row(dataclasses.replace(config, dry_run=True))
+    assert "1 to do with 256 frames" in capsys.readouterr().out and not config.folder.exists()
+    make_row(config)
+    row = read_row(config.folder / "ppo-state-open")
+    assert verify(row) == 225 and row.method.frames == 256 and row.pieces[0].bits == 32
+    make_row(config)
+    assert "1 of 1 pieces are there" in capsys.readouterr().out
+    for folder in tmp_path.glob("place-few-v1-*"):
+        assert (folder / "evaluations" / "benchmark" / "network.npz").exists()
+    elsewhere = dataclasses.replace(again(config, row), rows=str(tmp_path / "other"))
+    make_row(elsewhere)  # of the finished run
+    assert read_row(elsewhere.folder / "ppo-state-open").hash == row.hash
+    with pytest.raises(ConfigError, match="holds the rows themselves"):
+        benchmark(dataclasses.replace(config, again=("ppo-state-open",)))
+
+
+SHIPPED_ROWS = sorted(path.parent.name for path in SHIPPED.glob(f"*/{ROW}"))
+
+
+@pytest.mark.parametrize("name", SHIPPED_ROWS)
+def test_shipped_rows_are_what_their_hashes_say_and_a_sample_plays_again_to_the_bit(name):
+    row = read_row(SHIPPED / name)
+    if name in PLAYERS or row.method.settings["observation"]["name"] == "state":
+        assert verify(row, [SUITE], [1]) >= 225
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SHIPPED_ROWS)
+def test_all_of_a_shipped_row_plays_again_to_the_bit(name):
+    row = read_row(SHIPPED / name)
+    assert verify(row) == len(row.episodes())
+
+
+def test_shipped_rows_are_small_and_of_the_suites_that_there_are():
+    rows = [read_row(SHIPPED / name) for name in SHIPPED_ROWS]
+    assert sum(path.stat().st_size for row in rows for path in row.folder.iterdir()) < 40e6
+    assert all(suite(piece.suite).hash == piece.suite_hash for row in rows for piece in row.pieces)
+    assert {*protocol.REFERENCES} <= {*SHIPPED_ROWS}
+
+
+def test_the_command_verifies_and_explains_itself():
+    command = [sys.executable, "-m", "experiments.benchmark"]
+    shown = subprocess.run([*command, "--help"], cwd=CHECKOUT, capture_output=True, text=True, check=True).stdout
+    assert "suite=core" in shown and "verify=ROW" in shown
+    done = subprocess.run([*command, "verify=idle", f"suite={SUITE}"], cwd=CHECKOUT, capture_output=True, text=True)
+    assert done.returncode == 0 and "episodes are equal to the bit" in done.stdout, done.stderr
+    wrong = subprocess.run([*command, "verify=idel"], cwd=CHECKOUT, capture_output=True, text=True)
+    assert wrong.returncode == 1 and "there is no row 'idel'. Did you mean 'idle'?" in wrong.stderr

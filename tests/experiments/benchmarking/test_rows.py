@@ -1,0 +1,99 @@
+"""Rows as data: what is written is read, pieces are added one after the other, and everything that was edited is refused."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pyarrow as pa
+import pytest
+
+from experiments.benchmarking.row import EPISODES, ROW, TABLE, Method, NewPiece, Piece, add_pieces, read_row, row_of
+from experiments.settings import RunFolderError
+
+METHOD = Method("mine", "networks", "a method", "laptop", 100, {"observation": {"name": "state", "options": {}}})
+
+
+def episodes_of(suite, seed, returns):
+    n = len(returns)
+    columns = {"suite": [suite] * n, "seed": [seed] * n, "levels": ["test"] * n, "level": range(n), "return": returns}
+    return pa.table(columns | {"length": [1] * n, "success": [True] * n, "death": [False] * n}, EPISODES)
+
+
+def piece_of(folder, suite="a-v1", seed=1, returns=(0.5, 0.25), content=b"weights"):
+    folder.mkdir(exist_ok=True)
+    path = folder / f"{suite}-{seed}"
+    path.write_bytes(content)
+    piece = Piece(suite, "0123", seed, {"test": "4567"}, "run", f"{suite}-s{seed}.npz", 32, {"python": "3"})
+    return NewPiece(piece, episodes_of(suite, seed, list(returns)), path)
+
+
+@pytest.fixture
+def row(tmp_path):
+    return add_pieces(
+        tmp_path / "rows" / "mine", METHOD, [piece_of(tmp_path / "new"), piece_of(tmp_path / "new", seed=2)]
+    )
+
+
+def test_a_row_is_read_as_it_was_written(row):
+    again = read_row(row.folder)
+    assert again == row and again.method == METHOD
+    assert [(one.suite, one.seed) for one in again.pieces] == [("a-v1", 1), ("a-v1", 2)]
+    assert again.episodes()["return"].to_pylist() == [0.5, 0.25] * 2
+
+
+def test_pieces_in_any_order_and_in_any_number_of_steps_make_the_same_row(tmp_path):
+    new = [piece_of(tmp_path / "new", suite, seed, [seed / 7]) for suite in ("a-v1", "b-v1") for seed in (1, 2, 3)]
+    whole = add_pieces(tmp_path / "whole" / "mine", METHOD, new)
+    for k in np.random.default_rng(0).permutation(len(new)):
+        step_by_step = add_pieces(tmp_path / "steps" / "mine", METHOD, [new[k]])
+    assert step_by_step.hash == whole.hash and step_by_step.episodes() == whole.episodes()
+
+
+def test_a_piece_replaces_that_of_the_same_suite_and_seed(row, tmp_path):
+    changed = add_pieces(row.folder, METHOD, [piece_of(tmp_path / "new", seed=2, returns=[0.125], content=b"others")])
+    assert changed.episodes()["return"].to_pylist() == [0.5, 0.25, 0.125] and changed.hash != row.hash
+    assert (row.folder / "a-v1-s2.npz").read_bytes() == b"others"
+
+
+@pytest.mark.parametrize("name", ["a-v1-s1.npz", TABLE])
+def test_an_edited_file_is_refused_and_named(row, name):
+    path = row.folder / name
+    content = bytearray(path.read_bytes())
+    content[-1] ^= 1
+    path.write_bytes(content)
+    with pytest.raises(RunFolderError, match=f"{name} is not what the row was made of: its hash is"):
+        read_row(row.folder)
+
+
+def test_every_edit_of_the_description_is_refused(row):
+    path = row.folder / ROW
+    data = json.loads(path.read_text())
+    for key in data:
+        changed = {**data, key: {"str": "x", "int": 3, "list": [], "dict": {}}[type(data[key]).__name__]}
+        if changed != data:
+            path.write_text(json.dumps(changed))
+            with pytest.raises(RunFolderError, match=r"row\.json"):
+                read_row(row.folder)
+
+
+def test_files_that_are_missing_or_too_many_are_named(row):
+    (row.folder / "more.npz").touch()
+    with pytest.raises(RunFolderError, match=r"the file more\.npz is not part of the row"):
+        read_row(row.folder)
+    (row.folder / "more.npz").unlink()
+    (row.folder / "a-v1-s2.npz").unlink()
+    with pytest.raises(RunFolderError, match=r"the file a-v1-s2\.npz is missing"):
+        read_row(row.folder)
+
+
+def test_the_row_of_another_method_is_not_added_to(row):
+    other = dataclasses.replace(METHOD, settings={"observation": {"name": "rgb", "options": {}}})
+    with pytest.raises(RunFolderError, match=r"settings\.observation\.name is 'state' there and 'rgb' here.*row="):
+        row_of(row.folder, other)
+
+
+def test_files_in_other_folders_are_refused(row):
+    path = row.folder / ROW
+    path.write_text(path.read_text().replace("a-v1-s1.npz", "../a-v1-s1.npz"))
+    with pytest.raises(RunFolderError, match="in no other folder"):
+        read_row(row.folder)
