@@ -58,7 +58,8 @@ def profile_of_causes(causes: pd.DataFrame, mode: str = "deterministic") -> pd.D
     if chosen.empty:
         raise SegarError(f"no evaluation has the action mode '{mode}'")
     rows = []
-    for (suite, group), part in chosen.groupby(["suite", "group"], sort=False):
+    for key, part in chosen.groupby(["suite", "group"], sort=False):
+        suite, group = cast(tuple[str, str], key)
         row: dict[str, object] = {"suite": suite, "group": group, "differs": bool(part["differs"].iloc[0])}
         for name in FIGURES:
             values = column(part, name)

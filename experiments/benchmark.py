@@ -69,6 +69,7 @@ from experiments.runs.run_folder import folder_path, is_finished, runs_root
 from experiments.settings import (
     ConfigError,
     Count,
+    LevelCount,
     RunConfig,
     TrainingError,
     as_data,
@@ -98,7 +99,7 @@ class BenchmarkConfig:
     player: str = ""  # one without training, in place of an algorithm
     policy: str = ""  # of a method that was trained elsewhere
     actions: str = ""  # folder of files of actions
-    training_levels: int | None = None  # on each suite; None: as many as it says
+    training_levels: LevelCount | None = None  # on each suite; None: as many as it says
     row: str = ""
     rows: str | None = None
     verify: tuple[str, ...] = ()
@@ -275,7 +276,7 @@ SAYS = {
 }
 
 
-def settings_of(run: RunConfig, training_levels: int | None = None) -> dict[str, Any]:
+def settings_of(run: RunConfig, training_levels: LevelCount | None = None) -> dict[str, Any]:
     """The settings of a run that all pieces of a row share, as plain data."""
     data = as_data(run, without_later_defaults=True)
     shared = {key: data.get(key, value) for key, value in run.identity().items() if key not in NOT_OF_METHOD}

@@ -12,7 +12,7 @@ import pyarrow as pa
 from experiments.benchmarking.protocol import RANDOM_PLAYS, SIDES
 from experiments.benchmarking.row import EPISODES, Method, Piece
 from experiments.levels.builders import environment_options
-from experiments.settings import LevelsConfig, ObservationConfig, RunConfig, RunFolderError, construct
+from experiments.settings import ENDLESS, LevelsConfig, ObservationConfig, RunConfig, RunFolderError, construct
 from segar.envs import Act, VectorEnv
 from segar.errors import SegarError
 from segar.evaluation import PlayedEpisodes, idle_actions, play_episodes
@@ -169,14 +169,19 @@ def read_actions(path: Path) -> dict[str, np.ndarray]:
     return found
 
 
+def number_of_levels(method: Method) -> int | None:
+    """How many training levels an agent of a method is played on; None: as many as the suite says, as of endless ones."""
+    count = method.settings.get("training_levels")
+    return None if count == ENDLESS else count
+
+
 def replay(method: Method, piece: Piece, suite: Suite, folder: Path) -> pa.Table:
     """The episodes of a piece, played again by what its row holds.
 
     Raises:
         SegarError: training levels are not those of the row, or its file cannot be read.
     """
-    counts = method.settings.get("training_levels")
-    sets = sets_of(suite, piece.seed, counts)
+    sets = sets_of(suite, piece.seed, number_of_levels(method))
     for side, levels in sets.items():
         if side in piece.levels and hash_of_levels(levels) != piece.levels[side]:
             raise RunFolderError(

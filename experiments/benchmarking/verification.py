@@ -35,7 +35,9 @@ def verify(
         raise RunFolderError(f"{row.folder}: the episodes have other columns than {', '.join(EPISODES.names)}")
     recorded = _parts(episodes)
     for name, seed in sorted({*recorded} - {(one.suite, one.seed) for one in row.pieces}):
-        raise RunFolderError(f"{row.folder}: there are episodes of {piece_name(name, seed)}, which is no piece of the row")
+        raise RunFolderError(
+            f"{row.folder}: there are episodes of {piece_name(name, seed)}, which is no piece of the row"
+        )
     chosen = [one for one in row.pieces if not suites or one.suite in suites]
     for piece in (one for one in chosen if not seeds or one.seed in seeds):
         of, stated = suite_of(row, piece), recorded.get((piece.suite, piece.seed))

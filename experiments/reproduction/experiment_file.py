@@ -46,6 +46,7 @@ from experiments.settings import (
     Design,
     Difficulty,
     Family,
+    LevelCount,
     PositiveOrNull,
     construct,
     is_distribution,
@@ -201,7 +202,7 @@ class GridConfig:
 
     families: Annotated[tuple[Family, ...], EACH_ONCE] = ()  # of several difficulties; or single distributions
     difficulties: Annotated[tuple[Difficulty, ...], EACH_ONCE] = ()  # of the families that have several
-    counts: Annotated[tuple[Count, ...], EACH_ONCE] = ()  # numbers of training levels
+    counts: Annotated[tuple[LevelCount, ...], EACH_ONCE] = ()  # numbers of training levels
     seeds: Count | None = None  # how many agents of each kind, from `seed` upwards, each with a level set of its own
     nested: bool = True  # level sets of a seed contain each other; false: each number of levels has seeds of its own
     level_sets: Count | None = None  # how many level sets instead, each with as many agents as there are seeds

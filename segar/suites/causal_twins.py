@@ -173,7 +173,7 @@ def _groups(suite: Suite) -> dict[str, tuple[tuple[str, ...], bool]]:
     """Name of each group to its mechanisms and whether training and test differ in it."""
     of_train, of_test = mechanisms(suite.train), mechanisms(suite.test)
     differing = [name for name in of_test if of_test[name] != of_train.get(name)]
-    found = {NAMES.get(name, name): ((name,), True) for name in differing}
+    found: dict[str, tuple[tuple[str, ...], bool]] = {NAMES.get(name, name): ((name,), True) for name in differing}
     if len(differing) > 1:
         found[ALL] = (tuple(differing), True)
     if suite.textures and suite.textures[0] != suite.textures[1]:
