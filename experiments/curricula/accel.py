@@ -52,13 +52,13 @@ class ACCEL:
         while self.due >= batch:
             self.due -= batch
             children = self.children(batch)
-            if len(children):
+            if children is not None:
                 taken += self.replay.offer(children, made=True)
         self.replay.weigh()
         return {**figures, **self.replay.figures(), "children_taken": float(taken)}
 
-    def children(self, n: int) -> Levels | list[Any]:
-        """At most ``n`` mutated levels, whose parents are drawn as replays are; empty where all are levels of the test."""
+    def children(self, n: int) -> Levels | None:
+        """At most ``n`` mutated levels, whose parents are drawn as replays are; None where all are levels of the test."""
         self.generations += 1
         rng = np.random.default_rng([self.seed, MUTATING, self.generations])
         likely = self.replay.known.replay_probabilities(self.config)
@@ -68,7 +68,7 @@ class ACCEL:
         if stream is None or stream.apart_from is None:
             return found
         left = np.flatnonzero(~near_levels(found, stream.apart_from, 0.0, stream.distribution))
-        return found[left] if len(left) else []
+        return found[left] if len(left) else None
 
     def scores(self) -> np.ndarray:
         """Of the levels in all rows, nan where there is none."""

@@ -128,13 +128,13 @@ class Explorer:
             config.gamma, config.gae_lambda, value, following, learned, done, dead, time_dim=0
         )
         n, steps = len(level), mask.sum(axis=0)
-        raw, learned, gains, value = (one[:, :n, 0].double().numpy() for one in (reward, learned, gains, value))
+        raw, returns, gain, values = (one[:, :n, 0].double().numpy() for one in (reward, learned, gains, value))
         discount = config.gamma ** np.arange(len(mask))[:, None]
-        means = dict(zip(MEANS, (np.abs(gains), np.maximum(gains, 0.0), value), strict=True))
+        means = dict(zip(MEANS, (np.abs(gain), np.maximum(gain, 0.0), values), strict=True))
         return Ended(
             row=level,
             steps=steps,
             returns=raw.sum(axis=0),
-            learned_return=(discount * learned * mask).sum(axis=0),
+            learned_return=(discount * returns * mask).sum(axis=0),
             **{name: (one * mask).sum(axis=0) / steps for name, one in means.items()},
         )

@@ -45,8 +45,9 @@ class TrainingLevels:
         train: Levels,
         test: Levels,
     ) -> None:
-        self.config = settings_of(config)
-        assert self.config is not None  # is_chosen says so
+        settings = settings_of(config)
+        assert settings is not None  # the caller has asked
+        self.config: CurriculumConfig = settings
         kind = curriculum_class_of(self.config)
         stream = stream_of(config.levels) if config.levels.is_endless else None
         check_fits(self.config, config, stream)
@@ -114,7 +115,7 @@ class TrainingLevels:
         figures = dict(self.curriculum.advance(learner.frames))
         if tried < self.explorer.steps:
             figures["tried_frames"] = float(self.explorer.steps - tried)
-            if getattr(self.config, "counts_tried", False):
+            if self.agent is not None and getattr(self.config, "counts_tried", False):
                 self.agent.frames += self.explorer.steps - tried
         if self.explorer.planned:
             figures["planned_episodes"] = float(self.explorer.planned - planned)

@@ -30,6 +30,7 @@ from experiments.levels.builders import (
     make_levels,
     task_name,
 )
+from experiments.levels.endless import stream_of
 from experiments.networks.devices import arithmetic
 from experiments.runs.executed_code import changed_parts, executed_code, with_data
 from experiments.runs.journal import PREPARATION, Journal
@@ -174,6 +175,8 @@ def _prepare(
     signals: SignalMonitor,
     say: Callable[[str], None],
 ) -> Prepared:
+    if config.levels.is_endless:
+        stream_of(config.levels)  # which says what is wrong with levels that end
     train, test = make_levels(config.levels)
     chosen = training_levels(kind, config, train, test)
     env = make_environment(kind, config, train, train) if chosen is None else chosen.env

@@ -5,6 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
+from experiments.curricula.accel import ACCEL
+from experiments.curricula.explorer import Explorer
+from experiments.curricula.level_rows import MADE, LevelRows
 from experiments.curricula.scored_rows import ScoredRows
 from experiments.levels.endless import stream_of
 from experiments.runs.run_folder import read_metrics, read_played
@@ -29,7 +32,8 @@ from experiments.settings import (
 )
 from experiments.settings.run import as_data
 from experiments.training.run import run
-from segar.levels import near_levels
+from segar.envs import VectorEnv
+from segar.levels import check_levels, near_levels
 from segar.suites import suite
 from tests.experiments.short_runs import FRAMES, ITERATIONS, killed_after, same_results, short_run
 
@@ -98,7 +102,7 @@ def test_each_episode_of_endless_training_is_on_another_level(tmp_path):
 def test_a_stream_gives_the_levels_of_the_training_split_in_their_order():
     stream, at_once = stream_of(ENDLESS), stream_of(ENDLESS).take(12)
     assert [*stream.take(5).provenance.indices, *stream.take(7).provenance.indices] == [*at_once.provenance.indices]
-    assert (at_once.values == stream_of(ENDLESS).distribution.sample(12, seed=0, split="train").values).all()
+    assert at_once == stream_of(ENDLESS).distribution.sample(12, seed=0, split="train")
 
 
 def test_a_stream_of_a_suite_has_no_level_of_its_test():
@@ -163,6 +167,44 @@ def test_plr_plays_rare_hard_levels_more_than_uniform_does_and_the_log_shows_it(
         shares[curriculum.name] = of_hard / sum(row["episodes"] for row in late)
     assert shares["uniform"] < 0.3
     assert shares["plr"] > 0.7
+
+
+@pytest.mark.parametrize("name", ["place-few-v1", "property-heavy-v1", "number-more-v1"])
+def test_children_of_accel_are_levels_of_the_distribution_and_none_of_the_test(name):
+    of_suite = suite(name)
+    stream = stream_of(LevelsConfig(train=name, count="endless"))
+    rows = LevelRows(VectorEnv(stream.take(32), 4, seed=0, task=of_suite.task), stream)
+    accel = ACCEL(ACCELConfig(changes=2), rows, Explorer(VectorEnv, 4, (8, 1), 0), seed=0)
+    accel.replay.known.score[:] = np.arange(32)
+    for _ in range(3):  # children have children
+        children = accel.children(32)
+        assert children is not None
+        check_levels(children)
+        assert np.isfinite(of_suite.train.log_prob(children, normalised=False)).all()
+        assert not near_levels(children, of_suite.test_levels, 0.0, of_suite.train).any()
+        rows.put(np.arange(len(children)), children, made=True)
+    assert (rows.number[: len(children)] == MADE).all()
+
+
+@pytest.mark.slow
+def test_plr_trains_more_on_rare_hard_levels_than_uniform_does(tmp_path):
+    """A tenth of the levels is of the hardest family; the others the agent soon solves. The scores are those of training."""
+    mixed = "tests.experiments.curricula.rare_hard:rare_hard"
+    levels, shares = LevelsConfig(train=mixed, test=mixed, count=100, test_count=10), {}
+    for curriculum in (UniformConfig(), PLRConfig(score="regret", staleness=0.1)):
+        config = short_run(
+            tmp_path / curriculum.name,
+            levels=levels,
+            curriculum=curriculum,
+            algorithm=PPOConfig(num_envs=64, num_steps=32, gamma=0.9, epochs=4, learning_rate=1e-3, widths=(64, 64)),
+            scale=ScaleConfig(frames=150_000),
+            checkpoint_interval=1000.0,
+        )
+        run(config, say=lambda _: None)
+        late = [row for row in read_played(tmp_path / curriculum.name).to_pylist() if row["frames"] > 75_000]
+        of_hard = sum(row["episodes"] for row in late if row["level"] % 10 == 0)
+        shares[curriculum.name] = of_hard / sum(row["episodes"] for row in late)
+    assert shares["plr"] > 1.5 * shares["uniform"]
 
 
 @pytest.mark.parametrize(
