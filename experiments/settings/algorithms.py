@@ -225,6 +225,8 @@ class DrACConfig(PPOConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        untraced = "false: torch cannot trace how keypoints are found in augmented frames"
+        require(not self.compile, "algorithm.compile", self.compile, untraced)
         named = self.augmentations
         holds = 0 < len(set(named)) == len(named)
         require(holds, "algorithm.augmentations", list(named), f"one or more of {', '.join(AUGMENTATIONS)}, each once")

@@ -6,9 +6,8 @@ import pytest
 import torch
 from torch._dynamo.exc import BackendCompilerFailed
 
-from experiments.algorithms.drac import DrAC
 from experiments.algorithms.ppo import PPO
-from experiments.settings import ConfigError, DrACConfig, PPOConfig, RecurrentPPOConfig, TrainingError
+from experiments.settings import ConfigError, PPOConfig, RecurrentPPOConfig, TrainingError
 from experiments.training.run import run
 from segar import family
 from tests.experiments.short_runs import killed_after, same_results, short_run
@@ -16,13 +15,11 @@ from tests.experiments.short_runs import killed_after, same_results, short_run
 VECTORS = PPOConfig(num_envs=6, num_steps=16, minibatches=2, widths=(16,), precision="fp32", compile=True)
 FRAMES = dataclasses.replace(VECTORS, encoder="small")
 STACKS = dataclasses.replace(VECTORS, encoder="keypoints", steps_together=4)
-AUGMENTED = DrACConfig(**dataclasses.asdict(STACKS) | {"name": "drac"})
 LEVELS = family("tilesx1-hard").sample(10, seed=0)
 
 
 def learner(config=VECTORS, observation="state"):
-    kind = DrAC if isinstance(config, DrACConfig) else PPO
-    return kind(config, PPO.make_env(LEVELS, config.num_envs, seed=0, observation=observation), 10_000, 0)
+    return PPO(config, PPO.make_env(LEVELS, config.num_envs, seed=0, observation=observation), 10_000, 0)
 
 
 def gradients(one, compute, minibatch):
@@ -33,9 +30,7 @@ def gradients(one, compute, minibatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("config", "observation"), [(VECTORS, "state"), (FRAMES, "rgb"), (STACKS, "rgb_stack2"), (AUGMENTED, "rgb_stack2")]
-)
+@pytest.mark.parametrize(("config", "observation"), [(VECTORS, "state"), (FRAMES, "rgb"), (STACKS, "rgb_stack2")])
 def test_a_compiled_loss_has_the_figures_and_gradients_of_the_plain_one(config, observation):
     one = learner(config, observation)
     one.iterate()  # for a policy that is not the one that collected
