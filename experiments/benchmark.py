@@ -81,7 +81,7 @@ from experiments.settings import (
 from segar.cli import table
 from segar.suites import outline, suite
 
-REPORT = "analysis.benchmark:report_rows"
+REPORT = "benchmark"
 NOT_OF_METHOD = ("levels", "evaluation", "seed", "frames")  # parts of a run's identity that differ from piece to piece
 PLANNER_SECONDS, PLAYER_SECONDS = 8.0, 3.0  # assumed, per piece
 ROWS = "benchmark"  # the folder of rows, under the root of runs

@@ -4,7 +4,7 @@ levels of its test, and the plans that solve them, all with their hashes.
 The room imports ``evaluation``, ``tasks`` and what lies below them.
 """
 
-from segar.suites.card import card
+from segar.suites.suite_card import card
 from segar.suites.causal_twins import Twin, Twins, twins
 from segar.suites.causes import Cause, Causes, causes_of, find_causes
 from segar.suites.freezing import Admission, admission, freeze

@@ -93,8 +93,8 @@ def _joined(states: States, atoms: list[tuple[_Atom, _Atom]]) -> States:
                 (*of_p, one.place) if placed else of_p, (*of_q, two.place) if placed else of_q,
             )  # fmt: skip
             found[state] = found.get(state, 0) + number
-    if len(found) > MOST_STATES:
-        raise _too_many()
+        if len(found) > MOST_STATES:
+            raise _too_many()
     return found
 
 

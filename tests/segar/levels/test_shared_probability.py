@@ -10,7 +10,7 @@ from segar import Charge, GoalTile, GolfBall, Mass, Position, Prior, UniformNois
 from segar.errors import LevelError, PriorError
 from segar.levels import TASK_LEVELS
 from segar.levels.apart import near_levels
-from segar.noise import Choice, DiscreteRangeNoise
+from segar.noise import Choice, DiscreteRangeNoise, RandomTopLocation, RandomTopRightLocation
 from segar.suites import suite, suites
 
 
@@ -63,7 +63,7 @@ def test_goals_of_empty_easy_gather_in_a_corner_as_often_as_is_counted(n):
 
 def test_numbers_of_things_that_vary_are_counted():
     numbers = [(GolfBall, 1), (GoalTile, 1), (segar.Ball, DiscreteRangeNoise(0, 1))]
-    dist = discrete(COINS, Prior(Position, segar.RandomTopLocation(), entity_type=segar.Ball), numbers=numbers)
+    dist = discrete(COINS, Prior(Position, RandomTopLocation(), entity_type=segar.Ball), numbers=numbers)
     found, (value, error) = dist.shared_probability(4), counted(dist, 4)
     assert abs(value - found.value) < 4 * error + found.error and found.error < 1e-3
 
@@ -80,7 +80,7 @@ def test_another_distribution_shares_what_both_can_draw():
 def test_placement_bounds_what_it_takes_off():
     two = dataclasses.replace(
         discrete(COINS),
-        priors=[COINS, *(Prior(Position, segar.RandomTopRightLocation(), entity_type=t) for t in (GolfBall, GoalTile))],
+        priors=[COINS, *(Prior(Position, RandomTopRightLocation(), entity_type=t) for t in (GolfBall, GoalTile))],
     )
     found, (value, error) = two.shared_probability(50), counted(two, 50)
     assert found.error > 0 and abs(value - found.value) <= found.error + 4 * error
