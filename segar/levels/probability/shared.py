@@ -61,10 +61,12 @@ def shared_probability(plan: SamplingPlan, other: SamplingPlan, n: int, acceptan
     if len(mine.slots) != len(theirs.slots):
         return Estimate(0.0)
     states: States = {(1.0, 1.0, (), (), ()): 1}
-    for one, two in zip(_parameters(plan), _parameters(other), strict=True):
-        states = _joined(states, _common(one, two))
     for mine, theirs in zip(plan.groups, other.groups, strict=True):
         states = _with_group(states, plan, mine, other, theirs)
+    if not states:  # before rule sets are listed, of which there can be very many
+        return Estimate(0.0)
+    for one, two in zip(_parameters(plan), _parameters(other), strict=True):
+        states = _joined(states, _common(one, two))
     least = most = 0.0
     for (p, q, boxes, of_p, of_q), number in states.items():
         low, high = _kept(boxes, plan.min_distance)
@@ -126,7 +128,7 @@ def _parameters(plan: SamplingPlan) -> Iterator[dict[Any, _Atom]]:
             if any(parameter in o.constants for o, is_active in zip(space.options, active, strict=True) if is_active)
         ]
         values = [_line_atoms(law) for law in laws]
-        if math.prod(map(len, values)) > MOST_STATES:
+        if len(found) + math.prod(map(len, values)) > MOST_STATES:
             raise PriorError(
                 f"the rule space has more than {MOST_STATES:,} rule sets with a probability; sample, and count"
             )
