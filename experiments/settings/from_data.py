@@ -129,5 +129,9 @@ def _in_words(hint: Any) -> str:
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)
     if origin is tuple:
         return f"a list whose entries are each {_in_words(arguments[0])}"
+    if origin in (types.UnionType, typing.Union):
+        return ", or ".join(_in_words(one) for one in arguments if one is not type(None))
+    if origin is typing.Literal:
+        return " or ".join(map(str, arguments))
     names = {int: "a whole number", float: "a number", str: "text", bool: "true or false"}
     return names.get(hint, "a group of settings")

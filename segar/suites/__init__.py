@@ -4,12 +4,12 @@ levels of its test, and the plans that solve them, all with their hashes.
 The room imports ``evaluation``, ``tasks`` and what lies below them.
 """
 
-from segar.suites.suite_card import card
 from segar.suites.causal_twins import Twin, Twins, twins
 from segar.suites.causes import Cause, Causes, causes_of, find_causes
 from segar.suites.freezing import Admission, admission, freeze
 from segar.suites.registration import register_suites
 from segar.suites.rules_by_name import RULES
+from segar.suites.suite_card import card
 from segar.suites.suite_file import AXES, Suite, outline, read_suite, suite, suites
 
 __all__ = [
