@@ -21,7 +21,7 @@ Settings, as name=value:
   row=NAME                   the name of the row; by default made of algorithm, observation and budget
   rows=FOLDER                where rows are; benchmark/ under root by default, and docs/results/benchmark for those shipped
   verify=ROW                 play a row again and compare every episode to the bit; a list of rows, or all
-  again=ROW                  make a row anew from its description, into rows=FOLDER; a list of rows, or all
+  again=ROW                  make a row anew from its description, under root=FOLDER; a list of rows, or all
   table=true                 make tables, figures and page of the rows that are there, and nothing else
   dry_run=true               print the plan and run nothing
   processes=N                runs side by side; 0, the default: one per core
