@@ -15,7 +15,7 @@ from functools import partial
 from benchmarks.measure import Row, print_parts
 
 ROUNDS = 7
-ITERATIONS = 25  # of a block; two blocks have a line of the log
+ITERATIONS = 25  # of a block, in which one line is logged
 WARM = 40  # iterations before the first block: buffers are full, and all has been compiled
 BAR = 15.0  # [%] of the frames per second
 BASE = ("suite=place-few-v1", "algorithm=ppo_fast", "observation=state", "num_threads=1")

@@ -52,6 +52,7 @@ class PlayedLog:
         number = min(2 * SHOWN, len(target)) if hasattr(target, "__len__") else 2 * SHOWN
         levels = target.sample(number, seed=0, split=TARGET_SPLIT)
         self.target, self.independent = levels[: -(-number // 2)], levels[number // 2 :]
+        self.known_floors: dict[int, dict[str, float]] = {}
         self.rows: list[dict[str, Any]] = []
         self.began: list[dict[str, np.ndarray]] = []  # arrays of levels, their numbers and identities
 
@@ -90,18 +91,24 @@ class PlayedLog:
         """How levels of episodes compare with the target and the test; ``different`` are indices of all different ones."""
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UnseenDifferenceWarning)
-            independent = self.independent[: len(levels)]
             found = {
                 "w2_target": w2(levels, self.target),
                 "w2_test": w2(levels, self.test),
-                "w2_floor": w2(independent, self.target),
                 "ks": max(ks_by_factor(levels, self.target).values()),
-                "ks_floor": max(ks_by_factor(independent, self.target).values()),
                 "effective_number": effective_number(levels),
             }
+            found |= self.floors(len(levels))
         if len(different) >= FEWEST:
             found["entropy"] = sample_entropy(levels[different], "mean_field").value
         return found
+
+    def floors(self, number: int) -> dict[str, float]:
+        """The distances to the target of so many independent levels of it."""
+        if number not in self.known_floors:  # nearly all lines are of the same number
+            levels = self.independent[:number]
+            found = {"w2_floor": w2(levels, self.target), "ks_floor": max(ks_by_factor(levels, self.target).values())}
+            self.known_floors[number] = found
+        return self.known_floors[number]
 
     def levels_of(self, played: Mapping[str, np.ndarray], picked: np.ndarray) -> Levels:
         """The levels of the picked episodes."""

@@ -31,7 +31,7 @@ class CurriculumConfig(Settings):
     needs_stream: ClassVar[bool] = False  # whether it plays levels beyond any fixed set, so that they must be endless
 
     name: str
-    log_interval: Count = 25_000  # frames between two lines about the levels that were played
+    log_interval: Count = 50_000  # frames between two lines about the levels that were played
 
 
 @dataclass(frozen=True)
