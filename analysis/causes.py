@@ -105,7 +105,7 @@ def causes_plot(
         for axes in grid[len(suites) :]:
             axes.axis("off")
         what = "success gained" if figure == "effect" else "share of failures that end"
-        drawn.supxlabel(f"{what} where this group alone is as in training, 95 %", fontsize=10)
+        drawn.supxlabel(f"{what} where this group alone\nis as in training, 95 %", fontsize=10)
     if path is not None:
         place = Path(path).expanduser().resolve()
         save_figure(drawn, place, (place.suffix,))
