@@ -75,5 +75,5 @@ class LevelRows:
         self.number, self.identity = state["number"].copy(), state["identity"].copy()
         self.identities = state["identities"]
         if self.stream is not None:
-            self.stream.next = state["next"]
+            self.stream.go_to(state["next"])
         return self.env.pool.with_arrays(state["pool"])

@@ -17,9 +17,10 @@ AT_ENDS = ("final_obs", "_final_obs", "final_info", "_final_info")
 
 @dataclass(frozen=True, eq=False)
 class Began:
-    """Episodes that began in one step: the levels, with their numbers and identities; see :class:`LevelRows`."""
+    """Episodes that began in one step: rows of levels, with their numbers and identities; see :class:`LevelRows`."""
 
-    levels: Levels
+    levels: Levels  # of all rows at that moment
+    row: np.ndarray
     number: np.ndarray
     identity: np.ndarray
 
@@ -111,13 +112,13 @@ class PlayedEnv:
         number, levels = self._rows.number[row], self._rows.levels  # the curriculum may put other levels into the rows
         instead = self._curriculum.began(row)
         same = np.ones(len(row), np.bool_) if instead is None else instead == row
-        began = (Began(levels[row[same]], number[same], self._identity[where][same]),) if same.any() else ()
+        began = (Began(levels, row[same], number[same], self._identity[where][same]),) if same.any() else ()
         if instead is None or same.all():
             return observation, info, began
         mask, chosen = np.zeros(len(where), np.bool_), np.zeros(len(where), np.int64)
         mask[places[~same]], chosen[places[~same]] = True, instead[~same]
         observation, fresh = self._env.reset(options={"levels": chosen, "reset_mask": mask})
         self._row[mask], self._identity[mask] = chosen[mask], self._rows.identity[chosen[mask]]
-        more = Began(self._rows.levels[chosen[mask]], self._rows.number[chosen[mask]], self._identity[mask])
+        more = Began(self._rows.levels, chosen[mask], self._rows.number[chosen[mask]], self._identity[mask])
         kept = {name: info[name] for name in ("success", "death", *AT_ENDS) if name in info}
         return observation, {**fresh, **kept}, (*began, more)

@@ -13,6 +13,7 @@ levels count once for each episode). ``entropy``: of the different levels among 
 import dataclasses
 import warnings
 from collections.abc import Iterable, Mapping
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -58,9 +59,13 @@ class PlayedLog:
 
     def add(self, began: Iterable[Began]) -> None:
         """Takes note of episodes that began."""
-        for one in began:
-            arrays = {name: getattr(one.levels, name) for name in LEVEL_ARRAYS}
-            self.began.append({**arrays, "number": one.number, "identity": one.identity})
+        for _, group in groupby(began, key=lambda one: id(one.levels)):  # all that began on the same levels at once
+            parts = list(group)
+            row, number, identity = (
+                np.concatenate([getattr(one, name) for one in parts]) for name in ("row", "number", "identity")
+            )
+            arrays = {name: getattr(parts[0].levels, name)[row] for name in LEVEL_ARRAYS}
+            self.began.append({**arrays, "number": number, "identity": identity})
 
     def line(self, frames: int, scores: Mapping[int, float]) -> dict[str, float]:
         """Figures of the episodes since the last line; the table gets a row for each of their levels.

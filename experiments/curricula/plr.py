@@ -19,7 +19,7 @@ from experiments.curricula.scored_rows import ScoredRows
 from experiments.curricula.scores import scores_of
 from experiments.settings import PLRConfig
 
-ROWS_PER_ENV = 4  # of new levels, beside those that are kept
+ROWS_PER_ENV = 8  # of new levels, beside those that are kept
 
 
 class PLR:
@@ -39,7 +39,7 @@ class PLR:
         return config.capacity + ROWS_PER_ENV * num_envs
 
     def began(self, row: np.ndarray) -> None:
-        """Takes note of the time; new levels are no longer new."""
+        """Takes note of the time; new levels are no longer new, though they may be drawn again until the rollout ends."""
         self.known.began(row)
         self.begun += len(row)
         self.replayed += int(self.known.is_scored[row].sum())
@@ -51,7 +51,7 @@ class PLR:
             self.rows.fill(left)
             self.known.forget(left)
             self.is_new[left], self.is_left[left] = True, False
-        self._weigh()
+            self._weigh()
 
     def ended(self, ended: Ended) -> None:
         """Scores the levels of these episodes, and leaves those of the lowest scores where there are too many."""

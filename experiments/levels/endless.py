@@ -9,6 +9,8 @@ from experiments.levels.suite_levels import SuiteLevels
 from experiments.settings import ConfigError, LevelsConfig
 from segar.levels import Levels
 
+BLOCK = 512  # levels that are drawn at once, which takes little longer than to draw a tenth of them
+
 
 @dataclass
 class Stream:
@@ -17,19 +19,31 @@ class Stream:
     Attributes:
         distribution: what they are drawn from. apart_from: levels that are passed over, such as those of a suite's test.
         seed: which stream. next: the index from which the next level is looked for.
+        block: levels that were drawn ahead; used: how many of them were taken.
     """
 
     distribution: Any
     seed: int
     apart_from: Levels | None = None
     next: int = 0
+    block: Levels | None = None
+    used: int = 0
 
     def take(self, n: int) -> Levels:
         """The next ``n`` levels, and goes on behind them."""
-        apart = {} if self.apart_from is None else {"apart_from": self.apart_from}
-        levels = self.distribution.sample(n, seed=self.seed, split="train", start=self.next, **apart)
+        if self.block is None or self.used + n > len(self.block):
+            apart = {} if self.apart_from is None else {"apart_from": self.apart_from}
+            size = max(n, BLOCK)
+            self.block = self.distribution.sample(size, seed=self.seed, split="train", start=self.next, **apart)
+            self.used = 0
+        levels = self.block[self.used : self.used + n]
+        self.used += n
         self.next = int(levels.provenance.indices[-1]) + 1
         return levels
+
+    def go_to(self, index: int) -> None:
+        """Goes on from the level of this index."""
+        self.next, self.block = index, None
 
 
 def stream_of(config: LevelsConfig) -> Stream:

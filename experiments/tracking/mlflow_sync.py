@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from experiments.runs.run_folder import EPISODES, REPLACED, SUMMARY, SYNC_STATE, runs_root, write_json
+from experiments.runs.run_folder import EPISODES, PLAYED, REPLACED, SUMMARY, SYNC_STATE, runs_root, write_json
 from experiments.settings import RunConfig, flat, grid_point, without_password
 from experiments.tracking.mlflow_store import calling, open_store, store_uri
 
@@ -141,7 +141,7 @@ class RunSync:
 
 def files_of(folder: Path) -> list[Path]:
     """The files of a run that MLflow gets, as far as they exist."""
-    return [folder / name for name in (SUMMARY, EPISODES) if (folder / name).exists()]
+    return [folder / name for name in (SUMMARY, EPISODES, PLAYED) if (folder / name).exists()]
 
 
 def tags_of(config: RunConfig) -> dict[str, str]:
