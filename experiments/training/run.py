@@ -256,7 +256,10 @@ def _carry_out(prepared: Prepared, tracker: Tracker, say: Callable[[str], None])
     training.history.write(folder)
     training.record_data()
     took = {"seconds": training.seconds, "evaluation_seconds": evaluation_seconds}
-    summary = {"label": config.label(), "frames": learner.frames, **took, **final}
+    played = {
+        row["name"]: row["value"] for row in training.history.rows if row["name"].startswith("played/")
+    }  # the last ones
+    summary = {"label": config.label(), "frames": learner.frames, **took, **final, **played}
     write_json(folder / SUMMARY, summary)
     prepared.env.close()
     return summary

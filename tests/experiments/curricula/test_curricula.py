@@ -9,6 +9,7 @@ from experiments.curricula.accel import ACCEL
 from experiments.curricula.explorer import Explorer
 from experiments.curricula.level_rows import MADE, LevelRows
 from experiments.curricula.scored_rows import ScoredRows
+from experiments.curricula.training_levels import TrainingLevels
 from experiments.levels.endless import stream_of
 from experiments.runs.run_folder import read_metrics, read_played
 from experiments.settings import (
@@ -35,7 +36,7 @@ from experiments.training.run import run
 from segar.envs import VectorEnv
 from segar.levels import check_levels, near_levels
 from segar.suites import suite
-from tests.experiments.short_runs import FRAMES, ITERATIONS, killed_after, same_results, short_run
+from tests.experiments.short_runs import FRAMES, ITERATIONS, Killed, killed_after, same_results, short_run
 
 ENDLESS = LevelsConfig(train="empty-easy", count="endless", test_count=3)
 PPO = PPOConfig(num_envs=8, num_steps=8, widths=(8,), head_width=0)
@@ -82,13 +83,23 @@ def test_an_interrupted_run_ends_like_one_that_was_not_interrupted_to_the_bit(na
     ids=lambda config: config.name,
 )
 @pytest.mark.slow
-def test_every_algorithm_trains_on_endless_levels_and_goes_on_to_the_bit(algorithm, tmp_path):
+def test_every_algorithm_trains_on_endless_levels_and_goes_on_to_the_bit(algorithm, tmp_path, monkeypatch):
     seen = ObservationConfig(name="state" if algorithm.name == "sac" else "rgb")
     config = {"levels": ENDLESS, "algorithm": algorithm, "observation": seen}
     whole = short_run(tmp_path / "whole", **config)
     run(whole, say=lambda _: None)
-    run(short_run(tmp_path / "again", **config), say=lambda _: None)
-    assert same_results(tmp_path / "whole", tmp_path / "again")
+    advance = TrainingLevels.advance
+
+    def stop_there(self, learner):
+        if learner.frames == FRAMES * ITERATIONS // 2:
+            raise Killed
+        return advance(self, learner)
+
+    with monkeypatch.context() as patch, pytest.raises(Killed):
+        patch.setattr(TrainingLevels, "advance", stop_there)
+        run(short_run(tmp_path / "parts", **config), say=lambda _: None)
+    run(short_run(tmp_path / "parts", **config), say=lambda _: None)
+    assert same_results(tmp_path / "whole", tmp_path / "parts")
 
 
 def test_each_episode_of_endless_training_is_on_another_level(tmp_path):
