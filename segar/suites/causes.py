@@ -118,7 +118,7 @@ class Causes:
             replacing(Path(path), "the table", SuiteError) as beside,
             beside.open("w", newline="", encoding="utf-8") as file,
         ):
-            writer = csv.DictWriter[str](file, ("suite", "twins_hash", *HEAD))
+            writer: csv.DictWriter[str] = csv.DictWriter(file, ("suite", "twins_hash", *HEAD))
             writer.writeheader()
             writer.writerows(self.rows())
 

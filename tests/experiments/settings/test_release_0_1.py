@@ -16,7 +16,7 @@ from experiments.runs.run_folder import folder_path, read_config
 from experiments.settings import CHECKOUT, ConfigError, RunFolderError, as_data, label_in_0_1, run_config
 
 LABELS = json.loads((Path(__file__).parent / "labels_0_1.json").read_text())  # that release 0.1 itself printed
-LATER = {"ppo_recurrent_trials"}  # algorithms that came after it
+LATER = {"drac", "drac_fast", "ppg", "ppg_fast", "ppo_recurrent_trials"}  # algorithms that came after it
 OLD_TYPES = {
     "ppo": "experiments.config:PPOConfig",
     "ppo_recurrent": "experiments.recurrent_ppo:RecurrentPPOConfig",

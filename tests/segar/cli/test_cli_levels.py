@@ -85,7 +85,9 @@ def test_describe_lists_every_marginal(capsys):
     equal = {"types": types, "probabilities": [0.25] * 4, "optional": False, "there": 1.0}
     assert said["entities"]["tile1"] == equal
     text = shown(capsys, "describe", "tilesx1-medium")
-    assert text.count("\n") == len(rows) + 1 + 1 + len(said["entities"]) + 1
+    shared = "\n\ntwo draws are the same level with probability 0 (+- 0); a level is one of 200 others with 0 (+- 0)\n"
+    assert text.endswith(shared)
+    assert text.count("\n") == len(rows) + 1 + 1 + len(said["entities"]) + 1 + 2
     assert "UniformNoise(0.5, 0.55)" in text and "SandTile 0.25 | MagmaTile 0.25 | Hole 0.25" in text
 
 
