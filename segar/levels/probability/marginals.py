@@ -79,6 +79,8 @@ def _rank_distribution(plan: SamplingPlan, group: SlotGroup, place: int) -> Nois
         values, masses = as_noise(other.count).atoms
         allowed = [(int(v), m) for v, m in zip(values, masses, strict=True) if other is not group or v > place]
         mass = sum(m for _, m in allowed)
+        if not mass:
+            return Deterministic(0.0)  # the slot is never filled, so no level shows the rank
         grown: dict[int, float] = {}
         for total, weight in totals.items():
             for value, m in allowed:

@@ -188,3 +188,9 @@ def test_rules_that_have_no_name_cannot_be_frozen(tmp_path):
 
 def test_rules_have_names_of_their_own():
     assert len(set(RULES)) == len(RULES) and RULES[0] == "default"
+
+
+def test_slots_that_training_never_fills_have_no_say_in_exact_statistics():
+    one = suite("number-more-v1")
+    found = segar.metrics.ks(one.train, one.test)
+    assert 0 < found < 1 and found == pytest.approx(segar.metrics.ks(one.test, one.train))
