@@ -102,7 +102,12 @@ def find_name(app: Sphinx, env: BuildEnvironment, node: pending_xref, text: node
 def exists(name: str) -> bool:
     """Whether this is the full name of a thing in Python, or of a field of a dataclass."""
     owner, _, attribute = name.rpartition(".")
-    return pydoc.locate(name) is not None or attribute in getattr(pydoc.locate(owner), "__annotations__", ())
+    in_module = hasattr(
+        sys.modules.get(owner), attribute
+    )  # of a module that its package hides, as torch.optim.optimizer
+    return (
+        in_module or pydoc.locate(name) is not None or attribute in getattr(pydoc.locate(owner), "__annotations__", ())
+    )
 
 
 def scopes_of(room: str | None, owner: str | None) -> Iterator[str]:

@@ -191,6 +191,6 @@ def test_rules_have_names_of_their_own():
 
 
 def test_slots_that_training_never_fills_have_no_say_in_exact_statistics():
-    one = suite("number-more-v1")
+    one = suites.suite("number-more-v1")
     found = segar.metrics.ks(one.train, one.test)
     assert 0 < found < 1 and found == pytest.approx(segar.metrics.ks(one.test, one.train))
