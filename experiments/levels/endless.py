@@ -31,12 +31,15 @@ class Stream:
 
     def take(self, n: int) -> Levels:
         """The next ``n`` levels, and goes on behind them."""
-        if self.block is None or self.used + n > len(self.block):
+        block = self.block
+        if block is None or self.used + n > len(block):
             apart = {} if self.apart_from is None else {"apart_from": self.apart_from}
-            size = max(n, BLOCK)
-            self.block = self.distribution.sample(size, seed=self.seed, split="train", start=self.next, **apart)
-            self.used = 0
-        levels = self.block[self.used : self.used + n]
+            drawn: Levels = self.distribution.sample(
+                max(n, BLOCK), seed=self.seed, split="train", start=self.next, **apart
+            )
+            block, self.used = drawn, 0
+        self.block = block
+        levels = block[self.used : self.used + n]
         self.used += n
         self.next = int(levels.provenance.indices[-1]) + 1
         return levels
