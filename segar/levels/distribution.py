@@ -29,7 +29,7 @@ from segar.levels.sampling.placement import MIN_DISTANCE
 from segar.levels.sampling.plan import SamplingPlan, SlotGroup, make_plan
 from segar.noise import Noise
 from segar.rules import RuleSpace, World
-from segar.support import Estimate, __version__
+from segar.support import Estimate, __version__, is_whole
 
 MOST_LEVELS = 2**62  # indices of a split end before it
 MOST_TRIES, FEWEST_TRIES = 10, 1000  # levels per level that is asked for, and in all, before sampling apart gives up
@@ -131,14 +131,14 @@ class LevelDistribution:
             PlacementError: the things of a level find no place; the message names level and things.
             PriorError: a distribution gave a value that its factor cannot take.
         """
-        if isinstance(n, bool) or not isinstance(n, (int, np.integer)) or n < 1:
+        if not is_whole(n) or n < 1:
             raise LevelError(f"{self}: the number of levels must be a whole number above 0, not {n!r}")
-        if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)):
+        if not is_whole(seed):
             raise LevelError(f"{self}: the seed must be a whole number, not {seed!r}")
         if not isinstance(split, str):
             raise LevelError(f"{self}: the split must be a text such as 'train' or 'test', not {split!r}")
         self._check_room(int(n))
-        if isinstance(start, bool) or not isinstance(start, (int, np.integer)) or not 0 <= start <= MOST_LEVELS - n:
+        if not is_whole(start) or not 0 <= start <= MOST_LEVELS - n:
             raise LevelError(f"{self}: the start must be the index of a level, a whole number from 0 up, not {start!r}")
         if apart_from is None:
             return self._drawn(np.arange(start, start + n, dtype=np.int64), seed, split)
@@ -273,7 +273,7 @@ class LevelDistribution:
             LevelError: ``n`` is no whole number above 0.
             PriorError: a factor with atoms depends on other factors, or there are too many kinds of levels to go through.
         """
-        if isinstance(n, bool) or not isinstance(n, (int, np.integer)) or n < 1:
+        if not is_whole(n) or n < 1:
             raise LevelError(f"{self}: the number of levels must be a whole number above 0, not {n!r}")
         known: dict[Any, Estimate] = {}
 
@@ -402,7 +402,7 @@ def _check_number(entry: Any) -> tuple[Any, Any]:
                 f"numbers: how many {name} must be a distribution of whole numbers from 0 up, not {many!r}"
             )
         return who, many
-    if isinstance(many, bool) or not isinstance(many, (int, np.integer)) or many < 0:
+    if not is_whole(many) or many < 0:
         raise LevelError(
             f"numbers: how many {name} must be a whole number from 0 up or a distribution of such, not {many!r}"
         )

@@ -16,7 +16,7 @@ from segar.levels.level_set import Levels
 from segar.levels.sampling.placement import fix_block
 from segar.levels.sampling.plan import SamplingPlan
 from segar.noise import Noise
-from segar.support import __version__
+from segar.support import __version__, is_whole
 
 MOST_TRIES = 100  # a level is mutated anew at most so often, as placement tries 100 times
 OUTLINE = ("shape_kind", "vertex_count", "vertices")
@@ -67,7 +67,7 @@ def mutate(levels: Levels, rng: np.random.Generator, changes: int = 1) -> Levels
         raise LevelError(
             f"{levels!r} know no distribution from which factors could be drawn anew; sample levels from one"
         )
-    if isinstance(changes, bool) or not isinstance(changes, (int, np.integer)) or changes < 1:
+    if not is_whole(changes) or changes < 1:
         raise LevelError(f"changes must be a whole number above 0, not {changes!r}")
     sites = mutable_sites(distribution.plan)
     if not sites:

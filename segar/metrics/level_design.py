@@ -15,6 +15,7 @@ from segar.levels import LevelDistribution, Levels, checks, content_hash, entity
 from segar.metrics.points import Units, spread
 from segar.metrics.targets import nearest_to_target
 from segar.metrics.wasserstein import MISMATCH, Mode, cost_function, exact_costs, w2
+from segar.support import is_whole
 
 Kind = Literal["iid", "clustered", "covering", "nuisance_only", "target"]
 KINDS = ("iid", "clustered", "covering", "nuisance_only", "target")
@@ -92,7 +93,7 @@ def design(
 
 def pool_size(n: int, pool: int | None) -> int:
     """How many levels ``n`` are picked from."""
-    if isinstance(n, bool) or not isinstance(n, (int, np.integer)) or n < 1:
+    if not is_whole(n) or n < 1:
         raise LevelError(f"design: the number of levels must be a whole number above 0, not {n!r}")
     size = max(POOL_PER_LEVEL * n, SMALLEST_POOL) if pool is None else pool
     if size < n:

@@ -23,6 +23,7 @@ from segar.levels import (
     with_mechanisms,
 )
 from segar.suites.suite_file import HASH_DIGITS, Suite
+from segar.support import is_whole
 
 PLACE, KINDS, RULES_GROUP, LOOK, OTHERS, ALL = "place", "entities", "rules", "look", "others", "all"
 """Names of groups; any other group has the name of its factor or world parameter."""
@@ -145,7 +146,7 @@ def twins(suite: Suite, *, seed: int = 0, n: int | None = None, groups: Sequence
         SuiteError: there is no such group, or ``n`` is out of range.
     """
     most = len(suite.test_levels)
-    if n is not None and (isinstance(n, bool) or not isinstance(n, (int, np.integer)) or not 1 <= n <= most):
+    if n is not None and (not is_whole(n) or not 1 <= n <= most):
         raise SuiteError(f"twins of {suite.name}: n must be 1 to {most}, the number of test levels, not {n!r}")
     known = _groups(suite)
     for name in () if groups is None else groups:
