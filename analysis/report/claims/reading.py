@@ -70,6 +70,7 @@ TESTS: Mapping[str, Test] = {
     "A-sac-hard": learning.sac_easy_beside_hard,
     "A-ks": learning.rate_of_ks,
     "rule-sets": rule_sets.gap_by_rule_sets,
+    "rule-sets-unseen": rule_sets.success_by_rule_sets,
     "rule-set-distance": rule_sets.gap_by_distance,
     "memory": rule_sets.memory_beside_none,
 }

@@ -12,6 +12,7 @@ from analysis.report.rules import MARGINS
 from analysis.tables import keep, select
 
 GAP_IN_SUCCESS = "gap_success"
+SUCCESS = "success_test_deterministic"
 OF_SET = ("family", "difficulty", "n", "seed", "design")
 SUCCESS_IN_TRIAL = "success_trial_{}_test_deterministic"
 
@@ -47,6 +48,13 @@ def gap_by_rule_sets(evidence: Evidence, runs: pd.DataFrame) -> Iterator[Finding
     """Whether the gap in success to unseen rule sets shrinks as training has more of them, at one number of levels."""
     found = evidence.correlation(runs, "log_rule_sets", GAP_IN_SUCCESS, ("panel",))
     words = "gap in success to unseen rule sets and the logarithm of the number of rule sets in training"
+    yield correlation(METRIC_OURS, words, found, 1, ("panel",))
+
+
+def success_by_rule_sets(evidence: Evidence, runs: pd.DataFrame) -> Iterator[Finding]:
+    """Whether success on unseen rule sets grows as training has more of them, at one number of levels."""
+    found = evidence.correlation(runs, "log_rule_sets", SUCCESS, ("panel",))
+    words = "success on unseen rule sets and the logarithm of the number of rule sets in training"
     yield correlation(METRIC_OURS, words, found, 1, ("panel",))
 
 

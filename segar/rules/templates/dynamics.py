@@ -53,7 +53,7 @@ def dynamics_space(active: int | Noise | None = None) -> RuleSpace:
         rotating_field("charge_vortex", Charge),
         magnetic_field("magnetic_field"),
         portal("portal"),
-        portal("second_portal"),
+        portal("wide_portal", radius=0.2),
         one_way_wall("one_way_x", 0),
         one_way_wall("one_way_y", 1),
         growth("charge_growth", Charge),
@@ -65,5 +65,5 @@ def dynamics_space(active: int | Noise | None = None) -> RuleSpace:
         unlocking("unlocking"),
     ]
     always = [free_motion, *(r for r in DEFAULT_RULES if r not in (lorentz_law, apply_friction, record_drag))]
-    exclusive = [("contagion", "sharing"), ("portal", "second_portal")]
+    exclusive = [("contagion", "sharing"), ("portal", "wide_portal")]
     return RuleSpace(options, DiscreteRangeNoise(2, 4) if active is None else active, always, exclusive)

@@ -51,6 +51,20 @@ def test_picked_rule_sets_do_not_count_among_numbers(tmp_path):
     assert one.found.n == 18
 
 
+def test_a_gap_that_shrinks_in_training_alone_is_no_success_on_unseen_rule_sets(tmp_path):
+    runs = rule_set_rows(np.random.default_rng(0), seeds=10)
+    logarithm = np.log10(runs["design"].str.extract(r"rule_sets_(\d+)")[0].astype(float))
+    for shared, expected in ((-0.05, NOT_SUPPORTED), (0.05, SUPPORTED)):
+        noise = np.random.default_rng(1).normal(0, 0.02, len(runs))
+        test = 0.5 + shared * logarithm + noise
+        changed = runs.assign(
+            success_test_deterministic=test, success_train_deterministic=test + 0.3 - 0.05 * logarithm
+        )
+        found = claims_of(evidence_of(tmp_path / str(shared), changed))
+        assert found["rule-sets"].verdict(METRIC_OURS) == SUPPORTED
+        assert found["rule-sets-unseen"].verdict(METRIC_OURS) == expected
+
+
 def test_distances_that_were_not_measured_leave_the_other_question(tmp_path):
     runs = rule_set_rows(np.random.default_rng(0), seeds=6, of_number=0.05)
     found = claims_of(evidence_of(tmp_path, runs))
