@@ -58,6 +58,7 @@ from experiments.benchmarking.verification import verify
 from experiments.commands.hydra_app import ends_with_its_reader, run_command, to_plain
 from experiments.commands.kernels import choose_kernels
 from experiments.evaluation.transfers import RunTask
+from experiments.levels.suite_levels import TEXTURED
 from experiments.reproduce import ReproduceConfig, Work, carry_out, cores, failures, reproduce
 from experiments.reproduction.display import Display
 from experiments.reproduction.grid import grid_runs
@@ -133,7 +134,8 @@ class BenchmarkConfig:
     def chosen_suites(self) -> tuple[str, ...]:
         """The suites to play: those of textures need an agent that sees frames."""
         chosen = suites_named(self.suites)
-        sees_no_textures = not self.player and not self.actions and not self.run.observation.name.startswith("textures")
+        shows_textures = self.run.observation.name in {*TEXTURED, *TEXTURED.values()}
+        sees_no_textures = not self.player and not self.actions and not shows_textures
         return tuple(name for name in chosen if not (sees_no_textures and is_about_looks(name)))
 
     def all_seeds(self) -> range:

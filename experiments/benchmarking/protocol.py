@@ -1,26 +1,12 @@
-"""What all rows of the benchmark share: the suites of the core, the budgets, players without training, names."""
+"""What all rows of the benchmark share: the budgets, players without training, names."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from experiments.settings import CHECKOUT, ConfigError
 from segar.errors import did_you_mean
-from segar.suites import Suite, outline, suites
+from segar.suites import CORE, Suite, outline, suites
 
-CORE = (
-    "place-few-v1",
-    "place-between-v1",
-    "place-edge-to-middle-v1",
-    "number-more-v1",
-    "kind-unseen-pairs-v1",
-    "property-heavy-v1",
-    "property-charge-v1",
-    "world-slippery-v1",
-    "rules-constants-v1",
-    "sight-mass-v1",
-    "goal-moves-v1",
-)
-"""The suites that ``suite=core`` stands for."""
 ALL = "all"  # all suites that come with SEGAR
 BUDGETS: Mapping[str, int | None] = {"laptop": 200_000, "server": 5_000_000, "open": None}
 """Frames of training on each suite with each seed; None: as many as ``scale.frames`` says."""

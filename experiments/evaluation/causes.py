@@ -1,7 +1,6 @@
 """What the failures of a trained agent on a suite come from: its test levels and their causal twins, played by the agent."""
 
 import csv
-import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,7 @@ from segar.suites import Causes, Suite, Twin, Twins, causes_of, suite, suites
 from segar.support import replacing
 
 CAUSES = "causes.csv"  # in the folder of an evaluation: a row per action mode and group of factors
-EnvironmentOptions = Callable[[RunConfig], Mapping[str, Any]]
+EnvironmentOptions = Callable[[str], Mapping[str, Any]]
 
 
 def suite_played(config: EvaluateConfig, trained: RunConfig) -> Suite:
@@ -34,18 +33,19 @@ def suite_played(config: EvaluateConfig, trained: RunConfig) -> Suite:
 
 
 def play_twins(
-    policy: Agent, twins: Twins, trained: RunConfig, options_of: EnvironmentOptions, modes: Sequence[str], seed: int
+    policy: Agent, twins: Twins, options_of: EnvironmentOptions, modes: Sequence[str], seed: int
 ) -> dict[str, Causes]:
     """Action mode to what failures come from, by one episode on each test level and on each twin.
 
     Args:
-        options_of: the options of environments by which an agent of these settings plays.
+        options_of: the options of environments in which an agent plays levels of the suite as those of ``"train"`` or of
+            ``"test"`` look.
     """
     found = {}
     for mode in modes:
 
         def success(levels: Levels, twin: Twin | None, mode: str = mode) -> np.ndarray:
-            options = options_of(in_textures(trained, _textures(twins.suite, twin)))
+            options = options_of("train" if looks_as_in_training(twins.suite, twin) else "test")
             rows = play_in_modes(policy, "twins", levels, options, seed, (mode,))
             return np.array([row["success"] for row in sorted(rows, key=lambda row: row["level"])], float)
 
@@ -53,12 +53,9 @@ def play_twins(
     return found
 
 
-def in_textures(run: RunConfig, textures: str) -> RunConfig:
-    """The settings of a run that sees this set of textures; as they are where any observation will do."""
-    if not textures:
-        return run
-    seen = dataclasses.replace(run.observation, options={**run.observation.options, "textures": textures})
-    return dataclasses.replace(run, observation=seen)
+def looks_as_in_training(played: Suite, twin: Twin | None) -> bool:
+    """Whether a twin is seen in the textures of training; without a twin, it is the test level itself."""
+    return twin is not None and bool(twin.textures) and twin.textures == played.textures[0]
 
 
 def write_causes(path: Path, causes: Mapping[str, Causes]) -> None:
@@ -68,9 +65,3 @@ def write_causes(path: Path, causes: Mapping[str, Causes]) -> None:
         writer = csv.DictWriter(file, list(rows[0]))
         writer.writeheader()
         writer.writerows(rows)
-
-
-def _textures(played: Suite, twin: Twin | None) -> str:
-    if twin is not None:
-        return twin.textures
-    return played.textures[1] if played.textures else ""

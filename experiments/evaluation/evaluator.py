@@ -4,6 +4,7 @@ import dataclasses
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -136,7 +137,9 @@ def evaluate(config: EvaluateConfig, say: Callable[[str], None] = print) -> Eval
         say(line)
     if with_twins is not None:
         made = twins(with_twins, n=None if config.n is None else min(config.n, len(with_twins.test_levels)))
-        causes = play_twins(policy, made, trained, lambda run: options_of(folder, run), config.modes, config.seed)
+        causes = play_twins(
+            policy, made, partial(options_of, folder, trained, with_twins.name), config.modes, config.seed
+        )
         write_causes(out / CAUSES, causes)
         for mode, found_causes in causes.items():
             say(f"{mode} actions, {found_causes}")

@@ -12,7 +12,7 @@ import numpy as np
 
 from experiments.levels.conditions import conditional_puttputt
 from experiments.levels.rule_sets import levels_of_rule_sets
-from experiments.levels.suite_levels import levels_of_suite, options_of_suite
+from experiments.levels.suite_levels import levels_of_suite, observation_of_suite
 from experiments.levels.variations import vary
 from experiments.settings import (
     DEFAULT_TASK,
@@ -24,6 +24,7 @@ from experiments.settings import (
     TARGET_DESIGN,
     ConfigError,
     LevelsConfig,
+    ObservationConfig,
     RunConfig,
     as_data,
     import_object,
@@ -200,6 +201,16 @@ def find_distribution(name: str, place: str) -> Any:
         raise ConfigError(f"{place}: {error}") from error
 
 
+def observation_seen(config: RunConfig, which: str = "train") -> ObservationConfig:
+    """What an agent of these settings observes of the ``"train"`` or the ``"test"`` levels: its suite may hide or show things.
+
+    Raises:
+        ConfigError: the suite shows textures, and the observation shows none.
+    """
+    suite = levels_of_suite(config.levels.train, "train", "levels.train")
+    return config.observation if suite is None else observation_of_suite(suite.suite, config.observation, which)
+
+
 def environment_options(
     config: RunConfig, num_envs: int | None = None, train: Levels | None = None, which: str = "train"
 ) -> dict[str, Any]:
@@ -223,8 +234,8 @@ def environment_options(
     suite = levels_of_suite(config.levels.train, "train", "levels.train")
     task = suite.task_of(config) if suite and is_own else _find(task_name(config), config.task.options, "task", place)
     most = config.num_threads if num_envs is None else max(num_envs // ENVS_PER_THREAD, 1)
-    observed = config.observation.options if suite is None else options_of_suite(suite.suite, config.observation, which)
-    seen = _find(config.observation.name, observed, "observation", "observation.name")
+    observed = observation_seen(config, which)
+    seen = _find(observed.name, observed.options, "observation", "observation.name")
     return {
         "observation": seen if train is None else trained_on(seen, train),
         "task": task,

@@ -1,6 +1,6 @@
 """The levels of suites, under the names by which runs know them."""
 
-from collections.abc import Mapping
+import dataclasses
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,6 +9,9 @@ from segar.errors import SuiteError
 from segar.language import Task
 from segar.levels import Levels
 from segar.suites import Suite, suite, suites
+
+TEXTURED = {"rgb": "textures", "rgb_stack2": "textures_stack2", "rgb_stack4": "textures_stack4"}
+"""Observations of frames in solid colours, to the ones that show a suite's textures in their place."""
 
 
 @dataclass(frozen=True)
@@ -57,8 +60,8 @@ class SuiteLevels:
         return self.suite.test_levels[:n]
 
 
-def options_of_suite(suite: Suite, observation: ObservationConfig, which: str) -> Mapping[str, Any]:
-    """The options of an observation with what the suite says of it: factors that states hide, and the set of textures.
+def observation_of_suite(suite: Suite, observation: ObservationConfig, which: str) -> ObservationConfig:
+    """An observation with what the suite says of it: factors that states hide, and the textures that frames show.
 
     Args:
         which: whose textures, those of the ``"train"`` or of the ``"test"`` levels.
@@ -67,17 +70,23 @@ def options_of_suite(suite: Suite, observation: ObservationConfig, which: str) -
         ConfigError: the suite is about textures, and the observation shows none, or asks for a set.
     """
     if suite.textures:
-        if not observation.name.startswith("textures") or "textures" in observation.options:
-            raise ConfigError(
-                f"observation: the suite {suite.name} shows the set of textures {suite.textures[0]} in training and the set"
-                f" {suite.textures[1]} in the test; choose observation=textures, or textures_stack4, without"
-                " observation.options.textures"
-            )
-        return {**observation.options, "textures": suite.textures[which == "test"]}
+        return in_textures(observation, suite.textures[which == "test"], suite)
     if not suite.hidden or not observation.name.startswith("state"):
-        return observation.options  # frames show no factors
+        return observation  # frames show no factors
     hidden = [*observation.options.get("hidden", ()), *(factor.__name__ for factor in suite.hidden)]
-    return {**observation.options, "hidden": list(dict.fromkeys(hidden))}
+    return dataclasses.replace(observation, options={**observation.options, "hidden": list(dict.fromkeys(hidden))})
+
+
+def in_textures(observation: ObservationConfig, textures: str, suite: Suite) -> ObservationConfig:
+    """Frames that show a set of textures, in place of those of solid colours; raises as :func:`observation_of_suite`."""
+    name = TEXTURED.get(observation.name, observation.name)
+    if name not in TEXTURED.values() or "textures" in observation.options:
+        raise ConfigError(
+            f"observation: the suite {suite.name} shows the set of textures {suite.textures[0]} in training and the set"
+            f" {suite.textures[1]} in the test; choose observation={', '.join(TEXTURED)} or {', '.join(TEXTURED.values())},"
+            " without observation.options.textures"
+        )
+    return dataclasses.replace(observation, name=name, options={**observation.options, "textures": textures})
 
 
 def levels_of_suite(name: str, which: str, place: str) -> SuiteLevels | None:

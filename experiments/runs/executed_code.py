@@ -22,7 +22,7 @@ from importlib.util import resolve_name
 from pathlib import Path
 
 import segar
-from experiments.levels.builders import LevelFile, distribution_of, environment_options, task_name
+from experiments.levels.builders import LevelFile, distribution_of, environment_options, observation_seen, task_name
 from experiments.runs.own_modules import find_file, modules_named, source_of
 from experiments.runs.run_folder import VERSIONS, read_versions
 from experiments.runs.versions import levels_hash
@@ -200,7 +200,7 @@ def _played(config: RunConfig) -> dict[str, str]:
         "levels": _digest([levels_hash(train).encode(), levels_hash(test).encode()]),
     }
     parts["environment"], parts["sampler"] = _library(ENVIRONMENT), _library(SAMPLER)
-    if "textures" in config.observation.name:
+    if "textures" in observation_seen(config).name:
         parts["textures"] = _library(("textures",))
     return parts
 

@@ -4,7 +4,7 @@ import argparse
 from typing import Any
 
 from segar.cli import arguments
-from segar.suites import card, suite, suites
+from segar.suites import CORE, card, suite, suites
 
 SHOWN = ("axis", "shift", "says", "training_levels", "hash")
 APART = ("name", "says", "differs", "hashes", "w2_by_factor", "ks_by_factor", "unseen")
@@ -21,9 +21,22 @@ def tell(chosen: argparse.Namespace) -> None:
     """``segar suites``."""
     if chosen.name is None:
         found = [suite(name) for name in suites()]
-        rows = [(one.name, one.axis, one.shift, one.training_levels, len(one.test_levels)) for one in found]
-        head = ("suite", "axis", "shift", "training levels", "test levels")
-        answer = {one.name: {name: getattr(one, name) for name in SHOWN} for one in found}
+        of_core = {one.name: one.name in CORE for one in found}
+        rows = [
+            (
+                one.name,
+                one.axis,
+                one.shift,
+                one.training_levels,
+                len(one.test_levels),
+                "yes" if of_core[one.name] else "",
+            )
+            for one in found
+        ]
+        head = ("suite", "axis", "shift", "training levels", "test levels", "core")
+        answer = {
+            one.name: {**{name: getattr(one, name) for name in SHOWN}, "core": of_core[one.name]} for one in found
+        }
         arguments.print_answer(chosen, answer, arguments.table(head, rows))
     else:
         answer = card(suite(chosen.name))

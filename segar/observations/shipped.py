@@ -28,6 +28,7 @@ SHIPPED: dict[str, Callable[..., Observation]] = {
     "state": StateVector,
     "rgb": Pixels,
     "textures": TexturedPixels,
+    "textures_stack2": partial(_stacked, TexturedPixels, n=2),
     "textures_stack4": partial(_stacked, TexturedPixels, n=4),
     "state_normalised": partial(StateVector, normalise=True),  # in units of the prior
     "state_past": _with_past,  # and the last step, also over the trials of a level

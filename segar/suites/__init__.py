@@ -10,9 +10,9 @@ from segar.suites.freezing import Admission, admission, freeze
 from segar.suites.registration import register_suites
 from segar.suites.rules_by_name import RULES
 from segar.suites.suite_card import card
-from segar.suites.suite_file import AXES, Suite, outline, read_suite, suite, suites
+from segar.suites.suite_file import AXES, CORE, Suite, outline, read_suite, suite, suites
 
 __all__ = [
-    "AXES", "RULES", "Admission", "Cause", "Causes", "Suite", "Twin", "Twins", "admission", "card", "causes_of", "find_causes",
-    "freeze", "outline", "read_suite", "register_suites", "suite", "suites", "twins",
+    "AXES", "CORE", "RULES", "Admission", "Cause", "Causes", "Suite", "Twin", "Twins", "admission", "card", "causes_of",
+    "find_causes", "freeze", "outline", "read_suite", "register_suites", "suite", "suites", "twins",
 ]  # fmt: skip

@@ -36,6 +36,22 @@ AXES: Mapping[str, str] = {
 }
 """In what training and test of a suite differ, and what that is."""
 
+CORE = (
+    "place-few-v1",
+    "place-between-v1",
+    "place-edge-to-middle-v1",
+    "number-more-v1",
+    "kind-unseen-pairs-v1",
+    "property-heavy-v1",
+    "property-charge-v1",
+    "world-slippery-v1",
+    "rules-constants-v1",
+    "look-far-v1",
+    "sight-mass-v1",
+    "goal-moves-v1",
+)
+"""The suites that stand for all where time is short: twelve, at least one of each axis."""
+
 FORMAT = 1
 HASH_DIGITS = 16
 DATA = Path(__file__).parent / "data"

@@ -10,8 +10,8 @@ from analysis.benchmark.make import BOARD, IMPROVEMENT, PAGE, PROFILE, PROFILES,
 from analysis.benchmark.scores import OVERALL, figures_of, improvements, leaderboard, rows_in, suites_compared
 from analysis.stats.power import detectable_difference
 from experiments.benchmarking import protocol
-from experiments.benchmarking.protocol import CORE, REFERENCES, SHIPPED
-from segar.suites import suite
+from experiments.benchmarking.protocol import REFERENCES, SHIPPED
+from segar.suites import CORE, suite
 
 MADE = (SCORES, BOARD, IMPROVEMENT, PROFILES)
 

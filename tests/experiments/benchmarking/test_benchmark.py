@@ -13,19 +13,20 @@ from experiments.benchmark import BenchmarkConfig, again, benchmark, make_row, m
 from experiments.benchmarking import protocol
 from experiments.benchmarking.players import PlayerTask, make_piece
 from experiments.benchmarking.playing import read_actions, write_actions
-from experiments.benchmarking.protocol import CORE, PLAYERS, SHIPPED, suites_named
+from experiments.benchmarking.protocol import PLAYERS, SHIPPED, suites_named
 from experiments.benchmarking.row import EPISODES, ROW, TABLE, add_pieces, file_hash, hash_of, read_piece, read_row
 from experiments.benchmarking.verification import verify
 from experiments.settings import (
     CHECKOUT,
     ConfigError,
+    ObservationConfig,
     PPOConfig,
     RunConfig,
     RunFolderError,
     ScaleConfig,
     TrackingConfig,
 )
-from segar.suites import AXES, outline, suite
+from segar.suites import AXES, CORE, outline, suite
 
 SUITE = "place-few-v1"
 LAB = "tests.experiments.benchmarking.lab_method"
@@ -58,8 +59,8 @@ def edited(row, **changes):
     return read_row(row.folder)
 
 
-def test_the_core_has_twelve_suites_at_most_and_most_axes():
-    assert len(CORE) <= 12 and {outline(name)["axis"] for name in CORE} >= {*AXES} - {"look"}
+def test_the_core_has_twelve_suites_and_all_axes():
+    assert len(set(CORE)) == 12 and {outline(name)["axis"] for name in CORE} == {*AXES}
     assert suites_named(["core", SUITE]) == CORE and SUITE in suites_named(["all"])
     with pytest.raises(ConfigError, match=r"'place-fow-v1'.*Did you mean 'place-few-v1'"):
         suites_named(["place-fow-v1"])
@@ -145,6 +146,10 @@ def test_a_method_from_outside_needs_a_name_and_methods_exclude_each_other(tmp_p
 
 def test_an_agent_that_sees_no_textures_leaves_their_suites_out(tmp_path):
     assert config_of(tmp_path, suites=("look-far-v1", SUITE)).chosen_suites() == (SUITE,)
+    for name in ("rgb_stack2", "textures"):
+        seen = RunConfig(observation=ObservationConfig(name))
+        chosen = config_of(tmp_path, suites=("look-far-v1", SUITE), run=seen).chosen_suites()
+        assert chosen == ("look-far-v1", SUITE)
 
 
 def test_scores_need_references_that_no_folder_has(tmp_path, monkeypatch):

@@ -1,6 +1,7 @@
 """Runs on suites: which levels, task and observation they have."""
 
 import dataclasses
+from itertools import product
 
 import numpy as np
 import pytest
@@ -76,10 +77,11 @@ def test_options_of_a_task_and_textures_are_told():
 
 
 def test_training_and_test_levels_of_a_suite_about_looks_look_different():
-    config = dataclasses.replace(config_of("look-far-v1"), observation=ObservationConfig("textures"))
-    _, test = make_levels(config.levels)
+    look = config_of("look-far-v1")
+    _, test = make_levels(look.levels)
     frames = {}
-    for which, shown in (("train", "baseline"), ("test", "far")):
+    for name, (which, shown) in product(("rgb", "textures"), (("train", "baseline"), ("test", "far"))):
+        config = dataclasses.replace(look, observation=ObservationConfig(name))
         options = environment_options(config, which=which)
         frames[which], _ = VectorEnv(test, 4, seed=0, **options).reset(options={"levels": np.arange(4)})
         own = {**options, "observation": TexturedPixels(textures=shown)}
