@@ -49,11 +49,12 @@ class ACCEL:
     def advance(self, frames: int) -> Mapping[str, float]:
         """Tries as many new levels and children as are due, and weighs the rows."""
         figures, batch, taken = dict(self.replay.advance(frames)), self.config.batch, 0
-        while self.due >= batch:
-            self.due -= batch
-            children = self.children(batch)
-            if children is not None:
-                taken += self.replay.offer(children, made=True)
+        due = int(self.due) // batch * batch
+        self.due -= due
+        children = self.children(due) if due else None
+        if children is not None:
+            for first in range(0, len(children), batch):
+                taken += self.replay.offer(children[first : first + batch], made=True)
         self.replay.weigh()
         return {**figures, **self.replay.figures(), "children_taken": float(taken)}
 

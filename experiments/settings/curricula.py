@@ -80,7 +80,7 @@ class RobustPLRConfig(ReplayConfig):
 
     temperature: Positive = 0.3
     staleness: Share = 0.3
-    batch: Count = 64  # levels that are tried side by side, at a time
+    batch: Count = 128  # levels that are tried side by side, at a time
     counts_tried: bool = True  # whether steps in which levels are tried are counted among the frames of the run
 
 

@@ -18,7 +18,8 @@ from segar.levels.sampling.plan import SamplingPlan
 from segar.noise import Noise
 from segar.support import __version__, is_whole
 
-MOST_TRIES = 100  # a level is mutated anew at most so often, as placement tries 100 times
+MOST_TRIES = 100  # a level is mutated anew at least so often, as placement tries 100 times
+AT_ONCE, OF_ONE = 512, 16  # mutations that are tried side by side, and how many of them of one level
 OUTLINE = ("shape_kind", "vertex_count", "vertices")
 
 
@@ -85,19 +86,24 @@ def _changed_once(
 ) -> Levels:
     """The levels with one change each; raises :class:`LevelError`."""
     mutated = {name: getattr(levels, name).copy() for name in LEVEL_ARRAYS}
-    left = np.arange(len(levels))
-    for _ in range(MOST_TRIES):
-        donors = distribution.sample(len(left), seed=int(rng.integers(2**63)), split="mutation")
-        arrays, changed = _exchanged(levels[left], donors, sites, rng.integers(len(sites), size=len(left)))
-        tried = dataclasses.replace(levels[left], **arrays)
-        fits = changed & _can_be_drawn(distribution, tried)
+    left, tries = np.arange(len(levels)), 0
+    while tries < MOST_TRIES:
+        each = min(max(AT_ONCE // len(left), 1), OF_ONE)
+        tries += each
+        rows = np.repeat(left, each)
+        donors = distribution.sample(len(rows), seed=int(rng.integers(2**63)), split="mutation")
+        arrays, changed = _exchanged(levels[rows], donors, sites, rng.integers(len(sites), size=len(rows)))
+        tried = dataclasses.replace(levels[rows], **arrays)
+        fits = (changed & _can_be_drawn(distribution, tried)).reshape(len(left), each)
+        done = fits.any(axis=1)
+        first = np.flatnonzero(done) * each + fits[done].argmax(axis=1)  # of each level, the first one that fits
         for name, array in arrays.items():
-            mutated[name][left[fits]] = array[fits]
-        left = left[~fits]
+            mutated[name][left[done]] = array[first]
+        left = left[~done]
         if not len(left):
             return dataclasses.replace(levels, **mutated)
     raise LevelError(
-        f"level {left[0]}: {MOST_TRIES} tries to change something gave no other level that {distribution} can draw; leave this"
+        f"level {left[0]}: {tries} tries to change something gave no other level that {distribution} can draw; leave this"
         " level out"
     )
 

@@ -124,5 +124,5 @@ def test_levels_that_cannot_be_mutated_say_why():
         numbers=[(segar.GolfBall, 1)],
         priors=[segar.Prior(Position, [0.0, 0.0]), segar.Prior(Mass, segar.noise.Choice([2.0]))],
     )
-    with pytest.raises(LevelError, match="100 tries"):
+    with pytest.raises(LevelError, match=r"\d+ tries to change"):
         mutate(fixed.sample(1), np.random.default_rng(0))
