@@ -175,13 +175,16 @@ def improvement_table(improved: pd.DataFrame, board: pd.DataFrame) -> str:
 
 def suite_tables(table: pd.DataFrame, suites: Mapping[str, Sequence[str]]) -> list[str]:
     """A table for each suite."""
-    found = []
-    for name in (name for axis, members in suites.items() if axis != OVERALL for name in members):
-        part = table.loc[table["suite"] == name]
-        means = mean_by(part, ["row"], FIGURES).sort_values("score", ascending=False, kind="stable")
-        lines = [[f"`{one['row']}`", *(number(one[name]) for name in FIGURES)] for one in means.to_dict("records")]
-        found.append(f"### {name}\n\n{markdown(['row', *(WORDS[one] for one in FIGURES)], lines)}")
-    return found
+    names = [name for axis, members in suites.items() if axis != OVERALL for name in members]
+    return [f"### {name}\n\n{rows_on(name, table)}" for name in names]
+
+
+def rows_on(name: str, table: pd.DataFrame) -> str:
+    """The means over seeds of each row that played a suite, best first."""
+    part = table.loc[table["suite"] == name]
+    means = mean_by(part, ["row"], FIGURES).sort_values("score", ascending=False, kind="stable")
+    lines = [[f"`{one['row']}`", *(number(one[name]) for name in FIGURES)] for one in means.to_dict("records")]
+    return markdown(["row", *(WORDS[one] for one in FIGURES)], lines)
 
 
 def suite_table(table: pd.DataFrame) -> str:

@@ -5,27 +5,31 @@
 
 from __future__ import annotations
 
-import csv
 import shutil
 from collections.abc import Mapping
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 from environments import GAP, SIDE, draw, table
 from PIL import Image
 from playgrounds import BUILD
 
+from analysis.benchmark.page import rows_on
+from experiments.benchmarking.protocol import SHIPPED
 from segar.envs import VectorEnv
 from segar.levels import Levels
 from segar.observations import TexturedPixels
 from segar.suites import AXES, Suite, card, suite, suites
 
 FOLDER = BUILD / "site-source" / "suites"
-SCORES = Path(__file__).parents[1] / "results" / "benchmark" / "scores.csv"  # of the shipped table of methods
+SCORES = SHIPPED / "scores.csv"
 PICTURES = 4  # levels of each side
 SEED = 1  # of the training levels
-FIGURES = ("success", "score", "train", "test", "gap", "regret")  # of methods, where the table has them
+RESULTS = """Means over the seeds of each row. *Score*: 0 for the better of idle and random play on each level, 1 for the
+planner. *Regret*: what the return on test levels lacks of the planner's.
+[The leaderboard](../results/benchmark/leaderboard.md) says what the rows are, and has intervals."""
 
 PAGE = """# {name}
 
@@ -155,31 +159,19 @@ def page_of(one: Suite, told: Mapping[str, Any]) -> str:
             f" {told['shared_probability']:.2g}; training leaves such levels out."
         ),
         certificates=table(("player", "share of test levels solved"), certificates),
-        results=results_of(one.name),
+        results=results_of(one),
         observation="rgb" if one.textures else "state",
         hashes=table(("part", "hash"), [("suite", f"`{one.hash}`"), *((k, f"`{v}`") for k, v in told["hashes"].items())]),
     )  # fmt: skip
 
 
-def results_of(name: str) -> str:
-    """What methods achieve on a suite, by the shipped table, if it has rows of it: means over seeds."""
-    rows = []
-    if SCORES.exists():
-        with SCORES.open(newline="") as file:
-            rows = [row for row in csv.DictReader(file) if row.get("suite") == name]
-    if not rows:
+def results_of(one: Suite) -> str:
+    """What methods achieve on a suite, by the shipped rows that played this version of it."""
+    scores = pd.read_csv(SCORES)
+    played = scores.loc[scores["suite_hash"] == one.hash]
+    if played.empty:
         return "There are no results of methods on this suite yet."
-    numbers = [key for key in rows[0] if key not in ("suite", "seed") and all(_is_number(row[key]) for row in rows)]
-    shown = [key for key in numbers if any(part in key for part in FIGURES)][:8]
-    by = "row" if "row" in rows[0] else next(iter(rows[0]))
-    found: dict[str, list[dict[str, str]]] = {}
-    for row in rows:
-        found.setdefault(row[by], []).append(row)
-    lines = [
-        (method, str(len(of)), *(f"{sum(float(row[key]) for row in of) / len(of):.3f}" for key in shown))
-        for method, of in found.items()
-    ]
-    return table((by, "runs", *shown), lines)
+    return f"{RESULTS}\n\n{rows_on(one.name, played)}"
 
 
 def draw_textures(levels: Levels, textures: str, sheet: Path) -> None:
@@ -201,14 +193,6 @@ def index_page() -> str:
         rows = [(f"[{one.name}]({one.name}.md)", one.shift, one.says) for one in members]
         groups += f"## {axis}: {words}\n\n{table(('suite', 'difference', 'what differs'), rows)}\n\n"
     return INDEX.format(number=len(suites()), axes=len(AXES), groups=groups, pages="\n".join(suites()))
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 if __name__ == "__main__":
