@@ -32,7 +32,7 @@ from experiments.settings import (
 )
 from segar.cli import load_levels
 from segar.envs import VectorEnv
-from segar.errors import LevelError, SegarError, did_you_mean
+from segar.errors import LevelError, RuleError, SegarError, did_you_mean
 from segar.language import Order, code_place
 from segar.levels import LevelDistribution, Levels, family
 from segar.metrics import design, matched_set, w2
@@ -270,12 +270,17 @@ def task_name(config: RunConfig) -> str:
 
 
 def check_observations(config: RunConfig, train: Levels, test: Levels) -> None:
-    """Raises :class:`ConfigError` if the agent would not observe the same numbers in the test levels as in training."""
-    sides = {"train": train, "test": test}
-    seen, shown = (
-        VectorEnv(levels, 1, seed=0, **environment_options(config, train=train, which=which))
-        for which, levels in sides.items()
-    )
+    """Raises :class:`ConfigError` if the agent would not observe the same numbers in the test levels as in training, or could
+    not play its task there."""
+    seen = VectorEnv(train, 1, seed=0, **environment_options(config, train=train))
+    try:
+        shown = VectorEnv(test, 1, seed=0, **environment_options(config, train=train, which="test"))
+    except RuleError as error:
+        raise ConfigError(
+            f"levels.test: the task {task_name(config)} of the training levels cannot be played in levels of"
+            f" {config.levels.test_distribution}: {str(error).partition('; choose the task')[0]}. Test on levels that have what"
+            " the task needs"
+        ) from error
     space, other = seen.single_observation_space, shown.single_observation_space
     names, others = (list(getattr(env.observation, "names", ())) for env in (seen, shown))
     if space.shape == other.shape and type(space) is type(other) and names == others:

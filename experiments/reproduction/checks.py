@@ -126,10 +126,8 @@ def check_claims(experiment: Experiment, works: Sequence[RunTask]) -> None:
                 check_setting(f"{place}.{key}", column, known)
                 for value in values if isinstance(values, list | tuple) else [values]:
                     if column in known and str(value) not in known[column]:
-                        raise ConfigError(
-                            f"{place}.{key}: no run has {column}={value}; there are {', '.join(sorted(known[column]))}."
-                            f"{did_you_mean(str(value), sorted(known[column]))}"
-                        )
+                        there = ", ".join(sorted(known[column], key=lambda text: (len(text), text)))  # numbers in order
+                        raise ConfigError(f"{place}.{key}: no run has {column}={value}; there are {there}.")
                     there = [work for work, columns in columns_of if columns.get(column) == str(value)]
                     if (
                         claim.tested_on

@@ -120,3 +120,16 @@ def test_an_agent_is_tested_in_the_units_that_it_was_trained_in(tmp_path, monkey
     evaluate_transfer(config, Transfer("harder", "empty-hard", "", seen, test_count=2), lambda line: None)
     collect_run(folder, frames=10, num_envs=2)
     assert len(measured) > 10 and {*measured} == {"empty-easy"}
+
+
+def test_test_levels_without_what_the_task_needs_are_told_by_their_setting(tmp_path):
+    (tmp_path / "goalless.py").write_text(
+        "import segar\n"
+        "places = [segar.Prior(segar.Position, segar.RandomUniformLocation())]\n"
+        "balls = segar.LevelDistribution([(segar.GolfBall, 1)], places)\n"
+    )
+    add_module_path([str(tmp_path)])
+    with pytest.raises(
+        ConfigError, match=r"^levels\.test: the task puttputt .* cannot be played in levels of goalless:balls"
+    ):
+        check("empty-easy", "goalless:balls", "rgb")
