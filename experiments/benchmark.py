@@ -160,13 +160,23 @@ def benchmark(config: BenchmarkConfig) -> None:
     elif config.again:
         make_again(config)
     elif config.table:
-        run_plugin(REPORTS, REPORT, config.folder)
+        report(config)
     else:
         name = make_row(config)
         for reference in references_of(config) if config.report else ():
             make_row(reference)
         if config.report and not config.dry_run:
-            run_plugin(REPORTS, REPORT, config.folder, {"row": name})
+            tracked = {"tracking": as_data(config.run.tracking), "root": str(runs_root(config.run))}
+            report(config, row=name, **tracked)
+
+
+def report(config: BenchmarkConfig, **options: Any) -> None:
+    """Makes tables, figures and the page of the rows, in a process of its own; raises :class:`TrainingError` if that fails."""
+    if not run_plugin(REPORTS, REPORT, config.folder, options):
+        raise TrainingError(
+            f"the tables of {config.folder} were not made, or not tracked; see above. The rows are complete, and table=true"
+            " makes their tables"
+        )
 
 
 def make_row(config: BenchmarkConfig) -> str:
@@ -225,7 +235,7 @@ def make_again(config: BenchmarkConfig) -> None:
         if dry_run:
             print(f"all rows: about {in_minutes(seconds)} with {config.processes or cores()} at a time", flush=True)
     if config.report and not config.dry_run:
-        run_plugin(REPORTS, REPORT, config.folder)
+        report(config)
 
 
 def again(config: BenchmarkConfig, row: Row) -> BenchmarkConfig:

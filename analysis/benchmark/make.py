@@ -1,6 +1,8 @@
 """Makes tables, figures and the leaderboard page of a folder of rows."""
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from analysis.benchmark.figures import performance_figure, profile_figure, shown_rows
 from analysis.benchmark.page import overall_table, page_text, suite_table
@@ -14,25 +16,34 @@ from analysis.benchmark.scores import (
     rows_in,
     suites_compared,
 )
+from analysis.benchmark.tracking import numbers_of, track_row
 from analysis.plotting.figures import save_figure
 from analysis.tables import write_csv
-from experiments.benchmarking.protocol import CORE, REFERENCES, SHIPPED
+from experiments.benchmarking.protocol import REFERENCES, SHIPPED
 from experiments.runs.files import write_text
+from experiments.runs.run_folder import root_folder
+from experiments.settings import TrackingConfig, construct
+from segar.suites import CORE
 
 DIGITS = 6  # of numbers in CSV files
 SCORES, BOARD, IMPROVEMENT, PROFILES = "scores.csv", "leaderboard.csv", "improvement.csv", "profiles.csv"
 PROFILE, PERFORMANCE, PAGE = "profile", "performance", "leaderboard.md"
 
 
-def report_rows(folder: Path, row: str = "") -> None:
+def report_rows(
+    folder: Path, row: str = "", tracking: Mapping[str, Any] | None = None, root: str | None = None
+) -> None:
     """Write tables, figures and page into a folder of rows, beside which the shipped rows stand; print what the row ``row``
-    achieves.
+    achieves, and write it to MLflow.
 
     Rows are compared on the suites of the core where the folder is that of the shipped rows, else on those that rows of the
     folder played.
 
+    Args:
+        tracking, root: where results are tracked, see :class:`experiments.settings.TrackingConfig`; None: nowhere.
+
     Raises:
-        SegarError: a row is damaged.
+        SegarError: a row is damaged, or the store of MLflow refuses.
     """
     folder = folder.resolve()
     found = rows_in(dict.fromkeys((folder, SHIPPED)))
@@ -56,3 +67,7 @@ def report_rows(folder: Path, row: str = "") -> None:
         save_figure(performance_figure(shares, shown), folder / PERFORMANCE, (".png",))
     write_text(folder / PAGE, page_text(rows, table, board, improved, suites))
     print(f"{len(here)} rows here, {len(rows) - len(here)} others: {folder / PAGE}", flush=True)
+    settings = construct(TrackingConfig, tracking or {"name": "none"}, "tracking")
+    if row in rows and settings.name != "none":
+        files = [path for name in (SCORES, BOARD, PAGE, f"{PROFILE}.png") if (path := folder / name).exists()]
+        track_row(settings, root_folder(root), rows[row], numbers_of(row, table, board), files)

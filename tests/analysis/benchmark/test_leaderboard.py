@@ -5,12 +5,15 @@ import shutil
 import numpy as np
 import pandas as pd
 import pytest
+from mlflow import MlflowClient
 
 from analysis.benchmark.make import BOARD, IMPROVEMENT, PAGE, PROFILE, PROFILES, SCORES, report_rows
 from analysis.benchmark.scores import OVERALL, figures_of, improvements, leaderboard, rows_in, suites_compared
 from analysis.stats.power import detectable_difference
 from experiments.benchmarking import protocol
 from experiments.benchmarking.protocol import REFERENCES, SHIPPED
+from experiments.settings import TrackingConfig
+from experiments.tracking.mlflow_store import store_uri
 from segar.suites import CORE, suite
 
 MADE = (SCORES, BOARD, IMPROVEMENT, PROFILES)
@@ -35,6 +38,25 @@ def test_the_shipped_page_and_tables_are_made_of_the_shipped_rows(tmp_path, monk
     for name in MADE:
         pd.testing.assert_frame_equal(pd.read_csv(shipped / name), pd.read_csv(SHIPPED / name), rtol=1e-4)
     assert (shipped / f"{PROFILE}.png").stat().st_size > 1000
+
+
+def test_a_row_is_a_run_of_mlflow_with_its_scores_however_often_it_is_reported(tmp_path):
+    rows, root = tmp_path / "rows", tmp_path / "runs"
+    shutil.copytree(SHIPPED / "script", rows / "script")
+    for _ in range(2):
+        report_rows(rows, "script", {"name": "mlflow"}, str(root))
+    client = MlflowClient(store_uri(TrackingConfig(), root))
+    experiment = client.get_experiment_by_name(TrackingConfig().experiment)
+    (run,) = client.search_runs([experiment.experiment_id], "tags.kind = 'row' and tags.sweep = 'script'")
+    board = pd.read_csv(rows / BOARD)
+    (overall,) = board.loc[
+        (board["row"] == "script") & (board["axis"] == OVERALL) & (board["quantity"] == "score"), "estimate"
+    ]
+    assert run.data.metrics[f"score/{OVERALL}"] == pytest.approx(overall, abs=1e-5)
+    scores = pd.read_csv(rows / SCORES)
+    success = scores.loc[(scores["row"] == "script") & (scores["suite"] == CORE[0]), "test_success"].mean()
+    assert run.data.metrics[f"test_success/{CORE[0]}"] == pytest.approx(success, abs=1e-5)
+    assert {one.path for one in client.list_artifacts(run.info.run_id)} >= {PAGE, SCORES}
 
 
 def test_the_planner_scores_1_and_has_no_regret_and_idle_and_random_score_0_at_most(table):

@@ -1,0 +1,50 @@
+"""A row in MLflow: a run of its own with what the row achieves on each axis and suite, beside its training runs."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import pandas as pd
+
+from analysis.benchmark.scores import FIGURES
+from analysis.tables import mean_by, select
+from experiments.benchmarking.row import Row
+from experiments.settings import TrackingConfig, flat
+from experiments.tracking.mlflow_store import calling, open_store
+from experiments.tracking.mlflow_sync import VALUE_LENGTH
+
+
+def track_row(
+    tracking: TrackingConfig, root: Path, row: Row, numbers: Mapping[str, float], files: Sequence[Path]
+) -> None:
+    """Writes a row's numbers and files to the store of ``root``, in place of those of an earlier report of this row.
+
+    The run has the tag ``kind = 'row'``, and the tag ``sweep`` of the row's training runs.
+
+    Raises:
+        TrackingError: the store cannot be opened, or refuses.
+    """
+    client, experiment = open_store(tracking, root)
+    where = f"tags.kind = 'row' and tags.row_folder = '{row.folder}'"
+    for earlier in calling(client.search_runs, [experiment], where):
+        calling(client.delete_run, earlier.info.run_id)
+    name = row.method.name
+    tags = {"kind": "row", "row_folder": str(row.folder), "row_hash": row.hash, "sweep": name, "title": row.method.says}
+    run = calling(client.create_run, experiment, run_name=f"row {name}", tags=tags).info.run_id
+    for key, value in flat(row.method.settings).items():
+        calling(client.log_param, run, key, str(value)[:VALUE_LENGTH])
+    for key, number in numbers.items():
+        calling(client.log_metric, run, key, number)
+    for path in files:
+        calling(client.log_artifact, run, str(path))
+    calling(client.set_terminated, run)
+
+
+def numbers_of(name: str, table: pd.DataFrame, board: pd.DataFrame) -> dict[str, float]:
+    """``score/<axis>`` and ``test_success/<axis>`` of a row, interquartile means, and its means on each suite by seeds, such as
+    ``regret/place-few-v1``; the axis ``all`` is the mean of all."""
+    found = {
+        f"{line['quantity']}/{line['axis']}": line["estimate"] for line in select(board, row=name).to_dict("records")
+    }
+    for line in mean_by(select(table, row=name), ["suite"], FIGURES).to_dict("records"):
+        found |= {f"{figure}/{line['suite']}": line[figure] for figure in FIGURES if pd.notna(line[figure])}
+    return {key: float(value) for key, value in found.items()}
