@@ -20,17 +20,23 @@ from experiments.settings import (
     NO_CURRICULUM,
     OWN_TASK,
     TRACKERS,
+    AlgorithmConfig,
     ConfigError,
+    CurriculumConfig,
     RunConfig,
-    algorithm_named,
     as_data,
-    curriculum_named,
+    class_named,
 )
 from segar.levels import TASK_LEVELS, families
 from segar.observations import OBSERVATIONS
 from segar.suites import outline, suites
 from segar.tasks import TASKS
 
+OWN_CLASSES: Mapping[str, tuple[type[Any], Mapping[str, Any]]] = {
+    "algorithm": (AlgorithmConfig, KINDS),
+    "curriculum": (CurriculumConfig, CURRICULA),
+}
+"""The groups whose settings are of a class, which may be one's own: what it is a sub-class of, and those that are built in."""
 WITH_OPTIONS = ("task", "observation")
 """The groups with ``options``: keyword arguments of the named task or observation, which knows them. Any may be set without
 a ``+``."""
@@ -78,37 +84,20 @@ def register_settings(config_name: str = "config", settings: Mapping[str, Any] |
                 store.store(group=group, name=name, node={setting: name})
 
 
-def register_algorithm(name: str) -> str:
-    """Makes the algorithm of the settings class ``module:Class`` known with its defaults; returns the choice that names it.
+def register_own(group: str, name: str) -> str:
+    """Makes the algorithm or the curriculum of the settings class ``module:Class`` known with its defaults; returns the choice
+    that names it.
 
     Raises:
-        ConfigError: it is no settings class of an algorithm, or has settings without a default.
+        ConfigError: it is no settings class of that group, or has settings without a default.
     """
-    cls = algorithm_named(name.replace(":", "."))
+    (base, known), choice = OWN_CLASSES[group], name.replace(":", ".")
+    cls = class_named(choice, base, group)
     try:
-        settings = as_data(cls())  # type: ignore[call-arg]
+        settings = as_data(cls())
     except TypeError as error:
-        raise ConfigError(f"algorithm: {name} has settings without a default: {error}") from error
-    if settings["name"] in KINDS:  # inherited: the run would be called by another algorithm's name
+        raise ConfigError(f"{group}: {name} has settings without a default: {error}") from error
+    if settings["name"] in known:  # inherited: the run would be called by another one's name
         settings["name"] = cls.__name__
-    choice = name.replace(":", ".")
-    ConfigStore.instance().store(group="algorithm", name=choice, node=settings)
-    return choice
-
-
-def register_curriculum(name: str) -> str:
-    """Makes the curriculum of the settings class ``module:Class`` known with its defaults; returns the choice that names it.
-
-    Raises:
-        ConfigError: it is no settings class of a curriculum, or has settings without a default.
-    """
-    choice = name.replace(":", ".")
-    cls = curriculum_named(choice)
-    try:
-        settings = as_data(cls())  # type: ignore[call-arg]
-    except TypeError as error:
-        raise ConfigError(f"curriculum: {name} has settings without a default: {error}") from error
-    if settings["name"] in CURRICULA:  # inherited: the run would be called by another curriculum's name
-        settings["name"] = cls.__name__
-    ConfigStore.instance().store(group="curriculum", name=choice, node=settings)
+    ConfigStore.instance().store(group=group, name=choice, node=settings)
     return choice

@@ -11,7 +11,7 @@ from hydra.core.override_parser.types import Glob, Override
 from hydra.errors import CompactHydraException, MissingConfigException
 from omegaconf import OmegaConf
 
-from experiments.commands.config_store import WITH_OPTIONS, register_algorithm, register_curriculum
+from experiments.commands.config_store import OWN_CLASSES, WITH_OPTIONS, register_own
 from experiments.settings import (
     OBJECT_NAME,
     RENAMED,
@@ -27,7 +27,6 @@ from segar.errors import did_you_mean
 SEARCH_PATH = "hydra.searchpath"
 # The setting that takes the name of an own object where a group of choices is given one.
 OWN_NAMES = {"levels": "levels.train", "task": "task.name", "observation": "observation.name"}
-REGISTERED = {"algorithm": register_algorithm, "curriculum": register_curriculum}  # whose settings are of a class
 # One value of a list with commas between them, which may be in quotation marks.
 VALUE = re.compile(r"""\s*'(?:[^'\\]|\\.)*'\s*|\s*"(?:[^"\\]|\\.)*"\s*|[^,]+""")
 # Further settings that may name an own object.
@@ -51,13 +50,13 @@ def with_own_names(overrides: Sequence[str]) -> list[str]:
 def _with_own_name(text: str) -> str:
     key, equals, values = text.partition("=")
     group = key.lstrip("+")
-    if not equals or group not in {*OWN_NAMES, *OWN_NAMES.values(), *OWN_SETTINGS, *REGISTERED}:
+    if not equals or group not in {*OWN_NAMES, *OWN_NAMES.values(), *OWN_SETTINGS, *OWN_CLASSES}:
         return text
     names = [without_files(unquoted(value), group) for value in VALUE.findall(values)]
     if not names or not all(OBJECT_NAME.fullmatch(name) or is_level_file(name) for name in names):
         return text
-    if group in REGISTERED:
-        return f"{key}={','.join(REGISTERED[group](name) for name in names)}"
+    if group in OWN_CLASSES:
+        return f"{key}={','.join(register_own(group, name) for name in names)}"
     texts = (quoted(name) if is_level_file(name) else name for name in names)
     return f"{OWN_NAMES.get(group, key)}={','.join(texts)}"
 
@@ -145,7 +144,7 @@ def advice_on(name: str, settings: Mapping[str, Any], known: Sequence[str]) -> s
     if name in RENAMED:
         return f"the setting '{name}' is called '{RENAMED[name]}' since release 0.2"
     first, second, *_ = (*name.split("."), "", "")
-    is_own = first in REGISTERED and TARGET in settings.get(first, {})
+    is_own = first in OWN_CLASSES and TARGET in settings.get(first, {})
     if is_own or (first == "grids" and second in settings["grids"]):
         file = settings[first].get("name", settings[first][TARGET]) if is_own else second
         return f"the file of {file} does not state {name}; ++ adds what it does not: ++{name}=..."

@@ -26,7 +26,6 @@ from experiments.settings.algorithms import (
     SACConfig,
     SPRConfig,
     added_later,
-    algorithm_named,
     kind_of,
 )
 from experiments.settings.checks import (
@@ -64,7 +63,6 @@ from experiments.settings.curricula import (
     RobustPLRConfig,
     SFLConfig,
     UniformConfig,
-    curriculum_named,
 )
 from experiments.settings.errors import CheckpointError, ConfigError, RunFolderError, TrackingError, TrainingError
 from experiments.settings.evaluate import EvaluateConfig
@@ -82,6 +80,7 @@ from experiments.settings.grid import (
 from experiments.settings.own_code import (
     OBJECT_NAME,
     add_module_path,
+    class_named,
     import_object,
     is_level_file,
     level_file,
@@ -121,8 +120,8 @@ __all__ = [
     "NotNegative", "ObservationConfig", "OffPolicyConfig", "PLRConfig", "PPGConfig", "PPOConfig", "Positive",
     "PositiveOrNull", "RecurrentPPOConfig", "ReplayConfig", "RobustPLRConfig", "RunConfig", "RunFolderError",
     "SACConfig", "SFLConfig", "SPRConfig", "ScaleConfig", "Seed", "Settings", "Share", "TaskConfig", "TrackingConfig",
-    "TrackingError", "TrainingError", "UniformConfig", "Widths", "add_module_path", "added_later", "algorithm_named",
-    "as_data", "config_at", "construct", "curriculum_named", "design", "design_hash", "flat", "grid_point",
+    "TrackingError", "TrainingError", "UniformConfig", "Widths", "add_module_path", "added_later",
+    "as_data", "class_named", "config_at", "construct", "design", "design_hash", "flat", "grid_point",
     "hand_on_password", "import_object", "is_distribution", "is_level_file", "kind_of", "label_in_0_1", "level_file",
     "one_of", "panel_parts", "paper_grid", "paper_seeds", "path_of", "read_yaml", "require", "require_design",
     "require_known", "require_seed", "run_config", "scheme", "sqlite_address", "that", "with_new_names",

@@ -18,8 +18,7 @@ from experiments.settings.checks import (
     require_known,
     that,
 )
-from experiments.settings.errors import ConfigError
-from experiments.settings.own_code import import_object
+from experiments.settings.own_code import class_named
 
 # The CNNs that have a name: functions in experiments.networks.encoders.
 CNNS = ("small", "keypoints", "nature", "impala", "impala_15", "cnn_2022")
@@ -372,13 +371,4 @@ def algorithm_class(settings: Mapping[str, Any]) -> type[AlgorithmConfig]:
         kind = settings.get("kind", PPOConfig.kind)
         require_known("algorithm.kind", kind, KINDS)
         return KINDS[kind]
-    return algorithm_named(str(target))
-
-
-def algorithm_named(target: str) -> type[AlgorithmConfig]:
-    """The settings class of an algorithm that an import path, ``module.Class``, names; raises :class:`ConfigError`."""
-    module, _, name = target.rpartition(".")
-    cls = import_object(f"{module}:{name}", f"algorithm.{TARGET}")
-    if not (isinstance(cls, type) and issubclass(cls, AlgorithmConfig)):
-        raise ConfigError(f"algorithm.{TARGET}: '{target}' is not a sub-class of experiments.settings.AlgorithmConfig")
-    return cls
+    return class_named(str(target), AlgorithmConfig, f"algorithm.{TARGET}")

@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar
 from experiments.settings.algorithms import NAMES_OF_CLASS, TARGET
 from experiments.settings.checks import Count, Positive, Settings, Share, one_of, require, require_known, that
 from experiments.settings.errors import ConfigError
-from experiments.settings.own_code import import_object
+from experiments.settings.own_code import class_named
 
 NO_CURRICULUM = "none"
 SCORES = ("value_l1", "positive_value_loss", "max_mc", "regret")  # see experiments.curricula.scores
@@ -136,7 +136,7 @@ def curriculum_class(settings: Mapping[str, Any]) -> type[CurriculumConfig] | No
         ConfigError: there is no such class, or it is no sub-class of :class:`CurriculumConfig`.
     """
     if TARGET in settings:
-        return curriculum_named(str(settings[TARGET]))
+        return class_named(str(settings[TARGET]), CurriculumConfig, f"curriculum.{TARGET}")
     if settings.get("kind") is None and settings.get("name", NO_CURRICULUM) == NO_CURRICULUM:
         extra = [key for key in settings if key not in ("name", *NAMES_OF_CLASS)]
         if extra:
@@ -145,12 +145,3 @@ def curriculum_class(settings: Mapping[str, Any]) -> type[CurriculumConfig] | No
     kind = settings.get("kind", settings.get("name"))
     require_known("curriculum.kind", kind, CURRICULA)
     return CURRICULA[kind]
-
-
-def curriculum_named(target: str) -> type[CurriculumConfig]:
-    """The settings class of a curriculum that an import path, ``module.Class``, names; raises :class:`ConfigError`."""
-    module, _, name = target.rpartition(".")
-    cls = import_object(f"{module}:{name}", "curriculum")
-    if not (isinstance(cls, type) and issubclass(cls, CurriculumConfig)):
-        raise ConfigError(f"curriculum: '{target}' is not a sub-class of experiments.settings.CurriculumConfig")
-    return cls

@@ -10,7 +10,7 @@ import re
 import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from experiments.settings.errors import ConfigError
 from experiments.settings.files_read import file_digest
@@ -22,6 +22,9 @@ OBJECT_NAME = re.compile(rf"([A-Za-z_][\w.]*):{ATTRIBUTE}")
 """The form of the names of users' own objects, ``module:attribute``."""
 FILE_OBJECT = re.compile(rf"(.+\.py):({ATTRIBUTE})")
 LEVEL_FILE = re.compile(r"(.+\.(?:npz|json))(?:#([0-9a-f]{8}))?")
+
+
+T = TypeVar("T")
 
 
 def without_files(settings: Any, place: str = "", folder: Path | None = None) -> Any:
@@ -101,3 +104,12 @@ def import_object(name: str, place: str) -> Any:
         return named_object(name)
     except SegarError as error:
         raise ConfigError(f"{place}: {error}") from error
+
+
+def class_named(target: str, base: type[T], place: str) -> type[T]:
+    """The sub-class of ``base`` that an import path, ``module.Class``, names; raises :class:`ConfigError`."""
+    module, _, name = target.rpartition(".")
+    cls = import_object(f"{module}:{name}", place)
+    if not (isinstance(cls, type) and issubclass(cls, base)):
+        raise ConfigError(f"{place}: '{target}' is not a sub-class of experiments.settings.{base.__name__}")
+    return cls
