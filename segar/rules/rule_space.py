@@ -268,7 +268,8 @@ class RuleSpace:
             rules: names of the options for the test, with ``by="rules"``, instead of ``share`` of them.
 
         Raises:
-            RuleError: an argument is not known, or nothing is left of a part, or an option is not trained at all.
+            RuleError: an argument is not known, nothing is left of a part, an option is not trained at all, or two options that do
+                the same would be parted.
         """
         if part not in ("train", "test"):
             raise RuleError(f"split: the part must be 'train' or 'test', not {part!r}")
@@ -282,6 +283,12 @@ class RuleSpace:
             raise RuleError(f"split: rules= names the options of a split by='rules', and this one is by={by!r}")
         if by == "constants":
             return self._by_constants(part, share)
+        for a, b in same_options(self.options):
+            if not rules or (a in _listed(rules)) != (b in _listed(rules)):
+                raise RuleError(
+                    f"split by={by!r}: the options {a} and {b} do the same under two names, so that rule sets of the test could"
+                    " be those of training; give their constants different distributions"
+                )
         is_test = self._test_combinations(by, share, seed, rules)
         if not is_test.any() or is_test.all():
             nothing = "training" if is_test.all() else "the test"
@@ -450,6 +457,27 @@ def _values(law: Noise) -> int:
     """How many values a constant has; 1 where it has a density."""
     values, masses = law.atoms
     return len(values) if abs(masses.sum() - 1) < 1e-9 else 1
+
+
+def same_options(options: Sequence[RuleOption]) -> list[tuple[str, str]]:
+    """The names of pairs of options whose rules are one code for the same factors, and whose constants have the same laws."""
+    first: dict[str, str] = {}
+    pairs = []
+    for option in options:
+        does = repr([[_does(rule, option) for rule in rules] for rules in (option.rules, option.on_contact)])
+        key = f"{does} {list(option.constants.values())}"
+        if key in first:
+            pairs.append((first[key], option.name))
+        first.setdefault(key, option.name)
+    return pairs
+
+
+def _does(rule: Rule, option: RuleOption) -> tuple[Any, ...]:
+    """What a rule is, whatever its option and the constants are called."""
+    function, own = rule.function, [id(parameter) for parameter in option.constants]
+    cells = [cell.cell_contents for cell in function.__closure__ or ()]
+    held = [value for value in (*cells, *function.__annotations__.values()) if id(value) not in own]
+    return function.__code__, held, rule.relation, rule.priority
 
 
 def _halves(parameter: type[Parameter], law: Noise, at: float) -> tuple[Noise, Noise] | None:

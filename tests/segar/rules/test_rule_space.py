@@ -25,6 +25,7 @@ from segar.language import (
 from segar.levels import Levels, active_options, family, rules_in_words, shared_rule_sets
 from segar.noise import Bernoulli, Choice, DiscreteRangeNoise, GaussianNoise, LogUniform, UniformNoise
 from segar.rules import RuleOption, RuleSpace, World, constant, lorentz_law
+from segar.rules.rule_space import same_options
 from segar.rules.templates import central_force, dynamics_space, hiding, portal, sharing, uniform_field
 
 PUSH = constant("push_of_tests", 0.0, "m/s^2")
@@ -226,6 +227,15 @@ def test_a_split_by_rules_keeps_the_options_of_the_test_out_of_training():
     held_out = [space.index("portal"), space.index("vortex")]
     assert not train.combinations.active[:, held_out].any()
     assert test.combinations.active[:, held_out].any(axis=1).all()
+
+
+def test_options_that_do_the_same_cannot_be_split_apart():
+    space = RuleSpace([portal("a"), portal("b"), portal("wide", radius=0.2), hiding("hidden")], 1)
+    assert same_options(space.options) == [("a", "b")] and not same_options(dynamics_space().options)
+    for by, rules in (("combinations", ()), ("rules", ["a"]), ("rules", ())):
+        with pytest.raises(RuleError, match="the options a and b do the same under two names"):
+            space.split("test", by, rules=rules)
+    assert len(space.split("test", "rules", rules=["a", "b"]).combinations) == 2
 
 
 def test_a_split_by_constants_cuts_every_distribution():
