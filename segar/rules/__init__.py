@@ -9,7 +9,8 @@ from segar.rules.friction import apply_friction, come_to_rest, record_drag
 from segar.rules.heat import apply_burn
 from segar.rules.holes import consume
 from segar.rules.motion import accelerate, kill_condition, move, speed_limit, stop_condition
-from segar.rules.rule_space import RuleOption, RuleSpace
+from segar.rules.rule_option import RuleOption
+from segar.rules.rule_space import RuleSpace
 from segar.rules.world import World
 
 __all__ = [

@@ -9,7 +9,8 @@ from segar.language import ARENA, Rule, SetFactor, Velocity, as_rule
 from segar.rules.collisions import bounce, collide, is_solid
 from segar.rules.default_rules import DEFAULT_RULES
 from segar.rules.motion import speed_limit
-from segar.rules.rule_space import RuleOption, RuleSpace
+from segar.rules.rule_option import RuleOption
+from segar.rules.rule_space import RuleSpace
 
 
 @dataclass(frozen=True, init=False)

@@ -7,7 +7,7 @@ from typing import Any, Tuple  # noqa: UP035 - the paper writes rules with typin
 
 from segar.language import Differential, Factor, Mass, Mobile, SetFactor, Velocity, where
 from segar.noise import Choice
-from segar.rules.rule_space import RuleOption
+from segar.rules.rule_option import RuleOption
 from segar.rules.templates.arguments import made_constant, require_numbers, require_scalars
 
 RATE = Choice([-1.0, -0.3, 0.3])  # [1/s]

@@ -5,7 +5,8 @@ from segar.noise import DiscreteRangeNoise, Noise
 from segar.rules.default_rules import DEFAULT_RULES
 from segar.rules.fields import lorentz_law
 from segar.rules.friction import apply_friction, record_drag
-from segar.rules.rule_space import RuleOption, RuleSpace
+from segar.rules.rule_option import RuleOption
+from segar.rules.rule_space import RuleSpace
 from segar.rules.templates.changes import contagion, growth, sharing, unlocking
 from segar.rules.templates.forces import (
     anchor_spring,

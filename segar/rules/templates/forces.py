@@ -25,7 +25,7 @@ from segar.language import (
     where,
 )
 from segar.noise import Choice
-from segar.rules.rule_space import RuleOption
+from segar.rules.rule_option import RuleOption
 from segar.rules.templates.arguments import made_constant, require_numbers
 
 SIGNED = Choice([-1.0, -0.5, 0.5, 1.0])

@@ -24,7 +24,7 @@ from segar.language import (
     rule,
 )
 from segar.noise import Choice, as_noise
-from segar.rules.rule_space import RuleOption
+from segar.rules.rule_option import RuleOption
 from segar.rules.templates.arguments import made_constant, require_numbers, require_tiles, require_values
 
 PLACE = Choice([-0.6, -0.2, 0.2, 0.6])  # [m], a coordinate in the arena

@@ -25,7 +25,7 @@ from segar.language import (
 from segar.levels import Levels, active_options, family, rules_in_words, shared_rule_sets
 from segar.noise import Bernoulli, Choice, DiscreteRangeNoise, GaussianNoise, LogUniform, UniformNoise
 from segar.rules import RuleOption, RuleSpace, World, constant, lorentz_law
-from segar.rules.rule_space import same_options
+from segar.rules.rule_option import same_options
 from segar.rules.templates import central_force, dynamics_space, hiding, portal, sharing, uniform_field
 
 PUSH = constant("push_of_tests", 0.0, "m/s^2")
