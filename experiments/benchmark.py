@@ -41,7 +41,7 @@ from typing import Any
 
 from omegaconf import DictConfig
 
-from experiments.benchmarking.players import PlayerTask, make_piece
+from experiments.benchmarking.players import PlayerTask, action_file, make_piece
 from experiments.benchmarking.protocol import (
     ALL,
     BUDGETS,
@@ -53,7 +53,18 @@ from experiments.benchmarking.protocol import (
     row_folder,
     suites_named,
 )
-from experiments.benchmarking.row import ROW, Method, NewPiece, Row, add_pieces, read_piece, read_row, row_of
+from experiments.benchmarking.row import (
+    ROW,
+    Method,
+    NewPiece,
+    Piece,
+    Row,
+    add_pieces,
+    file_hash,
+    read_piece,
+    read_row,
+    row_of,
+)
 from experiments.benchmarking.verification import verify
 from experiments.commands.hydra_app import ends_with_its_reader, run_command, to_plain
 from experiments.commands.kernels import choose_kernels
@@ -66,12 +77,14 @@ from experiments.reproduction.imported_results import names_of
 from experiments.reproduction.plan import ReproductionPlan, in_minutes, measure_speeds
 from experiments.reproduction.plugin import REPORTS, run_plugin
 from experiments.reproduction.process_pool import Job, JobResult, run_jobs
+from experiments.runs.executed_code import differing_parts
 from experiments.runs.run_folder import folder_path, is_finished, runs_root
 from experiments.settings import (
     ConfigError,
     Count,
     LevelCount,
     RunConfig,
+    RunFolderError,
     TrainingError,
     as_data,
     construct,
@@ -119,7 +132,8 @@ class BenchmarkConfig:
         require(len(given) < 2, given[-1] if given else "", given, "one of algorithm, policy and actions")
         if (self.policy or self.actions) and not self.row:
             raise ConfigError("row: name the row of a method that was trained elsewhere: row=NAME")
-        suites_named(self.suites)
+        require(bool(suites_named(self.suites)), "suite", "[]", "a suite, or several")
+        require(Path(self.row).name == self.row, "row", self.row, "a name, without folders: rows=FOLDER says where")
 
     @property
     def folder(self) -> Path:
@@ -195,8 +209,28 @@ def make_row(config: BenchmarkConfig) -> str:
 def missing(config: BenchmarkConfig, method: Method) -> list[Key]:
     """The suites and seeds that a row lacks, or has of another version of the suite."""
     there = row_of(config.folder / method.name, method)
-    known = {(one.suite, one.suite_hash, one.seed) for one in there.pieces} if there else set()
-    return lacking(config, known)
+    pieces = there.pieces if there else ()
+    left = lacking(config, {(one.suite, one.suite_hash, one.seed) for one in pieces})
+    asked = {(name, seed) for name in config.chosen_suites() for seed in config.all_seeds()} - {*left}
+    for piece in (one for one in pieces if (one.suite, one.seed) in asked and config.run.stale != "keep"):
+        changed = made_otherwise(config, piece)
+        if changed and config.run.stale == "refuse":
+            raise RunFolderError(
+                f"row {method.name}: {piece.suite}, seed {piece.seed}, was made by other files than today's; changed since:"
+                f" {', '.join(changed)}. Name another row (row=...); stale=anew makes the piece again, stale=keep takes it as"
+                " it is"
+            )
+        left += [(piece.suite, piece.seed)] if changed else []
+    return sorted(left)
+
+
+def made_otherwise(config: BenchmarkConfig, piece: Piece) -> list[str]:
+    """The user's own files, of code or of actions, that are others than those that a piece was made by."""
+    changed = differing_parts(piece.made_with.get("code", {}), {})
+    path = action_file(Path(config.actions), piece.suite, piece.seed) if config.actions else None
+    if path is not None and path.exists() and file_hash(path) != piece.made_with.get("actions"):
+        changed.append(str(path))
+    return changed
 
 
 def lacking(config: BenchmarkConfig, known: Collection[tuple[str, str, int]]) -> list[Key]:
@@ -271,9 +305,8 @@ def method_of(config: BenchmarkConfig) -> Method:
     if config.actions:
         return Method(config.row, "actions", "actions of a method that was trained elsewhere")
     if config.policy:
-        return Method(
-            config.row, "actions", f"{config.policy}, trained elsewhere, on {run.observation.name}", "", None, seen
-        )
+        says = f"{config.policy}, trained elsewhere, on {run.observation.name}"
+        return Method(config.row, "actions", says, "", None, {**seen, "policy": config.policy})
     settings = settings_of(run, config.training_levels)
     name = "-".join([run.algorithm.name, *extras(settings), run.observation.name, config.budget])
     says = f"{run.algorithm.name} on {run.observation.name}, {run.scale.frames:,} frames on each suite with each seed"
@@ -464,6 +497,10 @@ def build(config: DictConfig) -> BenchmarkConfig:
 def with_names(arguments: Sequence[str]) -> list[str]:
     """A command line in which ``suite`` is no group of choices, and a player no algorithm."""
     found = []
+    given = [name for name, equals, _ in (text.partition("=") for text in arguments) if equals]
+    elsewhere = next((name for name in ("policy", "actions") if name in given), None)
+    if elsewhere and "algorithm" in given:
+        raise ConfigError(f"algorithm: {elsewhere} is of a method that was trained elsewhere; leave algorithm out")
     for text in arguments:
         name, equals, value = text.partition("=")
         if equals and name == "suite":

@@ -19,9 +19,10 @@ from experiments.benchmarking.playing import (
     write_actions,
 )
 from experiments.benchmarking.protocol import piece_name
-from experiments.benchmarking.row import Method, Piece, read_piece, write_piece
+from experiments.benchmarking.row import Method, Piece, file_hash, read_piece, write_piece
+from experiments.runs.executed_code import code_of, files_of_code, with_data
 from experiments.runs.versions import versions
-from experiments.settings import ConfigError, import_object
+from experiments.settings import ConfigError, import_object, without_files
 from segar.envs import VectorEnv
 from segar.levels import Levels
 from segar.suites import Suite, suite
@@ -56,20 +57,24 @@ def make_piece(task: PlayerTask) -> dict[str, float]:
     """Plays a piece and writes it; returns nothing to show."""
     of, player = suite(task.suite), task.method.name
     sets = sets_of(of, task.seed)
+    found = versions()
+    made_with = {name: found[name] for name in ("python", "libraries", "git")}
     if task.method.kind == "player":
         file, episodes = "", play_player(player, of, sets, task.seed)
     else:
         if task.actions:
-            actions = read_actions(action_file(Path(task.actions), task.suite, task.seed))
+            path = action_file(Path(task.actions), task.suite, task.seed)
+            actions, made_with["actions"] = read_actions(path), file_hash(path)
         elif task.policy:
             actions = actions_of(task.policy, of, sets, task)
+            made_with["code"] = files_of_code(
+                with_data(code_of(without_files(task.policy, "policy").partition(":")[0]))
+            )
         else:
             actions = planned(of, sets, task.seed)
         file, episodes = ACTIONS, play_actions(actions, of, sets, task.seed)
         write_actions(task.folder / ACTIONS, actions)
         sets = {side: sets[side] for side in actions}
-    found = versions()
-    made_with = {name: found[name] for name in ("python", "libraries", "git")}
     write_piece(task.folder, Piece(of.name, of.hash, task.seed, hashes_of(sets), "", file, 0, made_with), episodes)
     return {}
 

@@ -9,6 +9,7 @@ from experiments.benchmarking.row import Method, NewPiece, Piece, read_piece, wr
 from experiments.collection.collector import observation_shape
 from experiments.commands import process_defaults as runtime
 from experiments.evaluation.evaluator import load_agent, options_of
+from experiments.runs.executed_code import files_of_code
 from experiments.runs.run_folder import EVALUATIONS, folder_path, read_versions
 from experiments.settings import RunConfig
 from segar.envs import VectorEnv
@@ -56,6 +57,8 @@ def rounded(network: Network) -> tuple[Network, int]:
 
 
 def made_with(folder: Path) -> dict[str, object]:
-    """Libraries, commit and arithmetic by which the run in a folder was trained."""
+    """Libraries, commit, arithmetic and the user's own files by which the run in a folder was trained."""
     found = read_versions(folder)
-    return {name: found[name] for name in ("python", "libraries", "git", "arithmetic") if name in found}
+    own = files_of_code(found.get("code", ""))
+    kept = {name: found[name] for name in ("python", "libraries", "git", "arithmetic") if name in found}
+    return {**kept, **({"code": own} if own else {})}

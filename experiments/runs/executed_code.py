@@ -82,6 +82,11 @@ def played_code(config: RunConfig) -> dict[str, str]:
     return _with_files(_played(config), named | {*modules_named(task_name(config))})
 
 
+def code_of(module: str) -> dict[str, str]:
+    """The part of :func:`executed_code` that one module of the user's own is."""
+    return _with_files({}, [module])
+
+
 def with_data(code: Mapping[str, str]) -> dict[str, str]:
     """``code`` with the files that its own modules have read and loaded by now; what it says of a file already stays."""
     found = (find_file(name) for name in _sources(code))

@@ -4,12 +4,22 @@ import dataclasses
 import json
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from experiments.benchmark import BenchmarkConfig, again, benchmark, make_row, method_of, references_of, with_names
+from experiments.benchmark import (
+    BenchmarkConfig,
+    again,
+    benchmark,
+    make_row,
+    method_of,
+    missing,
+    references_of,
+    with_names,
+)
 from experiments.benchmarking import protocol
 from experiments.benchmarking.players import PlayerTask, make_piece
 from experiments.benchmarking.playing import read_actions, write_actions
@@ -25,8 +35,10 @@ from experiments.settings import (
     RunFolderError,
     ScaleConfig,
     TrackingConfig,
+    add_module_path,
 )
 from segar.suites import AXES, CORE, outline, suite
+from tests.experiments.benchmarking import lab_method
 
 SUITE = "place-few-v1"
 LAB = "tests.experiments.benchmarking.lab_method"
@@ -137,11 +149,47 @@ def test_what_makes_no_policy_is_refused(tmp_path, name):
         row_made_here(config_of(tmp_path, policy=f"{LAB}:{name}", row="mine"))
 
 
+def test_another_policy_and_other_code_are_no_part_of_a_row(tmp_path, monkeypatch):
+    path = tmp_path / "lab" / "own_policies.py"
+    path.parent.mkdir()
+    path.write_text(Path(lab_method.__file__).read_text())
+    add_module_path([str(path.parent)])
+    config = config_of(tmp_path, policy="own_policies:policy", row="mine")
+    row_made_here(config)
+    with pytest.raises(RunFolderError, match=r"another method: settings\.policy is 'own_policies:policy' there"):
+        other = config_of(tmp_path, policy="own_policies:no_policy", row="mine")
+        missing(other, method_of(other))
+    assert not missing(config, method_of(config))
+    path.write_text(path.read_text().replace("0.5, 1.0", "0.4, 1.0"))
+    with pytest.raises(RunFolderError, match=rf"{SUITE}, seed 1, was made by other files .*own_policies\.py"):
+        missing(config, method_of(config))
+    for stale, left in (("keep", []), ("anew", [(SUITE, 1)])):
+        other = dataclasses.replace(config, run=dataclasses.replace(config.run, stale=stale))
+        assert missing(other, method_of(other)) == left
+
+
+def test_other_files_of_actions_are_no_part_of_a_row(tmp_path):
+    given = tmp_path / "given" / f"{SUITE}-s1.npz"
+    write_actions(given, {"test": np.full((200, 3, 2), 0.25, np.float32)})
+    config = config_of(tmp_path, actions=str(given.parent), row="mine")
+    row_made_here(config)
+    assert not missing(config, method_of(config))
+    write_actions(given, {"test": np.full((200, 3, 2), 0.5, np.float32)})
+    with pytest.raises(RunFolderError, match="was made by other files than today's"):
+        missing(config, method_of(config))
+
+
 def test_a_method_from_outside_needs_a_name_and_methods_exclude_each_other(tmp_path):
     with pytest.raises(ConfigError, match="row: name the row"):
         config_of(tmp_path, policy="a:b")
     with pytest.raises(ConfigError, match="one of algorithm, policy and actions"):
         config_of(tmp_path, player="idle", policy="a:b", row="mine")
+    with pytest.raises(ConfigError, match="algorithm: policy is of a method that was trained elsewhere"):
+        with_names(["algorithm=sac", "policy=a:b", "row=mine"])
+    with pytest.raises(ConfigError, match=r"row: .*without folders"):
+        config_of(tmp_path, policy="a:b", row="mine/first")
+    with pytest.raises(ConfigError, match="suite"):
+        config_of(tmp_path, suites=())
 
 
 def test_an_agent_that_sees_no_textures_leaves_their_suites_out(tmp_path):
