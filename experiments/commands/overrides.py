@@ -17,16 +17,19 @@ from experiments.settings import (
     RENAMED,
     TARGET,
     TYPE_IS_GONE,
+    ConfigError,
     hand_on_password,
     is_level_file,
     path_of,
     without_files,
 )
 from segar.errors import did_you_mean
+from segar.suites import suites
 
 SEARCH_PATH = "hydra.searchpath"
 # The setting that takes the name of an own object where a group of choices is given one.
 OWN_NAMES = {"levels": "levels.train", "task": "task.name", "observation": "observation.name"}
+SUITE = "suite"
 # One value of a list with commas between them, which may be in quotation marks.
 VALUE = re.compile(r"""\s*'(?:[^'\\]|\\.)*'\s*|\s*"(?:[^"\\]|\\.)*"\s*|[^,]+""")
 # Further settings that may name an own object.
@@ -44,7 +47,27 @@ def with_own_names(overrides: Sequence[str]) -> list[str]:
     Raises:
         ConfigError: a file does not exist, or what is named as an algorithm or a curriculum is none.
     """
+    require_one_name(overrides)
     return [_with_own_name(text) for text in overrides]
+
+
+def require_one_name(overrides: Sequence[str]) -> None:
+    """Raises :class:`ConfigError` where a group of choices gets a list, or two names, of which one would count."""
+    setting_of = {**OWN_NAMES, SUITE: OWN_NAMES["levels"]}  # a suite names the levels
+    named: dict[str, str] = {}
+    for text in overrides:
+        key, equals, value = text.partition("=")
+        group = key.lstrip("+")
+        if not equals or group not in {*setting_of, *setting_of.values(), *OWN_CLASSES}:
+            continue
+        if value.startswith("[") and "." not in group:
+            raise ConfigError(
+                f"{group}: takes one name, not the list {value}; --multirun {group}=A,B is a run for each"
+            )
+        setting = setting_of.get(group, group)
+        if setting in named:
+            raise ConfigError(f"{group}: {named[setting]} and {text} both say what {setting} is; give one of them")
+        named[setting] = text
 
 
 def _with_own_name(text: str) -> str:
@@ -123,6 +146,8 @@ def explain_overrides(error: CompactHydraException, overrides: Sequence[str], co
     if isinstance(error, MissingConfigException) and error.options is not None:
         group, _, name = str(error.missing_cfg_file).rpartition("/")
         options = [option for option in error.options if not option.startswith("base_")]
+        if group == "levels" and name in suites():
+            return f"levels: {name} is a suite, and says what is played, too: {SUITE}={name}, or levels.train={name}"
         return f"no {group} is called '{name}'.{did_you_mean(name, options)}"
     parsed = parse(overrides)
     try:

@@ -307,3 +307,24 @@ def unknown_types(path):
     ])  # fmt: skip
     subprocess.run([sys.executable, "-c", code], check=True)
     levels_in(path, None, "levels.train", "levels.world")
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        (
+            ["observation=rgb", "observation=state"],
+            "observation=rgb and observation=state both say what observation.name",
+        ),
+        (["observation=my_lab.seen:looks", "observation=state"], "both say what observation.name is"),
+        (
+            ["suite=place-few-v1", "levels=empty-easy"],
+            "suite=place-few-v1 and levels=empty-easy both say what levels.train",
+        ),
+        (["suite=[place-few-v1,look-far-v1]"], "suite: takes one name, not the list .*--multirun suite=A,B"),
+        (["levels=place-few-v1"], "place-few-v1 is a suite, and says what is played, too: suite=place-few-v1"),
+    ],
+)
+def test_names_of_which_one_would_count_are_refused(overrides, message):
+    with pytest.raises(ConfigError, match=message):
+        compose(overrides)
