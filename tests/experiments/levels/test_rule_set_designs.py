@@ -31,11 +31,11 @@ def test_training_levels_take_turns_with_as_many_rule_sets_as_the_design_says():
 
 def test_near_rule_sets_are_nearer_and_far_ones_farther_than_any_of_others(monkeypatch):
     monkeypatch.setattr(rule_sets, "SETS", 50)
-    (near, test), (far, _), (some, _) = (rule_sets_of(f"rule_sets_5{what}") for what in ("_near", "_far", ""))
-    situations = situations_of(test)
-    apart = [np.sqrt(emd(rule_set_distances(one[:5], test, situations) ** 2)) for one in (near, some, far)]
-    assert apart[0] < apart[1] < apart[2]
-    every = rule_sets_of("rule_sets_40")[0]
+    (near, test), (far, _) = (rule_sets_of(f"rule_sets_5{what}") for what in ("_near", "_far"))
+    situations, every = situations_of(test), rule_sets_of("rule_sets_40")[0]
+    fives = [near[:5], far[:5], *(every[first : first + 5] for first in range(0, 40, 5))]
+    apart = [np.sqrt(emd(rule_set_distances(one, test, situations) ** 2)) for one in fives]
+    assert apart[0] < np.mean(apart[2:]) < apart[1] and apart[0] < np.sort(apart[2:])[1]
     for picked in (near, far):
         assert len(set(shared_rule_sets(picked, every)[:, 1])) == 5
         assert picked == rule_sets_of(f"rule_sets_5_{'near' if picked is near else 'far'}")[0]
