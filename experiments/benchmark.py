@@ -522,4 +522,6 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    from experiments import benchmark as module  # jobs of launchers find functions by their module
+
+    module.main()

@@ -329,9 +329,16 @@ def experiment_files() -> dict[str, dict[str, Any]]:
     return {file.stem: read_yaml(file.read_text()) for file in sorted((conf_dir() / "experiment").glob("*.yaml"))}
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """The command."""
     if {"-h", "--help"} & {*sys.argv[1:]}:
         with ends_with_its_reader():
             print(help_text())
     else:
         run_command(reproduce, "reproduce", build, SETTINGS)
+
+
+if __name__ == "__main__":
+    from experiments import reproduce as module  # jobs of launchers find functions by their module
+
+    module.main()

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -256,6 +257,19 @@ def test_shipped_rows_are_small_and_of_the_suites_that_there_are():
     assert sum(path.stat().st_size for row in rows for path in row.folder.iterdir()) < 40e6
     assert all(suite(piece.suite).hash == piece.suite_hash for row in rows for piece in row.pieces)
     assert {*protocol.REFERENCES} <= {*SHIPPED_ROWS}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("launcher", ["cores", "submitit_local"])
+def test_jobs_of_a_launcher_add_to_one_row(tmp_path, launcher):
+    asked = [f"hydra/launcher={launcher}", f"suite={SUITE}", "seed=1,2", "seeds=1", "budget=open", "scale.frames=2_000"]
+    common = ["report=false", "processes=1", "tracking=none", "observation=state", "algorithm=ppo_fast"]
+    command = [sys.executable, "-m", "experiments.benchmark", "--multirun", *asked, *common, f"root={tmp_path / 'runs'}"]
+    environment = {**os.environ, "PYTHONPATH": str(CHECKOUT)}
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    row = read_row(tmp_path / "runs" / "benchmark" / "ppo_fast-state-open")
+    assert [piece.seed for piece in row.pieces] == [1, 2]
 
 
 def test_the_command_verifies_and_explains_itself():
