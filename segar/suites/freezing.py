@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -24,13 +25,13 @@ from segar.suites.suite_file import (
     LEVELS,
     PLANS,
     SIDES,
+    SUFFIX,
     Suite,
     distribution_of,
     hash_of_plans,
     read_suite,
     suite_hash,
 )
-from segar.support import replacing
 from segar.tasks import TASKS
 
 TEST_LEVELS = 200
@@ -109,7 +110,8 @@ def freeze(
         samples, iterations: of the planner, see :func:`segar.hardness.plan`.
 
     Raises:
-        SuiteError: a distribution is not the same when it is read from its text, or the files cannot be written.
+        SuiteError: a distribution is not the same when it is read from its text; the suite is not one that can be read; or the
+            files cannot be written, or are those of another suite. Nothing is written then.
     """
     path = Path(path)
     made = TASKS[task](**(options or {}))
@@ -139,11 +141,32 @@ def freeze(
     hashes = {side: distribution.hash for side, distribution in named.items()}
     hashes |= {"levels": hash_of_levels(levels), "plans": hash_of_plans(plans)}
     hashes["suite"] = suite_hash(description, hashes)
-    levels.save(path.with_suffix(LEVELS))
-    plans.save(path.with_suffix(PLANS))
-    with replacing(path, "the suite", SuiteError) as beside:
-        beside.write_text(_toml({**description, "hashes": {what: hashes[what] for what in HASHED}}), encoding="utf-8")
-    return read_suite(path)
+    text = _toml({**description, "hashes": {what: hashes[what] for what in HASHED}})
+    return _written(path, levels, plans, text)
+
+
+def _written(path: Path, levels: Levels, plans: Plan, text: str) -> Suite:
+    """The suite, read from its files, which are put beside each other once all of them are right."""
+    try:
+        with TemporaryDirectory(dir=path.parent, prefix=f".{path.stem}-") as folder:
+            made = Path(folder) / path.name
+            levels.save(made.with_suffix(LEVELS))
+            plans.save(made.with_suffix(PLANS))
+            made.write_text(text, encoding="utf-8")
+            try:
+                found = read_suite(made)
+            except SuiteError as error:
+                raise SuiteError(str(error).replace(str(made), str(path))) from error
+            if path.exists() and (there := read_suite(path)).hash != found.hash:
+                raise SuiteError(
+                    f"{path} is another suite, {there.hash}, on which results may stand; give the new one, {found.hash},"
+                    " another version in its name, or remove the old files first"
+                )
+            for suffix in (LEVELS, PLANS, SUFFIX):
+                made.with_suffix(suffix).replace(path.with_suffix(suffix))
+    except OSError as error:
+        raise SuiteError(f"{path}: the suite cannot be written: {error.strerror or error}") from error
+    return found
 
 
 def _solved(

@@ -264,7 +264,15 @@ def test_shipped_rows_are_small_and_of_the_suites_that_there_are():
 def test_jobs_of_a_launcher_add_to_one_row(tmp_path, launcher):
     asked = [f"hydra/launcher={launcher}", f"suite={SUITE}", "seed=1,2", "seeds=1", "budget=open", "scale.frames=2_000"]
     common = ["report=false", "processes=1", "tracking=none", "observation=state", "algorithm=ppo_fast"]
-    command = [sys.executable, "-m", "experiments.benchmark", "--multirun", *asked, *common, f"root={tmp_path / 'runs'}"]
+    command = [
+        sys.executable,
+        "-m",
+        "experiments.benchmark",
+        "--multirun",
+        *asked,
+        *common,
+        f"root={tmp_path / 'runs'}",
+    ]
     environment = {**os.environ, "PYTHONPATH": str(CHECKOUT)}
     done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

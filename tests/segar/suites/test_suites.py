@@ -179,6 +179,18 @@ def test_two_versions_stand_side_by_side(own, tmp_path):
     assert read_suite(first).hash == own[1].hash != second.hash == read_suite(tmp_path / "mine-v2.toml").hash
 
 
+def test_a_suite_is_written_whole_or_not_at_all_and_over_no_other(tmp_path):
+    path, hard = tmp_path / "mine-v1.toml", segar.family("empty-hard")
+    with pytest.raises(SuiteError, match=r"axis: 'plaice' is not known here\. Did you mean 'place'"):
+        freeze(path, train=hard, test=hard, **{**OWN, "axis": "plaice"})
+    assert not [*tmp_path.iterdir()]
+    first = freeze(path, train=segar.family("empty-easy"), test=hard, **OWN)
+    with pytest.raises(SuiteError, match=rf"another suite, {first.hash}.* another version in its name"):
+        freeze(path, train=segar.family("empty-medium"), test=hard, **OWN)
+    assert freeze(path, train=segar.family("empty-easy"), test=hard, **OWN).hash == read_suite(path).hash == first.hash
+    assert len([*tmp_path.iterdir()]) == 3
+
+
 def test_rules_that_have_no_name_cannot_be_frozen(tmp_path):
     bare = segar.family("empty-hard").with_rules([segar.move])
     with pytest.raises(SuiteError, match="the distribution of train is not the same when it is read from its text"):
