@@ -71,7 +71,7 @@ def read_runs(*folders: str | Path, sweep: str | None = None) -> pd.DataFrame:
         RunFolderError: a folder does not exist, or there is no such run.
     """
     places = [root_folder(str(folder)) for folder in folders] or [root_folder(None)]
-    rows = once_each([row for row in run_rows(places) if sweep in (None, row.sweep)])
+    rows = once_each([row for row in run_rows(places) if sweep in (None, *row.sweeps)])
     if not rows:
         which = f" of the sweep {sweep}" if sweep else ""
         raise RunFolderError(f"there is no run{which} in {', '.join(map(str, places))}")

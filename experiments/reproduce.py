@@ -271,6 +271,10 @@ def tables_and_report(config: ReproduceConfig, plan: ReproductionPlan) -> bool:
     done = run_plugin(REPORTS, "tables", config.folder)
     if done and config.report and plan.runs:
         done = run_plugin(REPORTS, "report", config.folder)
+    elif done and (folder_report := config.folder / "report.html").exists():
+        print(
+            f"note: {folder_report}, claims and figures beside it are of the tables before these; report=true renews them"
+        )
     if done:
         print(f"Tables and report took {in_minutes(time.monotonic() - began)}. Figures and curves in the browser:")
         print(f"  {dashboard(config.run)}")

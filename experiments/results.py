@@ -73,9 +73,9 @@ def results(config: ResultsConfig, say: Callable[[str], None] = print) -> None:
     """
     places = [root_folder(config.root), *(root_folder(place) for place in config.more)]
     found = run_rows(places)
-    chosen = once_each([row for row in found if config.sweep in (None, row.sweep)])
+    chosen = once_each([row for row in found if config.sweep in (None, *row.sweeps)])
     if not chosen:
-        sweeps = sorted({row.sweep for row in found if row.sweep})
+        sweeps = sorted({name for row in found for name in row.sweeps})
         known = f"; there are the sweeps {', '.join(sweeps)}" if sweeps else ""
         which = f" of the sweep {config.sweep}" if config.sweep else ""
         raise RunFolderError(f"there is no run{which} in {', '.join(map(str, places))}{known}")

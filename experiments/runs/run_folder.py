@@ -14,6 +14,7 @@
 ``summary.json``          the final figures; written last, so it is there if and only if the run is finished
 ``journal.jsonl``         when the run was started, stopped, went wrong (with the traceback), and finished
 ``tracking.json``         how much of it was sent to MLflow; ``tracking_replaced.json``: that of a run which was thrown away
+``sweeps.json``           further sweeps that asked for the run when it was finished
 ``evaluations/``          results of ``python -m experiments.evaluate``, and of transfers, each with its code and with the
                           ``frames`` of the weights that it is of
 ``probes.parquet``        how well probes predict the factors from the representation, see :mod:`experiments.evaluation.probing`
@@ -64,6 +65,7 @@ PROBES = "probes.parquet"
 VERSIONS = "versions.json"
 SUMMARY = "summary.json"
 SYNC_STATE = "tracking.json"  # how much of the run was sent to MLflow
+SWEEPS = "sweeps.json"
 REPLACED = "tracking_replaced.json"  # that of the run which this one replaces, and which MLflow still has
 
 RESULTS = "results/"  # begins the names of further columns: what the task says of an episode's last state
@@ -113,6 +115,21 @@ def folder_path(config: RunConfig) -> Path:
 def is_finished(folder: Path) -> bool:
     """Whether the run in ``folder`` is finished."""
     return (folder / SUMMARY).exists()
+
+
+def sweeps_of(folder: Path, config: RunConfig) -> tuple[str, ...]:
+    """The names of the sweeps that a run is of: its own, and those that asked for it when it was finished."""
+    path = folder / SWEEPS
+    further = json.loads(path.read_text())["sweeps"] if path.exists() else []
+    return tuple(name for name in (config.tracking.sweep, *further) if name)
+
+
+def join_sweep(folder: Path, name: str) -> None:
+    """Notes that a sweep asks for the finished run in ``folder``; raises :class:`RunFolderError`."""
+    known = sweeps_of(folder, read_config(folder))
+    if name and name not in known:
+        own = read_config(folder).tracking.sweep
+        write_json(folder / SWEEPS, {"sweeps": [*(one for one in known if one != own), name]})
 
 
 @contextmanager

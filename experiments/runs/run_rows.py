@@ -36,6 +36,7 @@ from experiments.runs.run_folder import (
     read_summary,
     read_versions,
     run_folders,
+    sweeps_of,
 )
 from experiments.runs.versions import computed_with
 from experiments.settings import ACTION_MODES, LevelsConfig, RunConfig, RunFolderError, flat
@@ -69,7 +70,7 @@ class RunRow:
     problem: str = ""
     settings: Mapping[str, Any] = field(default_factory=dict)
     figures: Mapping[str, float] = field(default_factory=dict)
-    sweep: str = ""
+    sweeps: tuple[str, ...] = ()  # that it is of
     computed_with: str = ""  # what decided the last bits, see :func:`experiments.runs.versions.computed_with`
     code: Mapping[str, str] = field(default_factory=dict)  # as executed_code of this room, without modules
     seen: float = 0.0  # the share of the test levels that are among the training levels
@@ -287,12 +288,12 @@ def _in_words_and_numbers(folder: Path) -> list[tuple[int, str]]:
 def _row(folder: Path, trusted: Collection[str]) -> RunRow:
     try:
         config = read_config(folder, trusted)
-        settings, sweep = flat(config.identity()), config.tracking.sweep
+        settings, sweeps = flat(config.identity()), sweeps_of(folder, config)
         state = state_of(folder)
         if state != FINISHED:
             journal = read_journal(folder)
             problem = journal[-1].get("error", "") if journal else ""
-            return RunRow(folder, state, problem, settings, sweep=sweep, name=config.label())
+            return RunRow(folder, state, problem, settings, sweeps=sweeps, name=config.label())
         about = read_versions(folder) if (folder / VERSIONS).exists() else {}
         code = about.get("code", {})
         parts = {"all": code} if isinstance(code, str) else without_modules(code)  # 0.1 recorded no parts
@@ -300,7 +301,7 @@ def _row(folder: Path, trusted: Collection[str]) -> RunRow:
         scores, unscored, planner = _score(folder, config)
         made_with, figures = computed_with(about), figures | scores
         known = {"seen": seen, "unscored": unscored, "planner": planner, "name": config.label()}
-        return RunRow(folder, state, "", settings, figures, sweep, made_with, parts, **known)
+        return RunRow(folder, state, "", settings, figures, sweeps, made_with, parts, **known)
     except (SegarError, OSError, ValueError) as error:
         return RunRow(folder, UNREADABLE, str(error))
 

@@ -46,6 +46,7 @@ from experiments.runs.run_folder import (
     empty,
     folder_path,
     is_finished,
+    join_sweep,
     read_summary,
     read_versions,
     use_run_folder,
@@ -133,6 +134,7 @@ def run(config: RunConfig, say: Callable[[str], None] = print) -> RunResult:
                     f"{config.label()}: finished before {differs}. stale=anew trains it anew, stale=keep takes its results as"
                     f" they are; {folder}"
                 )
+            join_sweep(folder, config.tracking.sweep)
             other = f" ({differs})" if changed else ""
             say(f"{config.label()}: finished before, nothing to do{other}; {folder}")
             return RunResult(folder, read_summary(folder), trained=False)

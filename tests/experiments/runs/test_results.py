@@ -41,6 +41,19 @@ from tests.experiments.short_runs import before_iteration, killed_after, short_r
 from tests.synthetic_runs import settings, write_run
 
 
+def test_a_finished_run_is_of_every_sweep_that_asked_for_it(tmp_path):
+    for name in ("first", "second", "second", ""):
+        run(short_run(tmp_path / "run", tracking=TrackingConfig(name="none", sweep=name)), say=lambda _: None)
+    (row,) = run_rows([tmp_path])
+    assert row.sweeps == ("first", "second")
+    for name in ("first", "second"):
+        said = []
+        results(ResultsConfig(root=str(tmp_path), sweep=name), said.append)
+        assert "finished" in said[0]
+    with pytest.raises(RunFolderError, match="there are the sweeps first, second"):
+        results(ResultsConfig(root=str(tmp_path), sweep="third"))
+
+
 def test_the_table_says_what_differs_how_far_it_is_and_what_came_of_it(tmp_path, monkeypatch):
     sweep = TrackingConfig(name="none", sweep="mine")
     done = run(short_run(tmp_path / "a", tracking=sweep))
