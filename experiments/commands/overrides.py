@@ -76,10 +76,15 @@ def _with_own_name(text: str) -> str:
     if not equals or group not in {*OWN_NAMES, *OWN_NAMES.values(), *OWN_SETTINGS, *OWN_CLASSES}:
         return text
     names = [without_files(unquoted(value), group) for value in VALUE.findall(values)]
-    if not names or not all(OBJECT_NAME.fullmatch(name) or is_level_file(name) for name in names):
+    own = [name for name in names if OBJECT_NAME.fullmatch(name) or is_level_file(name)]
+    if not own:
         return text
     if group in OWN_CLASSES:
-        return f"{key}={','.join(register_own(group, name) for name in names)}"
+        return f"{key}={','.join(register_own(group, name) if name in own else name for name in names)}"
+    if len(own) < len(names) and group in OWN_NAMES:
+        raise ConfigError(
+            f"{group}: {text} has names of choices and objects of your own in one list; {OWN_NAMES[group]}={values} takes both"
+        )
     texts = (quoted(name) if is_level_file(name) else name for name in names)
     return f"{OWN_NAMES.get(group, key)}={','.join(texts)}"
 

@@ -322,6 +322,7 @@ def unknown_types(path):
             "suite=place-few-v1 and levels=empty-easy both say what levels.train",
         ),
         (["suite=[place-few-v1,look-far-v1]"], "suite: takes one name, not the list .*--multirun suite=A,B"),
+        (["levels=empty-easy,my_lab.levels:windy"], "levels.train=empty-easy,my_lab.levels:windy takes both"),
         (["levels=place-few-v1"], "place-few-v1 is a suite, and says what is played, too: suite=place-few-v1"),
     ],
 )
