@@ -68,7 +68,7 @@ def opening(study: Study, claims: Sequence[Claim]) -> Iterator[Block]:
 
 
 def repeated(runs: pd.DataFrame) -> Iterator[Block]:
-    """A warning where several agents of a kind share each level set, or where there are few level sets."""
+    """Warnings of what means mix: agents on one level set, few level sets, several versions of the code."""
     most = max(len(part) for _, part in runs.groupby(["panel", "agent", "n", "seed"]))
     if most > 1:
         yield Paragraph(
@@ -80,6 +80,12 @@ def repeated(runs: pd.DataFrame) -> Iterator[Block]:
         yield Paragraph(SAME_LEVELS, "warning")
     if "levels_shared" in runs:
         yield Paragraph(SHARED_LEVELS.format(column(runs, "levels_shared").max()), "warning")
+    if "code" in runs and any(part["code"].nunique() > 1 for _, part in runs.groupby(["panel", "agent"])):
+        yield Paragraph(
+            "Runs of one kind on levels of one panel were made by several versions of the code, which means and claims mix; the"
+            " table of versions below lists them. `stale=anew` trains them again by today's.",
+            "warning",
+        )
     fewest = min(count_of(part, "seed") for _, part in runs.groupby("panel"))
     if fewest < FEWEST_BLOCKS:
         yield Paragraph(

@@ -353,6 +353,18 @@ def test_seeds_that_give_all_levels_of_a_file_are_one_level_set_and_shared_level
     assert said in (folder / "report.html").read_text()
 
 
+@pytest.mark.parametrize("mixes", [False, True])
+def test_a_report_whose_means_mix_versions_of_the_code_says_so_where_it_begins(tmp_path, mixes):
+    def by_two_versions(work):
+        seed = work.run.seed if mixes else 0
+        write_run(work.run, code={"levels": "0" * 16, "learner": f"{seed % 2:016d}"})
+
+    folder = made(tmp_path, {**STUDY, "claims": {}, "transfers": []}, by_two_versions)
+    report_results(folder)
+    page = (folder / "report.html").read_text()
+    assert ("were made by several versions of the code, which means and claims mix" in page) == mixes
+
+
 def test_a_window_of_the_learning_curve_holds_an_episode_of_every_environment():
     """Two environments: short episodes end early, and long ones all at once."""
     rows = pd.DataFrame({
