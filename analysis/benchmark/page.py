@@ -35,7 +35,7 @@ def page_text(
     overall = suites[OVERALL]
     parts = [HEAD.format(suites=len(overall), plays=RANDOM_PLAYS, laptop=BUDGETS["laptop"], server=BUDGETS["server"])]
     parts += ["## All suites\n", overall_table(rows, table, board, overall)]
-    parts += ["![Score and success by axis](profile.png)\n", "## By axis\n"]
+    parts += ["![Score and success by axis](profile.png)\n", "## By axis\n", AXES_NOTE]
     parts += [
         f"{WORDS_OF[one]}; in brackets, how many suites there are:\n\n{axes_table(select(board, quantity=one), suites)}"
         for one in COMPARED
@@ -63,6 +63,8 @@ mean (IQM) over suites and seeds. The budget `laptop` is {laptop:,} frames of tr
 {server:,}. Every row can be played again to the bit.
 
 This page is made from the tables beside it by `python -m experiments.benchmark table=true rows=docs/results/benchmark`.
+"""
+AXES_NOTE = """`all` leaves out suites of textures, the axis `look`, which agents that see states cannot play.
 """
 IMPROVEMENT = """The probability that a run of the row is above a run of the column, mean over the suites; ties count half.
 """

@@ -28,7 +28,7 @@ AXES: Mapping[str, str] = {
     "number": "how many objects and tiles there are",
     "kind": "which things meet",
     "property": "mass, charge and size of things",
-    "world": "gravity, friction of the floor, walls",
+    "world": "gravity, friction of the floor",
     "rules": "which rules hold, with which constants",
     "look": "textures",
     "sight": "what the agent does not see",

@@ -14,7 +14,7 @@ from experiments.benchmarking import protocol
 from experiments.benchmarking.protocol import REFERENCES, SHIPPED
 from experiments.settings import TrackingConfig
 from experiments.tracking.mlflow_store import store_uri
-from segar.suites import CORE, suite
+from segar.suites import CORE, outline, suite, suites
 
 MADE = (SCORES, BOARD, IMPROVEMENT, PROFILES)
 
@@ -70,6 +70,14 @@ def test_the_regret_is_that_of_the_plans_that_come_with_the_suite(table):
     expected = suite("place-few-v1").plans.returns.mean() - idle["test_return"]
     assert np.allclose(idle["regret"], expected)
     assert np.allclose(table["gap"], table["test_return"] - table["train_return"])
+
+
+@pytest.mark.parametrize("name", suites())
+def test_a_reference_agent_learns_every_suite_and_leaves_room(table, name):
+    seen = "rgb_stack2" if outline(name)["axis"] == "look" else "state"
+    of = table.loc[(table["suite"] == name) & (table["row"] == f"ppo_fast-{seen}-laptop")]
+    assert len(of) and set(of["suite_hash"]) == {suite(name).hash}
+    assert of["train_success"].mean() >= 0.8 and of["test_success"].mean() <= 0.95
 
 
 def test_every_axis_is_a_part_of_all_but_looks(compared):

@@ -211,7 +211,7 @@ def test_unknown_groups_and_numbers_are_told(heavy, made):
         set_as(made.test_levels, segar.family("empty-hard").sample(LEVELS), ["Mass"], 0.1)
 
 
-@pytest.mark.parametrize("name", ["kind-swapped-v1", "rules-rules-v1", "world-walls-v1", "number-more-v1"])
+@pytest.mark.parametrize("name", ["kind-swapped-v1", "rules-rules-v1", "world-gravity-v1", "number-more-v1"])
 def test_mechanisms_of_training_put_into_the_test_make_the_training_distribution(name):
     one = suite(name)
     of_train, of_test = mechanisms(one.train), mechanisms(one.test)
