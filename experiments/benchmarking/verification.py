@@ -8,6 +8,7 @@ import pyarrow as pa
 from experiments.benchmarking.playing import replay
 from experiments.benchmarking.protocol import piece_name
 from experiments.benchmarking.row import EPISODES, Piece, Row
+from experiments.runs.executed_code import differing_parts
 from experiments.settings import RunFolderError
 from segar.errors import SuiteError
 from segar.suites import Suite, suite
@@ -81,7 +82,9 @@ def _require_same(row: Row, piece: Piece, stated: pa.Table, played: pa.Table) ->
         wrong = np.flatnonzero(there != here)
         if len(wrong):
             i = int(wrong[0])
+            changed = differing_parts(piece.made_with.get("code", {}), {})
+            cause = f"; changed since it was made: {', '.join(changed)}" if changed else ""
             raise RunFolderError(
-                f"{name}: the {column} of the episode on {stated['levels'][i]} level {stated['level'][i]} is {there[i]!r} in"
-                f" the row and {here[i]!r} when it is played; {len(wrong)} of {len(stated)} episodes differ"
+                f"{name}: the {column} of the episode on {stated['levels'][i]} level {stated['level'][i]} is {there[i].item()!r} in"
+                f" the row and {here[i].item()!r} when it is played; {len(wrong)} of {len(stated)} episodes differ{cause}"
             )
