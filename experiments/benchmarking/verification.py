@@ -85,6 +85,6 @@ def _require_same(row: Row, piece: Piece, stated: pa.Table, played: pa.Table) ->
             changed = differing_parts(piece.made_with.get("code", {}), {})
             cause = f"; changed since it was made: {', '.join(changed)}" if changed else ""
             raise RunFolderError(
-                f"{name}: the {column} of the episode on {stated['levels'][i]} level {stated['level'][i]} is {there[i].item()!r} in"
-                f" the row and {here[i].item()!r} when it is played; {len(wrong)} of {len(stated)} episodes differ{cause}"
+                f"{name}: the {column} of the episode on {stated['levels'][i]} level {stated['level'][i]} is"
+                f" {there[i].item()!r} in the row and {here[i].item()!r} when it is played; {len(wrong)} of {len(stated)} episodes differ{cause}"
             )
