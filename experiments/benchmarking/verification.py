@@ -86,6 +86,6 @@ def _require_same(row: Row, piece: Piece, stated: pa.Table, played: pa.Table) ->
             cause = f"; changed since it was made: {', '.join(changed)}" if changed else ""
             where = f"{stated['levels'][i]} level {stated['level'][i]}"
             raise RunFolderError(
-                f"{name}: the {column} of the episode on {where} is {there[i].item()!r} in the row and {here[i].item()!r} when it"
-                f" is played; {len(wrong)} of {len(stated)} episodes differ{cause}"
+                f"{name}: the {column} of the episode on {where} is {there[i].item()!r} in the row and {here[i].item()!r} when"
+                f" it is played; {len(wrong)} of {len(stated)} episodes differ{cause}"
             )
