@@ -69,7 +69,6 @@ from experiments.benchmarking.verification import verify
 from experiments.commands.hydra_app import ends_with_its_reader, run_command, to_plain
 from experiments.commands.kernels import choose_kernels
 from experiments.evaluation.transfers import RunTask
-from experiments.levels.suite_levels import TEXTURED
 from experiments.reproduce import ReproduceConfig, Work, carry_out, cores, failures, reproduce
 from experiments.reproduction.display import Display
 from experiments.reproduction.grid import grid_runs
@@ -93,7 +92,7 @@ from experiments.settings import (
     run_config,
 )
 from segar.cli import table
-from segar.suites import outline, suite
+from segar.suites import TEXTURED, outline, suite
 
 REPORT = "benchmark"
 NOT_OF_METHOD = ("levels", "evaluation", "seed", "frames")  # parts of a run's identity that differ from piece to piece

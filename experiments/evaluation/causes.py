@@ -10,7 +10,7 @@ import numpy as np
 from experiments.evaluation.episodes import Agent, play_in_modes
 from experiments.settings import ConfigError, EvaluateConfig, RunConfig, RunFolderError
 from segar.levels import Levels
-from segar.suites import Causes, Suite, Twin, Twins, causes_of, suite, suites
+from segar.suites import Causes, Suite, Twin, Twins, causes_of, looks_like, suite, suites
 from segar.support import replacing
 
 CAUSES = "causes.csv"  # in the folder of an evaluation: a row per action mode and group of factors
@@ -45,17 +45,12 @@ def play_twins(
     for mode in modes:
 
         def success(levels: Levels, twin: Twin | None, mode: str = mode) -> np.ndarray:
-            options = options_of("train" if looks_as_in_training(twins.suite, twin) else "test")
+            options = options_of(looks_like(twins.suite, twin))
             rows = play_in_modes(policy, "twins", levels, options, seed, (mode,))
             return np.array([row["success"] for row in sorted(rows, key=lambda row: row["level"])], float)
 
         found[mode] = causes_of(twins, success)
     return found
-
-
-def looks_as_in_training(played: Suite, twin: Twin | None) -> bool:
-    """Whether a twin is seen in the textures of training; without a twin, it is the test level itself."""
-    return twin is not None and bool(twin.textures) and twin.textures == played.textures[0]
 
 
 def write_causes(path: Path, causes: Mapping[str, Causes]) -> None:

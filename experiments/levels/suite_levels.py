@@ -8,10 +8,7 @@ from experiments.settings import ConfigError, ObservationConfig, RunConfig
 from segar.errors import SuiteError
 from segar.language import Task
 from segar.levels import Levels
-from segar.suites import Suite, suite, suites
-
-TEXTURED = {"rgb": "textures", "rgb_stack2": "textures_stack2", "rgb_stack4": "textures_stack4"}
-"""Observations of frames in solid colours, to the ones that show a suite's textures in their place."""
+from segar.suites import Suite, named_observation, suite, suites
 
 
 @dataclass(frozen=True)
@@ -69,24 +66,11 @@ def observation_of_suite(suite: Suite, observation: ObservationConfig, which: st
     Raises:
         ConfigError: the suite is about textures, and the observation shows none, or asks for a set.
     """
-    if suite.textures:
-        return in_textures(observation, suite.textures[which == "test"], suite)
-    if not suite.hidden or not observation.name.startswith("state"):
-        return observation  # frames show no factors
-    hidden = [*observation.options.get("hidden", ()), *(factor.__name__ for factor in suite.hidden)]
-    return dataclasses.replace(observation, options={**observation.options, "hidden": list(dict.fromkeys(hidden))})
-
-
-def in_textures(observation: ObservationConfig, textures: str, suite: Suite) -> ObservationConfig:
-    """Frames that show a set of textures, in place of those of solid colours; raises as :func:`observation_of_suite`."""
-    name = TEXTURED.get(observation.name, observation.name)
-    if name not in TEXTURED.values() or "textures" in observation.options:
-        raise ConfigError(
-            f"observation: the suite {suite.name} shows the set of textures {suite.textures[0]} in training and the set"
-            f" {suite.textures[1]} in the test; choose observation={', '.join(TEXTURED)} or {', '.join(TEXTURED.values())},"
-            " without observation.options.textures"
-        )
-    return dataclasses.replace(observation, name=name, options={**observation.options, "textures": textures})
+    try:
+        name, options = named_observation(suite, which, observation.name, observation.options)
+    except SuiteError as error:
+        raise ConfigError(str(error)) from error
+    return dataclasses.replace(observation, name=name, options=options)
 
 
 def levels_of_suite(name: str, which: str, place: str) -> SuiteLevels | None:

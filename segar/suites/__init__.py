@@ -5,14 +5,16 @@ The room imports ``evaluation``, ``tasks`` and what lies below them.
 """
 
 from segar.suites.causal_twins import Twin, Twins, twins
-from segar.suites.causes import Cause, Causes, causes_of, find_causes
+from segar.suites.causes import Cause, Causes, causes_of, find_causes, looks_like
 from segar.suites.freezing import Admission, admission, freeze
 from segar.suites.registration import register_suites
 from segar.suites.rules_by_name import RULES
+from segar.suites.sides import TEXTURED, named_observation, observation_on, side_options
 from segar.suites.suite_card import card
 from segar.suites.suite_file import AXES, CORE, Suite, outline, read_suite, suite, suites
 
 __all__ = [
-    "AXES", "CORE", "RULES", "Admission", "Cause", "Causes", "Suite", "Twin", "Twins", "admission", "card", "causes_of",
-    "find_causes", "freeze", "outline", "read_suite", "register_suites", "suite", "suites", "twins",
+    "AXES", "CORE", "RULES", "TEXTURED", "Admission", "Cause", "Causes", "Suite", "Twin", "Twins", "admission", "card",
+    "causes_of", "find_causes", "freeze", "looks_like", "named_observation", "observation_on", "outline", "read_suite",
+    "register_suites", "side_options", "suite", "suites", "twins",
 ]  # fmt: skip

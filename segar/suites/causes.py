@@ -16,9 +16,10 @@ from segar.errors import SuiteError, did_you_mean
 from segar.evaluation import Interval, Policy, evaluate_levels, mean_of_levels
 from segar.hardness import wilson_interval
 from segar.levels import Levels
-from segar.observations import StateVector, TexturedPixels, trained_on
+from segar.observations import trained_on
 from segar.suites.causal_twins import Twin, Twins
-from segar.suites.suite_file import Suite
+from segar.suites.sides import observation_on, require_free
+from segar.suites.suite_file import SIDES, Suite
 from segar.support import aligned, replacing
 
 HEAD = (
@@ -156,25 +157,28 @@ def find_causes(
     Args:
         policy: as of :func:`segar.evaluate_policy`.
         twins: of :func:`segar.suites.twins`.
-        observation: what the policy sees; None for states without the factors that the suite hides or, of suites of
-            textures, for frames. Of suites of textures it is a function that makes it from the name of a set.
+        observation: what the policy sees, as of :func:`segar.suites.observation_on`; None for ``"state"`` or, of suites of
+            textures, for ``"rgb"``.
         train: levels whose units a normalised observation has; the training levels of seed 0 where it is None.
         episodes: on each level and twin.
         seed: of the environments, for tasks whose physics is random.
-        options: of :class:`segar.envs.VectorEnv`.
+        options: of :class:`segar.envs.VectorEnv`, but for those that the suite decides, such as ``task``.
 
     Raises:
         SegarError: an argument is out of range, or the policy cannot see these levels.
     """
     suite = twins.suite
+    require_free(suite, options)
+    if observation is None:
+        observation = "rgb" if suite.textures else "state"
+    seen = {side: observation_on(suite, side, observation) for side in SIDES}
     units = suite.sample(0) if train is None else train
 
-    def played(levels: Levels, textures: str) -> np.ndarray:
-        seen = trained_on(_seen(observation, suite, textures), units)
-        given: dict[str, Any] = {"task": suite.task, **options, "observation": seen}
+    def played(levels: Levels, side: str) -> np.ndarray:
+        given = {**options, "task": suite.task, "observation": trained_on(seen[side], units)}
         return evaluate_levels(policy, levels, episodes=episodes, seed=seed, **given).of_levels("success")
 
-    return causes_of(twins, lambda levels, twin: played(levels, _textures(suite, twin)))
+    return causes_of(twins, lambda levels, twin: played(levels, looks_like(suite, twin)))
 
 
 def causes_of(twins: Twins, success: Callable[[Levels, Twin | None], np.ndarray]) -> Causes:
@@ -194,23 +198,10 @@ def causes_of(twins: Twins, success: Callable[[Levels, Twin | None], np.ndarray]
     return Causes(twins, on_levels, on_twins)
 
 
-def _textures(suite: Suite, twin: Twin | None) -> str:
-    if twin is not None:
-        return twin.textures
-    return suite.textures[1] if suite.textures else ""
-
-
-def _seen(observation: Any, suite: Suite, textures: str) -> Any:
-    """The observation in which levels are seen."""
-    if textures:
-        make = TexturedPixels if observation is None else observation
-        if not callable(make):
-            raise SuiteError(
-                f"{suite.name} has two sets of textures, so observation must be a function that makes one from the name of a"
-                f" set, such as lambda name: TexturedPixels(name); not {observation!r}"
-            )
-        return make(textures)
-    return StateVector(hidden=suite.hidden) if observation is None else observation
+def looks_like(suite: Suite, twin: Twin | None) -> str:
+    """The side, ``"train"`` or ``"test"``, in whose textures a twin is seen; without a twin, it is the test level itself."""
+    is_as_in_training = twin is not None and bool(twin.textures) and twin.textures == suite.textures[0]
+    return "train" if is_as_in_training else "test"
 
 
 def _mean(values: np.ndarray) -> float:

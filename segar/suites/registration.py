@@ -10,12 +10,12 @@ import gymnasium
 
 from segar.envs import Env, VectorEnv, known_options, require_known
 from segar.errors import SuiteError
-from segar.observations import StateVector, TexturedPixels, trained_on
+from segar.suites.sides import require_free, side_options
 from segar.suites.suite_file import SIDES, suite, suites
+from segar.support import is_whole
 
 OBSERVATION_NAMES = ("rgb", "state")
 OF_LEVELS = {"num_levels", "seed"}
-FIXED = {"task", "world"}  # what the suite says
 ENTRY_POINT, VECTOR_ENTRY_POINT = (f"segar.suites.registration:{name}" for name in ("make_env", "make_vector_env"))
 
 
@@ -44,35 +44,26 @@ def make_vector_env(suite_name: str, side: str, num_envs: int = 1, **options: An
         side: ``train`` or ``test``.
         num_envs: number of environments.
         options: ``seed`` (default 0) draws the training levels, and is the seed of the environment. ``num_levels``: of
-            training, as many as the suite says by default; of the test, the first ones, by default all. All others, but
-            for ``task`` and ``world``, go to :class:`segar.envs.VectorEnv`. The observation ``state`` hides what the
-            suite hides, and ``rgb`` has the textures of the side.
+            training, as many as the suite says by default; of the test, the first ones, by default all. All others go
+            to :class:`segar.envs.VectorEnv`, but for those that the suite decides, such as ``task`` and ``max_steps``. The
+            observation ``state`` hides what the suite hides, and ``rgb`` has the textures of the side.
 
     Raises:
-        SuiteError: the suite is about textures, and the observation is ``state``; or there are not so many test levels.
+        SuiteError: the suite is about textures, and the observation is ``state``; an option is the suite's; or there are not
+            so many test levels.
     """
     return VectorEnv(num_envs=num_envs, **_arguments(suite_name, side, options))
 
 
 def _arguments(suite_name: str, side: str, options: dict[str, Any]) -> dict[str, Any]:
     found = suite(suite_name)
-    require_known(options, OF_LEVELS | (known_options(VectorEnv) | known_options(Env)) - FIXED)
-    seed, number = options.pop("seed", 0), options.pop("num_levels", None)
-    observation = options.pop("observation")
-    if found.textures and observation == "state":
-        raise SuiteError(
-            f"{suite_name} is about textures, which states do not show; make Segar/{suite_name}-{side}-rgb"
-        )
-    if observation == "state":
-        observation = StateVector(hidden=found.hidden)
-    elif observation == "rgb" and found.textures:
-        observation = TexturedPixels(found.textures[SIDES.index(side)])
-    if side == "train":
-        levels = found.sample(seed, number)
-    else:
-        levels, count = found.test_levels, len(found.test_levels)
-        if number is not None and not 1 <= number <= count:
-            raise SuiteError(f"num_levels: {suite_name} has {count} test levels, not {number!r}")
-        levels = levels if number is None else levels[:number]
-        observation = trained_on(observation, found.sample(seed))  # a test has the units of training
-    return {"levels": levels, "seed": seed, "task": found.task, "observation": observation, **options}
+    require_known(options, OF_LEVELS | known_options(VectorEnv) | known_options(Env))
+    require_free(found, options)
+    seed, number, observation = options.pop("seed", 0), options.pop("num_levels", None), options.pop("observation")
+    count = len(found.test_levels)
+    if side == "test" and number is not None and not (is_whole(number) and 1 <= number <= count):
+        raise SuiteError(f"num_levels: {suite_name} has {count} test levels, not {number!r}")
+    made = side_options(found, side, seed, training_levels=number if side == "train" else None, observation=observation)
+    if side == "test" and number is not None:
+        made["levels"] = made["levels"][:number]
+    return {**made, "seed": seed, **options}

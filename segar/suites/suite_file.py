@@ -20,7 +20,7 @@ from segar.hardness import Plan
 from segar.language import Factor, Task
 from segar.levels import LevelDistribution, Levels, all_subclasses, family, hash_of_levels, read_distribution
 from segar.suites.rules_by_name import RULES, rules_of
-from segar.support import misfit
+from segar.support import is_whole, misfit
 from segar.tasks import TASKS
 
 AXES: Mapping[str, str] = {
@@ -57,6 +57,7 @@ HASH_DIGITS = 16
 DATA = Path(__file__).parent / "data"
 SUFFIX, LEVELS, PLANS = ".toml", ".levels.npz", ".plans.npz"
 SIDES = ("train", "test")
+SEEDS = 2**64
 LOOKS = ("baseline", "close", "far")  # sets of textures that a suite can have
 HASHED = ("train", "test", "levels", "plans", "suite")
 
@@ -104,8 +105,12 @@ class Suite:
         """Levels to train on, none of which is a level of the test; ``training_levels`` of them where ``n`` is None.
 
         Raises:
-            LevelError: there are not as many.
+            SuiteError: the seed or the number is none. LevelError: there are not as many.
         """
+        if not is_whole(seed) or not 0 <= seed < SEEDS:
+            raise SuiteError(f"{self.name}: a seed is a whole number from 0 to 2^64 - 1, not {seed!r}")
+        if n is not None and (not is_whole(n) or n < 1):
+            raise SuiteError(f"{self.name}: the number of training levels must be a whole number from 1 up, not {n!r}")
         return self.train.sample(self.training_levels if n is None else n, seed=seed, apart_from=self.test_levels)
 
 
@@ -124,7 +129,10 @@ def suite(name: str) -> Suite:
         SuiteError: there is no such suite, or a file of it is not what it was when the suite was frozen.
     """
     if name not in suites():
-        raise SuiteError(f"there is no suite '{name}'.{did_you_mean(str(name), suites())}")
+        hint = did_you_mean(str(name), suites())
+        if str(name).endswith(SUFFIX) or "/" in str(name):
+            hint = f" A suite in a file is read by segar.suites.read_suite({str(name)!r})."
+        raise SuiteError(f"there is no suite '{name}'.{hint}")
     return read_suite(DATA / f"{name}{SUFFIX}")
 
 

@@ -67,9 +67,22 @@ def test_two_versions_of_a_suite_are_two_questions():
 
 
 def test_wrong_arguments_are_told():
-    with pytest.raises(SuiteError, match=r"look-far-v1 is about textures.* make Segar/look-far-v1-test-rgb"):
+    with pytest.raises(SuiteError, match=r"look-far-v1 shows the set of textures.*'state' does not; choose rgb"):
         gymnasium.make("Segar/look-far-v1-test-state")
     with pytest.raises(SuiteError, match=r"num_levels: place-few-v1 has 200 test levels, not 201"):
         gymnasium.make("Segar/place-few-v1-test-state", num_levels=201)
-    with pytest.raises(SegarError, match=r"an environment has no option 'task'"):
-        gymnasium.make("Segar/place-few-v1-test-state", task=segar.puttputt())
+    for number in (2.5, True, "3"):
+        with pytest.raises(
+            SuiteError, match=r"has 200 test levels, not|number of training levels must be a whole number"
+        ):
+            gymnasium.make(f"Segar/place-few-v1-{'test' if number == 2.5 else 'train'}-state", num_levels=number)
+    with pytest.raises(SegarError, match=r"an environment has no option 'obs'"):
+        gymnasium.make("Segar/place-few-v1-test-state", obs="rgb")
+
+
+@pytest.mark.parametrize("option", [{"task": segar.puttputt()}, {"max_steps": 10}, {"sub_steps": 2}])
+def test_an_id_is_its_suite_whatever_options_are_given(option):
+    with pytest.raises(
+        SuiteError, match=rf"the suite place-few-v1 says what is played.* leave {next(iter(option))} out"
+    ):
+        gymnasium.make("Segar/place-few-v1-train-state", **option)
