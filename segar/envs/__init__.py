@@ -3,7 +3,7 @@
 The room puts engine, levels, tasks, observations and rendering together. Other rooms use the names below.
 """
 
-from segar.envs.checks import known_options, require_known
+from segar.envs.checks import actions_of, known_options, require_known
 from segar.envs.gym_env import Env
 from segar.envs.level_pool import LevelPool
 from segar.envs.playing import Act, StepSource, TimeStep, play
@@ -15,8 +15,8 @@ from segar.support import need
 
 __all__ = [
     "REWARDS", "Act", "Env", "EnvironmentCalls", "LevelPool", "SB3VecEnv", "Snapshot", "StepSource", "TimeStep", "TorchRLEnv",
-    "VectorEnv", "build_environment", "environment_calls", "known_options", "play", "register_all", "require_known",
-    "world_of",
+    "VectorEnv", "actions_of", "build_environment", "environment_calls", "known_options", "play", "register_all",
+    "require_known", "world_of",
 ]  # fmt: skip
 
 

@@ -68,6 +68,7 @@ def actions_of(actions: Any, shape: tuple[int, ...]) -> np.ndarray:
         raise ActionError(f"actions must be real numbers of shape {shape}, not {shown(actions)} (dtype {array.dtype})")
     if array.shape != shape:
         raise ActionError(f"actions must have shape {shape}, not {array.shape}")
+    given = array
     if array.dtype != np.float32:
         with np.errstate(over="ignore"):
             array = array.astype(np.float32)
@@ -75,6 +76,11 @@ def actions_of(actions: Any, shape: tuple[int, ...]) -> np.ndarray:
     if not math.isfinite(np.vdot(array, array)) and not np.isfinite(array).all():
         rows = array.reshape(-1, shape[-1])
         env = int(np.flatnonzero(~np.isfinite(rows).all(axis=1))[0])
+        if np.isfinite(given.reshape(-1, shape[-1])[env].astype(np.float64)).all():
+            first = given.reshape(-1, shape[-1])[env]
+            raise ActionError(
+                f"the action of environment {env} is out of the range of float32: {first}; give smaller numbers"
+            )
         raise ActionError(f"the action of environment {env} is not finite: {rows[env]}; give finite float32 numbers")
     return array
 

@@ -287,6 +287,16 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         actions = np.asarray(actions, np.float32)
         return (actions - self._center) / self._half_range if self._maps_actions else actions
 
+    def in_task_range(self, actions: np.ndarray) -> np.ndarray:
+        """Actions of the action space ``[..., action size]`` as the task has them: what a step makes of them, float32."""
+        actions = np.asarray(actions, np.float32)
+        return self._center + self._half_range * np.clip(actions, -1, 1) if self._maps_actions else actions
+
+    @property
+    def takes_task_actions(self) -> bool:
+        """Whether actions have the task's own range, as without ``unit_actions`` or where both ranges are equal."""
+        return not self._maps_actions
+
     def render(self) -> tuple[np.ndarray, ...] | None:
         """A frame of each environment, uint8; None without a render mode, and for 'human', where a window shows them.
 
@@ -596,10 +606,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
     def _checked_actions(self, actions: Any) -> np.ndarray:
         if not self._started:
             raise SegarError("call reset() before step()")
-        actions = actions_of(actions, self._action_shape)
-        if self._maps_actions:
-            actions = self._center + self._half_range * np.clip(actions, -1, 1)
-        return actions
+        return self.in_task_range(actions_of(actions, self._action_shape))
 
     def _checked_option(
         self, options: dict[str, Any], name: str, dtype: Any, called: str | None = None

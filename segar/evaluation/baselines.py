@@ -1,17 +1,18 @@
 """Baselines of returns on each level: random play, an idle agent, and the best known return, which a planner finds.
 
-A normalised score is 0 where an agent's mean return is that of the better of idle and random play on each level, and 1
-where it is that of the planner of :mod:`segar.hardness`, which knows the levels. An idle agent never scores
-above 0, and a random one only by chance. A score above 1 is possible: the planner is a search, and its plan is the best
-one that is known, not an optimum. The regret is what an agent's mean return lacks of the planner's.
+A normalised score is a ratio of means over levels: it is 0 where an agent's mean return is the mean of the better of idle and
+random play on each level, and 1 where it is that of the planner of :mod:`segar.hardness`, which knows the levels. An idle
+agent never scores above 0, and a random one only by chance. A score above 1 is possible: the planner is a search, and its
+plan is the best one that is known, not an optimum. The regret is what an agent's mean return lacks of the planner's.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from segar.envs import Act, TimeStep, VectorEnv
+from segar.envs import Act, VectorEnv
 from segar.errors import SegarError
 from segar.evaluation.episodes import play_episodes
 from segar.hardness import Plan, make_starts, plan, random_episodes
@@ -82,7 +83,7 @@ def find_baselines(
     if plays < 1:
         raise SegarError(f"baselines need at least 1 random play per level, not {plays}")
     _, returns = random_episodes(make_starts(levels, task, seed, num_threads), plays, rng)
-    idle = play_episodes(levels, np.arange(len(levels)), _idle, seed=seed, task=task, num_threads=num_threads)
+    idle = play_episodes(levels, np.arange(len(levels)), idle_player, seed=seed, task=task, num_threads=num_threads)
     best = plan(levels, task, rng=rng, samples=samples, iterations=iterations, seed=seed, num_threads=num_threads)
     return Baselines(returns.mean(axis=1), idle.returns, best.returns, best)
 
@@ -95,11 +96,21 @@ def idle_actions(env: VectorEnv) -> np.ndarray:
     return env.in_action_space(nothing)
 
 
-def _idle(env: VectorEnv) -> Act:
+def idle_player(env: VectorEnv) -> Act:
     """What :func:`segar.envs.play` asks for actions, of an agent that does nothing."""
-
-    def act(now: TimeStep) -> np.ndarray:
-        return nothing
-
     nothing = idle_actions(env)
-    return act
+    return lambda now: nothing
+
+
+def random_player(*seeds: int) -> Callable[[VectorEnv], Act]:
+    """What gives, for each batch of environments, what :func:`segar.envs.play` asks for actions, of an agent that acts
+    uniformly at random in the range of the task; ``seeds`` and the number of the batch decide its draws."""
+    batch = 0
+
+    def make_act(env: VectorEnv) -> Act:
+        nonlocal batch
+        rng, batch = np.random.default_rng([*seeds, batch]), batch + 1
+        low, high = (np.asarray(bound, np.float32) for bound in (env.task.action_low, env.task.action_high))
+        return lambda now: low + (high - low) * rng.random((env.num_envs, len(low)), np.float32)
+
+    return make_act

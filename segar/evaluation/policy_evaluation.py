@@ -1,32 +1,35 @@
 """The generalization gap of any policy: episodes on training levels and on test levels, and an interval over levels."""
 
-from collections.abc import Mapping, Sequence
+import inspect
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from segar.envs import Act, VectorEnv
-from segar.errors import SegarError, did_you_mean
+from segar.envs import Act, VectorEnv, actions_of, known_options
+from segar.errors import ActionError, SegarError, did_you_mean
 from segar.evaluation.baselines import Baselines, find_baselines
 from segar.evaluation.episodes import QUANTITIES, PlayedEpisodes, play_episodes
 from segar.levels import Levels
 from segar.metrics import w2
 from segar.observations import trained_on
-from segar.support import aligned
+from segar.support import aligned, is_whole
 
 CONFIDENCE = 0.95
 TRIAL_QUANTITIES = ("return", "success")  # quantities that are told trial by trial
 SHARES = ("success", "death")  # quantities that are shares of episodes
+OF_SETS = ("score", "regret")  # figures of level sets, which are not means of quantities of episodes
+NOT_CHOSEN = ("autoreset_mode", "copy", "render_mode")  # options of environments that evaluation decides
 
 
 class Policy(Protocol):
     """What is evaluated: a function, or an object that can be called.
 
-    A policy that remembers, or that reads more than observations, has a method ``begin(env)``, too. It is called when the
-    episodes of a batch have started in a :class:`segar.envs.VectorEnv`, before the first actions are asked for. With several
-    trials it is called when the first one starts, and not between trials.
+    Actions beyond the range are clipped to it. A policy that remembers, or that reads more than observations, has a method
+    ``begin(env)``, too. It is called when the episodes of a batch have started in a :class:`segar.envs.VectorEnv`, before the
+    first actions are asked for. With several trials it is called when the first one starts, and not between trials.
     """
 
     def __call__(self, observations: Any, /) -> Any:
@@ -45,7 +48,7 @@ class Interval(NamedTuple):
         return f"{self.value:.4g} [{self.low:.4g}, {self.high:.4g}]"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class LevelSetResult:
     """What a policy achieves on a level set.
 
@@ -59,6 +62,11 @@ class LevelSetResult:
     episodes: PlayedEpisodes
     levels: int
     baselines: Baselines | None = None
+
+    def __repr__(self) -> str:
+        shown = [f"{self.levels} levels", f"{len(self.episodes)} episodes", f"return {self.mean()}"]
+        shown += [f"success {self.mean('success').value:.3f}"]
+        return f"<{', '.join(shown)}{'' if self.baselines is None else f', score {self.score():.3f}'}>"
 
     @property
     def trials(self) -> int:
@@ -95,7 +103,8 @@ class LevelSetResult:
         return adaptation_gain(self.episodes.level, self.episodes.trial, self._of_episodes(quantity))
 
     def score(self) -> float:
-        """The normalised score: 0 for the better of idle and random play on each level, 1 for the planner.
+        """The normalised score, a ratio of means over the levels: 0 where the mean return is that of the better of idle and
+        random play on each level, 1 where it is the planner's.
 
         Raises:
             SegarError: no scores were asked for.
@@ -112,13 +121,20 @@ class LevelSetResult:
 
     def _of_episodes(self, quantity: str) -> np.ndarray:
         columns = self.episodes.columns()
+        if quantity in OF_SETS:
+            raise SegarError(
+                f"'{quantity}' is a figure of a level set, not a mean of one per episode; call {quantity}(), as in"
+                f" found.test.{quantity}()"
+            )
         if quantity not in columns:
             raise SegarError(f"no quantity of episodes is called '{quantity}'.{did_you_mean(str(quantity), columns)}")
         return columns[quantity]
 
     def _known_baselines(self) -> Baselines:
         if self.baselines is None:
-            raise SegarError("there are no scores: call evaluate_policy(..., scores=True)")
+            raise SegarError(
+                "there are no scores: call evaluate_policy(..., scores=True) or evaluate_on_suite(..., scores=True)"
+            )
         return self.baselines
 
 
@@ -215,13 +231,9 @@ def evaluate_policy(
         SegarError: an argument is out of range, or the policy would observe arrays of different shapes in the two sets.
         ActionError: the policy gives actions of the wrong shape, or such as are not finite.
     """
-    if not callable(policy):
-        raise SegarError(f"evaluate_policy: policy must be a function of observations, not {policy!r}")
-    if not isinstance(episodes, int) or episodes < 1:
-        raise SegarError(f"evaluate_policy: episodes must be a whole number from 1 up, not {episodes!r}")
-    for name in ("autoreset_mode", "copy", "render_mode"):
-        if name in options:
-            raise SegarError(f"evaluate_policy: '{name}' is not to be chosen here")
+    require_options("evaluate_policy", options, ("distances", *_OWN))
+    _require_arguments(policy, episodes, scores)
+    require_modes(distances)
     sets = {"train": train, "test": test}
     for name, levels in sets.items():
         if not isinstance(levels, Levels):
@@ -236,7 +248,33 @@ def evaluate_levels(
     policy: Policy, levels: Levels, *, episodes: int = 1, seed: int = 0, scores: bool = False, **options: Any
 ) -> LevelSetResult:
     """What a policy achieves on one level set; arguments as of :func:`evaluate_policy`."""
+    require_options("evaluate_levels", options, _OWN)
+    _require_arguments(policy, episodes, scores)
     return _result(policy, levels, episodes, seed, scores, options)
+
+
+_OWN = ("episodes", "seed", "scores")  # arguments of evaluation that are no options of environments
+
+
+def require_options(where: str, options: Iterable[str], own: Iterable[str], fixed: Iterable[str] = ()) -> None:
+    """Raise :class:`SegarError` for an option that environments do not have, or that evaluation decides.
+
+    Args:
+        own: arguments of ``where`` itself, one of which may be meant. fixed: options that it decides, too.
+    """
+    known = (known_options(VectorEnv) | {*own}) - {*NOT_CHOSEN, *fixed, "num_envs"}
+    for name in options:
+        if name in (*NOT_CHOSEN, *fixed, "num_envs"):
+            raise SegarError(f"{where}: '{name}' is not to be chosen here")
+        if name not in known:
+            longer = sorted(one for one in known if len(name) > 1 and one.startswith(name))
+            raise SegarError(f"{where}: there is no option '{name}'.{did_you_mean((longer or [name])[0], known)}")
+
+
+def require_modes(distances: Any) -> None:
+    """Raise :class:`SegarError` unless these are several modes of :func:`segar.metrics.w2`."""
+    if isinstance(distances, str):
+        raise SegarError(f"distances must be a sequence of modes, such as ({distances!r},), not {distances!r}")
 
 
 def mean_of_levels(values: np.ndarray, least: float = -np.inf, most: float = np.inf) -> Interval:
@@ -289,6 +327,15 @@ def _of_trials(name: str, result: LevelSetResult) -> dict[str, float]:
     return found
 
 
+def _require_arguments(policy: Any, episodes: Any, scores: Any) -> None:
+    if not callable(policy):
+        raise SegarError(f"evaluate_policy: policy must be a function of observations, not {policy!r}")
+    if not is_whole(episodes) or episodes < 1:
+        raise SegarError(f"evaluate_policy: episodes must be a whole number from 1 up, not {episodes!r}")
+    if not isinstance(scores, bool):
+        raise SegarError(f"evaluate_policy: scores must be True or False, not {scores!r}")
+
+
 def _require_one_space(sets: Mapping[str, Levels], options: Mapping[str, Any]) -> None:
     spaces = [VectorEnv(levels, 1, seed=0, **options).single_observation_space for levels in sets.values()]
     if spaces[0] != spaces[1]:
@@ -320,10 +367,67 @@ def _result(
 
 def _act_of(policy: Policy, env: VectorEnv) -> Act:
     """What :func:`segar.envs.play` asks for actions."""
+    begin_policy(policy, env)
+    return lambda now: checked_actions(policy(now.observation), env)
+
+
+def begin_policy(policy: Policy, env: VectorEnv) -> None:
+    """Tell a policy that episodes have started in ``env``, if it has a method ``begin(env)``.
+
+    Raises:
+        SegarError: its ``begin`` takes something else.
+    """
     begin = getattr(policy, "begin", None)
-    if begin is not None:
-        begin(env)
-    return lambda now: policy(now.observation)
+    if begin is None:
+        return
+    try:
+        signature = inspect.signature(begin)
+    except (TypeError, ValueError):  # of what is not written in Python, nothing is known
+        signature = None
+    if signature is not None:
+        try:
+            signature.bind(env)
+        except TypeError as error:
+            raise SegarError(
+                f"the policy's begin{signature} must take one argument, the environments: begin(env); {error}"
+            ) from error
+    begin(env)
+
+
+def checked_actions(given: Any, env: VectorEnv) -> Any:
+    """What a policy gave, as actions float32 ``(num_envs, action size)``; tensors on a GPU are left to the environments.
+
+    Raises:
+        ActionError: it is something else; the message says what, and what was wanted.
+    """
+    if env.runs_on_gpu:
+        return given
+    n, shape = env.num_envs, (env.num_envs, len(env.task.action_low))
+    try:
+        return actions_of(given, shape)
+    except ActionError as error:
+        if isinstance(given, tuple):
+            parts = ", ".join(type(part).__name__ for part in given[:3])
+            raise ActionError(
+                f"the policy gave a tuple ({parts}{', ...' if len(given) > 3 else ''}) for {n} observations; give its actions"
+                f" alone, {shape}, such as the first part of what predict of Stable-Baselines3 returns"
+            ) from error
+        found = getattr(given, "shape", None)
+        if found is None and isinstance(given, list):
+            found = _shape_of(given)
+        if found is not None and tuple(found) != shape:
+            raise ActionError(
+                f"the policy gave actions of shape {tuple(found)} for {n} observations; give {shape}"
+            ) from error
+        raise ActionError(f"what the policy gave for {n} observations, {shape} expected: {error}") from error
+
+
+def _shape_of(given: list[Any]) -> tuple[int, ...] | None:
+    """The shape of a list of numbers; None where it is ragged."""
+    try:
+        return np.shape(given)
+    except ValueError:
+        return None
 
 
 def _interval(value: float, groups: Sequence[np.ndarray]) -> Interval:

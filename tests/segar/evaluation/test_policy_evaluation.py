@@ -166,13 +166,47 @@ def test_what_is_printed_names_sets_gap_and_distance():
             {"test": segar.family("objectsx1-easy").sample(2, seed=0)},
             "would observe Box.* in the training levels and Box",
         ),
-        ({"policy": lambda seen: np.zeros(3)}, "action"),
+        (
+            {"policy": lambda seen: np.zeros(2)},
+            r"the policy gave actions of shape \(2,\) for 8 observations; give \(8, 2\)",
+        ),
+        ({"policy": lambda seen: [[0.0, 0.0]]}, r"the policy gave actions of shape \(1, 2\) for 8 observations"),
+        (
+            {"policy": lambda seen: (seen[:, :2], None)},
+            r"the policy gave a tuple \(ndarray, NoneType\) for 8 observations",
+        ),
+        ({"policy": lambda seen: "left"}, r"what the policy gave for 8 observations, \(8, 2\) expected: .*'left'"),
+        ({"policy": lambda seen: np.full((8, 2), np.nan)}, "what the policy gave for 8 .* environment 0 is not finite"),
+        ({"policy": lambda seen: np.full((8, 2), 1e300)}, "environment 0 is out of the range of float32"),
+        ({"obs": "rgb"}, r"evaluate_policy: there is no option 'obs'. Did you mean 'observation'\?"),
+        ({"score": True}, r"evaluate_policy: there is no option 'score'. Did you mean 'scores'\?"),
+        ({"num_envs": 3}, "'num_envs' is not to be chosen here"),
+        ({"scores": "yes"}, "scores must be True or False, not 'yes'"),
+        ({"distances": "exact"}, r"distances must be a sequence of modes, such as \('exact',\), not 'exact'"),
     ],
 )
 def test_what_makes_no_sense_is_refused(changes, message):
     arguments = {"policy": Linear(), "train": TRAIN, "test": TEST} | changes
     with pytest.raises(segar.SegarError, match=message):
         segar.evaluate_policy(arguments.pop("policy"), arguments.pop("train"), arguments.pop("test"), **arguments)
+
+
+def test_a_begin_that_takes_no_environments_is_told():
+    class Forgetful(Linear):
+        def begin(self):
+            """Takes nothing."""
+
+    with pytest.raises(
+        segar.SegarError, match=r"the policy's begin\(\) must take one argument, the environments: begin\(env\)"
+    ):
+        segar.evaluate_policy(Forgetful(), TRAIN, TEST)
+
+
+def test_a_level_set_is_shown_in_one_line_and_says_where_its_score_is():
+    found = segar.evaluate_policy(Linear(), TRAIN, TEST, max_steps=3)
+    assert repr(found.test).startswith("<8 levels, 8 episodes, return ") and len(repr(found.test)) < 120
+    with pytest.raises(segar.SegarError, match=r"'score' is a figure of a level set.*found\.test\.score\(\)"):
+        found.test.mean("score")
 
 
 @pytest.mark.parametrize("name", ["score", "regret"])
