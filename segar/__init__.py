@@ -75,7 +75,7 @@ from segar.noise import (
 )
 from segar.reference import Interpreter
 from segar.rules import DEFAULT_RULES, World, apply_friction, lorentz_law, move
-from segar.suites import register_suites
+from segar.suites import evaluate_on_suite, register_suites
 from segar.support import __version__, deprecated_names, find_moved
 from segar.tasks import puttputt
 
@@ -87,8 +87,8 @@ __all__ = [
     "Parameter", "Position", "Prior", "RandomBottomLocation", "RandomConvexHull", "RandomEdgeLocation",
     "RandomMiddleLocation", "RandomTopLocation", "RandomUniformLocation", "RuleError", "SandTile", "Scalar",
     "SegarError", "SetFactor", "Shape", "Size", "Task", "ThingFactory", "Tile", "Tuple", "UniformNoise", "Vector",
-    "Velocity", "World", "apply_friction", "design", "envs", "evaluate_policy", "families", "family", "hardness",
-    "is_on", "lorentz_law", "metrics", "move", "noise", "puttputt", "random", "relation", "rule", "tasks",
+    "Velocity", "World", "apply_friction", "design", "envs", "evaluate_on_suite", "evaluate_policy", "families", "family",
+    "hardness", "is_on", "lorentz_law", "metrics", "move", "noise", "puttputt", "random", "relation", "rule", "tasks",
 ]  # fmt: skip
 
 # What 0.1 exported here, by the room that has it now.

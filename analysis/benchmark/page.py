@@ -8,8 +8,9 @@ import pandas as pd
 from analysis.benchmark.scores import COMPARED, FIGURES, OVERALL, seed_spreads
 from analysis.stats.power import detectable_difference
 from analysis.tables import column, keep, mean_by, select
-from experiments.benchmarking.protocol import BUDGETS, RANDOM_PLAYS, REFERENCES
+from experiments.benchmarking.protocol import BUDGETS, REFERENCES
 from experiments.benchmarking.row import Row
+from segar.suites import RANDOM_PLAYS
 
 SEEDS = (3, 5, 10)  # numbers of seeds of which the page says what they can see
 WORDS = {

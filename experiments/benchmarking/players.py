@@ -1,13 +1,12 @@
 """Pieces of rows that need no training here: of players, of methods that were trained elsewhere, and of files of actions."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-import segar
 from experiments.benchmarking.playing import (
     hashes_of,
     options_of,
@@ -23,7 +22,7 @@ from experiments.benchmarking.row import Method, Piece, file_hash, read_piece, w
 from experiments.runs.executed_code import code_of, files_of_code, with_data
 from experiments.runs.versions import versions
 from experiments.settings import ConfigError, import_object, without_files
-from segar.envs import VectorEnv
+from segar.evaluation import record_actions
 from segar.levels import Levels
 from segar.suites import Suite, suite
 
@@ -85,8 +84,8 @@ def action_file(folder: Path, suite: str, seed: int) -> Path:
 
 
 def actions_of(name: str, of: Suite, sets: Mapping[str, Levels], task: PlayerTask) -> dict[str, np.ndarray]:
-    """The actions that a policy takes, which ``name``, ``module:attribute``, makes for a suite and a seed; it is played by
-    :func:`segar.evaluate_policy`.
+    """The actions that a policy takes, which ``name``, ``module:attribute``, makes for a suite and a seed; see
+    :func:`segar.evaluation.record_actions`.
 
     Raises:
         ConfigError: there is no such function, or what it returns is no policy.
@@ -100,39 +99,6 @@ def actions_of(name: str, of: Suite, sets: Mapping[str, Levels], task: PlayerTas
         )
     found = {}
     for side, levels in sets.items():  # what is seen may differ from side to side
-        recorder = Recorder(made)
         options = {**options_of(of, task.method, sets["train"], side), "unit_actions": False}
-        played = segar.evaluate_policy(recorder, levels, levels[:1], **options)
-        found[side] = joined(recorder.rows()[: len(levels)], played.train.episodes.length)
+        found[side] = record_actions(made, levels, **options)
     return found
-
-
-class Recorder:
-    """A policy that remembers its actions: what another policy does, episode by episode."""
-
-    def __init__(self, policy: Callable[[Any], Any]) -> None:
-        self.policy, self.batches = policy, []  # type: ignore[var-annotated]
-
-    def begin(self, env: VectorEnv) -> None:
-        """Episodes start in ``env``."""
-        self.batches.append([])
-        if hasattr(self.policy, "begin"):
-            self.policy.begin(env)  # type: ignore[attr-defined]
-
-    def __call__(self, observations: Any) -> np.ndarray:
-        """Actions float32 [n, size]."""
-        actions = np.array(self.policy(observations), np.float32)
-        self.batches[-1].append(actions)
-        return actions
-
-    def rows(self) -> list[np.ndarray]:
-        """The actions of each episode, in the order in which they were played, [step, component]."""
-        return [row for batch in self.batches for row in np.stack(batch, axis=1)]
-
-
-def joined(rows: Sequence[np.ndarray], lengths: np.ndarray) -> np.ndarray:
-    """Actions of episodes of these lengths as one array, 0 behind the last step of each."""
-    steps = max(lengths)
-    return np.stack(
-        [np.pad(row[:length], ((0, steps - length), (0, 0))) for row, length in zip(rows, lengths, strict=True)]
-    )

@@ -9,23 +9,28 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from experiments.benchmarking.protocol import RANDOM_PLAYS, SIDES
+from experiments.benchmarking.protocol import SIDES
 from experiments.benchmarking.row import EPISODES, Method, Piece
 from experiments.levels.builders import environment_options
 from experiments.settings import ENDLESS, LevelsConfig, ObservationConfig, RunConfig, RunFolderError, construct
 from segar.envs import Act, VectorEnv
 from segar.errors import SegarError
-from segar.evaluation import PlayedEpisodes, idle_actions, play_episodes
-from segar.hardness import plan
+from segar.evaluation import (
+    PlayedEpisodes,
+    RecordedActions,
+    evaluate_levels,
+    idle_player,
+    play_episodes,
+    random_player,
+)
 from segar.language import Factors
 from segar.levels import Levels, hash_of_levels
 from segar.policies import Network, NetworkPolicy
-from segar.suites import Suite
+from segar.suites import RANDOM_PLAYS, Suite, plans_on
 from segar.support import Form, open_npz
 
 MakeAct = Callable[[VectorEnv], Act]
 SEED = 0  # of the environments
-SAMPLES, ITERATIONS = 64, 5  # of the planner's search on training levels; its plans of the test come with the suite
 
 
 def sets_of(suite: Suite, seed: int, count: int | None = None) -> dict[str, Levels]:
@@ -69,21 +74,8 @@ def play_actions(actions: Mapping[str, np.ndarray], suite: Suite, sets: Mapping[
                 f"{suite.name}, seed {seed}: actions of the {side} levels must be [{shape[0]} levels, steps, {shape[1]}], not"
                 f" {list(given.shape)}"
             )
-        found[side] = play_each(levels, recorded(given), {"task": suite.task})
+        found[side] = evaluate_levels(RecordedActions(given), levels, seed=SEED, task=suite.task).episodes
     return table_of(suite, seed, found)
-
-
-def recorded(actions: np.ndarray) -> MakeAct:
-    """What plays recorded actions, batch after batch of levels."""
-    first = 0
-
-    def make_act(env: VectorEnv) -> Act:
-        nonlocal first
-        rows, first = actions[first : first + env.num_envs], first + env.num_envs
-        nothing = idle_actions(env)
-        return lambda now: rows[:, now.time] if now.time < rows.shape[1] else nothing
-
-    return make_act
 
 
 def play_each(levels: Levels, make_act: MakeAct, options: Mapping[str, Any], plays: int = 1) -> PlayedEpisodes:
@@ -105,25 +97,6 @@ def play_player(player: str, suite: Suite, sets: Mapping[str, Levels], seed: int
     return table_of(suite, seed, played)
 
 
-def idle_player(env: VectorEnv) -> Act:
-    """What does nothing."""
-    nothing = idle_actions(env)
-    return lambda now: nothing
-
-
-def random_player(seed: int, side: int) -> MakeAct:
-    """What acts uniformly at random."""
-    batch = 0
-
-    def make_act(env: VectorEnv) -> Act:
-        nonlocal batch
-        rng, batch = np.random.default_rng([seed, side, batch]), batch + 1
-        low, high = (np.asarray(bound, np.float32) for bound in (env.task.action_low, env.task.action_high))
-        return lambda now: low + (high - low) * rng.random((env.num_envs, len(low)), np.float32)
-
-    return make_act
-
-
 def scripted_player(env: VectorEnv) -> Act:
     """What the task's scripted player does, which sees the true factors."""
     if env.task.demo_actions is None:
@@ -133,9 +106,8 @@ def scripted_player(env: VectorEnv) -> Act:
 
 def planned(suite: Suite, sets: Mapping[str, Levels], seed: int) -> dict[str, np.ndarray]:
     """The actions of the planner: a search on the training levels, and the plans of the test that come with the suite."""
-    rng = np.random.default_rng(seed)
-    train = plan(sets["train"], suite.task, rng=rng, samples=SAMPLES, iterations=ITERATIONS)
-    return {"train": train.actions[:, : train.steps.max()], "test": suite.plans.actions[:, : suite.plans.steps.max()]}
+    plans = {side: plans_on(suite, side, levels, seed) for side, levels in sets.items()}
+    return {side: one.actions[:, : one.steps.max()] for side, one in plans.items()}
 
 
 def table_of(suite: Suite, seed: int, played: Mapping[str, PlayedEpisodes]) -> pa.Table:

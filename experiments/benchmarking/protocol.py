@@ -14,7 +14,6 @@ PLAYERS = ("idle", "random", "script", "planner")
 """Rows without training, which ``algorithm=`` may name."""
 REFERENCES = ("idle", "random", "planner")
 """The rows that scores are made of: 0 is the better of the first two on each level, 1 is the third."""
-RANDOM_PLAYS = 20  # episodes on each level by the random player, whose means are floors of scores
 SHIPPED = CHECKOUT / "docs" / "results" / "benchmark"
 """The folder of the rows that come with SEGAR."""
 SIDES = ("train", "test")

@@ -11,10 +11,11 @@ from segar.suites.registration import register_suites
 from segar.suites.rules_by_name import RULES
 from segar.suites.sides import TEXTURED, named_observation, observation_on, side_options
 from segar.suites.suite_card import card
+from segar.suites.suite_evaluation import RANDOM_PLAYS, evaluate_on_side, evaluate_on_suite, plans_on
 from segar.suites.suite_file import AXES, CORE, Suite, outline, read_suite, suite, suites
 
 __all__ = [
-    "AXES", "CORE", "RULES", "TEXTURED", "Admission", "Cause", "Causes", "Suite", "Twin", "Twins", "admission", "card",
-    "causes_of", "find_causes", "freeze", "looks_like", "named_observation", "observation_on", "outline", "read_suite",
-    "register_suites", "side_options", "suite", "suites", "twins",
+    "AXES", "CORE", "RANDOM_PLAYS", "RULES", "TEXTURED", "Admission", "Cause", "Causes", "Suite", "Twin", "Twins", "admission",
+    "card", "causes_of", "evaluate_on_side", "evaluate_on_suite", "find_causes", "freeze", "looks_like", "named_observation",
+    "observation_on", "outline", "plans_on", "read_suite", "register_suites", "side_options", "suite", "suites", "twins",
 ]  # fmt: skip

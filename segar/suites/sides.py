@@ -67,7 +67,7 @@ def observation_on(suite: Suite, side: str, observation: Any = "state") -> Obser
     for factor in suite.hidden:
         if any(state.has_number_of(factor) for state in _states_in(given)):
             raise SuiteError(
-                f"observation: {observation!r} shows {factor.__name__}, which the suite {suite.name} hides; give"
+                f"observation: this {type(given).__name__} shows {factor.__name__}, which the suite {suite.name} hides; give"
                 " StateVector(hidden=suite.hidden), or a name such as 'state'"
             )
     return given

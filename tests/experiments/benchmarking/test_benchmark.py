@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 
@@ -38,7 +39,8 @@ from experiments.settings import (
     TrackingConfig,
     add_module_path,
 )
-from segar.suites import AXES, CORE, outline, suite
+from segar.policies import Network, NetworkPolicy
+from segar.suites import AXES, CORE, evaluate_on_suite, outline, suite
 from tests.experiments.benchmarking import lab_method
 
 SUITE = "place-few-v1"
@@ -250,6 +252,17 @@ def test_shipped_rows_are_what_their_hashes_say_and_a_sample_plays_again_to_the_
 def test_all_of_a_shipped_row_plays_again_to_the_bit(name):
     row = read_row(SHIPPED / name)
     assert verify(row) == len(row.episodes())
+
+
+@pytest.mark.parametrize(("name", "seed"), [("sight-mass-v1", 2)])
+def test_the_library_alone_gives_the_scores_of_the_leaderboard(name, seed):
+    folder = SHIPPED / "ppo_fast-state-laptop"
+    network = NetworkPolicy(Network.load(folder / f"{name}-s{seed}.npz"), unit_actions=True)
+    found = evaluate_on_suite(network, suite(name), seed=seed, scores=True, unit_actions=True)
+    scores = pd.read_csv(SHIPPED / "scores.csv").set_index(["row", "suite", "seed"]).loc[folder.name, name, seed]
+    ours = {"train_score": found.train.score(), "score": found.test.score(), "regret": found.test.regret()}
+    ours |= {"gap": found.gap().value, "test_success": found.test.mean("success").value}
+    assert ours == pytest.approx({key: scores[key] for key in ours}, rel=1e-5)
 
 
 def test_shipped_rows_are_small_and_of_the_suites_that_there_are():
