@@ -9,7 +9,9 @@ algorithms, run folders and sweeps.
 
 import argparse
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,16 +20,17 @@ from torch import Tensor, nn
 from torch.distributions import Normal
 
 import segar
-from segar.suites import suite, suites
+from segar.errors import did_you_mean
+from segar.suites import side_options, suite, suites
 
 
 @dataclass(frozen=True)
 class Settings:
     """What a run depends on; each is an option of the command line."""
 
-    levels: str = "empty-hard"  # a name of segar.families(), or a suite's, whose numbers of levels are its own
-    count: int = 50  # training levels
-    test_count: int = 100  # test levels, from a disjoint stream of the same distribution
+    levels: str = "empty-hard"  # a name of segar.families(), or a suite's
+    count: int | None = None  # training levels of a family, 50 by default
+    test_count: int | None = None  # test levels of a family, from a disjoint stream of it, 100 by default
     frames: int = 400_000  # steps of environments
     seed: int = (
         0  # of the network, the minibatches and the episodes, and of a suite's training levels; others have seed 0
@@ -82,22 +85,35 @@ class Rollout:
     returns: Tensor
 
 
-def level_sets(settings: Settings) -> tuple[segar.Levels, segar.Levels, dict[str, Any]]:
-    """Training levels, test levels, and the options of environments in which they are played."""
+def problem(settings: Settings) -> tuple[dict[str, Any], Callable[..., segar.evaluation.Evaluation]]:
+    """The options of environments for training, and what evaluates a policy; a suite says its levels, task and observation.
+
+    Raises:
+        SegarError: an option makes no sense, or the suite is about textures, which states do not show.
+    """
+    for name in ("count", "test_count", "frames", "num_envs"):
+        number = getattr(settings, name)
+        if number is not None and number < 1:
+            raise segar.SegarError(f"--{name.replace('_', '-')} must be 1 or more, not {number}")
+    same = {"unit_actions": True}
     if settings.levels in suites():
-        chosen = suite(settings.levels)
-        seen = segar.observations.StateVector(hidden=chosen.hidden)
-        options = {"task": chosen.task, "observation": seen, "unit_actions": True}
-        return chosen.sample(seed=settings.seed), chosen.test_levels, options
+        if settings.count is not None or settings.test_count is not None:
+            raise segar.SegarError(
+                f"the suite {settings.levels} has its own levels; leave --count and --test-count out"
+            )
+        of = suite(settings.levels)
+        options = side_options(of, "train", settings.seed) | same
+        return options, partial(segar.evaluate_on_suite, suite=of, seed=settings.seed, **same)
+    if settings.levels not in segar.families():
+        hint = did_you_mean(settings.levels, (*segar.families(), *suites()))
+        raise segar.SegarError(f"--levels: no family and no suite is called '{settings.levels}'.{hint}")
     family = segar.family(settings.levels)
-    sets = (
-        family.sample(settings.count, seed=0, split="train"),
-        family.sample(settings.test_count, seed=0, split="test"),
-    )
-    return *sets, {"unit_actions": True}
+    train = family.sample(settings.count or 50, seed=0, split="train")
+    test = family.sample(settings.test_count or 100, seed=0, split="test")
+    return {"levels": train, **same}, partial(segar.evaluate_policy, train=train, test=test, **same)
 
 
-def train(settings: Settings, levels: segar.Levels, options: dict[str, Any]) -> Agent:
+def train(settings: Settings, levels: segar.Levels, **options: Any) -> Agent:
     """An agent that was trained on these levels; prints how it fares."""
     torch.set_num_threads(1)  # networks as small as these are faster without threads
     torch.manual_seed(settings.seed)
@@ -185,16 +201,20 @@ def main(arguments: list[str] | None = None) -> segar.evaluation.Evaluation:
     """Train, evaluate on training and test levels, and print the gap."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     for name, default in vars(Settings()).items():
-        parser.add_argument(f"--{name.replace('_', '-')}", type=type(default), default=default)
+        kind = int if default is None else type(default)
+        parser.add_argument(f"--{name.replace('_', '-')}", type=kind, default=default)
     settings = Settings(**vars(parser.parse_args(arguments)))
-    train_levels, test_levels, options = level_sets(settings)
-    agent = train(settings, train_levels, options)
+    try:
+        options, evaluate = problem(settings)
+    except segar.SegarError as error:
+        parser.error(str(error))
+    agent = train(settings, **options)
 
     def most_likely(seen: np.ndarray) -> np.ndarray:
         with torch.no_grad():
             return agent.mean(torch.from_numpy(seen)).numpy()
 
-    found = segar.evaluate_policy(most_likely, train_levels, test_levels, distances=("exact",), **options)
+    found = evaluate(most_likely, distances=("exact",))
     print(found)
     return found
 

@@ -1,6 +1,7 @@
 """What the arguments of commands stand for, and the two forms of an answer: a table for people, one object for programs."""
 
 import argparse
+import difflib
 import json
 import math
 import os
@@ -11,6 +12,7 @@ from segar.errors import LevelError, SegarError
 from segar.language import Task
 from segar.levels import TASK_LEVELS, LevelDistribution, Levels, families, family
 from segar.rules import RuleSpace, World
+from segar.suites import suites
 from segar.support import aligned, named_or_made
 from segar.tasks import make_task, task_of
 
@@ -28,11 +30,23 @@ FILE_HELP = "a level file, as `segar sample` and Levels.save write it"
 def find_distribution(name: str) -> LevelDistribution:
     """A named family, or one of the user's own; raises :class:`SegarError`."""
     if ":" not in name:
+        if name not in (*families(), *TASK_LEVELS):
+            _require_no_suite(name)
         return family(name)
     found = named_or_made(name)
     if not isinstance(found, LevelDistribution):
         raise SegarError(f"'{name}' is not a LevelDistribution but {found!r}")
     return found
+
+
+def _require_no_suite(name: str) -> None:
+    """Raise :class:`SegarError` for what is, or nearly is, the name of a suite."""
+    near = difflib.get_close_matches(name, (*suites(), *families(), *TASK_LEVELS), n=1)
+    if near and near[0] in suites():
+        raise SegarError(
+            f"'{name}' is no level family. The suite {near[0]} has levels of its own: `segar suites {near[0]}` tells of them,"
+            f" and segar.suites.suite('{near[0]}') has test_levels and sample(seed), which .save() writes"
+        )
 
 
 def task_named(name: str | None, levels: Levels) -> Task:

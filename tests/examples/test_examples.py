@@ -35,6 +35,23 @@ def test_a_script_trains_on_a_suite_and_plays_its_test(script, name):
     assert found.test.episodes.length.max() <= of.task.max_steps
 
 
+@pytest.mark.parametrize("script", [ppo, sb3_ppo])
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--levels", "place-fw-v1"], "no family and no suite is called 'place-fw-v1'. Did you mean 'place-few-v1'?"),
+        (["--levels", "place-few-v1", "--count", "9"], "the suite place-few-v1 has its own levels; leave --count"),
+        (["--levels", "look-far-v1"], "shows the set of textures baseline in training"),
+        (["--frames", "-5"], "--frames must be 1 or more, not -5"),
+        (["--test-count", "0"], "--test-count must be 1 or more, not 0"),
+    ],
+)
+def test_a_script_refuses_what_it_would_leave_out(script, arguments, message, capsys):
+    with pytest.raises(SystemExit):
+        script.main(arguments)
+    assert message in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("name", ["ppo", "sb3_ppo"])
 def test_a_script_runs_from_any_folder(name, tmp_path):
     script = ROOT / "examples" / f"{name}.py"
@@ -48,7 +65,7 @@ def test_a_script_runs_from_any_folder(name, tmp_path):
 def test_ppo_repeats_itself():
     levels = segar.family("empty-easy").sample(4, seed=0)
     settings = ppo.Settings(num_envs=4, num_steps=8, frames=64, minibatches=2)
-    agents = [ppo.train(settings, levels, {}) for _ in range(2)]
+    agents = [ppo.train(settings, levels) for _ in range(2)]
     for a, b in zip(agents[0].parameters(), agents[1].parameters(), strict=True):
         assert torch.equal(a, b)
 

@@ -212,6 +212,14 @@ def test_rules_that_a_level_file_only_names_are_asked_for(capsys, tmp_path):
     ("arguments", "message"),
     [
         (["sample", "objectx3-hard", "-o", "x.npz"], "no level family 'objectx3-hard'. Did you mean 'objectsx3-hard'?"),
+        (
+            ["sample", "place-few-v1", "-o", "x.npz"],
+            "The suite place-few-v1 has levels of its own: `segar suites place-few-v1`",
+        ),
+        (
+            ["sample", "place-fw-v1", "-o", "x.npz"],
+            "'place-fw-v1' is no level family. The suite place-few-v1 has levels",
+        ),
         (["sample", "empty-hard", "-o", "no/such/folder/x.npz"], "levels cannot be written to no/such/folder/x.npz"),
         (["distance", "{easy}", "nothing.npz"], "there is no level file nothing.npz"),
         (["distance", "{easy}", "{text}"], "is not a level file"),
