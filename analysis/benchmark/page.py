@@ -54,11 +54,11 @@ def page_text(
 
 HEAD = """# Leaderboard
 
-What methods achieve on suites ([how to read it, and how to add a row](../../how-to/compare-on-a-suite.md)). A *score* is 0 for
-the better of idle and random play on each level ({plays} random episodes per level and seed), and 1 for the planner, which
-searches in the simulator. Returns are shaped, so that a ball that stops near the goal has a high score; *success*, the share
-of levels that are solved, stands beside it. All numbers are of one episode on each of the frozen test levels, without noise
-in the actions.
+What methods achieve on suites ([how to read it, and how to add a row](../../how-to/compare-on-a-suite.md)). A *score* is a
+ratio of means over the levels: 0 where the mean return is that of the better of idle and random play on each level ({plays}
+random episodes per level and seed), 1 where it is that of the planner, which searches in the simulator. Returns are shaped,
+so that a ball that stops near the goal has a high score; *success*, the share of levels that are solved, stands beside it.
+All numbers are of one episode on each of the frozen test levels, without noise in the actions.
 Square brackets hold 95 % intervals of the stratified bootstrap over seeds; suites are fixed. The mean is the interquartile
 mean (IQM) over suites and seeds. The budget `laptop` is {laptop:,} frames of training on each suite with each seed, `server`
 {server:,}. Every row can be played again to the bit.

@@ -214,7 +214,7 @@ def test_rules_that_a_level_file_only_names_are_asked_for(capsys, tmp_path):
         (["sample", "objectx3-hard", "-o", "x.npz"], "no level family 'objectx3-hard'. Did you mean 'objectsx3-hard'?"),
         (
             ["sample", "place-few-v1", "-o", "x.npz"],
-            "The suite place-few-v1 has levels of its own: `segar suites place-few-v1`",
+            "The suite place-few-v1 has levels of its own: `segar suites",
         ),
         (
             ["sample", "place-fw-v1", "-o", "x.npz"],
