@@ -59,7 +59,7 @@ def evaluate_on_suite(
     >>> still = lambda frames: np.zeros((len(frames), 2), np.float32)
     >>> found = segar.evaluate_on_suite(still, of, seed=1, observation="rgb_stack2")
     >>> found.train.levels, found.test.levels
-    (25, 200)
+    (200, 200)
 
     The suite says what is played, what states hide, and which textures frames have on each side. All else is as of
     :func:`segar.evaluate_policy`.
