@@ -27,8 +27,9 @@ FOLDER = BUILD / "site-source" / "suites"
 SCORES = SHIPPED / "scores.csv"
 PICTURES = 4  # levels of each side
 SEED = 1  # of the training levels
-RESULTS = """Means over the seeds of each row. *Score*: a ratio of means over levels, 0 where the mean return is that of
-the better of idle and random play on each level, 1 where it is the planner's. *Regret*: what the return on test levels lacks of the planner's.
+RESULTS = """Means over the seeds of each row. *Score*: a ratio of means over levels, 0 where the mean return is that of the
+better of idle and random play on each level, 1 where it is the planner's. *Regret*: what the return on test levels lacks of
+the planner's.
 [The leaderboard](../results/benchmark/leaderboard.md) says what the rows are, and has intervals."""
 
 PAGE = """# {name}
