@@ -9,7 +9,7 @@ from analysis.benchmark.scores import FIGURES
 from analysis.tables import mean_by, select
 from experiments.benchmarking.row import Row
 from experiments.settings import TrackingConfig, flat
-from experiments.tracking.mlflow_store import calling, open_store
+from experiments.tracking.mlflow_store import replace_run
 from experiments.tracking.mlflow_sync import VALUE_LENGTH
 
 
@@ -23,20 +23,13 @@ def track_row(
     Raises:
         TrackingError: the store cannot be opened, or refuses.
     """
-    client, experiment = open_store(tracking, root)
-    where = f"tags.kind = 'row' and tags.row_folder = '{row.folder}'"
-    for earlier in calling(client.search_runs, [experiment], where):
-        calling(client.delete_run, earlier.info.run_id)
     name = row.method.name
     tags = {"kind": "row", "row_folder": str(row.folder), "row_hash": row.hash, "sweep": name, "title": row.method.says}
-    run = calling(client.create_run, experiment, run_name=f"row {name}", tags=tags).info.run_id
-    for key, value in flat(row.method.settings).items():
-        calling(client.log_param, run, key, str(value)[:VALUE_LENGTH])
-    for key, number in numbers.items():
-        calling(client.log_metric, run, key, number)
-    for path in files:
-        calling(client.log_artifact, run, str(path))
-    calling(client.set_terminated, run)
+    parameters = {key: str(value)[:VALUE_LENGTH] for key, value in flat(row.method.settings).items()}
+    replace_run(
+        tracking, root, f"row {name}", tags, "row_folder",
+        metrics=numbers, files=dict.fromkeys(files), parameters=parameters,
+    )  # fmt: skip
 
 
 def numbers_of(name: str, table: pd.DataFrame, board: pd.DataFrame) -> dict[str, float]:

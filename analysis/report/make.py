@@ -25,7 +25,7 @@ from analysis.tables import write_csv
 from experiments.reproduction.experiment_file import PLAN
 from experiments.reproduction.imported_results import RUNS
 from experiments.settings import CHECKOUT, RunFolderError, TrackingConfig, require_known
-from experiments.tracking.mlflow_store import calling, open_store
+from experiments.tracking.mlflow_store import replace_run
 
 SHIPPED = CHECKOUT / "docs" / "results"
 SCALES = ("paper", "standard", "quick", "smoke")  # the largest first
@@ -154,18 +154,13 @@ def track(results: Path, report: Report) -> None:
     plan: dict[str, Any] = json.loads((results / PLAN).read_text()) if (results / PLAN).exists() else {}
     if plan.get("tracking", {"name": "none"})["name"] == "none":
         return
-    client, experiment = open_store(TrackingConfig(**plan["tracking"]), Path(plan["runs"]))
-    where = f"tags.kind = 'report' and tags.report_folder = '{report.folder}'"
-    for earlier in calling(client.search_runs, [experiment], where):
-        calling(client.delete_run, earlier.info.run_id)
     tags = {"kind": "report", "report_folder": str(report.folder), "scale": report.evidence.results.scale}
-    run = calling(client.create_run, experiment, run_name=f"report of {results.name}", tags=tags).info.run_id
-    for name, value in headline_numbers(report).items():
-        calling(client.log_metric, run, name, value)
-    for path in report.files:
-        place = path.parent.relative_to(report.folder)
-        calling(client.log_artifact, run, str(path), None if place == Path() else str(place))
-    calling(client.set_terminated, run)
+    places = {path: path.parent.relative_to(report.folder) for path in report.files}
+    replace_run(
+        TrackingConfig(**plan["tracking"]), Path(plan["runs"]), f"report of {results.name}", tags, "report_folder",
+        metrics=headline_numbers(report),
+        files={path: None if place == Path() else str(place) for path, place in places.items()},
+    )  # fmt: skip
 
 
 def headline_numbers(report: Report) -> dict[str, float]:

@@ -112,3 +112,38 @@ def calling(function: Any, *arguments: Any, **options: Any) -> Any:
         kind = StoreBusy if any(word in said for word in BUSY) else TrackingError
         message = f"MLflow refuses: {reason}. The run folder has all figures; tracking=none runs without MLflow"
         raise kind(message) from (error if said == str(error) else None)  # the journal has the cause, too
+
+
+def replace_run(
+    tracking: TrackingConfig,
+    root: Path,
+    name: str,
+    tags: Mapping[str, str],
+    same: str,
+    *,
+    metrics: Mapping[str, float],
+    files: Mapping[Path, str | None],
+    parameters: Mapping[str, Any] | None = None,
+) -> None:
+    """Writes a run that is no training, such as a report, in place of earlier ones of its ``kind``.
+
+    Args:
+        tags: with ``kind``.
+        same: the other tag that earlier ones have alike.
+        files: to the folder among the run's files that each is put into; None: none.
+
+    Raises:
+        TrackingError: the store cannot be opened, or refuses.
+    """
+    client, experiment = open_store(tracking, root)
+    where = " and ".join(f"tags.{tag} = '{tags[tag]}'" for tag in ("kind", same))
+    for earlier in calling(client.search_runs, [experiment], where):
+        calling(client.delete_run, earlier.info.run_id)
+    run = calling(client.create_run, experiment, run_name=name, tags=dict(tags)).info.run_id
+    for key, value in (parameters or {}).items():
+        calling(client.log_param, run, key, value)
+    for key, number in metrics.items():
+        calling(client.log_metric, run, key, number)
+    for path, place in files.items():
+        calling(client.log_artifact, run, str(path), place)
+    calling(client.set_terminated, run)
