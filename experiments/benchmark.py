@@ -34,21 +34,18 @@ On a cluster: --multirun hydra/launcher=slurm suite=NAME,NAME,... seed=1,2,3 see
 import dataclasses
 import sys
 import time
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from omegaconf import DictConfig
 
+from experiments.benchmarking.method import method_of, settings_of
 from experiments.benchmarking.players import PlayerTask, action_file, make_piece
 from experiments.benchmarking.protocol import (
     ALL,
-    BUDGETS,
     PLAYERS,
     REFERENCES,
-    SHIPPED,
-    is_about_looks,
     piece_name,
     row_folder,
     suites_named,
@@ -65,8 +62,9 @@ from experiments.benchmarking.row import (
     read_row,
     row_of,
 )
+from experiments.benchmarking.settings import ROWS, BenchmarkConfig
 from experiments.benchmarking.verification import verify
-from experiments.commands.hydra_app import ends_with_its_reader, run_command, to_plain
+from experiments.commands.hydra_app import ends_with_its_reader, errors_as_messages, run_command, to_plain
 from experiments.commands.kernels import choose_kernels
 from experiments.evaluation.transfers import RunTask
 from experiments.reproduce import ReproduceConfig, Work, carry_out, cores, failures, reproduce
@@ -80,86 +78,20 @@ from experiments.runs.executed_code import differing_parts
 from experiments.runs.run_folder import folder_path, is_finished, runs_root
 from experiments.settings import (
     ConfigError,
-    Count,
-    LevelCount,
     RunConfig,
     RunFolderError,
     TrainingError,
     as_data,
     construct,
     require,
-    require_known,
     run_config,
 )
 from segar.cli import table
-from segar.suites import TEXTURED, outline, suite
+from segar.suites import outline, suite
 
 REPORT = "benchmark"
-NOT_OF_METHOD = ("levels", "evaluation", "seed", "frames")  # parts of a run's identity that differ from piece to piece
 PLANNER_SECONDS, PLAYER_SECONDS = 8.0, 3.0  # assumed, per piece
-ROWS = "benchmark"  # the folder of rows, under the root of runs
 Key = tuple[str, int]  # a suite and a seed
-
-
-@dataclass(frozen=True)
-class BenchmarkConfig:
-    """The settings of a row, and where it goes."""
-
-    run: RunConfig = field(default_factory=RunConfig)
-    suites: tuple[str, ...] = ("core",)
-    budget: str = "laptop"
-    seeds: Count = 5
-    player: str = ""  # one without training, in place of an algorithm
-    policy: str = ""  # of a method that was trained elsewhere
-    actions: str = ""  # folder of files of actions
-    training_levels: LevelCount | None = None  # on each suite; None: as many as it says
-    row: str = ""
-    rows: str | None = None
-    verify: tuple[str, ...] = ()
-    again: tuple[str, ...] = ()
-    table: bool = False
-    processes: int = 0
-    dry_run: bool = False
-    report: bool = True
-
-    def __post_init__(self) -> None:
-        require_known("budget", self.budget, BUDGETS)
-        require(self.processes >= 0, "processes", self.processes, "0 or more")
-        if self.player:
-            require_known("algorithm", self.player, PLAYERS)
-        given = [name for name in ("player", "policy", "actions") if getattr(self, name)]
-        require(len(given) < 2, given[-1] if given else "", given, "one of algorithm, policy and actions")
-        if (self.policy or self.actions) and not self.row:
-            raise ConfigError("row: name the row of a method that was trained elsewhere: row=NAME")
-        require(bool(suites_named(self.suites)), "suite", "[]", "a suite, or several")
-        require(Path(self.row).name == self.row, "row", self.row, "a name, without folders: rows=FOLDER says where")
-
-    @property
-    def folder(self) -> Path:
-        """The folder of rows."""
-        return Path(self.rows).expanduser().resolve() if self.rows else runs_root(self.run) / ROWS
-
-    @property
-    def places(self) -> tuple[Path, ...]:
-        """The folders in which rows are looked for."""
-        return tuple(dict.fromkeys((self.folder, SHIPPED)))
-
-    def chosen_suites(self) -> tuple[str, ...]:
-        """The suites to play: those of textures need an agent that sees frames."""
-        chosen = suites_named(self.suites)
-        shows_textures = self.run.observation.name in {*TEXTURED, *TEXTURED.values()}
-        sees_no_textures = not self.player and not self.actions and not shows_textures
-        return tuple(name for name in chosen if not (sees_no_textures and is_about_looks(name)))
-
-    def all_seeds(self) -> range:
-        """The seeds."""
-        return range(self.run.seed, self.run.seed + self.seeds)
-
-    def trained_run(self) -> RunConfig:
-        """The settings that all trainings share."""
-        scale, frames = self.run.scale, BUDGETS[self.budget]
-        scale = dataclasses.replace(scale, name=self.budget, frames=frames or scale.frames)
-        return dataclasses.replace(self.run, scale=scale)
 
 
 def benchmark(config: BenchmarkConfig) -> None:
@@ -292,46 +224,6 @@ def seconds_of(config: BenchmarkConfig) -> float:
         return len(left) * seconds_per_piece(config)
     runs = (run for run in runs_of(plan_of(config, method, left)) if (run.levels.train, run.seed) in left)
     return sum(speeds.seconds(RunTask(run)) for run in runs)
-
-
-def method_of(config: BenchmarkConfig) -> Method:
-    """What the row is of."""
-    run = config.trained_run()
-    if config.player:
-        kind = "actions" if config.player == "planner" else "player"
-        return Method(config.row or config.player, kind, SAYS[config.player])
-    seen = {"observation": {"name": run.observation.name, "options": dict(run.observation.options)}}
-    if config.actions:
-        return Method(config.row, "actions", "actions of a method that was trained elsewhere")
-    if config.policy:
-        says = f"{config.policy}, trained elsewhere, on {run.observation.name}"
-        return Method(config.row, "actions", says, "", None, {**seen, "policy": config.policy})
-    settings = settings_of(run, config.training_levels)
-    name = "-".join([run.algorithm.name, *extras(settings), run.observation.name, config.budget])
-    says = f"{run.algorithm.name} on {run.observation.name}, {run.scale.frames:,} frames on each suite with each seed"
-    return Method(config.row or name, "networks", says, config.budget, run.scale.frames, settings)
-
-
-SAYS = {
-    "idle": "does nothing",
-    "random": "acts uniformly at random",
-    "script": "the scripted player of the task, which sees the true factors",
-    "planner": "the best actions that a search in the simulator finds",
-}
-
-
-def settings_of(run: RunConfig, training_levels: LevelCount | None = None) -> dict[str, Any]:
-    """The settings of a run that all pieces of a row share, as plain data."""
-    data = as_data(run, without_later_defaults=True)
-    shared = {key: data.get(key, value) for key, value in run.identity().items() if key not in NOT_OF_METHOD}
-    return shared | ({"training_levels": training_levels} if training_levels else {})
-
-
-def extras(settings: Mapping[str, Any]) -> list[str]:
-    """Parts of a row's name beside algorithm, observation and budget."""
-    curriculum = settings.get("curriculum")
-    name = curriculum.get("name", "") if isinstance(curriculum, Mapping) else curriculum
-    return [str(name)] if name else []
 
 
 def train_pieces(config: BenchmarkConfig, method: Method, left: Sequence[Key]) -> None:
@@ -516,7 +408,8 @@ def main() -> None:
     if {"-h", "--help"} & {*sys.argv[1:]}:
         print((__doc__ or "").strip())
         return
-    sys.argv[1:] = with_names(sys.argv[1:])
+    with errors_as_messages():
+        sys.argv[1:] = with_names(sys.argv[1:])
     run_command(benchmark, "benchmark", build, SETTINGS)
 
 

@@ -66,9 +66,7 @@ def make_piece(task: PlayerTask) -> dict[str, float]:
             actions, made_with["actions"] = read_actions(path), file_hash(path)
         elif task.policy:
             actions = actions_of(task.policy, of, sets, task)
-            made_with["code"] = files_of_code(
-                with_data(code_of(without_files(task.policy, "policy").partition(":")[0]))
-            )
+            made_with["code"] = files_of_code(with_data(code_of(without_files(task.policy, "policy"))))
         else:
             actions = planned(of, sets, task.seed)
         file, episodes = ACTIONS, play_actions(actions, of, sets, task.seed)

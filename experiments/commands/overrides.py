@@ -35,6 +35,7 @@ VALUE = re.compile(r"""\s*'(?:[^'\\]|\\.)*'\s*|\s*"(?:[^"\\]|\\.)*"\s*|[^,]+""")
 # Further settings that may name an own object.
 OWN_SETTINGS = (
     "levels.test", "levels.design", "levels.variation", "levels.test_variation", "levels.world", "algorithm.encoder",
+    "policy",
 )  # fmt: skip
 
 

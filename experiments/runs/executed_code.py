@@ -20,6 +20,7 @@ from contextlib import suppress
 from functools import cache
 from importlib.util import resolve_name
 from pathlib import Path
+from typing import Any
 
 import segar
 from experiments.levels.builders import LevelFile, distribution_of, environment_options, observation_seen, task_name
@@ -82,9 +83,9 @@ def played_code(config: RunConfig) -> dict[str, str]:
     return _with_files(_played(config), named | {*modules_named(task_name(config))})
 
 
-def code_of(module: str) -> dict[str, str]:
-    """The part of :func:`executed_code` that one module of the user's own is."""
-    return _with_files({}, [module])
+def code_of(settings: Any) -> dict[str, str]:
+    """The part of :func:`executed_code` that the modules named in settings (plain data) are."""
+    return _with_files({}, modules_named(settings))
 
 
 def with_data(code: Mapping[str, str]) -> dict[str, str]:

@@ -28,6 +28,7 @@ from experiments.benchmarking.playing import read_actions, write_actions
 from experiments.benchmarking.protocol import PLAYERS, SHIPPED, suites_named
 from experiments.benchmarking.row import EPISODES, ROW, TABLE, add_pieces, file_hash, hash_of, read_piece, read_row
 from experiments.benchmarking.verification import verify
+from experiments.commands.overrides import with_own_names
 from experiments.settings import (
     CHECKOUT,
     ConfigError,
@@ -152,7 +153,7 @@ def test_what_makes_no_policy_is_refused(tmp_path, name):
         row_made_here(config_of(tmp_path, policy=f"{LAB}:{name}", row="mine"))
 
 
-def test_another_policy_and_other_code_are_no_part_of_a_row(tmp_path, monkeypatch):
+def test_another_policy_and_other_code_are_no_part_of_a_row(tmp_path):
     path = tmp_path / "lab" / "own_policies.py"
     path.parent.mkdir()
     path.write_text(Path(lab_method.__file__).read_text())
@@ -169,6 +170,12 @@ def test_another_policy_and_other_code_are_no_part_of_a_row(tmp_path, monkeypatc
     for stale, left in (("keep", []), ("anew", [(SUITE, 1)])):
         other = dataclasses.replace(config, run=dataclasses.replace(config.run, stale=stale))
         assert missing(other, method_of(other)) == left
+
+
+def test_the_file_of_a_policy_is_named_by_its_module(tmp_path):
+    path = tmp_path / "filed_policies.py"
+    path.write_text(Path(lab_method.__file__).read_text())
+    assert with_own_names([f"policy={path}:policy"]) == ["policy=filed_policies:policy"]
 
 
 def test_other_files_of_actions_are_no_part_of_a_row(tmp_path):
@@ -204,7 +211,7 @@ def test_an_agent_that_sees_no_textures_leaves_their_suites_out(tmp_path):
 
 
 def test_scores_need_references_that_no_folder_has(tmp_path, monkeypatch):
-    monkeypatch.setattr("experiments.benchmark.SHIPPED", tmp_path / "none")
+    monkeypatch.setattr("experiments.benchmarking.settings.SHIPPED", tmp_path / "none")
     wanted = [one.player for one in references_of(config_of(tmp_path, policy="a:b", row="mine"))]
     assert wanted == ["idle", "random", "planner"]
     row_made_here(config_of(tmp_path, player="idle"))
@@ -299,5 +306,7 @@ def test_the_command_verifies_and_explains_itself():
     assert "suite=core" in shown and "verify=ROW" in shown
     done = subprocess.run([*command, "verify=idle", f"suite={SUITE}"], cwd=CHECKOUT, capture_output=True, text=True)
     assert done.returncode == 0 and "episodes are equal to the bit" in done.stdout, done.stderr
+    both = subprocess.run([*command, "algorithm=sac", "policy=a:b"], cwd=CHECKOUT, capture_output=True, text=True)
+    assert both.returncode == 1 and both.stderr.startswith("error: algorithm: policy is of a method that was trained")
     wrong = subprocess.run([*command, "verify=idel"], cwd=CHECKOUT, capture_output=True, text=True)
     assert wrong.returncode == 1 and "there is no row 'idel'. Did you mean 'idle'?" in wrong.stderr

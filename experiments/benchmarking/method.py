@@ -1,0 +1,48 @@
+"""What the row is of that a command asks for."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from experiments.benchmarking.row import Method
+from experiments.benchmarking.settings import BenchmarkConfig
+from experiments.settings import LevelCount, RunConfig, as_data
+
+NOT_OF_METHOD = ("levels", "evaluation", "seed", "frames")  # parts of a run's identity that differ from piece to piece
+SAYS = {
+    "idle": "does nothing",
+    "random": "acts uniformly at random",
+    "script": "the scripted player of the task, which sees the true factors",
+    "planner": "the best actions that a search in the simulator finds",
+}
+
+
+def method_of(config: BenchmarkConfig) -> Method:
+    """What the row is of."""
+    run = config.trained_run()
+    if config.player:
+        kind = "actions" if config.player == "planner" else "player"
+        return Method(config.row or config.player, kind, SAYS[config.player])
+    seen = {"observation": {"name": run.observation.name, "options": dict(run.observation.options)}}
+    if config.actions:
+        return Method(config.row, "actions", "actions of a method that was trained elsewhere")
+    if config.policy:
+        says = f"{config.policy}, trained elsewhere, on {run.observation.name}"
+        return Method(config.row, "actions", says, "", None, {**seen, "policy": config.policy})
+    settings = settings_of(run, config.training_levels)
+    name = "-".join([run.algorithm.name, *extras(settings), run.observation.name, config.budget])
+    says = f"{run.algorithm.name} on {run.observation.name}, {run.scale.frames:,} frames on each suite with each seed"
+    return Method(config.row or name, "networks", says, config.budget, run.scale.frames, settings)
+
+
+def settings_of(run: RunConfig, training_levels: LevelCount | None = None) -> dict[str, Any]:
+    """The settings of a run that all pieces of a row share, as plain data."""
+    data = as_data(run, without_later_defaults=True)
+    shared = {key: data.get(key, value) for key, value in run.identity().items() if key not in NOT_OF_METHOD}
+    return shared | ({"training_levels": training_levels} if training_levels else {})
+
+
+def extras(settings: Mapping[str, Any]) -> list[str]:
+    """Parts of a row's name beside algorithm, observation and budget."""
+    curriculum = settings.get("curriculum")
+    name = curriculum.get("name", "") if isinstance(curriculum, Mapping) else curriculum
+    return [str(name)] if name else []

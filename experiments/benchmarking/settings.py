@@ -1,0 +1,73 @@
+"""What a command about rows asks for: suites, seeds, a method, and where its row goes."""
+
+import dataclasses
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from experiments.benchmarking.protocol import BUDGETS, PLAYERS, SHIPPED, is_about_looks, suites_named
+from experiments.runs.run_folder import runs_root
+from experiments.settings import ConfigError, Count, LevelCount, RunConfig, require, require_known
+from segar.suites import TEXTURED
+
+ROWS = "benchmark"  # the folder of rows, under the root of runs
+
+
+@dataclass(frozen=True)
+class BenchmarkConfig:
+    """The settings of a row, and where it goes."""
+
+    run: RunConfig = field(default_factory=RunConfig)
+    suites: tuple[str, ...] = ("core",)
+    budget: str = "laptop"
+    seeds: Count = 5
+    player: str = ""  # one without training, in place of an algorithm
+    policy: str = ""  # of a method that was trained elsewhere
+    actions: str = ""  # folder of files of actions
+    training_levels: LevelCount | None = None  # on each suite; None: as many as it says
+    row: str = ""
+    rows: str | None = None
+    verify: tuple[str, ...] = ()
+    again: tuple[str, ...] = ()
+    table: bool = False
+    processes: int = 0
+    dry_run: bool = False
+    report: bool = True
+
+    def __post_init__(self) -> None:
+        require_known("budget", self.budget, BUDGETS)
+        require(self.processes >= 0, "processes", self.processes, "0 or more")
+        if self.player:
+            require_known("algorithm", self.player, PLAYERS)
+        given = [name for name in ("player", "policy", "actions") if getattr(self, name)]
+        require(len(given) < 2, given[-1] if given else "", given, "one of algorithm, policy and actions")
+        if (self.policy or self.actions) and not self.row:
+            raise ConfigError("row: name the row of a method that was trained elsewhere: row=NAME")
+        require(bool(suites_named(self.suites)), "suite", "[]", "a suite, or several")
+        require(Path(self.row).name == self.row, "row", self.row, "a name, without folders: rows=FOLDER says where")
+
+    @property
+    def folder(self) -> Path:
+        """The folder of rows."""
+        return Path(self.rows).expanduser().resolve() if self.rows else runs_root(self.run) / ROWS
+
+    @property
+    def places(self) -> tuple[Path, ...]:
+        """The folders in which rows are looked for."""
+        return tuple(dict.fromkeys((self.folder, SHIPPED)))
+
+    def chosen_suites(self) -> tuple[str, ...]:
+        """The suites to play: those of textures need an agent that sees frames."""
+        chosen = suites_named(self.suites)
+        shows_textures = self.run.observation.name in {*TEXTURED, *TEXTURED.values()}
+        sees_no_textures = not self.player and not self.actions and not shows_textures
+        return tuple(name for name in chosen if not (sees_no_textures and is_about_looks(name)))
+
+    def all_seeds(self) -> range:
+        """The seeds."""
+        return range(self.run.seed, self.run.seed + self.seeds)
+
+    def trained_run(self) -> RunConfig:
+        """The settings that all trainings share."""
+        scale, frames = self.run.scale, BUDGETS[self.budget]
+        scale = dataclasses.replace(scale, name=self.budget, frames=frames or scale.frames)
+        return dataclasses.replace(self.run, scale=scale)
