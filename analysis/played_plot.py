@@ -15,6 +15,7 @@ from matplotlib.ticker import EngFormatter
 
 from analysis.plotting import style
 from analysis.plotting.figures import new_figure, save_figure
+from analysis.runs import SEEDS
 from experiments.commands.hydra_app import run_simple_command
 from experiments.runs.run_folder import METRICS, read_config, read_metrics, root_folder, run_folders
 from experiments.settings import RunConfig, RunFolderError, flat
@@ -24,7 +25,6 @@ PANELS = {  # figures of the log, what their axes say, and the figure that the d
     "ks": ("largest KS of a factor", "ks_floor"),
     "effective_number": ("effective number", None),
 }
-SEEDS = ("seed", "levels.seed", "evaluation.seed")
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ def _in_short(config: RunConfig) -> Curve:
 
 def _settings(config: RunConfig) -> dict[str, Any]:
     """All settings that decide results but the seeds, by their dotted names."""
-    return {key: value for key, value in flat(config.identity()).items() if key not in SEEDS}
+    return {key: value for key, value in flat(config.identity()).items() if key not in (*SEEDS, "evaluation.seed")}
 
 
 def played_figure(curves: Mapping[Curve, Points]) -> Figure:

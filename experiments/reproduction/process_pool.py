@@ -92,10 +92,9 @@ def _run_pool(jobs: list[Job], work: Callable[[Any], Any], processes: int, end: 
 
 @contextmanager
 def _pool(processes: int) -> Iterator[ProcessPoolExecutor]:
+    # In its own processes, joblib sets a method that no other process knows.
     if multiprocessing.get_start_method() not in multiprocessing.get_all_start_methods():
-        multiprocessing.set_start_method(
-            "spawn", force=True
-        )  # joblib's own, in its processes: no other process knows it
+        multiprocessing.set_start_method("spawn", force=True)
     context = multiprocessing.get_context("spawn")  # threads of numba and torch do not survive a fork
     reader, writer = context.Pipe(duplex=False)
     pool = ProcessPoolExecutor(processes, context, initializer=_begin_process, initargs=(reader,))

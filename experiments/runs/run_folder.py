@@ -126,10 +126,10 @@ def sweeps_of(folder: Path, config: RunConfig) -> tuple[str, ...]:
 
 def join_sweep(folder: Path, name: str) -> None:
     """Notes that a sweep asks for the finished run in ``folder``; raises :class:`RunFolderError`."""
-    known = sweeps_of(folder, read_config(folder))
+    config = read_config(folder)
+    known = sweeps_of(folder, config)
     if name and name not in known:
-        own = read_config(folder).tracking.sweep
-        write_json(folder / SWEEPS, {"sweeps": [*(one for one in known if one != own), name]})
+        write_json(folder / SWEEPS, {"sweeps": [*(one for one in known if one != config.tracking.sweep), name]})
 
 
 @contextmanager

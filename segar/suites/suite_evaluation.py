@@ -29,13 +29,8 @@ from segar.suites.suite_file import SIDES, Suite
 
 ENVIRONMENT_SEED = 0  # of the environments, as of the plans
 RANDOM_PLAYS = 20  # episodes on each level by a random player, whose means are floors of scores
-RANDOM_SEEDS = (
-    1,
-    2,
-    3,
-    4,
-    5,
-)  # of the random players on the test levels, whose mean is the floor: those of the benchmark
+# The seeds of the random players on the test levels, whose mean is the floor: those of the benchmark.
+RANDOM_SEEDS = range(1, 6)
 SAMPLES, ITERATIONS = 64, 5  # of the planner's search on training levels; its plans of the test come with the suite
 _OWN = ("seed", "training_levels", "observation", "episodes", "environment_seed", "scores", "distances")
 
