@@ -20,6 +20,7 @@ from analysis.report.figures.drawing import (
     figure_of_families,
     legend_below,
     log_axis,
+    mean_of_shares,
 )
 from analysis.report.number_format import estimate_text
 from analysis.report.results import PANEL
@@ -103,14 +104,14 @@ def rule_sets(evidence: Evidence) -> Drawn | str:
     figure = new_figure(10.4, 3.9)
     left, middle, right = figure.subplots(1, 3)
     players = (
-        (left, "success_train_deterministic", "training levels"),
-        (left, SUCCESS, "unseen rule sets"),
-        (middle, "gap_success", ""),
+        (left, "success_train_deterministic", "training levels", 0.0),
+        (left, SUCCESS, "unseen rule sets", 0.0),
+        (middle, "gap_success", "", -1.0),
     )
     numbered = select(table, chosen="")
-    for k, (axes, value, label) in enumerate(players):
+    for k, (axes, value, label, least) in enumerate(players):
         parts = [(int(number), column(part, value)) for number, part in numbered.groupby("rule_sets")]  # type: ignore[arg-type]
-        means = pd.DataFrame([mean_of_replicates(values).row(rule_sets=number) for number, values in parts])
+        means = pd.DataFrame([mean_of_shares(values, least).row(rule_sets=number) for number, values in parts])
         line = "-" if len(means) > 3 else "none"
         look = {
             "marker": style.MARKERS[k],
@@ -150,7 +151,7 @@ def trials(evidence: Evidence) -> Drawn | str:
         part = keep(table, table["memory"] == memory)
         if len(part):
             values = [column(part, name) for name in names]
-            means = pd.DataFrame([mean_of_replicates(one).row(trial=n + 1) for n, one in enumerate(values)])
+            means = pd.DataFrame([mean_of_shares(one).row(trial=n + 1) for n, one in enumerate(values)])
             look = {"marker": style.MARKERS[k], "color": style.PALETTE[k], "capsize": 2.5, "label": label}
             axes.errorbar(column(means, "trial"), column(means, "estimate"), yerr=error_bars(means, "estimate"), **look)
     axes.set_xticks(range(1, len(names) + 1))
@@ -182,11 +183,8 @@ def hardness(evidence: Evidence) -> Drawn | str:
     if len(runs):
         number = runs["task"].str.extract(r"(?:conditions=|conditions_)(\d+)")[0]
         agents = runs.assign(conditions=number.fillna("0").astype(float), success=runs[SUCCESS])
-        means = [
-            mean_of_replicates(column(one, "success")).row(conditions=n) for n, one in agents.groupby("conditions")
-        ]
-        grouped = pd.DataFrame(means).rename(columns={"estimate": "success"}).assign(player="agents")
-        parts.append(grouped.assign(low=grouped["low"].clip(0, 1), high=grouped["high"].clip(0, 1)))
+        means = [mean_of_shares(column(one, "success")).row(conditions=n) for n, one in agents.groupby("conditions")]
+        parts.append(pd.DataFrame(means).rename(columns={"estimate": "success"}).assign(player="agents"))
     table = pd.concat(parts, ignore_index=True)
     figure = new_figure(5.6, 3.8)
     axes = figure.subplots()

@@ -3,6 +3,7 @@
 All of it is drawn within :func:`analysis.plotting.style.applied`, which the caller enters.
 """
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -15,7 +16,9 @@ from analysis.plotting import style
 from analysis.plotting.figures import new_figure, zero_line
 from analysis.plotting.names import family_name, panel_name
 from analysis.report.results import panels_of, with_panel
+from analysis.stats.estimate import Estimate, mean_of_replicates
 from analysis.tables import column, mean_by, select
+from experiments.reproduction.experiment_file import FEWEST_BLOCKS
 
 CELL = ["family", "difficulty", "n", "seed"]
 SHORT_GAP = "gap (test − training)"
@@ -56,6 +59,15 @@ def error_bars(table: pd.DataFrame, middle: str) -> np.ndarray:
     """How far the columns ``low`` and ``high`` lie from ``middle``, float64 ``[2, rows]``; 0 where there is no interval."""
     y, low, high = (column(table, name) for name in (middle, "low", "high"))
     return np.nan_to_num(np.array([np.maximum(y - low, 0), np.maximum(high - y, 0)]))
+
+
+def mean_of_shares(values: Sequence[float] | np.ndarray, least: float = 0.0, most: float = 1.0) -> Estimate:
+    """The mean of a share, or of a difference of shares, over runs, with Student's interval, which ends at ``least`` and
+    ``most``; of fewer than three runs there is none."""
+    found = mean_of_replicates(values)
+    if found.n < FEWEST_BLOCKS:
+        return dataclasses.replace(found, low=np.nan, high=np.nan)
+    return dataclasses.replace(found, low=max(found.low, least), high=min(found.high, most))
 
 
 def log_axis(axes: Axes, counts: Sequence[int]) -> None:
