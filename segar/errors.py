@@ -47,13 +47,15 @@ class UnseenDifferenceWarning(UserWarning):
     """Level sets differ in something that the distance between them does not see."""
 
 
-def did_you_mean(name: object, names: Iterable[str]) -> str:
-    """Return ``" Did you mean 'x'?"`` for the nearest of ``names``, or the list of names when none is near."""
+def did_you_mean(name: object, names: Iterable[str], listed: Iterable[str] | None = None) -> str:
+    """Return ``" Did you mean 'x'?"`` for the nearest of ``names``, or the list of names when none is near; ``listed`` says
+    which, where they are too many."""
     names = sorted(set(names))
     near = difflib.get_close_matches(str(name)[:LONGEST_NAME], names, n=1, cutoff=0.5)
     if near:
         return f" Did you mean '{near[0]}'?"
-    return f" Known: {', '.join(names)}." if names else ""
+    shown = names if listed is None else sorted(set(listed))
+    return f" Known: {', '.join(shown)}." if shown else ""
 
 
 def must_be(value: object, known: Iterable[str | None]) -> str:

@@ -8,6 +8,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from analysis.benchmark.causes import EFFECT
 from analysis.benchmark.scores import OVERALL
 from analysis.plotting import style
 from analysis.plotting.figures import new_figure, zero_line
@@ -16,6 +17,7 @@ from experiments.benchmarking.protocol import REFERENCES
 
 SPREAD = 0.6  # of the width of an axis, over which rows stand side by side
 LABELS = {"score": "score on test levels", "test_success": "success on test levels"}
+PROFILED = {**LABELS, EFFECT: "success gained on twins"}
 
 
 def shown_rows(board: pd.DataFrame) -> list[str]:
@@ -25,14 +27,15 @@ def shown_rows(board: pd.DataFrame) -> list[str]:
 
 
 def profile_figure(board: pd.DataFrame, rows: Sequence[str], axes_names: Sequence[str]) -> Figure:
-    """The interquartile mean of score and success of each row on each axis, with intervals; 0 and 1 are lines."""
+    """The interquartile mean of score and success of each row on each axis, with intervals, and what success gains on causal
+    twins in which all that differs is as in training; 0 and 1 are lines."""
     with style.applied():
-        figure = new_figure(1.05 * len(axes_names) + 1.2, 6.2)
-        both = figure.subplots(len(LABELS), 1, sharex=True)
-        for axes, (quantity, label) in zip(both, LABELS.items(), strict=True):
+        figure = new_figure(1.05 * len(axes_names) + 1.2, 9.0)
+        all_three = figure.subplots(len(PROFILED), 1, sharex=True)
+        for axes, (quantity, label) in zip(all_three, PROFILED.items(), strict=True):
             _draw_profile(axes, select(board, quantity=quantity), rows, axes_names)
             axes.set_ylabel(f"{label} (IQM)")
-        _legend(figure, both[0])
+        _legend(figure, all_three[0])
     return figure
 
 

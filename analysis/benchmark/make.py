@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from analysis.benchmark.causes import causes_of_rows
 from analysis.benchmark.figures import performance_figure, profile_figure, shown_rows
 from analysis.benchmark.page import overall_table, page_text, suite_table
 from analysis.benchmark.scores import (
@@ -27,6 +28,7 @@ from segar.suites import CORE
 
 DIGITS = 6  # of numbers in CSV files
 SCORES, BOARD, IMPROVEMENT, PROFILES = "scores.csv", "leaderboard.csv", "improvement.csv", "profiles.csv"
+CAUSES = "causes.csv"
 PROFILE, PERFORMANCE, PAGE = "profile", "performance", "leaderboard.md"
 
 
@@ -59,15 +61,17 @@ def report_rows(
         print(suite_table(table.loc[table["row"] == row]))
         print(overall_table(rows, table, board, suites[OVERALL]))
     improved, shares = improvements(table, suites[OVERALL]), profiles(table, suites[OVERALL])
-    for name, one in ((SCORES, table), (BOARD, board), (IMPROVEMENT, improved), (PROFILES, shares)):
+    causes = causes_of_rows([rows[name] for name in sorted(rows)])
+    tables = {SCORES: table, BOARD: board, IMPROVEMENT: improved, PROFILES: shares, CAUSES: causes}
+    for name, one in tables.items():
         write_csv(folder / name, one, DIGITS)
     shown = shown_rows(board)
     if shown:
         save_figure(profile_figure(board, shown, list(suites)), folder / PROFILE, (".png",))
         save_figure(performance_figure(shares, shown), folder / PERFORMANCE, (".png",))
-    write_text(folder / PAGE, page_text(rows, table, board, improved, suites))
+    write_text(folder / PAGE, page_text(rows, table, board, improved, causes, suites))
     print(f"{len(here)} rows here, {len(rows) - len(here)} others: {folder / PAGE}", flush=True)
     settings = construct(TrackingConfig, tracking or {"name": "none"}, "tracking")
     if row in rows and settings.name != "none":
-        files = [path for name in (SCORES, BOARD, PAGE, f"{PROFILE}.png") if (path := folder / name).exists()]
+        files = [path for name in (SCORES, BOARD, CAUSES, PAGE, f"{PROFILE}.png") if (path := folder / name).exists()]
         track_row(settings, root_folder(root), rows[row], numbers_of(row, table, board), files)

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 import pandas as pd
 
+from analysis.benchmark.causes import EFFECT, effects_on
 from analysis.benchmark.scores import COMPARED, FIGURES, OVERALL, seed_spreads
 from analysis.stats.power import detectable_difference
 from analysis.tables import column, keep, mean_by, select
@@ -22,6 +23,7 @@ WORDS = {
     "test_success": "success, test",
     "train_score": "score, training",
     "score": "score",
+    EFFECT: "gained on twins",
 }
 
 
@@ -30,6 +32,7 @@ def page_text(
     table: pd.DataFrame,
     board: pd.DataFrame,
     improved: pd.DataFrame,
+    causes: pd.DataFrame,
     suites: Mapping[str, Sequence[str]],
 ) -> str:
     """The page in Markdown."""
@@ -41,6 +44,7 @@ def page_text(
         f"{WORDS_OF[one]}; in brackets, how many suites there are:\n\n{axes_table(select(board, quantity=one), suites)}"
         for one in COMPARED
     ]
+    parts += ["## What failures come from\n", CAUSES, causes_text(causes, suites)]
     parts += ["## Which differences can be seen\n", power_text(table, suites)]
     parts += ["## Probability of improvement\n", IMPROVEMENT]
     parts += [
@@ -69,12 +73,20 @@ AXES_NOTE = """`all` leaves out suites of textures, the axis `look`, which agent
 """
 IMPROVEMENT = """The probability that a run of the row is above a run of the column, mean over the suites; ties count half.
 """
+CAUSES = """A *causal twin* is a test level in which one group of factors is set as a training level has it, and nothing else
+([more](../../how-to/compare-on-a-suite.md#ask-why-an-agent-fails)). The numbers are what success gains on twins: how much of
+the failures comes from this group. Bold groups differ between training and test; `all` sets all of those together, and is what
+the profile shows where several differ. The other groups are controls, in which training and test are alike; what they gain is
+chance. Means over seeds, with Student's 95 % intervals. Suites in which training and test have one distribution have no twins,
+and the references did not play any.
+"""
 POWER = """Two rows must differ by so much for Student's test to find it with a probability of 0.8 at the level of 5 %, by how
 the seeds of the trained rows here differ. Smaller differences between two rows say nothing.
 
 """
 SUITES = """Means over seeds. *Gap*: return on test levels minus that on training levels. *Regret*: what the return on test
-levels lacks of the planner's. *Score*: on test levels.
+levels lacks of the planner's. *Score*: on test levels. *Gained on twins*: success on twins in which all that differs is as in
+training, minus success on test levels.
 """
 HOW_TO = """
 ## Add a row
@@ -141,6 +153,27 @@ def axes_table(board: pd.DataFrame, suites: Mapping[str, Sequence[str]]) -> str:
         [f"`{name}`", *(interval(part[name]) if name in part else "–" for part in parts.values())] for name in names
     ]
     return markdown(["row", *(f"{axis} ({len(members)})" for axis, members in suites.items())], lines)
+
+
+def causes_text(causes: pd.DataFrame, suites: Mapping[str, Sequence[str]]) -> str:
+    """What success gains on the twins of each group of each suite, a column per row that played them."""
+    members = [name for axis, names in suites.items() if axis != OVERALL for name in names]
+    found = {name: effects_on(name, causes) for name in members if name in set(causes["suite"])}
+    if not found:
+        return "No row here played twins yet.\n"
+    rows = sorted({row for effects in found.values() for row in effects["row"]})
+    lines = []
+    for name, effects in found.items():
+        for (group, differs), part in effects.groupby(["group", "differs"], sort=False):  # type: ignore[misc]
+            of = {one["row"]: one for one in part.to_dict("records")}
+            cells = [interval(_as_estimate(of[row])) if row in of else "–" for row in rows]
+            lines.append([name, f"**{group}**" if differs else group, *cells])
+    text = markdown(["suite", "group", *(f"`{row}`" for row in rows)], lines)
+    return text.replace("| --- | --: |", "| --- | --- |", 1)  # the group is text, too
+
+
+def _as_estimate(line: Mapping[str, float]) -> dict[str, float]:
+    return {name: line[f"effect{end}"] for name, end in (("estimate", ""), ("low", "_low"), ("high", "_high"))}
 
 
 def power_text(table: pd.DataFrame, suites: Mapping[str, Sequence[str]]) -> str:

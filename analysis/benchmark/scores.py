@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from analysis.benchmark.causes import EFFECT, causes_of_rows, shift_effects
 from analysis.stats.scores import aggregates, performance_profiles, probability_of_improvement
 from analysis.tables import Floats, keep, pick, select
 from experiments.benchmarking.protocol import PLAYERS, REFERENCES, SIDES
@@ -22,7 +23,7 @@ COMPARED = ("score", "test_success")
 """What rows are compared by. Return is shaped, so that a ball that stops near the goal has a high score and no success."""
 THRESHOLDS = np.linspace(0, 1, 41)
 FIGURES = (
-    "train_return", "test_return", "gap", "regret", "train_success", "test_success", "train_score", "score",
+    "train_return", "test_return", "gap", "regret", "train_success", "test_success", "train_score", "score", EFFECT,
 )  # fmt: skip
 
 
@@ -41,16 +42,18 @@ def figures_of(rows: Sequence[Row]) -> pd.DataFrame:
     one name, the first one.
 
     Returns and their regret are in units of return; the gap is the return on test levels minus that on training levels. A
-    score is missing where no row of the references has played the levels.
+    score is missing where no row of the references has played the levels, and the effect of the shift where no twins were.
     """
     means = {row.folder: LevelMeans(row) for row in rows}
     players = {name: [means[row.folder] for row in rows if row.method.name == name] for name in REFERENCES}
+    effects = shift_effects(causes_of_rows([*by_name(rows).values()]))
     lines = []
     for name, row in sorted(by_name(rows).items()):
         own = means[row.folder]
         for piece in row.pieces:
             line: dict[str, Any] = {"row": name, "axis": outline(piece.suite)["axis"], "suite": piece.suite}
             line |= {"suite_hash": piece.suite_hash, "seed": piece.seed}
+            line[EFFECT] = effects.get((name, piece.suite, piece.seed), np.nan)
             for side in (side for side in SIDES if side in piece.levels):
                 returns = float(own.returns[piece.suite, piece.seed, side].mean())
                 successes = float(own.successes[piece.suite, piece.seed, side].mean())
@@ -120,12 +123,14 @@ def suites_compared(table: pd.DataFrame, names: Sequence[str] | None = None) -> 
 
 
 def leaderboard(table: pd.DataFrame, suites: Mapping[str, Sequence[str]]) -> pd.DataFrame:
-    """The interquartile mean of each of :data:`COMPARED` of each row on each axis and on all, with stratified bootstrap
-    intervals: columns ``quantity``, ``axis``, ``row``, ``estimate``, ``low``, ``high``, ``n``, ``seeds``; best first. Rows
-    that lack a suite are left out."""
+    """The interquartile mean of each of :data:`COMPARED` and of the effect of the shift, of each row on each axis and on all,
+    with stratified bootstrap intervals: columns ``quantity``, ``axis``, ``row``, ``estimate``, ``low``, ``high``, ``n``,
+    ``seeds``; best first. Rows that lack a suite are left out; suites without twins have no effect of a shift."""
     found = []
-    for quantity, (axis, names) in product(COMPARED, suites.items()):
-        part = complete(table, names)
+    shifted = keep(table, table[EFFECT].notna())
+    for quantity, (axis, names) in product((*COMPARED, EFFECT), suites.items()):
+        known = shifted if quantity == EFFECT else table
+        part = complete(known, [name for name in names if quantity != EFFECT or name in set(shifted["suite"])])
         if part.empty:
             continue
         means = aggregates(part, quantity, np.random.default_rng(SEED), by="row", task=("suite",))

@@ -7,23 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from experiments.benchmarking.playing import (
-    hashes_of,
-    options_of,
-    planned,
-    play_actions,
-    play_player,
-    read_actions,
-    sets_of,
-    write_actions,
-)
+from experiments.benchmarking.level_sets import LevelSet, hashes_of, plays_twins, sets_of
+from experiments.benchmarking.playing import options_of, planned, play_actions, play_player, read_actions, write_actions
 from experiments.benchmarking.protocol import piece_name
 from experiments.benchmarking.row import Method, Piece, file_hash, read_piece, write_piece
 from experiments.runs.executed_code import code_of, files_of_code, with_data
 from experiments.runs.versions import versions
 from experiments.settings import ConfigError, import_object, without_files
 from segar.evaluation import record_actions
-from segar.levels import Levels
 from segar.suites import Suite, suite
 
 ACTIONS = "actions.npz"
@@ -55,7 +46,7 @@ class PlayerTask:
 def make_piece(task: PlayerTask) -> dict[str, float]:
     """Plays a piece and writes it; returns nothing to show."""
     of, player = suite(task.suite), task.method.name
-    sets = sets_of(of, task.seed)
+    sets = sets_of(of, task.seed, with_twins=plays_twins(task.method))
     found = versions()
     made_with = {name: found[name] for name in ("python", "libraries", "git")}
     if task.method.kind == "player":
@@ -71,7 +62,7 @@ def make_piece(task: PlayerTask) -> dict[str, float]:
             actions = planned(of, sets, task.seed)
         file, episodes = ACTIONS, play_actions(actions, of, sets, task.seed)
         write_actions(task.folder / ACTIONS, actions)
-        sets = {side: sets[side] for side in actions}
+        sets = {name: sets[name] for name in actions}
     write_piece(task.folder, Piece(of.name, of.hash, task.seed, hashes_of(sets), "", file, 0, made_with), episodes)
     return {}
 
@@ -81,7 +72,7 @@ def action_file(folder: Path, suite: str, seed: int) -> Path:
     return folder / f"{piece_name(suite, seed)}.npz"
 
 
-def actions_of(name: str, of: Suite, sets: Mapping[str, Levels], task: PlayerTask) -> dict[str, np.ndarray]:
+def actions_of(name: str, of: Suite, sets: Mapping[str, LevelSet], task: PlayerTask) -> dict[str, np.ndarray]:
     """The actions that a policy takes, which ``name``, ``module:attribute``, makes for a suite and a seed; see
     :func:`segar.evaluation.record_actions`.
 
@@ -96,7 +87,7 @@ def actions_of(name: str, of: Suite, sets: Mapping[str, Levels], task: PlayerTas
             f" {'returns ' + type(made).__name__ if callable(make) else 'is ' + type(make).__name__}"
         )
     found = {}
-    for side, levels in sets.items():  # what is seen may differ from side to side
-        options = {**options_of(of, task.method, sets["train"], side), "unit_actions": False}
-        found[side] = record_actions(made, levels, **options)
+    for key, one in sets.items():  # what is seen may differ from side to side
+        options = {**options_of(of, task.method, sets["train"].levels, one.side), "unit_actions": False}
+        found[key] = record_actions(made, one.levels, **options)
     return found

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from experiments.benchmarking.protocol import SIDES
+from experiments.benchmarking.level_sets import LevelSet, number_of_levels, sets_of
+from experiments.benchmarking.protocol import CONTROL, SIDES, TWIN
 from experiments.benchmarking.row import EPISODES, Method, Piece
 from experiments.levels.builders import environment_options
-from experiments.settings import ENDLESS, LevelsConfig, ObservationConfig, RunConfig, RunFolderError, construct
+from experiments.settings import LevelsConfig, ObservationConfig, RunConfig, RunFolderError, construct
 from segar.envs import Act, VectorEnv
 from segar.errors import SegarError
 from segar.evaluation import (
@@ -33,16 +34,6 @@ MakeAct = Callable[[VectorEnv], Act]
 SEED = 0  # of the environments
 
 
-def sets_of(suite: Suite, seed: int, count: int | None = None) -> dict[str, Levels]:
-    """The training levels of a seed, as many as the suite says unless ``count`` does, and the test levels."""
-    return {"train": suite.sample(seed, count), "test": suite.test_levels}
-
-
-def hashes_of(sets: Mapping[str, Levels]) -> dict[str, str]:
-    """The hash of each level set."""
-    return {side: hash_of_levels(levels) for side, levels in sets.items()}
-
-
 def options_of(suite: Suite, method: Method, train: Levels, side: str) -> dict[str, Any]:
     """Options of the environments in which a network plays levels of a side: it observes them as it did in training."""
     seen = construct(ObservationConfig, method.settings.get("observation", {}), "observation")
@@ -50,7 +41,7 @@ def options_of(suite: Suite, method: Method, train: Levels, side: str) -> dict[s
     return environment_options(run, train=train, which=side)
 
 
-def play_network(network: Network, suite: Suite, method: Method, sets: Mapping[str, Levels], seed: int) -> pa.Table:
+def play_network(network: Network, suite: Suite, method: Method, sets: Mapping[str, LevelSet], seed: int) -> pa.Table:
     """The episodes of a network without noise, one on each level."""
     policy = NetworkPolicy(network, unit_actions=True)
 
@@ -58,24 +49,29 @@ def play_network(network: Network, suite: Suite, method: Method, sets: Mapping[s
         policy.begin(env)
         return lambda now: policy(now.observation)
 
-    options = {side: options_of(suite, method, sets["train"], side) for side in sets}
-    return table_of(suite, seed, {side: play_each(levels, make_act, options[side]) for side, levels in sets.items()})
+    options = {side: options_of(suite, method, sets["train"].levels, side) for side in SIDES}
+    played = {name: play_each(one.levels, make_act, options[one.side]) for name, one in sets.items()}
+    return table_of(suite, seed, sets, played)
 
 
-def play_actions(actions: Mapping[str, np.ndarray], suite: Suite, sets: Mapping[str, Levels], seed: int) -> pa.Table:
+def play_actions(actions: Mapping[str, np.ndarray], suite: Suite, sets: Mapping[str, LevelSet], seed: int) -> pa.Table:
     """The episodes of actions, float32 ``[level, step, component]`` in the task's range, one on each level of the sets that
     have some; behind the last step nothing is done."""
     found = {}
-    for side in (side for side in SIDES if side in actions):
-        given, levels = actions[side], sets[side]
+    for name, given in actions.items():
+        if name not in sets:
+            raise RunFolderError(
+                f"{suite.name}, seed {seed}: there are actions of '{name}', and the level sets are {', '.join(sets)}"
+            )
+        levels = sets[name].levels
         shape = (len(levels), len(suite.task.action_low))
         if given.ndim != 3 or (given.shape[0], given.shape[2]) != shape:
             raise RunFolderError(
-                f"{suite.name}, seed {seed}: actions of the {side} levels must be [{shape[0]} levels, steps, {shape[1]}], not"
+                f"{suite.name}, seed {seed}: actions of the {name} levels must be [{shape[0]} levels, steps, {shape[1]}], not"
                 f" {list(given.shape)}"
             )
-        found[side] = evaluate_levels(RecordedActions(given), levels, seed=SEED, task=suite.task).episodes
-    return table_of(suite, seed, found)
+        found[name] = evaluate_levels(RecordedActions(given), levels, seed=SEED, task=suite.task).episodes
+    return table_of(suite, seed, sets, found)
 
 
 def play_each(levels: Levels, make_act: MakeAct, options: Mapping[str, Any], plays: int = 1) -> PlayedEpisodes:
@@ -83,18 +79,18 @@ def play_each(levels: Levels, make_act: MakeAct, options: Mapping[str, Any], pla
     return play_episodes(levels, np.tile(np.arange(len(levels)), plays), make_act, seed=SEED, **options)
 
 
-def play_player(player: str, suite: Suite, sets: Mapping[str, Levels], seed: int) -> pa.Table:
+def play_player(player: str, suite: Suite, sets: Mapping[str, LevelSet], seed: int) -> pa.Table:
     """The episodes of a player that needs no file: ``idle``, ``random`` or ``script``."""
     options = {"task": suite.task}
     if player == "random":
         played = {
-            side: play_each(levels, random_player(seed, SIDES.index(side)), options, RANDOM_PLAYS)
-            for side, levels in sets.items()
+            side: play_each(one.levels, random_player(seed, SIDES.index(side)), options, RANDOM_PLAYS)
+            for side, one in sets.items()
         }
     else:
         made = {"idle": idle_player, "script": scripted_player}[player]
-        played = {side: play_each(levels, made, options) for side, levels in sets.items()}
-    return table_of(suite, seed, played)
+        played = {name: play_each(one.levels, made, options) for name, one in sets.items()}
+    return table_of(suite, seed, sets, played)
 
 
 def scripted_player(env: VectorEnv) -> Act:
@@ -104,18 +100,19 @@ def scripted_player(env: VectorEnv) -> Act:
     return lambda now: env.task.scripted_actions(Factors(env.levels.layout, env.state().state.values))
 
 
-def planned(suite: Suite, sets: Mapping[str, Levels], seed: int) -> dict[str, np.ndarray]:
+def planned(suite: Suite, sets: Mapping[str, LevelSet], seed: int) -> dict[str, np.ndarray]:
     """The actions of the planner: a search on the training levels, and the plans of the test that come with the suite."""
-    plans = {side: plans_on(suite, side, levels, seed) for side, levels in sets.items()}
+    plans = {side: plans_on(suite, side, one.levels, seed) for side, one in sets.items()}
     return {side: one.actions[:, : one.steps.max()] for side, one in plans.items()}
 
 
-def table_of(suite: Suite, seed: int, played: Mapping[str, PlayedEpisodes]) -> pa.Table:
+def table_of(suite: Suite, seed: int, sets: Mapping[str, LevelSet], played: Mapping[str, PlayedEpisodes]) -> pa.Table:
     """Episodes as a table, :data:`EPISODES`."""
     parts = []
-    for side, episodes in played.items():
+    for name, episodes in played.items():
         n, found = len(episodes), episodes.columns()
-        columns = {"suite": [suite.name] * n, "seed": np.full(n, seed), "levels": [side] * n}
+        found["level"] = sets[name].numbers[found["level"]]
+        columns = {"suite": [suite.name] * n, "seed": np.full(n, seed), "levels": [name] * n}
         parts.append(pa.table({name: pa.array({**columns, **found}[name]) for name in EPISODES.names}, EPISODES))
     return pa.concat_tables(parts)
 
@@ -129,7 +126,7 @@ def write_actions(path: Path, actions: Mapping[str, np.ndarray]) -> None:
 def read_actions(path: Path) -> dict[str, np.ndarray]:
     """Actions by level set; raises :class:`RunFolderError` unless they are finite float32 ``[level, step, component]``."""
     with open_npz(path, "file of actions", RunFolderError) as npz:
-        names = [side for side in SIDES if side in npz.names]
+        names = [name for name in npz.names if name in SIDES or name.startswith((TWIN, CONTROL))]
         if "test" not in names:
             raise RunFolderError(
                 f"{path} has no array 'test': float32 [levels, steps, components], and 'train' beside it"
@@ -141,24 +138,19 @@ def read_actions(path: Path) -> dict[str, np.ndarray]:
     return found
 
 
-def number_of_levels(method: Method) -> int | None:
-    """How many training levels an agent of a method is played on; None: as many as the suite says, as of endless ones."""
-    count = method.settings.get("training_levels")
-    return None if count == ENDLESS else count
-
-
 def replay(method: Method, piece: Piece, suite: Suite, folder: Path) -> pa.Table:
     """The episodes of a piece, played again by what its row holds.
 
     Raises:
         SegarError: training levels are not those of the row, or its file cannot be read.
     """
-    sets = sets_of(suite, piece.seed, number_of_levels(method))
-    for side, levels in sets.items():
-        if side in piece.levels and hash_of_levels(levels) != piece.levels[side]:
+    sets = sets_of(suite, piece.seed, number_of_levels(method), with_twins=not {*piece.levels} <= {*SIDES})
+    for name, there in piece.levels.items():
+        here = hash_of_levels(sets[name].levels) if name in sets else "none"
+        if here != there:
             raise RunFolderError(
-                f"{folder.name}: the {side} levels of {suite.name} with seed {piece.seed} are not those that the row was"
-                f" made on: {hash_of_levels(levels)} here, {piece.levels[side]} there"
+                f"{folder.name}: the {name} levels of {suite.name} with seed {piece.seed} are not those that the row was"
+                f" made on: {here} here, {there} there"
             )
     if method.kind == "player":
         return play_player(method.name, suite, sets, piece.seed)

@@ -17,6 +17,8 @@ REFERENCES = ("idle", "random", "planner")
 SHIPPED = CHECKOUT / "docs" / "results" / "benchmark"
 """The folder of the rows that come with SEGAR."""
 SIDES = ("train", "test")
+TWIN, CONTROL = "twin-", "control-"
+"""How names of sets of causal twins begin: where training and test differ in the group of factors, and where they do not."""
 
 
 def suites_named(names: Sequence[str]) -> tuple[str, ...]:

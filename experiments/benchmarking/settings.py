@@ -40,6 +40,8 @@ class BenchmarkConfig:
             require_known("algorithm", self.player, PLAYERS)
         given = [name for name in ("player", "policy", "actions") if getattr(self, name)]
         require(len(given) < 2, given[-1] if given else "", given, "one of algorithm, policy and actions")
+        own = f"left out, or {self.player}: the rows of players have their names"
+        require(not self.player or self.row in ("", self.player), "row", self.row, own)
         if (self.policy or self.actions) and not self.row:
             raise ConfigError("row: name the row of a method that was trained elsewhere: row=NAME")
         require(bool(suites_named(self.suites)), "suite", "[]", "a suite, or several")

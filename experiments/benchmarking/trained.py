@@ -4,7 +4,8 @@ import dataclasses
 from pathlib import Path
 
 from experiments.algorithms.portable import network_of
-from experiments.benchmarking.playing import hashes_of, number_of_levels, play_network, sets_of
+from experiments.benchmarking.level_sets import hashes_of, number_of_levels, plays_twins, sets_of
+from experiments.benchmarking.playing import play_network
 from experiments.benchmarking.row import Method, NewPiece, Piece, read_piece, write_piece
 from experiments.collection.collector import observation_shape
 from experiments.commands import process_defaults as runtime
@@ -32,7 +33,7 @@ def piece_of(run: RunConfig, method: Method) -> NewPiece:
     place.mkdir(parents=True, exist_ok=True)
     network.save(place / NETWORK_FILE)
     network = Network.load(place / NETWORK_FILE)
-    sets = sets_of(of, run.levels.seed, number_of_levels(method))
+    sets = sets_of(of, run.levels.seed, number_of_levels(method), plays_twins(method))
     episodes = play_network(network, of, method, sets, run.seed)
     piece = Piece(of.name, of.hash, run.seed, hashes_of(sets), run.label(), NETWORK_FILE, bits, made_with(folder))
     write_piece(place, piece, episodes)

@@ -179,7 +179,9 @@ def advice_on(name: str, settings: Mapping[str, Any], known: Sequence[str]) -> s
     if is_own or (first == "grids" and second in settings["grids"]):
         file = settings[first].get("name", settings[first][TARGET]) if is_own else second
         return f"the file of {file} does not state {name}; ++ adds what it does not: ++{name}=..."
-    return f"no setting is called '{name}'.{did_you_mean(name, known)}"
+    of_group = [one for one in known if one.startswith(f"{first}.")] if "." in name else []
+    listed = [one for one in of_group if one.count(".") == 1] or [one.partition(".")[0] for one in known]
+    return f"no setting is called '{name}'.{did_you_mean(name, of_group or known, listed)}"
 
 
 def with_cause(error: Exception) -> str:

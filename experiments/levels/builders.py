@@ -34,9 +34,10 @@ from segar.cli import load_levels
 from segar.envs import VectorEnv
 from segar.errors import LevelError, RuleError, SegarError, did_you_mean
 from segar.language import Order, code_place
-from segar.levels import LevelDistribution, Levels, family
+from segar.levels import TASK_LEVELS, LevelDistribution, Levels, families, family
 from segar.metrics import design, matched_set, w2
 from segar.observations import OBSERVATIONS, trained_on
+from segar.suites import suites
 from segar.tasks import TASKS
 
 ENVS_PER_THREAD = 128  # with fewer, waking a thread after each call of the policy costs more time than it saves
@@ -92,6 +93,10 @@ def distribution_of(config: LevelsConfig, which: str) -> Any:
     if of_suite is not None:
         if variation:
             raise ConfigError(f"{place_of_variation}: the suite {name} is frozen and cannot be varied")
+        if which == "test" and config.test_seed:
+            raise ConfigError(
+                f"levels.test_seed: the test levels of the suite {name} are frozen, and no seed draws others; leave it out"
+            )
         return of_suite
     if path is None:
         return vary(find_distribution(name, place), variation, place_of_variation)
@@ -195,10 +200,12 @@ def find_distribution(name: str, place: str) -> Any:
         if not hasattr(found, "sample"):
             raise ConfigError(f"{place}: '{name}' is no level distribution, nor a function that makes one")
         return found
-    try:
-        return family(name)
-    except SegarError as error:
-        raise ConfigError(f"{place}: {error}") from error
+    known = (*families(), *TASK_LEVELS)
+    if name not in known:
+        raise ConfigError(
+            f"{place}: there is no level family or suite '{name}'.{did_you_mean(name, [*known, *suites()])}"
+        )
+    return family(name)
 
 
 def observation_seen(config: RunConfig, which: str = "train") -> ObservationConfig:

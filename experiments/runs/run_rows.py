@@ -215,7 +215,8 @@ def code_warning(runs: Sequence[RunRow]) -> str:
         for names, parts in parts_of.items()
     ]
     return (
-        f"warning: these runs were made by different code, and their means mix it. Others than in most runs are"
+        f"warning: these runs were made by different code, so their means and differences are not those of settings and seeds"
+        f" alone. Others than in most runs are"
         f" {'; '.join(which)}. Give the command of a sweep again with stale=anew: it trains what today's code did not make"
     )
 

@@ -53,6 +53,21 @@ class Cause:
     failures: float
     attributed: Interval
 
+    @classmethod
+    def of_levels(cls, group: str, says: str, differs: bool, level: np.ndarray, twin: np.ndarray) -> Cause:
+        """The figures of a group, from the success on each level that has a twin, and on the twin; float ``(n,)`` in [0, 1]."""
+        failed = 1.0 - level
+        share, number = float("nan"), float(failed.sum())
+        ends = (float("nan"), float("nan"))
+        if number:
+            share = float((failed * twin).sum() / number)
+            low, high = wilson_interval(share, max(1, round(number)))
+            ends = float(low), float(high)
+        return cls(
+            group, says, differs, len(level),
+            _mean(level), _mean(twin), mean_of_levels(twin - level, -1.0, 1.0), number, Interval(share, *ends),
+        )  # fmt: skip
+
     def row(self) -> dict[str, Any]:
         """The numbers by their names in tables."""
         ends = {
@@ -86,19 +101,7 @@ class Causes:
     def cause(self, group: str) -> Cause:
         """The figures of a group; raises :class:`SuiteError` where there is none."""
         one, twin = self.twins[group], self._of(group)
-        level = self.on_levels[one.found]
-        twin = twin[one.found]
-        failed = 1.0 - level
-        share, number = float("nan"), float(failed.sum())
-        ends = (float("nan"), float("nan"))
-        if number:
-            share = float((failed * twin).sum() / number)
-            low, high = wilson_interval(share, max(1, round(number)))
-            ends = float(low), float(high)
-        return Cause(
-            group, one.says, one.differs, len(level),
-            _mean(level), _mean(twin), mean_of_levels(twin - level, -1.0, 1.0), number, Interval(share, *ends),
-        )  # fmt: skip
+        return Cause.of_levels(group, one.says, one.differs, self.on_levels[one.found], twin[one.found])
 
     def causes(self) -> tuple[Cause, ...]:
         """The figures of all groups, those in which training and test differ first."""

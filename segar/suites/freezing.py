@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from segar.envs import VectorEnv, play
-from segar.errors import SuiteError
+from segar.errors import SuiteError, did_you_mean
 from segar.hardness import PLAN_ARRAYS, Plan, make_starts, plan, random_episodes, replay
 from segar.language import Factor, Task
 from segar.levels import LevelDistribution, Levels, hash_of_levels, written
@@ -31,6 +31,7 @@ from segar.suites.suite_file import (
     hash_of_plans,
     read_suite,
     suite_hash,
+    task_from,
 )
 from segar.tasks import TASKS
 
@@ -110,11 +111,14 @@ def freeze(
         samples, iterations: of the planner, see :func:`segar.hardness.plan`.
 
     Raises:
-        SuiteError: a distribution is not the same when it is read from its text; the suite is not one that can be read; or the
-            files cannot be written, or are those of another suite. Nothing is written then.
+        SuiteError: there is no such task, or it has no such options; a distribution is not the same when it is read from its
+            text; the suite is not one that can be read; or the files cannot be written, or are those of another suite. Nothing
+            is written then.
     """
     path = Path(path)
-    made = TASKS[task](**(options or {}))
+    if task not in TASKS:
+        raise SuiteError(f"{path}: task: no task is called '{task}'.{did_you_mean(task, TASKS)}")
+    made = task_from(path, task, options or {})
     levels, plans, unsolved = _solved(path, test, test_levels, made, samples, iterations)
     description: dict[str, Any] = {
         "format": FORMAT,

@@ -21,7 +21,7 @@ from segar.language import Factor, Task
 from segar.levels import LevelDistribution, Levels, all_subclasses, family, hash_of_levels, read_distribution
 from segar.suites.rules_by_name import RULES, rules_of
 from segar.support import is_whole, misfit
-from segar.tasks import TASKS
+from segar.tasks import TASKS, make_task
 
 AXES: Mapping[str, str] = {
     "place": "where things are",
@@ -179,7 +179,7 @@ def read_suite(path: str | PathLike[str]) -> Suite:
         test=given["test"],
         test_levels=levels,
         plans=plans,
-        task=TASKS[found["task"]["name"]](**found["task"]["options"]),
+        task=task_from(path, found["task"]["name"], found["task"]["options"]),
         hidden=hidden,
         textures=tuple(found["textures"]),
         hash=hashes["suite"],
@@ -262,6 +262,14 @@ def distribution_of(path: Path, found: Mapping[str, Any], side: str) -> LevelDis
         return dataclasses.replace(read, name=f"{found['name']}-{side}", world=rules_of(found[side]["rules"]))
     except SegarError as error:
         raise SuiteError(f"{path}: [{side}]: {error}") from error
+
+
+def task_from(path: Path, name: str, options: Mapping[str, Any]) -> Task:
+    """The built-in task of this name with these options; raises :class:`SuiteError` where it does not take them."""
+    try:
+        return make_task(name, options)
+    except SegarError as error:
+        raise SuiteError(f"{path}: task.options: {error}") from error
 
 
 def _factor(path: Path, name: str) -> type[Factor]:

@@ -7,8 +7,9 @@ import pandas as pd
 import pytest
 from mlflow import MlflowClient
 
-from analysis.benchmark.make import BOARD, IMPROVEMENT, PAGE, PROFILE, PROFILES, SCORES, report_rows
-from analysis.benchmark.scores import OVERALL, figures_of, improvements, leaderboard, rows_in, suites_compared
+from analysis.benchmark.causes import EFFECT, causes_in, causes_of_rows, shift_effects
+from analysis.benchmark.make import BOARD, CAUSES, IMPROVEMENT, PAGE, PROFILE, PROFILES, SCORES, report_rows
+from analysis.benchmark.scores import COMPARED, OVERALL, figures_of, improvements, leaderboard, rows_in, suites_compared
 from analysis.stats.power import detectable_difference
 from experiments.benchmarking import protocol
 from experiments.benchmarking.protocol import REFERENCES, SHIPPED
@@ -16,7 +17,7 @@ from experiments.settings import TrackingConfig
 from experiments.tracking.mlflow_store import store_uri
 from segar.suites import CORE, outline, suite, suites
 
-MADE = (SCORES, BOARD, IMPROVEMENT, PROFILES)
+MADE = (SCORES, BOARD, IMPROVEMENT, PROFILES, CAUSES)
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +91,7 @@ def test_a_row_that_lacks_a_suite_is_not_compared_on_it(table, compared):
     board = leaderboard(less, compared)
     axis = next(axis for axis, names in compared.items() if CORE[0] in names)
     for name in (OVERALL, axis):
-        assert "script" not in set(board.loc[board["axis"] == name, "row"])
+        assert "script" not in set(board.loc[(board["axis"] == name) & board["quantity"].isin(COMPARED), "row"])
     assert "script" in set(board["row"])
 
 
@@ -99,6 +100,38 @@ def test_either_of_two_rows_improves_on_the_other_or_they_tie(table, compared):
     found = {(one["quantity"], one["row"], one["over"]): one["estimate"] for one in pairs}
     for quantity, row, over in found:
         assert found[quantity, row, over] + found[quantity, over, row] == pytest.approx(1)
+
+
+def test_a_planted_cause_is_found_on_its_twins_and_on_no_control():
+    """A player that fails on odd levels, and on the twins of a third of them."""
+    lines = [("test", level, level % 2 == 0) for level in range(12)]
+    lines += [("twin-Mass", level, level % 2 == 0 or level % 3 == 0) for level in range(12)]
+    lines += [("control-place", level, level % 2 == 0) for level in (1, 2, 5, 8)]
+    episodes = pd.DataFrame(lines, columns=["levels", "level", "success"]).assign(suite="a-v1", seed=1)
+    found = causes_in(episodes).set_index("group")
+    assert list(found["differs"]) == [True, False] and list(found["twins"]) == [12, 4]
+    assert found.loc["Mass", "effect"] == pytest.approx(2 / 12) and found.loc["place", "effect"] == 0
+    assert found.loc["Mass", "attributed"] == pytest.approx(2 / 6)
+    effects = shift_effects(found.reset_index().assign(row="mine"))
+    assert effects == {("mine", "a-v1", 1): pytest.approx(2 / 12)}
+
+
+def test_of_several_groups_that_differ_the_shift_is_all_of_them():
+    causes = pd.DataFrame(
+        [[group, True, effect] for group, effect in (("Mass", 0.1), ("Size", 0.2), ("all", 0.4))],
+        columns=["group", "differs", "effect"],
+    ).assign(row="mine", suite="a-v1", seed=1)
+    assert shift_effects(causes) == {("mine", "a-v1", 1): 0.4}
+
+
+def test_every_row_but_the_references_has_the_effect_of_the_shift_where_training_and_test_differ(table):
+    causes = causes_of_rows(rows_in([SHIPPED]))
+    assert {*causes["row"]} == {*table["row"]} - {*REFERENCES}
+    shifted = {*causes.loc[causes["differs"], "suite"]}
+    own = table.loc[~table["row"].isin(REFERENCES)]
+    assert (own[EFFECT].notna() == own["suite"].isin(shifted)).all() and "place-few-v1" not in shifted
+    controls = causes.loc[~causes["differs"]].groupby(["row", "suite", "group"])["effect"].mean()
+    assert controls.abs().median() < 0.05
 
 
 def test_more_seeds_see_smaller_differences():

@@ -41,10 +41,11 @@ from experiments.settings import (
     add_module_path,
 )
 from segar.policies import Network, NetworkPolicy
-from segar.suites import AXES, CORE, evaluate_on_suite, outline, suite
+from segar.suites import AXES, CORE, evaluate_on_suite, find_causes, outline, suite, twins
 from tests.experiments.benchmarking import lab_method
 
 SUITE = "place-few-v1"
+WITH_TWINS = "sight-mass-v1"
 LAB = "tests.experiments.benchmarking.lab_method"
 
 
@@ -53,14 +54,14 @@ def config_of(root, **changes):
     return BenchmarkConfig(**{"run": run, "suites": (SUITE,), "seeds": 1, "processes": 1, "report": False, **changes})
 
 
-def row_made_here(config):
+def row_made_here(config, of=SUITE):
     """The row of a method without training, made in this process."""
     method = method_of(config)
     folder = config.folder.parent / "piece"
-    make_piece(PlayerTask(method, SUITE, 1, folder, config.policy, config.actions))
+    make_piece(PlayerTask(method, of, 1, folder, config.policy, config.actions))
     new = read_piece(folder)
     assert new is not None
-    file = f"{SUITE}-s1.npz" if new.path else ""
+    file = f"{of}-s1.npz" if new.path else ""
     return add_pieces(
         config.folder / method.name, method, [dataclasses.replace(new, piece=dataclasses.replace(new.piece, file=file))]
     )
@@ -244,6 +245,31 @@ def test_a_trained_row_resumes_replays_and_can_be_made_again(tmp_path, capsys):
         benchmark(dataclasses.replace(config, again=("ppo-state-open",)))
 
 
+def test_a_row_has_the_episodes_on_causal_twins_but_the_references_have_none(tmp_path):
+    of, made = suite(WITH_TWINS), twins(suite(WITH_TWINS))
+    names = {f"{'twin' if one.differs else 'control'}-{one.group}": int(one.found.sum()) for one in made.groups}
+    row = row_made_here(config_of(tmp_path, player="script", suites=(WITH_TWINS,)), WITH_TWINS)
+    assert {*row.pieces[0].levels} == {"train", "test", *names}
+    assert verify(row) == len(of.test_levels) + of.training_levels + sum(names.values())
+    (name,) = (one for one in names if one.startswith("twin"))
+    piece = json.loads((row.folder / ROW).read_text())["pieces"][0]
+    with pytest.raises(RunFolderError, match=f"the {name} levels of {WITH_TWINS} with seed 1 are not those"):
+        verify(edited(row, pieces=[{**piece, "levels": {**piece["levels"], name: "0000"}}]))
+    assert {*row_made_here(config_of(tmp_path, player="idle"), WITH_TWINS).pieces[0].levels} == {"train", "test"}
+
+
+def test_actions_of_a_method_from_outside_can_be_those_on_twins(tmp_path):
+    row = row_made_here(config_of(tmp_path, policy=f"{LAB}:policy", row="mine"), WITH_TWINS)
+    actions = read_actions(row.folder / f"{WITH_TWINS}-s1.npz")
+    assert {*actions} == {*row.pieces[0].levels} and any(name.startswith("twin-") for name in actions)
+    assert verify(row) == sum(map(len, actions.values()))
+    write_actions(tmp_path / "given" / f"{WITH_TWINS}-s1.npz", {**actions, "twin-Hue": actions["test"]})
+    with pytest.raises(
+        RunFolderError, match="there are actions of 'twin-Hue', and the level sets are train, test, twin-"
+    ):
+        row_made_here(config_of(tmp_path, actions=str(tmp_path / "given"), row="other"), WITH_TWINS)
+
+
 SHIPPED_ROWS = sorted(path.parent.name for path in SHIPPED.glob(f"*/{ROW}"))
 
 
@@ -259,6 +285,21 @@ def test_shipped_rows_are_what_their_hashes_say_and_a_sample_plays_again_to_the_
 def test_all_of_a_shipped_row_plays_again_to_the_bit(name):
     row = read_row(SHIPPED / name)
     assert verify(row) == len(row.episodes())
+
+
+@pytest.mark.parametrize("name", ["ppo_fast-state-laptop", "ppo_recurrent-state-laptop", "script"])
+def test_the_leaderboard_has_the_causes_that_the_library_finds(name):
+    row, of = read_row(SHIPPED / name), suite(WITH_TWINS)
+    assert verify(row, [WITH_TWINS], [1]) > len(of.test_levels) + of.training_levels
+    stated = pd.read_csv(SHIPPED / "causes.csv").query("row == @name and suite == @WITH_TWINS and seed == 1")
+    assert len(stated) > 1 and stated["differs"].any()
+    if name != "script":
+        network = NetworkPolicy(Network.load(row.folder / f"{WITH_TWINS}-s1.npz"), unit_actions=True)
+        found = find_causes(network, twins(of), train=of.sample(1), unit_actions=True)
+        columns = ["group", "differs", "twins", "success_twin", "effect", "effect_low", "attributed", "attributed_high"]
+        pd.testing.assert_frame_equal(
+            pd.DataFrame(found.rows())[columns], stated[columns].reset_index(drop=True), rtol=1e-5
+        )
 
 
 @pytest.mark.parametrize(("name", "seed"), [("sight-mass-v1", 2)])

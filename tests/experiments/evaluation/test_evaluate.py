@@ -244,7 +244,7 @@ def test_edited_settings_of_a_run_are_told(trained, tmp_path):
         (
             {"levels": "empty-hrad"},
             ConfigError,
-            "levels: there is no level family 'empty-hrad'. Did you mean 'empty-hard'?",
+            "levels: there is no level family or suite 'empty-hrad'. Did you mean 'empty-hard'?",
         ),
         ({"levels": "nowhere.npz"}, segar.SegarError, "nowhere.npz"),
         ({"n": 50}, ConfigError, "n: test has 3 levels, not 50"),

@@ -28,8 +28,10 @@ def test_training_levels_are_drawn_and_test_levels_are_frozen():
     train, test = make_levels(LevelsConfig(train=NAME, count=7, seed=3, test_count=200))
     assert train == frozen.sample(3, 7) and len(train) == 7
     assert hash_of_levels(test) == hash_of_levels(frozen.test_levels)
-    other = make_levels(LevelsConfig(train="empty-hard", test=NAME, count=2, test_count=20, test_seed=5))[1]
+    other = make_levels(LevelsConfig(train="empty-hard", test=NAME, count=2, test_count=20))[1]
     assert other == frozen.test_levels[:20]
+    with pytest.raises(ConfigError, match=f"levels.test_seed: the test levels of the suite {NAME} are frozen"):
+        make_levels(LevelsConfig(train="empty-hard", test=NAME, count=2, test_count=20, test_seed=5))
 
 
 def test_the_task_is_that_of_the_suite_unless_another_one_is_chosen():
@@ -58,7 +60,10 @@ def test_hidden_factors_are_hidden_from_states():
         (config_of(test_variation="ball_mass"), "levels.test_variation: the suite place-few-v1 is frozen"),
         (config_of(design="clustered"), "levels.design: the suite place-few-v1 draws its training levels"),
         (config_of(test_count=201), "levels.test_count: the suite place-few-v1 has 200 test levels, not 201"),
-        (config_of("place-fw-v1"), "levels.train: there is no level family 'place-fw-v1'"),
+        (
+            config_of("place-fw-v1"),
+            "levels.train: there is no level family or suite 'place-fw-v1'. Did you mean 'place-few-v1'?",
+        ),
     ],
 )
 def test_what_a_suite_does_not_allow_is_told(config, message):

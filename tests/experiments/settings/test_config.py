@@ -56,6 +56,8 @@ def own_module(tmp_path, monkeypatch):
         ("algorithm=ppofast", "no algorithm is called 'ppofast'. Did you mean 'ppo_fast'?"),
         ("scale=quik", "no scale is called 'quik'. Did you mean 'quick'?"),
         ("levels.cuont=3", "no setting is called 'levels.cuont'. Did you mean 'levels.count'?"),
+        ("qqq=3", "no setting is called 'qqq'. Known: algorithm, checkpoint_interval, curriculum, determinism,"),
+        ("levels.qqqqqqqqq=3", "no setting is called 'levels.qqqqqqqqq'. Known: levels.count, levels.design, levels.seed,"),
         ("+levels.cuont=3", "no setting is called 'levels.cuont'. Did you mean 'levels.count'?"),
         ("algorithm.lr=1", "no setting is called 'algorithm.lr'."),
         ("levels.count=ten", "levels.count: 'ten' is not a whole number"),
@@ -86,10 +88,13 @@ def test_a_wrong_setting_is_named_with_the_nearest_right_one(override, says):
 @pytest.mark.parametrize(
     ("override", "says"),
     [
-        ("levels.train=empty-hrad", "levels.train: there is no level family 'empty-hrad'. Did you mean 'empty-hard'?"),
+        (
+            "levels.train=empty-hrad",
+            "levels.train: there is no level family or suite 'empty-hrad'. Did you mean 'empty-hard'?",
+        ),
         (
             "levels.test=tilesx1-esay",
-            "levels.test: there is no level family 'tilesx1-esay'. Did you mean 'tilesx1-easy'?",
+            "levels.test: there is no level family or suite 'tilesx1-esay'. Did you mean 'tilesx1-easy'?",
         ),
         ("levels.train=own_levels:iec", "levels.train: 'own_levels' has no 'iec'. Did you mean 'ice'?"),
         ("levels.train=own_levels:number", "levels.train: 'own_levels:number' is no level distribution"),

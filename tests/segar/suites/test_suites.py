@@ -206,3 +206,17 @@ def test_slots_that_training_never_fills_have_no_say_in_exact_statistics():
     one = suites.suite("number-more-v1")
     found = segar.metrics.ks(one.train, one.test)
     assert 0 < found < 1 and found == pytest.approx(segar.metrics.ks(one.test, one.train))
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"task": "putputt"}, r"mine-v1\.toml: task: no task is called 'putputt'\. Did you mean 'puttputt'"),
+        ({"options": {"max_stps": 5}}, r"mine-v1\.toml: task\.options: .*unexpected keyword argument 'max_stps'"),
+    ],
+)
+def test_a_task_or_options_that_are_none_are_told_and_nothing_is_written(tmp_path, given, said):
+    hard = segar.family("empty-hard")
+    with pytest.raises(SuiteError, match=said):
+        freeze(tmp_path / "mine-v1.toml", train=hard, test=hard, **{**OWN, **given})
+    assert not any(tmp_path.iterdir())

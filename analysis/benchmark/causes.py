@@ -1,0 +1,65 @@
+"""What the failures of rows come from: the success of each row on causal twins of the test levels beside that on the levels."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from analysis.causes import profile_of_causes
+from analysis.tables import keep, select
+from experiments.benchmarking.protocol import CONTROL, TWIN
+from experiments.benchmarking.row import Row
+from segar.suites import Cause
+
+ALL = "all"  # the group of all factors that differ, which suites have in which several do
+EFFECT = "shift_effect"
+"""What success gains on twins in which all that differs is as in training: the column of figures of a row, suite and seed."""
+
+
+def causes_in(episodes: pd.DataFrame) -> pd.DataFrame:
+    """One line per suite, seed and group of factors of the twins that a row played: ``suite``, ``seed``, and the columns of
+    :meth:`segar.suites.Cause.row`; no line where there are no twins.
+
+    Args:
+        episodes: of :meth:`experiments.benchmarking.row.Row.episodes`, one on each test level and twin.
+    """
+    lines = []
+    for (name, seed), part in episodes.groupby(["suite", "seed"], sort=False):  # type: ignore[misc]
+        on_level = select(part, levels="test").set_index("level")["success"]
+        for played in (one for one in dict.fromkeys(part["levels"]) if one.startswith((TWIN, CONTROL))):
+            on_twin = select(part, levels=played).set_index("level")["success"]
+            level, twin = (np.asarray(one, np.float64) for one in (on_level.loc[on_twin.index], on_twin))
+            differs = played.startswith(TWIN)
+            group = played.removeprefix(TWIN if differs else CONTROL)
+            lines.append({"suite": name, "seed": seed, **Cause.of_levels(group, "", differs, level, twin).row()})
+    return pd.DataFrame(lines)
+
+
+def causes_of_rows(rows: Sequence[Row]) -> pd.DataFrame:
+    """One line per row, suite, seed and group, as of :func:`causes_in`, in the column ``row`` the name of the row."""
+    found = [causes_in(row.episodes().to_pandas()).assign(row=row.method.name) for row in rows]
+    kept = [one for one in found if len(one)]
+    if not kept:
+        return pd.DataFrame(columns=["row", "suite", "seed", "group", "differs", "effect"])
+    table = pd.concat(kept, ignore_index=True)
+    return table[["row", *(name for name in table if name != "row")]]
+
+
+def shift_effects(causes: pd.DataFrame) -> dict[tuple[str, str, int], float]:
+    """Row, suite and seed to the effect of all that differs between training and test: of the group ``all``, or of the only one
+    that differs."""
+    differing = select(causes, differs=True)
+    found = {}
+    for _, part in differing.groupby(["row", "suite", "seed"]):
+        whole = part if len(part) == 1 else select(part, group=ALL)
+        for line in whole.to_dict("records"):
+            found[line["row"], line["suite"], line["seed"]] = line["effect"]
+    return found
+
+
+def effects_on(name: str, causes: pd.DataFrame) -> pd.DataFrame:
+    """The effect of each group on each row that played the twins of a suite, mean over seeds: columns ``row``, ``group``,
+    ``differs``, ``effect``, ``effect_low``, ``effect_high``, ``runs``."""
+    of_suite = keep(causes, causes["suite"] == name)
+    found = [profile_of_causes(part).assign(row=row) for row, part in of_suite.groupby("row", sort=True)]
+    return pd.concat(found, ignore_index=True) if found else pd.DataFrame(columns=["row", "group", "differs", "effect"])
