@@ -57,7 +57,6 @@ def own_module(tmp_path, monkeypatch):
         ("scale=quik", "no scale is called 'quik'. Did you mean 'quick'?"),
         ("levels.cuont=3", "no setting is called 'levels.cuont'. Did you mean 'levels.count'?"),
         ("qqq=3", "no setting is called 'qqq'. Known: algorithm, checkpoint_interval, curriculum, determinism,"),
-        ("levels.qqqqqqqqq=3", "no setting is called 'levels.qqqqqqqqq'. Known: levels.count, levels.design, levels.seed,"),
         ("+levels.cuont=3", "no setting is called 'levels.cuont'. Did you mean 'levels.count'?"),
         ("algorithm.lr=1", "no setting is called 'algorithm.lr'."),
         ("levels.count=ten", "levels.count: 'ten' is not a whole number"),
