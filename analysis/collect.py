@@ -152,10 +152,14 @@ def read_runs(plan: Mapping[str, Any]) -> Collected:
         if name in imported:
             lacking = [one for one in wanted if (name, one) not in transferred]
             lacking += ["probes"] if probed and (name, name) not in asked else []
-            missing += [{"run": name, "reason": f"the imported tables lack {one}"} for one in lacking]
+            missing += [
+                {"run": name, "reason": f"the imported tables lack {one}", "experiment": asked_by(plan, name, one)}
+                for one in lacking
+            ]
             continue
         if not is_finished(folder):
-            missing.append({"run": name, "reason": "not finished" if folder.exists() else "not begun"})
+            reason = "not finished" if folder.exists() else "not begun"
+            missing.append({"run": name, "reason": reason, "experiment": asked_by(plan, name)})
             continue
         config, summary = read_config(folder), read_summary(folder)
         place = run_columns(config, name)
@@ -169,13 +173,15 @@ def read_runs(plan: Mapping[str, Any]) -> Collected:
         if probed and (folder / PROBES).exists():
             tables["probes"].append(probe_rows(folder, place))
         elif probed:
-            missing.append({"run": name, "reason": "probes are not finished"})
+            reason = "probes are not finished"
+            missing.append({"run": name, "reason": reason, "experiment": asked_by(plan, name, "probes")})
         for transfer in wanted:
             there = folder / EVALUATIONS / transfer
             tested = read_evaluation(there)
             lacks = " is not finished" if tested is None else of_another_agent(folder, tested)
             if tested is None or lacks:
-                missing.append({"run": name, "reason": transfer + lacks})
+                reason = transfer + lacks
+                missing.append({"run": name, "reason": reason, "experiment": asked_by(plan, name, transfer)})
                 continue
             played = pd.read_parquet(there / EPISODES)
             row = transfer_row(tested, played, episodes, place, transfer)
@@ -186,7 +192,7 @@ def read_runs(plan: Mapping[str, Any]) -> Collected:
     joined = {name: with_level_seeds(join(parts)) for name, parts in tables.items()}
     for name in ("runs", "transfers"):
         joined[name] = sort_rows(joined[name])
-    return Collected(**joined, missing=pd.DataFrame(missing, columns=["run", "reason"]))
+    return Collected(**joined, missing=pd.DataFrame(missing, columns=["run", "reason", "experiment"]))
 
 
 def for_study(plan: Mapping[str, Any], found: Collected) -> Collected:
@@ -286,6 +292,16 @@ def with_level_seeds(table: pd.DataFrame) -> pd.DataFrame:
     if "levels.seed" not in table:
         return table
     return table.assign(**{"levels.seed": table["levels.seed"].fillna(table["seed"]).astype(np.int64)})
+
+
+def asked_by(plan: Mapping[str, Any], name: str, what: str = "") -> str:
+    """The title of the first experiment that asks for a run; with ``what``, for this transfer of it, or its ``"probes"``."""
+    return next(
+        experiment["title"]
+        for experiment in plan["experiments"]
+        for run in experiment["runs"]
+        if run["folder"] == name and (not what or what in run["transfers"] or (what == "probes" and run["probes"]))
+    )
 
 
 def runs_of(plan: Mapping[str, Any]) -> dict[str, tuple[list[str], list[str], bool]]:

@@ -20,6 +20,7 @@ from analysis.tables import column, count_of, select
 
 PAPER_FRAMES, PAPER_TEST_LEVELS = 1_000_000, 500
 SUCCESS = "success_test_deterministic"
+MOST_NAMED = 8  # of what is missing; more is summed up by experiments
 GLOSSARY = (
     "**Level**: one start of the task. **Training levels**: the n levels that an agent practises on. **Test levels**: others "
     "from the same distribution, 300 per panel unless said otherwise.",
@@ -172,11 +173,27 @@ def what_is_missing(evidence: Evidence) -> list[Block]:
     missing = evidence.all_results.missing_runs()
     if not missing:
         return []
-    shown = ", ".join(missing[:8]) + (" and others" if len(missing) > 8 else "")
-    text = (
-        f"**Of what was planned, {len(missing)} runs or tests are missing**, and the report does without them: {shown}."
-    )
-    return [Paragraph(text, "warning")]
+    by_experiment = evidence.all_results.missing_by_experiment()
+    if len(missing) <= MOST_NAMED or not by_experiment:
+        shown = ", ".join(missing[:MOST_NAMED]) + (" and others" if len(missing) > MOST_NAMED else "")
+        count = f"{len(missing)} runs or tests"
+    else:
+        runs, tests = (sum(one[i] for one in by_experiment.values()) for i in range(2))
+        words = [f"{title} ({_missing_in_words(*numbers)})" for title, numbers in by_experiment.items()]
+        shown = "; ".join(words) + ". Each is named in `missing.csv`"
+        count = _missing_in_words(runs, tests)
+    return [
+        Paragraph(
+            f"**Of what was planned, {count} are missing**, and the report does without them: {shown}.", "warning"
+        )
+    ]
+
+
+def _missing_in_words(runs: int, tests: int) -> str:
+    """How much is missing: runs, and runs of which only tests or probes are."""
+    counted = {many: f"{many:,} run{'s' * (many != 1)}" for many in (runs, tests)}
+    parts = [counted[runs]] * (runs > 0) + [f"tests or probes of {counted[tests]}"] * (tests > 0)
+    return " and ".join(parts)
 
 
 def frames_of(table: pd.DataFrame) -> str:

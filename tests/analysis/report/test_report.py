@@ -196,6 +196,17 @@ def test_runs_that_are_missing_are_said_at_the_top(tmp_path, undrawn):
     assert not (folder / "figures" / "of_an_earlier_report.png").exists()
 
 
+def test_much_that_is_missing_is_summed_up_by_experiments(tmp_path, undrawn):
+    folder = write_results(tmp_path, {"runs": few_runs()})
+    lines = [f"a-s{seed},not begun,SAC" for seed in range(7)] + ["b,the imported tables lack probes,Memory"]
+    lines += ["b,the imported tables lack transfer-x,Memory", "c,not finished,Memory"]
+    (folder / "missing.csv").write_text("\n".join(["run,reason,experiment", *lines]))
+    make_report(ReportConfig(str(folder)))
+    page = (folder / "report.html").read_text()
+    assert "8 runs and tests or probes of 1 run are missing" in page
+    assert "SAC (7 runs); Memory (1 run and tests or probes of 1 run)" in page
+
+
 def test_mlflow_gets_the_numbers_and_the_files_once(tmp_path, undrawn):
     folder = write_results(tmp_path / "quick-1", {"runs": few_runs()})
     tracking = {"name": "mlflow", "uri": None, "experiment": "segar"}
