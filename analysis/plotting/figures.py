@@ -27,6 +27,7 @@ METADATA: dict[str, dict[str, Any]] = {
 }
 DOT: dict[str, Any] = {"edgecolors": "white", "linewidths": 0.6}  # what all scattered dots look like
 LINE_POINTS = 6  # fewer have no line: through three points there is nearly always a good one
+PAGE_WIDTH = 9.4  # [in] of a figure that is as wide as a page's text; its letters are then three quarters as large
 COLOURS_OF_PNG = 128  # a palette makes files a third as large, and line art does not show it
 
 

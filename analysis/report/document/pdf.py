@@ -10,6 +10,8 @@ from fpdf import FPDF
 from fpdf.enums import XPos, YPos
 from fpdf.fonts import FontFace
 
+from analysis.plotting import style
+from analysis.plotting.figures import PAGE_WIDTH
 from analysis.report.document import blocks
 from analysis.report.document.blocks import FINDING_HEAD, WORDS_OF_FINDING, Document, finding_rows, pieces
 from analysis.report.document.html import MARKS
@@ -19,7 +21,7 @@ FACES = {(FONT, ""): "DejaVuSans.ttf", (FONT, "B"): "DejaVuSans-Bold.ttf", (MONO
 BODY, SMALL, CELLS = 9.0, 7.5, 6.5  # [pt]
 MARGIN = 16.0  # [mm]
 ENDLESS = (210.0, 1e5)  # a sheet as wide as A4 on which no page ends [mm]
-HIGHEST = 140.0  # a figure is no higher [mm]
+HIGHEST = 225.0  # a figure is no higher [mm]
 LEADING = 1.4  # of the font size
 INK, SOFT, RULE, TINT = (27, 31, 36), (89, 99, 110), (200, 206, 212), (245, 247, 249)
 COLOURS = {
@@ -203,12 +205,13 @@ def widths_of(pdf: Sheet, rows: Sequence[Sequence[str]]) -> list[float]:
 
 
 def picture(pdf: Sheet, block: blocks.Picture) -> None:
-    """A figure across the page, or lower than :data:`HIGHEST`, with its caption on the same page."""
+    """A figure in the scale in which one of :data:`PAGE_WIDTH` fills the page, with its caption on the same page."""
     from PIL import Image
 
     with Image.open(block.png) as image:
         ratio = image.height / image.width
-    width = min(pdf.epw, HIGHEST / ratio)
+        share = image.width / style.SETTINGS["savefig.dpi"] / PAGE_WIDTH
+    width = min(pdf.epw * min(share, 1.0), HIGHEST / ratio)
     pdf.image(block.png, w=width, alt_text=block.caption)
     pdf.ln(1)
     rich(pdf, f"{block.caption} Data: `figures/{block.name}.csv`. Drawn again by `{block.command}`", SMALL, SOFT)

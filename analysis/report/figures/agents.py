@@ -15,7 +15,6 @@ from analysis.report.claims.information import ACCURACIES, GAPS, PROBES, accurac
 from analysis.report.claims.scores import COMPARED, LEAST_SEEDS, profiles
 from analysis.report.figures.drawing import (
     CELL,
-    GAP,
     SHORT_GAP,
     Drawn,
     dots,
@@ -57,13 +56,13 @@ def draw_accuracy(evidence: Evidence, axes: Axes, table: pd.DataFrame, gap: str,
             draw_line(axes, column(table, f"accuracy_{levels}"), column(table, gap), colour, band=False)
     axes.set_title(title)
     axes.set_xlabel("accuracy of the critic")
-    axes.set_ylabel(GAP)
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), fontsize=8.5)
+    axes.set_ylabel(SHORT_GAP)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), fontsize=8.5)
 
 
 def accuracy_grid(evidence: Evidence, parts: list[list[tuple[str, pd.DataFrame, str]]], width: float) -> Figure:
     """Rows of axes, each of a title, its runs and the column of the gap; ``width`` in inches is that of one axes."""
-    figure = new_figure(width * len(parts[0]), 3.7 * len(parts))
+    figure = new_figure(width * len(parts[0]), 3.2 * len(parts))
     for row, drawn in zip(figure.subplots(len(parts), len(parts[0]), squeeze=False), parts, strict=True):
         for axes, (title, table, gap) in zip(row, drawn, strict=True):
             draw_accuracy(evidence, axes, table, gap, title)
@@ -84,12 +83,12 @@ def figure_5a(evidence: Evidence) -> Drawn | str:
     table = pick(probed, [*CELL, "algorithm", "probe", *ACCURACIES, "gap", "gap_2022"])
     parts = [
         [
-            (f"{algorithm_name(name)}\n{key}", select(table, probe=PROBES[key], algorithm=name), GAPS[key])
-            for name in algorithms
+            (f"{algorithm_name(name)}, {key}", select(table, probe=PROBES[key], algorithm=name), GAPS[key])
+            for key in (METRIC_2022, METRIC_OURS)
         ]
-        for key in (METRIC_2022, METRIC_OURS)
+        for name in algorithms
     ]
-    return Drawn(accuracy_grid(evidence, parts, 3.6), table)
+    return Drawn(accuracy_grid(evidence, parts, 4.3), table)
 
 
 def figure_5b(evidence: Evidence) -> Drawn | str:
@@ -104,7 +103,7 @@ def figure_5b(evidence: Evidence) -> Drawn | str:
     table = mean_by(chosen, ["family", "difficulty", "n", "frames"], ["value"])
     families, difficulties = style.ordered(table["family"]), style.ordered(table["difficulty"])
     colours = dict(zip(sorted(set(table["n"])), style.SEQUENCE, strict=False))
-    figure = new_figure(3.5 * len(families), 2.5 * len(difficulties) + 0.4)
+    figure = new_figure(2.35 * len(families), 2.0 * len(difficulties) + 0.4)
     grid = figure.subplots(len(difficulties), len(families), squeeze=False, sharex=True)
     for row, difficulty in zip(grid, difficulties, strict=True):
         for axes, family in zip(row, families, strict=True):
@@ -131,7 +130,7 @@ def appendix_sac(evidence: Evidence) -> Drawn | str:
     named = with_panel(table)
     panels = panels_of(named)
     colours = dict(zip(sorted(set(table["n"])), style.SEQUENCE, strict=False))
-    figure, grid = figure_of_panels(len(panels), 3.4, 2.7, 0.4)
+    figure, grid = figure_of_panels(len(panels), 3.1, 2.6, 0.4)
     for axes, panel in zip(grid, panels, strict=False):
         for algorithm, line in zip(sorted(set(named["algorithm"])), ("-", ":"), strict=False):
             part = select(named, panel=panel, algorithm=algorithm)
@@ -180,7 +179,10 @@ def appendix_mass(evidence: Evidence) -> Drawn | str:
     table = pick(select(probed, probe=PROBES[METRIC_OURS]), columns)
     pasts = [past for past in (FRAME, STACK, MEMORY) if past in set(table["past"])]
     parts = [
-        [(f"{past}, mass {mass}", select(table, past=past, mass=mass), GAPS[METRIC_OURS]) for past in pasts]
-        for mass in ("shown", "hidden")
+        [
+            (f"{past}, mass {mass}", select(table, past=past, mass=mass), GAPS[METRIC_OURS])
+            for mass in ("shown", "hidden")
+        ]
+        for past in pasts
     ]
-    return Drawn(accuracy_grid(evidence, parts, 3.8), table)
+    return Drawn(accuracy_grid(evidence, parts, 4.3), table)

@@ -63,11 +63,12 @@ def diversity(evidence: Evidence) -> Drawn | str:
     if runs.empty or not names:
         return "it was not run (`experiments=[diversity]`)"
     table = pick(runs, [*CELL, "design", *names, SUCCESS])
-    figure = new_figure(3.8 * len(names), 3.9)
+    figure = new_figure(3.1 * len(names), 3.5)
     for axes, (x, label) in zip(figure.subplots(1, len(names), squeeze=False)[0], names.items(), strict=True):
         draw_points(axes, table, x, SUCCESS)
         found = evidence.correlation(runs, x, SUCCESS, ("panel", "levels"))
-        axes.set_title(f"given panel and n:\n{estimate_text(found)}", loc="left", fontsize=9.5)
+        said = estimate_text(found).replace(", p", ",\np")
+        axes.set_title(f"given panel and n:\n{said}", loc="left", fontsize=9)
         axes.set_xlabel(label)
     figure.axes[0].set_ylabel("success on test levels")
     figure.legend(handles=legend_of(table), loc="outside lower center", ncols=6)
@@ -101,7 +102,7 @@ def rule_sets(evidence: Evidence) -> Drawn | str:
         return "it was not run (`experiments=[rule_sets]`)"
     measures = ["dynamics_w2", "success_train_deterministic", SUCCESS, "gap_success", "gap"]
     table = pick(runs, [*CELL, "rule_sets", "chosen", *measures])
-    figure = new_figure(10.4, 3.9)
+    figure = new_figure(9.4, 3.6)
     left, middle, right = figure.subplots(1, 3)
     players = (
         (left, "success_train_deterministic", "training levels", 0.0),
@@ -289,9 +290,10 @@ def matched_sets(evidence: Evidence) -> Drawn | str:
         return "it was not run (`experiments=[matched_sets]`)"
     table = pick(runs, [*CELL, "design", "w2_exact", "radius", "effective_number", "gap_success", "gap"])
     order = [name for name in DESIGN_ORDER if name in set(table["design"])]
-    places = sorted(set(zip(table["family"], table["n"], strict=True)), key=lambda p: (style.KNOWN.get(p[0], 9), p[1]))
-    figure = new_figure(2.5 * len(places) + 0.5, 3.9)
-    for axes, (family, n) in zip(figure.subplots(1, len(places), sharey=True, squeeze=False)[0], places, strict=True):
+    families, counts = style.ordered(table["family"]), sorted(set(table["n"]))
+    figure = new_figure(3.0 * len(families) + 0.4, 2.6 * len(counts) + 0.6)
+    grid = figure.subplots(len(counts), len(families), sharex=True, sharey=True, squeeze=False)
+    for axes, (n, family) in zip(grid.ravel(), product(counts, families), strict=True):
         zero_line(axes)
         for at, design in enumerate(order):
             part = select(table, family=family, n=n, design=design)
@@ -300,7 +302,7 @@ def matched_sets(evidence: Evidence) -> Drawn | str:
             found = mean_of_replicates(y, sides=2)
             bars = np.nan_to_num(np.array([[found.estimate - found.low], [found.high - found.estimate]]))
             axes.errorbar(at, found.estimate, yerr=bars, fmt="_", color="#000000", capsize=4, markersize=18)
-        axes.set_xticks(range(len(order)), [design_name(name) for name in order], rotation=35, ha="right", fontsize=8)
+        axes.set_xticks(range(len(order)), [design_name(name) for name in order], rotation=35, ha="right", fontsize=9)
         axes.set_title(f"{family_name(family)}, n = {n}")
-    figure.axes[0].set_ylabel("gap in success (test − training)")
+    figure.supylabel("gap in success (test − training)", fontsize=10.5)
     return Drawn(figure, table)

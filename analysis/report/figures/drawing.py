@@ -38,7 +38,7 @@ class Drawn:
 def figure_of_families(table: pd.DataFrame, y_label: str, draw: Callable[[Axes, pd.DataFrame], None]) -> Figure:
     """A figure with an axes per family, against numbers of training levels; ``draw`` draws the rows of a family."""
     families = style.ordered(table["family"])
-    figure = new_figure(3.5 * len(families) + 0.3, 3.7)
+    figure = new_figure(2.25 * len(families) + 0.4, 3.4)
     axes = figure.subplots(1, len(families), sharey=True, squeeze=False)[0]
     for one, family in zip(axes, families, strict=True):
         part = select(table, family=family)
@@ -73,7 +73,7 @@ def mean_of_shares(values: Sequence[float] | np.ndarray, least: float = 0.0, mos
 def log_axis(axes: Axes, counts: Sequence[int]) -> None:
     """A logarithmic axis that has the numbers of levels as its ticks."""
     axes.set_xscale("log")
-    axes.set_xticks(list(counts), [str(n) for n in counts])
+    axes.set_xticks(list(counts), [str(n) for n in counts], fontsize=8)
     axes.minorticks_off()
 
 
@@ -116,7 +116,7 @@ def dots(table: pd.DataFrame, group: str, y: str, label: str, trained: str = "")
     groups = sorted(set(map(str, table[group])))
     counts = sorted(set(table["n"]))
     colours = dict(zip(counts, style.SEQUENCE, strict=False))
-    figure, grid = figure_of_panels(len(panels), 3.7, 3.3, 0.3)
+    figure, grid = figure_of_panels(len(panels), 3.1, 3.1, 0.3)
     for axes, panel in zip(grid, panels, strict=False):
         part = select(named, panel=panel)
         for k, n in enumerate(counts):

@@ -1,6 +1,7 @@
 """The figures about the gap and W2: 3a, 3b, 4a, all estimates, and success against the number of levels."""
 
 from collections import Counter
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,16 @@ from analysis.plotting.names import family_name
 from analysis.report.claims.claim import METRIC_2022, METRIC_OURS
 from analysis.report.claims.evidence import BLOCKS, DISTANCES, GIVEN, GIVEN_CELL, Evidence
 from analysis.report.claims.specifications import specifications
-from analysis.report.figures.drawing import CELL, GAP, GAP_2022, Drawn, error_bars, figure_of_families, legend_below
+from analysis.report.figures.drawing import (
+    CELL,
+    GAP,
+    GAP_2022,
+    SHORT_GAP,
+    Drawn,
+    error_bars,
+    figure_of_families,
+    legend_below,
+)
 from analysis.report.number_format import estimate_text
 from analysis.stats.correlation import NotAvailable, fit_line
 from analysis.tables import column, keep, mean_by, pick, select
@@ -38,7 +48,7 @@ def figure_3a(evidence: Evidence) -> Drawn | str:
     names = [*CELL, "w2_reference", "gap_2022", "w2_exact", "gap", "gap_se"]
     table = pick(main, names).assign(learned=learned)
     families = style.ordered(main["family"])
-    figure = new_figure(2.9 * len(families) + 0.6, 7.2)
+    figure = new_figure(2.2 * len(families) + 0.6, 6.8)
     parts = list(np.ravel(figure.subfigures(2, 1)))  # type: ignore[arg-type]
     kept = select(table, learned=True)
     for part, (x, y, x_label, metric, y_label) in zip(parts, METRICS, strict=True):
@@ -49,7 +59,7 @@ def figure_3a(evidence: Evidence) -> Drawn | str:
             draw_family(axes, select(table, family=family), x, y)
             draw_pooled_line(axes, column(kept, x), column(kept, y))
             axes.set_title(family_name(family))
-            axes.set_xlabel(x_label, fontsize=8.5)
+        part.supxlabel(x_label, fontsize=10)
         row[0].set_ylabel(y_label, fontsize=9)
     handles = [*legend_of(select(table, learned=True)), not_learned_entry()]
     figure.legend(handles=handles, loc="outside lower center", ncols=4, handletextpad=0.2)
@@ -103,16 +113,16 @@ def figure_4a(evidence: Evidence) -> Drawn | str:
 
 
 def by_family(evidence: Evidence, table: pd.DataFrame, group: str) -> Figure:
-    """A row per metric, a column per family, a line per value of ``group``."""
+    """A row per family, a column per metric, a line per value of ``group``."""
     families = style.ordered(table["family"])
-    figure = new_figure(3.6 * len(families) + 0.3, 8.2)
-    grid = figure.subplots(2, len(families), squeeze=False)
-    for axes_row, (x, y, x_label, metric, y_label) in zip(grid, METRICS, strict=True):
-        for axes, family in zip(axes_row, families, strict=True):
-            axes.set_title(family_name(family))
+    figure = new_figure(8.6, 2.9 * len(families) + 0.2)
+    grid = figure.subplots(len(families), len(METRICS), squeeze=False)
+    for axes_row, family in zip(grid, families, strict=True):
+        for axes, (x, y, x_label, metric, y_label) in zip(axes_row, METRICS, strict=True):
+            axes.set_title(f"{family_name(family)}, {metric}")
             axes.set_xlabel(x_label)
+            axes.set_ylabel(SHORT_GAP if y_label == GAP else y_label, fontsize=9)
             draw_groups(evidence, axes, select(table, family=family), x, y, group)
-        axes_row[0].set_ylabel(f"{metric}\n{y_label}")
     return figure
 
 
@@ -130,7 +140,7 @@ def draw_groups(evidence: Evidence, axes: Axes, table: pd.DataFrame, x: str, y: 
         part = select(table, **{group: name})
         draw_line(axes, column(part, x), column(part, y), colours[name], band=False)
     axes.locator_params(axis="x", nbins=6)
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), handletextpad=0.2, fontsize=8)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.45, -0.24), handletextpad=0.2, fontsize=8.5)
 
 
 def estimates(evidence: Evidence) -> Drawn | str:
@@ -197,9 +207,8 @@ def specification_curves(evidence: Evidence) -> Drawn | str:
     claims = {"3a-n": "given panel and n", "3a-cell": "given cell", "4b-none": "given panel and n"}
     claims = {name: words for name, words in claims.items() if name in set(table["claim"])}
     colours = style.colours(sorted(set(table["outcome"])))
-    longest = max(Counter(table["claim"]).values())
-    figure = new_figure(4.4 * len(claims), 1.2 + 0.17 * longest)
-    for axes, (name, words) in zip(figure.subplots(1, len(claims), squeeze=False)[0], claims.items(), strict=True):
+    figure, grid = figure_of_curves({name: Counter(table["claim"])[name] for name in claims})
+    for axes, (name, words) in zip(grid, claims.items(), strict=True):
         part = select(table, claim=name).sort_values("estimate", ignore_index=True)
         axes.axvline(0, color="#999999", linewidth=0.8)
         for at, row in enumerate(part.to_dict("records")):
@@ -211,7 +220,7 @@ def specification_curves(evidence: Evidence) -> Drawn | str:
             ", ".join(dict.fromkeys((row["measure"], row["number of levels"]))) for row in part.to_dict("records")
         ]
         shown = [one.removesuffix(f", {GIVEN_CELL}") for one in choices]
-        axes.set_yticks(range(len(part)), shown, fontsize=7)
+        axes.set_yticks(range(len(part)), shown, fontsize=8)
         axes.set_ylim(-0.7, len(part) - 0.3)
         axes.set_xlim(-1.02, 1.02)
         axes.set_xlabel("partial r")
@@ -220,3 +229,16 @@ def specification_curves(evidence: Evidence) -> Drawn | str:
                       "regret (sign turned)") for name, c in colours.items()]  # fmt: skip
     figure.legend(handles=handles, loc="outside lower center", ncols=3)
     return Drawn(figure, table)
+
+
+def figure_of_curves(rows: Mapping[str, int]) -> tuple[Figure, list[Axes]]:
+    """A figure with an axes for each claim, as high as it has rows: the last one on the right, the others on the left, below
+    each other."""
+    names = list(rows)
+    left = names[:-1] or names
+    columns = 2 if len(names) > 1 else 1
+    most = max(sum(rows[name] for name in left), rows[names[-1]])
+    figure = new_figure(4.6 * columns, 1.4 + 0.5 * len(left) + 0.18 * most)
+    grid = figure.add_gridspec(len(left), columns, height_ratios=[rows[name] + 3 for name in left])
+    found = [figure.add_subplot(grid[k, 0]) for k in range(len(left))]
+    return figure, found if columns == 1 else [*found, figure.add_subplot(grid[:, 1])]
