@@ -31,8 +31,8 @@ EPISODES = pa.schema(
     [
         ("suite", pa.string()),
         ("seed", pa.int64()),
-        ("levels", pa.string()),  # "train" or "test"
-        ("level", pa.int64()),  # index in the level set
+        ("levels", pa.string()),  # "train", "test", or twins of the test levels: "twin-Mass", "control-place"
+        ("level", pa.int64()),  # index in the level set; of a twin, that of its test level
         ("return", pa.float64()),
         ("length", pa.int64()),  # steps
         ("success", pa.bool_()),
@@ -61,7 +61,7 @@ class Piece:
     """One suite with one seed.
 
     Attributes:
-        suite, suite_hash, seed: what was played. levels: the hashes of the training and the test levels.
+        suite, suite_hash, seed: what was played. levels: the hash of each level set.
         run: the name of the run that was trained; empty where none was.
         file: the network or the actions, in the folder of the row; empty where a player needs none.
         bits: of each weight, where the file is a network, else 0.
