@@ -75,7 +75,7 @@ IMPROVEMENT = """The probability that a run of the row is above a run of the col
 """
 CAUSES = """A *causal twin* is a test level in which one group of factors is set as a training level has it, and nothing else
 ([more](../../how-to/compare-on-a-suite.md#ask-why-an-agent-fails)). The numbers are what success gains on twins: how much of
-the failures comes from this group. Bold groups differ between training and test; `all` sets all of those together, and is what
+the failures comes from this group. Below 0, the test is easier in this group than training. Bold groups differ between training and test; `all` sets all of those together, and is what
 the profile shows where several differ. The other groups are controls, in which training and test are alike; what they gain is
 chance. Means over seeds, with Student's 95 % intervals. Suites in which training and test have one distribution have no twins,
 and the references did not play any.
