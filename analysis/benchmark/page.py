@@ -74,11 +74,12 @@ AXES_NOTE = """`all` leaves out suites of textures, the axis `look`, which agent
 IMPROVEMENT = """The probability that a run of the row is above a run of the column, mean over the suites; ties count half.
 """
 CAUSES = """A *causal twin* is a test level in which one group of factors is set as a training level has it, and nothing else
-([more](../../how-to/compare-on-a-suite.md#ask-why-an-agent-fails)). The numbers are what success gains on twins: how much of
-the failures comes from this group. Below 0, the test is easier in this group than training. Bold groups differ between training and test; `all` sets all of those together, and is what
-the profile shows where several differ. The other groups are controls, in which training and test are alike; what they gain is
-chance. Means over seeds, with Student's 95 % intervals. Suites in which training and test have one distribution have no twins,
-and the references did not play any.
+([more](../../how-to/compare-on-a-suite.md#ask-why-an-agent-fails)). The numbers are what success gains on twins: how
+much of the failures comes from this group. Below 0, the test is easier in this group than training. Bold groups differ
+between training and test; `all` sets all of those together, and is what the profile shows where several differ. The
+other groups are controls, in which training and test are alike; what they gain is chance. Means over seeds, with
+Student's 95 % intervals. Suites in which training and test have one distribution have no twins, and the references did
+not play any.
 """
 POWER = """Two rows must differ by so much for Student's test to find it with a probability of 0.8 at the level of 5 %, by how
 the seeds of the trained rows here differ. Smaller differences between two rows say nothing.
