@@ -192,7 +192,7 @@ def make_again(config: BenchmarkConfig) -> None:
     known = [row for row in rows if row.method.kind == "networks" or row.method.name in PLAYERS]
     for row in (row for row in rows if row not in known):
         print(f"row {row.method.name}: {row.method.says}: it was made elsewhere, and is verified, not made again")
-    todo = [again(config, row) for row in known]
+    todo = [part for row in known for part in again(config, row)]
     for dry_run in (True, False)[: 2 - config.dry_run]:
         for one in todo:
             make_row(dataclasses.replace(one, dry_run=dry_run))
@@ -203,14 +203,23 @@ def make_again(config: BenchmarkConfig) -> None:
         report(config)
 
 
-def again(config: BenchmarkConfig, row: Row) -> BenchmarkConfig:
-    """The settings that make a row anew."""
-    method, seeds = row.method, sorted({piece.seed for piece in row.pieces})
+def again(config: BenchmarkConfig, row: Row) -> list[BenchmarkConfig]:
+    """The settings that make a row anew: of each range of seeds, for the suites that were played with them."""
+    ranges: dict[tuple[int, int], list[str]] = {}
+    for name in row.suites():
+        seeds = sorted(piece.seed for piece in row.pieces if piece.suite == name)
+        for first in (one for one in seeds if one - 1 not in seeds):
+            count = next(n for n in range(1, len(seeds) + 1) if first + n not in seeds)
+            ranges.setdefault((first, count), []).append(name)
+    return [_again(config, row.method, names, *seeds) for seeds, names in ranges.items()]
+
+
+def _again(config: BenchmarkConfig, method: Method, suites: Sequence[str], seed: int, seeds: int) -> BenchmarkConfig:
     data = {key: value for key, value in as_data(config.run).items() if key not in method.settings}
     data |= {key: value for key, value in method.settings.items() if key != "training_levels"}
-    data |= {"seed": seeds[0], "scale": {**data["scale"], "frames": method.frames or data["scale"]["frames"]}}
+    data |= {"seed": seed, "scale": {**data["scale"], "frames": method.frames or data["scale"]["frames"]}}
     return dataclasses.replace(
-        config, run=run_config(data), suites=row.suites(), seeds=len(seeds), row=method.name,
+        config, run=run_config(data), suites=tuple(suites), seeds=seeds, row=method.name,
         budget=method.budget or config.budget, training_levels=method.settings.get("training_levels"),
         player=method.name if method.name in PLAYERS else "",
     )  # fmt: skip

@@ -39,7 +39,11 @@ def page_text(
     overall = suites[OVERALL]
     parts = [HEAD.format(suites=len(overall), plays=RANDOM_PLAYS, laptop=BUDGETS["laptop"], server=BUDGETS["server"])]
     parts += ["## All suites\n", overall_table(rows, table, board, overall)]
-    parts += ["![Score, success, and what success gains on causal twins, by axis](profile.png)\n", "## By axis\n", AXES_NOTE]
+    parts += [
+        "![Score, success, and what success gains on causal twins, by axis](profile.png)\n",
+        "## By axis\n",
+        AXES_NOTE,
+    ]
     parts += [
         f"{WORDS_OF[one]}; in brackets, how many suites there are:\n\n{axes_table(select(board, quantity=one), suites)}"
         for one in COMPARED

@@ -238,7 +238,8 @@ def test_a_trained_row_resumes_replays_and_can_be_made_again(tmp_path, capsys):
     assert "1 of 1 pieces are there" in capsys.readouterr().out
     for folder in tmp_path.glob("place-few-v1-*"):
         assert (folder / "evaluations" / "benchmark" / "network.npz").exists()
-    elsewhere = dataclasses.replace(again(config, row), rows=str(tmp_path / "other"))
+    (same,) = again(config, row)
+    elsewhere = dataclasses.replace(same, rows=str(tmp_path / "other"))
     make_row(elsewhere)  # of the finished run
     assert read_row(elsewhere.folder / "ppo-state-open").hash == row.hash
     with pytest.raises(ConfigError, match="holds the rows themselves"):
@@ -268,6 +269,16 @@ def test_actions_of_a_method_from_outside_can_be_those_on_twins(tmp_path):
         RunFolderError, match="there are actions of 'twin-Hue', and the level sets are train, test, twin-"
     ):
         row_made_here(config_of(tmp_path, actions=str(tmp_path / "given"), row="other"), WITH_TWINS)
+
+
+def test_what_makes_a_row_again_are_its_own_suites_and_seeds(tmp_path):
+    for row in (read_row(SHIPPED / name) for name in ("idle", "script", "ppo_fast-state-laptop")):
+        found = [
+            (name, seed) for one in again(config_of(tmp_path), row) for name in one.suites for seed in one.all_seeds()
+        ]
+        assert sorted(found) == sorted((piece.suite, piece.seed) for piece in row.pieces)
+    gaps = dataclasses.replace(row, pieces=tuple(one for one in row.pieces if one.seed != 2))
+    assert sorted((one.run.seed, one.seeds) for one in again(config_of(tmp_path), gaps)) == [(1, 1), (3, 1)]
 
 
 SHIPPED_ROWS = sorted(path.parent.name for path in SHIPPED.glob(f"*/{ROW}"))
