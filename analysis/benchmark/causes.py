@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.causes import profile_of_causes
-from analysis.tables import keep, select
+from analysis.tables import keep, pick, select
 from experiments.benchmarking.protocol import CONTROL, TWIN
 from experiments.benchmarking.row import Row
 from segar.suites import Cause
@@ -42,7 +42,7 @@ def causes_of_rows(rows: Sequence[Row]) -> pd.DataFrame:
     if not kept:
         return pd.DataFrame(columns=["row", "suite", "seed", "group", "differs", "effect"])
     table = pd.concat(kept, ignore_index=True)
-    return table[["row", *(name for name in table if name != "row")]]
+    return pick(table, ["row", *(str(name) for name in table if name != "row")])
 
 
 def shift_effects(causes: pd.DataFrame) -> dict[tuple[str, str, int], float]:
