@@ -1,0 +1,22 @@
+"""The designs of the experiments give the verdicts the data that their rules ask for."""
+
+from analysis.report.rules import LEAST_BLOCKS
+from experiments.commands.config_store import register_settings
+from experiments.commands.hydra_app import compose_data, initialized
+from experiments.reproduce import SETTINGS, build
+from experiments.reproduction.grid import grid_runs
+
+WITHIN_ONE_PANEL = ("appendix_sac",)
+OVER_PANELS = ("figure_3a", "figure_5a", "appendix_mass", "appendix_memory", "matched_sets", "rule_sets", "trials")
+
+
+def test_a_verdict_has_blocks_enough_at_standard():
+    register_settings("reproduce", SETTINGS)
+    with initialized():
+        config = build(compose_data(["scale=standard"], "reproduce"))
+    grids = {one.name: one.grid for one in config.at_scale()}
+    for name in (*WITHIN_ONE_PANEL, *OVER_PANELS):
+        blocks = {(run.levels.train, run.seed) for run in grid_runs(grids[name], config.run)}
+        panels = {panel for panel, _ in blocks} if name in WITHIN_ONE_PANEL else {None}
+        for panel in panels:
+            assert len({one for one in blocks if panel in (None, one[0])}) >= LEAST_BLOCKS, f"{name}: {panel}"
