@@ -138,7 +138,7 @@ def appendix_sac(evidence: Evidence) -> Drawn | str:
         axes.set_title(panel_name(panel))
         axes.set_xlabel("thousand frames")
         axes.set_ylabel("return on test levels")
-    legend_below(figure, grid[0], 4, "algorithm, training levels")
+    legend_below(figure, grid[0], 2, "algorithm, training levels")
     return Drawn(figure, table)
 
 
