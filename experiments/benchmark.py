@@ -186,19 +186,21 @@ def make_again(config: BenchmarkConfig) -> None:
     Raises:
         ConfigError: the rows would be written over themselves.
     """
-    rows = named_rows(config.again, config)
+    elsewhere = [place for place in config.places if place != config.folder]  # so that the same command goes on
+    rows = named_rows(config.again, elsewhere or config.places)
     if any(row.folder.parent == config.folder for row in rows):
         raise ConfigError(f"rows: {config.folder} holds the rows themselves; name another folder: rows=FOLDER")
     known = [row for row in rows if row.method.kind == "networks" or row.method.name in PLAYERS]
     for row in (row for row in rows if row not in known):
         print(f"row {row.method.name}: {row.method.says}: it was made elsewhere, and is verified, not made again")
     todo = [part for row in known for part in again(config, row)]
-    for dry_run in (True, False)[: 2 - config.dry_run]:
-        for one in todo:
-            make_row(dataclasses.replace(one, dry_run=dry_run))
-        seconds = sum(map(seconds_of, todo)) / (config.processes or cores())
-        if dry_run:
-            print(f"all rows: about {in_minutes(seconds)} with {config.processes or cores()} at a time", flush=True)
+    for one in todo:
+        make_row(dataclasses.replace(one, dry_run=True))
+    processes = config.processes or cores()
+    seconds = sum(map(seconds_of, todo)) / processes
+    print(f"all rows: about {in_minutes(seconds)} with {processes} at a time", flush=True)
+    for one in () if config.dry_run else todo:
+        make_row(one)
     if config.report and not config.dry_run:
         report(config)
 
@@ -229,6 +231,8 @@ def seconds_of(config: BenchmarkConfig) -> float:
     """How long what a row lacks takes, in seconds, if all of it is made one after the other."""
     method, speeds = method_of(config), measure_speeds(runs_root(config.run))
     left = set(missing(config, method))
+    if not left:
+        return 0.0
     if method.kind != "networks":
         return len(left) * seconds_per_piece(config)
     runs = (run for run in runs_of(plan_of(config, method, left)) if (run.levels.train, run.seed) in left)
@@ -357,7 +361,7 @@ def show(row: Row) -> None:
 def verify_rows(config: BenchmarkConfig) -> None:
     """Plays rows again; raises :class:`SegarError` for the first that is not what it says."""
     suites = () if config.suites == DEFAULT_SUITES else suites_named(config.suites)
-    for row in named_rows(config.verify, config):
+    for row in named_rows(config.verify, config.places):
         began = time.monotonic()
         count = verify(row, suites, say=lambda line: print(line, flush=True))
         print(
@@ -367,12 +371,12 @@ def verify_rows(config: BenchmarkConfig) -> None:
         )
 
 
-def named_rows(names: Sequence[str], config: BenchmarkConfig) -> list[Row]:
-    """The rows of these names, or all; raises :class:`SegarError` where there is none, or a damaged one."""
+def named_rows(names: Sequence[str], places: Sequence[Path]) -> list[Row]:
+    """The rows of these names in some folders, or all; raises :class:`SegarError` where there is none, or a damaged one."""
     if tuple(names) == (ALL,):
-        names = sorted(str(path.parent) for place in config.places for path in place.glob(f"*/{ROW}"))
-        require(bool(names), "rows", str(config.folder), "a folder with rows")
-    return [read_row(row_folder(name, config.places)) for name in names]
+        names = sorted(str(path.parent) for place in places for path in place.glob(f"*/{ROW}"))
+        require(bool(names), "rows", str(places[0]), "a folder with rows")
+    return [read_row(row_folder(name, places)) for name in names]
 
 
 DEFAULT_SUITES = BenchmarkConfig().suites

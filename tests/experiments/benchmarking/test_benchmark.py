@@ -242,6 +242,12 @@ def test_a_trained_row_resumes_replays_and_can_be_made_again(tmp_path, capsys):
     elsewhere = dataclasses.replace(same, rows=str(tmp_path / "other"))
     make_row(elsewhere)  # of the finished run
     assert read_row(elsewhere.folder / "ppo-state-open").hash == row.hash
+    capsys.readouterr()
+    places = {"again": (str(row.folder),), "rows": str(tmp_path / "third")}
+    for _ in range(2):  # the second time, there is nothing left to make
+        benchmark(dataclasses.replace(config, **places))
+    assert "all rows: about 0 s" in capsys.readouterr().out
+    assert read_row(tmp_path / "third" / "ppo-state-open").hash == row.hash
     with pytest.raises(ConfigError, match="holds the rows themselves"):
         benchmark(dataclasses.replace(config, again=("ppo-state-open",)))
 
