@@ -187,7 +187,8 @@ def make_again(config: BenchmarkConfig) -> None:
         ConfigError: the rows would be written over themselves.
     """
     elsewhere = [place for place in config.places if place != config.folder]  # so that the same command goes on
-    rows = named_rows(config.again, elsewhere or config.places)
+    every = tuple(config.again) == (ALL,)
+    rows = named_rows(config.again, elsewhere if every and elsewhere else [*elsewhere, config.folder])
     if any(row.folder.parent == config.folder for row in rows):
         raise ConfigError(f"rows: {config.folder} holds the rows themselves; name another folder: rows=FOLDER")
     known = [row for row in rows if row.method.kind == "networks" or row.method.name in PLAYERS]
