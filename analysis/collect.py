@@ -2,11 +2,11 @@
 
 ``DIR`` is a results folder of ``experiments.reproduce``, whose ``plan.json`` names the runs. Written there:
 
-``runs.parquet``           one row per finished run, see :func:`run_row`
+``runs.parquet``           one row per finished run, see :func:`analysis.collected_rows.run_row`
 ``transfers.parquet``      one row per run and other test set: the same figures on that test set
 ``levels.parquet``         one row per run, test set, action mode and level: for bootstraps over levels
 ``curves.parquet``         one row per run, figure and time
-``probes.parquet``         the results of the probes, see :func:`probe_rows`
+``probes.parquet``         the results of the probes, see :func:`analysis.collected_rows.probe_rows`
 ``tables/<experiment>.csv``  the rows of runs and transfers that belong to an experiment
 ``missing.csv``            the runs and tests that are planned and not finished
 
@@ -17,23 +17,21 @@ import dataclasses
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import product
 from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 import pandas as pd
 
+from analysis.collected_rows import OWN, curve_rows, level_rows, probe_rows, run_row, transfer_row
 from analysis.distances import COMMON, count_pairs, in_one_unit, own_levels, transfer_levels
 from analysis.runs import shared_levels, training_sets
-from analysis.tables import column, performance, select, write_csv
+from analysis.tables import column, select, write_csv
 from experiments.commands.hydra_app import run_simple_command
 from experiments.reproduction.experiment_file import PLAN, STUDY
-from experiments.reproduction.grid import name_with_options, run_columns, varied_columns
+from experiments.reproduction.grid import run_columns, varied_columns
 from experiments.reproduction.imported_results import RUNS, TRANSFERS
-from experiments.runs.executed_code import combined
 from experiments.runs.files import replacing
-from experiments.runs.journal import read_journal
 from experiments.runs.run_folder import (
     EPISODES,
     EVALUATIONS,
@@ -45,22 +43,14 @@ from experiments.runs.run_folder import (
     read_evaluation,
     read_metrics,
     read_summary,
-    read_versions,
 )
-from experiments.runs.run_rows import figures_of, result_figures
-from experiments.runs.versions import computed_with
-from experiments.settings import ACTION_MODES, RunConfig, RunFolderError, panel_parts
+from experiments.settings import RunFolderError
 from segar.errors import SegarError
-from segar.levels import SEPARATOR
 
 LEVELS, CURVES = "levels.parquet", "curves.parquet"
 FILES = {"runs": RUNS, "transfers": TRANSFERS, "levels": LEVELS, "curves": CURVES, "probes": PROBES}  # of all tables
-PROBE_DIGITS = {"estimate": 3, "low": 3, "high": 3, "entropy": 3, "p": 4}  # after the point, in the table of probes
 MOST_MISSING = 20  # runs and tests that are named one by one
 TABLES, MISSING = "tables", "missing.csv"
-OWN = "own"  # the test set that a run has by itself
-# The figures over time that reports draw.
-CURVES_OF = ("episode/return", "episode/success", "evaluation/test/return/deterministic")
 WHICH = ["family", "difficulty", "n", "algorithm", "observation", "task", "variation", "design", "seed", "run", "test"]
 
 
@@ -82,6 +72,20 @@ class Collected:
     curves: pd.DataFrame
     probes: pd.DataFrame
     missing: pd.DataFrame
+
+
+@dataclass
+class Asked:
+    """What the experiments of a plan ask of a run; each thing has the title of the first experiment that asks for it.
+
+    Attributes:
+        title: for the run. experiments: their names. transfers: by their names. probes: empty where none asks for them.
+    """
+
+    title: str
+    experiments: list[str] = dataclasses.field(default_factory=list)
+    transfers: dict[str, str] = dataclasses.field(default_factory=dict)
+    probes: str = ""
 
 
 def collect(config: CollectConfig) -> Collected:
@@ -147,19 +151,15 @@ def read_runs(plan: Mapping[str, Any]) -> Collected:
     transferred, asked = (
         set(pairs(join(tables[name]), "run", key)) for name, key in (("transfers", "transfer"), ("probes", "run"))
     )
-    for name, (experiments, wanted, probed) in sorted(runs_of(plan).items()):
+    for name, one in sorted(runs_of(plan).items()):
         folder = root / name
         if name in imported:
-            lacking = [one for one in wanted if (name, one) not in transferred]
-            lacking += ["probes"] if probed and (name, name) not in asked else []
-            missing += [
-                {"run": name, "reason": f"the imported tables lack {one}", "experiment": asked_by(plan, name, one)}
-                for one in lacking
-            ]
+            lacking = {what: title for what, title in one.transfers.items() if (name, what) not in transferred}
+            lacking |= {"probes": one.probes} if one.probes and (name, name) not in asked else {}
+            missing += [(name, f"the imported tables lack {what}", title) for what, title in lacking.items()]
             continue
         if not is_finished(folder):
-            reason = "not finished" if folder.exists() else "not begun"
-            missing.append({"run": name, "reason": reason, "experiment": asked_by(plan, name)})
+            missing.append((name, "not finished" if folder.exists() else "not begun", one.title))
             continue
         config, summary = read_config(folder), read_summary(folder)
         place = run_columns(config, name)
@@ -167,21 +167,19 @@ def read_runs(plan: Mapping[str, Any]) -> Collected:
         place |= varied_columns(config, varied)
         if config.levels.seed != config.seed:
             place["levels.seed"] = config.levels.seed
-        runs.append(run_row(folder, config, summary, episodes, place, experiments))
+        runs.append(run_row(folder, config, summary, episodes, place, one.experiments))
         tables["levels"].append(level_rows(episodes, {**place, "test": OWN}))
         tables["curves"].append(curve_rows(folder, place))
-        if probed and (folder / PROBES).exists():
+        if one.probes and (folder / PROBES).exists():
             tables["probes"].append(probe_rows(folder, place))
-        elif probed:
-            reason = "probes are not finished"
-            missing.append({"run": name, "reason": reason, "experiment": asked_by(plan, name, "probes")})
-        for transfer in wanted:
+        elif one.probes:
+            missing.append((name, "probes are not finished", one.probes))
+        for transfer, title in one.transfers.items():
             there = folder / EVALUATIONS / transfer
             tested = read_evaluation(there)
             lacks = " is not finished" if tested is None else of_another_agent(folder, tested)
             if tested is None or lacks:
-                reason = transfer + lacks
-                missing.append({"run": name, "reason": reason, "experiment": asked_by(plan, name, transfer)})
+                missing.append((name, transfer + lacks, title))
                 continue
             played = pd.read_parquet(there / EPISODES)
             row = transfer_row(tested, played, episodes, place, transfer)
@@ -271,7 +269,7 @@ def imported_rows(plan: Mapping[str, Any], runs: set[str]) -> dict[str, list[pd.
                 found[name].append(cast(pd.DataFrame, table.loc[table["run"].isin(sorted(here))]))
         if here:
             own = found["runs"][-1]
-            needed_by = [" ".join(asked[run][0]) for run in own["run"]]
+            needed_by = [" ".join(asked[run].experiments) for run in own["run"]]
             found["runs"][-1] = own.assign(experiments=needed_by, finished=own.get("finished", ""))
     if left:
         raise RunFolderError(
@@ -294,172 +292,17 @@ def with_level_seeds(table: pd.DataFrame) -> pd.DataFrame:
     return table.assign(**{"levels.seed": table["levels.seed"].fillna(table["seed"]).astype(np.int64)})
 
 
-def asked_by(plan: Mapping[str, Any], name: str, what: str = "") -> str:
-    """The title of the first experiment that asks for a run; with ``what``, for this transfer of it, or its ``"probes"``."""
-    return next(
-        experiment["title"]
-        for experiment in plan["experiments"]
-        for run in experiment["runs"]
-        if run["folder"] == name and (not what or what in run["transfers"] or (what == "probes" and run["probes"]))
-    )
-
-
-def runs_of(plan: Mapping[str, Any]) -> dict[str, tuple[list[str], list[str], bool]]:
-    """For each run of a plan: the names of its experiments, their transfers, and whether one of them wants probes."""
-    found: dict[str, tuple[list[str], list[str], bool]] = {}
+def runs_of(plan: Mapping[str, Any]) -> dict[str, Asked]:
+    """What a plan asks of each run."""
+    found: dict[str, Asked] = {}
     for experiment in plan["experiments"]:
+        title = experiment["title"]
         for run in experiment["runs"]:
-            names, transfers, probed = found.get(run["folder"], ([], [], False))
-            more = [one for one in run["transfers"] if one not in transfers]
-            found[run["folder"]] = [*names, experiment["name"]], transfers + more, probed or run.get("probes", False)
+            one = found.setdefault(run["folder"], Asked(title))
+            one.experiments.append(experiment["name"])
+            one.transfers |= {name: title for name in run["transfers"] if name not in one.transfers}
+            one.probes = one.probes or (title if run.get("probes", False) else "")
     return found
-
-
-def run_row(
-    folder: Path,
-    config: RunConfig,
-    summary: Mapping[str, Any],
-    episodes: pd.DataFrame,
-    place: Mapping[str, Any],
-    experiments: Sequence[str],
-) -> dict[str, Any]:
-    """A row of ``runs.parquet``: the settings of a run and its results.
-
-    ``experiments`` (joined by spaces), the place, ``hash``, ``frames``, ``hours`` of training and evaluation,
-    ``w2_<mode>``, ``ks``, ``effective_number``, ``entropy``, ``entropy_left_out``, ``radius``, and for each action mode
-    what :func:`analysis.tables.performance` gives: ``eta_train_deterministic``, ``success_test_sampled``,
-    ``gap_deterministic``, ``gap_se_deterministic`` and so on; the task's own results; ``finished``, and what :func:`software`
-    gives.
-    """
-    seconds = summary["seconds"] + summary.get("evaluation_seconds", 0.0)
-    ends = [entry["time"] for entry in read_journal(folder) if entry["event"] == "finished"]
-    return {
-        "experiments": " ".join(experiments),
-        **place,
-        "test": OWN,
-        "hash": config.hash(),
-        "frames": summary["frames"],
-        "test_levels": config.levels.test_count,
-        **distances(summary),
-        **performance_by_mode(episodes),
-        **task_results(episodes),
-        **success_by_trial(episodes),
-        "hours": seconds / 3600,
-        "finished": ends[-1] if ends else "",
-        **software(read_versions(folder)),
-    }
-
-
-def software(versions: Mapping[str, Any]) -> dict[str, str]:
-    """``code`` (fingerprint), ``commit`` (of the checkout, a + behind it if files differed; empty outside of one),
-    ``libraries`` (Python and what decides results, with their versions) and ``computed_with`` (instruction set, precision,
-    threads, processor) of a run's versions.json."""
-    git = versions["git"]
-    libraries = {"python": versions["python"], **versions["libraries"]}
-    return {
-        "code": combined(without_levels(versions["code"])),
-        "commit": git["commit"] + ("+" if git["changed"] else "") if git else "",
-        "libraries": ", ".join(f"{name} {version}" for name, version in libraries.items() if version),
-        "computed_with": computed_with(versions),
-    }
-
-
-def without_levels(code: Mapping[str, str] | str) -> Mapping[str, str] | str:
-    """The parts of the code but for the levels, which are data: each distribution has its own."""
-    return code if isinstance(code, str) else {name: part for name, part in code.items() if name != "levels"}
-
-
-def transfer_row(
-    summary: Mapping[str, Any], played: pd.DataFrame, episodes: pd.DataFrame, place: Mapping[str, Any], folder: str
-) -> dict[str, Any]:
-    """What an agent achieved on other levels, named ``test``, beside what it achieves on its training levels."""
-    asked = summary["transfer"]
-    mixture = asked.get("mixture") or {}
-    family, difficulty = panel_parts(asked["panel"])
-    whole = pd.concat([select(episodes, levels="train"), played], ignore_index=True)
-    return {
-        **place,
-        "test": asked["label"],
-        "test_family": family,
-        "test_difficulty": difficulty,
-        "test_variation": asked["variation"],
-        "test_observation": name_with_options(asked["observation"]["name"], asked["observation"]["options"]),
-        "test_changed": SEPARATOR.join(mixture.get("changed", ())),
-        "test_groups": SEPARATOR.join(mixture.get("groups", ())),
-        "test_levels": asked["test_count"],
-        "transfer": folder,
-        **distances(summary),
-        **performance_by_mode(whole),
-        **task_results(whole),
-        **success_by_trial(whole),
-    }
-
-
-def distances(summary: Mapping[str, Any]) -> dict[str, float]:
-    """W2 in each mode, KS, and the diversity of the training levels where it is known."""
-    w2 = {f"w2_{name.removeprefix('w2/')}": value for name, value in sorted(summary.items()) if name.startswith("w2/")}
-    more = {n.removeprefix("diversity/"): value for n, value in summary.items() if n.startswith("diversity/")}
-    return {**w2, "ks": summary.get("ks", float("nan")), **more}
-
-
-def performance_by_mode(episodes: pd.DataFrame) -> dict[str, float]:
-    """:func:`analysis.tables.performance` of each action mode, its name behind each column."""
-    parts = {mode: select(episodes, action_mode=mode) for mode in ACTION_MODES}
-    return {f"{key}_{mode}": value for mode, part in parts.items() for key, value in performance(part).items()}
-
-
-def task_results(episodes: pd.DataFrame) -> dict[str, float]:
-    """Means of the task's own results, e.g. ``results/charge_test_deterministic``."""
-    rows = episodes.to_dict("records")
-    found: dict[str, float] = {}
-    for levels, mode in product(("train", "test"), ACTION_MODES):
-        found |= result_figures(rows, levels, mode)
-    return figures_of(found)
-
-
-def success_by_trial(episodes: pd.DataFrame) -> dict[str, float]:
-    """The share of levels that are solved in each trial, e.g. ``success_trial_0_test_deterministic``; none without trials."""
-    if "trial" not in episodes or column(episodes, "trial").max() == 0:
-        return {}
-    keys = ["trial", "levels", "action_mode"]
-    means = pd.DataFrame(episodes.groupby(keys, as_index=False)["success"].mean()).to_dict("records")
-    return {
-        f"success_trial_{one['trial']}_{one['levels']}_{one['action_mode']}": float(one["success"]) for one in means
-    }
-
-
-def level_rows(episodes: pd.DataFrame, place: Mapping[str, Any]) -> pd.DataFrame:
-    """Means over the episodes on each level: ``return``, ``return_ref``, ``length``, ``success``, ``death``, ``episodes``."""
-    groups = episodes.groupby(["levels", "action_mode", "level"], sort=True)
-    means = cast(pd.DataFrame, groups[["return", "return_ref", "length", "success", "death"]].mean())
-    table = means.assign(episodes=groups.size()).reset_index()
-    for position, name in enumerate(("run", "test")):
-        table.insert(position, name, place[name])
-    return table
-
-
-def curve_rows(folder: Path, place: Mapping[str, Any], names: Sequence[str] = CURVES_OF) -> pd.DataFrame:
-    """The figures over time that are drawn: ``run``, ``name``, ``frames``, ``value``."""
-    metrics = read_metrics(folder).to_pandas()
-    table = cast(pd.DataFrame, metrics.loc[metrics["name"].isin(names), ["name", "frames", "value"]])
-    table = table.reset_index(drop=True)
-    table.insert(0, "run", place["run"])
-    return table
-
-
-def probe_rows(folder: Path, place: Mapping[str, Any]) -> pd.DataFrame:
-    """The run's table of :func:`analysis.probes.table.probe_run` behind the columns that say what the run is; its ``n``,
-    of independent units, is called ``units`` here, where ``n`` counts training levels.
-
-    So that the file stays small, numbers are rounded to below their errors, and the nats of single factors are left out:
-    they are ``fraction`` times ``entropy``.
-    """
-    table = pd.read_parquet(folder / PROBES).drop(columns="run").rename(columns={"n": "units"})
-    table = cast(pd.DataFrame, table.loc[(table["factor"] == "all") | (table["quantity"] != "information")])
-    table = table.assign(**{name: table[name].astype("float32").round(digits) for name, digits in PROBE_DIGITS.items()})
-    for k, (name, value) in enumerate(place.items()):
-        table.insert(k, name, value)
-    return table
 
 
 def sort_rows(table: pd.DataFrame) -> pd.DataFrame:

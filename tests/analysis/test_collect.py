@@ -7,7 +7,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.collect import CollectConfig, collect, software
+from analysis.collect import CollectConfig, collect
+from analysis.collected_rows import software
 from analysis.plotting.style import colours
 from experiments.reproduce import ReproduceConfig, write_plan
 from experiments.reproduction.experiment_file import experiment_at

@@ -76,6 +76,7 @@ ORDER = [
     "analysis.probes",
     "analysis.studies",
     "analysis.experiment_runs",
+    "analysis.collected_rows",
     "analysis.collect",
     "analysis.curves",
     "analysis.renderings",
