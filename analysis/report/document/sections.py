@@ -14,13 +14,13 @@ from analysis.report.claims.evidence import Evidence
 from analysis.report.document import beyond, tables
 from analysis.report.document.blocks import Block, Bullets, Document, Heading, Paragraph, Picture, Table, Verdict
 from analysis.report.document.files import as_block
+from analysis.report.document.missing import what_is_missing
 from analysis.report.number_format import estimate_text, listed, plain
 from analysis.report.rules import MARGINS, RULES, SHA256, WRITTEN
 from analysis.tables import column, count_of, select
 
 PAPER_FRAMES, PAPER_TEST_LEVELS = 1_000_000, 500
 SUCCESS = "success_test_deterministic"
-MOST_NAMED = 8  # of what is missing; more is summed up by experiments
 GLOSSARY = (
     "**Level**: one start of the task. **Training levels**: the n levels that an agent practises on. **Test levels**: others "
     "from the same distribution, 300 per panel unless said otherwise.",
@@ -166,34 +166,6 @@ def number(one: Finding) -> str:
     """An estimate with its interval and what it rests on."""
     name = "r" if one.measure.endswith("Pearson r") else "difference"
     return estimate_text(one.found, name)
-
-
-def what_is_missing(evidence: Evidence) -> list[Block]:
-    """A warning about what was planned and is not in the tables; nothing where all is."""
-    missing = evidence.all_results.missing_runs()
-    if not missing:
-        return []
-    by_experiment = evidence.all_results.missing_by_experiment()
-    if len(missing) <= MOST_NAMED or not by_experiment:
-        shown = ", ".join(missing[:MOST_NAMED]) + (" and others" if len(missing) > MOST_NAMED else "")
-        count = f"{len(missing)} runs or tests"
-    else:
-        runs, tests = (sum(one[i] for one in by_experiment.values()) for i in range(2))
-        words = [f"{title} ({_missing_in_words(*numbers)})" for title, numbers in by_experiment.items()]
-        shown = "; ".join(words) + ". Each is named in `missing.csv`"
-        count = _missing_in_words(runs, tests)
-    return [
-        Paragraph(
-            f"**Of what was planned, {count} are missing**, and the report does without them: {shown}.", "warning"
-        )
-    ]
-
-
-def _missing_in_words(runs: int, tests: int) -> str:
-    """How much is missing: runs, and runs of which only tests or probes are."""
-    counted = {many: f"{many:,} run{'s' * (many != 1)}" for many in (runs, tests)}
-    parts = [counted[runs]] * (runs > 0) + [f"tests or probes of {counted[tests]}"] * (tests > 0)
-    return " and ".join(parts)
 
 
 def frames_of(table: pd.DataFrame) -> str:

@@ -8,7 +8,8 @@ import pandas as pd
 from analysis.report.claims.claim import Claim
 from analysis.report.document.blocks import Block, Bullets, Document, Heading, Paragraph, Picture, Table, Verdict
 from analysis.report.document.files import as_block
-from analysis.report.document.sections import how_verdicts_are_decided, what_is_missing, what_was_run
+from analysis.report.document.missing import what_is_missing
+from analysis.report.document.sections import how_verdicts_are_decided, what_was_run
 from analysis.report.document.tables import means
 from analysis.report.number_format import effect, estimate_text, plain
 from analysis.report.results import ETA, paired
