@@ -9,9 +9,8 @@ from analysis.causes import profile_of_causes
 from analysis.tables import keep, pick, select
 from experiments.benchmarking.protocol import CONTROL, TWIN
 from experiments.benchmarking.row import Row
-from segar.suites import Cause
+from segar.suites import ALL_THAT_DIFFERS, Cause
 
-ALL = "all"  # the group of all factors that differ, which suites have in which several do
 EFFECT = "shift_effect"
 """What success gains on twins in which all that differs is as in training: the column of figures of a row, suite and seed."""
 
@@ -49,12 +48,9 @@ def shift_effects(causes: pd.DataFrame) -> dict[tuple[str, str, int], float]:
     """Row, suite and seed to the effect of all that differs between training and test: of the group ``all``, or of the only one
     that differs."""
     differing = select(causes, differs=True)
-    found = {}
-    for _, part in differing.groupby(["row", "suite", "seed"]):
-        whole = part if len(part) == 1 else select(part, group=ALL)
-        for line in whole.to_dict("records"):
-            found[line["row"], line["suite"], line["seed"]] = line["effect"]
-    return found
+    alone = ~differing.duplicated(["row", "suite", "seed"], keep=False)
+    whole = keep(differing, alone | (differing["group"] == ALL_THAT_DIFFERS))
+    return {(one["row"], one["suite"], one["seed"]): one["effect"] for one in whole.to_dict("records")}
 
 
 def effects_on(name: str, causes: pd.DataFrame) -> pd.DataFrame:
@@ -62,4 +58,4 @@ def effects_on(name: str, causes: pd.DataFrame) -> pd.DataFrame:
     ``differs``, ``effect``, ``effect_low``, ``effect_high``, ``runs``."""
     of_suite = keep(causes, causes["suite"] == name)
     found = [profile_of_causes(part).assign(row=row) for row, part in of_suite.groupby("row", sort=True)]
-    return pd.concat(found, ignore_index=True) if found else pd.DataFrame(columns=["row", "group", "differs", "effect"])
+    return pd.concat(found, ignore_index=True)

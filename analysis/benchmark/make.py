@@ -49,7 +49,9 @@ def report_rows(
     """
     folder = folder.resolve()
     found = rows_in(dict.fromkeys((folder, SHIPPED)))
-    rows, table = by_name(found), figures_of(found)
+    rows = by_name(found)
+    causes = causes_of_rows([rows[name] for name in sorted(rows)])
+    table = figures_of(found, causes)
     here = [name for name, one in rows.items() if one.folder.parent == folder]
     if folder == SHIPPED:
         names = [name for name in CORE if name in set(table["suite"])]
@@ -61,7 +63,6 @@ def report_rows(
         print(suite_table(table.loc[table["row"] == row]))
         print(overall_table(rows, table, board, suites[OVERALL]))
     improved, shares = improvements(table, suites[OVERALL]), profiles(table, suites[OVERALL])
-    causes = causes_of_rows([rows[name] for name in sorted(rows)])
     tables = {SCORES: table, BOARD: board, IMPROVEMENT: improved, PROFILES: shares, CAUSES: causes}
     for name, one in tables.items():
         write_csv(folder / name, one, DIGITS)

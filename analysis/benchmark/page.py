@@ -111,9 +111,9 @@ actions, the third one takes files of actions. Add the folder of the row and thi
 WORDS_OF = {"score": "Score on test levels", "test_success": "Success on test levels"}
 
 
-def markdown(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
-    """A table in Markdown, whose first column is text and the others numbers."""
-    rule = ["---", *["--:"] * (len(head) - 1)]
+def markdown(head: Sequence[str], lines: Iterable[Sequence[str]], texts: int = 1) -> str:
+    """A table in Markdown, whose first columns are text and the others numbers."""
+    rule = ["---"] * texts + ["--:"] * (len(head) - texts)
     return "\n".join(f"| {' | '.join(line)} |" for line in [head, rule, *lines]) + "\n"
 
 
@@ -173,8 +173,7 @@ def causes_text(causes: pd.DataFrame, suites: Mapping[str, Sequence[str]]) -> st
             of = {one["row"]: one for one in part.to_dict("records")}
             cells = [interval(_as_estimate(of[row])) if row in of else "–" for row in rows]
             lines.append([name, f"**{group}**" if differs else group, *cells])
-    text = markdown(["suite", "group", *(f"`{row}`" for row in rows)], lines)
-    return text.replace("| --- | --: |", "| --- | --- |", 1)  # the group is text, too
+    return markdown(["suite", "group", *(f"`{row}`" for row in rows)], lines, texts=2)
 
 
 def _as_estimate(line: Mapping[str, float]) -> dict[str, float]:

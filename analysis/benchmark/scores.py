@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from analysis.benchmark.causes import EFFECT, causes_of_rows, shift_effects
+from analysis.benchmark.causes import EFFECT, shift_effects
 from analysis.stats.scores import aggregates, performance_profiles, probability_of_improvement
 from analysis.tables import Floats, keep, pick, select
 from experiments.benchmarking.protocol import PLAYERS, REFERENCES, SIDES
@@ -37,16 +37,19 @@ def by_name(rows: Iterable[Row]) -> dict[str, Row]:
     return {row.method.name: row for row in reversed([*rows])}
 
 
-def figures_of(rows: Sequence[Row]) -> pd.DataFrame:
+def figures_of(rows: Sequence[Row], causes: pd.DataFrame) -> pd.DataFrame:
     """One line per row, suite and seed: ``row``, ``axis``, ``suite``, ``suite_hash``, ``seed`` and :data:`FIGURES`; of rows of
     one name, the first one.
 
     Returns and their regret are in units of return; the gap is the return on test levels minus that on training levels. A
     score is missing where no row of the references has played the levels, and the effect of the shift where no twins were.
+
+    Args:
+        causes: of :func:`analysis.benchmark.causes.causes_of_rows`.
     """
     means = {row.folder: LevelMeans(row) for row in rows}
     players = {name: [means[row.folder] for row in rows if row.method.name == name] for name in REFERENCES}
-    effects = shift_effects(causes_of_rows([*by_name(rows).values()]))
+    effects = shift_effects(causes)
     lines = []
     for name, row in sorted(by_name(rows).items()):
         own = means[row.folder]

@@ -25,7 +25,7 @@ from segar.levels import (
 from segar.suites.suite_file import HASH_DIGITS, Suite
 from segar.support import is_whole
 
-PLACE, KINDS, RULES_GROUP, LOOK, OTHERS, ALL = "place", "entities", "rules", "look", "others", "all"
+PLACE, KINDS, RULES_GROUP, LOOK, OTHERS, ALL_THAT_DIFFERS = "place", "entities", "rules", "look", "others", "all"
 """Names of groups; any other group has the name of its factor or world parameter."""
 NAMES = {Position.__name__: PLACE, ENTITIES: KINDS, "World": RULES_GROUP}
 SAYS = {
@@ -34,7 +34,7 @@ SAYS = {
     RULES_GROUP: "the rules and their constants",
     LOOK: "the textures",
     OTHERS: "all other factors that vary",
-    ALL: "all that differs between training and test",
+    ALL_THAT_DIFFERS: "all that differs between training and test",
 }
 SPLIT = "twins"  # of the levels that give factors
 BLOCK, MOST_BLOCKS = 512, 40  # levels that give factors, drawn at once; and how often
@@ -176,7 +176,7 @@ def _groups(suite: Suite) -> dict[str, tuple[tuple[str, ...], bool]]:
     differing = [name for name in of_test if of_test[name] != of_train.get(name)]
     found: dict[str, tuple[tuple[str, ...], bool]] = {NAMES.get(name, name): ((name,), True) for name in differing}
     if len(differing) > 1:
-        found[ALL] = (tuple(differing), True)
+        found[ALL_THAT_DIFFERS] = (tuple(differing), True)
     if suite.textures and suite.textures[0] != suite.textures[1]:
         found[LOOK] = ((), True)
     drawn = drawn_mechanisms(suite.test) - set(differing)

@@ -21,8 +21,13 @@ MADE = (SCORES, BOARD, IMPROVEMENT, PROFILES, CAUSES)
 
 
 @pytest.fixture(scope="module")
-def table():
-    return figures_of(rows_in([SHIPPED]))
+def causes():
+    return causes_of_rows(rows_in([SHIPPED]))
+
+
+@pytest.fixture(scope="module")
+def table(causes):
+    return figures_of(rows_in([SHIPPED]), causes)
 
 
 @pytest.fixture(scope="module")
@@ -124,8 +129,7 @@ def test_of_several_groups_that_differ_the_shift_is_all_of_them():
     assert shift_effects(causes) == {("mine", "a-v1", 1): 0.4}
 
 
-def test_every_row_but_the_references_has_the_effect_of_the_shift_where_training_and_test_differ(table):
-    causes = causes_of_rows(rows_in([SHIPPED]))
+def test_every_row_but_the_references_has_the_effect_of_the_shift_where_training_and_test_differ(table, causes):
     assert {*causes["row"]} == {*table["row"]} - {*REFERENCES}
     shifted = {*causes.loc[causes["differs"], "suite"]}
     own = table.loc[~table["row"].isin(REFERENCES)]

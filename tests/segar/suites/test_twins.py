@@ -13,7 +13,7 @@ from segar.errors import LevelError, SegarError, SuiteError
 from segar.levels import hash_of_levels, mechanisms, set_as, with_mechanisms
 from segar.rules import DEFAULT_RULES, apply_friction, record_drag
 from segar.suites import find_causes, freeze, suite, suites, twins
-from segar.suites.causal_twins import ALL, KINDS, LOOK, OTHERS, PLACE, RULES_GROUP
+from segar.suites.causal_twins import ALL_THAT_DIFFERS, KINDS, LOOK, OTHERS, PLACE, RULES_GROUP
 
 LEVELS = 12
 EASY = {
@@ -65,15 +65,15 @@ def unlike(twin, levels):
 
 def test_groups_are_what_differs_and_controls_that_do_not(made):
     assert [(one.group, one.differs) for one in made.groups] == [
-        ("Mass", True), ("Gravity", True), (ALL, True), (PLACE, False), (KINDS, False), (OTHERS, False),
+        ("Mass", True), ("Gravity", True), (ALL_THAT_DIFFERS, True), (PLACE, False), (KINDS, False), (OTHERS, False),
     ]  # fmt: skip
-    assert made.differing == ("Mass", "Gravity", ALL) and made.note == ""
+    assert made.differing == ("Mass", "Gravity", ALL_THAT_DIFFERS) and made.note == ""
     assert made["Mass"].says == "the factor Mass" and made["Gravity"].says == "the world parameter Gravity"
 
 
 def test_a_twin_differs_from_its_level_in_its_group_only(made):
     of_group = {
-        "Mass": {"Mass"}, "Gravity": {"Gravity"}, ALL: {"Mass", "Gravity"}, PLACE: {"Position"},
+        "Mass": {"Mass"}, "Gravity": {"Gravity"}, ALL_THAT_DIFFERS: {"Mass", "Gravity"}, PLACE: {"Position"},
         OTHERS: {"Size", "Charge", "Magnetism", "StoredEnergy"},
     }  # fmt: skip
     for one in made.groups:
@@ -154,7 +154,7 @@ def test_a_policy_that_fails_where_the_mass_is_large_is_attributed_to_mass_and_t
     found = find_causes(FailsWhere(made, heavier_than(1.5)), made)
     assert found.on_levels.mean() == 0
     for cause in found.causes():
-        if cause.group in ("Mass", ALL):
+        if cause.group in ("Mass", ALL_THAT_DIFFERS):
             assert (
                 cause.attributed.value == 1 == cause.effect.value
                 and found.attributed_to(cause.group).sum() == cause.twins
