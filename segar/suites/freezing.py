@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from segar.envs import VectorEnv, play
-from segar.errors import SuiteError, did_you_mean
+from segar.errors import SuiteError
 from segar.hardness import PLAN_ARRAYS, Plan, make_starts, plan, random_episodes, replay
 from segar.language import Factor, Task
 from segar.levels import LevelDistribution, Levels, hash_of_levels, written
@@ -33,7 +33,6 @@ from segar.suites.suite_file import (
     suite_hash,
     task_from,
 )
-from segar.tasks import TASKS
 
 TEST_LEVELS = 200
 TEST_SEED = 0
@@ -116,8 +115,6 @@ def freeze(
             is written then.
     """
     path = Path(path)
-    if task not in TASKS:
-        raise SuiteError(f"{path}: task: no task is called '{task}'.{did_you_mean(task, TASKS)}")
     made = task_from(path, task, options or {})
     levels, plans, unsolved = _solved(path, test, test_levels, made, samples, iterations)
     description: dict[str, Any] = {

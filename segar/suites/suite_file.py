@@ -265,7 +265,10 @@ def distribution_of(path: Path, found: Mapping[str, Any], side: str) -> LevelDis
 
 
 def task_from(path: Path, name: str, options: Mapping[str, Any]) -> Task:
-    """The built-in task of this name with these options; raises :class:`SuiteError` where it does not take them."""
+    """The built-in task of this name with these options; raises :class:`SuiteError` where there is none, or it does not take
+    them."""
+    if name not in TASKS:
+        raise SuiteError(f"{path}: task: no task is called '{name}'.{did_you_mean(name, TASKS)}")
     try:
         return make_task(name, options)
     except SegarError as error:
