@@ -29,15 +29,15 @@ from experiments.settings import (
     as_data,
     import_object,
     level_file,
+    named_distributions,
 )
 from segar.cli import load_levels
 from segar.envs import VectorEnv
 from segar.errors import LevelError, RuleError, SegarError, did_you_mean
 from segar.language import Order, code_place
-from segar.levels import TASK_LEVELS, LevelDistribution, Levels, families, family
+from segar.levels import LevelDistribution, Levels, family
 from segar.metrics import design, matched_set, w2
 from segar.observations import OBSERVATIONS, trained_on
-from segar.suites import suites
 from segar.tasks import TASKS
 
 ENVS_PER_THREAD = 128  # with fewer, waking a thread after each call of the policy costs more time than it saves
@@ -200,12 +200,11 @@ def find_distribution(name: str, place: str) -> Any:
         if not hasattr(found, "sample"):
             raise ConfigError(f"{place}: '{name}' is no level distribution, nor a function that makes one")
         return found
-    known = (*families(), *TASK_LEVELS)
-    if name not in known:
-        raise ConfigError(
-            f"{place}: there is no level family or suite '{name}'.{did_you_mean(name, [*known, *suites()])}"
-        )
-    return family(name)
+    try:
+        return family(name)
+    except SegarError as error:
+        near = did_you_mean(name, named_distributions())
+        raise ConfigError(f"{place}: there is no level family or suite '{name}'.{near}") from error
 
 
 def observation_seen(config: RunConfig, which: str = "train") -> ObservationConfig:

@@ -108,6 +108,7 @@ from experiments.settings.run import (
     TrackingConfig,
     as_data,
     is_distribution,
+    named_distributions,
 )
 from experiments.settings.yaml_text import read_yaml
 
@@ -123,7 +124,7 @@ __all__ = [
     "TrackingError", "TrainingError", "UniformConfig", "Widths", "add_module_path", "added_later",
     "as_data", "class_named", "config_at", "construct", "design", "design_hash", "flat", "grid_point",
     "hand_on_password", "import_object", "is_distribution", "is_level_file", "kind_of", "label_in_0_1", "level_file",
-    "one_of", "panel_parts", "paper_grid", "paper_seeds", "path_of", "read_yaml", "require", "require_design",
-    "require_known", "require_seed", "run_config", "scheme", "sqlite_address", "that", "with_new_names",
+    "named_distributions", "one_of", "panel_parts", "paper_grid", "paper_seeds", "path_of", "read_yaml", "require",
+    "require_design", "require_known", "require_seed", "run_config", "scheme", "sqlite_address", "that", "with_new_names",
     "with_password", "without_files", "without_folder", "without_password",
 ]  # fmt: skip

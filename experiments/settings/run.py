@@ -56,12 +56,15 @@ def require_family(place: str, name: str) -> None:
         require_known(place, name, (panel.rpartition("-")[0] for panel in families()))
 
 
+def named_distributions() -> tuple[str, ...]:
+    """The names that SEGAR gives to level distributions: families with their difficulties, levels of tasks, suites."""
+    return (*families(), *TASK_LEVELS, *suites())
+
+
 def is_distribution(name: str) -> bool:
     """Whether ``name`` is that of one level distribution (``empty-hard``, ``billiards``, ``module:attribute``, a level file)
     rather than of a family, which has several difficulties."""
-    return (
-        name in (*families(), *TASK_LEVELS, *suites()) or is_level_file(name) or OBJECT_NAME.fullmatch(name) is not None
-    )
+    return name in named_distributions() or is_level_file(name) or OBJECT_NAME.fullmatch(name) is not None
 
 
 Family = Annotated[str, require_family]
