@@ -40,6 +40,7 @@ from typing import Any
 
 from omegaconf import DictConfig
 
+from experiments.benchmarking.again import again
 from experiments.benchmarking.method import method_of, settings_of
 from experiments.benchmarking.players import PlayerTask, action_file, make_piece
 from experiments.benchmarking.protocol import (
@@ -204,28 +205,6 @@ def make_again(config: BenchmarkConfig) -> None:
         make_row(one)
     if config.report and not config.dry_run:
         report(config)
-
-
-def again(config: BenchmarkConfig, row: Row) -> list[BenchmarkConfig]:
-    """The settings that make a row anew: of each range of seeds, for the suites that were played with them."""
-    ranges: dict[tuple[int, int], list[str]] = {}
-    for name in row.suites():
-        seeds = sorted(piece.seed for piece in row.pieces if piece.suite == name)
-        for first in (one for one in seeds if one - 1 not in seeds):
-            count = next(n for n in range(1, len(seeds) + 1) if first + n not in seeds)
-            ranges.setdefault((first, count), []).append(name)
-    return [_again(config, row.method, names, *seeds) for seeds, names in ranges.items()]
-
-
-def _again(config: BenchmarkConfig, method: Method, suites: Sequence[str], seed: int, seeds: int) -> BenchmarkConfig:
-    data = {key: value for key, value in as_data(config.run).items() if key not in method.settings}
-    data |= {key: value for key, value in method.settings.items() if key != "training_levels"}
-    data |= {"seed": seed, "scale": {**data["scale"], "frames": method.frames or data["scale"]["frames"]}}
-    return dataclasses.replace(
-        config, run=run_config(data), suites=tuple(suites), seeds=seeds, row=method.name,
-        budget=method.budget or config.budget, training_levels=method.settings.get("training_levels"),
-        player=method.name if method.name in PLAYERS else "",
-    )  # fmt: skip
 
 
 def seconds_of(config: BenchmarkConfig) -> float:
