@@ -1,4 +1,4 @@
-"""Names that a reader knows, for families, algorithms and designs as tables name them."""
+"""Names that a reader knows, for families, algorithms, designs and groups of factors as tables name them."""
 
 FAMILIES = {
     "empty": "Empty",
@@ -34,6 +34,7 @@ DESIGNS = {
     "matched_sparse": "worse coverage",
     "matched_far_sparse": "both",
 }
+GROUPS = {"position": "where things are", "properties": "their properties", "rest": "what they are"}
 
 
 def family_name(name: object) -> str:
@@ -55,3 +56,8 @@ def algorithm_name(name: object) -> str:
 def design_name(name: object) -> str:
     """The design of training sets in words; its own name where there are none."""
     return DESIGNS.get(str(name), str(name))
+
+
+def group_name(name: object) -> str:
+    """The group of factors in words; its own name where there are none."""
+    return GROUPS.get(str(name), str(name))

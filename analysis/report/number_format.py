@@ -72,9 +72,11 @@ def effect(found: Estimate, show: Callable[[float, int], str] = signed) -> tuple
 
 
 def with_interval(found: Estimate) -> str:
-    """``−0.65 [−0.79, −0.44]``, or the number alone where there is no interval."""
+    """``−0.65 [−0.79, −0.44]``; where there is no interval, the number and why there is none."""
     value, ends = effect(found)
-    return value if ends == NONE else f"{value} {ends}"
+    if ends == NONE:
+        return f"{value} ({found.note})" if found.note else value
+    return f"{value} {ends}"
 
 
 def interval(found: Estimate) -> str:
@@ -86,13 +88,13 @@ def interval(found: Estimate) -> str:
 
 
 def estimate_text(found: Estimate, name: str = "r") -> str:
-    """``r = −0.65 [−0.79, −0.44], p = 1.6e-6, n = 45``; or why there is no number.
+    """``r = −0.65 [−0.79, −0.44], p = 1.6e-6, n = 45``, without ``r =`` where ``name`` is empty; or why there is no number.
 
     A correlation without an interval is one of too few blocks, and is not shown: of three points, any is large."""
     is_shown = math.isfinite(found.low) or name.rpartition(" ")[2] != "r"
     if not math.isfinite(found.estimate) or not is_shown:
         return f"no {name}: {found.note}" if found.note else f"no {name}"
-    parts = [f"{name} = {with_interval(found)}"]
+    parts = [f"{name} = {with_interval(found)}" if name else with_interval(found)]
     if math.isfinite(found.p):
         shown = p_value(found.p)
         parts.append(f"p {shown}" if shown.startswith("<") else f"p = {shown}")

@@ -14,4 +14,5 @@ WRITTEN, SHA256 = str(RULES["written"]), hashlib.sha256(TEXT).hexdigest()
 MARGINS: Mapping[str, float] = RULES["margins"]
 ALPHA: float = RULES["evidence"]["alpha"]
 LEAST_BLOCKS: int = RULES["evidence"]["least_blocks"]
+WHOLE: Mapping[str, int] = RULES["evidence"]["whole"]
 GATE_MARGIN: float = RULES["gate"]["margin"]

@@ -15,7 +15,7 @@ from analysis.report.claims.claim import (
 )
 from analysis.report.claims.evidence import GIVEN, Evidence
 from analysis.report.results import paired
-from analysis.report.rules import MARGINS
+from analysis.report.rules import MARGINS, WHOLE
 from analysis.tables import count_of, keep, select
 
 WORSE = -1  # the sign of the claimed effect: the gap falls where W2 rises
@@ -23,6 +23,7 @@ WORSE = -1  # the sign of the claimed effect: the gap falls where W2 rises
 SETTINGS = ((METRIC_2022, "reference", "gap_2022"), (METRIC_OURS, "exact", "gap"))
 WORDS = {METRIC_2022: "W2 and returns of 2022", METRIC_OURS: "exact W2, full returns"}
 CONTROL = "nuisance_only"  # a design that is one level many times
+PAPER_AGENT = "paper_agent"
 MATCHED = ["family", "difficulty", "n", "seed", "observation"]
 
 
@@ -41,6 +42,13 @@ def one_number_of_levels(evidence: Evidence) -> pd.DataFrame:
 def matched_sets(evidence: Evidence) -> pd.DataFrame:
     """The runs on matched sets, from pixels."""
     return evidence.results.of("matched_sets")
+
+
+def papers_agent(evidence: Evidence) -> pd.DataFrame:
+    """The runs of the paper's own agent, if all that were planned are there."""
+    there = len(evidence.all_results.of(PAPER_AGENT)) >= WHOLE[PAPER_AGENT]
+    runs = evidence.results.of(PAPER_AGENT)
+    return runs if there else runs.head(0)
 
 
 def in_main_grid(evidence: Evidence, runs: pd.DataFrame, test: str) -> Iterator[Finding]:
@@ -116,7 +124,9 @@ def in_empty(evidence: Evidence, runs: pd.DataFrame) -> Iterator[Finding]:
     part = select(runs, family="empty")
     for settings, mode, gap in SETTINGS if len(part) else ():
         found = evidence.correlation(part, f"w2_{mode}", gap, ("difficulty",))
-        yield correlation(settings, f"empty, {WORDS[settings]}, given difficulty", found, WORSE, "difficulty")
+        yield correlation(
+            settings, f"{family_name('empty')}, {WORDS[settings]}, given difficulty", found, WORSE, "difficulty"
+        )
 
 
 def larger_on_harder_levels(evidence: Evidence, harder: pd.DataFrame) -> Iterator[Finding]:

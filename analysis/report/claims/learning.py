@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pandas as pd
 
+from analysis.plotting.names import family_name
 from analysis.report.claims.claim import METRIC_2022, METRIC_OURS, Finding, mean_difference
 from analysis.report.claims.evidence import Evidence
 from analysis.report.claims.information import beside
@@ -60,7 +61,7 @@ def easier_tasks_first(evidence: Evidence, runs: pd.DataFrame) -> Iterator[Findi
         for key, easier, harder in comparisons:
             same = ("difficulty" if key == "family" else "family", "n", "seed")
             differences = beside(runs, outcome, runs[key] == easier, runs[key] == harder, same)
-            words = f"{column_words(outcome)}, {easier} less {harder}"
+            words = f"{column_words(outcome)}, {family_name(easier)} less {family_name(harder)}"
             yield from mean_difference(evidence, settings, words, differences, 1, margin_of(outcome))
 
 

@@ -25,7 +25,7 @@ ROWS: Mapping[str, Rows] = {
     "several seeds": gap.several_seeds,
     "one number of levels": gap.one_number_of_levels,
     "matched sets": gap.matched_sets,
-    "the paper's agent": lambda evidence: evidence.results.of("paper_agent"),
+    "the paper's agent": gap.papers_agent,
     "harder levels": lambda evidence: evidence.results.harder,
     "probes": lambda evidence: information.accuracies(evidence.results, evidence.main),
     "self-supervised agents": lambda evidence: evidence.results.of("figure_5a"),

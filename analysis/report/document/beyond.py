@@ -4,9 +4,9 @@ from collections.abc import Callable, Sequence
 
 import pandas as pd
 
-from analysis.plotting.names import algorithm_name, design_name, family_name, panel_name
+from analysis.plotting.names import algorithm_name, design_name, family_name, group_name, panel_name
 from analysis.report.captions import TABLES
-from analysis.report.claims.evidence import Evidence, pearson
+from analysis.report.claims.evidence import DISTANCES, Evidence, pearson
 from analysis.report.claims.information import beside
 from analysis.report.claims.prediction import matched_predictions
 from analysis.report.claims.scores import CELLS, COMPARED, IMPROVEMENT, IQM, REGRET, SUCCESS, comparison, scored
@@ -119,6 +119,7 @@ def attributed(evidence: Evidence) -> list[Block]:
     if table.empty:
         return []
     shown = table.assign(levels=table["n"].astype(str))
+    shown = shown.assign(family=shown["family"].map(family_name), group=shown["group"].map(group_name))
     found = means(evidence, shown, ["family", "levels", "group"], "part")
     sentences = []
     for family in dict.fromkeys(found["family"]):
@@ -127,9 +128,9 @@ def attributed(evidence: Evidence) -> list[Block]:
         row = max(parts.to_dict("records"), key=lambda one: abs(one["estimate"]))
         whole = float(column(parts, "estimate").sum())
         levels = f"{first} training level{'s' if int(first) > 1 else ''}"
-        part = f"`{row['group']}`, {with_interval(Estimate.of_row(row))}"
         sentences.append(
-            f"In {family_name(family)} with {levels} the gap is {signed(whole)}. Its largest part is that of {part}."
+            f"In {family} with {levels} the gap is {signed(whole)}. Its largest part is that of {row['group']}, "
+            f"{with_interval(Estimate.of_row(row))}, n = {row['n']:.0f}."
         )
     head = {"family": "family", "levels": "training levels", "group": "factors"}
     return [Paragraph(" ".join(sentences)), means_table(found, head, "part", TABLES["attribution"])]
@@ -157,7 +158,7 @@ def distances(evidence: Evidence) -> list[Block]:
     if "explained" in study:
         models = ("panel", "log_n", "panel_and_log_n", "cell")
         rows = [
-            [str(r["mode"]), f"{r['points']:.0f}", *(plain(r[model]) for model in models)]
+            [DISTANCES[str(r["mode"])], f"{r['points']:.0f}", *(plain(r[model]) for model in models)]
             for r in study["explained"].to_dict("records")
         ]
         head = ("W2", "points", "on panel", "on log n", "on both", "on cells")
@@ -173,7 +174,7 @@ def agreement(table: pd.DataFrame, n: int = 10) -> Table:
     rows = []
     for panel in dict.fromkeys(inside["train"]):
         part = select(inside, train=panel)
-        rows.append([panel, signed(pearson(part, "w2_reference", "w2_exact").estimate), str(len(part))])
+        rows.append([panel_name(panel), signed(pearson(part, "w2_reference", "w2_exact").estimate), str(len(part))])
     caption = (
         f"Do both distances mean the same? Pearson r of the W2 of 2022 and exact W2 over level seeds at n = {n}. The "
         "distance of 2022 counts the order of drawing. Data: `studies/w2_study/distances.csv`."

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from analysis.report.claims.claim import METRIC_2022, METRIC_OURS, Claim
+from analysis.report.claims.claim import ALL_RUNS, LEARNED, METRIC_2022, METRIC_OURS, Claim
 from analysis.report.number_format import NONE, effect, p_value, plain
 
 PIECE = re.compile(r"`([^`]+)`|\*\*([^*]+)\*\*")
@@ -114,11 +114,16 @@ def pieces(text: str) -> list[tuple[str, str]]:
 def finding_rows(claim: Claim) -> list[list[str]]:
     """The tests of a claim as cells, in the order of :data:`FINDING_HEAD`."""
     return [
-        [one.settings, one.runs, one.test, one.measure, *effect(one.found),
-         f"{one.found.n:.0f}" if one.found.n else NONE, p_value(one.found.p), plain(one.margin), plain(one.power), one.verdict]
+        [one.settings, SHORT.get(one.runs, one.runs), one.test, SHORT.get(one.measure, one.measure), *effect(one.found),
+         f"{one.found.n:.0f}" if one.found.n else NONE, p_value(one.found.p), plain(one.margin),
+         plain(one.power) if one.margin else NONE, one.verdict]
         for one in claim.findings
     ]  # fmt: skip
 
 
+SHORT = {
+    LEARNED: "learned", ALL_RUNS: "all", "Pearson r": "r", "partial Pearson r": "partial r", "mean difference": "difference",
+}  # fmt: skip
+"""Of words of findings, so that the tests have room in their tables."""
 FINDING_HEAD = ("settings", "runs", "test", "effect is", "effect", "95 %", "n", "p", "margin", "power", "verdict")
 WORDS_OF_FINDING = (0, 1, 2, 3, len(FINDING_HEAD) - 1)  # columns of words

@@ -22,6 +22,10 @@ BODY, SMALL, CELLS = 9.0, 7.5, 6.5  # [pt]
 MARGIN = 16.0  # [mm]
 ENDLESS = (210.0, 1e5)  # a sheet as wide as A4 on which no page ends [mm]
 HIGHEST = 225.0  # a figure is no higher [mm]
+LONG = 110.0  # a table that may be cut is higher [mm]
+LEAST_BEGUN, LEAST_REST = 75.0, 30.0  # and more of it stands before and after the cut [mm]
+BESIDE = 3.4  # what a cell needs beside its text [mm]
+HEAD_WORD = re.compile(r"\S+(?: %)?")
 LEADING = 1.4  # of the font size
 INK, SOFT, RULE, TINT = (27, 31, 36), (89, 99, 110), (200, 206, 212), (245, 247, 249)
 COLOURS = {
@@ -76,8 +80,8 @@ def sheets(document: Document) -> bytes:
 def draw(pdf: Sheet, document: Document, pages: Mapping[str, int], heights: Mapping[int, float]) -> dict[int, float]:
     """Draws the document and returns the height [mm] of each block under its headings, by its place.
 
-    A block whose height is known begins on a new page where the rest of this one is too short for it; a table that is longer
-    than a page goes on under its head. ``pages`` are those of the sections that the contents name.
+    A block whose height is known begins on a new page where :func:`is_cramped` says so; a table that is cut goes on under its
+    head. ``pages`` are those of the sections that the contents name.
     """
     line(pdf, document.title, 17, bold=True)
     rich(pdf, document.subtitle, BODY, SOFT)
@@ -88,13 +92,21 @@ def draw(pdf: Sheet, document: Document, pages: Mapping[str, int], heights: Mapp
         if isinstance(block, blocks.Heading):
             waiting.append(block)
             continue
-        if pdf.get_y() + heights.get(place, 0.0) > pdf.page_break_trigger:
+        if is_cramped(block, heights.get(place, 0.0), pdf.page_break_trigger - pdf.get_y()):
             pdf.add_page()
         top = pdf.get_y()
         draw_block(pdf, waiting, block, document)
         found[place] = pdf.get_y() - top
         waiting = []
     return found
+
+
+def is_cramped(block: blocks.Block, height: float, left: float) -> bool:
+    """Whether a block of this height [mm] is to begin on a new page, where so much is ``left`` of this one: a long table is cut
+    between two rows where a good part of it has room here and more than a few rows follow, and everything else stays in one
+    piece."""
+    is_cut = isinstance(block, blocks.Table | blocks.Verdict) and height > LONG
+    return height > left and not (is_cut and left > LEAST_BEGUN and height - left > LEAST_REST)
 
 
 def draw_block(pdf: Sheet, headings: Sequence[blocks.Heading], block: blocks.Block, document: Document) -> None:
@@ -173,7 +185,7 @@ def cells(pdf: Sheet, head: Sequence[str], rows: Sequence[Sequence[str]], words:
     pdf.set_text_color(*INK)
     pdf.set_draw_color(*RULE)
     shown = [[as_shown(cell) for cell in row] for row in (head, *rows)]
-    widths = widths_of(pdf, shown)
+    widths = widths_of(pdf, shown[1:], shown[0])
     align = ["LEFT" if k in words else "RIGHT" for k in range(len(head))]
     with pdf.table(
         col_widths=widths, width=int(sum(widths)), text_align=align, line_height=CELLS * POINT * 1.35, padding=0.6,
@@ -192,16 +204,26 @@ def as_shown(cell: str) -> str:
     return f"{MARKS[cell]} {cell}" if cell in MARKS else cell.replace("`", "").replace("**", "")
 
 
-def widths_of(pdf: Sheet, rows: Sequence[Sequence[str]]) -> list[float]:
-    """Widths of columns [mm]: what the longest cell needs; where that is too much, long columns give way."""
-    needed = [max(pdf.get_string_width(text) for text in texts) * 1.12 + 2.4 for texts in zip(*rows, strict=True)]
+def widths_of(pdf: Sheet, rows: Sequence[Sequence[str]], head: Sequence[str]) -> list[float]:
+    """Widths of columns [mm]: what the longest cell and the head need. Where that is too much, the words of a head stand below
+    each other, and long columns give way."""
+    columns = zip(*rows, strict=True) if rows else ((),) * len(head)
+    cell = [max(map(pdf.get_string_width, texts), default=0.0) + BESIDE for texts in columns]
+    pdf.set_font(FONT, "B", CELLS)
+    whole = [pdf.get_string_width(text) + BESIDE for text in head]
+    word = [max(map(pdf.get_string_width, HEAD_WORD.findall(text)), default=0.0) + BESIDE for text in head]
+    pdf.set_font(FONT, "", CELLS)
+    easy = list(map(max, cell, whole))
+    if sum(easy) <= pdf.epw:
+        return easy
+    needed = list(map(max, cell, word))
     left, cap = pdf.epw, pdf.epw
     for count, width in zip(range(len(needed), 0, -1), sorted(needed), strict=True):
         cap = left / count
         if width > cap:
             break
         left -= width
-    return [min(width, cap) for width in needed] if sum(needed) > pdf.epw else needed
+    return [min(width, cap) for width in needed]
 
 
 def picture(pdf: Sheet, block: blocks.Picture) -> None:

@@ -107,33 +107,69 @@ def document(evidence: Evidence, claims: Sequence[Claim], figures: Mapping[str, 
 
 
 def answer(evidence: Evidence, claims: Mapping[str, Claim]) -> list[Block]:
-    """The answer in five lines, each from the tests of a claim."""
-    lines = []
-    first, second = (leading(claims[name], METRIC_OURS) for name in ("3a", "3a-n"))
-    if first is not None:
-        lines.append(
-            f"Over all runs that learned, gap and W2 are correlated by {number(first)}. The paper's headline, that the gap is "
-            f"worse where training and test levels are farther apart, is {claims['3a'].verdict(METRIC_OURS)}."
-        )
-    if second is not None:
-        lines.append(
-            f"W2 falls as the number n of training levels grows. Given panel and n, {number(second)} remains: that W2 matters "
-            f"beyond n is {claims['3a-n'].verdict(METRIC_OURS)}."
-        )
-    lines.append(headline(claims))
+    """The answer in five lines, with numbers from the tests of claims."""
+    if evidence.ungated.main.empty:
+        lines = ["These runs have no main grid, so they do not answer this question."]
+    else:
+        lines = [
+            whole_grid(evidence, claims),
+            beyond_n(claims),
+            headline(claims),
+            levels_close(evidence),
+            agent(claims),
+        ]
+    return [Heading("In five lines"), Bullets([line for line in lines if line])]
+
+
+def whole_grid(evidence: Evidence, claims: Mapping[str, Claim]) -> str:
+    """The verdict on the paper's headline, and which runs it is about."""
     everything, main = evidence.ungated.main, evidence.main
-    if len(everything):
-        lost = len(everything) - len(main)
-        which = Counter(everything["family"]) - Counter(main["family"])
-        part = ", ".join(f"{count} of {family_name(family)}" for family, count in which.items())
-        text = f"{lost} of {len(everything)} runs did not learn their training levels ({part}) and are left out."
-        lines.append(text if lost else f"All {len(everything)} runs learned their training levels.")
-    agent = leading(claims["3a-agent"], METRIC_2022)
-    if agent is not None:
-        lines.append(f"With the paper's own agent: {number(agent)} ({claims['3a-agent'].verdict(METRIC_2022)}).")
-    if not lines:
-        lines.append("These runs have no main grid, so they do not answer this question.")
-    return [Heading("In five lines"), Bullets(lines)]
+    which = Counter(everything["family"]) - Counter(main["family"])
+    lost = ", ".join(f"{count} of {family_name(family)}" for family, count in which.items())
+    runs = f"all {len(main)} runs"
+    if lost:
+        runs = f"the {len(main)} of {len(everything)} runs that learned their training levels (without {lost})"
+    found = leading(claims["3a"], METRIC_OURS)
+    if found is None:
+        return f"The gap and W2 of {runs} say nothing of the paper's headline."
+    return (
+        f"Over {runs}, gap and W2 are correlated by {number(found)}. The paper's headline, that the gap is worse where "
+        f"training and test levels are farther apart, is {claims['3a'].verdict(METRIC_OURS)}."
+    )
+
+
+def beyond_n(claims: Mapping[str, Claim]) -> str:
+    """What is left of the headline given the number of levels."""
+    found = leading(claims["3a-n"], METRIC_OURS)
+    if found is None:
+        return ""
+    return (
+        f"W2 falls as the number n of training levels grows. Given panel and n, {number(found)} remains: that W2 matters "
+        f"beyond n is {claims['3a-n'].verdict(METRIC_OURS)}."
+    )
+
+
+def levels_close(evidence: Evidence) -> str:
+    """The gap in success with the fewest training levels and with the most."""
+    main = evidence.main
+    counts = sorted({*main["n"]})
+    if len(counts) < 2:
+        return ""
+    few, many = (evidence.mean(select(main, n=n), "gap_success") for n in (counts[0], counts[-1]))
+    levels = "one training level" if counts[0] == 1 else f"{counts[0]} training levels"
+    return (
+        f"With {levels}, success on test levels less that on training levels is {estimate_text(few, '')}; with {counts[-1]}, "
+        f"it is {estimate_text(many, '')}."
+    )
+
+
+def agent(claims: Mapping[str, Claim]) -> str:
+    """The verdict with the paper's own agent."""
+    claim = claims["3a-agent"]
+    found = leading(claim, METRIC_2022)
+    if found is None:
+        return f"What the paper's own agent says cannot be tested. It would take {claim.needs}."
+    return f"With the paper's own agent, given panel, {number(found)}: the headline is {claim.verdict(METRIC_2022)}."
 
 
 def headline(claims: Mapping[str, Claim]) -> str:
@@ -141,7 +177,8 @@ def headline(claims: Mapping[str, Claim]) -> str:
     measures = {"matched-w2": "farther in W2", "matched-coverage": "worse in coverage and diversity"}
     found = {name: leading(claims[name], METRIC_OURS) for name in measures}
     parts = [
-        f"those that are {measures[name]} differ in their gap in success by {number(one)} ({claims[name].verdict(METRIC_OURS)})"
+        f"those that are {measures[name]} differ in their gap in success by {estimate_text(one.found, '')} "
+        f"({claims[name].verdict(METRIC_OURS)})"
         for name, one in found.items()
         if one is not None
     ]
@@ -353,12 +390,14 @@ def versions(named: pd.DataFrame) -> list[Block]:
     made = ". Others: ".join(sorted(set(named["libraries"]) - {""}))
     rows = []
     for code, part in named.groupby("code", sort=True):
-        commits = ", ".join(f"`{commit[:9]}`" for commit in sorted(set(part["commit"])) if commit)
+        shortened = {commit[:9] + "+" * commit.endswith("+") for commit in part["commit"] if commit}
+        commits = ", ".join(f"`{commit}`" for commit in sorted(shortened))
         rows.append([f"`{code}`", commits, listed(part["experiment"]), str(count_of(part, "run"))])
     many = "several versions" if len(rows) > 1 else "one version"
     caption = (
         f"The runs were made by {many} of the code. A fingerprint is that of the simulator and of the modules of the "
-        "algorithm, so each algorithm has its own; commits are those of the checkout."
+        "algorithm, so each algorithm has its own; commits are those of the checkout, with a + where its files "
+        "had changed."
     )
     libraries = [Paragraph(f"Libraries: {made}.")] if made else []
     computed = sorted(set(named["computed_with"]) - {""})

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 
 from analysis.plotting import style
 from analysis.plotting.figures import DOT, draw_points, legend_of, new_figure, zero_line
-from analysis.plotting.names import design_name, family_name
+from analysis.plotting.names import design_name, family_name, group_name
 from analysis.report.claims.evidence import Evidence
 from analysis.report.claims.rule_sets import all_rule_set_runs, trial_columns, trial_runs
 from analysis.report.figures.drawing import (
@@ -80,8 +80,7 @@ def attribution(evidence: Evidence) -> Drawn | str:
     table = evidence.attribution
     if table.empty:
         return "it was not run (`experiments=[attribution]`)"
-    groups = {"position": "where things are", "properties": "their properties", "rest": "what they are"}
-    named = table.assign(group=[groups.get(name, name) for name in table["group"]])
+    named = table.assign(group=[group_name(name) for name in table["group"]])
     return Drawn(dots(named, "group", "part", "part of the gap"), pick(table, [*CELL, "group", "part", "gap"]))
 
 

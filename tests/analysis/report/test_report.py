@@ -12,7 +12,8 @@ import pandas as pd
 import pytest
 
 from analysis.report.claims.evidence import Evidence
-from analysis.report.document.blocks import pieces
+from analysis.report.document.blocks import Paragraph, Table, pieces
+from analysis.report.document.pdf import CELLS, FONT, Sheet, is_cramped, widths_of
 from analysis.report.figures import FIGURES
 from analysis.report.make import SHIPPED, ReportConfig, main, make_report, track
 from analysis.report.number_format import estimate_text, p_value, plain, signed, with_interval
@@ -274,6 +275,37 @@ def test_estimates_are_said_with_interval_p_and_n():
 )
 def test_no_effect_is_shown_as_zero_that_is_not_and_its_interval_has_its_width(estimate, low, high, text):
     assert with_interval(Estimate(estimate, low, high, 9)) == text
+
+
+def test_a_number_without_an_interval_says_why():
+    found = Estimate(0.25, float("nan"), float("nan"), 2, note="2 blocks: no interval")
+    assert with_interval(found) == "+0.25 (2 blocks: no interval)"
+    assert estimate_text(found, "") == "+0.25 (2 blocks: no interval), n = 2"
+
+
+def test_a_long_table_is_cut_where_both_parts_have_some_rows_and_all_else_stays_whole():
+    table, text = Table(["a"], [["1"]]), Paragraph("a")
+    assert not is_cramped(table, 80.0, 80.0) and not is_cramped(text, 300.0, 300.0)  # they have room
+    assert is_cramped(table, 100.0, 99.0)  # short
+    assert not is_cramped(table, 200.0, 100.0) and is_cramped(text, 200.0, 100.0)
+    assert is_cramped(table, 200.0, 40.0) and is_cramped(table, 200.0, 190.0)  # few rows before the cut, or behind it
+
+
+def test_columns_fill_no_more_than_the_page_and_the_long_ones_give_way():
+    sheet = Sheet("widths")
+    sheet.set_font(FONT, size=CELLS)
+    narrow = widths_of(sheet, [["one", "0.25"]], ["what it is", "r"])
+    assert sum(narrow) < sheet.epw / 3
+    wide = widths_of(sheet, [["one", "word after word " * 30, "0.25"]], ["what it is", "test", "95 %"])
+    assert sum(wide) == pytest.approx(sheet.epw) and wide[1] > 3 * wide[0] and wide[2] >= sheet.get_string_width("95 %")
+    sheet.close_fonts()
+
+
+def test_the_answer_has_five_lines(tmp_path, undrawn):
+    results = write_results(tmp_path / "standard", everything(np.random.default_rng(0), seeds=6))
+    findings = (make_report(ReportConfig(str(results), tracking=False)).folder / "findings.md").read_text()
+    answer = findings.partition("## In five lines\n\n")[2].partition("\n\n")[0]
+    assert answer.count("\n") == 4 and all(line.startswith("- ") for line in answer.splitlines())
 
 
 def test_texts_hold_code_and_strong_words():

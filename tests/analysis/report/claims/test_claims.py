@@ -14,6 +14,7 @@ from analysis.report.claims.specifications import specifications, survives
 from analysis.report.claims.verdicts import NOT_SUPPORTED, NOT_TESTABLE, SUPPORTED, UNDECIDED
 from analysis.report.document.tables import row_of
 from analysis.report.results import read_results
+from analysis.report.rules import WHOLE
 from analysis.stats.estimate import Estimate
 from analysis.stats.prediction import left_out
 from tests.synthetic_results import everything, player_rows, run_rows, transfer_rows, write_players, write_results
@@ -127,6 +128,17 @@ def test_matched_sets_tell_which_of_two_measures_matters(tmp_path):
     assert found["matched-w2"].verdict(METRIC_OURS) == NOT_SUPPORTED
     table = matched_predictions(evidence, evidence.results.of("matched_sets")).set_index("measure")
     assert table.loc["covering radius", "estimate"] > 0.8 > 0.1 > table.loc["exact W2", "estimate"]
+
+
+def test_the_papers_agent_is_judged_when_all_of_its_runs_are_there(tmp_path):
+    rng = np.random.default_rng(0)
+    runs = run_rows(rng, "paper_agent", seeds=1, difficulties=("medium",))
+    runs = runs.assign(seed=np.arange(len(runs)) + 1)  # a level set each
+    assert len(runs) == WHOLE["paper_agent"]
+    whole = claims_of(tmp_path / "whole", {"runs": runs})["3a-agent"]
+    assert whole.verdict(METRIC_OURS) == SUPPORTED and len(whole.tests(METRIC_OURS)) == 1
+    part = claims_of(tmp_path / "part", {"runs": runs.iloc[:-1]})["3a-agent"]
+    assert part.verdict(METRIC_OURS) == NOT_TESTABLE and not part.findings and "all fifteen" in part.needs
 
 
 def test_specifications_are_all_combinations_and_decide_what_survives(full, tmp_path):
