@@ -9,6 +9,7 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
@@ -261,7 +262,15 @@ class RunConfig(Settings):
 
     def hash(self) -> str:
         """Eight hexadecimal digits that are equal for equal :meth:`identity`."""
+        return self._hash
+
+    @cached_property
+    def _hash(self) -> str:
         return digest(as_named(self.identity()))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The settings alone: what ``auto`` means, and with it the hash, is another thing on another machine."""
+        return {name: value for name, value in vars(self).items() if name != "_hash"}
 
     def label(self) -> str:
         """The run's name, e.g. ``empty-hard-n10-state-ppo_fast-s1-3f9a12cd``."""

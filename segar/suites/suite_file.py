@@ -114,6 +114,7 @@ class Suite:
         return self.train.sample(self.training_levels if n is None else n, seed=seed, apart_from=self.test_levels)
 
 
+@cache
 def suites() -> tuple[str, ...]:
     """The names of all suites that come with SEGAR, in the order of their axes."""
     axes = list(AXES)
