@@ -7,9 +7,10 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from analysis.plotting import style
-from analysis.plotting.figures import DOT, draw_points, legend_of, new_figure, zero_line
+from analysis.plotting.figures import DOT, PAGE_WIDTH, draw_points, legend_of, new_figure, zero_line
 from analysis.plotting.names import design_name, family_name, group_name
 from analysis.report.claims.evidence import Evidence
+from analysis.report.claims.gap import one_number_of_levels
 from analysis.report.claims.rule_sets import all_rule_set_runs, trial_columns, trial_runs
 from analysis.report.figures.drawing import (
     CELL,
@@ -37,20 +38,22 @@ def fixed_n(evidence: Evidence) -> Drawn | str:
     runs = evidence.results.of("fixed_n")
     if count_of(runs, "design") < 2:
         return "it was not run (`experiments=[fixed_n]`)"
+    judged = one_number_of_levels(evidence)
     table = pick(runs, [*CELL, "design", "w2_reference", "w2_exact", "gap", "gap_2022"])
-    figure = new_figure(9.4, 4.2)
+    figure = new_figure(PAGE_WIDTH, 4.2)
     colours, markers = (look(sorted(set(table["design"]))) for look in (style.colours, style.markers))
-    for axes, (x, label) in zip(figure.subplots(1, 2, sharey=True),
-                                (("w2_reference", "W2 of 2022"), ("w2_exact", "exact W2")), strict=True):  # fmt: skip
+    for axes, (x, label, y, gap) in zip(figure.subplots(1, 2),
+                                        (("w2_reference", "W2 of 2022", "gap_2022", "gap, returns of 2022"),
+                                         ("w2_exact", "exact W2", "gap", GAP)), strict=True):  # fmt: skip
         zero_line(axes)
         for design in sorted(set(table["design"])):
             part = select(table, design=design)
             look = {"color": colours[design], "marker": markers[design], "label": design_name(design), **DOT}
-            axes.scatter(column(part, x), column(part, "gap"), s=34, **look)
-        found = evidence.correlation(runs, x, "gap", ("panel", "levels"))
+            axes.scatter(column(part, x), column(part, y), s=34, **look)
+        found = evidence.correlation(judged, x, y, ("panel", "levels"))
         axes.set_title(f"given panel: {estimate_text(found)}", loc="left", fontsize=9.5)
         axes.set_xlabel(f"{label}, training to test levels")
-    figure.axes[0].set_ylabel(GAP)
+        axes.set_ylabel(gap)
     legend_below(figure, figure.axes[0], 5)
     return Drawn(figure, table)
 
