@@ -46,6 +46,7 @@ def test_the_shipped_page_and_tables_are_made_of_the_shipped_rows(tmp_path, monk
     assert (shipped / f"{PROFILE}.png").stat().st_size > 1000
 
 
+@pytest.mark.slow
 def test_a_row_is_a_run_of_mlflow_with_its_scores_however_often_it_is_reported(tmp_path):
     rows, root = tmp_path / "rows", tmp_path / "runs"
     shutil.copytree(SHIPPED / "script", rows / "script")

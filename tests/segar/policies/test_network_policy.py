@@ -29,6 +29,7 @@ def report(folder, **limits):
     return loads(done.stdout)
 
 
+@pytest.mark.slow
 def test_bits_depend_neither_on_instruction_sets_nor_on_vectorisation(tmp_path):
     host = report(tmp_path / "host")
     generic = report(
