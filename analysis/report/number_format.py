@@ -71,6 +71,11 @@ def effect(found: Estimate, show: Callable[[float, int], str] = signed) -> tuple
     return show(found.estimate, digits_of(found)), interval(found)
 
 
+def effect_of_r(found: Estimate) -> tuple[str, str]:
+    """:func:`effect` of a correlation, which is not shown where it has no interval: of three points, any is large."""
+    return effect(found) if math.isfinite(found.low) else (NONE, NONE)
+
+
 def with_interval(found: Estimate) -> str:
     """``−0.65 [−0.79, −0.44]``; where there is no interval, the number and why there is none."""
     value, ends = effect(found)
@@ -90,7 +95,7 @@ def interval(found: Estimate) -> str:
 def estimate_text(found: Estimate, name: str = "r") -> str:
     """``r = −0.65 [−0.79, −0.44], p = 1.6e-6, n = 45``, without ``r =`` where ``name`` is empty; or why there is no number.
 
-    A correlation without an interval is one of too few blocks, and is not shown: of three points, any is large."""
+    A correlation is not shown where it has no interval, see :func:`effect_of_r`."""
     is_shown = math.isfinite(found.low) or name.rpartition(" ")[2] != "r"
     if not math.isfinite(found.estimate) or not is_shown:
         return f"no {name}: {found.note}" if found.note else f"no {name}"

@@ -33,6 +33,7 @@ class Finding:
     sign: int  # of the claimed effect; 0 where none is claimed
     runs: str = LEARNED  # LEARNED leads; ALL_RUNS is the same test with the runs that did not learn, too
     survives: bool = True  # whether the specifications of the same test agree, where there are any
+    corrected: bool = False  # whether its p is Holm's, over the tests of its claim
 
     @property
     def verdict(self) -> str:
@@ -112,9 +113,12 @@ def is_correlation(measure: str) -> bool:
     return measure.endswith("Pearson r")
 
 
-def correlation(settings: str, test: str, found: Estimate, sign: int, given: object = ()) -> Finding:
-    """A finding about a correlation, which is claimed to have a sign, or with 0 not to be there."""
-    return Finding(settings, test, "partial Pearson r" if given else "Pearson r", found, MARGINS["correlation"], sign)
+def correlation(
+    settings: str, test: str, found: Estimate, sign: int, given: object = (), corrected: bool = False
+) -> Finding:
+    """A finding about a correlation, which is claimed to have a sign, or with 0 not to be there. ``corrected``: by Holm."""
+    measure = "partial Pearson r" if given else "Pearson r"
+    return Finding(settings, test, measure, found, MARGINS["correlation"], sign, corrected=corrected)
 
 
 def mean_difference(

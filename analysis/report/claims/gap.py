@@ -14,9 +14,12 @@ from analysis.report.claims.claim import (
     with_holm,
 )
 from analysis.report.claims.evidence import GIVEN, Evidence
+from analysis.report.number_format import estimate_text, plain
 from analysis.report.results import paired
 from analysis.report.rules import MARGINS, WHOLE
 from analysis.tables import count_of, keep, select
+
+Pairs = tuple[tuple[str, str], ...]
 
 WORSE = -1  # the sign of the claimed effect: the gap falls where W2 rises
 # Each metric's mode of W2 and column of the gap.
@@ -24,6 +27,9 @@ SETTINGS = ((METRIC_2022, "reference", "gap_2022"), (METRIC_OURS, "exact", "gap"
 WORDS = {METRIC_2022: "W2 and returns of 2022", METRIC_OURS: "exact W2, full returns"}
 CONTROL = "nuisance_only"  # a design that is one level many times
 PAPER_AGENT = "paper_agent"
+# Designs beside each other: farther in W2 at equal coverage and diversity, and worse in these at equal W2.
+FAR = (("matched_far", "matched"), ("matched_far_sparse", "matched_sparse"))
+SPARSE = (("matched_sparse", "matched"), ("matched_far_sparse", "matched_far"))
 MATCHED = ["family", "difficulty", "n", "seed", "observation"]
 
 
@@ -75,29 +81,59 @@ def at_one_number(evidence: Evidence, runs: pd.DataFrame) -> Iterator[Finding]:
                 yield correlation(settings, f"{WORDS[settings]}, at one n, given panel, {words}", found, WORSE, "panel")
 
 
-def far_beside_near(evidence: Evidence, runs: pd.DataFrame) -> Iterator[Finding]:
-    """The designed study: sets that are far beside sets that are not, with the same coverage and diversity."""
-    pairs = (("matched_far", "matched"), ("matched_far_sparse", "matched_sparse"))
-    return of_pairs(evidence, runs, pairs, "far less not far, equal coverage and diversity")
-
-
-def sparse_beside_dense(evidence: Evidence, runs: pd.DataFrame) -> Iterator[Finding]:
-    """The designed study: sets that cover badly and are less diverse beside sets that are not, with the same W2."""
-    pairs = (("matched_sparse", "matched"), ("matched_far_sparse", "matched_far"))
-    return of_pairs(evidence, runs, pairs, "sparse less not sparse, equal W2")
-
-
-def of_pairs(
-    evidence: Evidence, runs: pd.DataFrame, pairs: tuple[tuple[str, str], ...], words: str
-) -> Iterator[Finding]:
-    """The gap in success of the first designs less that of the second ones, over pairs of runs."""
+def of_pairs(evidence: Evidence, runs: pd.DataFrame, pairs: Pairs, words: str) -> Iterator[Finding]:
+    """The designed study: the gap in success of the first designs less that of the second ones, over pairs of runs."""
     yield from mean_difference(
         evidence, METRIC_OURS, f"gap in success, {words}", beside_designs(runs, pairs, "gap_success"), WORSE,
         MARGINS["success"],
     )  # fmt: skip
 
 
-def beside_designs(runs: pd.DataFrame, pairs: tuple[tuple[str, str], ...], value: str) -> pd.DataFrame:
+def second_outcomes(evidence: Evidence, runs: pd.DataFrame, pairs: Pairs) -> list[Finding]:
+    """The same of the outcomes that the rules name second: the gap in returns, and the return on test levels, which falls as
+    the regret grows."""
+    outcomes = {"gap": "gap in returns", "eta_test_deterministic": "return on test levels (less regret)"}
+    return [
+        one
+        for value, words in outcomes.items()
+        for one in mean_difference(evidence, METRIC_OURS, words, beside_designs(runs, pairs, value), WORSE)
+    ]
+
+
+def second_outcomes_in_words(evidence: Evidence, runs: pd.DataFrame, pairs: Pairs) -> str:
+    """:func:`second_outcomes` in a sentence."""
+    parts = [
+        f"{one.test} {estimate_text(one.found, '')}, margin {plain(one.margin)} ({one.verdict})"
+        for one in second_outcomes(evidence, runs, pairs)
+    ]
+    return f"The second outcomes, which decide nothing: {'; '.join(parts)}." if parts else ""
+
+
+def without_one_level(evidence: Evidence, runs: pd.DataFrame, given: tuple[str, ...]) -> str:
+    """What is left of a correlation of the main grid without the runs with one training level."""
+    part = keep(evidence.main, evidence.main["n"] > 1)
+    if part.empty or len(part) == len(evidence.main):
+        return ""
+    said = [
+        f"{estimate_text(evidence.correlation(part, f'w2_{mode}', gap, given))} ({settings})"
+        for settings, mode, gap in SETTINGS
+    ]
+    return f"Without the runs with one training level, {' and '.join(said)}."
+
+
+def trend_without_one_level(evidence: Evidence, harder: pd.DataFrame) -> str:
+    """What is left of the trend from medium to hard without the runs with one training level."""
+    many = keep(harder, harder["n"] > 1)
+    parts = {family: select(many, family=family, difficulty="medium") for family in ("empty", "objectsx1")}
+    said = [
+        f"in {family_name(family)}, {estimate_text(evidence.correlation(part, 'w2_exact', 'gap'))}"
+        for family, part in parts.items()
+        if len(part)
+    ]
+    return f"Without the runs with one training level ({METRIC_OURS}): {'; '.join(said)}." if said else ""
+
+
+def beside_designs(runs: pd.DataFrame, pairs: Pairs, value: str) -> pd.DataFrame:
     """The runs of the first design of each pair with ``difference``: their value less that of the second one's run."""
     parts = [paired(select(runs, design=a), select(runs, design=b), value, MATCHED) for a, b in pairs]
     return pd.concat(parts, ignore_index=True)
@@ -116,7 +152,7 @@ def in_panels(
     for settings, mode, gap in SETTINGS:
         found = {panel: evidence.correlation(select(runs, panel=panel), f"w2_{mode}", gap) for panel in panels}
         for panel, one in (with_holm(found) if sign else found).items():
-            yield correlation(settings, f"{panel_name(panel)}, {WORDS[settings]}", one, sign)
+            yield correlation(settings, f"{panel_name(panel)}, {WORDS[settings]}", one, sign, corrected=sign != 0)
 
 
 def in_empty(evidence: Evidence, runs: pd.DataFrame) -> Iterator[Finding]:
@@ -151,7 +187,9 @@ def trend_to_hard(evidence: Evidence, harder: pd.DataFrame) -> Iterator[Finding]
         parts = {family: select(harder, family=family, difficulty="medium") for family in ("empty", "objectsx1")}
         found = {name: evidence.correlation(part, f"w2_{mode}", gap) for name, part in parts.items() if len(part)}
         for family, one in with_holm(found).items():
-            yield correlation(settings, f"{family_name(family)}, medium to hard, {WORDS[settings]}", one, WORSE)
+            yield correlation(
+                settings, f"{family_name(family)}, medium to hard, {WORDS[settings]}", one, WORSE, corrected=True
+            )
 
 
 def each_pair_of_panels(evidence: Evidence, harder: pd.DataFrame) -> Iterator[Finding]:
@@ -160,4 +198,4 @@ def each_pair_of_panels(evidence: Evidence, harder: pd.DataFrame) -> Iterator[Fi
         parts = {panel: select(harder, panel=panel) for panel in dict.fromkeys(harder["panel"])}
         found = {panel: evidence.correlation(part, f"w2_{mode}", gap) for panel, part in parts.items()}
         for panel, one in with_holm(found).items():
-            yield correlation(settings, f"from {panel_name(panel)}, {WORDS[settings]}", one, WORSE)
+            yield correlation(settings, f"from {panel_name(panel)}, {WORDS[settings]}", one, WORSE, corrected=True)

@@ -101,7 +101,7 @@ def rate_of_ks(evidence: Evidence, distances: pd.DataFrame) -> Iterator[Finding]
     values = np.column_stack([log_ks, panel, column(distances, "n"), panel, log_effective_n(distances)])
     found = evidence.by_blocks(distances, values, difference_of_r2(panel.shape[1] + 1), ("train", "seed"))
     words = "Empty: R² of log KS on n (exponential) less R² on the logarithm of the effective n (a power)"
-    yield Finding(METRIC_OURS, words, "difference of R²", found, 0.0, 1)
+    yield Finding(METRIC_OURS, words, "difference of R²", found, MARGINS["explained"], 1)
 
 
 def slope_of_ks(evidence: Evidence, distances: pd.DataFrame) -> dict[str, str]:

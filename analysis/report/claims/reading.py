@@ -47,8 +47,8 @@ TESTS: Mapping[str, Test] = {
     "3a-cell": partial(gap.in_main_grid, test=GIVEN_CELL),
     "3a-agent": gap.of_papers_agent,
     "fixed-n": gap.at_one_number,
-    "matched-w2": gap.far_beside_near,
-    "matched-coverage": gap.sparse_beside_dense,
+    "matched-w2": partial(gap.of_pairs, pairs=gap.FAR, words="far less not far, equal coverage and diversity"),
+    "matched-coverage": partial(gap.of_pairs, pairs=gap.SPARSE, words="sparse less not sparse, equal W2"),
     "3b-trend": partial(gap.in_panels, sign=gap.WORSE, difficulties=("medium", "hard")),
     "3b-easy": partial(gap.in_panels, sign=0, difficulties=("easy",)),
     "3b-empty": gap.in_empty,
@@ -76,6 +76,15 @@ TESTS: Mapping[str, Test] = {
 }
 # Numbers that the sentences of a claim name in braces, from its evidence and rows.
 NUMBERS: Mapping[str, Callable[[Evidence, pd.DataFrame], Mapping[str, str]]] = {"A-ks": learning.slope_of_ks}
+# What is said after the sentence of a claim's verdict, with numbers from its evidence and rows.
+BESIDE: Mapping[str, Callable[[Evidence, pd.DataFrame], str]] = {
+    "3a": partial(gap.without_one_level, given=()),
+    "3a-cell": partial(gap.without_one_level, given=("cell",)),
+    "4a-trend": gap.trend_without_one_level,
+    "matched-w2": partial(gap.second_outcomes_in_words, pairs=gap.FAR),
+    "matched-coverage": partial(gap.second_outcomes_in_words, pairs=gap.SPARSE),
+    "rule-sets": rule_sets.success_at_both_ends,
+}
 
 
 def read_claims(evidence: Evidence) -> list[Claim]:
@@ -106,7 +115,9 @@ def read_claim(name: str, evidence: Evidence, survives: bool = True) -> Claim:
     if not follows:
         lacks = words.get("else_needs", words["evidence"]) if len(rows) else words["evidence"]
         return claim.with_words(needs=needs[lacks])
-    return claim.with_words(follows=follows.format(**NUMBERS[name](evidence, rows)) if name in NUMBERS else follows)
+    said = follows.format(**NUMBERS[name](evidence, rows)) if name in NUMBERS else follows
+    more = BESIDE[name](evidence, rows) if name in BESIDE else ""
+    return claim.with_words(follows=f"{said} {more}".strip())
 
 
 def findings_of(name: str, evidence: Evidence) -> list[Finding]:

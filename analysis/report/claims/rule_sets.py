@@ -8,8 +8,9 @@ import pandas as pd
 from analysis.report.claims.claim import METRIC_OURS, Finding, correlation, mean_difference
 from analysis.report.claims.evidence import Evidence
 from analysis.report.claims.information import beside
+from analysis.report.number_format import plain
 from analysis.report.rules import MARGINS
-from analysis.tables import keep, select
+from analysis.tables import column, keep, select
 
 GAP_IN_SUCCESS = "gap_success"
 SUCCESS = "success_test_deterministic"
@@ -49,6 +50,21 @@ def gap_by_rule_sets(evidence: Evidence, runs: pd.DataFrame) -> Iterator[Finding
     found = evidence.correlation(runs, "log_rule_sets", GAP_IN_SUCCESS, ("panel",))
     words = "gap in success to unseen rule sets and the logarithm of the number of rule sets in training"
     yield correlation(METRIC_OURS, words, found, 1, ("panel",))
+
+
+def success_at_both_ends(evidence: Evidence, runs: pd.DataFrame) -> str:
+    """The success of agents on the fewest and on the most rule sets, on training levels and on unseen ones."""
+    numbers = sorted({*runs["rule_sets"]})
+    parts = [select(runs, rule_sets=number) for number in (numbers[0], numbers[-1])]
+    said = []
+    for words, name in (("training levels", "success_train_deterministic"), ("unseen rule sets", SUCCESS)):
+        first, last = (float(column(part, name).mean()) for part in parts)
+        said.append(f"on {words} from {plain(first)} to {plain(last)}")
+    sizes = " and ".join(f"{len(part)}" for part in parts)
+    return (
+        f"From {numbers[0]:,.0f} to {numbers[-1]:,.0f} rule sets, mean success goes {' and '.join(said)} (n = {sizes} runs): "
+        "a gap also closes where success in training falls."
+    )
 
 
 def success_by_rule_sets(evidence: Evidence, runs: pd.DataFrame) -> Iterator[Finding]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 
+import numpy as np
 import pandas as pd
 
 from analysis.plotting.names import algorithm_name, design_name, family_name, group_name, panel_name
@@ -11,20 +12,21 @@ from analysis.report.claims.information import beside
 from analysis.report.claims.prediction import matched_predictions
 from analysis.report.claims.scores import CELLS, COMPARED, IMPROVEMENT, IQM, REGRET, SUCCESS, comparison, scored
 from analysis.report.document.blocks import Block, Bullets, Heading, Paragraph, Table
-from analysis.report.document.tables import means, means_table, row_of
-from analysis.report.number_format import effect, estimate_text, p_value, plain, signed, with_interval
+from analysis.report.document.tables import frames_of, means, means_table, row_of
+from analysis.report.number_format import NONE, effect, estimate_text, listed, p_value, plain, signed, with_interval
 from analysis.report.results import with_panel
 from analysis.stats.estimate import Estimate
-from analysis.tables import column, count_of, keep, select
+from analysis.tables import column, count_of, keep, mean_by, select
 
 Drawer = Callable[[str], list[Block]]
 
 
-def blocks(evidence: Evidence, drawn: Drawer) -> list[Block]:
-    """All experiments beyond the paper, in the order of the report."""
+def blocks(evidence: Evidence, drawn: Drawer, boxes: Callable[..., list[Block]]) -> list[Block]:
+    """All experiments beyond the paper, in the order of the report, with the ``boxes`` of the claims about them."""
     parts: list[Block] = [Heading("Beyond the paper")]
     for title, figure, tables_of in EXPERIMENTS:
         parts += [Heading(title, 3), *(drawn(figure) if figure else ()), *(tables_of(evidence) if tables_of else ())]
+        parts += boxes(*CLAIMS.get(figure, ()))
     return parts
 
 
@@ -48,6 +50,8 @@ def compared(evidence: Evidence) -> list[Block]:
     for experiment, algorithm in dict.fromkeys(zip(table["experiment"], table["algorithm"], strict=True)):
         part = select(table, experiment=experiment, algorithm=algorithm)
         iqm, success, regret, improvement = (row_of(part, measure=one) for one in (IQM, SUCCESS, REGRET, IMPROVEMENT))
+        if improvement.low == improvement.high:  # every run of one is above every run of the other: nothing to resample
+            improvement = Estimate(improvement.estimate, np.nan, np.nan, improvement.n)
         rows.append([
             COMPARED[experiment], algorithm_name(algorithm), f"{iqm.n}",
             *(text for one in (iqm, success, regret, improvement) for text in effect(one, plain)),
@@ -93,24 +97,33 @@ def physics(evidence: Evidence) -> list[Block]:
     part = evidence.results.other_physics
     if part.empty:
         return []
-    found = means(evidence, part, ["trained", "test_variation"], "difference")
-    row = min(found.to_dict("records"), key=lambda one: one["estimate"])
+    table = mean_by(part, ["trained", "test_variation", "n"], ["difference"])
+    row = min(table.to_dict("records"), key=lambda one: one["difference"])
+    runs = len(select(part, **{name: row[name] for name in ("trained", "test_variation", "n")}))
     text = (
-        f"The largest loss is in `{row['test_variation']}`, of agents trained in {row['trained']}: the return is "
-        f"{with_interval(Estimate.of_row(row))} beside that on the test levels of their "
-        f"own physics, over {row['n']:.0f} runs."
+        f"The largest mean loss is in `{row['test_variation']}`, of agents trained in {row['trained']} with n = {row['n']}: "
+        f"the return is {signed(row['difference'])} beside that on the test levels of their own physics, over {runs} runs."
     )
-    head = {"trained": "trained in", "test_variation": "tested in"}
-    return [Paragraph(text), means_table(found, head, "difference", TABLES["shift"])]
+    return [Paragraph(text), shifts(part, "test_variation")]
 
 
 def looks(evidence: Evidence) -> list[Block]:
     """The loss in return with each kind of textures, and on harder levels."""
     part = evidence.results.other_looks
-    if part.empty:
-        return []
-    found = means(evidence, part, ["trained", "shift"], "difference")
-    return [means_table(found, {"trained": "trained in", "shift": "tested in"}, "difference", TABLES["shift"])]
+    return [] if part.empty else [shifts(part, "shift")]
+
+
+def shifts(part: pd.DataFrame, tested: str) -> Table:
+    """The mean ``difference`` of what agents were trained in and ``tested`` in, by the number of training levels."""
+    counts = sorted({*part["n"]})
+    rows = []
+    for (trained, there), some in part.groupby(["trained", tested], sort=True):  # type: ignore[misc]
+        of_n = [column(select(some, n=n), "difference") for n in counts]
+        sizes = sorted({len(one) for one in of_n})
+        rows.append([
+            str(trained), str(there), *(signed(float(one.mean())) if len(one) else NONE for one in of_n), listed(sizes)
+        ])  # fmt: skip
+    return Table(("trained in", "tested in", *(f"n = {n}" for n in counts), "runs each"), rows, 2, TABLES["shift"])
 
 
 def attributed(evidence: Evidence) -> list[Block]:
@@ -147,7 +160,11 @@ def true_factors(evidence: Evidence) -> list[Block]:
         return []
     found = evidence.mean(paired)
     return [
-        Paragraph(f"Success on test levels with factors less that with pixels: {estimate_text(found, 'difference')}.")
+        Paragraph(
+            f"Success on test levels with factors less that with pixels, of the same levels and seeds: "
+            f"{estimate_text(found, '')}. Agents with factors had {frames_of(seen)} frames, those with pixels "
+            f"{frames_of(main)}."
+        )
     ]
 
 
@@ -196,6 +213,8 @@ def baselines(evidence: Evidence) -> list[Block]:
     return [Table(head, rows, 1, TABLES["players"])]
 
 
+# The claims about what a figure shows.
+CLAIMS = {"rule_sets": ("rule-sets", "rule-sets-unseen", "rule-set-distance"), "trials": ("memory",)}
 # Title, figure if any, and tables if any.
 EXPERIMENTS: Sequence[tuple[str, str, Callable[[Evidence], list[Block]] | None]] = (
     ("Diversity of the training set", "diversity", None),

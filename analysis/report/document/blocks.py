@@ -8,9 +8,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from analysis.report.claims.claim import ALL_RUNS, LEARNED, METRIC_2022, METRIC_OURS, Claim
-from analysis.report.number_format import NONE, effect, p_value, plain
+import numpy as np
 
+from analysis.report.claims.claim import ALL_RUNS, LEARNED, METRIC_2022, METRIC_OURS, Claim, is_correlation
+from analysis.report.number_format import NONE, effect, effect_of_r, p_value, plain
+from analysis.stats.estimate import Estimate
+
+HOLM = "†"  # behind a p that is corrected
+IN_BLOCKS = re.compile(r"in (\d+) blocks")
 PIECE = re.compile(r"`([^`]+)`|\*\*([^*]+)\*\*")
 
 
@@ -114,16 +119,35 @@ def pieces(text: str) -> list[tuple[str, str]]:
 def finding_rows(claim: Claim) -> list[list[str]]:
     """The tests of a claim as cells, in the order of :data:`FINDING_HEAD`."""
     return [
-        [one.settings, SHORT.get(one.runs, one.runs), one.test, SHORT.get(one.measure, one.measure), *effect(one.found),
-         f"{one.found.n:.0f}" if one.found.n else NONE, p_value(one.found.p), plain(one.margin),
-         plain(one.power) if one.margin else NONE, one.verdict]
+        [one.settings, SHORT.get(one.runs, one.runs), one.test, SHORT.get(one.measure, one.measure),
+         *(effect if not is_correlation(one.measure) else effect_of_r)(one.found), counted(one.found),
+         p_value(one.found.p) + (HOLM if one.corrected and np.isfinite(one.found.p) else ""), plain(one.margin),
+         plain(one.power), one.verdict]
         for one in claim.findings
     ]  # fmt: skip
+
+
+def counted(found: Estimate) -> str:
+    """How many rows an estimate rests on, and in how many blocks where there are several and its note says so."""
+    blocks = IN_BLOCKS.search(found.note)
+    return (f"{found.n:.0f}" + (f" in {blocks[1]}" if blocks else "")) if found.n else NONE
 
 
 SHORT = {
     LEARNED: "learned", ALL_RUNS: "all", "Pearson r": "r", "partial Pearson r": "partial r", "mean difference": "difference",
 }  # fmt: skip
 """Of words of findings, so that the tests have room in their tables."""
-FINDING_HEAD = ("settings", "runs", "test", "effect is", "effect", "95 %", "n", "p", "margin", "power", "verdict")
+FINDING_HEAD = (
+    "settings",
+    "runs",
+    "test",
+    "effect is",
+    "effect",
+    "95 %",
+    "n in blocks",
+    "p",
+    "margin",
+    "power",
+    "verdict",
+)
 WORDS_OF_FINDING = (0, 1, 2, 3, len(FINDING_HEAD) - 1)  # columns of words

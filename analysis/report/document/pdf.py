@@ -22,8 +22,8 @@ BODY, SMALL, CELLS = 9.0, 7.5, 6.5  # [pt]
 MARGIN = 16.0  # [mm]
 ENDLESS = (210.0, 1e5)  # a sheet as wide as A4 on which no page ends [mm]
 HIGHEST = 225.0  # a figure is no higher [mm]
-LONG = 110.0  # a table that may be cut is higher [mm]
-LEAST_BEGUN, LEAST_REST = 75.0, 30.0  # and more of it stands before and after the cut [mm]
+LONG = 80.0  # a table that may be cut is higher [mm]
+LEAST_BEGUN, LEAST_REST = 60.0, 25.0  # and more of it stands before and after the cut [mm]
 BESIDE = 3.4  # what a cell needs beside its text [mm]
 HEAD_WORD = re.compile(r"\S+(?: %)?")
 LEADING = 1.4  # of the font size
@@ -115,7 +115,7 @@ def draw_block(pdf: Sheet, headings: Sequence[blocks.Heading], block: blocks.Blo
         heading(pdf, one)
     match block:
         case blocks.Paragraph():
-            rich(pdf, block.text, BODY + (0.5 if block.kind == "lead" else 0), bold=block.kind == "warning")
+            rich(pdf, block.text, BODY + {"lead": 0.5, "warning": -1.0}.get(block.kind, 0.0))
         case blocks.Bullets():
             for item in block.items:
                 rich(pdf, f"•  {item}", BODY, indent=3)
@@ -158,15 +158,13 @@ def line(pdf: Sheet, text: str, size: float, bold: bool = False) -> None:
     pdf.ln(1)
 
 
-def rich(
-    pdf: Sheet, text: str, size: float, colour: tuple[int, int, int] = INK, indent: float = 0.0, bold: bool = False
-) -> None:
+def rich(pdf: Sheet, text: str, size: float, colour: tuple[int, int, int] = INK, indent: float = 0.0) -> None:
     """A paragraph with its code and its strong words."""
     height = size * POINT * LEADING
     pdf.set_left_margin(MARGIN + indent)
     pdf.set_x(MARGIN + indent)
     for kind, words in pieces(text):
-        face = "B" if (bold or kind == "strong") and kind != "code" else ""
+        face = "B" if kind == "strong" else ""
         pdf.set_font(MONO if kind == "code" else FONT, face, size - (0.5 if kind == "code" else 0))
         pdf.set_text_color(*colour)
         for word in re.findall(r"\S+\s*|\s+", words):

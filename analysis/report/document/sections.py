@@ -9,34 +9,45 @@ import pandas as pd
 from analysis.plotting.names import algorithm_name, family_name
 from analysis.report.captions import TABLES
 from analysis.report.claims import verdicts
-from analysis.report.claims.claim import ALL_RUNS, LEARNED, METRIC_2022, METRIC_OURS, OF_PAPER, Claim, Finding
+from analysis.report.claims.claim import ALL_RUNS, METRIC_2022, METRIC_OURS, OF_PAPER, Claim
 from analysis.report.claims.evidence import Evidence
 from analysis.report.document import beyond, tables
+from analysis.report.document.answer import answer, number
 from analysis.report.document.blocks import Block, Bullets, Document, Heading, Paragraph, Picture, Table, Verdict
 from analysis.report.document.files import as_block
 from analysis.report.document.missing import what_is_missing
-from analysis.report.number_format import estimate_text, listed, plain
+from analysis.report.number_format import listed, plain
 from analysis.report.rules import MARGINS, RULES, SHA256, WRITTEN
 from analysis.tables import column, count_of, select
 
-PAPER_FRAMES, PAPER_TEST_LEVELS = 1_000_000, 500
 SUCCESS = "success_test_deterministic"
 GLOSSARY = (
+    "**The paper**: Hjelm et al. (2022), The Sandbox Environment for Generalizable Agent Research; its code is that of 2022.",
     "**Level**: one start of the task. **Training levels**: the n levels that an agent practises on. **Test levels**: others "
     "from the same distribution, 300 per panel unless said otherwise.",
     "**Family** and **difficulty**: what is in a level, and how far apart things start. **Panel**: a family and a difficulty. "
     "**Cell**: a panel and a number n of training levels.",
-    "**Seed**: of the training levels and of the agent. **Block**: all runs of one panel and one seed; their training levels "
-    "are nested, so they stay together in every interval.",
-    "**Gap**: mean return on test levels less that on training levels; negative means worse on test levels. **Success**: the "
-    "share of levels that an agent solves. **Regret**: the best known return less the agent's.",
+    "**Seed**: of the training levels and of the agent. **Block**: runs that stay together in intervals and p: all of one "
+    "panel and one seed, whose training levels are nested; where panels are compared, all of a panel. **n** counts runs, or "
+    "pairs of runs where one is compared with another. **p** with a † is Holm's, corrected for the tests of one claim.",
+    "**Gap**: mean return on test levels less that on training levels; the worse or larger the gap, the more negative the "
+    "number. **Gap in success**: the same of success, the share of levels that an agent solves. **Regret**: the best known "
+    "return less the agent's.",
     "**Score**: the mean return on a scale on which the better of idle and random play on each level has 0, and the planner "
     "1. **IQM**: the mean of the middle half of the scores of all runs.",
-    "**W2**: the Wasserstein-2 distance between training and test levels. **Covering radius**: the largest distance of a test "
-    "level to the nearest training level. **Effective number**: how many unlike levels a training set is worth.",
+    "**W2**: the Wasserstein-2 distance between training and test levels. Exact W2 is of all factors, in standard deviations; "
+    "without its floor it is less what two samples of one distribution have by chance; of positions, it is of where things are "
+    "alone; weighted, each group of factors counts by what it adds to the gap. W2 of 2022 is that of the code of 2022, which "
+    "counts the order of drawing, too; W2 of Algorithm 1 is what the paper writes.",
+    "**Covering radius**: the largest distance of a test level to the nearest training level. **Effective number**: how many "
+    "unlike levels a training set is worth. **Entropy**: of the training set as a sample, in nats; more is more diverse.",
+    "**Rule set**: the laws of motion that hold in a level. **Corrected accuracy**: of a critic that tells pairs of "
+    "representation and factors from shuffled ones, on held-out episodes.",
     "**2022 metric**: the W2 of the code of 2022, and returns without the last reward of each episode. **Our metric**: exact "
     "W2 in standard deviations, and full returns.",
     "**Runs that learned**: those above the gate. The verdicts are about them; a second row has all runs.",
+    "**Supported**: the runs show the claimed effect, and it is large enough to matter. **Not supported**: they show the "
+    "opposite, or rule out an effect that matters. **Undecided**: neither. The rules stand at the end.",
 )
 # What the paper and its code of 2022 did, beside this main grid: setting, the paper's, ours as a function of the runs.
 SETTINGS_OF_PAPER = (
@@ -93,7 +104,7 @@ def document(evidence: Evidence, claims: Sequence[Claim], figures: Mapping[str, 
         *section("Scores of algorithms", 3, "performance_profiles"),
         *beyond.compared(evidence),
         *section("KS and W2", 3, "appendix_measures", "A-ks"),
-        *beyond.blocks(evidence, drawn),
+        *beyond.blocks(evidence, drawn, boxes),
         *(estimates(evidence, drawn) if there else ()),
         *whose_settings(evidence, there),
         *how_verdicts_are_decided(evidence),
@@ -104,110 +115,6 @@ def document(evidence: Evidence, claims: Sequence[Claim], figures: Mapping[str, 
     scale = evidence.all_results.scale
     subtitle = f"The Sandbox Environment for Generalizable Agent Research (SEGAR): its experiments at scale `{scale}`"
     return Document(title, subtitle, blocks)
-
-
-def answer(evidence: Evidence, claims: Mapping[str, Claim]) -> list[Block]:
-    """The answer in five lines, with numbers from the tests of claims."""
-    if evidence.ungated.main.empty:
-        lines = ["These runs have no main grid, so they do not answer this question."]
-    else:
-        lines = [
-            whole_grid(evidence, claims),
-            beyond_n(claims),
-            headline(claims),
-            levels_close(evidence),
-            agent(claims),
-        ]
-    return [Heading("In five lines"), Bullets([line for line in lines if line])]
-
-
-def whole_grid(evidence: Evidence, claims: Mapping[str, Claim]) -> str:
-    """The verdict on the paper's headline, and which runs it is about."""
-    everything, main = evidence.ungated.main, evidence.main
-    which = Counter(everything["family"]) - Counter(main["family"])
-    lost = ", ".join(f"{count} of {family_name(family)}" for family, count in which.items())
-    runs = f"all {len(main)} runs"
-    if lost:
-        runs = f"the {len(main)} of {len(everything)} runs that learned their training levels (without {lost})"
-    found = leading(claims["3a"], METRIC_OURS)
-    if found is None:
-        return f"The gap and W2 of {runs} say nothing of the paper's headline."
-    return (
-        f"Over {runs}, gap and W2 are correlated by {number(found)}. The paper's headline, that the gap is worse where "
-        f"training and test levels are farther apart, is {claims['3a'].verdict(METRIC_OURS)}."
-    )
-
-
-def beyond_n(claims: Mapping[str, Claim]) -> str:
-    """What is left of the headline given the number of levels."""
-    found = leading(claims["3a-n"], METRIC_OURS)
-    if found is None:
-        return ""
-    return (
-        f"W2 falls as the number n of training levels grows. Given panel and n, {number(found)} remains: that W2 matters "
-        f"beyond n is {claims['3a-n'].verdict(METRIC_OURS)}."
-    )
-
-
-def levels_close(evidence: Evidence) -> str:
-    """The gap in success with the fewest training levels and with the most."""
-    main = evidence.main
-    counts = sorted({*main["n"]})
-    if len(counts) < 2:
-        return ""
-    few, many = (evidence.mean(select(main, n=n), "gap_success") for n in (counts[0], counts[-1]))
-    levels = "one training level" if counts[0] == 1 else f"{counts[0]} training levels"
-    return (
-        f"With {levels}, success on test levels less that on training levels is {estimate_text(few, '')}; with {counts[-1]}, "
-        f"it is {estimate_text(many, '')}."
-    )
-
-
-def agent(claims: Mapping[str, Claim]) -> str:
-    """The verdict with the paper's own agent."""
-    claim = claims["3a-agent"]
-    found = leading(claim, METRIC_2022)
-    if found is None:
-        return f"What the paper's own agent says cannot be tested. It would take {claim.needs}."
-    return f"With the paper's own agent, given panel, {number(found)}: the headline is {claim.verdict(METRIC_2022)}."
-
-
-def headline(claims: Mapping[str, Claim]) -> str:
-    """What the matched sets say of distance and coverage, in one sentence."""
-    measures = {"matched-w2": "farther in W2", "matched-coverage": "worse in coverage and diversity"}
-    found = {name: leading(claims[name], METRIC_OURS) for name in measures}
-    parts = [
-        f"those that are {measures[name]} differ in their gap in success by {estimate_text(one.found, '')} "
-        f"({claims[name].verdict(METRIC_OURS)})"
-        for name, one in found.items()
-        if one is not None
-    ]
-    if not parts:
-        return "Whether it is W2 or coverage that matters was not run at this scale (`experiments=[matched_sets]`)."
-    named = {"matched-w2": "W2", "matched-coverage": "Coverage"}
-    stands = [named[name] for name in measures if claims[name].verdict(METRIC_OURS) == verdicts.SUPPORTED]
-    said = {
-        0: "Neither W2 nor coverage is shown to predict the gap by itself",
-        2: "W2 and coverage each predict the gap",
-    }
-    what = said.get(len(stands), f"{stands[0] if stands else ''} predicts the gap, and the other is not shown to")
-    return f"{what}. Of training sets that are equal in all else, {', and '.join(parts)}."
-
-
-def leading(claim: Claim, settings: str) -> Finding | None:
-    """The first test of a claim that has a number, with the runs that learned; None where there is none."""
-    return next((one for one in claim.tests(settings, LEARNED) if np.isfinite(one.found.estimate)), None)
-
-
-def number(one: Finding) -> str:
-    """An estimate with its interval and what it rests on."""
-    name = "r" if one.measure.endswith("Pearson r") else "difference"
-    return estimate_text(one.found, name)
-
-
-def frames_of(table: pd.DataFrame) -> str:
-    """Numbers of frames, with commas."""
-    return ", ".join(f"{n:,}" for n in sorted(set(table["frames"])))
 
 
 def summary(claims: Sequence[Claim]) -> list[Block]:
@@ -221,7 +128,7 @@ def summary(claims: Sequence[Claim]) -> list[Block]:
         tested = [claim for claim in some if any(verdict_known(claim, s) for s in (METRIC_2022, METRIC_OURS))]
         sentences = [f"{len(tested)} of {len(some)} can be tested with these runs."]
         for settings in (METRIC_2022, METRIC_OURS):
-            found = Counter(claim.verdict(settings) for claim in some if claim.findings and claim.verdict(settings))
+            found = Counter(claim.verdict(settings) for claim in some if claim.verdict(settings))
             said = ", ".join(f"{found[name]} {name}" for name in verdicts.VERDICTS if found[name])
             sentences.append(f"With {'the ' if settings == METRIC_2022 else ''}{settings}: {said or 'none'}.")
         blocks += [Heading(title, 3), Paragraph(" ".join(sentences)), verdict_table(some)]
@@ -239,10 +146,10 @@ def verdict_table(claims: Sequence[Claim]) -> Table:
     for claim in claims:
         some = claim.tests(METRIC_OURS) or claim.tests(METRIC_2022)
         one = some[0] if len(some) == 1 and np.isfinite(some[0].found.estimate) else None
-        ours = claim.verdict(METRIC_OURS) if claim.findings else ""
         everything = claim.verdict(METRIC_OURS if claim.has(METRIC_OURS) else METRIC_2022, ALL_RUNS)
         rows.append([
-            claim.name, claim.verdict(METRIC_2022), ours, everything, claim.statement, number(one) if one else ""
+            claim.name, claim.verdict(METRIC_2022), claim.verdict(METRIC_OURS), everything, claim.statement,
+            number(one) if one else "",
         ])  # fmt: skip
     head = (
         "",
@@ -334,10 +241,10 @@ def whose_settings(evidence: Evidence, there: bool) -> list[Block]:
         "reward": "the same, learned from its square root"
         if set(main["algorithm"]) == {"ppo_fast"}
         else "see conf/algorithm",
-        "frames": frames_of(main),
+        "frames": tables.frames_of(main),
         "training levels": listed(main["n"]),
         "test levels": listed(main["test_levels"]) if "test_levels" in main else "",
-        "seeds": f"{count_of(main, 'seed')}",
+        "seeds": seeds_by_panel(main),
         "episodes per evaluation": "100 or more on training levels, one on each test level",
     }
     rows = [[name, paper, ours[name]] for name, paper in SETTINGS_OF_PAPER]
@@ -347,6 +254,14 @@ def whose_settings(evidence: Evidence, there: bool) -> list[Block]:
     )
     head = ("setting", "paper and code of 2022", "this main grid")
     return [Heading("What is whose"), Table(head, rows, 3, TABLES["settings"]), Paragraph(note)]
+
+
+def seeds_by_panel(main: pd.DataFrame) -> str:
+    """How many seeds each panel has; of families that have fewer than others, which."""
+    counts = {family: count_of(part, "seed") for family, part in main.groupby("family", sort=False)}
+    most = max(counts.values())
+    fewer = [f"{count} in {family_name(family)}" for family, count in counts.items() if count < most]
+    return ", ".join([f"{most}", *fewer])
 
 
 def encoder_of(main: pd.DataFrame) -> str:
@@ -365,8 +280,8 @@ def what_was_run(evidence: Evidence) -> list[Block]:
     for name, part in named.groupby("experiment", sort=True):
         hours = plain(float(column(part, "hours").sum()), 1) if "hours" in part else ""
         rows.append([
-            f"`{name}`", listed(part["algorithm"]), listed(part["observation"]), str(len(part)),
-            frames_of(part), listed(part["n"]), listed(part["seed"]), hours,
+            f"`{name}`", listed(part["algorithm"]), listed(part["observation"]).replace("(", " ("), str(len(part)),
+            tables.frames_of(part), listed(part["n"]), listed(part["seed"]), hours,
         ])  # fmt: skip
     head = ("experiment", "algorithm", "observation", "runs", "frames", "training levels", "seeds", "hours")
     shown = Table(head, rows, 3, "Experiments share runs, so their hours overlap.")

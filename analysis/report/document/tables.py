@@ -14,7 +14,7 @@ from analysis.report.claims.prediction import matched_predictions
 from analysis.report.claims.scores import comparison
 from analysis.report.claims.specifications import specifications
 from analysis.report.document.blocks import Table
-from analysis.report.number_format import effect, p_value, plain, signed
+from analysis.report.number_format import effect, effect_of_r, p_value, plain, signed
 from analysis.report.results import PANEL
 from analysis.stats.estimate import Estimate
 from analysis.tables import column, count_of, mean_by, select
@@ -53,6 +53,11 @@ def cells(main: pd.DataFrame) -> pd.DataFrame:
     shown = [name for name in CELL_COLUMNS if name in main]
     seeds = main.groupby([*PANEL, "n"], sort=True).size()
     return mean_by(main, [*PANEL, "n"], shown).assign(seeds=np.asarray(seeds))
+
+
+def frames_of(table: pd.DataFrame) -> str:
+    """Numbers of frames, with commas."""
+    return ", ".join(f"{n:,}" for n in sorted(set(table["frames"])))
 
 
 def cell_table(main: pd.DataFrame) -> Table:
@@ -95,8 +100,8 @@ def panel_table(evidence: Evidence) -> Table:
         part = select(evidence.main, panel=panel)
         paper, ours = (evidence.correlation(part, x, y) for x, y in (("w2_reference", "gap_2022"), ("w2_exact", "gap")))
         rows.append([
-            panel_name(panel), f"{len(part)}", f"{count_of(part, 'seed')}", *effect(paper),
-            p_value(paper.p), *effect(ours), p_value(ours.p),
+            panel_name(panel), f"{len(part)}", f"{count_of(part, 'seed')}", *effect_of_r(paper),
+            p_value(paper.p), *effect_of_r(ours), p_value(ours.p),
         ])  # fmt: skip
     head = ("panel", "runs", "seeds", f"r, {METRIC_2022}", "95 %", "p", f"r, {METRIC_OURS}", "95 %", "p")
     return Table(head, rows, 1, TABLES["panel"])
@@ -106,10 +111,10 @@ def mixed_table(evidence: Evidence) -> Table:
     """Slopes of the mixed models."""
     rows = [
         [DISTANCES[r["w2"]], GAPS[r["gap"]], r["model"], "W2" if str(r["term"]).startswith("w2_") else r["term"],
-         *effect(Estimate.of_row(r)), p_value(r["p"]), f"{r['n']:.0f}"]
+         *effect(Estimate.of_row(r)), f"{r['n']:.0f}", r["note"]]
         for r in evidence.mixed.to_dict("records")
     ]  # fmt: skip
-    return Table(("distance", "returns", "model", "term", "slope", "95 %", "p", "n"), rows, 4, TABLES["mixed"])
+    return Table(("distance", "returns", "model", "term", "slope", "95 %", "n", "note"), rows, 4, TABLES["mixed"])
 
 
 def sensitivity_table(evidence: Evidence) -> Table:
@@ -155,7 +160,7 @@ def gate_table(evidence: Evidence) -> Table:
 
 
 def means(evidence: Evidence, table: pd.DataFrame, group: Sequence[str], value: str) -> pd.DataFrame:
-    """Mean of a column per group, with the interval of (panel, seed) blocks."""
+    """Mean of a column per group, with the interval of blocks."""
     rows = []
     for key, part in table.groupby(list(group), sort=True):
         found = evidence.mean(part, value)

@@ -66,12 +66,14 @@ def diversity(evidence: Evidence) -> Drawn | str:
     if runs.empty or not names:
         return "it was not run (`experiments=[diversity]`)"
     table = pick(runs, [*CELL, "design", *names, SUCCESS])
-    figure = new_figure(3.1 * len(names), 3.5)
+    figure = new_figure(3.1 * len(names), 4.4)
     for axes, (x, label) in zip(figure.subplots(1, len(names), squeeze=False)[0], names.items(), strict=True):
         draw_points(axes, table, x, SUCCESS)
         found = evidence.correlation(runs, x, SUCCESS, ("panel", "levels"))
-        said = estimate_text(found).replace(", p", ",\np")
-        axes.set_title(f"given panel and n:\n{said}", loc="left", fontsize=9)
+        apart = keep(runs, runs["design"] != "clustered")
+        rest = evidence.correlation(apart, x, SUCCESS, ("panel", "levels"))
+        said = ("given panel and n:", estimate_text(found), "without near ones:", estimate_text(rest))
+        axes.set_title("\n".join(said).replace(", p", ",\np"), loc="left", fontsize=8.5)
         axes.set_xlabel(label)
     figure.axes[0].set_ylabel("success on test levels")
     figure.legend(handles=legend_of(table), loc="outside lower center", ncols=6)
@@ -247,6 +249,8 @@ def appendix_measures(evidence: Evidence) -> Drawn | str:
         right.scatter(column(w2, f"{levels}_golfball_x"), column(w2, f"{levels}_golfball_y"), color=style.PALETTE[k],
                       marker=style.MARKERS[k], s=32, label=f"{levels} levels", zorder=2)  # fmt: skip
     right.set_aspect("equal")
+    for axes in (left, right):
+        axes.locator_params(nbins=5)
     right.set_xlabel("x of the ball")
     right.set_ylabel("y of the ball")
     right.set_title(f"W2 = {w2['w2'].iloc[0]:.2f}: goals count, too", loc="left", fontsize=9.5)

@@ -8,11 +8,14 @@ import pytest
 
 from analysis.report.claims.claim import ALL_RUNS, METRIC_2022, METRIC_OURS, with_holm
 from analysis.report.claims.evidence import BLOCKS, Evidence
+from analysis.report.claims.gap import without_one_level
 from analysis.report.claims.prediction import matched_predictions
 from analysis.report.claims.reading import ROWS, STATEMENTS, TESTS, read_claims
 from analysis.report.claims.specifications import specifications, survives
 from analysis.report.claims.verdicts import NOT_SUPPORTED, NOT_TESTABLE, SUPPORTED, UNDECIDED
+from analysis.report.document.blocks import FINDING_HEAD, HOLM, finding_rows
 from analysis.report.document.tables import row_of
+from analysis.report.number_format import NONE, estimate_text
 from analysis.report.results import read_results
 from analysis.report.rules import WHOLE
 from analysis.stats.estimate import Estimate
@@ -68,6 +71,15 @@ def test_holm_weakens_effects_and_helps_no_claim_of_absence(full):
     assert with_holm(found)["a"].p == pytest.approx(4 * 0.04)
     raw = full["5a-trends"].tests(METRIC_OURS)
     assert raw and all((one.found.p < 0.05) == (one.found.low > 0 or one.found.high < 0) for one in raw)
+
+
+def test_tables_of_tests_count_blocks_mark_corrected_p_and_hide_r_without_an_interval(full, tmp_path):
+    corrected, alone = finding_rows(full["3b-trend"]), finding_rows(full["3a"])
+    n, p, r = (FINDING_HEAD.index(name) for name in ("n in blocks", "p", "effect"))
+    assert all(row[n].endswith(" in 6") and row[p].endswith(HOLM) for row in corrected)
+    assert not any(row[p].endswith(HOLM) for row in alone)
+    few = claims_of(tmp_path, {"runs": run_rows(np.random.default_rng(1), "figure_3a", seeds=3)})
+    assert {row[r] for row in finding_rows(few["3b-trend"])} == {NONE}
 
 
 def test_blocks_stay_together_and_too_few_give_no_verdict(full, tmp_path):
@@ -126,8 +138,22 @@ def test_matched_sets_tell_which_of_two_measures_matters(tmp_path):
     found = {claim.name: claim for claim in read_claims(evidence)}
     assert found["matched-coverage"].verdict(METRIC_OURS) == SUPPORTED
     assert found["matched-w2"].verdict(METRIC_OURS) == NOT_SUPPORTED
+    assert "The second outcomes, which decide nothing: gap in returns" in found["matched-coverage"].follows
     table = matched_predictions(evidence, evidence.results.of("matched_sets")).set_index("measure")
     assert table.loc["covering radius", "estimate"] > 0.8 > 0.1 > table.loc["exact W2", "estimate"]
+
+
+def test_what_one_training_level_adds_is_said(tmp_path):
+    """The gap follows W2 among runs with one training level alone."""
+    runs = run_rows(np.random.default_rng(1), "figure_3a", seeds=6)
+    chance = 0.01 * np.random.default_rng(2).normal(size=len(runs))
+    runs["gap_deterministic"] = np.where(runs["n"] == 1, -10 * runs["w2_exact"], chance)
+    evidence = Evidence(read_results(write_results(tmp_path, {"runs": runs})))
+    said = without_one_level(evidence, evidence.main, ("cell",))
+    part = evidence.main[evidence.main["n"] > 1]
+    found = evidence.correlation(part, "w2_exact", "gap", ("cell",))
+    assert said.startswith("Without the runs with one training level, r = ") and estimate_text(found) in said
+    assert abs(found.estimate) < 0.3 < abs(evidence.correlation(evidence.main, "w2_exact", "gap", ("cell",)).estimate)
 
 
 def test_the_papers_agent_is_judged_when_all_of_its_runs_are_there(tmp_path):

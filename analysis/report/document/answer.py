@@ -1,0 +1,119 @@
+"""The answer in five lines, which opens the report."""
+
+from collections import Counter
+from collections.abc import Mapping
+
+import numpy as np
+
+from analysis.plotting.names import family_name
+from analysis.report.claims import verdicts
+from analysis.report.claims.claim import LEARNED, METRIC_2022, METRIC_OURS, Claim, Finding
+from analysis.report.claims.evidence import Evidence
+from analysis.report.claims.gap import FAR, SPARSE, matched_sets, second_outcomes
+from analysis.report.document.blocks import Block, Bullets, Heading
+from analysis.report.number_format import estimate_text, with_interval
+from analysis.tables import select
+
+
+def answer(evidence: Evidence, claims: Mapping[str, Claim]) -> list[Block]:
+    """The answer in five lines, with numbers from the tests of claims."""
+    if evidence.ungated.main.empty:
+        lines = ["These runs have no main grid, so they do not answer this question."]
+    else:
+        lines = [
+            whole_grid(evidence, claims),
+            beyond_n(claims),
+            headline(evidence, claims),
+            levels_close(evidence),
+            agent(claims),
+        ]
+    return [Heading("In five lines"), Bullets([line for line in lines if line])]
+
+
+def whole_grid(evidence: Evidence, claims: Mapping[str, Claim]) -> str:
+    """The verdict on the paper's headline, and which runs it is about."""
+    everything, main = evidence.ungated.main, evidence.main
+    which = Counter(everything["family"]) - Counter(main["family"])
+    lost = ", ".join(f"{count} of {family_name(family)}" for family, count in which.items())
+    runs = f"all {len(main)} runs"
+    if lost:
+        runs = f"the {len(main)} of {len(everything)} runs that learned their training levels (without {lost})"
+    found = leading(claims["3a"], METRIC_OURS)
+    if found is None:
+        return f"The gap and W2 of {runs} say nothing of the paper's headline."
+    return (
+        f"Over {runs}, gap and W2 are correlated by {number(found)}. The paper's headline, that the gap is worse where "
+        f"training and test levels are farther apart, is {claims['3a'].verdict(METRIC_OURS)}."
+    )
+
+
+def beyond_n(claims: Mapping[str, Claim]) -> str:
+    """What is left of the headline given the number of levels."""
+    found = leading(claims["3a-n"], METRIC_OURS)
+    if found is None:
+        return ""
+    return (
+        f"W2 falls as the number n of training levels grows. Given panel and n, {number(found)} remains: that W2 matters "
+        f"beyond n is {claims['3a-n'].verdict(METRIC_OURS)}."
+    )
+
+
+def levels_close(evidence: Evidence) -> str:
+    """The gap in success with the fewest training levels and with the most."""
+    main = evidence.main
+    counts = sorted({*main["n"]})
+    if len(counts) < 2:
+        return ""
+    few, many = (evidence.mean(select(main, n=n), "gap_success") for n in (counts[0], counts[-1]))
+    levels = "one training level" if counts[0] == 1 else f"{counts[0]} training levels"
+    return (
+        f"With {levels}, success on test levels less that on training levels is {estimate_text(few, '')}; with {counts[-1]}, "
+        f"it is {estimate_text(many, '')}."
+    )
+
+
+def agent(claims: Mapping[str, Claim]) -> str:
+    """The verdict with the paper's own agent."""
+    claim = claims["3a-agent"]
+    found = leading(claim, METRIC_2022)
+    if found is None:
+        return f"What the paper's own agent says cannot be tested. It would take {claim.needs}."
+    return f"With the paper's own agent, given panel, {number(found)}: the headline is {claim.verdict(METRIC_2022)}."
+
+
+def headline(evidence: Evidence, claims: Mapping[str, Claim]) -> str:
+    """What the matched sets say of distance and coverage: of the gap in success, and of their second outcome."""
+    measures = {"matched-w2": "farther in W2", "matched-coverage": "worse in coverage and diversity"}
+    found = {name: leading(claims[name], METRIC_OURS) for name in measures}
+    parts = [
+        f"those that are {measures[name]} differ in their gap in success by {estimate_text(one.found, '')} "
+        f"({claims[name].verdict(METRIC_OURS)})"
+        for name, one in found.items()
+        if one is not None
+    ]
+    if not parts:
+        return "Whether it is W2 or coverage that matters was not run at this scale (`experiments=[matched_sets]`)."
+    named = {"matched-w2": "W2", "matched-coverage": "Coverage"}
+    stands = [named[name] for name in measures if claims[name].verdict(METRIC_OURS) == verdicts.SUPPORTED]
+    said = {
+        0: "Neither W2 nor coverage is shown to predict the gap in success by itself",
+        2: "W2 and coverage each predict the gap in success",
+    }
+    what = said.get(
+        len(stands), f"{stands[0] if stands else ''} predicts the gap in success, and the other is not shown to"
+    )
+    runs = matched_sets(evidence)
+    returns = [one.found for pairs in (FAR, SPARSE) for one in second_outcomes(evidence, runs, pairs)[:1]]
+    second = f" In returns, they differ in their gap by {' and '.join(map(with_interval, returns))}." if returns else ""
+    return f"{what}. Of training sets that are matched in the rest, {', and '.join(parts)}.{second}"
+
+
+def leading(claim: Claim, settings: str) -> Finding | None:
+    """The first test of a claim that has a number, with the runs that learned; None where there is none."""
+    return next((one for one in claim.tests(settings, LEARNED) if np.isfinite(one.found.estimate)), None)
+
+
+def number(one: Finding) -> str:
+    """An estimate with its interval and what it rests on."""
+    name = "r" if one.measure.endswith("Pearson r") else "difference"
+    return estimate_text(one.found, name)
