@@ -13,7 +13,8 @@ Settings, as name=value (make: ARGS="name=value ..."):
   processes=N                runs side by side; 0, the default: one per core
   report=false               tables only
   imported=[FOLDER]          tables of runs that were made on other machines: they count as done, and are joined in
-  ++grids.NAME.grid.seeds=5  instead of what its file says; ++grids.NAME.scales.quick={} adds a scale
+  ++grids.NAME.grid.counts=[5]  instead of what its file says; what the file says of the scale wins, and is
+                             ++grids.NAME.scales.quick.counts=[5]; ++grids.NAME.scales.quick={} adds a scale
   probes.SCALE.frames=N      how finished runs are probed at a scale; grids.NAME.probes=false: not at all
   +experiment@grids.NAME=NAME  an experiment of your own, conf/experiment/NAME.yaml
   root=FOLDER                where run folders are, and are looked for; runs/ of the checkout by default

@@ -72,14 +72,14 @@ def success_beside_ppo(evidence: Evidence, runs: pd.DataFrame) -> Iterator[Findi
 
 
 def trends_of_auxiliary(evidence: Evidence, probed: pd.DataFrame) -> Iterator[Finding]:
-    """Figure 5a: gap against accuracy, per algorithm."""
+    """Figure 5a: gap against accuracy given panel, per algorithm: its panels are too few to be compared."""
     for settings, probe in PROBES.items():
         for algorithm in auxiliary(probed):
             part = select(probed, probe=probe, algorithm=algorithm)
             for levels in LEVELS if len(part) else ():
                 words = f"{algorithm_name(algorithm)}, accuracy on {levels} levels, {WORDS[settings]}"
-                found = evidence.correlation(part, f"accuracy_{levels}", GAPS[settings])
-                yield correlation(settings, words, found, 0)
+                found = evidence.correlation(part, f"accuracy_{levels}", GAPS[settings], ("panel",))
+                yield correlation(settings, f"{words}, given panel", found, 0, "panel")
 
 
 def mass_shown_beside_hidden(evidence: Evidence, runs: pd.DataFrame) -> Iterator[Finding]:

@@ -24,7 +24,7 @@ SUCCESS = "success_test_deterministic"
 GLOSSARY = (
     "**The paper**: Hjelm et al. (2022), The Sandbox Environment for Generalizable Agent Research; its code is that of 2022.",
     "**Level**: one start of the task. **Training levels**: the n levels that an agent practises on. **Test levels**: others "
-    "from the same distribution, 300 per panel unless said otherwise.",
+    "from the same distribution.",
     "**Family** and **difficulty**: what is in a level, and how far apart things start. **Panel**: a family and a difficulty. "
     "**Cell**: a panel and a number n of training levels.",
     "**Seed**: of the training levels and of the agent. **Block**: runs that stay together in intervals and p: all of one "

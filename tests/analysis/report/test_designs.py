@@ -7,6 +7,7 @@ from experiments.reproduce import SETTINGS, build
 from experiments.reproduction.grid import grid_runs
 
 WITHIN_ONE_PANEL = ("appendix_sac",)
+COMPARING_PANELS = ("figure_3a", "figure_4b")  # 3a, and 4b-none in the 2022 metric: each panel is a block
 OVER_PANELS = ("figure_3a", "figure_5a", "appendix_mass", "appendix_memory", "matched_sets", "rule_sets", "trials")
 
 
@@ -15,6 +16,8 @@ def test_a_verdict_has_blocks_enough_at_standard():
     with initialized():
         config = build(compose_data(["scale=standard"], "reproduce"))
     grids = {one.name: one.grid for one in config.at_scale()}
+    for name in COMPARING_PANELS:
+        assert len({run.levels.train for run in grid_runs(grids[name], config.run)}) >= LEAST_BLOCKS, name
     for name in (*WITHIN_ONE_PANEL, *OVER_PANELS):
         blocks = {(run.levels.train, run.seed) for run in grid_runs(grids[name], config.run)}
         panels = {panel for panel, _ in blocks} if name in WITHIN_ONE_PANEL else {None}

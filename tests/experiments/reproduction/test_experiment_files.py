@@ -5,12 +5,13 @@ import copy
 import pytest
 import yaml
 
-from experiments.commands.config_store import conf_dir
-from experiments.commands.hydra_app import compose
-from experiments.reproduce import ReproduceConfig, experiment_files, help_text
+from experiments.commands.config_store import conf_dir, register_settings
+from experiments.commands.hydra_app import compose, compose_data, initialized
+from experiments.reproduce import SETTINGS, ReproduceConfig, build, experiment_files, help_text
 from experiments.reproduction.experiment_file import BASE, SCALES, TransferConfig, experiment_at, other_panel
+from experiments.reproduction.grid import grid_runs
 from experiments.reproduction.plan import make_plan
-from experiments.settings import ConfigError, ObservationConfig, RunConfig
+from experiments.settings import CHECKOUT, ConfigError, ObservationConfig, RunConfig
 
 GOOD = {
     "title": "A grid",
@@ -132,3 +133,15 @@ def test_self_supervision_is_held_against_as_many_gradient_steps(scale):
     assert sum(name.endswith("_epochs") for name in steps) == 1
     assert len(steps) == 3
     assert len(set(steps.values())) == 1
+
+
+def test_the_guide_says_how_many_runs_each_scale_has():
+    guide = (CHECKOUT / "docs" / "how-to" / "reproduce-the-paper.md").read_text()
+    register_settings("reproduce", SETTINGS)
+    for scale in SCALES:
+        with initialized():
+            config = build(compose_data([f"scale={scale}"], "reproduce"))
+        grids = [one.grid for one in config.at_scale() if one.grid is not None]
+        runs = {run.label() for grid in grids for run in grid_runs(grid, config.run)}
+        (row,) = (line.split("|") for line in guide.splitlines() if line.startswith(f"| `{scale}`"))
+        assert row[3].strip() == f"{len(runs):,}", scale
