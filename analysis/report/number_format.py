@@ -98,7 +98,7 @@ def estimate_text(found: Estimate, name: str = "r") -> str:
     A correlation is not shown where it has no interval, see :func:`effect_of_r`."""
     is_shown = math.isfinite(found.low) or name.rpartition(" ")[2] != "r"
     if not math.isfinite(found.estimate) or not is_shown:
-        return f"no {name}: {found.note}" if found.note else f"no {name}"
+        return f"no {name or 'number'}" + (f": {found.note}" if found.note else "")
     parts = [f"{name} = {with_interval(found)}" if name else with_interval(found)]
     if math.isfinite(found.p):
         shown = p_value(found.p)

@@ -4,7 +4,7 @@ A folder of such tables is one that ``analysis.collect`` or ``analysis.ship`` wr
 settings, so a row with that name describes that run. Such a run counts as done and is not trained again.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -43,13 +43,11 @@ class ImportedResults:
         return bool(name) and tested and (work.probes is None or name in self.probed)
 
 
-def names_of(run: RunConfig) -> Iterator[str]:
+def names_of(run: RunConfig) -> list[str]:
     """The names that a run may have in tables: today's here, those that its ``auto`` has on other machines, that of 0.1."""
-    yield run.label()
     automatic = getattr(run.algorithm, "precision", None) == "auto" and run.determinism == "machine"
-    for precision in ("bf16", "fp32") if automatic else ():
-        yield run.with_precision(precision).label()
-    yield label_in_0_1(run)
+    others = [run.with_precision(name) for name in ("bf16", "fp32")] if automatic else []
+    return list(dict.fromkeys([*(one.label() for one in (run, *others)), label_in_0_1(run)]))
 
 
 def read_imported_results(folders: Sequence[Path]) -> ImportedResults:

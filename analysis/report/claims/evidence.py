@@ -60,12 +60,6 @@ class Evidence:
         """The same with all runs."""
         return Evidence(self.all_results, gated=False)
 
-    def without(self, family: str) -> "Evidence":
-        """The same without the runs of a family."""
-        found = Evidence(self.all_results)
-        found.results = self.results.only(self.results.runs["family"] != family)
-        return found
-
     @property
     def main(self) -> pd.DataFrame:
         """The main grid."""
@@ -85,19 +79,12 @@ class Evidence:
         ]
         return leading(pd.concat(parts, ignore_index=True), "w2", "gap") if parts else pd.DataFrame()
 
-    def association(
-        self, mode: str, gap: str, test: str, panel: str = "", method: str = "pearson", outliers: str = "kept",
-        corrected: bool = False,
-    ) -> Estimate:  # fmt: skip
-        """One row of :attr:`associations`; with Holm's p if ``corrected``."""
+    def association(self, mode: str, gap: str, test: str) -> Estimate:
+        """One row of :attr:`associations`: Pearson's, of all panels, with outliers."""
         table = self.associations
-        want = {"w2": mode, "gap": gap, "test": test, "panel": panel, "method": method, "outliers": outliers}
+        want = {"w2": mode, "gap": gap, "test": test, "panel": "", "method": "pearson", "outliers": "kept"}
         rows = select(table, **want) if len(table) else table
-        if rows.empty:
-            return Estimate.missing(0, "no such runs")
-        row = rows.iloc[0].to_dict()
-        found = Estimate.of_row(row)
-        return dataclasses.replace(found, p=float(row["p_holm"])) if corrected else found
+        return Estimate.missing(0, "no such runs") if rows.empty else Estimate.of_row(rows.iloc[0].to_dict())
 
     def by_blocks(
         self, table: pd.DataFrame, values: np.ndarray, statistic: Callable[[np.ndarray], float],
@@ -109,7 +96,9 @@ class Evidence:
             return Estimate.missing(0, "no such runs")
         blocks = len(set(labels(table, clusters)))
         if blocks < self.least_blocks:
-            return dataclasses.replace(no_interval(statistic(values), blocks, self.blocks[clusters]), n=len(table))
+            return dataclasses.replace(
+                no_interval(statistic(values), blocks, self.blocks.get(clusters, "blocks")), n=len(table)
+            )
         found = cluster_jackknife(table, statistic, clusters, values=values, correlation=correlation)
         return dataclasses.replace(found, note=found.note or f"{len(table)} rows in {blocks} blocks", n=len(table))
 
@@ -178,7 +167,7 @@ class Evidence:
     def sensitivity(self) -> pd.DataFrame:
         """3a, 3a-n and 3a-cell, when choices of the analysis change: which runs count, and how."""
         rows = []
-        ours = ((("exact", "gap", test)) for test in ("pooled", "given panel and n", GIVEN_CELL))
+        ours = (("exact", "gap", test) for test in ("pooled", "given panel and n", GIVEN_CELL))
         for mode, gap, test in (("reference", "gap_2022", "pooled"), *ours):
             base = {"w2": mode, "gap": gap, "test": test}
             for change, evidence, table, ranks in self.changes(f"w2_{mode}", gap):

@@ -30,6 +30,8 @@ PAPER_AGENT = "paper_agent"
 # Designs beside each other: farther in W2 at equal coverage and diversity, and worse in these at equal W2.
 FAR = (("matched_far", "matched"), ("matched_far_sparse", "matched_sparse"))
 SPARSE = (("matched_sparse", "matched"), ("matched_far_sparse", "matched_far"))
+# What the rules name second: the gap in returns, and the return on test levels, which falls as the regret grows.
+SECOND = {"gap": "gap in returns", "eta_test_deterministic": "return on test levels (less regret)"}
 MATCHED = ["family", "difficulty", "n", "seed", "observation"]
 
 
@@ -89,30 +91,25 @@ def of_pairs(evidence: Evidence, runs: pd.DataFrame, pairs: Pairs, words: str) -
     )  # fmt: skip
 
 
-def second_outcomes(evidence: Evidence, runs: pd.DataFrame, pairs: Pairs) -> list[Finding]:
-    """The same of the outcomes that the rules name second: the gap in returns, and the return on test levels, which falls as
-    the regret grows."""
-    outcomes = {"gap": "gap in returns", "eta_test_deterministic": "return on test levels (less regret)"}
-    return [
-        one
-        for value, words in outcomes.items()
-        for one in mean_difference(evidence, METRIC_OURS, words, beside_designs(runs, pairs, value), WORSE)
-    ]
+def second_outcome(evidence: Evidence, runs: pd.DataFrame, pairs: Pairs, value: str) -> Iterator[Finding]:
+    """The same of one of :data:`SECOND`, if there are such pairs."""
+    return mean_difference(evidence, METRIC_OURS, SECOND[value], beside_designs(runs, pairs, value), WORSE)
 
 
 def second_outcomes_in_words(evidence: Evidence, runs: pd.DataFrame, pairs: Pairs) -> str:
-    """:func:`second_outcomes` in a sentence."""
+    """All second outcomes in a sentence."""
     parts = [
         f"{one.test} {estimate_text(one.found, '')}, margin {plain(one.margin)} ({one.verdict})"
-        for one in second_outcomes(evidence, runs, pairs)
+        for value in SECOND
+        for one in second_outcome(evidence, runs, pairs, value)
     ]
     return f"The second outcomes, which decide nothing: {'; '.join(parts)}." if parts else ""
 
 
 def without_one_level(evidence: Evidence, runs: pd.DataFrame, given: tuple[str, ...]) -> str:
     """What is left of a correlation of the main grid without the runs with one training level."""
-    part = keep(evidence.main, evidence.main["n"] > 1)
-    if part.empty or len(part) == len(evidence.main):
+    part = keep(runs, runs["n"] > 1)
+    if part.empty or len(part) == len(runs):
         return ""
     said = [
         f"{estimate_text(evidence.correlation(part, f'w2_{mode}', gap, given))} ({settings})"
@@ -123,8 +120,7 @@ def without_one_level(evidence: Evidence, runs: pd.DataFrame, given: tuple[str, 
 
 def trend_without_one_level(evidence: Evidence, harder: pd.DataFrame) -> str:
     """What is left of the trend from medium to hard without the runs with one training level."""
-    many = keep(harder, harder["n"] > 1)
-    parts = {family: select(many, family=family, difficulty="medium") for family in ("empty", "objectsx1")}
+    parts = from_medium(keep(harder, harder["n"] > 1))
     said = [
         f"in {family_name(family)}, {estimate_text(evidence.correlation(part, 'w2_exact', 'gap'))}"
         for family, part in parts.items()
@@ -184,12 +180,17 @@ def cost_of_shift(evidence: Evidence, harder: pd.DataFrame) -> Iterator[Finding]
 def trend_to_hard(evidence: Evidence, harder: pd.DataFrame) -> Iterator[Finding]:
     """Figure 4a: the trend from medium to hard."""
     for settings, mode, gap in SETTINGS:
-        parts = {family: select(harder, family=family, difficulty="medium") for family in ("empty", "objectsx1")}
+        parts = from_medium(harder)
         found = {name: evidence.correlation(part, f"w2_{mode}", gap) for name, part in parts.items() if len(part)}
         for family, one in with_holm(found).items():
             yield correlation(
                 settings, f"{family_name(family)}, medium to hard, {WORDS[settings]}", one, WORSE, corrected=True
             )
+
+
+def from_medium(harder: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """The tests on hard levels of agents from medium ones, by the families that the paper names."""
+    return {family: select(harder, family=family, difficulty="medium") for family in ("empty", "objectsx1")}
 
 
 def each_pair_of_panels(evidence: Evidence, harder: pd.DataFrame) -> Iterator[Finding]:

@@ -9,7 +9,7 @@ from analysis.plotting.names import family_name
 from analysis.report.claims import verdicts
 from analysis.report.claims.claim import LEARNED, METRIC_2022, METRIC_OURS, Claim, Finding
 from analysis.report.claims.evidence import Evidence
-from analysis.report.claims.gap import FAR, SPARSE, matched_sets, second_outcomes
+from analysis.report.claims.gap import FAR, SPARSE, matched_sets, second_outcome
 from analysis.report.document.blocks import Block, Bullets, Heading
 from analysis.report.number_format import estimate_text, with_interval
 from analysis.tables import select
@@ -23,7 +23,7 @@ def answer(evidence: Evidence, claims: Mapping[str, Claim]) -> list[Block]:
         lines = [
             whole_grid(evidence, claims),
             beyond_n(claims),
-            headline(evidence, claims),
+            of_matched_sets(evidence, claims),
             levels_close(evidence),
             agent(claims),
         ]
@@ -81,7 +81,7 @@ def agent(claims: Mapping[str, Claim]) -> str:
     return f"With the paper's own agent, given panel, {number(found)}: the headline is {claim.verdict(METRIC_2022)}."
 
 
-def headline(evidence: Evidence, claims: Mapping[str, Claim]) -> str:
+def of_matched_sets(evidence: Evidence, claims: Mapping[str, Claim]) -> str:
     """What the matched sets say of distance and coverage: of the gap in success, and of their second outcome."""
     measures = {"matched-w2": "farther in W2", "matched-coverage": "worse in coverage and diversity"}
     found = {name: leading(claims[name], METRIC_OURS) for name in measures}
@@ -103,7 +103,7 @@ def headline(evidence: Evidence, claims: Mapping[str, Claim]) -> str:
         len(stands), f"{stands[0] if stands else ''} predicts the gap in success, and the other is not shown to"
     )
     runs = matched_sets(evidence)
-    returns = [one.found for pairs in (FAR, SPARSE) for one in second_outcomes(evidence, runs, pairs)[:1]]
+    returns = [one.found for pairs in (FAR, SPARSE) for one in second_outcome(evidence, runs, pairs, "gap")]
     second = f" In returns, they differ in their gap by {' and '.join(map(with_interval, returns))}." if returns else ""
     return f"{what}. Of training sets that are matched in the rest, {', and '.join(parts)}.{second}"
 

@@ -16,7 +16,7 @@ from analysis.report.document.tables import frames_of, means, means_table, row_o
 from analysis.report.number_format import NONE, effect, estimate_text, listed, p_value, plain, signed, with_interval
 from analysis.report.results import with_panel
 from analysis.stats.estimate import Estimate
-from analysis.tables import column, count_of, keep, mean_by, select
+from analysis.tables import column, count_of, keep, select
 
 Drawer = Callable[[str], list[Block]]
 
@@ -97,32 +97,31 @@ def physics(evidence: Evidence) -> list[Block]:
     part = evidence.results.other_physics
     if part.empty:
         return []
-    table = mean_by(part, ["trained", "test_variation", "n"], ["difference"])
-    row = min(table.to_dict("records"), key=lambda one: one["difference"])
-    runs = len(select(part, **{name: row[name] for name in ("trained", "test_variation", "n")}))
+    named = part.assign(levels=part["n"].astype(str))
+    found = means(evidence, named, ["trained", "test_variation", "levels"], "difference")
+    row = min(found.to_dict("records"), key=lambda one: one["estimate"])
     text = (
-        f"The largest mean loss is in `{row['test_variation']}`, of agents trained in {row['trained']} with n = {row['n']}: "
-        f"the return is {signed(row['difference'])} beside that on the test levels of their own physics, over {runs} runs."
+        f"The largest mean loss is in `{row['test_variation']}`, of agents trained in {row['trained']} with {row['levels']} "
+        f"training levels: the return is {with_interval(Estimate.of_row(row))} beside that on the test levels of their own "
+        f"physics, over {row['n']:.0f} runs."
     )
-    return [Paragraph(text), shifts(part, "test_variation")]
+    return [Paragraph(text), shifts(evidence, part, "test_variation")]
 
 
 def looks(evidence: Evidence) -> list[Block]:
     """The loss in return with each kind of textures, and on harder levels."""
     part = evidence.results.other_looks
-    return [] if part.empty else [shifts(part, "shift")]
+    return [] if part.empty else [shifts(evidence, part, "shift")]
 
 
-def shifts(part: pd.DataFrame, tested: str) -> Table:
+def shifts(evidence: Evidence, part: pd.DataFrame, tested: str) -> Table:
     """The mean ``difference`` of what agents were trained in and ``tested`` in, by the number of training levels."""
     counts = sorted({*part["n"]})
     rows = []
     for (trained, there), some in part.groupby(["trained", tested], sort=True):  # type: ignore[misc]
-        of_n = [column(select(some, n=n), "difference") for n in counts]
-        sizes = sorted({len(one) for one in of_n})
-        rows.append([
-            str(trained), str(there), *(signed(float(one.mean())) if len(one) else NONE for one in of_n), listed(sizes)
-        ])  # fmt: skip
+        found = [evidence.mean(select(some, n=n)) for n in counts]
+        cells = (" ".join(text for text in effect(one) if text != NONE) or NONE for one in found)
+        rows.append([str(trained), str(there), *cells, listed(one.n for one in found)])
     return Table(("trained in", "tested in", *(f"n = {n}" for n in counts), "runs each"), rows, 2, TABLES["shift"])
 
 

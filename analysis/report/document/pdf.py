@@ -92,7 +92,9 @@ def draw(pdf: Sheet, document: Document, pages: Mapping[str, int], heights: Mapp
         if isinstance(block, blocks.Heading):
             waiting.append(block)
             continue
-        if is_cramped(block, heights.get(place, 0.0), pdf.page_break_trigger - pdf.get_y()):
+        if pdf.get_y() > pdf.t_margin and is_cramped(
+            block, heights.get(place, 0.0), pdf.page_break_trigger - pdf.get_y()
+        ):
             pdf.add_page()
         top = pdf.get_y()
         draw_block(pdf, waiting, block, document)

@@ -244,7 +244,7 @@ def whose_settings(evidence: Evidence, there: bool) -> list[Block]:
         "frames": tables.frames_of(main),
         "training levels": listed(main["n"]),
         "test levels": listed(main["test_levels"]) if "test_levels" in main else "",
-        "seeds": seeds_by_panel(main),
+        "seeds": seeds_by_family(main),
         "episodes per evaluation": "100 or more on training levels, one on each test level",
     }
     rows = [[name, paper, ours[name]] for name, paper in SETTINGS_OF_PAPER]
@@ -256,8 +256,8 @@ def whose_settings(evidence: Evidence, there: bool) -> list[Block]:
     return [Heading("What is whose"), Table(head, rows, 3, TABLES["settings"]), Paragraph(note)]
 
 
-def seeds_by_panel(main: pd.DataFrame) -> str:
-    """How many seeds each panel has; of families that have fewer than others, which."""
+def seeds_by_family(main: pd.DataFrame) -> str:
+    """How many seeds the families have; of those that have fewer than others, which."""
     counts = {family: count_of(part, "seed") for family, part in main.groupby("family", sort=False)}
     most = max(counts.values())
     fewer = [f"{count} in {family_name(family)}" for family, count in counts.items() if count < most]

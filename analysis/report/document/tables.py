@@ -86,7 +86,7 @@ def main_table(evidence: Evidence) -> Table:
                 one = evidence.of_main(mode, gap, test)
                 shuffled = row_of(evidence.resampled, w2=mode, gap=gap, test=test, way=PERMUTATION)
                 rows.append([
-                    DISTANCES[mode], GAPS[gap], test, *effect(one), p_value(one.p),
+                    DISTANCES[mode], GAPS[gap], test, *effect_of_r(one), p_value(one.p),
                     p_value(shuffled.p), f"{one.n:.0f}",
                 ])  # fmt: skip
     head = ("distance", "returns", "test", "r", "95 %", "p", "p, permuted", "runs")
@@ -118,9 +118,9 @@ def mixed_table(evidence: Evidence) -> Table:
 
 
 def sensitivity_table(evidence: Evidence) -> Table:
-    """The headline when choices of the analysis change."""
+    """3a, 3a-n and 3a-cell when choices of the analysis change."""
     rows = [
-        [r["change"], DISTANCES[r["w2"]], GAPS[r["gap"]], r["test"], *effect(Estimate.of_row(r)),
+        [r["change"], DISTANCES[r["w2"]], GAPS[r["gap"]], r["test"], *effect_of_r(Estimate.of_row(r)),
          p_value(r["p"]), f"{r['n']:.0f}"]
         for r in evidence.sensitivity.to_dict("records")
     ]  # fmt: skip

@@ -1,6 +1,6 @@
 """The designs of the experiments give the verdicts the data that their rules ask for."""
 
-from analysis.report.rules import LEAST_BLOCKS
+from analysis.report.rules import LEAST_BLOCKS, WHOLE
 from experiments.commands.config_store import register_settings
 from experiments.commands.hydra_app import compose_data, initialized
 from experiments.reproduce import SETTINGS, build
@@ -16,6 +16,8 @@ def test_a_verdict_has_blocks_enough_at_standard():
     with initialized():
         config = build(compose_data(["scale=standard"], "reproduce"))
     grids = {one.name: one.grid for one in config.at_scale()}
+    for name, runs in WHOLE.items():
+        assert len([*grid_runs(grids[name], config.run)]) == runs, name
     for name in COMPARING_PANELS:
         assert len({run.levels.train for run in grid_runs(grids[name], config.run)}) >= LEAST_BLOCKS, name
     for name in (*WITHIN_ONE_PANEL, *OVER_PANELS):
