@@ -56,16 +56,16 @@ def success_at_both_ends(evidence: Evidence, runs: pd.DataFrame) -> str:
     """The success of agents on the fewest and on the most rule sets, on training levels and on unseen ones."""
     numbers = sorted({*runs["rule_sets"]})
     parts = [select(runs, rule_sets=number) for number in (numbers[0], numbers[-1])]
-    said, falls = [], False
-    for words, name in (("training levels", "success_train_deterministic"), ("unseen rule sets", SUCCESS)):
-        first, last = (float(column(part, name).mean()) for part in parts)
-        said.append(f"on {words} from {plain(first)} to {plain(last)}")
-        falls = falls or (name != SUCCESS and last < first)
-    sizes = " and ".join(f"{len(part)}" for part in parts)
-    return (
-        f"From {numbers[0]:,.0f} to {numbers[-1]:,.0f} rule sets, mean success goes {' and '.join(said)} (n = {sizes} runs)"
-        + (": a gap also closes where success in training falls." if falls else ".")
+    trained, unseen = (
+        [float(column(part, name).mean()) for part in parts] for name in ("success_train_deterministic", SUCCESS)
     )
+    said = (
+        f"From {numbers[0]:,.0f} to {numbers[-1]:,.0f} rule sets, mean success goes on training levels from "
+        f"{' to '.join(map(plain, trained))} and on unseen rule sets from {' to '.join(map(plain, unseen))} "
+        f"(n = {' and '.join(f'{len(part)}' for part in parts)} runs)"
+    )
+    falls = trained[-1] < trained[0]
+    return said + (": a gap also closes where success in training falls." if falls else ".")
 
 
 def success_by_rule_sets(evidence: Evidence, runs: pd.DataFrame) -> Iterator[Finding]:

@@ -7,7 +7,7 @@ import numpy as np
 
 from analysis.plotting.names import family_name
 from analysis.report.claims import verdicts
-from analysis.report.claims.claim import LEARNED, METRIC_2022, METRIC_OURS, Claim, Finding
+from analysis.report.claims.claim import LEARNED, METRIC_2022, METRIC_OURS, Claim, Finding, is_correlation
 from analysis.report.claims.evidence import Evidence
 from analysis.report.claims.gap import FAR, SPARSE, matched_sets, second_outcome
 from analysis.report.document.blocks import Block, Bullets, Heading
@@ -115,5 +115,4 @@ def leading(claim: Claim, settings: str) -> Finding | None:
 
 def number(one: Finding) -> str:
     """An estimate with its interval and what it rests on."""
-    name = "r" if one.measure.endswith("Pearson r") else "difference"
-    return estimate_text(one.found, name)
+    return estimate_text(one.found, "r" if is_correlation(one.measure) else "difference")

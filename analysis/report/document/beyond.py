@@ -97,31 +97,35 @@ def physics(evidence: Evidence) -> list[Block]:
     part = evidence.results.other_physics
     if part.empty:
         return []
-    named = part.assign(levels=part["n"].astype(str))
-    found = means(evidence, named, ["trained", "test_variation", "levels"], "difference")
+    found = shift_means(evidence, part, "test_variation")
     row = min(found.to_dict("records"), key=lambda one: one["estimate"])
     text = (
         f"The largest mean loss is in `{row['test_variation']}`, of agents trained in {row['trained']} with {row['levels']} "
         f"training levels: the return is {with_interval(Estimate.of_row(row))} beside that on the test levels of their own "
         f"physics, over {row['n']:.0f} runs."
     )
-    return [Paragraph(text), shifts(evidence, part, "test_variation")]
+    return [Paragraph(text), shifts(found, "test_variation")]
 
 
 def looks(evidence: Evidence) -> list[Block]:
     """The loss in return with each kind of textures, and on harder levels."""
     part = evidence.results.other_looks
-    return [] if part.empty else [shifts(evidence, part, "shift")]
+    return [] if part.empty else [shifts(shift_means(evidence, part, "shift"), "shift")]
 
 
-def shifts(evidence: Evidence, part: pd.DataFrame, tested: str) -> Table:
-    """The mean ``difference`` of what agents were trained in and ``tested`` in, by the number of training levels."""
-    counts = sorted({*part["n"]})
+def shift_means(evidence: Evidence, part: pd.DataFrame, tested: str) -> pd.DataFrame:
+    """The mean ``difference`` for each of what agents were ``trained`` in, ``tested`` in, and their number of ``levels``."""
+    return means(evidence, part.assign(levels=part["n"]), ["trained", tested, "levels"], "difference")
+
+
+def shifts(found: pd.DataFrame, tested: str) -> Table:
+    """The result of :func:`shift_means`, a column for each number of training levels."""
+    counts = sorted({*found["levels"]})
     rows = []
-    for (trained, there), some in part.groupby(["trained", tested], sort=True):  # type: ignore[misc]
-        found = [evidence.mean(select(some, n=n)) for n in counts]
-        cells = (" ".join(text for text in effect(one) if text != NONE) or NONE for one in found)
-        rows.append([str(trained), str(there), *cells, listed(one.n for one in found)])
+    for (trained, there), some in found.groupby(["trained", tested], sort=True):  # type: ignore[misc]
+        of_n = {row["levels"]: effect(Estimate.of_row(row)) for row in some.to_dict("records")}
+        cells = (" ".join(text for text in of_n.get(n, ()) if text != NONE) or NONE for n in counts)
+        rows.append([str(trained), str(there), *cells, listed(some["n"])])
     return Table(("trained in", "tested in", *(f"n = {n}" for n in counts), "runs each"), rows, 2, TABLES["shift"])
 
 

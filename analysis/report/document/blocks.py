@@ -120,7 +120,7 @@ def finding_rows(claim: Claim) -> list[list[str]]:
     """The tests of a claim as cells, in the order of :data:`FINDING_HEAD`."""
     return [
         [one.settings, SHORT.get(one.runs, one.runs), one.test, SHORT.get(one.measure, one.measure),
-         *(effect if not is_correlation(one.measure) else effect_of_r)(one.found), counted(one.found),
+         *(effect_of_r if is_correlation(one.measure) else effect)(one.found), counted(one.found),
          p_value(one.found.p) + (HOLM if one.corrected and np.isfinite(one.found.p) else ""), plain(one.margin),
          plain(one.power), one.verdict]
         for one in claim.findings
