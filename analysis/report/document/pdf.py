@@ -20,8 +20,10 @@ FONT, MONO = "DejaVu Sans", "DejaVu Sans Mono"
 FACES = {(FONT, ""): "DejaVuSans.ttf", (FONT, "B"): "DejaVuSans-Bold.ttf", (MONO, ""): "DejaVuSansMono.ttf"}
 BODY, SMALL, CELLS = 9.0, 7.5, 6.5  # [pt]
 MARGIN = 16.0  # [mm]
+TEXT_WIDTH = 210.0 - 2 * MARGIN  # of A4 [mm]
 ENDLESS = (210.0, 1e5)  # a sheet as wide as A4 on which no page ends [mm]
 HIGHEST = 225.0  # a figure is no higher [mm]
+LEAST_SCALE = 0.85  # of a figure that is to fit on a page; its letters are then as small as those of a table
 LONG = 80.0  # a table that may be cut is higher [mm]
 LEAST_BEGUN, LEAST_REST = 60.0, 25.0  # and more of it stands before and after the cut [mm]
 BESIDE = 3.4  # what a cell needs beside its text [mm]
@@ -92,15 +94,23 @@ def draw(pdf: Sheet, document: Document, pages: Mapping[str, int], heights: Mapp
         if isinstance(block, blocks.Heading):
             waiting.append(block)
             continue
-        if pdf.get_y() > pdf.t_margin and is_cramped(
-            block, heights.get(place, 0.0), pdf.page_break_trigger - pdf.get_y()
-        ):
+        height, room = heights.get(place, 0.0), pdf.page_break_trigger - pdf.get_y()
+        scale = scale_of(block, height, room) if isinstance(block, blocks.Picture) else 1.0
+        if scale == 1 and pdf.get_y() > pdf.t_margin and is_cramped(block, height, room):
             pdf.add_page()
         top = pdf.get_y()
-        draw_block(pdf, waiting, block, document)
+        draw_block(pdf, waiting, block, document, scale)
         found[place] = pdf.get_y() - top
         waiting = []
     return found
+
+
+def scale_of(block: blocks.Picture, height: float, room: float) -> float:
+    """The scale at which a figure fits in the room [mm] that is left, where with its caption and headings it has this height;
+    1 where that is below :data:`LEAST_SCALE`."""
+    _, tall = size_of(block)
+    scale = min(1.0, 1.0 - (height - room) / tall)
+    return scale if scale >= LEAST_SCALE else 1.0
 
 
 def is_cramped(block: blocks.Block, height: float, left: float) -> bool:
@@ -111,8 +121,10 @@ def is_cramped(block: blocks.Block, height: float, left: float) -> bool:
     return height > left and not (is_cut and left > LEAST_BEGUN and height - left > LEAST_REST)
 
 
-def draw_block(pdf: Sheet, headings: Sequence[blocks.Heading], block: blocks.Block, document: Document) -> None:
-    """A block under its headings."""
+def draw_block(
+    pdf: Sheet, headings: Sequence[blocks.Heading], block: blocks.Block, document: Document, scale: float = 1.0
+) -> None:
+    """A block under its headings; a figure at this scale."""
     for one in headings:
         heading(pdf, one)
     match block:
@@ -126,7 +138,7 @@ def draw_block(pdf: Sheet, headings: Sequence[blocks.Heading], block: blocks.Blo
                 rich(pdf, block.caption, SMALL, SOFT)
             cells(pdf, block.head, block.rows, range(block.left))
         case blocks.Picture():
-            picture(pdf, block)
+            picture(pdf, block, scale)
         case blocks.Verdict():
             claim(pdf, block, document)
 
@@ -226,14 +238,20 @@ def widths_of(pdf: Sheet, rows: Sequence[Sequence[str]], head: Sequence[str]) ->
     return [min(width, cap) for width in needed]
 
 
-def picture(pdf: Sheet, block: blocks.Picture) -> None:
-    """A figure in the scale in which one of :data:`PAGE_WIDTH` fills the page, with its caption on the same page."""
+def size_of(block: blocks.Picture) -> tuple[float, float]:
+    """Width and height [mm] of a figure, in the scale in which one of :data:`PAGE_WIDTH` fills the page."""
     from PIL import Image
 
     with Image.open(block.png) as image:
         ratio = image.height / image.width
         share = image.width / style.SETTINGS["savefig.dpi"] / PAGE_WIDTH
-    width = min(pdf.epw * min(share, 1.0), HIGHEST / ratio)
+    width = min(TEXT_WIDTH * min(share, 1.0), HIGHEST / ratio)
+    return width, width * ratio
+
+
+def picture(pdf: Sheet, block: blocks.Picture, scale: float) -> None:
+    """A figure with its caption on the same page."""
+    width = size_of(block)[0] * scale
     pdf.image(block.png, w=width, alt_text=block.caption)
     pdf.ln(1)
     rich(pdf, f"{block.caption} Data: `figures/{block.name}.csv`. Drawn again by `{block.command}`", SMALL, SOFT)

@@ -57,12 +57,12 @@ def draw_accuracy(evidence: Evidence, axes: Axes, table: pd.DataFrame, gap: str,
     axes.set_title(title)
     axes.set_xlabel("accuracy of the critic")
     axes.set_ylabel(SHORT_GAP)
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), fontsize=8.5)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.25), fontsize=8.5)
 
 
 def accuracy_grid(evidence: Evidence, parts: list[list[tuple[str, pd.DataFrame, str]]], width: float) -> Figure:
     """Rows of axes, each of a title, its runs and the column of the gap; ``width`` in inches is that of one axes."""
-    figure = new_figure(width * len(parts[0]), 3.0 * len(parts))
+    figure = new_figure(width * len(parts[0]), 2.7 * len(parts))
     for row, drawn in zip(figure.subplots(len(parts), len(parts[0]), squeeze=False), parts, strict=True):
         for axes, (title, table, gap) in zip(row, drawn, strict=True):
             draw_accuracy(evidence, axes, table, gap, title)

@@ -11,9 +11,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from analysis.plotting.figures import new_figure
 from analysis.report.claims.evidence import Evidence
-from analysis.report.document.blocks import Paragraph, Table, pieces
-from analysis.report.document.pdf import CELLS, FONT, Sheet, is_cramped, widths_of
+from analysis.report.document.blocks import Paragraph, Picture, Table, pieces
+from analysis.report.document.pdf import CELLS, FONT, LEAST_SCALE, Sheet, is_cramped, scale_of, size_of, widths_of
 from analysis.report.figures import FIGURES
 from analysis.report.make import SHIPPED, ReportConfig, main, make_report, track
 from analysis.report.number_format import estimate_text, p_value, plain, signed, with_interval
@@ -289,6 +290,18 @@ def test_a_long_table_is_cut_where_both_parts_have_some_rows_and_all_else_stays_
     assert is_cramped(table, 100.0, 99.0)  # short
     assert not is_cramped(table, 200.0, 100.0) and is_cramped(text, 200.0, 100.0)
     assert is_cramped(table, 200.0, 40.0) and is_cramped(table, 200.0, 190.0)  # few rows before the cut, or behind it
+
+
+def test_a_figure_is_drawn_a_little_smaller_where_it_fits_the_page_then_and_no_smaller_than_that(tmp_path):
+    file = tmp_path / "figure.png"
+    new_figure(6.0, 8.0).savefig(file, dpi=150)
+    figure = Picture("name", "caption", b"", file, "command")
+    _, tall = size_of(figure)
+    below = 20.0  # headings and caption
+    assert scale_of(figure, tall + below, 260.0) == 1
+    for room in np.linspace(below + 0.9 * tall, below + tall, 5):
+        assert scale_of(figure, tall + below, room) * tall + below == pytest.approx(room)
+    assert scale_of(figure, tall + below, below + (LEAST_SCALE - 0.01) * tall) == 1  # it goes to a page of its own
 
 
 def test_columns_fill_no_more_than_the_page_and_the_long_ones_give_way():
