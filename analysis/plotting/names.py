@@ -1,4 +1,4 @@
-"""Names that a reader knows, for families, algorithms, designs and groups of factors as tables name them."""
+"""Names that a reader knows, for families, algorithms, designs, variations and groups of factors as tables name them."""
 
 FAMILIES = {
     "empty": "Empty",
@@ -34,6 +34,22 @@ DESIGNS = {
     "matched_sparse": "worse coverage",
     "matched_far_sparse": "both",
 }
+VARIATIONS = {
+    "the default": "default physics",
+    "ball_heavy": "heavy ball",
+    "gravity_range": "gravity of a range",
+    "gravity_2.5": "gravity 2.5",
+    "gravity_40": "gravity 40",
+    "friction_0.2": "friction 0.2",
+    "friction_0.8": "friction 0.8",
+    "frictionless": "no friction",
+    "without_fields": "no fields",
+    "fields_r2": "magnetism by 1/r²",
+    "baseline": "base textures",
+    "close": "close textures",
+    "far": "far textures",
+}
+PLAYERS = {"oracle": "planner", "scripted": "script", "floor": "better of idle and random"}
 GROUPS = {"position": "where things are", "properties": "their properties", "rest": "what they are"}
 
 
@@ -56,6 +72,16 @@ def algorithm_name(name: object) -> str:
 def design_name(name: object) -> str:
     """The design of training sets in words; its own name where there are none."""
     return DESIGNS.get(str(name), str(name))
+
+
+def variation_name(name: object) -> str:
+    """The change of physics or of textures in words; its own name where there are none."""
+    return VARIATIONS.get(str(name), str(name))
+
+
+def player_name(name: object) -> str:
+    """The player without training in words; its own name where there are none."""
+    return PLAYERS.get(str(name), str(name))
 
 
 def group_name(name: object) -> str:

@@ -31,6 +31,7 @@ REQUIRED = ("experiments", *BLOCK, "n", "algorithm", "observation", "design", "v
           "w2_exact", "gap_deterministic", "gap_ref_deterministic", "gap_sampled", "gap_se_deterministic",
           "success_train_deterministic", "success_test_deterministic")  # fmt: skip
 ETA = "eta_test_deterministic"
+LESS_REGRET = "less_regret"
 TEST_COLUMNS = ("test_family", "test_difficulty", "test_variation", "test_observation", "test_changed", "test_groups")
 FRAME, STACK, MEMORY = "one frame", "four frames", "one frame, a memory"
 
@@ -64,6 +65,13 @@ class Results:
         """The ``return`` or ``success`` of a player, by panel."""
         rows = select(self.players, player=name) if len(self.players) else self.players
         return dict(zip(rows["panel"], column(rows, value), strict=True)) if len(rows) else {}
+
+    def with_less_regret(self, runs: pd.DataFrame) -> pd.DataFrame:
+        """The runs with ``less_regret``, the return on test levels less that of the planner in their panel, which falls like a
+        gap; as they are where the planner was not measured in all their panels."""
+        best = self.player("oracle", "return")
+        known = np.array([best.get(panel, np.nan) for panel in runs["panel"]], np.float64)
+        return runs.assign(**{LESS_REGRET: column(runs, ETA) - known}) if np.isfinite(known).all() else runs
 
     @cached_property
     def learned(self) -> np.ndarray:

@@ -99,7 +99,7 @@ def second_outcome(evidence: Evidence, runs: pd.DataFrame, pairs: Pairs, value: 
 def second_outcomes_in_words(evidence: Evidence, runs: pd.DataFrame, pairs: Pairs) -> str:
     """All second outcomes in a sentence."""
     parts = [
-        f"{one.test} {estimate_text(one.found, '')}, margin {plain(one.margin)} ({one.verdict})"
+        f"{one.test} {estimate_text(one.found, '')}, margin {plain(one.margin)} (by itself {one.verdict})"
         for value in SECOND
         for one in second_outcome(evidence, runs, pairs, value)
     ]
@@ -111,21 +111,23 @@ def without_one_level(evidence: Evidence, runs: pd.DataFrame, given: tuple[str, 
     part = keep(runs, runs["n"] > 1)
     if part.empty or len(part) == len(runs):
         return ""
-    said = [
-        f"{estimate_text(evidence.correlation(part, f'w2_{mode}', gap, given))} ({settings})"
+    found = [
+        correlation(settings, "", evidence.correlation(part, f"w2_{mode}", gap, given), WORSE, given)
         for settings, mode, gap in SETTINGS
     ]
+    said = [f"{estimate_text(one.found)} ({one.settings}: {one.verdict})" for one in found]
     return f"Without the runs with one training level, {' and '.join(said)}."
 
 
 def trend_without_one_level(evidence: Evidence, harder: pd.DataFrame) -> str:
     """What is left of the trend from medium to hard without the runs with one training level."""
     parts = from_medium(keep(harder, harder["n"] > 1))
-    said = [
-        f"in {family_name(family)}, {estimate_text(evidence.correlation(part, 'w2_exact', 'gap'))}"
+    found = {
+        family: correlation(METRIC_OURS, "", evidence.correlation(part, "w2_exact", "gap"), WORSE)
         for family, part in parts.items()
         if len(part)
-    ]
+    }
+    said = [f"in {family_name(family)}, {estimate_text(one.found)} ({one.verdict})" for family, one in found.items()]
     return f"Without the runs with one training level ({METRIC_OURS}): {'; '.join(said)}." if said else ""
 
 

@@ -9,12 +9,15 @@ from analysis.plotting.names import family_name
 from analysis.report.claims.claim import METRIC_2022, METRIC_OURS, Finding, mean_difference
 from analysis.report.claims.evidence import Evidence
 from analysis.report.claims.information import beside
+from analysis.report.number_format import estimate_text, plain, with_interval
+from analysis.report.results import LESS_REGRET
 from analysis.report.rules import MARGINS
 from analysis.stats.correlation import NotAvailable, explained, indicators
 from analysis.tables import column, keep, select
 
 TEST_LEVELS = 100  # of the study
 OUTCOMES = {METRIC_2022: "eta_train_deterministic", METRIC_OURS: "success_train_deterministic"}
+PLANNED_SEEDS = 5  # of SAC, see rules.yaml
 ON_TEST = {METRIC_2022: "eta_test_deterministic", METRIC_OURS: "success_test_deterministic"}
 
 
@@ -37,6 +40,19 @@ def diversity_above_panel(evidence: Evidence, runs: pd.DataFrame) -> Iterator[Fi
         found = evidence.by_blocks(runs, values, difference_of_r2(by_n.shape[1]))
         words = f"{column_words(outcome)}: R² of the number of levels less R² of the panel"
         yield Finding(settings, words, "difference of R²", found, MARGINS["explained"], 1)
+
+
+def both_r2(evidence: Evidence, runs: pd.DataFrame) -> str:
+    """R² of the success on test levels on the number of levels and on the panel, of the runs that learned and of all."""
+    parts = {"runs that learned": runs, "all runs": evidence.ungated.main}
+    said = []
+    for which, part in parts.items():
+        y = column(part, ON_TEST[METRIC_OURS])
+        by_n, by_panel = (explained(y, indicators(list(part[key].astype(str)))) for key in ("n", "panel"))
+        if isinstance(by_n, NotAvailable) or isinstance(by_panel, NotAvailable):
+            return ""
+        said.append(f"{plain(by_n)} on n and {plain(by_panel)} on the panel in {which} (n = {len(part)})")
+    return f"R² of success on test levels: {'; '.join(said)}."
 
 
 def difference_of_r2(width: int) -> Callable[[np.ndarray], float]:
@@ -78,11 +94,25 @@ def sac_easy_beside_hard(evidence: Evidence, runs: pd.DataFrame) -> Iterator[Fin
     """Appendix: SAC on easy tasks beside SAC on hard ones."""
     sac = keep(runs, is_sac(runs))
     for settings, outcome in ON_TEST.items():
-        differences = beside(
-            sac, outcome, sac["difficulty"] == "easy", sac["difficulty"] == "hard", ("family", "n", "seed")
-        )
         words = f"{column_words(outcome)}, easy less hard"
-        yield from mean_difference(evidence, settings, words, differences, 1, margin_of(outcome))
+        yield from mean_difference(evidence, settings, words, easy_less_hard(sac, outcome), 1, margin_of(outcome))
+
+
+def sac_in_other_ways(evidence: Evidence, runs: pd.DataFrame) -> str:
+    """The same with the seeds that were planned, and with what the planner reaches taken out."""
+    sac = evidence.results.with_less_regret(keep(runs, is_sac(runs)))
+    planned = keep(sac, sac["seed"] <= PLANNED_SEEDS)
+    tests = [(f"success on test levels, the first {PLANNED_SEEDS} seeds", planned, ON_TEST[METRIC_OURS])]
+    tests += [("return on test levels less the planner's", sac, LESS_REGRET)] if LESS_REGRET in sac else []
+    said = [
+        f"{words} {estimate_text(evidence.mean(easy_less_hard(part, outcome)), '')}" for words, part, outcome in tests
+    ]
+    return f"Easy less hard, in other ways, which decide nothing: {'; '.join(said)}."
+
+
+def easy_less_hard(runs: pd.DataFrame, outcome: str) -> pd.DataFrame:
+    """The runs on easy levels with ``difference``: their outcome less that of the run on hard ones."""
+    return beside(runs, outcome, runs["difficulty"] == "easy", runs["difficulty"] == "hard", ("family", "n", "seed"))
 
 
 def is_sac(runs: pd.DataFrame) -> pd.Series:
@@ -105,11 +135,11 @@ def rate_of_ks(evidence: Evidence, distances: pd.DataFrame) -> Iterator[Finding]
 
 
 def slope_of_ks(evidence: Evidence, distances: pd.DataFrame) -> dict[str, str]:
-    """The power of the effective n with which KS falls, and its interval: ``slope``, ``low``, ``high``."""
+    """The power of the effective n with which KS falls, with its interval: ``slope``."""
     log_ks, panel = np.log(column(distances, "ks")), indicators(list(distances["train"]))
     values = np.column_stack([log_ks, np.ones(len(distances)), panel, log_effective_n(distances)])
     found = evidence.by_blocks(distances, values, last_slope, ("train", "seed"))
-    return {"slope": f"{found.estimate:.2f}", "low": f"{found.low:.2f}", "high": f"{found.high:.2f}"}
+    return {"slope": with_interval(found)}
 
 
 def last_slope(values: np.ndarray) -> float:

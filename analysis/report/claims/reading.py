@@ -1,6 +1,7 @@
 """Reads the claims: the words of each from ``statements.yaml``, its findings from its test."""
 
 import dataclasses
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from pathlib import Path
@@ -9,7 +10,7 @@ from typing import Any
 import pandas as pd
 import yaml
 
-from analysis.report.claims import gap, information, learning, rule_sets
+from analysis.report.claims import gap, information, learning, rule_sets, verdicts
 from analysis.report.claims.claim import ALL_RUNS, METRIC_2022, METRIC_OURS, OF_PAPER, Claim, Finding
 from analysis.report.claims.evidence import GIVEN_CELL, Evidence
 from analysis.report.claims.specifications import specifications, survives
@@ -47,8 +48,8 @@ TESTS: Mapping[str, Test] = {
     "3a-cell": partial(gap.in_main_grid, test=GIVEN_CELL),
     "3a-agent": gap.of_papers_agent,
     "fixed-n": gap.at_one_number,
-    "matched-w2": partial(gap.of_pairs, pairs=gap.FAR, words="far less not far, equal coverage and diversity"),
-    "matched-coverage": partial(gap.of_pairs, pairs=gap.SPARSE, words="sparse less not sparse, equal W2"),
+    "matched-w2": partial(gap.of_pairs, pairs=gap.FAR, words="farther less not farther, equal coverage and diversity"),
+    "matched-coverage": partial(gap.of_pairs, pairs=gap.SPARSE, words="worse coverage less not worse, equal W2"),
     "3b-trend": partial(gap.in_panels, sign=gap.WORSE, difficulties=("medium", "hard")),
     "3b-easy": partial(gap.in_panels, sign=0, difficulties=("easy",)),
     "3b-empty": gap.in_empty,
@@ -83,8 +84,12 @@ BESIDE: Mapping[str, Callable[[Evidence, pd.DataFrame], str]] = {
     "4a-trend": gap.trend_without_one_level,
     "matched-w2": partial(gap.second_outcomes_in_words, pairs=gap.FAR),
     "matched-coverage": partial(gap.second_outcomes_in_words, pairs=gap.SPARSE),
-    "rule-sets": rule_sets.success_at_both_ends,
+    "5b-diversity": learning.both_r2,
+    "A-sac-hard": learning.sac_in_other_ways,
+    "rule-sets": rule_sets.gap_in_words,
+    "rule-sets-unseen": rule_sets.success_of_all,
 }
+COUNTED = ("3b-trend", "3b-easy", "3b-weak", "4a-all")  # claims about several panels, whose tests are counted in words
 
 
 def read_claims(evidence: Evidence) -> list[Claim]:
@@ -116,7 +121,7 @@ def read_claim(name: str, evidence: Evidence, survives: bool = True) -> Claim:
         lacks = words.get("else_needs", words["evidence"]) if len(rows) else words["evidence"]
         return claim.with_words(needs=needs[lacks])
     said = follows.format(**NUMBERS[name](evidence, rows)) if name in NUMBERS else follows
-    more = BESIDE[name](evidence, rows) if name in BESIDE else ""
+    more = BESIDE[name](evidence, rows) if name in BESIDE else counts(claim) if name in COUNTED else ""
     return claim.with_words(follows=f"{said} {more}".strip())
 
 
@@ -124,6 +129,15 @@ def findings_of(name: str, evidence: Evidence) -> list[Finding]:
     """The findings of a claim's test; none where the runs that it is about are missing."""
     rows = ROWS[STATEMENTS["claims"][name]["evidence"]](evidence)
     return list(TESTS[name](evidence, rows)) if len(rows) else []
+
+
+def counts(claim: Claim) -> str:
+    """How many tests of a claim have each verdict, in both settings."""
+    said = []
+    for settings in filter(claim.has, (METRIC_2022, METRIC_OURS)):
+        found = Counter(one.verdict for one in claim.tests(settings))
+        said.append(f"{', '.join(f'{found[name]} {name}' for name in verdicts.VERDICTS if found[name])} ({settings})")
+    return f"Panels by themselves: {'; '.join(said)}."
 
 
 def consequence(claim: Claim, words: Mapping[str, str]) -> str:

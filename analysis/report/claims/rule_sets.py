@@ -8,9 +8,11 @@ import pandas as pd
 from analysis.report.claims.claim import METRIC_OURS, Finding, correlation, mean_difference
 from analysis.report.claims.evidence import Evidence
 from analysis.report.claims.information import beside
-from analysis.report.number_format import plain
+from analysis.report.claims.verdicts import is_significant
+from analysis.report.number_format import NONE, effect, estimate_text, plain
 from analysis.report.rules import MARGINS
-from analysis.tables import column, keep, select
+from analysis.stats.estimate import Estimate
+from analysis.tables import count_of, keep, select
 
 GAP_IN_SUCCESS = "gap_success"
 SUCCESS = "success_test_deterministic"
@@ -57,15 +59,38 @@ def success_at_both_ends(evidence: Evidence, runs: pd.DataFrame) -> str:
     numbers = sorted({*runs["rule_sets"]})
     parts = [select(runs, rule_sets=number) for number in (numbers[0], numbers[-1])]
     trained, unseen = (
-        [float(column(part, name).mean()) for part in parts] for name in ("success_train_deterministic", SUCCESS)
+        [evidence.mean(part, name) for part in parts] for name in ("success_train_deterministic", SUCCESS)
     )
     said = (
         f"From {numbers[0]:,.0f} to {numbers[-1]:,.0f} rule sets, mean success goes on training levels from "
-        f"{' to '.join(map(plain, trained))} and on unseen rule sets from {' to '.join(map(plain, unseen))} "
+        f"{' to '.join(map(share, trained))} and on unseen rule sets from {' to '.join(map(share, unseen))} "
         f"(n = {' and '.join(f'{len(part)}' for part in parts)} runs)"
     )
-    falls = trained[-1] < trained[0]
+    falls = trained[-1].estimate < trained[0].estimate
     return said + (": a gap also closes where success in training falls." if falls else ".")
+
+
+def share(found: Estimate) -> str:
+    """``0.95 [0.88, 1.00]``, an interval that ends at 0 and 1; or the share alone where it has none."""
+    value, ends = effect(found, plain)
+    return value if ends == NONE else f"{value} [{plain(max(found.low, 0.0))}, {plain(min(found.high, 1.0))}]"
+
+
+def gap_in_words(evidence: Evidence, runs: pd.DataFrame) -> str:
+    """:func:`success_at_both_ends`, and what is left of the correlation without the runs on one rule set."""
+    more = keep(runs, runs["rule_sets"] > 1)
+    if count_of(more, "rule_sets") < 2 or len(more) == len(runs):
+        return success_at_both_ends(evidence, runs)
+    (one,) = gap_by_rule_sets(evidence, more)
+    said = f"Without the runs on one rule set, {estimate_text(one.found)} ({one.verdict})."
+    return f"{said} {success_at_both_ends(evidence, runs)}"
+
+
+def success_of_all(evidence: Evidence, runs: pd.DataFrame) -> str:
+    """Where success falls with more rule sets over all runs, that it does."""
+    (one,) = success_by_rule_sets(evidence.ungated, rule_set_runs(evidence.ungated))
+    falls = one.found.estimate < 0 and is_significant(one.found)
+    return f"Over all runs, it falls: {estimate_text(one.found)}." if falls else ""
 
 
 def success_by_rule_sets(evidence: Evidence, runs: pd.DataFrame) -> Iterator[Finding]:

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Mapping
 from itertools import product
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -10,6 +9,7 @@ import pandas as pd
 from analysis.report.claims.evidence import GIVEN_CELL, Evidence
 from analysis.report.claims.information import LEVELS, PROBES, accuracies
 from analysis.report.claims.verdicts import is_known, is_significant
+from analysis.report.results import LESS_REGRET
 from analysis.report.rules import MARGINS
 from analysis.stats.estimate import Estimate
 from analysis.tables import column, keep, select
@@ -23,7 +23,7 @@ DISTANCES = {
     "exact W2 without its floor": "w2_debiased",
     "W2 of 2022": "w2_reference",
 }
-OUTCOMES = {"return": "gap", "success": "gap_success", "regret": "less_regret"}
+OUTCOMES = {"return": "gap", "success": "gap_success", "regret": LESS_REGRET}
 SIGNS: Mapping[str, int] = {"3a-n": -1, "3a-cell": -1, "4b-none": 0}  # of the claims that have specifications
 
 
@@ -61,21 +61,33 @@ def of_accuracies(evidence: Evidence) -> Iterator[tuple[str, dict[str, str], Est
 
 
 def prepared(evidence: Evidence, runs: pd.DataFrame) -> pd.DataFrame:
-    """The runs with the columns of all choices that the tables allow: ``inverse_root_n``; ``less_regret``, which is the
-    return on test levels less the best known one there, so that it falls like a gap; and measures of training sets."""
+    """The runs with the columns of all choices that the tables allow: ``inverse_root_n``, ``less_regret``, and measures of
+    training sets."""
     if runs.empty:
         return runs
-    best = evidence.results.player("oracle", "return")
-    known = np.array([best.get(panel, np.nan) for panel in runs["panel"]])
-    more: dict[str, Any] = {"inverse_root_n": 1 / np.sqrt(column(runs, "n"))}
-    if np.isfinite(known).all():
-        more["less_regret"] = column(runs, "eta_test_deterministic") - known
-    return evidence.results.with_training_sets(runs.assign(**more))
+    results = evidence.results
+    return results.with_training_sets(
+        results.with_less_regret(runs.assign(inverse_root_n=1 / np.sqrt(column(runs, "n"))))
+    )
 
 
 def there(choices: Mapping[str, str], runs: pd.DataFrame) -> list[tuple[str, str]]:
     """The choices whose column the table has."""
     return [(words, name) for words, name in choices.items() if name in runs and len(runs)]
+
+
+def in_words(table: pd.DataFrame, claim: str) -> str:
+    """How many specifications of a claim show a relation, and of which sign; and how many with each choice."""
+    rows = select(table, claim=claim)
+    found = np.array([is_significant(Estimate.of_row(row)) for row in rows.to_dict("records")])  # type: ignore[arg-type]
+    r, said = column(rows, "estimate"), []
+    for choice in ("number of levels", "measure", "outcome"):
+        parts = {name: np.asarray(rows[choice] == name) for name in dict.fromkeys(rows[choice])}
+        if len(parts) > 1:
+            said.append(", ".join(f"{name} {found[part].sum()} of {part.sum()}" for name, part in parts.items()))
+    counts = f"{(found & (r < 0)).sum()} have r below 0 and {(found & (r > 0)).sum()} have r above 0"
+    by_choice = f" With either sign: {'; '.join(said)}." if said else ""
+    return f"**{claim}**: with p < 0.05, of {len(rows)} specifications {counts}.{by_choice}"
 
 
 def survives(table: pd.DataFrame, claim: str) -> bool:

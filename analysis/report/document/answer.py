@@ -11,7 +11,7 @@ from analysis.report.claims.claim import LEARNED, METRIC_2022, METRIC_OURS, Clai
 from analysis.report.claims.evidence import Evidence
 from analysis.report.claims.gap import FAR, SPARSE, matched_sets, second_outcome
 from analysis.report.document.blocks import Block, Bullets, Heading
-from analysis.report.number_format import estimate_text, with_interval
+from analysis.report.number_format import estimate_text
 from analysis.tables import select
 
 
@@ -86,8 +86,7 @@ def of_matched_sets(evidence: Evidence, claims: Mapping[str, Claim]) -> str:
     measures = {"matched-w2": "farther in W2", "matched-coverage": "worse in coverage and diversity"}
     found = {name: leading(claims[name], METRIC_OURS) for name in measures}
     parts = [
-        f"those that are {measures[name]} differ in their gap in success by {estimate_text(one.found, '')} "
-        f"({claims[name].verdict(METRIC_OURS)})"
+        f"those {measures[name]} by {estimate_text(one.found, '')} ({claims[name].verdict(METRIC_OURS)})"
         for name, one in found.items()
         if one is not None
     ]
@@ -104,8 +103,12 @@ def of_matched_sets(evidence: Evidence, claims: Mapping[str, Claim]) -> str:
     )
     runs = matched_sets(evidence)
     returns = [one.found for pairs in (FAR, SPARSE) for one in second_outcome(evidence, runs, pairs, "gap")]
-    second = f" In returns, they differ in their gap by {' and '.join(map(with_interval, returns))}." if returns else ""
-    return f"{what}. Of training sets that are matched in the rest, {', and '.join(parts)}.{second}"
+    texts = " and ".join(estimate_text(one, "") for one in returns)
+    second = f" In returns, the second outcome, they differ by {texts}." if returns else ""
+    return (
+        f"{what}. Of training sets that are matched in the rest, on average over families and n, the gaps in success differ: "
+        f"{', and '.join(parts)}.{second}"
+    )
 
 
 def leading(claim: Claim, settings: str) -> Finding | None:

@@ -5,9 +5,18 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import pandas as pd
 
-from analysis.plotting.names import algorithm_name, design_name, family_name, group_name, panel_name
+from analysis.plotting.names import (
+    algorithm_name,
+    design_name,
+    family_name,
+    group_name,
+    panel_name,
+    player_name,
+    variation_name,
+)
 from analysis.report.captions import TABLES
 from analysis.report.claims.evidence import DISTANCES, Evidence, pearson
+from analysis.report.claims.gap import FAR, SPARSE, beside_designs
 from analysis.report.claims.information import beside
 from analysis.report.claims.prediction import matched_predictions
 from analysis.report.claims.scores import CELLS, COMPARED, IMPROVEMENT, IQM, REGRET, SUCCESS, comparison, scored
@@ -18,6 +27,7 @@ from analysis.report.results import with_panel
 from analysis.stats.estimate import Estimate
 from analysis.tables import column, count_of, keep, select
 
+CONTRASTS = ("gap in success", "n", "family", "difference", "95 %", "p", "pairs")  # columns of contrasts
 Drawer = Callable[[str], list[Block]]
 
 
@@ -81,7 +91,20 @@ def matched(evidence: Evidence) -> list[Block]:
     named = runs.assign(sets=[design_name(one) for one in runs["design"]])
     parts = [means_table(means(evidence, named, ["sets"], "gap_success"), {"sets": "training sets"}, "gap in success",
                          TABLES["gap"])]  # fmt: skip
-    return [*parts, predictions(evidence, runs)]
+    return [*parts, contrasts(evidence, runs), predictions(evidence, runs)]
+
+
+def contrasts(evidence: Evidence, runs: pd.DataFrame) -> Table:
+    """What matched-w2 and matched-coverage compare, in each family and at each n by itself."""
+    rows = []
+    for words, pairs in (("farther less not farther in W2", FAR), ("worse less not worse coverage", SPARSE)):
+        differences = beside_designs(runs, pairs, "gap_success")
+        for n, part in differences.groupby("n", sort=True):
+            of_family = {family_name(name): select(part, family=name) for name in dict.fromkeys(part["family"])}
+            for place, some in {"all": part, **of_family}.items():
+                found = evidence.mean(some)
+                rows.append([words, f"{n}", place, *effect(found), p_value(found.p), f"{found.n:.0f}"])
+    return Table(CONTRASTS, rows, 3, TABLES["contrasts"])
 
 
 def predictions(evidence: Evidence, runs: pd.DataFrame) -> Table:
@@ -99,10 +122,11 @@ def physics(evidence: Evidence) -> list[Block]:
         return []
     found = shift_means(evidence, part, "test_variation")
     row = min(found.to_dict("records"), key=lambda one: one["estimate"])
+    levels = f"{row['levels']} training level{'s' * (row['levels'] > 1)}"
     text = (
-        f"The largest mean loss is in `{row['test_variation']}`, of agents trained in {row['trained']} with {row['levels']} "
-        f"training levels: the return is {with_interval(Estimate.of_row(row))} beside that on the test levels of their own "
-        f"physics, over {row['n']:.0f} runs."
+        f"The largest of {len(found)} mean losses is in {row['test_variation']}, of agents trained in {row['trained']} with "
+        f"{levels}: the return there less that on the test levels of their own physics is "
+        f"{with_interval(Estimate.of_row(row))}, over {row['n']:.0f} runs."
     )
     return [Paragraph(text), shifts(found, "test_variation")]
 
@@ -115,7 +139,8 @@ def looks(evidence: Evidence) -> list[Block]:
 
 def shift_means(evidence: Evidence, part: pd.DataFrame, tested: str) -> pd.DataFrame:
     """The mean ``difference`` for each of what agents were ``trained`` in, ``tested`` in, and their number of ``levels``."""
-    return means(evidence, part.assign(levels=part["n"]), ["trained", tested, "levels"], "difference")
+    words = {name: part[name].map(variation_name) for name in ("trained", tested)}
+    return means(evidence, part.assign(levels=part["n"], **words), ["trained", tested, "levels"], "difference")
 
 
 def shifts(found: pd.DataFrame, tested: str) -> Table:
@@ -194,12 +219,13 @@ def agreement(table: pd.DataFrame, n: int = 10) -> Table:
     rows = []
     for panel in dict.fromkeys(inside["train"]):
         part = select(inside, train=panel)
-        rows.append([panel_name(panel), signed(pearson(part, "w2_reference", "w2_exact").estimate), str(len(part))])
+        rows.append([panel_name(panel), *effect(pearson(part, "w2_reference", "w2_exact")), str(len(part))])
     caption = (
         f"Do both distances mean the same? Pearson r of the W2 of 2022 and exact W2 over level seeds at n = {n}. The "
-        "distance of 2022 counts the order of drawing. Data: `studies/w2_study/distances.csv`."
+        "distance of 2022 counts the order of drawing. Intervals are Fisher's over seeds. Data: "
+        "`studies/w2_study/distances.csv`."
     )
-    return Table(("panel", "r", "seeds"), rows, 1, caption)
+    return Table(("panel", "r", "95 %", "seeds"), rows, 1, caption)
 
 
 def baselines(evidence: Evidence) -> list[Block]:
@@ -212,7 +238,7 @@ def baselines(evidence: Evidence) -> list[Block]:
     for panel, part in with_panel(table).groupby("panel", sort=False):
         found = {r["player"]: [plain(r["return"], 1), plain(r["success"])] for r in part.to_dict("records")}
         rows.append([panel_name(panel), *(cell for player in players for cell in found.get(player, ["", ""]))])
-    head = ["panel", *(text for player in players for text in (f"{player}, return", "success"))]
+    head = ["panel", *(text for player in players for text in (f"{player_name(player)}, return", "success"))]
     return [Table(head, rows, 1, TABLES["players"])]
 
 

@@ -11,6 +11,7 @@ from analysis.report.captions import TABLES
 from analysis.report.claims import verdicts
 from analysis.report.claims.claim import ALL_RUNS, METRIC_2022, METRIC_OURS, OF_PAPER, Claim
 from analysis.report.claims.evidence import Evidence
+from analysis.report.claims.specifications import in_words, specifications
 from analysis.report.document import beyond, tables
 from analysis.report.document.answer import answer, number
 from analysis.report.document.blocks import Block, Bullets, Document, Heading, Paragraph, Picture, Table, Verdict
@@ -29,7 +30,8 @@ GLOSSARY = (
     "**Cell**: a panel and a number n of training levels.",
     "**Seed**: of the training levels and of the agent. **Block**: runs that stay together in intervals and p: all of one "
     "panel and one seed, whose training levels are nested; where panels are compared, all of a panel. **n** counts runs, or "
-    "pairs of runs where one is compared with another. **p** with a † is Holm's, corrected for the tests of one claim.",
+    "pairs of runs where one is compared with another; without training, distances. **p** with a † is Holm's, corrected for "
+    "the tests of one claim.",
     "**Gap**: mean return on test levels less that on training levels; the worse or larger the gap, the more negative the "
     "number. **Gap in success**: the same of success, the share of levels that an agent solves. **Regret**: the best known "
     "return less the agent's.",
@@ -43,6 +45,14 @@ GLOSSARY = (
     "unlike levels a training set is worth. **Entropy**: of the training set as a sample, in nats; more is more diverse.",
     "**Rule set**: the laws of motion that hold in a level. **Corrected accuracy**: of a critic that tells pairs of "
     "representation and factors from shuffled ones, on held-out episodes.",
+    "**Return**: the sum of the rewards of an episode, -d² in each step for the distance d of the ball from the goal, and -100 "
+    "on death. **Planner**: play by search in the simulator, the best that is known. **Script**: play by a rule written by "
+    "hand. **Idle**: play without actions.",
+    "**CURL** and **SPR**: self-supervised losses beside PPO's. **SAC with shifts**: soft actor-critic on shifted frames "
+    "(DrQ). **KS**: the largest distance between two distribution functions.",
+    "**Gate**: what a run's success on training levels must be above to count; its margin stands below the verdicts.",
+    "**Farther in W2**, **worse coverage** (a larger covering radius and a smaller effective number) and **both**: kinds of "
+    "training sets that otherwise match sets **like independent ones**.",
     "**2022 metric**: the W2 of the code of 2022, and returns without the last reward of each episode. **Our metric**: exact "
     "W2 in standard deviations, and full returns.",
     "**Runs that learned**: those above the gate. The verdicts are about them; a second row has all runs.",
@@ -86,7 +96,7 @@ def document(evidence: Evidence, claims: Sequence[Claim], figures: Mapping[str, 
         *summary(claims),
         *who_counts(evidence, there),
         *section("The main grid: gap against W2", 2, "figure_3a", "3a", "3a-panel", "3a-n", "3a-cell", "3a-agent"),
-        *([Heading("What survives other choices", 3), *drawn("specification_curves")] if there else []),
+        *(what_survives(evidence, drawn) if there else []),
         *section("W2, coverage or diversity?", 2, "matched_sets", "matched-w2", "matched-coverage"),
         *beyond.matched(evidence),
         *section("Ten levels, picked in several ways", 3, "fixed_n", "fixed-n"),
@@ -174,6 +184,14 @@ def who_counts(evidence: Evidence, there: bool) -> list[Block]:
     return [*text, tables.gate_table(evidence)]
 
 
+def what_survives(evidence: Evidence, drawn: Callable[[str], list[Block]]) -> list[Block]:
+    """The specification curves, and how many of the specifications say what."""
+    table = specifications(evidence)
+    claims = dict.fromkeys(table["claim"]) if len(table) else ()
+    counted = [Bullets([in_words(table, claim) for claim in claims])] if claims else []
+    return [Heading("What survives other choices", 3), *drawn("specification_curves"), *counted]
+
+
 def masses(evidence: Evidence) -> list[Block]:
     """The success of agents with the mass shown and hidden."""
     table = evidence.results.masses
@@ -218,7 +236,7 @@ def confound(evidence: Evidence) -> str:
     mode = "exact" if "exact" in both else evidence.modes[0]
     return (
         f"Panel and log n explain {per_cent(both[mode])} of the variance of the logarithm of the "
-        f"{tables.DISTANCES[mode]}: a correlation over the main grid cannot tell W2 from how many levels were "
+        f"{tables.DISTANCES[mode]}: a correlation with nothing given cannot tell W2 from how many levels were "
         "sampled, and where. The partial correlation given both rests on the few per cent that are left."
     )
 
@@ -291,7 +309,8 @@ def what_was_run(evidence: Evidence) -> list[Block]:
         sentences.append(f"All {len(runs)} runs together took {hours} hours of training and evaluation.")
     if "test_levels" in runs:
         sentences.append(
-            f"Agents were tested on {listed(runs['test_levels'])} test levels each, which all seeds of a panel share."
+            f"Agents were tested on {listed(runs['test_levels'])} test levels each, which all seeds of a panel share: "
+            "intervals are about other training sets and agents on these very test levels."
         )
     return [Heading("What was run"), shown, Paragraph(" ".join(sentences)), *versions(named)]
 
@@ -330,6 +349,12 @@ def how_verdicts_are_decided(
     blocks = " or ".join(dict.fromkeys(evidence.blocks.values()))
     items.append(f"**Least**: {evidence.least_blocks} {blocks}. With fewer, a claim cannot be tested.")
     items.append("**Margins**: " + ", ".join(f"{name} {MARGINS[name]:g}" for name in margins) + ".")
+    if "deviations" in margins:
+        items.append(
+            "**Deviations** are of returns, in standard deviations of the very differences that are tested. They say little of "
+            "what matters in a task: with few pairs, p < 0.05 asks for more."
+        )
+    items.append("**Several claims**: p is corrected for the tests of one claim, and not for the number of claims.")
     return Heading("How verdicts are decided"), Bullets(items)
 
 
@@ -340,7 +365,19 @@ def written_before() -> list[Block]:
         f"{sentence(RULES['seen'])}"
     )
     primary = [f"**{name}**: {sentence(words)}" for name, words in RULES["primary"].items()]
-    return [Paragraph(text), Heading("The primary tests", 3), Bullets(primary)]
+    choices = [f"**{name.capitalize()}**: {listed_choices(names)}" for name, names in RULES["specifications"].items()]
+    designed = [f"**{name.capitalize()}**: {sentence(words)}" for name, words in RULES["matched"].items()]
+    return [
+        Paragraph(text),
+        *(Heading("The primary tests", 3), Bullets(primary)),
+        *(Heading("The choices of specifications", 3), Bullets(choices)),
+        *(Heading("The designed study", 3), Bullets(designed)),
+    ]
+
+
+def listed_choices(names: Sequence[str]) -> str:
+    """``n as a factor; log n.``"""
+    return "; ".join(names) + "."
 
 
 def sentence(text: object) -> str:

@@ -65,10 +65,16 @@ def cell_table(main: pd.DataFrame) -> Table:
     table = cells(main)
     shown = [(name, head) for name, head in zip(CELL_COLUMNS, CELL_HEAD, strict=True) if name in table]
     rows = [
-        [family_name(r["family"]), r["difficulty"], str(r["n"]), *(cell(r[name], name) for name, _ in shown)]
+        [
+            family_name(r["family"]),
+            r["difficulty"],
+            str(r["n"]),
+            f"{r['seeds']}",
+            *(cell(r[name], name) for name, _ in shown),
+        ]
         for r in table.to_dict("records")
     ]
-    head = ["family", "difficulty", "n", *(head for _, head in shown)]
+    head = ["family", "difficulty", "n", "seeds", *(head for _, head in shown)]
     return Table(head, rows, 2, TABLES["cells"], folded=True)
 
 
@@ -130,8 +136,11 @@ def sensitivity_table(evidence: Evidence) -> Table:
 def explained_table(evidence: Evidence) -> Table:
     """R² of log W2."""
     found = {(r["w2"], r["of"]): r["r2"] for r in evidence.explained.to_dict("records")}
-    rows = [[DISTANCES[m], *(plain(found[m, name]) for name in ("panel", "log n", "both"))] for m in evidence.modes]
-    return Table(("distance", "on panel", "on log n", "on both"), rows, 1, TABLES["explained"])
+    runs = f"{len(evidence.main)}"
+    rows = [
+        [DISTANCES[m], *(plain(found[m, name]) for name in ("panel", "log n", "both")), runs] for m in evidence.modes
+    ]
+    return Table(("distance", "on panel", "on log n", "on both", "runs"), rows, 1, TABLES["explained"])
 
 
 def predictor_table(evidence: Evidence) -> Table:

@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.transforms import ScaledTranslation
 
 from analysis.plotting import style
 from analysis.plotting.figures import DOT, draw_line, new_figure
@@ -27,6 +28,7 @@ from analysis.report.results import FRAME, MEMORY, STACK, panels_of, with_panel
 from analysis.tables import binned, column, count_of, mean_by, pick, select
 
 THRESHOLDS = np.linspace(-0.5, 1.0, 61)  # of scores, in performance profiles
+CHANCE_SEEN = 0.65  # accuracies: where all are above it, the axis does not go down to chance
 NO_PROBES = "the agents were not probed (`probes.parquet`)"
 
 
@@ -44,12 +46,13 @@ def figure_4b(evidence: Evidence) -> Drawn | str:
 
 def draw_accuracy(evidence: Evidence, axes: Axes, table: pd.DataFrame, gap: str, title: str) -> None:
     """Two point sets, training and test levels, a line each where there are blocks enough."""
-    axes.axvline(0.5, color="#999999", linewidth=0.9, linestyle="--")
     found = {levels: evidence.correlation(table, f"accuracy_{levels}", gap) for levels in ("train", "test")}
     for levels, colour, marker in zip(found, style.PALETTE, style.MARKERS, strict=False):
         x, y = column(table, f"accuracy_{levels}"), column(table, gap)
         label = f"{levels}: {estimate_text(found[levels])}"
         axes.scatter(x, y, s=32, color=colour, marker=marker, label=label, **DOT)
+    if len(table) and min(column(table, name).min() for name in ACCURACIES) < CHANCE_SEEN:
+        axes.axvline(0.5, color="#999999", linewidth=0.9, linestyle="--")
     # After all points, because lines keep to the limits that the points made.
     for levels, colour in zip(found, style.PALETTE, strict=False):
         if np.isfinite(found[levels].low):
@@ -57,7 +60,8 @@ def draw_accuracy(evidence: Evidence, axes: Axes, table: pd.DataFrame, gap: str,
     axes.set_title(title)
     axes.set_xlabel("accuracy of the critic")
     axes.set_ylabel(SHORT_GAP)
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.25), fontsize=8.5)
+    below = axes.transAxes + ScaledTranslation(0, -0.4, axes.figure.dpi_scale_trans)  # ticks and label [in]
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, 0), bbox_transform=below, fontsize=8.5)
 
 
 def accuracy_grid(evidence: Evidence, parts: list[list[tuple[str, pd.DataFrame, str]]], width: float) -> Figure:

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 
 from analysis.plotting import style
 from analysis.plotting.figures import DOT, PAGE_WIDTH, draw_points, legend_of, new_figure, zero_line
-from analysis.plotting.names import design_name, family_name, group_name
+from analysis.plotting.names import design_name, family_name, group_name, player_name, variation_name
 from analysis.report.claims.evidence import Evidence
 from analysis.report.claims.gap import one_number_of_levels
 from analysis.report.claims.rule_sets import all_rule_set_runs, trial_columns, trial_runs
@@ -61,7 +61,7 @@ def fixed_n(evidence: Evidence) -> Drawn | str:
 def diversity(evidence: Evidence) -> Drawn | str:
     """Success on test levels against three measures of the training set."""
     runs = evidence.results.of("diversity")
-    names = {"effective_number": "effective number", "entropy": "entropy [nats]", "radius": "covering radius"}
+    names = {"effective_number": "effective number", "entropy": "entropy [nats]", "radius": "covering radius [SD]"}
     names = {k: v for k, v in names.items() if k in runs and np.isfinite(column(runs, k)).all()}
     if runs.empty or not names:
         return "it was not run (`experiments=[diversity]`)"
@@ -89,13 +89,18 @@ def attribution(evidence: Evidence) -> Drawn | str:
     return Drawn(dots(named, "group", "part", "part of the gap"), pick(table, [*CELL, "group", "part", "gap"]))
 
 
+def in_words(table: pd.DataFrame, tested: str) -> pd.DataFrame:
+    """The table with the names of variations in words, in ``trained`` and in the column ``tested``."""
+    return table.assign(**{name: table[name].map(variation_name) for name in ("trained", tested)})
+
+
 def rules(evidence: Evidence) -> Drawn | str:
     """The loss in return in other physics than in training."""
     part = evidence.results.other_physics
     if part.empty:
         return "it was not run (`experiments=[rules]`)"
     table = pick(part, [*CELL, "trained", "test_variation", "difference", "gap", "gap_se", SUCCESS])
-    return Drawn(dots(table, "test_variation", "difference", COST, "trained"), table)
+    return Drawn(dots(in_words(table, "test_variation"), "test_variation", "difference", COST, "trained"), table)
 
 
 def rule_sets(evidence: Evidence) -> Drawn | str:
@@ -139,6 +144,7 @@ def rule_sets(evidence: Evidence) -> Drawn | str:
     for axes in (middle, right):
         zero_line(axes)
     right.set_xlabel("W2 between dynamics, training to test")
+    right.set_ylabel("gap in success")
     right.legend(title="rule sets", loc="center left", bbox_to_anchor=(1.0, 0.5))
     return Drawn(figure, table)
 
@@ -172,7 +178,7 @@ def visual(evidence: Evidence) -> Drawn | str:
     if part.empty:
         return "it was not run (`experiments=[visual]`)"
     table = pick(part, [*CELL, "trained", "shift", "difference", "gap", SUCCESS])
-    return Drawn(dots(table, "shift", "difference", COST, "trained"), table)
+    return Drawn(dots(in_words(table, "shift"), "shift", "difference", COST, "trained"), table)
 
 
 def hardness(evidence: Evidence) -> Drawn | str:
@@ -195,7 +201,7 @@ def hardness(evidence: Evidence) -> Drawn | str:
     axes = figure.subplots()
     for k, player in enumerate(dict.fromkeys(table["player"])):
         part = select(table, player=player)
-        look = {"marker": style.MARKERS[k], "color": style.PALETTE[k], "capsize": 2.5, "label": player}
+        look = {"marker": style.MARKERS[k], "color": style.PALETTE[k], "capsize": 2.5, "label": player_name(player)}
         x, y = column(part, "conditions") + 0.05 * (k - 1), column(part, "success")
         axes.errorbar(x, y, yerr=error_bars(part, "success"), **look)
     axes.set_xticks(sorted(set(table["conditions"])))
@@ -213,6 +219,9 @@ def upper_bound(evidence: Evidence) -> Drawn | str:
         return "it was not run (`experiments=[upper_bound]`)"
     both = pd.concat([main.assign(sees="pixels"), seen.assign(sees="factors")], ignore_index=True)
     table = pick(both, [*CELL, "sees", SUCCESS, "gap"])
+    table = keep(table, column(table.assign(kinds=table.groupby(CELL)["sees"].transform("nunique")), "kinds") == 2)
+    if table.empty:
+        return "no agents that see pixels have the levels and seeds of those that see factors"
     colours, markers = style.shades(table["difficulty"]), style.markers(table["difficulty"])
 
     def draw(axes: Axes, part: pd.DataFrame) -> None:
@@ -283,7 +292,7 @@ def w2_study(evidence: Evidence) -> Drawn | str:
         log_axis(one, sorted(set(part["n"])))
         one.set_xlabel("training levels")
         one.set_ylabel("W2 to 100 test levels")
-        one.set_title("W2 of 2022 (crosses: measured then)" if mode == "reference" else "exact W2")
+        one.set_title("W2 of 2022" if mode == "reference" else "exact W2")
     places = pd.DataFrame([panel.split("-") for panel in dict.fromkeys(inside["train"])], columns=list(PANEL))
     figure.legend(handles=legend_of(places), loc="outside lower center", ncols=6, handletextpad=0.2)
     return Drawn(figure, table)

@@ -104,12 +104,13 @@ def across(count: int) -> int:
 
 
 def dots(table: pd.DataFrame, group: str, y: str, label: str, trained: str = "") -> Figure:
-    """One axes per panel, and per value of the column ``trained``: a dot per run, groups side by side, a bar at their mean."""
+    """One axes per panel, and per value of the column ``trained``: a dot per run, groups side by side, and a bar at the mean of
+    several runs with one number of training levels."""
     named = with_panel(table)
     panels = panels_of(named)
     titles = {panel: panel_name(panel) for panel in panels}
     if trained:
-        named = named.assign(panel=named["panel"] + ", trained in " + named[trained].astype(str))
+        named = named.assign(panel=named["panel"] + ",\ntrained in " + named[trained].astype(str))
         places = {one: panel for panel in panels for one in sorted(set(named["panel"])) if one.startswith(f"{panel},")}
         titles = {one: f"{panel_name(panel)}{one.removeprefix(panel)}" for one, panel in places.items()}
         panels = list(places)
@@ -123,15 +124,9 @@ def dots(table: pd.DataFrame, group: str, y: str, label: str, trained: str = "")
             mine = select(part, n=n)
             at = np.array([groups.index(str(one)) for one in mine[group]]) + 0.14 * (k - (len(counts) - 1) / 2)
             axes.scatter(at, column(mine, y), s=26, color=colours[n], label=f"n = {n}", zorder=3)
-        means = mean_by(part, [group], [y])
-        axes.plot(
-            [groups.index(str(g)) for g in means[group]],
-            column(means, y),
-            "_",
-            color="#000000",
-            markersize=22,
-            zorder=2,
-        )
+            means = mean_by(mine.assign(at=at), ["at"], [y])
+            if len(mine) > len(means):
+                axes.plot(column(means, "at"), column(means, y), "_", color="#000000", markersize=12, zorder=2)
         zero_line(axes)
         axes.set_xticks(range(len(groups)), groups, rotation=30, ha="right", fontsize=8.5)
         axes.set_xlim(-0.6, len(groups) - 0.4)

@@ -11,8 +11,9 @@ from analysis.report.claims.evidence import BLOCKS, Evidence
 from analysis.report.claims.gap import without_one_level
 from analysis.report.claims.prediction import matched_predictions
 from analysis.report.claims.reading import ROWS, STATEMENTS, TESTS, read_claims
-from analysis.report.claims.specifications import specifications, survives
+from analysis.report.claims.specifications import in_words, specifications, survives
 from analysis.report.claims.verdicts import NOT_SUPPORTED, NOT_TESTABLE, SUPPORTED, UNDECIDED
+from analysis.report.document.beyond import CONTRASTS, contrasts
 from analysis.report.document.blocks import FINDING_HEAD, HOLM, finding_rows
 from analysis.report.document.tables import row_of
 from analysis.report.number_format import NONE, estimate_text
@@ -139,6 +140,10 @@ def test_matched_sets_tell_which_of_two_measures_matters(tmp_path):
     assert found["matched-coverage"].verdict(METRIC_OURS) == SUPPORTED
     assert found["matched-w2"].verdict(METRIC_OURS) == NOT_SUPPORTED
     assert "The second outcomes, which decide nothing: gap in returns" in found["matched-coverage"].follows
+    kind, effect = (CONTRASTS.index(name) for name in ("gap in success", "difference"))
+    for row in contrasts(evidence, evidence.results.of("matched_sets")).rows:
+        planted = -0.2 if "coverage" in row[kind] else 0.0
+        assert float(row[effect].replace("−", "-")) == pytest.approx(planted, abs=0.05)
     table = matched_predictions(evidence, evidence.results.of("matched_sets")).set_index("measure")
     assert table.loc["covering radius", "estimate"] > 0.8 > 0.1 > table.loc["exact W2", "estimate"]
 
@@ -165,6 +170,25 @@ def test_the_papers_agent_is_judged_when_all_of_its_runs_are_there(tmp_path):
     assert whole.verdict(METRIC_OURS) == SUPPORTED and len(whole.tests(METRIC_OURS)) == 1
     part = claims_of(tmp_path / "part", {"runs": runs.iloc[:-1]})["3a-agent"]
     assert part.verdict(METRIC_OURS) == NOT_TESTABLE and not part.findings and "all fifteen" in part.needs
+
+
+def test_what_each_panel_says_is_counted_in_words(full):
+    claim = full["3b-easy"]
+    found = Counter(one.verdict for one in claim.tests(METRIC_OURS))
+    counted = claim.follows.partition("Panels by themselves: ")[2].rpartition("; ")[2]
+    assert counted == f"{found[NOT_SUPPORTED]} {NOT_SUPPORTED} ({METRIC_OURS})." and found[NOT_SUPPORTED] == 3
+
+
+def test_specifications_are_counted_with_their_signs():
+    rows = [
+        {"claim": "3a-n", "number of levels": form, "measure": "exact W2", "outcome": outcome, "p": p,
+         **dict(zip(("estimate", "low", "high"), (r, r - 0.1, r + 0.1), strict=True)), "n": 9}
+        for form, r in (("log n", -0.5), ("1/sqrt n", 0.5))
+        for outcome, p in (("return", 0.01), ("success", 0.02), ("regret", 0.5))
+    ]  # fmt: skip
+    said = in_words(pd.DataFrame(rows), "3a-n")
+    assert "of 6 specifications 2 have r below 0 and 2 have r above 0" in said
+    assert "log n 2 of 3, 1/sqrt n 2 of 3; return 2 of 2, success 2 of 2, regret 0 of 2." in said
 
 
 def test_specifications_are_all_combinations_and_decide_what_survives(full, tmp_path):

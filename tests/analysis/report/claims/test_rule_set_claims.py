@@ -6,8 +6,9 @@ import pytest
 from analysis.report.claims.claim import METRIC_OURS
 from analysis.report.claims.evidence import Evidence
 from analysis.report.claims.reading import read_claims
-from analysis.report.claims.rule_sets import all_rule_set_runs, runs_on_ten
+from analysis.report.claims.rule_sets import all_rule_set_runs, gap_by_rule_sets, rule_set_runs, runs_on_ten
 from analysis.report.claims.verdicts import NOT_SUPPORTED, NOT_TESTABLE, SUPPORTED
+from analysis.report.number_format import estimate_text
 from analysis.report.results import read_results
 from tests.synthetic_results import rule_set_distances, rule_set_rows, trial_rows, write_results
 
@@ -63,6 +64,19 @@ def test_a_gap_that_shrinks_in_training_alone_is_no_success_on_unseen_rule_sets(
         found = claims_of(evidence_of(tmp_path / str(shared), changed))
         assert found["rule-sets"].verdict(METRIC_OURS) == SUPPORTED
         assert found["rule-sets-unseen"].verdict(METRIC_OURS) == expected
+
+
+def test_what_rests_on_one_rule_set_is_said(tmp_path):
+    """Agents on one rule set have a gap, and all others none."""
+    runs = rule_set_rows(np.random.default_rng(0), seeds=10)
+    one = runs["design"] == "rule_sets_1"
+    gap = np.where(one, 0.4, 0.0) + np.random.default_rng(1).normal(0, 0.02, len(runs))
+    changed = runs.assign(success_train_deterministic=0.9, success_test_deterministic=0.9 - gap, gap_success=-gap)
+    evidence = evidence_of(tmp_path, changed, rule_set_distances(changed))
+    claim = claims_of(evidence)["rule-sets"]
+    (found,) = gap_by_rule_sets(evidence, rule_set_runs(evidence).query("rule_sets > 1"))
+    assert claim.verdict(METRIC_OURS) == SUPPORTED != found.verdict
+    assert f"Without the runs on one rule set, {estimate_text(found.found)} ({found.verdict})." in claim.follows
 
 
 def test_distances_that_were_not_measured_leave_the_other_question(tmp_path):
