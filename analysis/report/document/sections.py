@@ -362,7 +362,7 @@ def written_before() -> list[Block]:
     """When the rules were written, the hash of their file, and the one test of each claim that they name."""
     text = (
         f"These rules were written on {WRITTEN}, in `analysis/report/rules.yaml` (SHA-256 `{SHA256[:16]}`). "
-        f"{sentence(RULES['seen'])}"
+        f"{sentence(RULES['seen'])} How often they err on planted grids is in `docs/results/error_rates.csv`."
     )
     primary = [f"**{name}**: {sentence(words)}" for name, words in RULES["primary"].items()]
     choices = [f"**{name.capitalize()}**: {listed_choices(names)}" for name, names in RULES["specifications"].items()]
