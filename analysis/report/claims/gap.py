@@ -1,5 +1,6 @@
 """The tests of the claims about the gap and W2: figures 3a, 3b and 4a, and the questions that we add."""
 
+from collections import Counter
 from collections.abc import Iterator
 
 import pandas as pd
@@ -57,6 +58,19 @@ def papers_agent(evidence: Evidence) -> pd.DataFrame:
     there = len(evidence.all_results.of(PAPER_AGENT)) >= WHOLE[PAPER_AGENT]
     runs = evidence.results.of(PAPER_AGENT)
     return runs if there else runs.head(0)
+
+
+def which_learned(everything: pd.DataFrame, learned: pd.DataFrame) -> str:
+    """``10 of 15 runs learned their training levels (without 5 of Tiles of 2022)``; "" where all did."""
+    which = Counter(everything["family"]) - Counter(learned["family"])
+    lost = ", ".join(f"{count} of {family_name(family)}" for family, count in which.items())
+    return f"{len(learned)} of {len(everything)} runs learned their training levels (without {lost})" if lost else ""
+
+
+def agents_that_learned(evidence: Evidence, runs: pd.DataFrame) -> str:
+    """How many runs of the paper's own agent count."""
+    said = which_learned(evidence.all_results.of(PAPER_AGENT), runs)
+    return f"{said}." if said else ""
 
 
 def in_main_grid(evidence: Evidence, runs: pd.DataFrame, test: str) -> Iterator[Finding]:

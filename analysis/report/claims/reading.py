@@ -81,6 +81,7 @@ NUMBERS: Mapping[str, Callable[[Evidence, pd.DataFrame], Mapping[str, str]]] = {
 BESIDE: Mapping[str, Callable[[Evidence, pd.DataFrame], str]] = {
     "3a": partial(gap.without_one_level, given=()),
     "3a-cell": partial(gap.without_one_level, given=("cell",)),
+    "3a-agent": gap.agents_that_learned,
     "4a-trend": gap.trend_without_one_level,
     "matched-w2": partial(gap.second_outcomes_in_words, pairs=gap.FAR),
     "matched-coverage": partial(gap.second_outcomes_in_words, pairs=gap.SPARSE),

@@ -1,15 +1,21 @@
 """The answer in five lines, which opens the report."""
 
-from collections import Counter
 from collections.abc import Mapping
 
 import numpy as np
 
-from analysis.plotting.names import family_name
 from analysis.report.claims import verdicts
 from analysis.report.claims.claim import LEARNED, METRIC_2022, METRIC_OURS, Claim, Finding, is_correlation
 from analysis.report.claims.evidence import Evidence
-from analysis.report.claims.gap import FAR, SPARSE, matched_sets, second_outcome
+from analysis.report.claims.gap import (
+    FAR,
+    SPARSE,
+    agents_that_learned,
+    matched_sets,
+    papers_agent,
+    second_outcome,
+    which_learned,
+)
 from analysis.report.document.blocks import Block, Bullets, Heading
 from analysis.report.number_format import estimate_text
 from analysis.tables import select
@@ -25,7 +31,7 @@ def answer(evidence: Evidence, claims: Mapping[str, Claim]) -> list[Block]:
             beyond_n(claims),
             of_matched_sets(evidence, claims),
             levels_close(evidence),
-            agent(claims),
+            agent(evidence, claims),
         ]
     return [Heading("In five lines"), Bullets([line for line in lines if line])]
 
@@ -33,11 +39,8 @@ def answer(evidence: Evidence, claims: Mapping[str, Claim]) -> list[Block]:
 def whole_grid(evidence: Evidence, claims: Mapping[str, Claim]) -> str:
     """The verdict on the paper's headline, and which runs it is about."""
     everything, main = evidence.ungated.main, evidence.main
-    which = Counter(everything["family"]) - Counter(main["family"])
-    lost = ", ".join(f"{count} of {family_name(family)}" for family, count in which.items())
-    runs = f"all {len(main)} runs"
-    if lost:
-        runs = f"the {len(main)} of {len(everything)} runs that learned their training levels (without {lost})"
+    learned = which_learned(everything, main).replace("runs learned", "runs that learned")
+    runs = f"the {learned}" if learned else f"all {len(main)} runs"
     found = leading(claims["3a"], METRIC_OURS)
     if found is None:
         return f"The gap and W2 of {runs} say nothing of the paper's headline."
@@ -72,13 +75,17 @@ def levels_close(evidence: Evidence) -> str:
     )
 
 
-def agent(claims: Mapping[str, Claim]) -> str:
-    """The verdict with the paper's own agent."""
+def agent(evidence: Evidence, claims: Mapping[str, Claim]) -> str:
+    """The verdict with the paper's own agent, and which of its runs it is about."""
     claim = claims["3a-agent"]
     found = leading(claim, METRIC_2022)
     if found is None:
         return f"What the paper's own agent says cannot be tested. It would take {claim.needs}."
-    return f"With the paper's own agent, given panel, {number(found)}: the headline is {claim.verdict(METRIC_2022)}."
+    learned = agents_that_learned(evidence, papers_agent(evidence))
+    return (
+        f"With the paper's own agent, given panel and not n, {number(found)}: the headline is {claim.verdict(METRIC_2022)}. "
+        f"{learned}"
+    ).strip()
 
 
 def of_matched_sets(evidence: Evidence, claims: Mapping[str, Claim]) -> str:
