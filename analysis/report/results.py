@@ -14,6 +14,7 @@ import pandas as pd
 
 from analysis.collect import CURVES, MISSING
 from analysis.plotting import style
+from analysis.plotting.names import variation_name
 from analysis.report.rules import GATE_MARGIN
 from analysis.stats.association import labels
 from analysis.tables import column, keep, select
@@ -251,6 +252,11 @@ def measured(table: pd.DataFrame) -> pd.DataFrame:
 def texture(look: object) -> str:
     """The textures of an observation's name: far, of textures(textures=far)."""
     return str(look).removeprefix("textures(textures=").removesuffix(")")
+
+
+def shifts_in_words(table: pd.DataFrame, tested: str) -> pd.DataFrame:
+    """The table with the names of variations in words, in ``trained`` and in the column ``tested``."""
+    return table.assign(**{name: table[name].map(variation_name) for name in ("trained", tested)})
 
 
 def with_panel(table: pd.DataFrame) -> pd.DataFrame:

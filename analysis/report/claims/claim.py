@@ -88,6 +88,15 @@ class Claim:
         return dataclasses.replace(self, follows=follows, needs=needs)
 
 
+def tests_counted(claim: Claim) -> str:
+    """How many tests of a claim have each verdict, in both settings."""
+    said = [
+        f"{verdicts.counted(one.verdict for one in claim.tests(settings))} ({settings})"
+        for settings in filter(claim.has, (METRIC_2022, METRIC_OURS))
+    ]
+    return f"Panels by themselves: {'; '.join(said)}."
+
+
 def claims_table(claims: Sequence[Claim]) -> pd.DataFrame:
     """``claims.csv``: one row per test; a claim without tests has one row that says what it needs."""
     rows = []

@@ -60,17 +60,17 @@ def papers_agent(evidence: Evidence) -> pd.DataFrame:
     return runs if there else runs.head(0)
 
 
-def which_learned(everything: pd.DataFrame, learned: pd.DataFrame) -> str:
-    """``10 of 15 runs learned their training levels (without 5 of Tiles of 2022)``; "" where all did."""
+def left_out(everything: pd.DataFrame, learned: pd.DataFrame) -> str:
+    """The runs that did not learn, by family: ``5 of Tiles of 2022``; "" where all did."""
     which = Counter(everything["family"]) - Counter(learned["family"])
-    lost = ", ".join(f"{count} of {family_name(family)}" for family, count in which.items())
-    return f"{len(learned)} of {len(everything)} runs learned their training levels (without {lost})" if lost else ""
+    return ", ".join(f"{count} of {family_name(family)}" for family, count in which.items())
 
 
 def agents_that_learned(evidence: Evidence, runs: pd.DataFrame) -> str:
-    """How many runs of the paper's own agent count."""
-    said = which_learned(evidence.all_results.of(PAPER_AGENT), runs)
-    return f"{said}." if said else ""
+    """How many runs of the paper's own agent count; "" where all do."""
+    everything = evidence.all_results.of(PAPER_AGENT)
+    lost = left_out(everything, runs)
+    return f"{len(runs)} of {len(everything)} runs learned their training levels (without {lost})." if lost else ""
 
 
 def in_main_grid(evidence: Evidence, runs: pd.DataFrame, test: str) -> Iterator[Finding]:

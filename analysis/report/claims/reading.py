@@ -1,7 +1,6 @@
 """Reads the claims: the words of each from ``statements.yaml``, its findings from its test."""
 
 import dataclasses
-from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from pathlib import Path
@@ -10,8 +9,8 @@ from typing import Any
 import pandas as pd
 import yaml
 
-from analysis.report.claims import gap, information, learning, rule_sets, verdicts
-from analysis.report.claims.claim import ALL_RUNS, METRIC_2022, METRIC_OURS, OF_PAPER, Claim, Finding
+from analysis.report.claims import gap, information, learning, rule_sets
+from analysis.report.claims.claim import ALL_RUNS, METRIC_2022, METRIC_OURS, OF_PAPER, Claim, Finding, tests_counted
 from analysis.report.claims.evidence import GIVEN_CELL, Evidence
 from analysis.report.claims.specifications import specifications, survives
 
@@ -88,9 +87,12 @@ BESIDE: Mapping[str, Callable[[Evidence, pd.DataFrame], str]] = {
     "5b-diversity": learning.both_r2,
     "A-sac-hard": learning.sac_in_other_ways,
     "rule-sets": rule_sets.gap_in_words,
-    "rule-sets-unseen": rule_sets.success_of_all,
 }
-COUNTED = ("3b-trend", "3b-easy", "3b-weak", "4a-all")  # claims about several panels, whose tests are counted in words
+# What is said after that, from the claim's own tests; those of several panels are counted.
+OF_TESTS: Mapping[str, Callable[[Claim], str]] = {
+    **dict.fromkeys(("3b-trend", "3b-easy", "3b-weak", "4a-all"), tests_counted),
+    "rule-sets-unseen": rule_sets.fall_over_all_runs,
+}
 
 
 def read_claims(evidence: Evidence) -> list[Claim]:
@@ -122,23 +124,15 @@ def read_claim(name: str, evidence: Evidence, survives: bool = True) -> Claim:
         lacks = words.get("else_needs", words["evidence"]) if len(rows) else words["evidence"]
         return claim.with_words(needs=needs[lacks])
     said = follows.format(**NUMBERS[name](evidence, rows)) if name in NUMBERS else follows
-    more = BESIDE[name](evidence, rows) if name in BESIDE else counts(claim) if name in COUNTED else ""
-    return claim.with_words(follows=f"{said} {more}".strip())
+    beside = BESIDE[name](evidence, rows) if name in BESIDE else ""
+    of_tests = OF_TESTS[name](claim) if name in OF_TESTS else ""
+    return claim.with_words(follows=" ".join(filter(None, (said, beside, of_tests))))
 
 
 def findings_of(name: str, evidence: Evidence) -> list[Finding]:
     """The findings of a claim's test; none where the runs that it is about are missing."""
     rows = ROWS[STATEMENTS["claims"][name]["evidence"]](evidence)
     return list(TESTS[name](evidence, rows)) if len(rows) else []
-
-
-def counts(claim: Claim) -> str:
-    """How many tests of a claim have each verdict, in both settings."""
-    said = []
-    for settings in filter(claim.has, (METRIC_2022, METRIC_OURS)):
-        found = Counter(one.verdict for one in claim.tests(settings))
-        said.append(f"{', '.join(f'{found[name]} {name}' for name in verdicts.VERDICTS if found[name])} ({settings})")
-    return f"Panels by themselves: {'; '.join(said)}."
 
 
 def consequence(claim: Claim, words: Mapping[str, str]) -> str:

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 import pandas as pd
 
-from analysis.report.claims.claim import METRIC_OURS, Finding, correlation, mean_difference
+from analysis.report.claims.claim import ALL_RUNS, METRIC_OURS, Claim, Finding, correlation, mean_difference
 from analysis.report.claims.evidence import Evidence
 from analysis.report.claims.information import beside
 from analysis.report.claims.verdicts import is_significant
@@ -86,9 +86,9 @@ def gap_in_words(evidence: Evidence, runs: pd.DataFrame) -> str:
     return f"{said} {success_at_both_ends(evidence, runs)}"
 
 
-def success_of_all(evidence: Evidence, runs: pd.DataFrame) -> str:
+def fall_over_all_runs(claim: Claim) -> str:
     """Where success falls with more rule sets over all runs, that it does."""
-    (one,) = success_by_rule_sets(evidence.ungated, rule_set_runs(evidence.ungated))
+    (one,) = claim.tests(METRIC_OURS, ALL_RUNS)
     falls = one.found.estimate < 0 and is_significant(one.found)
     return f"Over all runs, it falls: {estimate_text(one.found)}." if falls else ""
 

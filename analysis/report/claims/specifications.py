@@ -1,6 +1,7 @@
 """Specification curves: a test of a claim in every combination of reasonable choices (Simonsohn, Simmons and Nelson 2020)."""
 
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
 from itertools import product
 
 import numpy as np
@@ -27,8 +28,12 @@ OUTCOMES = {"return": "gap", "success": "gap_success", "regret": LESS_REGRET}
 SIGNS: Mapping[str, int] = {"3a-n": -1, "3a-cell": -1, "4b-none": 0}  # of the claims that have specifications
 
 
+@lru_cache(maxsize=1)
 def specifications(evidence: Evidence) -> pd.DataFrame:
-    """One row per specification: ``claim``, the choices ``number of levels``, ``measure``, ``outcome``, and the estimate."""
+    """One row per specification: ``claim``, the choices ``number of levels``, ``measure``, ``outcome``, and the estimate.
+
+    Claims, the figure, the text and the CSV file of a report ask for the same table, which takes two seconds.
+    """
     rows = [
         found.row(claim=claim, **choices)
         for claim, choices, found in (*of_distances(evidence), *of_accuracies(evidence))

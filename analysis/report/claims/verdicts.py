@@ -4,6 +4,7 @@ The rules are the same for all claims and scales, and depend on no result.
 """
 
 import math
+from collections import Counter
 from collections.abc import Iterable
 
 from scipy import stats
@@ -40,6 +41,12 @@ def of_absence(found: Estimate, margin: float) -> str:
 def is_known(found: Estimate) -> bool:
     """Whether there is an estimate with an interval."""
     return all(math.isfinite(value) for value in (found.estimate, found.low, found.high))
+
+
+def counted(read: Iterable[str]) -> str:
+    """``2 supported, 1 undecided``."""
+    found = Counter(read)
+    return ", ".join(f"{found[name]} {name}" for name in VERDICTS if found[name])
 
 
 def is_significant(found: Estimate) -> bool:

@@ -11,10 +11,10 @@ from analysis.report.claims.gap import (
     FAR,
     SPARSE,
     agents_that_learned,
+    left_out,
     matched_sets,
     papers_agent,
     second_outcome,
-    which_learned,
 )
 from analysis.report.document.blocks import Block, Bullets, Heading
 from analysis.report.number_format import estimate_text
@@ -39,8 +39,9 @@ def answer(evidence: Evidence, claims: Mapping[str, Claim]) -> list[Block]:
 def whole_grid(evidence: Evidence, claims: Mapping[str, Claim]) -> str:
     """The verdict on the paper's headline, and which runs it is about."""
     everything, main = evidence.ungated.main, evidence.main
-    learned = which_learned(everything, main).replace("runs learned", "runs that learned")
-    runs = f"the {learned}" if learned else f"all {len(main)} runs"
+    runs, lost = f"all {len(main)} runs", left_out(everything, main)
+    if lost:
+        runs = f"the {len(main)} of {len(everything)} runs that learned their training levels (without {lost})"
     found = leading(claims["3a"], METRIC_OURS)
     if found is None:
         return f"The gap and W2 of {runs} say nothing of the paper's headline."

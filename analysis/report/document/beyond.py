@@ -12,7 +12,6 @@ from analysis.plotting.names import (
     group_name,
     panel_name,
     player_name,
-    variation_name,
 )
 from analysis.report.captions import TABLES
 from analysis.report.claims.evidence import DISTANCES, Evidence, pearson
@@ -23,7 +22,7 @@ from analysis.report.claims.scores import CELLS, COMPARED, IMPROVEMENT, IQM, REG
 from analysis.report.document.blocks import Block, Bullets, Heading, Paragraph, Table
 from analysis.report.document.tables import frames_of, means, means_table, row_of
 from analysis.report.number_format import NONE, effect, estimate_text, listed, p_value, plain, signed, with_interval
-from analysis.report.results import with_panel
+from analysis.report.results import shifts_in_words, with_panel
 from analysis.stats.estimate import Estimate
 from analysis.tables import column, count_of, keep, select
 
@@ -139,8 +138,8 @@ def looks(evidence: Evidence) -> list[Block]:
 
 def shift_means(evidence: Evidence, part: pd.DataFrame, tested: str) -> pd.DataFrame:
     """The mean ``difference`` for each of what agents were ``trained`` in, ``tested`` in, and their number of ``levels``."""
-    words = {name: part[name].map(variation_name) for name in ("trained", tested)}
-    return means(evidence, part.assign(levels=part["n"], **words), ["trained", tested, "levels"], "difference")
+    named = shifts_in_words(part, tested)
+    return means(evidence, named.assign(levels=named["n"]), ["trained", tested, "levels"], "difference")
 
 
 def shifts(found: pd.DataFrame, tested: str) -> Table:

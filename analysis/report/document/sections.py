@@ -1,6 +1,5 @@
 """The report's text: which claims, tables and figures stand where, and the sentences between them."""
 
-from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
@@ -138,8 +137,7 @@ def summary(claims: Sequence[Claim]) -> list[Block]:
         tested = [claim for claim in some if any(verdict_known(claim, s) for s in (METRIC_2022, METRIC_OURS))]
         sentences = [f"{len(tested)} of {len(some)} can be tested with these runs."]
         for settings in (METRIC_2022, METRIC_OURS):
-            found = Counter(claim.verdict(settings) for claim in some if claim.verdict(settings))
-            said = ", ".join(f"{found[name]} {name}" for name in verdicts.VERDICTS if found[name])
+            said = verdicts.counted(claim.verdict(settings) for claim in some)
             sentences.append(f"With {'the ' if settings == METRIC_2022 else ''}{settings}: {said or 'none'}.")
         blocks += [Heading(title, 3), Paragraph(" ".join(sentences)), verdict_table(some)]
     return blocks
@@ -365,7 +363,7 @@ def written_before() -> list[Block]:
         f"{sentence(RULES['seen'])} How often they err on planted grids is in `docs/results/error_rates.csv`."
     )
     primary = [f"**{name}**: {sentence(words)}" for name, words in RULES["primary"].items()]
-    choices = [f"**{name.capitalize()}**: {listed_choices(names)}" for name, names in RULES["specifications"].items()]
+    choices = [f"**{name.capitalize()}**: {'; '.join(names)}." for name, names in RULES["specifications"].items()]
     designed = [f"**{name.capitalize()}**: {sentence(words)}" for name, words in RULES["matched"].items()]
     return [
         Paragraph(text),
@@ -373,11 +371,6 @@ def written_before() -> list[Block]:
         *(Heading("The choices of specifications", 3), Bullets(choices)),
         *(Heading("The designed study", 3), Bullets(designed)),
     ]
-
-
-def listed_choices(names: Sequence[str]) -> str:
-    """``n as a factor; log n.``"""
-    return "; ".join(names) + "."
 
 
 def sentence(text: object) -> str:

@@ -65,15 +65,10 @@ def cell_table(main: pd.DataFrame) -> Table:
     table = cells(main)
     shown = [(name, head) for name, head in zip(CELL_COLUMNS, CELL_HEAD, strict=True) if name in table]
     rows = [
-        [
-            family_name(r["family"]),
-            r["difficulty"],
-            str(r["n"]),
-            f"{r['seeds']}",
-            *(cell(r[name], name) for name, _ in shown),
-        ]
+        [family_name(r["family"]), r["difficulty"], str(r["n"]), str(r["seeds"]),
+         *(cell(r[name], name) for name, _ in shown)]
         for r in table.to_dict("records")
-    ]
+    ]  # fmt: skip
     head = ["family", "difficulty", "n", "seeds", *(head for _, head in shown)]
     return Table(head, rows, 2, TABLES["cells"], folded=True)
 

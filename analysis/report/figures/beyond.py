@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 
 from analysis.plotting import style
 from analysis.plotting.figures import DOT, PAGE_WIDTH, draw_points, legend_of, new_figure, zero_line
-from analysis.plotting.names import design_name, family_name, group_name, player_name, variation_name
+from analysis.plotting.names import design_name, family_name, group_name, player_name
 from analysis.report.claims.evidence import Evidence
 from analysis.report.claims.gap import one_number_of_levels
 from analysis.report.claims.rule_sets import all_rule_set_runs, trial_columns, trial_runs
@@ -24,7 +24,7 @@ from analysis.report.figures.drawing import (
     mean_of_shares,
 )
 from analysis.report.number_format import estimate_text
-from analysis.report.results import PANEL
+from analysis.report.results import PANEL, shifts_in_words
 from analysis.stats.estimate import mean_of_replicates
 from analysis.tables import column, count_of, keep, mean_by, pick, select
 
@@ -89,18 +89,13 @@ def attribution(evidence: Evidence) -> Drawn | str:
     return Drawn(dots(named, "group", "part", "part of the gap"), pick(table, [*CELL, "group", "part", "gap"]))
 
 
-def in_words(table: pd.DataFrame, tested: str) -> pd.DataFrame:
-    """The table with the names of variations in words, in ``trained`` and in the column ``tested``."""
-    return table.assign(**{name: table[name].map(variation_name) for name in ("trained", tested)})
-
-
 def rules(evidence: Evidence) -> Drawn | str:
     """The loss in return in other physics than in training."""
     part = evidence.results.other_physics
     if part.empty:
         return "it was not run (`experiments=[rules]`)"
     table = pick(part, [*CELL, "trained", "test_variation", "difference", "gap", "gap_se", SUCCESS])
-    return Drawn(dots(in_words(table, "test_variation"), "test_variation", "difference", COST, "trained"), table)
+    return Drawn(dots(shifts_in_words(table, "test_variation"), "test_variation", "difference", COST, "trained"), table)
 
 
 def rule_sets(evidence: Evidence) -> Drawn | str:
@@ -178,7 +173,7 @@ def visual(evidence: Evidence) -> Drawn | str:
     if part.empty:
         return "it was not run (`experiments=[visual]`)"
     table = pick(part, [*CELL, "trained", "shift", "difference", "gap", SUCCESS])
-    return Drawn(dots(in_words(table, "shift"), "shift", "difference", COST, "trained"), table)
+    return Drawn(dots(shifts_in_words(table, "shift"), "shift", "difference", COST, "trained"), table)
 
 
 def hardness(evidence: Evidence) -> Drawn | str:
