@@ -164,7 +164,7 @@ def in_panels(
     for settings, mode, gap in SETTINGS:
         found = {panel: evidence.correlation(select(runs, panel=panel), f"w2_{mode}", gap) for panel in panels}
         for panel, one in (with_holm(found) if sign else found).items():
-            yield correlation(settings, f"{panel_name(panel)}, {WORDS[settings]}", one, sign, corrected=sign != 0)
+            yield correlation(settings, panel_name(panel), one, sign, corrected=sign != 0)
 
 
 def in_empty(evidence: Evidence, runs: pd.DataFrame) -> Iterator[Finding]:
@@ -199,9 +199,7 @@ def trend_to_hard(evidence: Evidence, harder: pd.DataFrame) -> Iterator[Finding]
         parts = from_medium(harder)
         found = {name: evidence.correlation(part, f"w2_{mode}", gap) for name, part in parts.items() if len(part)}
         for family, one in with_holm(found).items():
-            yield correlation(
-                settings, f"{family_name(family)}, medium to hard, {WORDS[settings]}", one, WORSE, corrected=True
-            )
+            yield correlation(settings, f"{family_name(family)}, medium to hard", one, WORSE, corrected=True)
 
 
 def from_medium(harder: pd.DataFrame) -> dict[str, pd.DataFrame]:
@@ -215,4 +213,4 @@ def each_pair_of_panels(evidence: Evidence, harder: pd.DataFrame) -> Iterator[Fi
         parts = {panel: select(harder, panel=panel) for panel in dict.fromkeys(harder["panel"])}
         found = {panel: evidence.correlation(part, f"w2_{mode}", gap) for panel, part in parts.items()}
         for panel, one in with_holm(found).items():
-            yield correlation(settings, f"from {panel_name(panel)}, {WORDS[settings]}", one, WORSE, corrected=True)
+            yield correlation(settings, f"from {panel_name(panel)}", one, WORSE, corrected=True)
