@@ -1,6 +1,8 @@
 # Everything here works on a fresh clone: the first target that needs it creates .venv and installs into it.
 #
 #   make test                     the tests (make test-slow: the long ones)
+#   make test-docs                the programs and the pages of the documentation
+#   make check-results            what docs/results says is what its tables, networks and rows give
 #   make test-browser             the tests of pages in Chromium and Firefox; a browser that is missing is an error
 #   make reproduce-paper          the paper's experiments: runs, tables, report; SCALE=smoke|quick|standard|paper,
 #                                 ARGS="experiments=[figure_4a] dry_run=true seed=1 ..."
@@ -36,7 +38,7 @@ LOADED := torch, torchrl, torchrl.objectives, tensordict, mlflow, alembic.comman
 	matplotlib.pyplot, fpdf, rich.progress, pygame, imageio.v2, imageio_ffmpeg, moviepy, minari, h5py, pytest, xdist, hypothesis
 
 .DEFAULT_GOAL := help
-.PHONY: help setup test test-slow test-browser lint bench reproduce-paper report sweep renderings dashboard site serve-site clean
+.PHONY: help setup test test-docs check-results test-slow test-browser lint bench reproduce-paper report sweep renderings dashboard site serve-site clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -66,9 +68,16 @@ $(SITE_STAMP): $(STAMP)
 	@touch $@
 
 # Python keeps what it compiled, whatever the caller prefers: the tests start hundreds of imports.
-test: export PYTHONDONTWRITEBYTECODE :=
+test test-docs check-results: export PYTHONDONTWRITEBYTECODE :=
 test: $(STAMP)
 	$(PY) -m pytest -q -n 2 --dist loadfile $(ARGS)
+
+# A page is run by one process, and the pages are shared out.
+test-docs: $(STAMP)
+	$(PY) -m pytest -q -n 2 --dist loadgroup -m "docs and not slow" $(ARGS)
+
+check-results: $(STAMP)
+	$(PY) -m pytest -q -n 2 --dist loadscope -m "results and not slow" $(ARGS)
 
 test-slow: $(SLOW_STAMP)
 	$(PY) -m pytest -q -m slow $(ARGS)

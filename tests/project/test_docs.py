@@ -21,6 +21,8 @@ import pytest
 
 from tests.places import ROOT
 
+pytestmark = pytest.mark.docs
+
 DOCS = ROOT / "docs"
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.M | re.S)
 FILE = re.compile(r"# my_lab/(\w+)\.py\n")
@@ -117,7 +119,11 @@ def printed_by(page: str, with_slow: bool) -> tuple[dict[str, str], str]:
 @pytest.mark.parametrize(
     "program",
     [
-        pytest.param(program, id=f"{program.page}-{program.name}", marks=[pytest.mark.slow] if program.slow else [])
+        pytest.param(
+            program,
+            id=f"{program.page}-{program.name}",
+            marks=[pytest.mark.xdist_group(program.page)] + [pytest.mark.slow] * program.slow,
+        )
         for program in PROGRAMS
     ],
 )

@@ -9,6 +9,8 @@ import pytest
 
 import segar
 
+pytestmark = pytest.mark.docs
+
 ROOT = Path(segar.__file__).parent.parent
 FILES = sorted(path for room in ("segar", "experiments", "analysis") for path in (ROOT / room).rglob("*.py"))
 MODULES = [".".join(path.relative_to(ROOT).with_suffix("").parts) for path in FILES if ">>> " in path.read_text()]

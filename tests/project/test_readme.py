@@ -9,6 +9,8 @@ import pytest
 
 from tests.places import ROOT
 
+pytestmark = pytest.mark.docs
+
 PROGRAMS = [
     pytest.param(program, id=f"{page}-{number}")
     for page in ("README.md", "CONTRIBUTING.md")

@@ -17,6 +17,8 @@ from experiments.settings import TrackingConfig
 from experiments.tracking.mlflow_store import store_uri
 from segar.suites import CORE, outline, suite, suites
 
+pytestmark = pytest.mark.results
+
 MADE = (SCORES, BOARD, IMPROVEMENT, PROFILES, CAUSES)
 
 

@@ -26,6 +26,7 @@ def test_fewer_than_three_runs_have_a_mean_and_no_interval(values):
     assert found.estimate == np.mean(values) and np.isnan([found.low, found.high]).all()
 
 
+@pytest.mark.results
 @pytest.mark.parametrize(
     "path",
     sorted((CHECKOUT / "docs" / "results").glob("*/figures/*.png")),

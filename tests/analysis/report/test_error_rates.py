@@ -42,6 +42,7 @@ def test_a_correlation_is_planted_as_large_as_is_said():
     assert np.mean(found) == pytest.approx(-0.3, abs=0.03)
 
 
+@pytest.mark.results
 def test_the_shipped_simulations_err_in_at_most_one_of_twenty():
     table = pd.read_csv(Path(__file__).parents[3] / "docs" / "results" / "error_rates.csv")
     assert (table["simulations"] >= 1000).all() and set(table["noise"]) == {EVEN, FALLING}

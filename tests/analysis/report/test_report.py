@@ -57,8 +57,10 @@ def copied(figure, path, suffixes):
 
 # Drawing takes most of the time: of the larger scales, only the slow tests draw.
 LARGER = [at for at in SHIPPED_SCALES if at.name != "quick"]
-SCALES = [pytest.param((at, at not in LARGER), id=at.name) for at in SHIPPED_SCALES]
-SCALES += [pytest.param((at, True), marks=pytest.mark.slow, id=f"{at.name}, drawn") for at in LARGER]
+SCALES = [pytest.param((at, at not in LARGER), marks=pytest.mark.results, id=at.name) for at in SHIPPED_SCALES]
+SCALES += [
+    pytest.param((at, True), marks=[pytest.mark.results, pytest.mark.slow], id=f"{at.name}, drawn") for at in LARGER
+]
 
 
 @pytest.fixture(scope="module", params=SCALES)

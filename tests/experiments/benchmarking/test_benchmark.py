@@ -277,6 +277,7 @@ def test_actions_of_a_method_from_outside_can_be_those_on_twins(tmp_path):
         row_made_here(config_of(tmp_path, actions=str(tmp_path / "given"), row="other"), WITH_TWINS)
 
 
+@pytest.mark.results
 def test_what_makes_a_row_again_are_its_own_suites_and_seeds(tmp_path):
     for row in (read_row(SHIPPED / name) for name in ("idle", "script", "ppo_fast-state-laptop")):
         found = [
@@ -290,6 +291,7 @@ def test_what_makes_a_row_again_are_its_own_suites_and_seeds(tmp_path):
 SHIPPED_ROWS = sorted(path.parent.name for path in SHIPPED.glob(f"*/{ROW}"))
 
 
+@pytest.mark.results
 @pytest.mark.parametrize("name", SHIPPED_ROWS)
 def test_shipped_rows_are_what_their_hashes_say_and_a_sample_plays_again_to_the_bit(name):
     row = read_row(SHIPPED / name)
@@ -297,6 +299,7 @@ def test_shipped_rows_are_what_their_hashes_say_and_a_sample_plays_again_to_the_
         assert verify(row, [SUITE], [1]) >= 225
 
 
+@pytest.mark.results
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SHIPPED_ROWS)
 def test_all_of_a_shipped_row_plays_again_to_the_bit(name):
@@ -304,6 +307,7 @@ def test_all_of_a_shipped_row_plays_again_to_the_bit(name):
     assert verify(row) == len(row.episodes())
 
 
+@pytest.mark.results
 @pytest.mark.parametrize("name", ["ppo_fast-state-laptop", "ppo_recurrent-state-laptop", "script"])
 def test_the_leaderboard_has_the_causes_that_the_library_finds(name):
     row, of = read_row(SHIPPED / name), suite(WITH_TWINS)
@@ -319,6 +323,7 @@ def test_the_leaderboard_has_the_causes_that_the_library_finds(name):
         )
 
 
+@pytest.mark.results
 @pytest.mark.parametrize(("name", "seed"), [("sight-mass-v1", 2)])
 def test_the_library_alone_gives_the_scores_of_the_leaderboard(name, seed):
     folder = SHIPPED / "ppo_fast-state-laptop"
@@ -330,6 +335,7 @@ def test_the_library_alone_gives_the_scores_of_the_leaderboard(name, seed):
     assert ours == pytest.approx({key: scores[key] for key in ours}, rel=1e-5)
 
 
+@pytest.mark.results
 def test_shipped_rows_are_small_and_of_the_suites_that_there_are():
     rows = [read_row(SHIPPED / name) for name in SHIPPED_ROWS]
     assert sum(path.stat().st_size for row in rows for path in row.folder.iterdir()) < 40e6

@@ -282,6 +282,7 @@ def test_a_setting_of_0_1_is_refused_with_its_name_today(tmp_path):
     assert "'elsewhere' is called 'imported'" in done.stderr
 
 
+@pytest.mark.results
 def test_runs_that_are_shipped_are_found_by_their_names_today(tmp_path):
     """Whoever adds a setting says so with ``later``; else whatever anybody has trained is trained again."""
     command = [sys.executable, "-m", "experiments.reproduce", "scale=quick", "imported=[docs/results/quick]"]
