@@ -88,9 +88,9 @@ def mean_by(table: pd.DataFrame, by: Sequence[str], values: Sequence[str]) -> pd
     return cast(pd.DataFrame, table.groupby(list(by), sort=True)[list(values)].mean()).reset_index()
 
 
-def binned(frames: Floats, longest: Floats | None = None) -> Floats:
-    """Frames [n], each replaced by the end of its fortieth of the longest run; or of ``longest`` [n], its own run's length."""
-    width = np.maximum((frames.max() if longest is None else longest) / CURVE_POINTS, 1.0)
+def binned(frames: Floats) -> Floats:
+    """Frames [n], each replaced by the end of its fortieth of the longest run."""
+    width = max(frames.max() / CURVE_POINTS, 1.0)
     return np.ceil(frames / width) * width
 
 

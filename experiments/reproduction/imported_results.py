@@ -1,6 +1,6 @@
 """Results that are imported: tables of runs that another machine made, or that ``docs/results`` ships.
 
-A folder of such tables is one that ``analysis.collect`` or ``analysis.ship`` wrote. The name of a run holds a hash of its
+A folder of such tables is one that ``analysis.collect`` wrote. The name of a run holds a hash of its
 settings, so a row with that name describes that run. Such a run counts as done and is not trained again.
 """
 

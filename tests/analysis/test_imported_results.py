@@ -7,7 +7,6 @@ import pandas as pd
 import pytest
 
 from analysis.collect import CollectConfig, collect
-from analysis.ship import ShipConfig, ship
 from experiments.reproduce import write_plan
 from experiments.reproduction.experiment_file import experiment_at
 from experiments.reproduction.imported_results import read_imported_results
@@ -53,14 +52,15 @@ def test_runs_from_two_machines_give_the_tables_that_one_would(there, tmp_path):
 
 def test_shipped_tables_are_tables_from_elsewhere(there, tmp_path):
     other, _, whole = there
-    ship(ShipConfig(str(other.folder), str(tmp_path / "smoke")))
+    (tmp_path / "smoke").mkdir()
+    for name in ("runs", "transfers", "curves", "probes"):  # levels are not shipped
+        shutil.copy(other.folder / f"{name}.parquet", tmp_path / "smoke")
     config, plan = planned_with(tmp_path / "here", tmp_path / "smoke")
     assert all(work.is_done() and work.frames_left() == 0 for work in plan.runs)
     said = as_text(plan, measure_speeds(tmp_path / "here"), 2, config.run.scale)
     assert "smoke: 4 runs, 4 done, 0 to do with 0 frames" in said
     joined = collect(CollectConfig(str(config.folder)))
-    common = list(joined.runs.columns)
-    pd.testing.assert_frame_equal(joined.runs, whole.runs[common], rtol=1e-5)
+    pd.testing.assert_frame_equal(joined.runs, whole.runs)
     assert list(joined.transfers["transfer"]) == list(whole.transfers["transfer"])
 
 
