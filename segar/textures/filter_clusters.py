@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import scipy
@@ -36,46 +35,33 @@ def filter_textures(
     bank: FilterBank,
     seeds: Iterable[int] = (0,),
     *,
-    baseline: FilterClusters | None = None,
     inputs: Sequence[str] = INPUTS,
     laws: Laws = UNIFORM,
 ) -> TextureSet:
     """Textures from a bank of filters, a model per seed.
 
     A seed chooses the start of k-means, which cluster belongs to which input, and which filters stand for a cluster. The
-    clusters of the second and later models are aligned to those of ``baseline``, by default to the first model's.
+    clusters of the second and later models are aligned to the first model's.
 
     Args:
         inputs, laws: what is shown, and the distributions that say how much each input varies.
 
     Raises:
-        SegarError: there are too few filters for the inputs, no distribution for an input, or ``baseline`` has filters of
-            another size.
+        SegarError: there are too few filters for the inputs, or no distribution for an input.
     """
-    models, seeds = [], tuple(seeds)
+    patterns, first, seeds = [], None, tuple(seeds)
     for seed in seeds:
         rng = np.random.default_rng(seed)
         clusters = cluster_filters(bank, len(inputs), rng)
-        clusters = clusters if baseline is None else aligned(clusters, baseline)
-        baseline = clusters if baseline is None else baseline
-        models.append(filter_weights(filter_patterns(clusters, rng), inputs))
-    origin = {"renderer": "filters", "bank": bank.name, "filters": len(bank), "seeds": list(seeds)}
-    return texture_set(name, models, inputs, laws, **origin)
-
-
-def texture_set(
-    name: str, models: Sequence[np.ndarray], inputs: Sequence[str] = INPUTS, laws: Laws = UNIFORM, **origin: Any
-) -> TextureSet:
-    """The set of models that :func:`filter_weights` made, without bias; ``origin`` says for people how they were made."""
-    weights = np.stack(models)
-    bias = np.zeros((len(weights), *weights.shape[2:]))
-    return TextureSet(name, tuple(inputs), weights, bias, *units(inputs, laws), origin=origin)
-
-
-def filter_weights(patterns: np.ndarray, inputs: Sequence[str] = INPUTS) -> np.ndarray:
-    """Weights of a model whose inputs look like these patterns, float64 ``[input, P, P, 3]`` both."""
+        clusters = clusters if first is None else aligned(clusters, first)
+        first = first or clusters
+        patterns.append(filter_patterns(clusters, rng))
     kinds = [NOISE if is_noise(name) else name for name in inputs]
-    return patterns * np.array([AMPLITUDES.get(kind, AMPLITUDE) for kind in kinds])[:, None, None, None]
+    amplitudes = np.array([AMPLITUDES.get(kind, AMPLITUDE) for kind in kinds])[:, None, None, None]
+    weights = np.stack(patterns) * amplitudes
+    bias = np.zeros((len(weights), *weights.shape[2:]))
+    origin = {"renderer": "filters", "bank": bank.name, "filters": len(bank), "seeds": list(seeds)}
+    return TextureSet(name, tuple(inputs), weights, bias, *units(inputs, laws), origin=origin)
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,13 +89,8 @@ class FilterClusters:
         return FilterClusters(self.filters, place[self.labels], self.count)
 
 
-def cluster_filters(
-    bank: FilterBank, count: int, rng: np.random.Generator, near: FilterClusters | None = None
-) -> FilterClusters:
+def cluster_filters(bank: FilterBank, count: int, rng: np.random.Generator) -> FilterClusters:
     """The bank in ``count`` clusters by k-means, the best of some starts; in random order, as clusters have none.
-
-    Args:
-        near: clusters of another bank; k-means then starts at their centres, or as near to them as no cluster gets empty.
 
     Raises:
         SegarError: the bank has fewer filters than clusters, or too many are alike.
@@ -121,11 +102,8 @@ def cluster_filters(
     filters = bank.normalised()
     points = filters.reshape(len(filters), -1)
     best, labels = np.inf, None
-    for k in range(KMEANS_STARTS):
+    for _ in range(KMEANS_STARTS):
         start = points[rng.choice(len(points), count, replace=False)]
-        if near is not None:
-            centres = np.stack([near.members(cluster).mean(axis=0).ravel() for cluster in range(count)])
-            start = centres + k / KMEANS_STARTS * (start - centres)
         try:
             centres, found = kmeans2(points, start, iter=KMEANS_ITERATIONS, minit="matrix", missing="raise")
         except ClusterError:  # a cluster lost its last member: another start
@@ -133,8 +111,6 @@ def cluster_filters(
         inertia = float(((points - centres[found]) ** 2).sum())
         if inertia < best and len(np.unique(found)) == count:
             best, labels = inertia, found
-            if near is not None:
-                break
     if labels is None:
         raise SegarError(f"{bank!r} cannot be dealt into {count} clusters: too many of its filters are alike")
     return FilterClusters(filters, labels.astype(np.int64), count).reordered(rng.permutation(count))

@@ -24,18 +24,12 @@ KINDS: tuple[Entity, ...] = (
     language.Charger({language.Charge: 1.0}),
     *(kind({language.Heat: 0.7, language.Friction: 0.7}) for kind in (language.Tile, language.GoalTile, language.Hole)),
 )
-EXTREMES: tuple[Entity, ...] = (
-    *(language.Ball({language.Mass: mass}) for mass in (0.3, 3.0)),
-    *(language.Ball({language.Density: density}) for density in (0.0, 2.0)),
-    language.Ball({language.Alive: False}),
-    language.Charger({language.Charge: 2.0}),
-)
 
 DRAWS = 40
 SAMPLES = 8000
 
 
-def looks(textures: TextureSet, things: Sequence[Entity] = KINDS + EXTREMES) -> np.ndarray:
+def looks(textures: TextureSet, things: Sequence[Entity] = KINDS) -> np.ndarray:
     """Features of the floor and of things without noise, float64 ``[1 + thing, input]``."""
     return np.stack([textures.background(), *(textures.features(textures.values(thing)) for thing in things)])
 

@@ -1,16 +1,14 @@
 """What the shipped sets have in common: their inputs, the distributions of their values, and the units of these.
 
-Textures are trained and measured on values of the inputs that are drawn from a product of marginals.
+Textures are measured on values of the inputs that are drawn from a product of marginals.
 """
 
 from collections.abc import Mapping, Sequence
-from functools import cache
 from typing import Any
 
 import numpy as np
 
 from segar.errors import SegarError, did_you_mean
-from segar.levels import TASK_LEVELS, families, family, mix
 from segar.noise import DiscreteRangeNoise, Noise, UniformNoise
 from segar.textures.inputs import BACKGROUND, NOISE_CLIP, is_noise
 
@@ -43,18 +41,6 @@ INPUTS = (
 
 # The feature 0 of these is their default, so that a thing whose mass is hidden looks like one of 1 kg.
 CENTRED = {"Mass": 1.0, "Density": 1.0}
-
-
-@cache
-def family_laws() -> Laws:
-    """The distribution of each factor of ``UNIFORM`` in the named level distributions: the mixture over all their entities."""
-    parts: dict[str, list[tuple[Noise, float]]] = {}
-    for name in (*families(), *TASK_LEVELS):
-        for entity, laws in family(name).marginals().items():
-            for factor, law in laws.items():
-                if entity not in ("parameters", "global_friction") and factor.__name__ in UNIFORM:
-                    parts.setdefault(factor.__name__, []).append((law, 1.0))
-    return {name: mix(found) for name, found in parts.items()}
 
 
 def product_of_marginals(inputs: Sequence[str], n: int, rng: np.random.Generator, laws: Laws = UNIFORM) -> np.ndarray:

@@ -140,12 +140,6 @@ def test_aligned_clusters_are_nearer_than_in_any_other_order():
     )
 
 
-def test_clusters_near_others_stay_near_them():
-    baseline = cluster_filters(built_in(), 14, np.random.default_rng(0))
-    near = cluster_filters(built_in(), 14, np.random.default_rng(1), near=baseline)
-    np.testing.assert_array_equal(aligned(near, baseline).labels, baseline.labels)
-
-
 def test_patterns_but_for_their_colours_are_orthogonal_and_all_as_strong():
     patterns = filter_patterns(cluster_filters(built_in(), 14, np.random.default_rng(0)), np.random.default_rng(1))
     assert patterns.shape == (14, 8, 8, 3)

@@ -1,23 +1,38 @@
 """The shipped sets: what they show can be read by a linear map, what is hidden cannot, and things can be told apart."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
+from segar.levels import TASK_LEVELS, families, family, mix
 from segar.textures import CHIEF, KINDS, TextureSet, linear_read_out, look_distances, shipped_sets
 from segar.textures.inputs import is_noise
-from segar.textures.standard import INPUTS, UNIFORM, family_laws
+from segar.textures.standard import INPUTS, UNIFORM
 from segar.textures.texture_sets import DATA
 
 SIZES = {"one": 1, "five": 5, "twenty": 20, "baseline": 1, "close": 5, "far": 5}
 MODELS = [(name, model) for name, count in SIZES.items() for model in range(count)]
 FACTORS = [name for name in INPUTS if name in UNIFORM]
-LAWS = {"uniform": UNIFORM, "families": {**UNIFORM, **family_laws()}}
 
 
-@pytest.mark.parametrize("laws", LAWS)
+@cache
+def of_families():
+    """The distribution of each factor in the named level distributions: the mixture over all their entities."""
+    parts = {}
+    for name in (*families(), *TASK_LEVELS):
+        for entity, marginals in family(name).marginals().items():
+            for factor, marginal in marginals.items():
+                if entity not in ("parameters", "global_friction") and factor.__name__ in UNIFORM:
+                    parts.setdefault(factor.__name__, []).append((marginal, 1.0))
+    return {name: mix(found) for name, found in parts.items()}
+
+
+@pytest.mark.parametrize("laws", ["uniform", "families"])
 @pytest.mark.parametrize(("name", "model"), MODELS)
 def test_each_shown_factor_can_be_read_by_a_linear_map(name, model, laws):
-    read = linear_read_out(TextureSet.load(name), model, rng=np.random.default_rng(17), laws=LAWS[laws])
+    drawn_from = UNIFORM if laws == "uniform" else {**UNIFORM, **of_families()}
+    read = linear_read_out(TextureSet.load(name), model, rng=np.random.default_rng(17), laws=drawn_from)
     low = {factor: share for factor, share in read.items() if not is_noise(factor) and share < 0.95}
     assert not low
     assert {factor for factor in read if not is_noise(factor)} >= (
@@ -79,7 +94,7 @@ def test_the_shipped_sets_are_small():
 
 
 def test_the_uniform_ranges_hold_what_the_families_draw():
-    for factor, law in family_laws().items():
+    for factor, law in of_families().items():
         low, high = UNIFORM[factor].support
         drawn = law.sample(np.random.default_rng(0), 20_000)
         assert np.mean((drawn < low) | (drawn > high)) < 0.005, factor
