@@ -1,5 +1,7 @@
-"""Derive the constants of :mod:`segar.support.mathematics` with mpmath: ``python -m benchmarks.mathematics_tables`` writes
-their module."""
+"""Derive the constants and tables of :mod:`segar.support.mathematics` with mpmath.
+
+``python -m benchmarks.mathematics_tables`` writes the module of constants. A test compares both modules with what stands here.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,7 @@ LIMBS = 38  # of 32 bits: of 2 / pi for the largest exponent
 SIN_START = -5 / 32  # near -1 / 6, and short: this multiple of r^3 is taken apart
 PI_BITS = 36  # of the parts of pi / 2 that are multiplied with up to 17 bits
 
-TARGET = Path(segar.support.__file__).with_name("mathematics_tables.py")
+TARGET = Path(segar.support.__file__).with_name("mathematics_constants.py")
 HEADER = '''"""Constants of :mod:`segar.support.mathematics`. By ``python -m benchmarks.mathematics_tables``; do not edit."""
 
 import numpy as np
@@ -30,7 +32,7 @@ import numpy as np
 
 
 def main() -> None:
-    TARGET.write_text(text_of(constants()))
+    TARGET.write_text(text_of({name: value for name, value in constants().items() if not name.endswith("TABLE")}))
     print(f"wrote {TARGET}")
 
 

@@ -6,7 +6,7 @@ cases are those of C99, annex F. ``docs/reference/mathematics.md`` has the error
 
 The methods are known ones: tables and short polynomials (Tang 1989, 1990), subtraction of multiples in parts (Cody and
 Waite 1980), 2 / pi in whole numbers for large angles (Payne and Hanek 1983), products and quotients in two parts
-(Dekker 1971). :mod:`benchmarks.mathematics_tables` derives all constants.
+(Dekker 1971). :mod:`benchmarks.mathematics_tables` derives all constants, and compares the tables.
 """
 
 import math
@@ -16,19 +16,22 @@ import numpy as np
 from segar.support.compiled import cached
 
 # isort: off
-from segar.support.mathematics_tables import (
-    ATAN_0, ATAN_1, ATAN_2, ATAN_3, ATAN_4, ATAN_5, ATAN_6, ATAN_TABLE, COS_0, COS_1, COS_2, COS_3, COS_4, COS_5,
-    EXP_0, EXP_1, EXP_2, EXP_3, EXP_INVERSE, EXP_STEP_HIGH, EXP_STEP_LOW, EXP_TABLE, LN2_HIGH, LN2_LOW, LOG_0, LOG_1,
-    LOG_2, LOG_3, LOG_4, LOG_TABLE, PI_2_A, PI_2_B, PI_2_C, PI_2_HIGH, PI_2_LOW, POW_0, POW_1, POW_2, POW_3, POW_4,
-    POW_5, SIN_0, SIN_1, SIN_2, SIN_3, SIN_4, SIN_5, SIN_6, SIN_START, TANH_0, TANH_1, TANH_2, TANH_3, TANH_4, TANH_5,
-    TANH_6, TANH_7, TAN_ABOVE_1, TAN_ABOVE_2, TAN_ABOVE_3, TAN_ABOVE_4, TAN_BELOW_2, TAN_BELOW_3, TAN_BELOW_4,
-    TWO_OVER_PI, TWO_OVER_PI_LIMBS,
+from segar.support.mathematics_constants import (
+    ATAN_0, ATAN_1, ATAN_2, ATAN_3, ATAN_4, ATAN_5, ATAN_6, COS_0, COS_1, COS_2, COS_3, COS_4, COS_5, EXP_0, EXP_1,
+    EXP_2, EXP_3, EXP_INVERSE, EXP_STEP_HIGH, EXP_STEP_LOW, LN2_HIGH, LN2_LOW, LOG_0, LOG_1, LOG_2, LOG_3, LOG_4,
+    PI_2_A, PI_2_B, PI_2_C, PI_2_HIGH, PI_2_LOW, POW_0, POW_1, POW_2, POW_3, POW_4, POW_5, SIN_0, SIN_1, SIN_2,
+    SIN_3, SIN_4, SIN_5, SIN_6, SIN_START, TANH_0, TANH_1, TANH_2, TANH_3, TANH_4, TANH_5, TANH_6, TANH_7,
+    TAN_ABOVE_1, TAN_ABOVE_2, TAN_ABOVE_3, TAN_ABOVE_4, TAN_BELOW_2, TAN_BELOW_3, TAN_BELOW_4, TWO_OVER_PI,
+    TWO_OVER_PI_LIMBS,
 )  # fmt: skip
+
 # isort: on
+from segar.support.mathematics_tables import ATAN_TABLE, EXP_TABLE, LOG_TABLE
 
 __all__ = ["arctan2", "cos", "exp", "hypot", "log", "pow", "sin", "tan", "tanh"]
 
-CONSTANTS = "feb2e267"  # of the constants' file, so that kernels which contain them are others if they change
+# Of the files of constants and tables, so that kernels which contain them are others if they change.
+CONSTANTS = "3a949153"
 
 _options = {"nogil": True, "error_model": "numpy", "_nrt": False}
 _fast = cached(**_options, forceinline=True)  # what usual arguments take; small, and part of the caller
