@@ -8,7 +8,7 @@ from typing import Any, cast
 import pandas as pd
 
 from analysis.tables import column, performance, select
-from experiments.reproduction.grid import name_with_options
+from experiments.reproduction.grid import name_with_options, varied_columns
 from experiments.runs.executed_code import combined
 from experiments.runs.journal import read_journal
 from experiments.runs.run_folder import PROBES, read_metrics, read_versions
@@ -20,6 +20,7 @@ from segar.levels import SEPARATOR
 OWN = "own"  # the test set that a run has by itself
 # The figures over time that reports draw.
 CURVES_OF = ("episode/return", "episode/success", "evaluation/test/return/deterministic")
+STATED = ("algorithm.encoder", "algorithm.gamma", "algorithm.reward_transform")  # settings that reports print
 PROBE_DIGITS = {"estimate": 3, "low": 3, "high": 3, "entropy": 3, "p": 4}  # after the point, in the table of probes
 
 
@@ -33,7 +34,8 @@ def run_row(
 ) -> dict[str, Any]:
     """A row of ``runs.parquet``: the settings of a run and its results.
 
-    ``experiments`` (joined by spaces), the place, ``hash``, ``frames``, ``hours`` of training and evaluation,
+    ``experiments`` (joined by spaces), the place, the settings of :data:`STATED`, ``hash``, ``frames``, ``hours`` of training
+    and evaluation,
     ``w2_<mode>``, ``ks``, ``effective_number``, ``entropy``, ``entropy_left_out``, ``radius``, and for each action mode
     what :func:`analysis.tables.performance` gives: ``eta_train_deterministic``, ``success_test_sampled``,
     ``gap_deterministic``, ``gap_se_deterministic`` and so on; the task's own results; ``finished``, and what :func:`software`
@@ -44,6 +46,7 @@ def run_row(
     return {
         "experiments": " ".join(experiments),
         **place,
+        **varied_columns(config, STATED),
         "test": OWN,
         "hash": config.hash(),
         "frames": summary["frames"],

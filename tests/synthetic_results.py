@@ -61,6 +61,7 @@ def outcome(eta_train: float, gap: float, success: float) -> dict[str, float]:
     for mode in ("deterministic", "sampled"):
         row |= {f"eta_train_{mode}": eta_train, f"eta_test_{mode}": eta_train + gap, f"gap_{mode}": gap}
         row |= {f"gap_se_{mode}": 0.1, f"gap_ref_{mode}": 0.9 * gap}
+        row |= {f"episodes_train_{mode}": 120, f"episodes_test_{mode}": 100}
         row |= {f"success_train_{mode}": success, f"success_test_{mode}": success * 0.8, f"death_test_{mode}": 0.0}
     return row
 

@@ -30,7 +30,8 @@ BLOCK = (*PANEL, "seed")  # runs that share their nested training levels
 HARDER = {"easy": "medium", "medium": "hard"}
 REQUIRED = ("experiments", *BLOCK, "n", "algorithm", "observation", "design", "variation", "run", "frames", "w2_reference",
           "w2_exact", "gap_deterministic", "gap_ref_deterministic", "gap_sampled", "gap_se_deterministic",
-          "success_train_deterministic", "success_test_deterministic")  # fmt: skip
+          "success_train_deterministic", "success_test_deterministic", "episodes_train_deterministic",
+          "episodes_test_deterministic")  # fmt: skip
 ETA = "eta_test_deterministic"
 LESS_REGRET = "less_regret"
 TEST_COLUMNS = ("test_family", "test_difficulty", "test_variation", "test_observation", "test_changed", "test_groups")

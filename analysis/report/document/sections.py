@@ -70,6 +70,9 @@ SETTINGS_OF_PAPER = (
     ("seeds", "1"),
     ("episodes per evaluation", "10"),
 )
+ENCODERS = {"keypoints": "keypoints", "impala": "IMPALA CNN", "cnn_2022": "CNN of 2022"}
+LOOKS = {"rgb_stack2": "two frames in solid colours", "textures": "one frame of textures"}
+REWARDS = {"none": "the same", "sqrt": "the same, learned from its square root"}
 
 
 def document(evidence: Evidence, claims: Sequence[Claim], figures: Mapping[str, Picture | str]) -> Document:
@@ -252,16 +255,14 @@ def whose_settings(evidence: Evidence, there: bool) -> list[Block]:
     ours = {
         "agent": ", ".join(algorithm_name(name) for name in sorted(set(main["algorithm"])))
         + f" ({listed(main['algorithm'])})",
-        "encoder": f"{encoder_of(main)} ({listed(main['observation'])})",
-        "gamma": "0.9" if set(main["algorithm"]) == {"ppo_fast"} else "see conf/algorithm",
-        "reward": "the same, learned from its square root"
-        if set(main["algorithm"]) == {"ppo_fast"}
-        else "see conf/algorithm",
+        "encoder": encoder_of(main),
+        "gamma": stated(main, "algorithm.gamma"),
+        "reward": stated(main, "algorithm.reward_transform", REWARDS),
         "frames": tables.frames_of(main),
         "training levels": listed(main["n"]),
         "test levels": listed(main["test_levels"]) if "test_levels" in main else "",
         "seeds": seeds_by_family(main),
-        "episodes per evaluation": "100 or more on training levels, one on each test level",
+        "episodes per evaluation": episodes_of(main),
     }
     rows = [[name, paper, ours[name]] for name, paper in SETTINGS_OF_PAPER]
     note = (
@@ -281,11 +282,24 @@ def seeds_by_family(main: pd.DataFrame) -> str:
 
 
 def encoder_of(main: pd.DataFrame) -> str:
-    """What the agents of a table see, in words."""
-    looks = set(map(str, main["observation"]))
-    if looks == {"rgb_stack2"}:
-        return "keypoints on two frames in solid colours"
-    return "IMPALA CNN on one frame of textures" if looks == {"textures"} else "several"
+    """What reads what the agents of a table see, in words."""
+    looks = ", ".join(LOOKS.get(name, name) for name in sorted(set(map(str, main["observation"]))))
+    return f"{stated(main, 'algorithm.encoder', ENCODERS)} on {looks} ({listed(main['observation'])})"
+
+
+def stated(main: pd.DataFrame, setting: str, words: Mapping[str, str] = {}) -> str:
+    """The values of a setting in a table, some of them in words; tables that do not have the setting say nothing of it."""
+    if setting not in main or np.any(main[setting].isna()):
+        return f"unknown: these tables do not state {setting}"
+    return ", ".join(words.get(value, value) for value in sorted(set(map(str, main[setting]))))
+
+
+def episodes_of(main: pd.DataFrame) -> str:
+    """How many episodes an evaluation has on training and on test levels."""
+    train, test = (column(main, f"episodes_{levels}_deterministic") for levels in ("train", "test"))
+    fewest = f"{train.min():.0f}{' or more' if train.min() < train.max() else ''} on training levels"
+    each = "test_levels" in main and np.array_equal(test, column(main, "test_levels"))
+    return f"{fewest}, {'one on each test level' if each else f'{listed(test.astype(int))} on test levels'}"
 
 
 def what_was_run(evidence: Evidence) -> list[Block]:

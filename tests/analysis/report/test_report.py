@@ -181,6 +181,22 @@ def test_versions_and_seeds_of_the_runs_are_said(tmp_path, undrawn):
     assert ">4, 7</td>" in page
 
 
+def test_the_settings_of_the_main_grid_are_those_that_its_tables_state(tmp_path, undrawn):
+    runs = few_runs()
+    folder = write_results(tmp_path / "quick-1234", {"runs": runs})
+    make_report(ReportConfig(str(folder)))
+    unknown = (folder / "report.html").read_text()
+    assert "unknown: these tables do not state algorithm.gamma" in unknown
+    stated = {"algorithm.gamma": "0.95", "algorithm.encoder": "impala", "algorithm.reward_transform": "none"}
+    folder = write_results(tmp_path / "quick-5678", {"runs": runs.assign(**stated, observation="textures")})
+    make_report(ReportConfig(str(folder)))
+    page = re.sub("<[^>]+>", " ", (folder / "report.html").read_text())
+    assert re.search(r"gamma\s+0\.999\s+0\.95\s", page)
+    assert re.search(r"reward\s+-d² and -100 on death, as it is\s+the same\s", page)
+    assert "IMPALA CNN on one frame of textures (textures)" in page
+    assert re.search(r"episodes per evaluation\s+10\s+120 on training levels, one on each test level", page)
+
+
 def test_tables_without_libraries_still_say_which_code_made_them(tmp_path, undrawn):
     make_report(ReportConfig(str(write_results(tmp_path, {"runs": few_runs()}))))
     page = (tmp_path / "report.html").read_text()
