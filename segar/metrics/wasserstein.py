@@ -117,6 +117,26 @@ def w2(
     return float(np.sqrt(emd(cost(a, b))))
 
 
+def cost_matrix(
+    a: Levels,
+    b: Levels,
+    mode: Mode = "exact",
+    *,
+    mismatch: float | None = None,
+    scale: Spread | None = None,
+    factors: Sequence[type[Factor]] | None = None,
+) -> np.ndarray:
+    """Squared distances C of the levels of two sets, float64 ``[len(a), len(b)]``, for any optimal transport of levels.
+
+    ``w2(a, b)`` is the root of the least mean of C over couplings. `Python Optimal Transport (POT)
+    <https://pythonot.github.io>`_ solves other problems from the same matrix: entropic, unbalanced, partial transport.
+    Arguments and errors are those of :func:`w2`. Several matrices compare only with one ``scale`` for all.
+    """
+    cost = cost_function("cost_matrix", a, b, mode, mismatch, scale, factors)
+    warn_of_unseen("cost_matrix", a, b, mode, factors, scale)
+    return cost(a, b)
+
+
 def w2_report(
     a: Levels,
     b: Levels,

@@ -23,7 +23,7 @@ from segar.support.imports import (
 from segar.support.json_forms import from_json, misfit, read_handwritten_json, shown, with_line
 from segar.support.moved_modules import deprecated_names, find_moved
 from segar.support.npz import DAMAGE, LIMIT_VARIABLE, Form, check_size, file_limit, first_line, open_npz
-from segar.support.optimal_transport import TRANSPORT_STEPS, emd, plan_of, pot
+from segar.support.optimal_transport import emd, plan_of, pot
 from segar.support.plain import is_plain
 from segar.support.text_table import aligned
 from segar.support.threads import Team

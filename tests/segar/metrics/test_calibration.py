@@ -10,7 +10,7 @@ from scipy import stats
 
 import segar
 from segar import Charger, GaussianNoise, LevelDistribution, Levels, Position, Prior, RandomUniformLocation
-from segar.metrics import classifier_test, dkw_band, energy_test, ks_report, mmd_test, w2_report
+from segar.metrics import dkw_band, ks_report, mmd_test, w2_report
 from segar.metrics.distribution_functions import factor_marginals
 
 pytestmark = pytest.mark.slow
@@ -40,9 +40,7 @@ def rejections(p_value: Callable[[int], float]) -> float:
 
 TESTS: dict[str, Callable[[Levels, Levels, np.random.Generator], float]] = {
     "ks": lambda a, b, rng: ks_report(a, b, rng=rng, resamples=99, factors=[Position]).p_value,
-    "energy": lambda a, b, rng: energy_test(a, b, rng=rng, resamples=199).p_value,
     "mmd": lambda a, b, rng: mmd_test(a, b, rng=rng, resamples=199).p_value,
-    "classifier": lambda a, b, rng: classifier_test(a, b, rng=rng).p_value,
     "w2": lambda a, b, rng: w2_report(a, b, rng=rng, resamples=99).p_value,
 }
 

@@ -11,7 +11,7 @@ import segar
 from segar import GoalTile, GolfBall, LevelDistribution, Levels, Position, Prior, UniformNoise
 from segar.errors import FactorError
 from segar.language.parameters import Parameter
-from segar.metrics import decompose, embed, energy_test, ks, ks_by_factor, ks_report, sample_entropy, spread, w2
+from segar.metrics import decompose, embed, ks, ks_by_factor, ks_report, mmd_test, sample_entropy, spread, w2
 from segar.noise import VonMises
 
 
@@ -82,7 +82,7 @@ def test_whole_turns_make_no_difference_to_any_test():
         ]
     )
     assert ks(a, turned) <= 1 / 60 + 1e-12  # a turn rounds, so that each level may come a little before its twin
-    assert energy_test(a, turned, rng=np.random.default_rng(0)).value < 1e-6
+    assert mmd_test(a, turned, rng=np.random.default_rng(0)).value < 1e-6
     assert sample_entropy(a, factors=[Heading]).value == pytest.approx(sample_entropy(turned, factors=[Heading]).value)
 
 
