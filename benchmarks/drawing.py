@@ -1,5 +1,4 @@
-"""Frames: drawn alone, with physics and in stacks, beside a kernel written by hand, in all forms; and painting when episodes
-start."""
+"""Frames: drawn alone, with physics and in stacks, in all forms; and painting when episodes start."""
 
 from __future__ import annotations
 
@@ -12,7 +11,6 @@ import numpy as np
 
 import segar
 from benchmarks.environments import NUM_ENVS, play, random_actions
-from benchmarks.handwritten_drawing import BODIES, Album, bodies, columns
 from benchmarks.measure import Row, in_turns, timed
 from segar.observations.composed.stack import Stack
 from segar.observations.pixels.solid_colours import Pixels
@@ -35,7 +33,7 @@ FORMS = {
 def drawing(repeats: int) -> Iterator[Row]:
     """Textured frames of 64 x 64 x 3 in millions per core-second, and what starting episodes costs."""
     env = played(TexturedPixels())
-    yield from against_handwritten(env, 3 * repeats)
+    yield Row(f"frames {FAMILY}, textures", frame_rates(env, 3 * repeats), "M/s", at_least=0.3)
     actions = random_actions(STEPS)
     rolls = timed(lambda: play(env, actions), repeats, time.process_time)
     rates = [NUM_ENVS * STEPS / s / 1e6 for s in rolls]
@@ -66,43 +64,6 @@ def played(observation: Any, copy: bool = True) -> segar.envs.VectorEnv:
     for action in random_actions(WARM_UP):
         env.step(action)
     return env
-
-
-def against_handwritten(env: segar.envs.VectorEnv, repeats: int) -> Iterator[Row]:
-    """The same frames, drawn by the pixel kernel and by one that knows this world."""
-    state, frames, rows = env.state().state, np.zeros((NUM_ENVS, 64, 64, 3), np.uint8), np.arange(NUM_ENVS)
-    album = album_of(env)
-
-    def mine() -> None:
-        for _ in range(FRAMES):
-            env.observation.write(state.values, state.level, frames, rows)
-
-    def by_hand() -> None:
-        for _ in range(FRAMES):
-            album.draw(state.values, frames)
-
-    seconds = in_turns([mine, by_hand], repeats, time.process_time)
-    million = NUM_ENVS * FRAMES / 1e6
-    yield Row(f"frames {FAMILY}, textures", [million / s for s in seconds[0]], "M/s", at_least=0.3)
-    yield Row(f"frames {FAMILY}, textures, hand-written", [million / s for s in seconds[1]], "M/s")
-    yield Row("  generated / hand-written", [b / a for a, b in zip(*seconds, strict=True)], at_least=0.7)
-
-
-def album_of(env: segar.envs.VectorEnv) -> Album:
-    """The backgrounds and patterns that the observation of ``env`` holds, for the kernel written by hand."""
-    drawn: Any = env.observation
-    state, rows = env.state().state, np.arange(env.num_envs)
-    (x, size, _), frames = columns(env.levels), np.zeros((env.num_envs, 64, 64, 3), np.uint8)
-    nowhere = state.values.copy()
-    nowhere[:, bodies(env.levels), x] = np.nan
-    drawn.write(nowhere, state.level, frames, rows)
-    backgrounds, patches = frames.copy(), np.zeros((env.num_envs, BODIES, 3, 3, 3), np.uint8)
-    for body, slot in enumerate(bodies(env.levels)):
-        alone = nowhere.copy()
-        alone[:, slot, x : x + 2], alone[:, slot, size] = 0.0, 0.5
-        drawn.write(alone, state.level, frames, rows)
-        patches[:, body] = frames[:, 32:35, 32:35]
-    return Album.of(env.levels, backgrounds, patches)
 
 
 def frame_rates(env: segar.envs.VectorEnv, repeats: int) -> list[float]:

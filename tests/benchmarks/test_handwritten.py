@@ -4,15 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from gymnasium.vector import AutoresetMode
 
-from benchmarks.drawing import album_of
 from benchmarks.handwritten import Table
 from segar.engine.simulator import Simulator, State, StepResult
-from segar.envs import VectorEnv
 from segar.levels.level_set import Levels
 from segar.levels.named_families import family
-from segar.observations.pixels.textured import TexturedPixels
 from segar.rules.world import World
 from tests.segar.engine.worlds import random_states, start
 
@@ -63,14 +59,3 @@ def test_both_kernels_go_on_alike_from_hostile_states(name, crowding):
     seen = play(levels, state, 6, np.random.default_rng(2))
     assert 0 < seen["death"] < 6 * 300
     assert seen["unresolved_contacts"] > 0 or name == "empty-hard" or crowding == 1.0
-
-
-def test_frames_drawn_by_hand_are_the_same():
-    levels = family("objectsx3-hard").sample(50, seed=0)
-    env = VectorEnv(levels, 64, observation=TexturedPixels(), seed=0, autoreset_mode=AutoresetMode.DISABLED)
-    env.reset()
-    album, rng, by_hand = album_of(env), np.random.default_rng(0), np.zeros((64, 64, 64, 3), np.uint8)
-    for _ in range(20):
-        frames = env.step(rng.uniform(-1, 1, (64, 2)).astype(np.float32))[0]
-        album.draw(env.state().state.values, by_hand)
-        np.testing.assert_array_equal(frames, by_hand)
