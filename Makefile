@@ -4,6 +4,7 @@
 #   make test-docs                the programs and the pages of the documentation
 #   make check-results            what docs/results says is what its tables, networks and rows give
 #   make test-browser             the tests of pages in Chromium and Firefox; a browser that is missing is an error
+#   make mutants                  how many of 150 small changes of the sources the tests notice, in build/mutants.csv; hours
 #   make reproduce-paper          the paper's experiments: runs, tables, report; SCALE=smoke|quick|standard|paper,
 #                                 ARGS="experiments=[figure_4a] dry_run=true seed=1 ..."
 #   make report                   claims, figures and statistics from tables; by default those of the largest scale in
@@ -38,7 +39,7 @@ LOADED := torch, torchrl, torchrl.objectives, tensordict, mlflow, alembic.comman
 	matplotlib.pyplot, fpdf, rich.progress, pygame, imageio.v2, imageio_ffmpeg, moviepy, minari, h5py, pytest, xdist, hypothesis
 
 .DEFAULT_GOAL := help
-.PHONY: help setup test test-docs check-results test-slow test-browser lint bench reproduce-paper report sweep renderings dashboard site serve-site clean
+.PHONY: help setup test test-docs check-results test-slow test-browser mutants lint bench reproduce-paper report sweep renderings dashboard site serve-site clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -84,6 +85,9 @@ test-slow: $(SLOW_STAMP)
 
 test-browser: $(STAMP)
 	SEGAR_BROWSERS=required $(PY) -m pytest -q -m "slow or not slow" tests/segar/playground $(ARGS)
+
+mutants: $(STAMP)
+	$(PY) -m tests.mutants run $(ARGS)
 
 lint: $(STAMP)
 	$(VENV)/bin/ruff check .
