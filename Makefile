@@ -3,6 +3,7 @@
 #   make test                     the tests (make test-slow: the long ones)
 #   make test-docs                the programs and the pages of the documentation
 #   make check-results            what docs/results says is what its tables, networks and rows give
+#   make test-processors          the tests that may differ between processors, as on three kinds of them
 #   make test-browser             the tests of pages in Chromium and Firefox; a browser that is missing is an error
 #   make mutants                  how many of 150 small changes of the sources the tests notice, in build/mutants.csv; hours
 #   make reproduce-paper          the paper's experiments: runs, tables, report; SCALE=smoke|quick|standard|paper,
@@ -39,7 +40,7 @@ LOADED := torch, torchrl, torchrl.objectives, tensordict, mlflow, alembic.comman
 	matplotlib.pyplot, fpdf, rich.progress, pygame, imageio.v2, imageio_ffmpeg, moviepy, minari, h5py, pytest, xdist, hypothesis
 
 .DEFAULT_GOAL := help
-.PHONY: help setup test test-docs check-results test-slow test-browser mutants lint bench reproduce-paper report sweep renderings dashboard site serve-site clean
+.PHONY: help setup test test-docs check-results test-processors test-slow test-browser mutants lint bench reproduce-paper report sweep renderings dashboard site serve-site clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -82,6 +83,9 @@ check-results: $(STAMP)
 
 test-slow: $(SLOW_STAMP)
 	$(PY) -m pytest -q -m slow $(ARGS)
+
+test-processors: $(STAMP)
+	.ci/processors $(PY) $(ARGS)
 
 test-browser: $(STAMP)
 	SEGAR_BROWSERS=required $(PY) -m pytest -q -m "slow or not slow" tests/segar/playground $(ARGS)

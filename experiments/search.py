@@ -33,7 +33,7 @@ from experiments.settings import (
     run_config,
     sqlite_address,
 )
-from experiments.settings.run import as_named, digest
+from experiments.settings.run import digest
 from experiments.train import train
 from segar.cli import table
 from segar.errors import did_you_mean
@@ -80,7 +80,7 @@ class Search:
         """Levels and algorithm, with a hash of all settings that decide the trials; their number does not."""
         settings = as_data(self.config)
         decisive = {key: settings[key] for key in ("space", "seeds", "metric", "direction")}
-        name = f"{self.run.levels.train}-{self.run.algorithm.name}-{digest([as_named(self.run.identity()), decisive])}"
+        name = f"{self.run.levels.train}-{self.run.algorithm.name}-{digest([self.run.identity(), decisive])}"
         return name.replace(":", "_")
 
 

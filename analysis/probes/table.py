@@ -21,7 +21,7 @@ from experiments.algorithms.learner import Policy
 from experiments.evaluation.evaluator import new_policy, options_of, shape_in
 from experiments.evaluation.probing import IDENTITY, KSG, ON_BOTH, READOUTS, TRAINED, ProbeConfig
 from experiments.networks.encoders import initialize
-from experiments.runs.run_folder import LEVELS_TRAIN, read_config
+from experiments.runs.run_folder import LEVELS_TRAIN, computed_as_begun, read_config
 from segar.errors import SegarError
 from segar.levels import Levels
 
@@ -116,7 +116,7 @@ def represent(kind: str, frames: Frames, trained: Pairs, folder: Path, rng: np.r
 
 def untrained(folder: Path, rng: np.random.Generator) -> Policy:
     """The network of a run with fresh weights."""
-    config = read_config(folder)
+    config = computed_as_begun(folder, read_config(folder))
     policy = new_policy(config, shape_in(Levels.load(folder / LEVELS_TRAIN), config, options_of(folder, config)))
     draw = getattr(policy, "initialize", None) or (lambda generator: initialize(policy, generator))
     draw(torch.Generator().manual_seed(int(rng.integers(2**31))))

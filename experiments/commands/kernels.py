@@ -4,7 +4,7 @@ import os
 import sys
 
 from experiments.settings import ConfigError
-from experiments.settings.processor import lacks_for_portable
+from experiments.settings.processor import BFLOAT16, lacks_for_portable
 
 # The libraries read these once, when they compute for the first time.
 PORTABLE = {
@@ -17,7 +17,7 @@ PORTABLE = {
 # What a user can set to limit the kernels of the libraries that a run computes with.
 LIMITS = (
     *PORTABLE, "DNNL_MAX_CPU_ISA", "ONEDNN_DEFAULT_FPMATH_MODE", "MKL_ENABLE_INSTRUCTIONS", "NUMBA_CPU_NAME",
-    "NUMBA_CPU_FEATURES", "NPY_DISABLE_CPU_FEATURES", "OPENBLAS_CORETYPE",
+    "NUMBA_CPU_FEATURES", "NPY_DISABLE_CPU_FEATURES", "OPENBLAS_CORETYPE", BFLOAT16,
 )  # fmt: skip
 
 

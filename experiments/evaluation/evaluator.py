@@ -38,6 +38,7 @@ from experiments.runs.run_folder import (
     LEVELS_TEST,
     LEVELS_TRAIN,
     SUMMARY,
+    computed_as_begun,
     read_config,
     write_json,
     write_rows,
@@ -208,7 +209,7 @@ def load_agent(
             f"'{trained.observation.name}' gives {shape}. A state vector depends on the entities that there can be; an agent "
             "that sees pixels can play all levels"
         )
-    policy = new_policy(trained, shape)
+    policy = new_policy(computed_as_begun(folder, trained), shape)
     return policy, load_newest_policy(folder, policy, say, recorded)
 
 

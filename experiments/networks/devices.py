@@ -34,10 +34,12 @@ def require_one_device(device: torch.device, env: VectorEnv) -> None:
 def arithmetic(config: RunConfig) -> dict[str, Any]:
     """What decides the last bits of a run with these settings in this process, as plain data for ``versions.json``.
 
+    ``precision`` is the one that is set, or the one that ``auto`` means on this machine.
+
     ``instruction_set`` is that of torch's own kernels; ``limits`` are the variables by which the libraries were held to other
     kernels than those for this processor.
     """
-    algorithm = config.resolved().algorithm
+    algorithm = config.computed_here().algorithm
     return {
         "determinism": config.determinism,
         "device": getattr(algorithm, "device", "cpu"),

@@ -44,10 +44,8 @@ class ImportedResults:
 
 
 def names_of(run: RunConfig) -> list[str]:
-    """The names that a run may have in tables: today's here, those that its ``auto`` has on other machines, that of 0.1."""
-    automatic = getattr(run.algorithm, "precision", None) == "auto" and run.determinism == "machine"
-    others = [run.with_precision(name) for name in ("bf16", "fp32")] if automatic else []
-    return list(dict.fromkeys([*(one.label() for one in (run, *others)), label_in_0_1(run)]))
+    """The names that a run may have in tables: today's and that of 0.1."""
+    return list(dict.fromkeys([run.label(), label_in_0_1(run)]))
 
 
 def read_imported_results(folders: Sequence[Path]) -> ImportedResults:

@@ -180,7 +180,7 @@ def _occupy(folder: Path, config: RunConfig) -> None:
         if config.restart:
             empty(folder, config)
             return
-        differences = list(_differences(there.identity(), config.identity()))
+        differences = [*_differences(there.identity(), config.identity()), *_other_precision(folder, config)]
         if differences:
             shown = "; ".join(differences[:3]) + ("; ..." if len(differences) > 3 else "")
             raise RunFolderError(
@@ -219,7 +219,8 @@ def empty(folder: Path, config: RunConfig) -> None:
 def _write_settings(folder: Path, config: RunConfig) -> None:
     """Writes the settings, signed, so that they mean the same on every machine and can be read from any working directory.
 
-    ``auto`` is resolved, the places of the modules that are named are added, and a password in the store's address is left out.
+    The task of named levels is named, the places of the modules that are named are added, and a password in the store's
+    address is left out. ``algorithm.precision=auto`` stays; ``versions.json`` says what it was.
     """
     uri = config.tracking.uri
     tracking = dataclasses.replace(config.tracking, uri=uri and without_password(uri))
@@ -236,6 +237,28 @@ def _differences(there: Mapping[str, Any], here: Mapping[str, Any], place: str =
             yield from _differences(a, b, f"{place}{key}.")
         elif a != b:
             yield f"{place}{key} is {a!r} there and {b!r} here"
+
+
+def _other_precision(folder: Path, config: RunConfig) -> Iterator[str]:
+    """A sentence where ``config`` sets another precision than the run in the folder was computed in; ``auto`` sets none."""
+    there, here = precision_in(folder), getattr(config.algorithm, "precision", None)
+    if there and here not in (None, "auto", there):
+        yield f"algorithm.precision is {there!r} there and {here!r} here"
+
+
+def precision_in(folder: Path) -> str:
+    """The precision that the run in ``folder`` is computed in, ``bf16`` or ``fp32``; empty where the folder does not say."""
+    recorded = read_versions(folder) if (folder / VERSIONS).exists() else {}
+    return recorded.get("arithmetic", {}).get("precision", "")
+
+
+def computed_as_begun(folder: Path, config: RunConfig) -> RunConfig:
+    """The settings with the precision in which the run in ``folder`` was begun, where they say ``auto``; where the folder says
+    none, with the one that ``auto`` means on this machine."""
+    begun = precision_in(folder)
+    if begun and getattr(config.algorithm, "precision", None) == "auto":
+        return config.with_precision(begun)
+    return config.computed_here()
 
 
 def read_config(folder: Path, trusted: Collection[str] = ()) -> RunConfig:

@@ -5,7 +5,7 @@ from itertools import product
 from typing import Any
 
 from experiments.settings.own_code import without_folder
-from experiments.settings.run import DIFFICULTIES, RunConfig, as_named, digest
+from experiments.settings.run import DIFFICULTIES, RunConfig, digest
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,4 +70,4 @@ def design(config: RunConfig) -> dict[str, Any]:
 
 def design_hash(config: RunConfig) -> str:
     """Eight hexadecimal digits that are equal for equal :func:`design`."""
-    return digest(as_named(design(config)))
+    return digest(design(config))

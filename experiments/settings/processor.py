@@ -1,14 +1,29 @@
 """What the processor of this machine can do, asked without torch, because settings are named before torch is imported."""
 
+import os
 import platform
 from functools import cache
 
+from experiments.settings.errors import ConfigError
+
+BFLOAT16 = "SEGAR_BFLOAT16"  # yes or no in place of what multiplies_bf16 finds out about the processor
 LEAST = ("avx2", "fma", "f16c", "bmi2")  # features of the x86-64 processors that determinism=portable computes for
 
 
-@cache
 def multiplies_bf16(device: str) -> bool:
-    """Whether a kind of device, 'cpu' or 'cuda', multiplies bfloat16 in hardware."""
+    """Whether a kind of device, 'cpu' or 'cuda', multiplies bfloat16 in hardware, or what ``SEGAR_BFLOAT16`` says instead.
+
+    Raises:
+        ConfigError: the variable is neither ``yes`` nor ``no``.
+    """
+    stated = os.environ.get(BFLOAT16)
+    if stated not in (None, "yes", "no"):
+        raise ConfigError(f"{BFLOAT16}: '{stated}' is neither yes nor no; without the variable, the processor is asked")
+    return _has_bf16(device) if stated is None else stated == "yes"
+
+
+@cache
+def _has_bf16(device: str) -> bool:
     if device == "cuda":
         import torch
 

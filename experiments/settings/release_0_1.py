@@ -67,8 +67,6 @@ def label_in_0_1(config: RunConfig) -> str:
     identity = config.identity()
     cls = type(config.algorithm)
     kind = identity["algorithm"].pop("kind")
-    if "precision" in identity["algorithm"]:
-        identity["algorithm"]["precision"] = config.algorithm.precision  # type: ignore[attr-defined]  # auto stayed auto
     own = f"{cls.__module__}:{cls.__qualname__}"
     identity["algorithm"]["type"] = old_name(kind, KIND_OF_TYPE) if kind in KINDS else own
     for group, setting, names in SETTINGS:

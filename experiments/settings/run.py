@@ -223,19 +223,22 @@ class RunConfig(Settings):
             require(value in allowed, f"algorithm.{name}", value, wanted)
 
     def resolved(self) -> "RunConfig":
-        """The same settings with what ``auto`` means on this machine, and with the task of named levels by its name.
+        """The same settings with the task of named levels by its name.
 
         Of levels of the user's own, ``task.name`` stays ``levels``: their code or their file says which task it is.
         """
-        config = self
-        if self.task.name == OWN_TASK and self.levels.train in (*families(), *TASK_LEVELS):
-            name = family(self.levels.train).task or DEFAULT_TASK
-            config = dataclasses.replace(self, task=dataclasses.replace(self.task, name=name))
+        if self.task.name != OWN_TASK or self.levels.train not in (*families(), *TASK_LEVELS):
+            return self
+        name = family(self.levels.train).task or DEFAULT_TASK
+        return dataclasses.replace(self, task=dataclasses.replace(self.task, name=name))
+
+    def computed_here(self) -> "RunConfig":
+        """The same settings with the precision that ``auto`` means on this machine; no name is made from them."""
         if getattr(self.algorithm, "precision", None) != "auto":
-            return config
+            return self
         device = getattr(self.algorithm, "device", "cpu").partition(":")[0]
         half = self.determinism == "machine" and multiplies_bf16(device)
-        return config.with_precision("bf16" if half else "fp32")
+        return self.with_precision("bf16" if half else "fp32")
 
     def takes_no_step(self) -> bool:
         """Whether training changes no weight: the learning rate is lowered to 0, which it is in the only iteration."""
@@ -249,7 +252,8 @@ class RunConfig(Settings):
     def identity(self) -> dict[str, Any]:
         """The settings that decide the results, as plain data; where files go or what is printed is not among them.
 
-        They are :meth:`resolved`, so that a run is not taken for one that computed otherwise.
+        They are :meth:`resolved`. They are the same on all machines: ``auto`` stays ``auto``, and bfloat16, which it meant
+        when the shipped runs got their names, is called so, too. The run folder says which precision it was.
         """
         data = as_data(self.resolved(), without_later_defaults=True)
         algorithm = {key: value for key, value in data["algorithm"].items() if key not in NAMES_OF_CLASS}
@@ -257,6 +261,8 @@ class RunConfig(Settings):
         parts = {key: data[key] for key in names if key in data}
         for name in ("train", "test"):
             parts["levels"][name] = without_folder(parts["levels"][name] or "") or None
+        if algorithm.get("precision") == "bf16":
+            algorithm["precision"] = "auto"
         kind = kind_of(type(self.algorithm))
         return {**parts, "algorithm": {"kind": kind, **algorithm}, "frames": self.scale.frames}
 
@@ -266,11 +272,7 @@ class RunConfig(Settings):
 
     @cached_property
     def _hash(self) -> str:
-        return digest(as_named(self.identity()))
-
-    def __getstate__(self) -> dict[str, Any]:
-        """The settings alone: what ``auto`` means, and with it the hash, is another thing on another machine."""
-        return {name: value for name, value in vars(self).items() if name != "_hash"}
+        return digest(self.identity())
 
     def label(self) -> str:
         """The run's name, e.g. ``empty-hard-n10-state-ppo_fast-s1-3f9a12cd``."""
@@ -280,14 +282,6 @@ class RunConfig(Settings):
         count, curriculum = f"n{self.levels.count}", () if self.curriculum is None else (self.curriculum.name,)
         parts = (levels, count, self.observation.name, self.algorithm.name, *curriculum, f"s{self.seed}")
         return "-".join((*("".join(c if c.isalnum() or c in "_-." else "_" for c in p) for p in parts), self.hash()))
-
-
-def as_named(identity: Mapping[str, Any]) -> dict[str, Any]:
-    """An :meth:`RunConfig.identity` as names hash it: bfloat16 as ``auto``, which it was when shipped runs got their names."""
-    algorithm = identity["algorithm"]
-    if algorithm.get("precision") != "bf16":
-        return dict(identity)
-    return {**identity, "algorithm": {**algorithm, "precision": "auto"}}
 
 
 def digest(data: Any) -> str:

@@ -43,10 +43,12 @@ from experiments.runs.run_folder import (
     LEVELS_TRAIN,
     SUMMARY,
     VERSIONS,
+    computed_as_begun,
     empty,
     folder_path,
     is_finished,
     join_sweep,
+    precision_in,
     read_summary,
     read_versions,
     use_run_folder,
@@ -135,7 +137,9 @@ def run(config: RunConfig, say: Callable[[str], None] = print) -> RunResult:
                     f" they are; {folder}"
                 )
             join_sweep(folder, config.tracking.sweep)
-            other = f" ({differs})" if changed else ""
+            other, precision = f" ({differs})" if changed else "", precision_in(folder)
+            if precision and precision != arithmetic(config)["precision"]:
+                other += f" (in {precision}, which algorithm.precision=auto does not mean on this machine)"
             say(f"{config.label()}: finished before, nothing to do{other}; {folder}")
             return RunResult(folder, read_summary(folder), trained=False)
         journal = Journal(folder)
@@ -208,7 +212,8 @@ def _prepare(
         say(advice_on_entities(unseen, config, train))
     if parameters := unseen_parameters(config, train, test):
         say(advice_on_parameters(parameters, config))
-    learner = make_learner(kind, config.algorithm, env, config.scale.frames, config.seed)
+    algorithm = computed_as_begun(folder, config).algorithm
+    learner = make_learner(kind, algorithm, env, config.scale.frames, config.seed)
     if chosen is not None:
         chosen.connect(learner)
     for line in advice_on_trials(config, train, learner.policy):
@@ -269,7 +274,12 @@ def _carry_out(prepared: Prepared, tracker: Tracker, say: Callable[[str], None])
 
 def _arithmetics(config: RunConfig, learner: Learner, folder: Path, say: Callable[[str], None]) -> dict[str, Any]:
     """What decides the last bits of the run, now and, where that was something else, before it was resumed."""
-    now = arithmetic(config)
+    now, here = arithmetic(computed_as_begun(folder, config)), arithmetic(config)["precision"]
+    if now["precision"] != here:
+        say(
+            f"{config.label()}: goes on in {now['precision']}, in which it was begun, although algorithm.precision=auto means"
+            f" {here} on this machine"
+        )
     before = read_versions(folder) if learner.frames and (folder / VERSIONS).exists() else {}
     earlier, last = before.get("arithmetic_before", []), before.get("arithmetic")
     if last is not None and last != now:

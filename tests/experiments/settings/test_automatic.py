@@ -1,4 +1,4 @@
-"""What ``auto`` means is settled before a run has a name, and the names of earlier runs stay."""
+"""A run's name is the same on every processor; the run folder says what ``algorithm.precision=auto`` was there."""
 
 import json
 
@@ -6,68 +6,78 @@ import pytest
 import torch
 
 from experiments.commands.hydra_app import compose
-from experiments.reproduction.imported_results import names_of
-from experiments.runs.run_folder import read_config, use_run_folder
-from experiments.settings import ConfigError, label_in_0_1, run
-from experiments.settings.processor import multiplies_bf16
-from experiments.settings.run import digest
+from experiments.runs.run_folder import computed_as_begun, precision_in, read_config, use_run_folder
+from experiments.settings import ConfigError, RunFolderError
+from experiments.settings.processor import BFLOAT16, multiplies_bf16
 
+pytestmark = pytest.mark.processor
 ASKED = ["levels=empty-easy", "algorithm=ppo_fast", "observation=rgb_stack2"]
 
 
 @pytest.fixture
 def on(monkeypatch):
     """Makes this machine one that multiplies bfloat16, or one that does not."""
-    return lambda has: monkeypatch.setattr(run, "multiplies_bf16", lambda device: has)
+    return lambda has: monkeypatch.setenv(BFLOAT16, "yes" if has else "no")
 
 
-def test_the_processor_is_asked_the_same_with_and_without_torch():
+@pytest.fixture
+def begun_in_bf16(on, tmp_path):
+    """The settings and the folder of a run that says auto, and was begun where auto is bfloat16."""
+    config = compose([*ASKED, f"root={tmp_path}"])
+    with use_run_folder(config) as folder:
+        (folder / "versions.json").write_text(json.dumps({"arithmetic": {"precision": "bf16"}}))
+    on(False)
+    return config, folder
+
+
+def test_the_processor_is_asked_the_same_with_and_without_torch(monkeypatch):
+    monkeypatch.delenv(BFLOAT16, raising=False)
     has = torch.cpu.get_capabilities()
     assert multiplies_bf16("cpu") == bool(has.get("amx_bf16") or has.get("avx512_bf16"))
 
 
-def test_runs_in_different_precision_have_different_names(on):
-    names = {}
-    for has in (True, False):
-        on(has)
-        names[has] = compose(ASKED).label()
-        assert names[has] == compose([*ASKED, f"algorithm.precision={'bf16' if has else 'fp32'}"]).label()
-    assert names[True] != names[False]
-
-
-def test_on_machines_like_the_one_of_the_shipped_runs_names_are_what_they_were(on):
-    on(True)
-    config = compose(ASKED)
-    as_before = json.loads(json.dumps(config.identity()))
-    as_before["algorithm"]["precision"] = "auto"
-    assert config.hash() == digest(as_before)
-
-
-def test_results_of_other_machines_and_of_0_1_are_found_wherever_one_asks_for_auto(on):
-    found = []
-    for has in (True, False):
-        on(has)
-        config = compose(ASKED)
-        assert names_of(config)[0] == config.label()
-        found.append({*names_of(config)})
-    assert found[0] == found[1] and len(found[0]) == 3
-    on(True)
-    asked = compose([*ASKED, "algorithm.precision=fp32"])
-    assert names_of(asked) == [asked.label(), label_in_0_1(asked)]
+def test_an_answer_about_the_processor_that_is_neither_yes_nor_no_is_refused(monkeypatch):
+    monkeypatch.setenv(BFLOAT16, "1")
+    with pytest.raises(ConfigError, match="SEGAR_BFLOAT16: '1' is neither yes nor no"):
+        multiplies_bf16("cpu")
 
 
 @pytest.mark.parametrize("has", [True, False])
-def test_the_run_folder_says_what_auto_was(on, has, tmp_path):
+def test_names_are_those_of_the_shipped_runs_on_every_machine(on, has):
     on(has)
-    with use_run_folder(compose([*ASKED, f"root={tmp_path}"])) as folder:
-        on(not has)
-        assert read_config(folder).algorithm.precision == ("bf16" if has else "fp32")
+    assert compose(ASKED).label() == "empty-easy-n10-rgb_stack2-ppo_fast-s0-625c934a"
+    assert compose([*ASKED, "algorithm.precision=fp32"]).label() != compose(ASKED).label()
 
 
-def test_portable_is_another_run_in_float32(on):
-    on(True)
+@pytest.mark.parametrize("has", [True, False])
+def test_auto_is_bfloat16_where_the_processor_multiplies_it(on, has):
+    on(has)
+    assert compose(ASKED).computed_here().algorithm.precision == ("bf16" if has else "fp32")
+    assert compose([*ASKED, "determinism=portable"]).computed_here().algorithm.precision == "fp32"
+
+
+def test_a_run_goes_on_in_the_precision_in_which_it_was_begun(begun_in_bf16):
+    config, folder = begun_in_bf16
+    assert precision_in(folder) == "bf16" and read_config(folder).algorithm.precision == "auto"
+    assert computed_as_begun(folder, config).algorithm.precision == "bf16"
+    assert computed_as_begun(folder / "another", config).algorithm.precision == "fp32"
+
+
+def test_a_folder_of_another_precision_than_the_one_that_is_set_is_refused(begun_in_bf16):
+    config, folder = begun_in_bf16
+    for precision in ("auto", "bf16"):
+        with use_run_folder(config.with_precision(precision)) as found:
+            assert found == folder
+    (folder / "versions.json").write_text(json.dumps({"arithmetic": {"precision": "fp32"}}))
+    with (
+        pytest.raises(RunFolderError, match=r"algorithm\.precision is 'fp32' there and 'bf16' here"),
+        use_run_folder(config.with_precision("bf16")),
+    ):
+        pass
+
+
+def test_portable_is_another_run_in_float32():
     portable, plain = compose([*ASKED, "determinism=portable"]), compose([*ASKED, "algorithm.precision=fp32"])
-    assert portable.resolved().algorithm.precision == "fp32"
     assert portable.label() != plain.label()
     assert "determinism" not in plain.identity() and portable.identity()["determinism"] == "portable"
 

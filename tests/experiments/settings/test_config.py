@@ -224,11 +224,7 @@ def test_few_environments_are_stepped_by_one_thread():
     assert given == [1, 1, 2, 4, 4]
 
 
-def test_the_hash_is_that_of_the_settings_and_of_this_machine(monkeypatch):
+def test_the_hash_is_that_of_the_settings():
     config = RunConfig(seed=3)
-    known = config.hash()
-    assert dataclasses.replace(config).hash() == known != dataclasses.replace(config, seed=4).hash()
-    monkeypatch.setattr("experiments.settings.run.multiplies_bf16", lambda device: False)
-    assert config.hash() == known  # of a run whose folder has that name
-    read = pickle.loads(pickle.dumps(config))
-    assert read == config and read.hash() == RunConfig(seed=3).hash() != known
+    assert dataclasses.replace(config).hash() == config.hash() != dataclasses.replace(config, seed=4).hash()
+    assert pickle.loads(pickle.dumps(config)).hash() == config.hash()

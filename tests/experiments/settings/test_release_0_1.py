@@ -39,6 +39,7 @@ def test_the_names_that_0_1_gave_cover_every_shipped_algorithm():
 
 
 @pytest.mark.results
+@pytest.mark.processor
 @pytest.mark.parametrize(("scale", "runs"), [("quick", 45), ("standard", 135)])
 def test_the_shipped_main_grid_is_that_of_the_planned_runs(scale, runs, tmp_path):
     table = pq.read_table(CHECKOUT / "docs" / "results" / scale / "runs.parquet", columns=["run", "experiments"])

@@ -7,8 +7,11 @@ import torch
 
 from experiments.runs.run_folder import VERSIONS, read_versions
 from experiments.runs.versions import computed_with
+from experiments.settings.processor import BFLOAT16
 from experiments.training.run import run
 from tests.experiments.short_runs import killed_after, short_run
+
+pytestmark = pytest.mark.processor
 
 
 def test_a_run_records_what_decided_its_last_bits_and_shows_it(tmp_path):
@@ -40,6 +43,20 @@ def test_a_run_that_is_resumed_with_something_else_says_so_and_records_both(tmp_
     run(config, said.append)
     assert len([line for line in said if ": computed with " in line]) == 1, "nothing changed since"
     assert computed_with(read_versions(tmp_path / "run")).count(", then ") == 1
+
+
+def test_a_run_goes_on_in_its_precision_where_auto_means_another_and_says_so(tmp_path, monkeypatch):
+    config, said = short_run(tmp_path / "run"), []
+    monkeypatch.setenv(BFLOAT16, "yes")
+    with killed_after(2, monkeypatch):
+        run(config)
+    monkeypatch.setenv(BFLOAT16, "no")
+    run(config, said.append)
+    run(config, said.append)
+    told = [line for line in said if "algorithm.precision=auto" in line]
+    assert "goes on in bf16" in told[0] and "means fp32 on this machine" in told[0]
+    assert "nothing to do (in bf16, which" in told[1] and len(told) == 2
+    assert read_versions(tmp_path / "run")["arithmetic"]["precision"] == "bf16"
 
 
 def test_runs_of_earlier_releases_say_nothing_of_it():

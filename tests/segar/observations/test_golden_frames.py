@@ -20,6 +20,7 @@ KINDS = {
     "textures": TexturedPixels(random_textures(3, 5)),
     "textures, one": TexturedPixels("one"),
 }
+pytestmark = pytest.mark.processor  # each machine draws the same frames
 GOLDEN_VERSION = 2
 GOLDEN = {
     "solid": "eeb56030bee0a1db",
