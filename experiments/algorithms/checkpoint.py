@@ -18,9 +18,9 @@ import torch
 from torch import nn
 
 from experiments.algorithms.learner import Learner
-from experiments.runs.executed_code import differing_parts, files_of_code
+from experiments.runs.executed_code import differing_parts
 from experiments.runs.files import replacing, write_bytes
-from experiments.runs.run_folder import CHECKPOINT, CONFIG, DAMAGED, PREVIOUS, VERSIONS, read_versions
+from experiments.runs.run_folder import CHECKPOINT, CONFIG, DAMAGED, PREVIOUS
 from experiments.settings import CheckpointError, RunConfig, TrainingError, label_in_0_1
 from segar.support import DAMAGE, first_line, misfit
 
@@ -95,9 +95,7 @@ def resume_checkpoint(
             f"the checkpoint {path} was written by another configuration ({content['config']} there, {config.hash()} here). "
             "Go back to that configuration, or train anew with restart=true"
         )
-    # The evaluation after the last checkpoint may have read further files.
-    recorded = files_of_code(read_versions(folder)["code"]) if (folder / VERSIONS).exists() else {}
-    differing = differing_parts({**recorded, **content["code"]}, code)
+    differing = differing_parts(content["code"], code)
     if differing:
         raise CheckpointError(
             f"{path} was written by other code: {', '.join(differing)} changed since. Go back to the code that wrote it, "

@@ -11,7 +11,6 @@ from typing import Any
 from experiments.evaluation.episodes import distance_figures, mean_figures, play_in_modes
 from experiments.evaluation.evaluator import load_agent, options_of, write
 from experiments.evaluation.transfers import Transfer
-from experiments.runs.executed_code import with_data
 from experiments.runs.run_folder import LEVELS_TRAIN, folder_path
 from experiments.settings import ACTION_MODES, RunConfig, as_data
 from segar.levels import Levels
@@ -32,7 +31,7 @@ def evaluate_transfer(run: RunConfig, transfer: Transfer, say: Callable[[str], N
     for mode in ACTION_MODES:
         figures |= mean_figures(rows, "test", mode)
     figures |= distance_figures(Levels.load(folder / LEVELS_TRAIN), test, run.evaluation.distances)
-    summary = {"transfer": as_data(transfer), "frames": frames, **figures, "code": with_data(code)}
+    summary = {"transfer": as_data(transfer), "frames": frames, **figures, "code": code}
     write(transfer.folder(run), test, rows, summary)
     say(f"{run.label()}: tested on {transfer.label}, return {figures['evaluation/test/return/deterministic']:.3f}")
     return summary

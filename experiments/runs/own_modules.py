@@ -1,15 +1,21 @@
-"""The modules that the settings of a run name, and where they lie."""
+"""The modules that the settings of a run name, what these import, and where they lie."""
 
+import ast
 import importlib.util
 import sys
+import sysconfig
 from collections.abc import Iterator, Mapping, Sequence
-from importlib.machinery import PathFinder
 from pathlib import Path
 from typing import Any
 
-from experiments.settings import OBJECT_NAME, TARGET
-from experiments.settings.files_read import OURS, is_installed
+import segar
+from experiments.runs.source_text import nodes_of
+from experiments.settings import CHECKOUT, OBJECT_NAME, TARGET
 
+OURS = ("segar", "experiments", "analysis")
+OUR_FOLDERS = (Path(segar.__file__).resolve().parent, *(CHECKOUT / name for name in OURS if name != "segar"))
+# Where a learner's own code ends: what these rooms do decides no weight.
+LEARNING = ("experiments.algorithms", "experiments.collection", "experiments.curricula", "experiments.networks")
 NO_CODE = ("tracking", "root", "folder", "module_path")  # settings that name nothing which is imported
 
 
@@ -65,7 +71,7 @@ def where_searched(error: ImportError, module_path: Sequence[str]) -> str:
 
 
 def find_file(name: str) -> Path | None:
-    """The file that a name of :mod:`experiments.settings.files_read` means now; None where there is none.
+    """The file that a name of :mod:`experiments.runs.own_files` means now; None where there is none.
 
     Looked into are the folder that holds the package which the name begins with, those of Python's path, and the working one.
     """
@@ -82,10 +88,54 @@ def source_of(module: str) -> Path | None:
     """The file of a module; None where the name is that of something in a module, or a package without code."""
     top, *rest = module.split(".")
     spec = importlib.util.find_spec(top)
-    for name in rest:
-        if spec is None or spec.submodule_search_locations is None:
-            return None
-        # Of a dotted name, importlib.util.find_spec would import what stands before the last dot.
-        spec = PathFinder.find_spec(f"{spec.name}.{name}", spec.submodule_search_locations)
-    origin = None if spec is None else spec.origin
-    return Path(origin) if origin is not None and origin.endswith(".py") else None
+    if spec is None:
+        return None
+    # Of a dotted name, importlib.util.find_spec would import what stands before the last dot.
+    places = [Path(place, *rest) for place in (spec.submodule_search_locations or ())] if rest else []
+    files = [file for place in places for file in (place / "__init__.py", place.with_name(f"{place.name}.py"))]
+    origin = [Path(spec.origin)] if spec.origin and not rest else []
+    return next((file for file in (*files, *origin) if file.suffix == ".py" and file.is_file()), None)
+
+
+def is_installed(path: Path) -> bool:
+    """Whether a file belongs to Python or to a package that was installed, rather than to a checkout or a folder of scripts."""
+    folders = (sysconfig.get_path(kind) for kind in ("stdlib", "platstdlib", "purelib", "platlib"))
+    return any(path.is_relative_to(folder) for folder in folders) or "site-packages" in path.parts
+
+
+def modules_reached(module: str) -> dict[str, Path]:
+    """Name and file of ``module`` and of what it imports of its own package, of ``experiments``, and of code that is not
+    installed, such as modules that lie beside it; nothing is imported here.
+
+    Of ``experiments``, only what learns counts; of ``segar``, nothing.
+    """
+    found: dict[str, Path] = {}
+    waiting = [module]
+    while waiting:
+        name = waiting.pop()
+        path = None if name in found else source_reached(name, module.partition(".")[0])
+        if path is not None:
+            found[name] = path
+            waiting += imported_by(name, path)
+    return found
+
+
+def source_reached(module: str, package: str) -> Path | None:
+    """The file of a module that a module of ``package`` imports; None where it does not count: see :func:`modules_reached`."""
+    top = module.partition(".")[0]
+    if top == "segar" or top in sys.stdlib_module_names or (top == "experiments" and not module.startswith(LEARNING)):
+        return None
+    path = source_of(module)
+    return None if path is None or (top not in (package, "experiments") and is_installed(path)) else path
+
+
+def imported_by(module: str, path: Path) -> Iterator[str]:
+    """Absolute names of what a module imports, at its top or within; of ``from a import b`` both ``a`` and ``a.b``."""
+    package = module if path.name == "__init__.py" else module.rpartition(".")[0]
+    for node in nodes_of(path):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            above = ".".join(package.split(".")[: len(package.split(".")) + 1 - node.level]) if node.level else ""
+            source = ".".join(part for part in (above, node.module) if part)
+            yield from (source, *(f"{source}.{alias.name}" for alias in node.names))

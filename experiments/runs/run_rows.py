@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.runs.executed_code import combined, without_modules
+from experiments.runs.executed_code import combined
 from experiments.runs.journal import read_journal
 from experiments.runs.level_means import gap_errors
 from experiments.runs.level_prints import is_own, prints_in, share_of
@@ -297,7 +297,7 @@ def _row(folder: Path, trusted: Collection[str]) -> RunRow:
             return RunRow(folder, state, problem, settings, sweeps=sweeps, name=config.label())
         about = read_versions(folder) if (folder / VERSIONS).exists() else {}
         code = about.get("code", {})
-        parts = {"all": code} if isinstance(code, str) else without_modules(code)  # 0.1 recorded no parts
+        parts = {"all": code} if isinstance(code, str) else code  # 0.1 recorded no parts
         figures, seen = _figures(folder), _seen(folder, config.levels, about)
         scores, unscored, planner = _score(folder, config)
         made_with, figures = computed_with(about), figures | scores

@@ -14,9 +14,8 @@ from typing import Any
 
 from filelock import FileLock
 
-from experiments.runs.own_modules import modules_named
+from experiments.runs.own_modules import OURS, modules_named
 from experiments.settings import RunFolderError
-from experiments.settings.files_read import OURS
 from segar.engine import private_cache_folder
 from segar.errors import SegarError
 

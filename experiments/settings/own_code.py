@@ -5,6 +5,7 @@ level file's name gets its content's fingerprint behind it, ``folder/levels.npz#
 where things lie, and an edited level file is another one.
 """
 
+import hashlib
 import importlib
 import re
 import sys
@@ -13,7 +14,6 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from experiments.settings.errors import ConfigError
-from experiments.settings.files_read import file_digest
 from segar.errors import SegarError
 from segar.support import module_in_file, named_object
 
@@ -85,7 +85,8 @@ def without_folder(name: str) -> str:
 def file_fingerprint(path: Path, place: str) -> str:
     """Eight hexadecimal digits of a file's content; raises :class:`ConfigError` if it cannot be read."""
     try:
-        return file_digest(path)[:8]
+        with path.open("rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()[:8]
     except OSError as error:
         raise ConfigError(f"{place}: cannot read {path}: {error.strerror}") from error
 

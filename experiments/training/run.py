@@ -32,7 +32,7 @@ from experiments.levels.builders import (
 )
 from experiments.levels.endless import stream_of
 from experiments.networks.devices import arithmetic
-from experiments.runs.executed_code import changed_parts, executed_code, with_data
+from experiments.runs.executed_code import changed_parts, executed_code
 from experiments.runs.journal import PREPARATION, Journal
 from experiments.runs.level_prints import is_own, prints_of, share_of
 from experiments.runs.own_modules import folders_of
@@ -218,7 +218,7 @@ def _prepare(
         chosen.connect(learner)
     for line in advice_on_trials(config, train, learner.policy):
         say(line)
-    code = executed_code(config) if code is None else with_data(code)
+    code = executed_code(config) if code is None else code
     training = Training(config, folder, learner, journal, signals, train, code, chosen)
     hashes = {"train": levels_hash(train), "test": levels_hash(test)}
     training.resume(hashes, say)
@@ -261,7 +261,6 @@ def _carry_out(prepared: Prepared, tracker: Tracker, say: Callable[[str], None])
     training.history.log(final, learner.frames, training.seconds)
     write_rows(folder / EPISODES, episodes, EPISODE_SCHEMA)
     training.history.write(folder)
-    training.record_data()
     took = {"seconds": training.seconds, "evaluation_seconds": evaluation_seconds}
     played = {
         row["name"]: row["value"] for row in training.history.rows if row["name"].startswith("played/")

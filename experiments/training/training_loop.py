@@ -15,17 +15,14 @@ from experiments.curricula.played_log import PLAYED_SCHEMA
 from experiments.curricula.training_levels import TrainingLevels
 from experiments.evaluation.episodes import mean_figures, play_in_modes
 from experiments.levels.builders import environment_options
-from experiments.runs.executed_code import files_of_code, with_data
 from experiments.runs.journal import Journal
 from experiments.runs.run_folder import (
     METRIC_SCHEMA,
     METRICS,
     PLAYED,
-    VERSIONS,
     read_metrics,
     read_played,
     read_versions,
-    write_json,
     write_rows,
 )
 from experiments.settings import ACTION_MODES, CheckpointError, RunConfig, TrainingError
@@ -58,7 +55,7 @@ class Training:
     journal: Journal
     signals: SignalMonitor
     levels: Levels  # of training
-    code: Mapping[str, str]  # the code that the run executes, and the data files that were read so far
+    code: Mapping[str, str]  # that the run executes
     chosen: TrainingLevels | None = None  # what chooses the training levels, where something does
     history: History = field(default_factory=History)
     seconds: float = 0.0  # of training, also in processes before this one
@@ -81,8 +78,6 @@ class Training:
                 f"the run in {self.folder} was begun on other levels than those that {self.config.levels.train} gives "
                 "now. Go back to that definition, or train anew with restart=true"
             )
-        before = files_of_code(read_versions(self.folder)["code"])  # what the run read until it was interrupted
-        self.code = {**before, **self.code}
         self.seconds = extra["seconds"]
         frames = self.journal.frames = self.learner.frames
         self.history.rows = [row for row in read_metrics(self.folder).to_pylist() if row["frames"] <= frames]
@@ -140,7 +135,6 @@ class Training:
         """Writes metrics and checkpoint; raises :class:`RunFolderError`, and :class:`TrainingError` as :meth:`train`."""
         # Metrics first: a resumed run drops rows that are newer than its checkpoint, but cannot restore missing rows.
         self.history.write(self.folder)
-        self.record_data()
         extra: dict[str, Any] = {"seconds": self.seconds}
         if self.chosen is not None:
             self.write_played()
@@ -151,13 +145,6 @@ class Training:
         """Writes which levels were played, where something chooses them; raises :class:`RunFolderError`."""
         if self.chosen is not None:
             write_rows(self.folder / PLAYED, self.chosen.log.rows, PLAYED_SCHEMA)
-
-    def record_data(self) -> None:
-        """Adds the data files that own code has read since then to ``versions.json``; raises :class:`RunFolderError`."""
-        code = with_data(self.code)
-        if code != self.code:
-            self.code = code
-            write_json(self.folder / VERSIONS, {**read_versions(self.folder), "code": code})
 
     def evaluate(self, test: Levels) -> dict[str, float]:
         """Mean figures on the levels ``test``, one episode each, in both action modes."""

@@ -1,10 +1,8 @@
 """What a run may be resumed under: the code that it executes, whoever wrote that code, and nothing else."""
 
 import dataclasses
-import importlib
 import shutil
 import sys
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -16,9 +14,8 @@ from experiments.runs.executed_code import (
     differing_parts,
     executed_code,
     fingerprint,
-    modules_reached,
-    with_data,
 )
+from experiments.runs.own_modules import modules_reached
 from experiments.settings import LevelsConfig, ObservationConfig, PPOConfig, RunConfig, SACConfig
 
 CONFIG = RunConfig(levels=LevelsConfig(train="empty-easy", count=2, test_count=2))
@@ -77,17 +74,6 @@ def test_an_edit_changes_the_fingerprint_if_the_learner_imports_it(package, file
     assert (fingerprint("my_lab.mine") != before) == counts
 
 
-@pytest.mark.parametrize("installed", [False, True])
-def test_modules_beside_count_and_installed_ones_do_not(package, installed, monkeypatch):
-    (package / "mine.py").write_text("import helpers_beside\n")
-    (package.parent / "helpers_beside.py").write_text("gain = 1\n")
-    if installed:
-        monkeypatch.setattr("sysconfig.get_path", lambda kind: str(package.parent))
-    before = fingerprint("my_lab.mine")
-    edited(package.parent / "helpers_beside.py", "1", "2")
-    assert (fingerprint("my_lab.mine") == before) == installed
-
-
 def test_the_order_of_imports_is_no_code_and_their_names_are(package):
     (package / "mine.py").write_text(
         "import os\nfrom .sums import add, more\nfrom . import parts\n\nsize = add(1, 2)\n"
@@ -103,59 +89,11 @@ def test_the_order_of_imports_is_no_code_and_their_names_are(package):
     assert fingerprint("my_lab.mine") != before
 
 
-def test_data_that_a_distribution_reads_count(package):
-    (package / "levels.py").write_text(
-        "import json\nfrom pathlib import Path\nimport segar\n\n"
-        "WIDTH = json.loads((Path(__file__).parent / 'width.json').read_text())\n\n\n"
-        "def narrow():\n    noise = segar.UniformNoise(-WIDTH, WIDTH)\n"
-        "    things = [(segar.GolfBall, 1), (segar.GoalTile, 1), (segar.Ball, 1)]\n"
-        "    anywhere = segar.Prior(segar.Position, segar.RandomUniformLocation())\n"
-        "    charged = segar.Prior(segar.Charge, noise, entity_type=segar.Ball)\n"
-        "    return segar.LevelDistribution(things, [anywhere, charged])\n"
-    )
-    (package / "width.json").write_text("0.5")
-    config = dataclasses.replace(CONFIG, levels=dataclasses.replace(CONFIG.levels, train="my_lab.levels:narrow"))
-    before = executed_code(config)
-    (package / "width.json").write_text("0.25")
-    del sys.modules["my_lab.levels"]
-    assert differing_parts(before, executed_code(config)) == ["levels", "my_lab/width.json"]
-
-
-LOADER = """import importlib
-from segar.observations import StateVector
-
-def seen():
-    late = importlib.import_module({name})
-    return StateVector(entities=late.SHOWN)
-"""
-
-
-@pytest.mark.parametrize("name", ["'my_lab.late'", "'.late', __package__", "'my_lab.' + 'late'"])
-def test_a_module_that_is_loaded_by_its_name_counts(package, name):
-    (package / "seen.py").write_text(LOADER.format(name=name))
-    (package / "late.py").write_text("SHOWN = ['golfball']\n")
-    config = dataclasses.replace(CONFIG, observation=ObservationConfig("my_lab.seen:seen"))
-    begun = executed_code(config)
-    with ThreadPoolExecutor(1) as pool:  # with no own module beneath it that the run does not reach, such as this one
-        pool.submit(importlib.import_module("my_lab.seen").seen).result()
-    ended = with_data(begun)
-    assert "my_lab/late.py" in ended
-    edited(package / "late.py", "['golfball']", "['golfball']  # the ball")
-    assert not differing_parts(ended, executed_code(config))
-    edited(package / "late.py", "['golfball']", "['golfball', 'goal']")
-    assert differing_parts(ended, executed_code(config)) == ["my_lab/late.py"]
-    for loaded in ("late", "seen"):
-        sys.modules.pop(f"my_lab.{loaded}", None)
-    with ThreadPoolExecutor(1) as pool:
-        pool.submit(importlib.import_module("my_lab.seen").seen).result()
-    assert combined(with_data(executed_code(config))) != combined(ended)
-
-
 def test_every_module_that_a_setting_names_counts(package):
     (package / "nets.py").write_text("def tiny(height, width, depth):\n    return None\n")
     named = dataclasses.replace(CONFIG, algorithm=PPOConfig(encoder="my_lab.nets:tiny"))
     before = executed_code(named)
-    assert set(before) - set(executed_code(CONFIG)) == {"my_lab.nets", "my_lab/__init__.py", "my_lab/nets.py"}
+    assert set(before) - set(executed_code(CONFIG)) == {"my_lab/__init__.py", "my_lab/nets.py"}
     edited(package / "nets.py", "None", "1")
     assert differing_parts(before, executed_code(named)) == ["my_lab/nets.py"]
 
@@ -205,7 +143,7 @@ def test_other_rules_are_another_kernel_and_another_algorithm_is_another_learner
     )
     before = executed_code(CONFIG)
     other = dataclasses.replace(CONFIG, levels=dataclasses.replace(CONFIG.levels, train="my_lab.levels:frictionless"))
-    assert differing_parts(before, executed_code(other)) == ["kernel", "my_lab.levels"]
+    assert differing_parts(before, executed_code(other)) == ["kernel"]
     sac = dataclasses.replace(CONFIG, algorithm=SACConfig())
     assert differing_parts(before, executed_code(sac)) == ["learner"]
 

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 
-import segar
 from experiments.algorithms.ppo import PPO
 from experiments.levels.builders import make_levels
 from experiments.runs.executed_code import executed_code
@@ -111,16 +110,12 @@ def nothing_to_sample(_):
 
 def test_a_task_without_a_reward_is_told(config):
     said = []
-    run(dataclasses.replace(config, task=TaskConfig("tests.experiments.runs.test_run_folder:unrewarded")), said.append)
+    run(dataclasses.replace(config, task=TaskConfig("tests.experiments.training.own_results:unrewarded")), said.append)
     warning = "warning: the task free has no reward function: all rewards are 0"
     assert sum(warning in line for line in said) == 1
     said.clear()
     run(dataclasses.replace(config, restart=True), said.append)
     assert said and not any("reward function" in line for line in said)
-
-
-def unrewarded():
-    return dataclasses.replace(segar.puttputt(), name="free", reward=())
 
 
 def test_restart_trains_a_finished_run_again(config):

@@ -23,6 +23,11 @@ def with_result(function):
     return dataclasses.replace(segar.puttputt(), name="own", results={"mine": function})
 
 
+def unrewarded():
+    """A task that rewards nothing."""
+    return dataclasses.replace(segar.puttputt(), name="free", reward=())
+
+
 RNG, CALLS = np.random.default_rng(0), itertools.count()
 
 

@@ -10,9 +10,8 @@ def normalised(path: Path) -> bytes:
     Of a file that is no Python, such as a template, the content as it is. Raises :class:`OSError` if it cannot be read.
     """
     content = path.read_bytes()
-    try:
-        tree = ast.parse(content)
-    except (SyntaxError, ValueError, RecursionError):  # ValueError: zero bytes
+    tree = _syntax_tree(content)
+    if tree is None:
         return content
     tree.body.sort(key=_import_order)
     for node in ast.walk(tree):
@@ -23,6 +22,19 @@ def normalised(path: Path) -> bytes:
         if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call):
             node.exc.args = [argument for argument in node.exc.args if not _is_text(argument)]
     return ast.dump(tree).encode()
+
+
+def nodes_of(path: Path) -> list[ast.AST]:
+    """All nodes of the syntax tree of a file; none of one that is no Python."""
+    tree = _syntax_tree(path.read_bytes())
+    return [] if tree is None else list(ast.walk(tree))
+
+
+def _syntax_tree(content: bytes) -> ast.Module | None:
+    try:
+        return ast.parse(content)
+    except (SyntaxError, ValueError, RecursionError):  # ValueError: zero bytes
+        return None
 
 
 def _import_order(statement: ast.stmt) -> str:

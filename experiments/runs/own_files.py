@@ -1,0 +1,162 @@
+"""The user's own files that a run is made by: the sources that its modules reach, and the data files that these name.
+
+Nothing is imported or recorded. A file counts where the text of a source says so, and therefore for every process alike:
+
+- by an import, at the top of a module or within a function;
+- by its name, ``HERE / "width.json"``, or a part of it, ``f"{kind}.json"``: looked for in the folder of the module, in those
+  above it up to the one that it is imported from, in folders that the source names, and in the working one;
+- because a source of its package, or of its folder where there is no package, loads modules by names that are computed, as
+  :func:`importlib.import_module` does, or lists folders. Then all sources of the package count, or all its files.
+
+Hidden files, and those in hidden folders, do not count.
+"""
+
+import ast
+import hashlib
+import os
+import re
+import sys
+from collections.abc import Collection, Iterable, Iterator
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+from weakref import WeakKeyDictionary
+
+from experiments.runs.own_modules import OUR_FOLDERS, OURS, imported_by, is_installed, source_reached
+from experiments.runs.source_text import nodes_of, normalised
+from experiments.settings import ConfigError
+
+LOADING = {
+    "import_module", "__import__", "exec", "exec_module", "run_module", "run_path", "spec_from_file_location",
+    "iter_modules", "walk_packages",
+}  # fmt: skip
+LISTING = {"glob", "iglob", "iterdir", "listdir", "rglob", "scandir", "walk"}
+BLANK = re.compile(r"\{[^{}]*\}|%[sdi]")  # what str.format and % fill in
+FILE_NAME = re.compile(r"(?!.*\*\*)[^\n\0]{0,200}\.\w+")
+FOLDER_NAME = re.compile(r"[\w-][\w .-]*(/[\w-][\w .-]*)*")
+NO_DATA = (".pyc", ".so", ".nbi", ".nbc", ".lock")  # compiled code, kernels, locks
+SYSTEM = tuple(map(Path, ("/dev", "/etc", "/proc", "/run", "/sys", "/usr", "/var")))
+
+_as_imported: WeakKeyDictionary[ModuleType, dict[str, str]] = WeakKeyDictionary()
+
+
+def own_files(module: str, texts: Collection[str] = ()) -> dict[str, str]:
+    """The own files that ``module`` is made by, to the fingerprints of what is in them.
+
+    A file below the folder from which its module is imported, or the working one, has its path from there as its name
+    (``my_lab/levels.py``, ``./levels.py``), another one its absolute path.
+
+    Args:
+        texts: further texts that may name files, such as the options of a task.
+
+    Raises:
+        ConfigError: a file has changed since this process saw the module, whose functions are those of the file before.
+    """
+    found = {name: file_digest(path) for name, path in sorted(_files_of(module, texts).items())}
+    imported = sys.modules.get(module)
+    if imported is None:
+        return found
+    before = _as_imported.setdefault(imported, found)
+    changed = [name for name in found if before.setdefault(name, found[name]) != found[name]]
+    if changed:
+        raise ConfigError(
+            f"{changed[0]} has changed since this process imported {module}, so a run would not be one of the code that lies"
+            " there now. Give the command again, so that a new process imports it"
+        )
+    return found
+
+
+def file_digest(path: Path) -> str:
+    """Sixteen hexadecimal digits of a file's content, of a source file's as far as it counts; raises :class:`OSError` if it
+    cannot be read."""
+    about = path.stat()
+    return _digest(path, about.st_mtime_ns, about.st_size)
+
+
+def _files_of(module: str, texts: Collection[str]) -> dict[str, Path]:
+    found: dict[str, Path] = {}
+    done: set[str] = set()
+    whole: set[tuple[Path, str]] = set()  # packages whose files count, and which of them
+    waiting = [module]
+    while waiting:
+        name = waiting.pop()
+        source = (
+            None if name in done or name.partition(".")[0] in OURS else source_reached(name, module.partition(".")[0])
+        )
+        done.add(name)
+        if source is None:
+            continue
+        path = source.resolve()
+        root = path.parents[name.count(".") + (path.name == "__init__.py")]
+        found[_name(path, root)] = path
+        waiting += imported_by(name, path)
+        waiting += [name[: dot.start()] for dot in re.finditer(r"\.", name)]  # Python executes these packages, too
+        for file in _own(_named_by(path, root, texts, whole), root):
+            if file.suffix == ".py" and file.is_relative_to(root):
+                waiting.append(".".join(file.relative_to(root).with_suffix("").parts))
+            found.setdefault(_name(file, root), file)
+    return found
+
+
+def _named_by(source: Path, root: Path, texts: Iterable[str], whole: set[tuple[Path, str]]) -> Iterator[Path]:
+    """The paths that the text of a source names, as this module says, but for the packages in ``whole``."""
+    nodes, here = nodes_of(source), source.parent
+    calls = {getattr(node, "attr", getattr(node, "id", "")) for node in nodes}
+    package = here if here == root else root / here.relative_to(root).parts[0]
+    pattern = "*" if calls & LISTING else "*.py"
+    if calls & (LOADING | LISTING) and (package, pattern) not in whole:
+        whole.add((package, pattern))
+        yield from package.glob(pattern) if here == root else package.rglob(pattern)
+    named = [*dict.fromkeys([*_texts(nodes), *texts])]
+    folders = [here, *(folder for folder in here.parents if folder.is_relative_to(root))]
+    folders += [folder / text for folder in folders for text in named if _names_folder(folder, text)]
+    for text in filter(FILE_NAME.fullmatch, named):
+        name = f"*{text}" if text.startswith(".") and "/" not in text else text
+        if "*" in name:
+            yield from (file for folder in folders for file in folder.glob(name.lstrip("/")))
+        else:
+            yield from (
+                folder / (Path(name).expanduser() if name.startswith("~/") else name)
+                for folder in (*folders, Path.cwd())
+            )
+
+
+def _texts(nodes: Iterable[ast.AST]) -> Iterator[str]:
+    """The texts of a source, with ``*`` for what is filled in."""
+    for node in nodes:
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            yield BLANK.sub("*", node.value)
+        elif isinstance(node, ast.JoinedStr):
+            yield "".join(str(part.value) if isinstance(part, ast.Constant) else "*" for part in node.values)
+
+
+def _names_folder(folder: Path, text: str) -> bool:
+    return FOLDER_NAME.fullmatch(text) is not None and os.path.isdir(folder / text)
+
+
+def _own(paths: Iterable[Path], root: Path) -> Iterator[Path]:
+    """Those of the paths that are files of the user's: none of ours, of an installed package, or of the system's."""
+    for path in (
+        Path(os.path.realpath(one)) for one in paths if os.path.isfile(one) and not one.name.endswith(NO_DATA)
+    ):
+        name = Path(_name(path, root))
+        is_hidden = any(part.startswith(".") for part in name.parts)
+        is_library = any(path.is_relative_to(one) for one in OUR_FOLDERS) or is_installed(path)
+        if not is_hidden and not is_library and not any(name.is_relative_to(one) for one in SYSTEM):
+            yield path
+
+
+def _name(path: Path, root: Path) -> str:
+    for folder in (root, Path.cwd()):
+        if path.is_relative_to(folder):
+            name = path.relative_to(folder).as_posix()
+            return name if "/" in name else f"./{name}"
+    return str(path)
+
+
+@cache
+def _digest(path: Path, _time: int, _size: int) -> str:
+    if path.suffix == ".py":
+        return hashlib.sha256(normalised(path)).hexdigest()[:16]
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()[:16]

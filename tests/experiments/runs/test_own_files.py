@@ -1,0 +1,154 @@
+"""Which files of the user's own a run is made by: each case is a module, a file that is edited, and whether that counts."""
+
+import importlib
+import os
+import sys
+
+import pytest
+
+import segar
+from experiments.runs.own_files import own_files
+from experiments.runs.own_modules import find_file
+from experiments.settings import ConfigError
+
+HERE = (
+    "import json, importlib, importlib.util, linecache, os, pkgutil, runpy, sys\n"
+    "from pathlib import Path\nHERE = Path(__file__).parent\n"
+)
+SPEC = (
+    "spec = importlib.util.spec_from_file_location('odd', HERE / 'late.py'); it = importlib.util.module_from_spec(spec)"
+)
+# What lab/levels.py says, and the file that is edited.
+COUNTS = {
+    "module itself": ("", "lab/levels.py"),
+    "package": ("", "lab/__init__.py"),
+    "import": ("from lab import late", "lab/late.py"),
+    "relative import": ("from .late import WIDTH", "lab/late.py"),
+    "import in a function": ("def late():\n    import lab.late", "lab/late.py"),
+    "import of an import": ("from lab import late", "lab/deep.py"),
+    "module beside the package": ("import beside", "beside.py"),
+    "import_module": ("it = importlib.import_module(f'lab.{NAME}')", "lab/late.py"),
+    "import_module of a sum": ("it = importlib.import_module('lab.' + NAME)", "lab/late.py"),
+    "import_module, relative": ("it = importlib.import_module('.late', __package__)", "lab/late.py"),
+    "what import_module's module imports": ("it = importlib.import_module(f'lab.{NAME}')", "lab/deep.py"),
+    "what import_module's module reads": ("it = importlib.import_module(f'lab.{NAME}')", "lab/deep.json"),
+    "__import__": ("it = __import__(f'lab.{NAME}', fromlist=['WIDTH'])", "lab/late.py"),
+    "exec_module": (f"{SPEC}; spec.loader.exec_module(it)", "lab/late.py"),
+    "exec_module, registered": (f"{SPEC}; sys.modules['odd'] = it; spec.loader.exec_module(it)", "lab/late.py"),
+    "run_path": ("runpy.run_path(str(HERE / 'late.py'))", "lab/late.py"),
+    "exec of a text": ("exec((HERE / 'late.py').read_text(), {})", "lab/late.py"),
+    "all modules of the package": ("for one in pkgutil.iter_modules([str(HERE)]): it = one", "lab/late.py"),
+    "data read at import": ("WIDTH = json.loads((HERE / 'width.json').read_text())", "lab/width.json"),
+    "data read in a function": ("def late():\n    return (HERE / 'width.json').read_text()", "lab/width.json"),
+    "data in a folder": ("def late():\n    return (HERE / 'data' / 'far.json').read_text()", "lab/data/far.json"),
+    "data in a folder above": ("NAME = HERE.parent / 'top.json'", "top.json"),
+    "data whose name is made": ("def late(name):\n    return (HERE / f'{name}.json').read_text()", "lab/width.json"),
+    "data whose suffix is added": ("def late(name):\n    return HERE / (name + '.json')", "lab/width.json"),
+    "data whose name is formatted": ("def late(k):\n    return HERE / 'wi{}.json'.format(k)", "lab/width.json"),
+    "data of a list of the folder": ("FOUND = [one.read_bytes() for one in HERE.iterdir()]", "lab/width.json"),
+    "data of an imported reader": ("from lab.late import read\nX = read('width.json')", "lab/width.json"),
+    "data through a library": ("import numpy\nX = numpy.load(HERE / 'x.npy')", "lab/x.npy"),
+    "levels": ("import segar\nX = segar.Levels.load(HERE / 'kept.npz')", "lab/kept.npz"),
+    "line through linecache": ("X = linecache.getline(str(HERE / 'width.json'), 1)", "lab/width.json"),
+    "data in the working directory": ("def late():\n    return open('near.json').read()", "../work/near.json"),
+    "data in a place of its own": ("def late():\n    return open('{else}/far.json').read()", "../else/far.json"),
+    "no Python with the suffix of Python": ("TEXT = (HERE / 'template.py').read_text()", "lab/template.py"),
+}
+NAMES = {  # of files that are not in the package
+    "beside.py": "./beside.py", "top.json": "./top.json", "../work/near.json": "./near.json",
+    "../else/far.json": "{else}/far.json",
+}  # fmt: skip
+COUNTS_NOT = {
+    "module that nobody imports": ("", "lab/late.py"),
+    "data that nobody reads": ("X = 1", "lab/width.json"),
+    "hidden data": ("X = HERE / '.cache.json'", "lab/.cache.json"),
+    "installed module": ("import pytest", "lab/width.json"),
+    "file of the system": ("X = open('/proc/self/status').read()", "lab/width.json"),
+}  # fmt: skip
+
+
+@pytest.fixture
+def lab(tmp_path_factory, monkeypatch):
+    """A folder with the package ``lab``, some data, and a module beside it."""
+    folder = tmp_path_factory.mktemp("place") / "src"
+    for name in ("lab/data", "../work", "../else"):
+        (folder / name).mkdir(parents=True)
+    (folder / "lab" / "__init__.py").touch()
+    (folder / "lab" / "late.py").write_text(f"{HERE}from lab.deep import DEPTH\nWIDTH = 1\nread = HERE.joinpath\n")
+    (folder / "lab" / "deep.py").write_text(f"{HERE}DEPTH = json.loads((HERE / 'deep.json').read_text())\n")
+    (folder / "beside.py").write_text("GAIN = 1\n")
+    (folder / "lab" / "template.py").write_text("{{ no python }}")
+    data = ("lab/width.json", "lab/deep.json", "lab/data/far.json", "top.json", "../work/near.json", "../else/far.json")
+    for name in (*data, "lab/.cache.json", "lab/x.npy"):
+        (folder / name).write_text("1")
+    segar.family("empty-easy").sample(2).save(folder / "lab" / "kept.npz")
+    monkeypatch.syspath_prepend(folder)
+    monkeypatch.chdir(folder.parent / "work")
+    yield folder
+    for name in [name for name in sys.modules if name.partition(".")[0] in ("lab", "beside")]:
+        del sys.modules[name]
+
+
+def written(lab, code):
+    (lab / "lab" / "levels.py").write_text(f"{HERE}NAME = 'late'\n{code.replace('{else}', str(lab.parent / 'else'))}\n")
+
+
+def edit(path):
+    """Adds something that counts."""
+    path.write_bytes(path.read_bytes() + (b"\nMORE = 1\n" if path.suffix == ".py" else b" "))
+
+
+@pytest.mark.parametrize(("code", "file"), COUNTS.values(), ids=COUNTS)
+def test_a_file_that_the_code_reaches_counts(lab, code, file):
+    written(lab, code)
+    before = own_files("lab.levels")
+    edit(lab / file)
+    after = own_files("lab.levels")
+    changed = [name for name in before if before[name] != after.get(name)]
+    assert [find_file(name) for name in changed] == [(lab / file).resolve()]
+    assert changed == [(NAMES.get(file) or file).replace("{else}", str(lab.parent / "else"))]
+
+
+@pytest.mark.parametrize(("code", "file"), COUNTS_NOT.values(), ids=COUNTS_NOT)
+def test_a_file_that_the_code_does_not_reach_does_not_count(lab, code, file):
+    written(lab, code)
+    before = own_files("lab.levels")
+    edit(lab / file)
+    assert own_files("lab.levels") == before
+    assert {*before} == {"lab/__init__.py", "lab/levels.py"}
+
+
+def test_modules_without_a_package_and_the_data_beside_them_count(lab):
+    (lab / "alone.py").write_text(f"{HERE}import beside\nX = HERE / 'top.json'\n")
+    assert {*own_files("alone")} == {"./alone.py", "./beside.py", "./top.json"}
+
+
+def test_what_an_option_names_counts(lab):
+    written(lab, "def task(file):\n    return (HERE / file).read_text()")
+    assert "lab/width.json" not in own_files("lab.levels")
+    assert "lab/width.json" in own_files("lab.levels", ["width.json", "no file", ""])
+
+
+@pytest.mark.parametrize("installed", [False, True])
+def test_modules_beside_count_and_installed_ones_do_not(lab, installed, monkeypatch):
+    written(lab, "import beside")
+    if installed:
+        monkeypatch.setattr("sysconfig.get_path", lambda kind: str(lab))
+    assert ("./beside.py" in own_files("lab.levels")) != installed
+
+
+@pytest.mark.parametrize("file", ["lab/levels.py", "lab/late.py", "lab/width.json"])
+def test_an_edit_after_the_import_is_refused_until_a_new_process_imports_it(lab, file):
+    written(lab, "from lab import late\nWIDTH = (HERE / 'width.json').read_text()")
+    importlib.import_module("lab.levels")
+    before = own_files("lab.levels")
+    assert own_files("lab.levels") == before
+    os.utime(lab / file)
+    assert own_files("lab.levels") == before
+    edit(lab / file)
+    with pytest.raises(ConfigError, match=f"{file} has changed since this process imported lab.levels"):
+        own_files("lab.levels")
+    for name in ("lab.levels", "lab.late"):
+        del sys.modules[name]
+    importlib.import_module("lab.levels")
+    assert own_files("lab.levels") != before
