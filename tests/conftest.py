@@ -50,6 +50,4 @@ def pytest_terminal_summary(terminalreporter) -> None:
 @pytest.fixture
 def eager_threads(monkeypatch) -> None:
     """Worker threads join every call, however short."""
-    import segar.support.threads
-
-    monkeypatch.setattr(segar.support.threads, "WORTH_WAKING", -1.0)
+    monkeypatch.setattr("segar.support.threads.WORTH_WAKING", -1.0)

@@ -19,8 +19,8 @@ from analysis.tables import write_csv
 from experiments.evaluation.baselines import IdleAgent
 from experiments.evaluation.episodes import play_episodes
 from segar.hardness import Hardness, hardness
+from segar.language import Task
 from segar.levels import DIFFICULTIES, Levels, family
-from segar.tasks import Task
 
 FAMILIES = ("empty", "objectsx1", "tilesx1", "hazardtilesx1")
 PLAYS = 20  # random episodes per level

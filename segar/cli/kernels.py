@@ -1,7 +1,6 @@
 """``segar families``, ``segar compile``, ``segar kernel``: names, kernels ahead of time and for other targets, and what they
 are made of."""
 
-import inspect
 import re
 import time
 from collections.abc import Sequence
@@ -113,8 +112,7 @@ def kernel_text(name: str, task: str | None = None) -> str:
         ),
         "",
         "What stands before the first of them is geometry and contacts, the same in every kernel:",
-        f"  {inspect.getsourcefile(engine.device)}",
-        f"  {inspect.getsourcefile(engine.device_contacts)}",
+        *(f"  {Path(engine.__path__[0], 'runtime', file)}" for file in ("device.py", "device_contacts.py")),
     ]
     return "\n".join([*(f"# {line}".rstrip() for line in legend), "", source.text.rstrip("\n")])
 

@@ -6,13 +6,17 @@ from typing import Any
 
 import numpy as np
 from gymnasium import spaces
-from stable_baselines3.common.monitor import Monitor
-from stable_baselines3.common.vec_env.base_vec_env import VecEnv
 
 from segar.envs.vector import VectorEnv
 from segar.errors import SegarError
 from segar.levels import Levels
 from segar.observations import ObservationLike, map_leaves
+from segar.support import need
+
+need("SB3VecEnv", "stable_baselines3")
+
+from stable_baselines3.common.monitor import Monitor  # noqa: E402
+from stable_baselines3.common.vec_env.base_vec_env import VecEnv  # noqa: E402
 
 Indices = int | Iterable[int] | None
 

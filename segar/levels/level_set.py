@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -25,9 +25,6 @@ from segar.levels.sampling.placement import fix_block
 from segar.levels.validity import check_levels, level_forms
 from segar.rules import World
 from segar.support import ArchiveFormat, Form
-
-if TYPE_CHECKING:
-    from segar.playground import Playground
 
 FORMAT = ArchiveFormat("segar-levels", 1, "levels", "level file", LevelError)
 
@@ -125,16 +122,6 @@ class Levels(LevelData):
         if len(stuck):
             raise PlacementError(f"level {stuck[0]}: its things do not fit into the arena without overlap")
         return fixed
-
-    def playground(self, test: Levels | None = None, **options: Any) -> Playground:
-        """A page that plays these levels in a browser; a notebook shows it where it is the last value of a cell.
-
-        Args:
-            test, options: those of :func:`segar.playground.make_playground`, which also says what is raised.
-        """
-        from segar.playground import make_playground  # a room above this one, which is loaded where a page is made
-
-        return make_playground(self, test, **options)
 
     def __getitem__(self, index: Any) -> Levels:
         """Levels at an index, a slice, or an array of indices or truth values; always levels, never a single array."""

@@ -13,7 +13,12 @@ from segar.levels.level_set import Levels
 from segar.support import __version__
 
 REST, SEPARATOR = "rest", "+"  # what no group of factors names; between the names of groups that are changed
-RESERVED = (REST, "pair", "value", "total")  # no names of groups: the tables of an attribution have columns called so
+RESERVED_GROUPS = (
+    REST,
+    "pair",
+    "value",
+    "total",
+)  # no names of groups: the tables of an attribution have columns called so
 
 RULES = "World"  # stands for the rules in a group of factors
 
@@ -80,7 +85,7 @@ def places(levels: Levels, groups: Groups) -> tuple[dict[str, list[int]], dict[s
     parameters: dict[str, list[int]] = {}
     seen: dict[str, str] = {}
     for name, members in groups.items():
-        if name in RESERVED:
+        if name in RESERVED_GROUPS:
             raise LevelError(f"a group cannot be called '{name}'")
         columns[name], parameters[name] = [], []
         named = [_name(member) for member in members]

@@ -43,6 +43,7 @@ from segar.language import (
     Tile,
 )
 from segar.levels.distribution import LevelDistribution
+from segar.levels.family_names import TASK_LEVELS, families
 from segar.levels.priors import Prior
 from segar.levels.sampling.placement import ARENA_HIGH, WALL_MARGIN
 from segar.noise import (
@@ -59,9 +60,6 @@ from segar.noise import (
     UniformNoise,
 )
 
-DIFFICULTIES = ("easy", "medium", "hard")
-TASKS_OF_2022 = ("empty", "objectsx1", "objectsx2", "objectsx3", "tilesx1", "tilesx2", "tilesx3")
-TASKS = (*TASKS_OF_2022, "hazardtilesx1", "hazardtilesx2", "hazardtilesx3")
 OBJECTS = ThingFactory([Charger, Magnet, Bumper, Damper, Ball])
 TILES = ThingFactory([SandTile, MagmaTile, Hole, FireTile])
 HAZARDS = ThingFactory([SandTile, MagmaTile, FireTile])
@@ -169,12 +167,6 @@ TASK_CONFIGS = {
     "billiards": billiards_default_config,
     "invisiball": invisiball_default_config,
 }
-TASK_LEVELS = tuple(TASK_CONFIGS)
-
-
-def families() -> tuple[str, ...]:
-    """Names of the 30 families: task x difficulty."""
-    return tuple(f"{task}-{difficulty}" for task in TASKS for difficulty in DIFFICULTIES)
 
 
 @cache

@@ -4,9 +4,6 @@ The room imports ``engine``, ``envs``, ``evaluation``, ``policies`` and what lie
 that are imported here.
 """
 
-from segar.playground.page import Playground, make_playground
-from segar.playground.policy import WEIGHTS
-from segar.playground.run_folder import RunPolicy, read_policy
-from segar.playground.studio import Studio
+from segar.support import lazy_face
 
-__all__ = ["WEIGHTS", "Playground", "RunPolicy", "Studio", "make_playground", "read_policy"]
+__getattr__, __dir__, __all__ = lazy_face(__name__, __file__)

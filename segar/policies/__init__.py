@@ -4,8 +4,6 @@ Its products and sums have one order, so that actions are the same bits on every
 environments. Other rooms, and ``experiments``, use the names below.
 """
 
-from segar.policies.layers import Layer
-from segar.policies.network import NETWORK_FILE, Network
-from segar.policies.network_policy import NetworkPolicy
+from segar.support import lazy_face
 
-__all__ = ["NETWORK_FILE", "Layer", "Network", "NetworkPolicy"]
+__getattr__, __dir__, __all__ = lazy_face(__name__, __file__)

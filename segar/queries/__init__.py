@@ -3,14 +3,6 @@
 The room plays levels by given actions. Other rooms use the names below.
 """
 
-from segar.queries.changes import ActionChange, Change, FactorChange, ParameterChange, RuleChange
-from segar.queries.files import read_answers, read_questions, write_questions
-from segar.queries.grading import Grades, grade
-from segar.queries.kind import Mark
-from segar.queries.making import KINDS, make_questions
-from segar.queries.question import Question
+from segar.support import lazy_face
 
-__all__ = [
-    "KINDS", "ActionChange", "Change", "FactorChange", "Grades", "Mark", "ParameterChange", "Question", "RuleChange",
-    "grade", "make_questions", "read_answers", "read_questions", "write_questions",
-]  # fmt: skip
+__getattr__, __dir__, __all__ = lazy_face(__name__, __file__)

@@ -1,6 +1,5 @@
 """The reference interpreter: the same rules as plain Python, which the kernels are held against."""
 
-from segar.reference.interpreter import Interpreter
-from segar.reference.reference_state import Firing, Result
+from segar.support import lazy_face
 
-__all__ = ["Firing", "Interpreter", "Result"]
+__getattr__, __dir__, __all__ = lazy_face(__name__, __file__)

@@ -1,8 +1,4 @@
-"""Gymnasium ids of suites: ``Segar/<suite>-<train|test>-<rgb|state>``, such as ``Segar/place-between-v1-train-state``.
-
-The version is the one in the suite's name. The ids have none of their own: a second version of a suite is another question, and
-does not make the first one out of date, which Gymnasium would say otherwise.
-"""
+"""The environments that the Gymnasium ids of suites make; :mod:`segar.suites.gymnasium_ids` registers the ids."""
 
 from typing import Any
 
@@ -11,25 +7,10 @@ import gymnasium
 from segar.envs import Env, VectorEnv, known_options, require_known
 from segar.errors import SuiteError
 from segar.suites.sides import require_free, side_options
-from segar.suites.suite_file import SIDES, suite, suites
+from segar.suites.suite_file import suite
 from segar.support import is_whole
 
-OBSERVATION_NAMES = ("rgb", "state")
 OF_LEVELS = {"num_levels", "seed"}
-ENTRY_POINT, VECTOR_ENTRY_POINT = (f"segar.suites.registration:{name}" for name in ("make_env", "make_vector_env"))
-
-
-def register_suites() -> None:
-    """Register the ids of all suites, of which no file is read; ids that are registered already stay as they are."""
-    for name in suites():
-        for side in SIDES:
-            for observation in OBSERVATION_NAMES:
-                id_ = f"Segar/{name}-{side}-{observation}"
-                if id_ not in gymnasium.registry:
-                    kwargs = {"suite_name": name, "side": side, "observation": observation}
-                    gymnasium.register(
-                        id_, entry_point=ENTRY_POINT, vector_entry_point=VECTOR_ENTRY_POINT, kwargs=kwargs
-                    )
 
 
 def make_env(suite_name: str, side: str, **options: Any) -> gymnasium.Env:

@@ -20,43 +20,13 @@ from segar.hardness import Plan
 from segar.language import Factor, Task
 from segar.levels import LevelDistribution, Levels, all_subclasses, family, hash_of_levels, read_distribution
 from segar.suites.rules_by_name import RULES, rules_of
+from segar.suites.suite_names import AXES, DATA, SIDES, SUFFIX, suites
 from segar.support import is_whole, misfit
 from segar.tasks import TASKS, make_task
 
-AXES: Mapping[str, str] = {
-    "place": "where things are",
-    "number": "how many objects and tiles there are",
-    "kind": "which things meet",
-    "property": "mass, charge and size of things",
-    "world": "gravity, friction of the floor",
-    "rules": "which rules hold, with which constants",
-    "look": "textures",
-    "sight": "what the agent does not see",
-    "goal": "how the goal moves",
-}
-"""In what training and test of a suite differ, and what that is."""
-
-CORE = (
-    "place-few-v1",
-    "place-between-v1",
-    "place-edge-to-middle-v1",
-    "number-more-v1",
-    "kind-unseen-pairs-v1",
-    "property-heavy-v1",
-    "property-charge-v1",
-    "world-slippery-v1",
-    "rules-constants-v1",
-    "look-far-v1",
-    "sight-mass-v1",
-    "goal-moves-v1",
-)
-"""The suites that stand for all where time is short: twelve, at least one of each axis."""
-
 FORMAT = 1
 HASH_DIGITS = 16
-DATA = Path(__file__).parent / "data"
-SUFFIX, LEVELS, PLANS = ".toml", ".levels.npz", ".plans.npz"
-SIDES = ("train", "test")
+LEVELS, PLANS = ".levels.npz", ".plans.npz"
 SEEDS = 2**64
 LOOKS = ("baseline", "close", "far")  # sets of textures that a suite can have
 HASHED = ("train", "test", "levels", "plans", "suite")
@@ -112,14 +82,6 @@ class Suite:
         if n is not None and (not is_whole(n) or n < 1):
             raise SuiteError(f"{self.name}: the number of training levels must be a whole number from 1 up, not {n!r}")
         return self.train.sample(self.training_levels if n is None else n, seed=seed, apart_from=self.test_levels)
-
-
-@cache
-def suites() -> tuple[str, ...]:
-    """The names of all suites that come with SEGAR, in the order of their axes."""
-    axes = list(AXES)
-    names = sorted(path.stem for path in DATA.glob(f"*{SUFFIX}"))
-    return tuple(sorted(names, key=lambda name: axes.index(name.split("-")[0])))
 
 
 @cache

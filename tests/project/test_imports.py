@@ -17,8 +17,22 @@ from tests.places import ROOT
 PACKAGES = ("segar", "experiments", "analysis")
 
 # What a user of the simulator does not pay for. `ot` is POT: 5 s, and torch with it unless told otherwise.
-HEAVY = ("torch", "tensordict", "torchrl", "hydra", "omegaconf", "mlflow", "matplotlib", "pandas", "ot", "scipy.stats")
-HEAVY += ("pygame", "imageio", "minari", "pyarrow", "h5py", "PIL", "stable_baselines3", "starlette", "uvicorn")
+HEAVY = ("torch", "tensordict", "torchrl", "hydra", "omegaconf", "mlflow", "matplotlib", "pandas", "ot")
+HEAVY += (
+    "numba",
+    "scipy",
+    "pygame",
+    "imageio",
+    "minari",
+    "pyarrow",
+    "h5py",
+    "PIL",
+    "stable_baselines3",
+    "starlette",
+    "uvicorn",
+)
+
+MOST_OF_OURS = 20  # modules that `import segar` loads
 
 # An arrow is (who, whom): no file under the first may import a module under the second.
 FORBIDDEN_ARROWS = (
@@ -48,6 +62,8 @@ def test_importing_segar_loads_nothing_heavy():
     loaded = modules_loaded_by("import segar")
     heavy = [name for name in HEAVY if name in loaded]
     assert not heavy, f"`import segar` loads {', '.join(heavy)}: import them inside the function that needs them"
+    own = [name for name in loaded if is_within(name, "segar")]
+    assert len(own) <= MOST_OF_OURS, f"`import segar` loads {len(own)} modules of ours: {', '.join(sorted(own))}"
 
 
 def test_measuring_a_distance_does_not_load_torch():

@@ -1,4 +1,7 @@
-"""Which way imports point: down one ordered list of rooms, through the faces of rooms, and never in a circle."""
+"""Which way imports point: down one ordered list of rooms, through the faces of rooms, and never in a circle.
+
+The imports of a face are those of its stub, ``__init__.pyi``, beside those of its ``__init__.py``.
+"""
 
 from __future__ import annotations
 
@@ -89,8 +92,6 @@ STRANGERS = [
     ("segar.metrics", "segar.engine"),  # measures and textures never see the engine
     ("segar.textures", "segar.engine"),
 ]
-# What the order alone would forbid, and why: a method stands where people look for it, and loads its room when it is called.
-UPWARD = {("segar.levels.level_set", "segar.playground"): "Levels.playground() shows levels in a notebook"}
 # Modules that need a large or optional package: their rooms' faces do not load them, so they are imported by themselves.
 OPTIONAL = {
     "segar.engine.cuda.driver",
@@ -134,13 +135,12 @@ def imports_of(module: str, source: str) -> Iterator[Import]:
         place = f"{module.replace('.', '/')}:{getattr(node, 'lineno', 0)}"
         if isinstance(node, ast.Import):
             yield from (Import(module, alias.name, "", place) for alias in node.names)
-        elif isinstance(node, ast.ImportFrom) and node.module:
+        elif isinstance(node, ast.ImportFrom):
+            source = f"{module}.{node.module or ''}".rstrip(".") if node.level else str(node.module)
             for alias in node.names:
-                inner = f"{node.module}.{alias.name}"
+                inner = f"{source}.{alias.name}"
                 yield (
-                    Import(module, inner, "", place)
-                    if inner in MODULES
-                    else Import(module, node.module, alias.name, place)
+                    Import(module, inner, "", place) if inner in MODULES else Import(module, source, alias.name, place)
                 )
 
 
@@ -148,7 +148,9 @@ def own_imports() -> list[Import]:
     return [
         found
         for module, path in MODULES.items()
-        for found in imports_of(module, path.read_text())
+        for file in (path, path.with_suffix(".pyi"))
+        if file.exists()
+        for found in imports_of(module, file.read_text())
         if found.target.split(".")[0] in PACKAGES
     ]
 
@@ -161,7 +163,7 @@ def objections(one: Import) -> Iterator[str]:
     here, there = room_of(one.importer), room_of(one.target)
     if here == there:
         return
-    if ORDER.index(there) > ORDER.index(here) and (one.importer, there) not in UPWARD:
+    if ORDER.index(there) > ORDER.index(here):
         yield f"{one.place}: {one.importer} imports {one.target}, and {there} stands above {here}"
     if (here, there) in STRANGERS:
         yield f"{one.place}: {here} must not know {there}"
@@ -206,7 +208,7 @@ def test_a_turned_arrow_is_found(importer, target):
 def test_files_import_each_other_in_no_circle():
     arrows: dict[str, set[str]] = {module: set() for module in MODULES}
     for one in IMPORTS:
-        if one.target in MODULES and (one.importer, room_of(one.target)) not in UPWARD:
+        if one.target in MODULES:
             arrows[one.importer].add(one.target)
     while leaves := {module for module, targets in arrows.items() if not targets & arrows.keys() - {module}}:
         arrows = {module: targets for module, targets in arrows.items() if module not in leaves}

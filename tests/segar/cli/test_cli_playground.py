@@ -100,10 +100,8 @@ def test_the_page_is_that_of_the_library(capsys, tmp_path):
     assert page.read_text() == make_playground(segar.Levels.load(tmp_path / "levels.npz")[:3]).html
 
 
-def test_levels_make_the_same_page():
-    levels = segar.family("empty-easy").sample(2)
-    assert levels.playground(title="two").html == make_playground(levels, title="two").html
-    assert levels.playground()._repr_html_().startswith("<iframe title=")
+def test_a_notebook_shows_a_page_in_a_frame():
+    assert make_playground(segar.family("empty-easy").sample(2))._repr_html_().startswith("<iframe title=")
 
 
 def test_a_run_folder_gives_its_newest_network_and_what_it_observes(capsys, run):

@@ -29,7 +29,21 @@ from segar.language.parameters import FloorFriction, Gravity, Parameter
 from segar.language.relations import as_relation, contains, is_equal, is_on, overlaps
 from segar.language.rule_definition import Rule, rule
 from segar.language.shapes import Circle, Square, Triangle
-from segar.language.values import ZERO, maximum, minimum, tanh, where
+from segar.language.values import (
+    ZERO,
+    Number,
+    arctan2,
+    cos,
+    exp,
+    hypot,
+    log,
+    maximum,
+    minimum,
+    sin,
+    tan,
+    tanh,
+    where,
+)
 from segar.levels.level_set import Levels
 
 
@@ -192,7 +206,7 @@ class Author:
             choice = self.one(("read", "read", "read", "constant", "parameter", "draw"))
             if choice == "constant" or (choice == "draw" and not self.draws):
                 c = float(self.one((0.0, 1.0, -2.0, 0.3)))
-                return lambda s: segar.language.values.Number(c)
+                return lambda s: Number(c)
             if choice == "parameter":
                 which = self.one((1, 2))
                 return lambda s: s[which]
@@ -222,10 +236,10 @@ class Author:
                 lambda s: x(s) ** 3,
                 lambda s: -x(s),
                 lambda s: tanh(x(s)).sign() * y(s),
-                lambda s: segar.language.values.exp(tanh(x(s))) + segar.language.values.log(abs(y(s))),
-                lambda s: segar.language.values.sin(x(s)) * segar.language.values.cos(y(s)),
-                lambda s: segar.language.values.arctan2(x(s), y(s)),
-                lambda s: segar.language.values.tan(x(s)) - segar.language.values.hypot(x(s), y(s)),
+                lambda s: exp(tanh(x(s))) + log(abs(y(s))),
+                lambda s: sin(x(s)) * cos(y(s)),
+                lambda s: arctan2(x(s), y(s)),
+                lambda s: tan(x(s)) - hypot(x(s), y(s)),
                 lambda s: abs(x(s)) ** y(s),
                 lambda s: minimum(x(s), y(s)),
                 lambda s: maximum(x(s), 0.1) + 1,

@@ -154,6 +154,8 @@ def test_a_step_without_actions_is_refused():
 
 
 def test_without_stable_baselines3_the_extra_is_named(monkeypatch):
+    monkeypatch.delitem(sys.modules, "segar.envs.sb3_env")
+    monkeypatch.delitem(vars(segar.envs), "SB3VecEnv")
     find = sys.modules["importlib.util"].find_spec
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None if name == "stable_baselines3" else find(name))
     with pytest.raises(segar.SegarError, match=r"SB3VecEnv needs stable_baselines3.*pip install 'segar\[sb3\]'"):

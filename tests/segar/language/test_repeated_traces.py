@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import segar
+import segar.language.symbols
 from segar.errors import PriorError, RuleError
 from segar.language.rule_definition import rule, value_rule
 

@@ -27,7 +27,7 @@ class Blow(segar.Parameter, default=0.0, unit="N"): ...
 class Kite(Ball): ...
 
 
-def make_wind(strength: float) -> segar.Rule:
+def make_wind(strength: float) -> segar.language.Rule:
     @segar.rule
     def wind(ball: GolfBall, blow: Blow) -> segar.Aggregate[segar.Acceleration]:
         return segar.Aggregate[segar.Acceleration](ball[segar.Acceleration], (strength * blow, 0.0))

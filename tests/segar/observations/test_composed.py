@@ -17,12 +17,12 @@ from torchrl.envs.utils import check_env_specs
 import segar
 from segar import Charge, Mass, SegarError
 from segar.envs import Env, Snapshot, TorchRLEnv, VectorEnv
-from segar.observations import Multi, OneOf, Pixels, PreviousActions, Stack, StateVector
+from segar.observations import Colour, Multi, OneOf, Pixels, PreviousActions, Stack, StateVector
 from segar.observations.composed.stack import BoundStack
 from segar.observations.protocol import empty_batch, leaves, map_leaves
 
 LEVELS = segar.family("objectsx1-hard").sample(12, seed=0)
-RED = Pixels(colours={segar.GolfBall: segar.observations.pixels.solid_colours.Colour((255, 0, 0))})
+RED = Pixels(colours={segar.GolfBall: Colour((255, 0, 0))})
 COMPOSED: dict[str, Any] = {
     "tuple": ("rgb", "state"),
     "dict": {"look": Stack("rgb", 3), "past": PreviousActions(2), "state": StateVector(mask="dict")},

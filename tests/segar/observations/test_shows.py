@@ -11,7 +11,7 @@ import segar
 from segar import Charge, Mass, Velocity
 from segar.language import Visible
 from segar.language.factors import Count, Factor, Flag
-from segar.observations import Multi, OneOf, Pixels, PreviousActions, Stack, StateVector, TexturedPixels
+from segar.observations import Colour, Multi, OneOf, Pixels, PreviousActions, Stack, StateVector, TexturedPixels
 from segar.observations.protocol import empty_batch, leaves
 
 THINGS = (
@@ -42,11 +42,7 @@ FRAMES = [
     Pixels(),
     Multi([Pixels(), StateVector(factors=[Mass])]),
     Stack(
-        Pixels(
-            colours={
-                segar.Ball: segar.observations.pixels.solid_colours.Colour((0, 0, 0), (200, 90, 9), Mass, (0.0, 2.0))
-            }
-        ),
+        Pixels(colours={segar.Ball: Colour((0, 0, 0), (200, 90, 9), Mass, (0.0, 2.0))}),
         2,
     ),
     TexturedPixels(hidden=(Charge,)),

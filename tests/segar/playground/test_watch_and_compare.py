@@ -21,7 +21,7 @@ AGENT = "return window.playground.results.episodes.map((set) => set.agent.map((p
 
 
 @segar.rule
-def gusts(thing: segar.Tuple[segar.Velocity]) -> segar.Differential[segar.Velocity]:
+def gusts(thing: tuple[segar.Velocity]) -> segar.Differential[segar.Velocity]:
     """Each thing that can move is pushed somewhere."""
     (v,) = thing
     return segar.Differential[segar.Velocity](v, (segar.random.normal(0.0, 2.0), segar.random.normal(0.0, 2.0)))

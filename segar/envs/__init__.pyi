@@ -1,0 +1,12 @@
+from .checks import actions_of as actions_of, known_options as known_options, require_known as require_known
+from .gym_env import Env
+from .gymnasium_ids import REWARDS as REWARDS, register_all as register_all
+from .level_pool import LevelPool as LevelPool
+from .playing import Act as Act, StepSource as StepSource, TimeStep as TimeStep, play as play
+from .sb3_env import SB3VecEnv
+from .snapshots import Snapshot
+from .target_calls import build_environment, environment_calls as environment_calls
+from .torchrl_env import TorchRLEnv
+from .vector import VectorEnv, world_of as world_of
+
+__all__ = ["Env", "SB3VecEnv", "Snapshot", "TorchRLEnv", "VectorEnv", "build_environment"]

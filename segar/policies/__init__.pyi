@@ -1,0 +1,5 @@
+from .layers import Layer
+from .network import NETWORK_FILE as NETWORK_FILE, Network
+from .network_policy import NetworkPolicy
+
+__all__ = ["Layer", "Network", "NetworkPolicy"]

@@ -1,0 +1,62 @@
+from . import mathematics as mathematics
+from .compiled import cached as cached, keep_beside as keep_beside
+from .counter_kernel import (
+    GOLDEN as GOLDEN,
+    SPACING as SPACING,
+    keyed_uniform as keyed_uniform,
+    mix as mix,
+    normal as normal,
+    uniform as uniform,
+)
+from .counter_rng import (
+    LOW_WORD as LOW_WORD,
+    SPARE_BITS as SPARE_BITS,
+    WORD as WORD,
+    LevelGenerator as LevelGenerator,
+    philox as philox,
+    stream_key as stream_key,
+)
+from .estimates import Estimate as Estimate
+from .faces import lazy_face as lazy_face
+from .files import (
+    LOCK as LOCK,
+    UNFINISHED as UNFINISHED,
+    ArchiveFormat as ArchiveFormat,
+    locked as locked,
+    remove_unfinished as remove_unfinished,
+    replacing as replacing,
+)
+from .imports import (
+    has_pygame as has_pygame,
+    installed_version as installed_version,
+    made as made,
+    module_in_file as module_in_file,
+    named_object as named_object,
+    named_or_made as named_or_made,
+    need as need,
+    need_pygame as need_pygame,
+)
+from .json_forms import (
+    from_json as from_json,
+    misfit as misfit,
+    read_handwritten_json as read_handwritten_json,
+    shown as shown,
+    with_line as with_line,
+)
+from .npz import (
+    DAMAGE as DAMAGE,
+    LIMIT_VARIABLE as LIMIT_VARIABLE,
+    Form as Form,
+    check_size as check_size,
+    file_limit as file_limit,
+    first_line as first_line,
+    open_npz as open_npz,
+)
+from .optimal_transport import emd as emd, plan_of as plan_of, pot as pot
+from .plain import is_plain as is_plain
+from .text_table import aligned as aligned
+from .threads import Team as Team
+from .version import __version__ as __version__
+from .whole_numbers import is_whole as is_whole
+
+__all__ = []
