@@ -6,7 +6,8 @@ from .changes import (
 )
 from .files import read_answers, read_questions, write_questions
 from .grading import Grades as Grades, grade
-from .making import KINDS as KINDS, make_questions
+from .kinds import KINDS as KINDS
+from .making import make_questions
 from .question import Question as Question
 
 __all__ = ["grade", "make_questions", "read_answers", "read_questions", "write_questions"]

@@ -8,7 +8,7 @@ from typing import Any
 
 from segar.errors import SegarError, did_you_mean
 from segar.language import Task
-from segar.queries.making import KINDS
+from segar.queries.kinds import KINDS
 from segar.queries.question import Question, question_of
 from segar.rules import World
 from segar.support import from_json, misfit, replacing, shown

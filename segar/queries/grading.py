@@ -6,13 +6,11 @@ from typing import Any
 
 from segar.errors import SegarError, did_you_mean
 from segar.evaluation import Interval
-from segar.queries.kind import Mark
-from segar.queries.making import KINDS
+from segar.hardness import wilson_interval
+from segar.queries.kinds import KINDS, Mark
 from segar.queries.question import Question, places_of, told
 from segar.queries.trajectories import Player
 from segar.support import shown
-
-QUANTILE = 1.959964  # of the standard normal distribution, for intervals of 95 %
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,12 +45,12 @@ class Grades:
 
     def correct(self, kind: str | None = None) -> Interval:
         """The share of right answers, with Wilson's interval of 95 % over questions; of all kinds where it is None."""
-        return wilson([float(mark.correct) for mark in self.of(kind)])
+        return _share([float(mark.correct) for mark in self.of(kind)])
 
     def score(self, kind: str | None = None) -> Interval:
         """The mean score, with Wilson's interval over questions, which is too wide rather than too narrow for scores between
         0 and 1."""
-        return wilson([mark.score for mark in self.of(kind)])
+        return _share([mark.score for mark in self.of(kind)])
 
 
 def grade(questions: Sequence[Question], answers: Mapping[str, Any]) -> Grades:
@@ -75,13 +73,11 @@ def grade(questions: Sequence[Question], answers: Mapping[str, Any]) -> Grades:
     return Grades({question.id: question.kind for question in questions}, marks, missing)
 
 
-def wilson(values: Sequence[float]) -> Interval:
-    """The mean of values between 0 and 1, with Wilson's interval of 95 % for a share (Wilson, 1927)."""
-    n, mean = len(values), sum(values) / len(values)
-    z2 = QUANTILE**2
-    middle = (mean + z2 / (2 * n)) / (1 + z2 / n)
-    half = QUANTILE / (1 + z2 / n) * (mean * (1 - mean) / n + z2 / (4 * n * n)) ** 0.5
-    return Interval(mean, middle - half if mean > 0 else 0.0, middle + half if mean < 1 else 1.0)
+def _share(values: Sequence[float]) -> Interval:
+    """The mean of values between 0 and 1, with Wilson's interval of 95 % for a share."""
+    mean = sum(values) / len(values)
+    low, high = wilson_interval(mean, len(values))
+    return Interval(mean, float(low) if mean > 0 else 0.0, float(high) if mean < 1 else 1.0)
 
 
 def _marked(question: Question, answer: Any, player: Player) -> Mark:

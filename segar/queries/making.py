@@ -1,28 +1,17 @@
 """Makes questions: about levels of a distribution, each kind about levels of its own, so that answers are independent."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from segar.errors import SegarError, did_you_mean
 from segar.levels import LevelDistribution, Levels, checks
-from segar.queries.explain import Explain
-from segar.queries.kind import Draft, Kind
-from segar.queries.numeric import Counterfactual, Predict
-from segar.queries.plans import MakePlan
+from segar.queries.kinds import KINDS, Draft
 from segar.queries.question import Question, text_of
 from segar.queries.trajectories import Player
 from segar.support import is_whole
 from segar.tasks import make_task
-
-KINDS: Mapping[str, Kind] = {
-    "predict": Predict(),
-    "plan": MakePlan(),
-    "explain": Explain(),
-    "counterfactual": Counterfactual(),
-}
-"""The kinds of questions, by name."""
 
 MOST_LEVELS = 40  # that are tried for each question that is asked for
 LARGEST_SHARE = 0.1  # of the questions for one factor that one answer may be right for

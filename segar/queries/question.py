@@ -12,8 +12,7 @@ import numpy as np
 from segar.errors import SegarError
 from segar.language import Factor, Position, Task, Velocity
 from segar.levels import Levels, levels_from_data
-from segar.queries.numbers import rounded
-from segar.queries.words import FOLLOWING, history_in_words, level_in_words, rules_of, task_in_words
+from segar.queries.words import FOLLOWING, history_in_words, level_in_words, rounded, rules_of, task_in_words
 from segar.rules import World
 from segar.support import misfit
 from segar.tasks import TASKS, make_task

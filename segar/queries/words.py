@@ -5,7 +5,7 @@ Numbers have six digits; the data of a question have all.
 
 import inspect
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from segar.language import (
     HULL,
     Acceleration,
     Drag,
+    Factor,
     Framerate,
     Parameter,
     Rule,
@@ -23,7 +24,6 @@ from segar.language import (
     holds,
 )
 from segar.levels import Levels, active_options, rules_in_words
-from segar.queries.numbers import number, parameter_value, vector, with_unit
 from segar.rules import (
     RuleOption,
     accelerate,
@@ -78,7 +78,7 @@ RULES: dict[Rule, str] = {
 PUTTPUTT = (
     "The agent pushes the golfball. An action is two numbers from -1 to 1. At the beginning of a step,"
     f" {IMPULSE:g} x action / Mass [m/s] is added to the golfball's Velocity.",
-    f"Success: the centre of the golfball comes within {number(GOAL_DISTANCE * 8**0.5)} m of the centre of the goal, at the"
+    f"Success: the centre of the golfball comes within {GOAL_DISTANCE * 8**0.5:.6g} m of the centre of the goal, at the"
     " end of some sub-step. The task is over then, and also where the golfball dies or is Done.",
 )
 TASK_WORDS: dict[str, tuple[str, str]] = {
@@ -205,6 +205,33 @@ def first_sentence(function: Any) -> str:
     paragraph = (inspect.getdoc(function) or "").split("\n\n")[0]
     plain = re.sub(r":\w+:`~?([^`]*)`|`+([^`]*)`+", lambda m: m[1] or m[2], " ".join(paragraph.split()))
     return re.split(r"(?<=[.!?])\s", plain)[0]
+
+
+def number(value: Any) -> str:
+    """A number with six digits at most, as :func:`segar.levels.rules_in_words` has them; never ``-0``."""
+    return f"{float(value) + 0.0:.6g}"
+
+
+def vector(values: Iterable[Any]) -> str:
+    """Numbers in brackets."""
+    return f"({', '.join(map(number, values))})"
+
+
+def with_unit(value: Any, factor: type[Factor]) -> str:
+    """The value of a factor, one or two numbers, with its unit."""
+    values = np.atleast_1d(value)
+    text = number(values[0]) if len(values) == 1 else vector(values)
+    return f"{text} {factor.unit}".rstrip()
+
+
+def parameter_value(level: Levels, parameter: type[Parameter]) -> float:
+    """The value of a world parameter in a single level."""
+    return float(level.parameters[0, level.layout.parameters.index(parameter)])
+
+
+def rounded(value: Any) -> float:
+    """A number with three digits, which words can state in full."""
+    return float(f"{float(value):.3g}") + 0.0
 
 
 def _with_details(option: RuleOption, text: str) -> str:

@@ -12,8 +12,8 @@ from segar.errors import SegarError
 from segar.levels import active_options
 from segar.queries import KINDS, ActionChange, FactorChange, ParameterChange, RuleChange, grade, make_questions
 from segar.queries.changes import change_of
+from segar.queries.kinds import steady_players
 from segar.queries.making import LARGEST_SHARE
-from segar.queries.plans import steady_players
 from segar.queries.trajectories import Player
 
 
